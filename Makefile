@@ -1,0 +1,38 @@
+# Everything a fresh machine needs: Python 3.11 or newer and make.
+#   make demo   environment, a generated sequence, its check; says where things are
+#   make test   format, lint, types, contracts, tests
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+OUT ?= out
+
+.PHONY: demo test lint clean
+
+demo: $(READY)
+	@mkdir -p $(OUT)
+	$(BIN)/fedora-generate sequence park-day -o $(OUT)/park-day.h5 --duration 2 --size 720x540 --force
+	$(BIN)/fedora-qa check $(OUT)/park-day.h5 --json $(OUT)/park-day.json --markdown $(OUT)/park-day.md
+	@echo
+	@echo "sequence  $(OUT)/park-day.h5"
+	@echo "record    $(OUT)/park-day.json (schema and meaning: docs/record.md)"
+	@echo "summary   $(OUT)/park-day.md"
+
+test: lint
+	$(BIN)/pytest
+
+lint: $(READY)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+$(READY): pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Expected Python 3.11 or newer, got " + sys.version)'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) $(OUT)

@@ -1,0 +1,165 @@
+"""The fields of flow that a window owns: their intervals, the frames at their ends, and the camera's motion between."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.geometry.camera import RigidMotion, camera_motion, motion_covariance
+from fedora_qa.geometry.motion import interpolate_poses
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.sequence.window import PoseSamples, Window
+
+Float64 = NDArray[np.float64]
+
+_POSE_MARGIN_NS: Final = NS_PER_S // 10
+"""Room for the interpolation's stencil and for the neighbours of the last interval."""
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """One field of flow: its stream, row and interval, in ns from the file's origin."""
+
+    stream: str
+    row: int
+    start_ns: int
+    end_ns: int
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the interval."""
+        return (self.end_ns - self.start_ns) / NS_PER_S
+
+    def shifted(self, intervals: int) -> "Interval":
+        """Return the interval that lies so many intervals later, under the same row."""
+        step_ns = intervals * (self.end_ns - self.start_ns)
+        return replace(self, start_ns=self.start_ns + step_ns, end_ns=self.end_ns + step_ns)
+
+
+def owned_intervals(window: Window, stream: str) -> Iterator[Interval]:
+    """Yield the fields that the window owns."""
+    for row in window.owned(stream):
+        yield interval_at(window.facts, stream, row)
+
+
+def interval_at(facts: Facts, stream: str, row: int) -> Interval:
+    """Return the interval of a field by its row."""
+    clock = facts.clocks[stream]
+    ends_ns = clock.times_ns if clock.ends_ns is None else clock.ends_ns
+    return Interval(stream, row, int(clock.times_ns[row]), int(ends_ns[row]))
+
+
+def frame_at(clock: Clock, time_ns: int) -> int | None:
+    """Return the frame with exactly this stamp; None where there is none."""
+    rows = np.flatnonzero(clock.advancing)
+    place = int(np.searchsorted(clock.times_ns[rows], time_ns))
+    if place == len(rows) or clock.times_ns[rows[place]] != time_ns:
+        return None
+    return int(rows[place])
+
+
+@dataclass(frozen=True, slots=True)
+class PoseTrack:
+    """The poses around a window and the camera that rides on them."""
+
+    poses: PoseSamples
+    camera: Camera
+
+    def motion(self, start_ns: int, end_ns: int) -> RigidMotion | None:
+        """Return how points move in the camera between two instants; None where no pose covers them."""
+        R, positions_m = self._at(start_ns, end_ns)
+        if not (np.all(np.isfinite(R)) and np.all(np.isfinite(positions_m))):
+            return None
+        return camera_motion(R[0], positions_m[0], R[1], positions_m[1], self.camera.T_body_camera)
+
+    def covariance(self, start_ns: int, end_ns: int, position_sigma_m: float, rotation_sigma_rad: float) -> Float64:
+        """Return the covariance (6, 6) of the motion's twist under the declared pose noise.
+
+        The product of a rotation's noise with the baseline, second order in the noise, is added to the position's.
+        """
+        R, positions_m = self._at(start_ns, end_ns)
+        baseline_m = float(np.linalg.norm(positions_m[1] - positions_m[0]))
+        return motion_covariance(
+            R[0], positions_m[0], R[1], positions_m[1], self.camera.T_body_camera,
+            position_sigma_m=float(np.hypot(position_sigma_m, rotation_sigma_rad**2 * baseline_m)),
+            rotation_sigma_rad=rotation_sigma_rad,
+        )  # fmt: skip
+
+    def interpolation_twist(self, start_ns: int, end_ns: int) -> Float64:
+        """Estimate the error (6,) of a motion whose ends lie between pose samples; zero where they are samples.
+
+        Interpolating from every second sample multiplies the error by 2^6 (degree 5), so the change that this makes is
+        63 times the error; it is divided by 16 only, for derivatives that vary over the stencil.
+        """
+        exact = self.on_samples(start_ns, end_ns)
+        motion = None if exact else self.motion(start_ns, end_ns)
+        if motion is None:
+            return np.zeros(6)
+        changes = []
+        for first in (0, 1):
+            half = PoseSamples(
+                self.poses.times_ns[first::2],
+                self.poses.positions_world_m[first::2],
+                self.poses.orientations_xyzw[first::2],
+            )
+            coarse = replace(self, poses=half).motion(start_ns, end_ns)
+            if coarse is not None:
+                changes.append(np.abs(coarse.twist_from(motion)))
+        return np.max(changes, axis=0) / 16 if changes else np.full(6, np.inf)
+
+    def on_samples(self, start_ns: int, end_ns: int) -> bool:
+        """Whether both instants are stamps of poses, so that nothing is interpolated."""
+        return bool(np.isin((start_ns, end_ns), self.poses.times_ns).all())
+
+    def transformed(self, change: Callable[[PoseSamples], PoseSamples]) -> "PoseTrack":
+        """Return the track of changed poses."""
+        return replace(self, poses=change(self.poses))
+
+    def _at(self, start_ns: int, end_ns: int) -> tuple[Float64, Float64]:
+        poses = self.poses
+        at_ns = np.array([start_ns, end_ns], dtype=np.int64)
+        return interpolate_poses(poses.times_ns, poses.positions_world_m, poses.orientations_xyzw, at_ns=at_ns)
+
+
+def pose_track(window: Window, camera: Camera) -> PoseTrack:
+    """Return the poses around the window, far enough for every interval it owns and the one before and after."""
+    longest_ns = max((longest_interval_ns(window.facts, stream) for stream in window.facts.flow_streams), default=0)
+    margin_ns = 2 * min(longest_ns, NS_PER_S) + _POSE_MARGIN_NS
+    poses = window.once(("poses for flow", margin_ns), lambda: _finite(window.pose(margin_ns)))
+    return PoseTrack(poses, camera)
+
+
+def longest_interval_ns(facts: Facts, stream: str) -> int:
+    """Return the median length of a stream's intervals (broken ones do not count)."""
+    clock = facts.clocks[stream]
+    if clock.ends_ns is None or not len(clock.times_ns):
+        return 0
+    return max(int(np.median(clock.ends_ns - clock.times_ns)), 0)
+
+
+def place(facts: Facts, intervals: tuple[Interval, Interval], frame: int | None = None,
+          pixel: tuple[int, int] | None = None, tile: tuple[int, int, int, int] | None = None) -> Where:  # fmt: skip
+    """Return where the fields from the first to the last interval (both included) lie in the file."""
+    first, last = intervals
+    return Where(
+        stream=first.stream,
+        start_us=facts.to_file_us(first.start_ns),
+        stop_us=facts.to_file_us(last.end_ns),
+        index_start=first.row,
+        index_stop=last.row + 1,
+        frame=frame,
+        pixel=pixel,
+        tile=tile,
+    )
+
+
+def _finite(poses: PoseSamples) -> PoseSamples:
+    whole = np.isfinite(poses.positions_world_m).all(axis=1) & np.isfinite(poses.orientations_xyzw).all(axis=1)
+    if whole.all():
+        return poses
+    return PoseSamples(poses.times_ns[whole], poses.positions_world_m[whole], poses.orientations_xyzw[whole])

@@ -1,0 +1,180 @@
+"""The file itself: is everything where the layout says, and does every stored byte decode?"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil
+
+from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect, WindowCheck
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.layout.binding import Binding
+from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.resolve import LayoutProblem
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+
+class LayoutHolds(FactsCheck):
+    """Is everything that the file promises there, in the right shape and type?
+
+    Every dataset of the layout is looked for where the file's dialect puts it. Counted as broken: a stream that the
+    metadata declare and that is absent or only partly there, shapes that contradict the layout or each other, types
+    that differ from it, links that leave the file or dangle, chunks that were never written. Exact; nothing is
+    sampled. Values are not looked at. Source: the canonical layout, version 1.0.
+    """
+
+    name = "integrity.layout"
+
+    def examine(self, facts: Facts) -> Observation:
+        """State one finding a problem."""
+        problems = facts.layout.problems
+        broken = {problem.key for problem in problems if problem.key} - set(facts.layout.bindings)
+        coverage = Coverage(len(facts.layout.bindings), len(facts.layout.bindings) + len(broken), "datasets")
+        if not problems:
+            return Observation(coverage, (_count("layout_problems", 0, "problems", "", "integrity.layout"),))
+        return Observation(coverage, tuple(self._measured(problem) for problem in problems))
+
+    def _measured(self, problem: LayoutProblem) -> Measured:
+        return _count(
+            name=f"{problem.key or problem.stream}.{problem.code.rsplit('.', 1)[1]}",
+            value=1,
+            unit="problems",
+            statement=problem.message,
+            code=problem.code,
+            where=Where(stream=problem.stream),
+            suspects=(Suspect(problem.cause, problem.stream, 1.0),),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """A stored chunk that does not decode: its dataset, number, first and last row (half-open), and HDF5's words."""
+
+    key: str
+    chunk: int
+    start: int
+    stop: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReadSummary:
+    """What one window touched: a range of chunk numbers for each dataset, and those that are damaged."""
+
+    touched: tuple[tuple[str, int, int], ...]
+    damaged: tuple[Damage, ...]
+
+
+class Readable(WindowCheck[ReadSummary]):
+    """Does every stored chunk decode, and do the checksums hold?
+
+    The rows of each planned window are decoded from every dataset of every stream, through the codec and HDF5's
+    Fletcher-32 checksum where the file has one; samples and index maps are read in full with the first window. Counts
+    the chunks that fail. Exact for what was read; the coverage says how much that was. A dataset without checksum or
+    compression decodes whatever its bytes are: damage there is for the other checks to see.
+    """
+
+    name = "integrity.readable"
+
+    def measure(self, window: Window) -> ReadSummary:
+        """Try every chunk that the window owns rows of."""
+        touched: list[tuple[str, int, int]] = []
+        damaged: list[Damage] = []
+        for key, binding in window.facts.layout.bindings.items():
+            start, stop = _rows_to_read(window, key, binding)
+            if start < stop:
+                rows = _rows_in_chunk(binding)
+                touched.append((key, start // rows, ceil(stop / rows)))
+                damaged.extend(_damage(window, key, rows, start, stop))
+        return ReadSummary(tuple(touched), tuple(damaged))
+
+    def conclude(self, state: Sequence[ReadSummary], facts: Facts) -> Observation:
+        """Count damaged chunks by stream."""
+        touched = {(key, chunk) for seen in state for key, first, stop in seen.touched for chunk in range(first, stop)}
+        damaged = {(one.key, one.chunk): one for seen in reversed(state) for one in seen.damaged}
+        of = sum(ceil(binding.rows / _rows_in_chunk(binding)) for binding in facts.layout.bindings.values())
+        streams = sorted({DATASETS[key].stream for key in facts.layout.bindings})
+        lost = facts.layout.streams - facts.streams - {DATASETS[key].stream for key, _ in damaged}
+        return Observation(
+            Coverage(len(touched), max(of, len(touched)), "chunks"),
+            tuple(
+                self._lost(facts, stream) if stream in lost else self._of_stream(stream, list(damaged.values()))
+                for stream in streams
+            ),
+        )
+
+    def _of_stream(self, stream: str, damaged: Sequence[Damage]) -> Measured:
+        ours = sorted(
+            (one for one in damaged if DATASETS[one.key].stream == stream), key=lambda one: (one.start, one.key)
+        )
+        if not ours:
+            return _count(f"{stream}.unreadable_chunks", 0, "chunks", "", "integrity.readable.chunk")
+        first, rows = min(ours, key=lambda one: (one.start, one.key)), sum(one.stop - one.start for one in ours)
+        return _count(
+            name=f"{stream}.unreadable_chunks",
+            value=len(ours),
+            unit="chunks",
+            statement=f"{len(ours)} chunks of {stream} ({rows} rows) cannot be decoded, first rows {first.start} to "
+            f"{first.stop} of {first.key}: {first.reason}",
+            code="integrity.readable.chunk",
+            where=Where(stream=stream, index_start=first.start, index_stop=max(one.stop for one in ours)),
+            suspects=(Suspect("corrupt_chunk", stream, 1.0, float(len(ours)), "chunks"),),
+        )
+
+    def _lost(self, facts: Facts, stream: str) -> Measured:
+        return _count(
+            name=f"{stream}.unreadable_chunks",
+            value=1,
+            unit="chunks",
+            statement=f"{stream} cannot be used: {facts.absent.get(stream, 'it cannot be read')}",
+            code="integrity.readable.stamps",
+            where=Where(stream=stream),
+            suspects=(Suspect("corrupt_chunk", stream, 1.0, 1.0, "chunks"),),
+        )
+
+
+def _rows_to_read(window: Window, key: str, binding: Binding) -> tuple[int, int]:
+    """Images and events: what the window owns. Everything smaller: all of it, with the first window."""
+    spec = DATASETS[key]
+    if spec.is_image or spec.stream == "events":
+        owned = window.owned(spec.stream)
+        return owned.start, min(owned.stop, binding.rows)
+    return (0, binding.rows) if window.span.index == 0 else (0, 0)
+
+
+def _rows_in_chunk(binding: Binding) -> int:
+    """Rows that are stored together; where nothing is stored in chunks, as many as the canonical layout has."""
+    return max(1, binding.chunk_rows or DATASETS[binding.key].chunk_rows or binding.rows)
+
+
+def _damage(window: Window, key: str, rows: int, start: int, stop: int) -> Iterator[Damage]:
+    for chunk in range(start // rows, ceil(stop / rows)):
+        first, last = max(start, chunk * rows), min(stop, (chunk + 1) * rows)
+        try:
+            window.rows(key, first, last)
+        except UnreadableRowsError as error:
+            yield Damage(key, chunk, first, last, error.reason)
+
+
+def _count(
+    name: str,
+    value: int,
+    unit: str,
+    statement: str,
+    code: str,
+    where: Where | None = None,
+    suspects: tuple[Suspect, ...] = (),
+) -> Measured:
+    """State a count that must be zero."""
+    return Measured(
+        name=name,
+        value=float(value),
+        unit=unit,
+        standard_error=0.0,
+        resolution=1.0,
+        statement=statement,
+        code=code,
+        where=where or Where(),
+        severity="critical",
+        suspects=suspects,
+    )

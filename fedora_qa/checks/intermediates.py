@@ -1,0 +1,33 @@
+"""What several checks want of a window, computed once and only when asked for."""
+
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import LUMA_WEIGHTS_RGB
+from fedora_qa.sequence.window import Window
+
+
+def luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
+    """Return the luma of linear R, G, B of a colour frame, (H, W), in DN (0..255).
+
+    A declared transfer curve is undone first: luma is defined on linear values.
+    """
+    return window.once(("luma_dn", frame), lambda: _luma_of(window.rgb(frame), window.facts.declared.transfer))
+
+
+def _luma_of(rgb: NDArray[np.uint8], transfer: str) -> NDArray[np.float32]:
+    table = _linear_dn_table(transfer)
+    weights = np.asarray(LUMA_WEIGHTS_RGB, dtype=np.float32)
+    return cast(NDArray[np.float32], table[rgb] @ weights)
+
+
+def _linear_dn_table(transfer: str) -> NDArray[np.float32]:
+    """Return linear DN for each 8-bit code: identity, IEC 61966-2-1 (sRGB), or the power 2.2."""
+    code = np.arange(256) / 255.0
+    if transfer == "srgb":
+        code = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    elif transfer == "gamma2.2":
+        code = code**2.2
+    return (255.0 * code).astype(np.float32)

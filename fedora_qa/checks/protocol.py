@@ -1,0 +1,209 @@
+"""What a check is, and what it hands to judgement.
+
+A check measures; it gives no verdict. It accumulates over windows in a state that can be merged, so that a file can
+be cut in time over workers and the outcome does not depend on the cut.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Generic, Literal, TypeVar
+
+from numpy.typing import NDArray
+
+from fedora_qa.record.types import Coverage, Severity, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+State = TypeVar("State")
+Summary = TypeVar("Summary")
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """A cause that would explain a deviation, with its fitted size.
+
+    ``weight`` says how well it explains the deviation, 0 (not at all) to 1 (entirely).
+    """
+
+    cause: str
+    stream: str
+    weight: float
+    magnitude: float | None = None
+    unit: str = ""
+    standard_error: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A number with its error under the noise model, and how it is to be judged.
+
+    A value is out of order when it differs from ``expected`` by more than ``allowance + z * standard_error``, with z
+    from the false-alarm rate of the whole file. A count that must be zero has no error and no allowance.
+
+    Attributes
+    ----------
+    name, value, unit
+        What was measured.
+    standard_error
+        Of the value, under the noise model of an honest file.
+    statement
+        A sentence that states the deviation in the user's units, shown when the value is out of order.
+    code
+        The rule that is then broken: ``<subject>.<property>.<rule>``.
+    allowance
+        Bound on the known error of the model that the standard error does not cover, with its derivation in the check.
+    side
+        ``upper``: only values above ``expected`` count, ``lower``: only below, ``both``: either.
+    resolution
+        The least step by which the value can change (1 for a count).
+    matters
+        The largest deviation that may go unseen for the measurement still to be of use; None: any.
+    tests
+        How many independent comparisons the value is the worst of.
+    suspects
+        Causes that would explain a deviation, most probable first.
+    """
+
+    name: str
+    value: float
+    unit: str
+    standard_error: float
+    statement: str
+    code: str
+    where: Where = field(default_factory=Where)
+    expected: float = 0.0
+    allowance: float = 0.0
+    side: Literal["both", "upper", "lower"] = "both"
+    resolution: float = 0.0
+    matters: float | None = None
+    tests: int = 1
+    severity: Severity = "error"
+    suspects: tuple[Suspect, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """Something legal but unusual, or a declaration whose absence weakens the check: the outcome becomes ``warned``."""
+
+    code: str
+    message: str
+    where: Where = field(default_factory=Where)
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """Everything that a check states.
+
+    Attributes
+    ----------
+    unobservable
+        Why this sequence cannot show what was asked (hovering, no texture); empty where it can.
+    evidence
+        Small arrays that a person will want to see, by name; ``titles`` describes each.
+    inferred
+        Facts that were inferred and not declared (the unit of the flow, say), for the record.
+    """
+
+    coverage: Coverage
+    measurements: tuple[Measured, ...] = ()
+    notices: tuple[Notice, ...] = ()
+    unobservable: str = ""
+    evidence: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    titles: Mapping[str, str] = field(default_factory=dict)
+    inferred: Mapping[str, str | float] = field(default_factory=dict)
+
+
+class Check(ABC, Generic[State]):
+    """One question about one subject.
+
+    Subclasses set the class attributes; their docstring's first line is the question, the rest tells what is
+    measured, how, its noise model, what it cannot see, and its sources (`fedora-qa explain`).
+    """
+
+    name: str
+    """``<subject>.<property>``."""
+    needs: tuple[str, ...] = ()
+    """Streams without which the question cannot be asked. ``flow`` stands for at least one rate."""
+
+    @property
+    def question(self) -> str:
+        """The question that the check answers."""
+        return (self.__doc__ or "").strip().splitlines()[0]
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Say why the question cannot be asked of this file beyond missing streams; empty where it can."""
+        return ""
+
+    @abstractmethod
+    def start(self, facts: Facts) -> State:
+        """Return the state that has seen nothing."""
+
+    @abstractmethod
+    def update(self, state: State, window: Window) -> None:
+        """Add what a window shows. Windows come in order."""
+
+    @abstractmethod
+    def merge(self, state: State, later: State) -> State:
+        """Return the state that has seen what both have, ``later`` being of later windows. Exact: no rounding."""
+
+    def look_again_at(self, state: State, facts: Facts) -> tuple[int, ...]:
+        """Name the windows (by number) that deserve a second, closer look; most check none."""
+        return ()
+
+    def look_again(self, state: State, window: Window) -> None:
+        """Add what a second look at a window shows."""
+
+    @abstractmethod
+    def conclude(self, state: State, facts: Facts) -> Observation:
+        """State what was measured."""
+
+
+class WindowCheck(Check[list[Summary]], Generic[Summary]):
+    """A check whose state is one small summary a window, kept in order.
+
+    Merging is then concatenation, exact by construction; every sum is taken once, at the end, in the order of time.
+    """
+
+    def start(self, facts: Facts) -> list[Summary]:
+        """Return no summaries."""
+        return []
+
+    def update(self, state: list[Summary], window: Window) -> None:
+        """Append the window's summary, if it has one."""
+        summary = self.measure(window)
+        if summary is not None:
+            state.append(summary)
+
+    def merge(self, state: list[Summary], later: list[Summary]) -> list[Summary]:
+        """Concatenate."""
+        return state + later
+
+    @abstractmethod
+    def measure(self, window: Window) -> Summary | None:
+        """Summarise one window; None where it has nothing to say."""
+
+    @abstractmethod
+    def conclude(self, state: Sequence[Summary], facts: Facts) -> Observation:
+        """State what the summaries together show."""
+
+
+class FactsCheck(Check[None]):
+    """A check that needs no window: the scan of stamps and declarations is enough."""
+
+    def start(self, facts: Facts) -> None:
+        """Keep nothing."""
+
+    def update(self, state: None, window: Window) -> None:
+        """Look at nothing."""
+
+    def merge(self, state: None, later: None) -> None:
+        """Keep nothing."""
+
+    @abstractmethod
+    def examine(self, facts: Facts) -> Observation:
+        """State what the facts show."""
+
+    def conclude(self, state: None, facts: Facts) -> Observation:
+        """State what the facts show."""
+        return self.examine(facts)

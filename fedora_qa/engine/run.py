@@ -1,0 +1,244 @@
+"""Check one file from beginning to end."""
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from fedora_qa.causes import CAUSES
+from fedora_qa.checks import CHECKS
+from fedora_qa.checks.protocol import Check, Observation
+from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.engine.digest import file_digest
+from fedora_qa.engine.outcomes import crashed, crossing_streams, not_applicable, why_not_applicable
+from fedora_qa.engine.plan import Effort, make_plan
+from fedora_qa.engine.stream import Progress, States, conclude, look_again, measure
+from fedora_qa.engine.windows import cut_windows, window_length_ns
+from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.judgement.diagnosis import diagnose
+from fedora_qa.judgement.judge import Judged, judge
+from fedora_qa.judgement.tolerances import DEFAULT_FALSE_ALARM_RATE
+from fedora_qa.layout.dialect import Dialect
+from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Scalar, Verdict, Where
+from fedora_qa.sequence.scan import scan
+from fedora_qa.sequence.sequence import Sequence, open_sequence
+
+_MEBIBYTE = 1 << 20
+_CACHE_SHARE = 0.4
+"""Share of the memory limit that decoded blocks may fill; the rest is for what the checks compute."""
+
+
+@dataclass(frozen=True, slots=True)
+class CheckOptions:
+    """How a file is to be checked.
+
+    Attributes
+    ----------
+    select, ignore
+        Names of checks (``subject`` or ``subject.property``) to run, all where empty, and to leave out.
+    dialect
+        How the file names and scales things; recognised from the file when None.
+    """
+
+    effort: Effort = "full"
+    select: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
+    dialect: Dialect | None = None
+    memory_bytes: int = 1024 * _MEBIBYTE
+    false_alarm_rate: float = DEFAULT_FALSE_ALARM_RATE
+
+
+@dataclass(frozen=True, slots=True)
+class FileRun:
+    """The record of one file, the evidence that lies beside it, and where the time went."""
+
+    record: FileRecord
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    decoded_bytes: int = 0
+
+
+@dataclass(slots=True)
+class _Stopwatch:
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
+
+
+def quiet(what: str, done: int, of: int) -> None:
+    """Report no progress."""
+
+
+def check_file(path: Path, options: CheckOptions, progress: Progress = quiet) -> FileRun:
+    """Check one file.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, it is not HDF5, or the options name an unknown check.
+    """
+    checks = select_checks(options.select, options.ignore)
+    watch = _Stopwatch()
+    with watch.stage("digest"):
+        if not path.is_file():
+            open_sequence(path)
+        digest = file_digest(path)
+    try:
+        with watch.stage("open"):
+            sequence = open_sequence(path, options.dialect)
+    except UnreadableFileError as error:
+        return FileRun(_unreadable(path, digest, checks, str(error)), seconds=watch.seconds)
+    with sequence:
+        return _check_open(sequence, digest, checks, options, progress, watch)
+
+
+def select_checks(select: tuple[str, ...], ignore: tuple[str, ...]) -> tuple[Check[Any], ...]:
+    """Return the checks that are asked for, in their fixed order.
+
+    Raises
+    ------
+    MisuseError
+        A name is that of no subject and no check.
+    """
+    known = {check.name for check in CHECKS} | {check.name.split(".")[0] for check in CHECKS}
+    for name in (*select, *ignore):
+        if name not in known:
+            raise MisuseError(f"Expected a subject or check (see `fedora-qa checks`), got {name!r}")
+
+    def named(check: Check[Any], names: tuple[str, ...]) -> bool:
+        return check.name in names or check.name.split(".")[0] in names
+
+    return tuple(check for check in CHECKS if (not select or named(check, select)) and not named(check, ignore))
+
+
+def _check_open(
+    sequence: Sequence,
+    digest: tuple[str, Any],
+    checks: tuple[Check[Any], ...],
+    options: CheckOptions,
+    progress: Progress,
+    watch: _Stopwatch,
+) -> FileRun:
+    with watch.stage("stamps"):
+        progress("reading stamps", 0, 1)
+        scanned = scan(sequence, window_length_ns(sequence))
+        facts = scanned.facts
+        spans = cut_windows(scanned)
+    plan = make_plan(options.effort, len(spans))
+    reasons = {check.name: why_not_applicable(check, facts) for check in checks}
+    asked = [check for check in checks if not reasons[check.name]]
+    decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * options.memory_bytes))
+    chosen = [spans[number] for number in plan.chosen]
+    with watch.stage("measuring"):
+        states = measure(asked, chosen, facts, decoder, plan.sampling, progress)
+    with watch.stage("second look"):
+        look_again(asked, states, chosen, facts, decoder, plan.sampling, progress)
+    with watch.stage("judgement"):
+        observations = conclude(asked, states, facts)
+        judged = judge(observations, asked, options.false_alarm_rate)
+        diagnoses = diagnose([alarm for one in judged for alarm in one.alarms])
+    results = _in_order(checks, judged, states, reasons)
+    record = FileRecord(
+        path=str(sequence.path),
+        size=sequence.path.stat().st_size,
+        sha256=digest[0],
+        digest_kind=digest[1],
+        dialect=sequence.layout.dialect_name,
+        inferred=_inferred(sequence, observations),
+        statistics={},
+        verdict=verdict_of(results, crossing_streams(checks)),
+        results=results,
+        diagnoses=diagnoses,
+        evidence={title: text for one in observations.values() for title, text in one.titles.items()},
+    )
+    arrays = {name: array for one in observations.values() for name, array in one.evidence.items()}
+    seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
+    return FileRun(record, arrays, seconds, decoder.decoded_bytes)
+
+
+def _in_order(
+    checks: tuple[Check[Any], ...], judged: tuple[Judged, ...], states: States, reasons: Mapping[str, str]
+) -> tuple[Result, ...]:
+    by_name = {one.result.check: _with_missed(one.result, states) for one in judged}
+    results: list[Result] = []
+    for check in checks:
+        if check.name in by_name:
+            results.append(by_name[check.name])
+        elif check.name in states.crashes:
+            results.append(crashed(check, states.crashes[check.name]))
+        else:
+            results.append(not_applicable(check, reasons[check.name]))
+    return tuple(results)
+
+
+def _with_missed(result: Result, states: States) -> Result:
+    """Say how many windows a check could not see because they cannot be decoded."""
+    missed = states.missed.get(result.check, 0)
+    if not missed:
+        return result
+    note = f"{missed} windows were not seen because their rows cannot be decoded (see integrity.readable)"
+    return replace(result, reason="; ".join(filter(None, (result.reason, note))))
+
+
+def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict:
+    """Return the verdict: incomplete where a check crashed or no stream could be held against another."""
+    if any(result.outcome == "crashed" for result in results):
+        return "incomplete"
+    if any(result.outcome == "failed" for result in results):
+        return "findings"
+    told = {"passed", "warned"}
+    if crossing and not any(result.outcome in told and result.check in crossing for result in results):
+        return "incomplete"
+    return "clean"
+
+
+def _inferred(sequence: Sequence, observations: Mapping[str, Observation]) -> dict[str, Scalar]:
+    inferred: dict[str, Scalar] = dict(sequence.layout.inferred)
+    for observation in observations.values():
+        inferred.update(observation.inferred)
+    return inferred
+
+
+def _unreadable(path: Path, digest: tuple[str, Any], checks: tuple[Check[Any], ...], reason: str) -> FileRecord:
+    """Return the record of a file that begins like HDF5 and cannot be opened: a failed integrity, and nothing else."""
+    finding = Finding("F1", "integrity.readable.file", "critical", reason, Where())
+    results = []
+    for check in checks:
+        result = not_applicable(check, "the file cannot be opened")
+        if check.name == "integrity.readable":
+            result = replace(result, outcome="failed", reason="", findings=(finding,), coverage=Coverage(0, 1, "files"))
+        results.append(result)
+    diagnosis = Diagnosis(
+        id="D1",
+        cause="truncated",
+        stream="file",
+        magnitude=None,
+        unit="",
+        standard_error=None,
+        confidence=0.5,
+        where=Where(),
+        remedy=CAUSES["truncated"].remedy,
+        explains=("F1",),
+    )
+    return FileRecord(
+        path=str(path),
+        size=path.stat().st_size,
+        sha256=digest[0],
+        digest_kind=digest[1],
+        dialect="",
+        inferred={},
+        statistics={},
+        verdict="findings",
+        results=tuple(results),
+        diagnoses=(diagnosis,),
+    )

@@ -1,0 +1,155 @@
+"""The measuring pass: every planned window handed to every check, in order; states that merge.
+
+A pass over some windows gives ``States``. Passes over neighbouring stretches merge in order, and the outcome is the
+same bit for bit however the windows were dealt out.
+"""
+
+import time
+import traceback
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from fedora_qa.checks.protocol import Check, Observation
+from fedora_qa.engine.plan import FOLLOW_UP_SHARE
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import RowSource, Sampling, Span, Window
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is going on, how much is done, and of how much."""
+
+
+@dataclass(slots=True)
+class States:
+    """What a pass has accumulated, by check.
+
+    ``missed`` counts the windows that a check could not see because rows in them cannot be decoded; ``crashes`` holds
+    the traceback of each check that failed itself.
+    """
+
+    states: dict[str, Any]
+    missed: dict[str, int] = field(default_factory=dict)
+    crashes: dict[str, str] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+def start(checks: Iterable[Check[Any]], facts: Facts) -> States:
+    """Return the states that have seen nothing."""
+    states = States({})
+    for check in checks:
+        try:
+            states.states[check.name] = check.start(facts)
+        except Exception:  # noqa: BLE001 - a check that fails becomes an outcome, never the end of the run
+            states.crashes[check.name] = traceback.format_exc()
+    return states
+
+
+def measure(
+    checks: Sequence[Check[Any]],
+    spans: Sequence[Span],
+    facts: Facts,
+    source: RowSource,
+    sampling: Sampling,
+    progress: Progress,
+) -> States:
+    """Hand each window to each check, in order of time."""
+    states = start(checks, facts)
+    for done, span in enumerate(spans):
+        progress("measuring", done, len(spans))
+        _show(Window(span, facts, source, sampling), checks, states, _update)
+    return states
+
+
+def look_again(
+    checks: Sequence[Check[Any]],
+    states: States,
+    spans: Sequence[Span],
+    facts: Facts,
+    source: RowSource,
+    sampling: Sampling,
+    progress: Progress,
+) -> None:
+    """Give the checks one more look at the windows they name, a bounded share of all together."""
+    wanted = {check.name: _wanted(check, states, facts) for check in checks}
+    budget = max(1, int(FOLLOW_UP_SHARE * len(spans)))
+    by_index = {span.index: span for span in spans}
+    numbers = sorted(_in_turn(wanted, budget) & by_index.keys())
+    for done, number in enumerate(numbers):
+        progress("looking again", done, len(numbers))
+        asking = [check for check in checks if number in wanted[check.name]]
+        _show(Window(by_index[number], facts, source, sampling), asking, states, _look_again)
+
+
+def merge(checks: Iterable[Check[Any]], earlier: States, later: States) -> States:
+    """Return the states that have seen what both have."""
+    merged = States({}, _added(earlier.missed, later.missed), {**later.crashes, **earlier.crashes},
+                    _added(earlier.seconds, later.seconds))  # fmt: skip
+    for check in checks:
+        if check.name not in merged.crashes:
+            merged.states[check.name] = check.merge(earlier.states[check.name], later.states[check.name])
+    return merged
+
+
+def conclude(checks: Iterable[Check[Any]], states: States, facts: Facts) -> dict[str, Observation]:
+    """Let each check that did not crash state what it measured."""
+    observations: dict[str, Observation] = {}
+    for check in checks:
+        if check.name not in states.crashes:
+            try:
+                observations[check.name] = check.conclude(states.states[check.name], facts)
+            except Exception:  # noqa: BLE001 - a check that fails becomes an outcome, never the end of the run
+                states.crashes[check.name] = traceback.format_exc()
+    return observations
+
+
+def _show(
+    window: Window,
+    checks: Iterable[Check[Any]],
+    states: States,
+    see: Callable[[Check[Any], Any, Window], None],
+) -> None:
+    for check in checks:
+        if check.name in states.crashes:
+            continue
+        began = time.perf_counter()
+        try:
+            see(check, states.states[check.name], window)
+        except UnreadableRowsError:
+            states.missed[check.name] = states.missed.get(check.name, 0) + 1
+        except Exception:  # noqa: BLE001 - a check that fails becomes an outcome, never the end of the run
+            states.crashes[check.name] = traceback.format_exc()
+        states.seconds[check.name] = states.seconds.get(check.name, 0.0) + time.perf_counter() - began
+
+
+def _update(check: Check[Any], state: Any, window: Window) -> None:
+    check.update(state, window)
+
+
+def _look_again(check: Check[Any], state: Any, window: Window) -> None:
+    check.look_again(state, window)
+
+
+def _wanted(check: Check[Any], states: States, facts: Facts) -> tuple[int, ...]:
+    if check.name in states.crashes:
+        return ()
+    try:
+        return check.look_again_at(states.states[check.name], facts)
+    except Exception:  # noqa: BLE001 - a check that fails becomes an outcome, never the end of the run
+        states.crashes[check.name] = traceback.format_exc()
+        return ()
+
+
+def _in_turn(wanted: dict[str, tuple[int, ...]], budget: int) -> set[int]:
+    """Grant each check its first wish, then its second ..., until the budget is spent."""
+    granted: set[int] = set()
+    longest = max((len(numbers) for numbers in wanted.values()), default=0)
+    for turn in range(longest):
+        for numbers in wanted.values():
+            if turn < len(numbers) and len(granted) < budget:
+                granted.add(numbers[turn])
+    return granted
+
+
+def _added(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    return {name: one.get(name, 0) + other.get(name, 0) for name in {**one, **other}}

@@ -1,0 +1,71 @@
+"""Cut a sequence into windows: index ranges on a fixed grid of time."""
+
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
+from fedora_qa.sequence.scan import Scan
+from fedora_qa.sequence.sequence import Sequence
+from fedora_qa.sequence.window import Span
+
+WINDOW_NS: Final = NS_PER_S // 5
+"""0.2 s: the least time in which flow of 10, 25 and 50 Hz all complete whole intervals."""
+
+_MOST_WINDOW_BYTES: Final = 256 << 20
+_SHORTEST_WINDOW_NS: Final = NS_PER_S // 50
+
+
+def window_length_ns(sequence: Sequence) -> int:
+    """Return the length of the windows: 0.2 s, halved while the images of one would exceed 256 MiB.
+
+    It follows from the file alone, never from the workers, so that results do not depend on them.
+    """
+    length = WINDOW_NS
+    while length > _SHORTEST_WINDOW_NS and _image_bytes_per_s(sequence) * length / NS_PER_S > _MOST_WINDOW_BYTES:
+        length //= 2
+    return length
+
+
+def cut_windows(scan: Scan) -> tuple[Span, ...]:
+    """Return a span for every cell of the grid in which any stream has items, in order."""
+    cells = [runs.cells for runs in scan.runs.values()]
+    if not cells:
+        return ()
+    every = np.unique(np.concatenate(cells))
+    owned: dict[str, list[tuple[int, int]]] = {}
+    for stream, runs in scan.runs.items():
+        first = np.searchsorted(runs.cells, every, "left")
+        bounds = np.append(runs.starts, runs.count)
+        present = runs.cells[np.minimum(first, len(runs.cells) - 1)] == every
+        owned[stream] = [
+            (int(bounds[i]), int(bounds[i + 1])) if there else (0, 0) for i, there in zip(first, present, strict=True)
+        ]
+    return tuple(
+        Span(
+            index=number,
+            start_ns=int(cell) * scan.cell_ns,
+            stop_ns=(int(cell) + 1) * scan.cell_ns,
+            owned={stream: rows[number] for stream, rows in owned.items() if rows[number] != (0, 0)},
+        )
+        for number, cell in enumerate(every)
+    )
+
+
+def _image_bytes_per_s(sequence: Sequence) -> float:
+    """Estimate decoded image bytes per second from the median step of each stream's stamps."""
+    total = 0.0
+    for stream in sequence.layout.streams & set(STAMPS_OF) - {"events"}:
+        images = [spec for spec in DATASETS.values() if spec.stream == stream and spec.is_image]
+        stamps_key = STAMPS_OF[stream]
+        rows = sequence.layout.bindings[stamps_key].rows
+        if not images or rows < 2:
+            continue
+        stamps = sequence.rows(stamps_key, 0, min(rows, 1000))
+        step_ns = float(np.median(np.diff(stamps.reshape(len(stamps), -1)[:, 0])))
+        if step_ns > 0:
+            shape = sequence.layout.bindings[images[0].key].shape
+            row_bytes = int(np.prod(shape[1:], dtype=np.int64)) * np.dtype(images[0].dtype).itemsize
+            total += row_bytes * min(NS_PER_S / step_ns, rows)
+    return total

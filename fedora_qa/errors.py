@@ -1,0 +1,45 @@
+"""The family of errors.
+
+::
+
+    FedoraError                what the user should read as one sentence
+    ├── MisuseError            no such path, not HDF5 at all, bad options or config (exit code 2)
+    │   └── NotHdf5Error       the path exists and does not begin like HDF5
+    ├── UnreadableFileError    an HDF5 signature, and no way in (a finding, not misuse)
+    └── UnreadableRowsError    some rows of one dataset cannot be decoded (a finding; the rest goes on)
+"""
+
+
+class FedoraError(Exception):
+    """Base of every error with a message meant for people."""
+
+
+class MisuseError(FedoraError):
+    """The request cannot be carried out as asked: a wrong path, option or configuration."""
+
+
+class NotHdf5Error(MisuseError):
+    """The path exists and holds no HDF5 file."""
+
+
+class UnreadableFileError(FedoraError):
+    """The file has an HDF5 signature and cannot be opened: truncated or corrupt."""
+
+
+class UnreadableRowsError(FedoraError):
+    """Rows of a dataset cannot be decoded.
+
+    Attributes
+    ----------
+    key
+        Canonical key of the dataset.
+    start, stop
+        The rows that were asked for.
+    """
+
+    def __init__(self, key: str, start: int, stop: int, reason: str) -> None:
+        super().__init__(f"Expected rows {start} to {stop} of {key} to decode, got: {reason}")
+        self.key = key
+        self.start = start
+        self.stop = stop
+        self.reason = reason

@@ -1,0 +1,139 @@
+"""Bracketed level samples: where events say exactly how far a pixel has moved.
+
+Between two events of one polarity, ``t1 <= t < t2``, the level has moved from the first reference by the share
+``(t - t1) / (t2 - t1)`` of the threshold, to second order in the gap. Between two such samples of a pixel
+
+    L(b) - L(a) = C+ dP - C- dM + delta d(C+ rate+ - C- rate-)
+
+with dP and dM the brighter and darker events between them (fractions included), rate the events per second at the
+samples, and delta the time by which events are stamped late: a level read from late events is that of delta before.
+Naive regression on whole counts is biased by their rounding; here it is gone.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.event_kernels import sample_levels
+
+Float64 = NDArray[np.float64]
+
+HUBER_K = 1.345
+"""Residuals beyond this many standard deviations weigh less: 95% efficient on normal errors (Huber 1964)."""
+
+_ITERATIONS = 8
+_PARAMETERS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class LevelPairs:
+    """Successive level samples of pixels.
+
+    Attributes
+    ----------
+    pixels
+        (m,) row * width + column.
+    earlier, later
+        (m,) frames of the two samples.
+    regressors
+        (m, 4): dP, -dM (counts), d rate+, -d rate- (1/s).
+    """
+
+    pixels: NDArray[np.int32]
+    earlier: NDArray[np.int32]
+    later: NDArray[np.int32]
+    regressors: Float64
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+    def change_of(self, levels: NDArray[np.floating]) -> Float64:
+        """Return how ``levels`` (n, h, w) change between the two samples, (m,)."""
+        flat = levels.reshape(len(levels), -1)
+        change: Float64 = flat[self.later, self.pixels].astype(np.float64) - flat[self.earlier, self.pixels]
+        return change
+
+
+def find_level_pairs(
+    x: NDArray[np.uint16],
+    y: NDArray[np.uint16],
+    times_ns: NDArray[np.int64],
+    p: NDArray[np.uint8],
+    frame_times_ns: NDArray[np.int64],
+    usable: NDArray[np.bool_],
+    *,
+    longest_gap_ns: int,
+    least_gap_ns: int = 1,
+) -> LevelPairs:
+    """Find the level samples at frame times, at pixels whose frames are ``usable`` (n, h, w)."""
+    places = np.empty((len(times_ns), 3), np.int32)
+    regressors = np.empty((len(times_ns), _PARAMETERS))
+    count = sample_levels(
+        x, y, times_ns, p, frame_times_ns, usable, longest_gap_ns, max(least_gap_ns, 1), places, regressors
+    )  # fmt: skip
+    found = places[:count]
+    return LevelPairs(found[:, 0].copy(), found[:, 1].copy(), found[:, 2].copy(), regressors[:count].copy())
+
+
+@dataclass(frozen=True, slots=True)
+class NormalBlocks:
+    """Weighted normal equations of blocks of pairs; sums over blocks are the equations of all.
+
+    Attributes
+    ----------
+    matrices, vectors
+        (b, 4, 4) and (b, 4): X'WX and X'Wy.
+    squares, weights, counts
+        (b,): y'Wy, the sum of weights, and the number of pairs.
+    """
+
+    matrices: Float64
+    vectors: Float64
+    squares: Float64
+    weights: Float64
+    counts: Float64
+
+    def __len__(self) -> int:
+        return len(self.counts)
+
+
+def accumulate(pairs: LevelPairs, change: Float64, block_of_pair: NDArray[np.intp], blocks: int) -> NormalBlocks:
+    """Return robust normal equations of ``change`` (m,) on the pairs' regressors, summed by block.
+
+    Weights are Huber's about a fit of these pairs alone, its scale from the median absolute residual.
+    """
+    weights = huber_weights(pairs.regressors, change)
+    X, Xw = pairs.regressors, pairs.regressors * weights[:, np.newaxis]
+    matrices = np.zeros((blocks, _PARAMETERS, _PARAMETERS))
+    vectors = np.zeros((blocks, _PARAMETERS))
+    for block in range(blocks):
+        of_block = block_of_pair == block
+        matrices[block] = Xw[of_block].T @ X[of_block]
+        vectors[block] = Xw[of_block].T @ change[of_block]
+
+    def total(values: Float64) -> Float64:
+        return np.bincount(block_of_pair, values, minlength=blocks)
+
+    return NormalBlocks(matrices, vectors, total(weights * change**2), total(weights), total(np.ones(len(pairs))))
+
+
+def huber_weights(X: Float64, y: Float64) -> Float64:
+    """Return the weights (m,) of Huber's M-estimate of y = X theta, by iterated least squares."""
+    weights = np.ones(len(y))
+    for _ in range(_ITERATIONS):
+        Xw = X * weights[:, np.newaxis]
+        theta = np.linalg.lstsq(Xw.T @ X, Xw.T @ y, rcond=None)[0]
+        residual = np.abs(y - X @ theta)
+        scale = 1.4826 * float(np.median(residual)) if len(y) else 0.0
+        if scale == 0.0:
+            break
+        weights = np.minimum(1.0, HUBER_K * scale / np.maximum(residual, 1e-300))
+    return weights
+
+
+def concatenate(blocks: list[NormalBlocks]) -> NormalBlocks:
+    """Return all blocks, in order, those without pairs left out."""
+    together = [np.concatenate([getattr(b, name) for b in blocks]) for name in NormalBlocks.__slots__]
+    present = together[-1] > 0
+    return NormalBlocks(*(part[present] for part in together))

@@ -1,0 +1,162 @@
+"""Fit the camera's motion to a flow field, and see which small faults explain what a field disagrees in.
+
+The flow comes from the noise-free pose while the file holds a noisy one. So each field may correct the relative pose by
+a twist whose covariance follows from the declared noise; what remains must be rounding, and the twist itself must be
+as large as the noise.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, twist_jacobian
+
+Float64 = NDArray[np.float64]
+
+_ITERATIONS: Final = 6
+_LARGEST_TURN_RAD: Final = 0.3
+"""Beyond it the linearisation is worthless: the field is grossly wrong, which other hypotheses explain."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlowSample:
+    """Pixels of one field: columns, rows, z-depth in metres at the interval's start, flow in px, each finite.
+
+    Shapes (n,), (n,), (n,), (n, 2); ``sigma_px`` is the rounding level by which residuals are weighted.
+    """
+
+    columns: Float64
+    rows: Float64
+    depths_m: Float64
+    flow_px: Float64
+    sigma_px: float
+
+
+@dataclass(frozen=True, slots=True)
+class MotionFit:
+    """A field seen from the best relative pose.
+
+    Attributes
+    ----------
+    motion
+        The corrected motion.
+    twist
+        (6,) correction of the given motion, rad and metres.
+    information
+        (6, 6) of the twist, from the flow alone.
+    residual_px
+        (n, 2) stored minus recomputed flow after the correction; NaN where the point falls behind the camera.
+    """
+
+    motion: RigidMotion
+    twist: Float64
+    information: Float64
+    residual_px: Float64
+
+
+def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit | None:
+    """Correct the motion by Gauss-Newton until the flow fits best; None where that leads nowhere.
+
+    Directions that the sample does not determine (far or few points) are left as they are.
+    """
+    fitted = motion
+    for _ in range(_ITERATIONS):
+        residual, jacobian = _linearised(K, fitted, sample)
+        information = np.einsum("nki,nkj->ij", jacobian, jacobian)
+        scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+        gradient = np.einsum("nki,nk->i", jacobian, residual)
+        step = np.linalg.lstsq(information / np.outer(scale, scale), gradient / scale, rcond=1e-12)[0] / scale
+        if not np.all(np.isfinite(step)) or np.linalg.norm(step[:3]) > _LARGEST_TURN_RAD:
+            return None
+        fitted = fitted.corrected(step)
+    twist = fitted.twist_from(motion)
+    if np.linalg.norm(twist[:3]) > _LARGEST_TURN_RAD:
+        return None
+    residual_px = sample.flow_px - rigid_flow(K, fitted, sample.columns, sample.rows, sample.depths_m)
+    return MotionFit(fitted, twist, information / sample.sigma_px**2, residual_px)
+
+
+def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Float64, Float64]:
+    """Return the residual (n, 2) and its Jacobian by twist (n, 2, 6); zero where a point falls behind the camera."""
+    points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
+    residual = sample.flow_px - rigid_flow(K, motion, sample.columns, sample.rows, sample.depths_m)
+    seen = np.isfinite(residual).all(axis=1)
+    points1_m[~seen] = (0.0, 0.0, 1.0)
+    jacobian = twist_jacobian(K, points1_m) * seen[:, None, None]
+    return np.where(seen[:, None], residual, 0.0), jacobian
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Normal equations of small faults against the residuals of fields, the pose correction eliminated.
+
+    Additive over fields: ``matrix`` (m, m), ``vector`` (m,) and ``total``, the squared residuals that are to be
+    explained, all weighted.
+    """
+
+    matrix: Float64
+    vector: Float64
+    total: float
+
+    def __add__(self, other: "Evidence") -> "Evidence":
+        return Evidence(self.matrix + other.matrix, self.vector + other.vector, self.total + other.total)
+
+    def explained_by(self, columns: slice) -> tuple[Float64, float]:
+        """Return the fitted sizes of some faults taken alone, and the share of the residuals they explain."""
+        matrix, vector = self.matrix[columns, columns], self.vector[columns]
+        sizes = np.linalg.lstsq(matrix, vector, rcond=1e-9)[0]
+        share = float(vector @ sizes) / self.total if self.total > 0 else 0.0
+        return sizes, share
+
+
+def weigh_templates(
+    K: Float64,
+    motion: RigidMotion,
+    sample: FlowSample,
+    templates: Float64,
+    fit: MotionFit | None,
+    twist_covariance: Float64 | None,
+) -> Evidence:
+    """Set up the normal equations of templates (n, 2, m), px per unit of each fault, for one field.
+
+    Without ``twist_covariance`` the pose is exact and nothing is eliminated. With it, the twist x of prior covariance
+    S is: minimising ``|e - J x - G a|^2 / sigma^2 + x^T S^-1 x`` over x leaves normal equations in a (Schur's
+    complement). The residual e is linearised about the fitted motion, whose second-order terms are then rounding.
+    """
+    if twist_covariance is None or fit is None:
+        residual, _ = _linearised(K, motion, sample)
+        return _normal_equations(residual, templates, sample.sigma_px)
+    residual, jacobian = _linearised(K, fit.motion, sample)
+    residual = residual + jacobian @ fit.twist
+    plain = _normal_equations(residual, templates, sample.sigma_px)
+    weight = 1.0 / sample.sigma_px**2
+    inner = fit.information + np.linalg.inv(twist_covariance)
+    cross = weight * np.einsum("nki,nkm->im", jacobian, templates)
+    pull = weight * np.einsum("nki,nk->i", jacobian, residual)
+    solved = np.linalg.solve(inner, np.column_stack((cross, pull)))
+    return Evidence(
+        plain.matrix - cross.T @ solved[:, :-1],
+        plain.vector - cross.T @ solved[:, -1],
+        max(plain.total - float(pull @ solved[:, -1]), 0.0),
+    )
+
+
+def _normal_equations(residual: Float64, templates: Float64, sigma_px: float) -> Evidence:
+    weight = 1.0 / sigma_px**2
+    flat = np.nan_to_num(templates.reshape(residual.size, -1))
+    r = residual.reshape(-1)
+    return Evidence(weight * flat.T @ flat, weight * flat.T @ r, weight * float(r @ r))
+
+
+Predict = Callable[[float], Float64]
+"""Recomputed flow (n, 2) when one assumption is changed by a small amount."""
+
+
+def differentiate(predictions: Mapping[str, tuple[Predict, float]]) -> Float64:
+    """Return templates (n, 2, m): the flow's central difference by each assumption, with the step given for it."""
+    columns = [(predict(step) - predict(-step)) / (2 * step) for predict, step in predictions.values()]
+    return np.stack(columns, axis=-1)

@@ -1,0 +1,1 @@
+"""Mathematics of rotations, cameras and motion: arrays in, arrays out."""

@@ -1,0 +1,75 @@
+"""The pinhole camera: integer pixel coordinates are pixel centres; optical Z forward, X right, Y down.
+
+Source: R. Hartley, A. Zisserman, Multiple View Geometry, 2nd ed. (2004), eqs. 6.3 to 6.9.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.geometry import so3
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class RigidMotion:
+    """How points move as seen from a camera: ``X1 = R @ X0 + t_m``, optical frames, metres.
+
+    ``R`` is (3, 3) and ``t_m`` (3,): together ``T_world_camera(t1)^-1 T_world_camera(t0)``.
+    """
+
+    R: Float64
+    t_m: Float64
+
+    def corrected(self, twist: Float64) -> "RigidMotion":
+        """Return the motion followed by a small one: rotation vector (rad) and translation (m), (6,), at X1."""
+        dR = so3.exp(twist[:3])
+        return RigidMotion(dR @ self.R, dR @ self.t_m + twist[3:])
+
+    def twist_from(self, other: "RigidMotion") -> Float64:
+        """Return the twist (6,) by which ``other`` has to be corrected to become this motion."""
+        dR = self.R @ other.R.T
+        return np.concatenate((so3.log(dR), self.t_m - dR @ other.t_m))
+
+
+def camera_motion(
+    R_world_body0: Float64, position0_m: Float64, R_world_body1: Float64, position1_m: Float64, T_body_camera: Float64
+) -> RigidMotion:
+    """Return how points move between two poses of the body, seen from a camera mounted by ``T_body_camera`` (4, 4)."""
+    R_body_camera, lever_m = T_body_camera[:3, :3], T_body_camera[:3, 3]
+    R_body1_body0 = R_world_body1.T @ R_world_body0
+    at_body1_m = R_world_body1.T @ (position0_m - position1_m) + R_body1_body0 @ lever_m - lever_m
+    return RigidMotion(R_body_camera.T @ R_body1_body0 @ R_body_camera, R_body_camera.T @ at_body1_m)
+
+
+def motion_covariance(
+    R_world_body0: Float64,
+    position0_m: Float64,
+    R_world_body1: Float64,
+    position1_m: Float64,
+    T_body_camera: Float64,
+    *,
+    position_sigma_m: float,
+    rotation_sigma_rad: float,
+) -> Float64:
+    """Return the covariance (6, 6) of the twist of ``camera_motion`` when both poses carry white noise.
+
+    Position noise is per axis of the world, rotation noise ``R_world_body Exp(n)`` per axis of the body. To first
+    order the point X1 moves by ``omega x X1 + tau``. With l the lever arm, o the first body's origin seen from the
+    second and D = R_world_body1^T R_world_body0, a turn d of one body about its own origin gives (C = R_camera_body)
+
+        first body:   omega =  C D d,   tau =  C (D d x (l - o))
+        second body:  omega = -C d,     tau = -C (d x l)
+    """
+    R_camera_body, lever_m = T_body_camera[:3, :3].T, T_body_camera[:3, 3]
+    R_body1_body0 = R_world_body1.T @ R_world_body0
+    origin0_m = R_world_body1.T @ (position0_m - position1_m)
+    turn0 = R_camera_body @ R_body1_body0
+    by_rotation0 = np.vstack((turn0, -R_camera_body @ so3.cross_matrices(lever_m - origin0_m) @ R_body1_body0))
+    by_rotation1 = np.vstack((-R_camera_body, R_camera_body @ so3.cross_matrices(lever_m)))
+    by_position = np.vstack((np.zeros((3, 3)), R_camera_body @ R_world_body1.T))
+    rotation = by_rotation0 @ by_rotation0.T + by_rotation1 @ by_rotation1.T
+    covariance: Float64 = rotation_sigma_rad**2 * rotation + 2 * position_sigma_m**2 * by_position @ by_position.T
+    return covariance

@@ -1,0 +1,108 @@
+"""Motion between pose samples."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.geometry import so3
+
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+
+STENCIL: Final = 6
+"""Samples that an interpolated pose rests on: three on either side."""
+
+WIDEST_GAP_STEPS: Final = 4.0
+"""Gaps wider than so many median steps are not bridged: there the polynomial multiplies noise and curvature."""
+
+
+def interpolate_poses(
+    times_ns: Int64, positions_world_m: Float64, orientations_xyzw: Float64, *, at_ns: Int64
+) -> tuple[Float64, Float64]:
+    """Interpolate poses by a local polynomial of degree 5, on positions and on rotation vectors.
+
+    Through the three samples on either side runs the polynomial of their positions, and that of the rotation vectors
+    ``Log(R_k^-1 R_j)`` seen from the sample k before the instant. Sample stamps give the samples themselves.
+
+    Parameters
+    ----------
+    times_ns
+        (P,) strictly increasing.
+    positions_world_m, orientations_xyzw
+        (P, 3) and (P, 4), body to world, of any nonzero length.
+    at_ns
+        (n,) instants.
+
+    Returns
+    -------
+    R_world_body, positions_world_m
+        (n, 3, 3) and (n, 3); NaN outside the span of the samples and within gaps of more than four median steps.
+
+    Notes
+    -----
+    With step h and sixth derivative d6 of the motion the error is at most 0.0049 h^6 d6 in the middle of a sequence
+    and 0.024 h^6 d6 between its first or last two samples (remainder of Lagrange's form). A sine of 3 Hz and 1 rad at
+    200 Hz: 3.4e-9 rad. White noise of the samples comes out with 0.84 to 1 times its sigma.
+    """
+    at_ns = np.asarray(at_ns, dtype=np.int64)
+    R_world_body = np.full((len(at_ns), 3, 3), np.nan)
+    positions_m = np.full((len(at_ns), 3), np.nan)
+    inside = np.flatnonzero(_bridged(times_ns, at_ns))
+    if len(inside):
+        q_k, rotation_vectors, positions_m[inside] = _at(times_ns, positions_world_m, orientations_xyzw, at_ns[inside])
+        R_world_body[inside] = so3.matrices_from_quaternions(so3.compose(q_k, so3.exp_quaternion(rotation_vectors)))
+    return R_world_body, positions_m
+
+
+def _at(
+    times_ns: Int64, positions_world_m: Float64, orientations_xyzw: Float64, at_ns: Int64
+) -> tuple[Float64, Float64, Float64]:
+    """Return the sample's orientation before each instant, the rotation vector from it, and the position."""
+    before = np.maximum(np.searchsorted(times_ns, at_ns, side="right") - 1, 0)
+    nodes = _stencils(before, len(times_ns))
+    weights = lagrange_weights((times_ns[nodes] - at_ns[:, None]) / NS_PER_S)
+    unit_xyzw = so3.normalise(orientations_xyzw)
+    q_k = unit_xyzw[before]
+    rotation_vectors = so3.log_quaternion(so3.compose(so3.inverse(q_k)[:, None], unit_xyzw[nodes]))
+    origin_m = positions_world_m[before]  # the weights add up to 1, but only to rounding
+    positions_m = origin_m + _weighted(weights, positions_world_m[nodes] - origin_m[:, None])
+    return q_k, _weighted(weights, rotation_vectors), positions_m
+
+
+def lagrange_weights(offsets: Float64) -> Float64:
+    """Return the weights (..., m) that give a polynomial's value at 0 from its values at ``offsets`` (..., m)."""
+    count = offsets.shape[-1]
+    weights = np.ones_like(offsets)
+    for node in range(count):
+        for other in range(count):
+            if other != node:
+                weights[..., node] *= offsets[..., other] / (offsets[..., other] - offsets[..., node])
+    return weights
+
+
+def _stencils(before: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    size = min(STENCIL, count)
+    first = np.clip(before + 1 - size // 2, 0, count - size)
+    return first[:, None] + np.arange(size)
+
+
+def _weighted(weights: Float64, values: Float64) -> Float64:
+    sums: Float64 = np.einsum("nm,nmi->ni", weights, values)
+    return sums
+
+
+def _bridged(times_ns: Int64, at_ns: Int64) -> NDArray[np.bool_]:
+    """Return whether each instant is a sample's or lies in a gap that is narrow enough."""
+    if not len(times_ns):
+        return np.zeros(len(at_ns), dtype=np.bool_)
+    after = np.clip(np.searchsorted(times_ns, at_ns, side="left"), 0, len(times_ns) - 1)
+    exact: NDArray[np.bool_] = times_ns[after] == at_ns
+    steps_ns = np.diff(times_ns)
+    if not len(steps_ns):
+        return exact
+    gap_ns = steps_ns[np.maximum(after - 1, 0)]
+    narrow = gap_ns <= WIDEST_GAP_STEPS * float(np.median(steps_ns))
+    bridged: NDArray[np.bool_] = exact | (narrow & (at_ns > times_ns[0]) & (at_ns < times_ns[-1]))
+    return bridged

@@ -1,0 +1,91 @@
+"""Optical flow of a rigid scene from depth and the camera's motion, its derivative, and its rounding.
+
+The definition is format.md's: the flow lies on the depth grid at the interval's start, ``X1 = R X0 + t``, finite
+wherever X1 lies before the camera.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.so3 import cross_matrices
+
+Float64 = NDArray[np.float64]
+
+SINGLE_PRECISION: Final = 2.0**-24
+"""Unit roundoff of float32."""
+
+_ROUNDINGS: Final = 4
+"""Roundings that meet one coordinate between the ray and the pixel: ray, rotation, translation, projection."""
+
+
+def moved_points(
+    K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64
+) -> tuple[Float64, Float64, Float64]:
+    """Return X1, Y1, Z1 in metres of pixels at a depth; arguments broadcast, NaN depth gives NaN."""
+    y = (rows - K[1, 2]) / K[1, 1]
+    x = (columns - K[0, 2] - K[0, 1] * y) / K[0, 0]
+    R, t = motion.R, motion.t_m
+    return (
+        depths_m * (R[0, 0] * x + (R[0, 1] * y + R[0, 2])) + t[0],
+        depths_m * (R[1, 0] * x + (R[1, 1] * y + R[1, 2])) + t[1],
+        depths_m * (R[2, 0] * x + (R[2, 1] * y + R[2, 2])) + t[2],
+    )
+
+
+def rigid_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64) -> Float64:
+    """Return the flow (..., 2) in px, u right and v down; NaN where depth is NaN or the point falls behind.
+
+    Parameters
+    ----------
+    K
+        (3, 3) intrinsics, px.
+    columns, rows, depths_m
+        Pixels and their z-depths; they broadcast against each other.
+    """
+    X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.where(Z1 > 0, 1.0 / Z1, np.nan)
+    x1, y1 = X1 * inverse, Y1 * inverse
+    u = K[0, 0] * x1 + K[0, 1] * y1 + K[0, 2] - columns
+    v = K[1, 1] * y1 + K[1, 2] - rows
+    return np.stack((u, v), axis=-1)
+
+
+def twist_jacobian(K: Float64, points1_m: Float64) -> Float64:
+    """Return d flow / d twist, (n, 2, 6), at points X1 (n, 3): px per rad and px per metre."""
+    X1, Y1, Z1 = points1_m.T
+    by_point = np.zeros((len(Z1), 2, 3))
+    by_point[:, 0, 0], by_point[:, 0, 1] = K[0, 0] / Z1, K[0, 1] / Z1
+    by_point[:, 1, 1] = K[1, 1] / Z1
+    by_point[:, 0, 2] = -(K[0, 0] * X1 + K[0, 1] * Y1) / Z1**2
+    by_point[:, 1, 2] = -K[1, 1] * Y1 / Z1**2
+    return np.concatenate((-by_point @ cross_matrices(points1_m), by_point), axis=-1)
+
+
+def rounding_px(
+    K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64, flow_px: Float64
+) -> Float64:
+    """Bound how far an honest stored flow lies from the one recomputed, by component, px, for flow (..., 2).
+
+    Three sources, each a bound and not a spread, u being the unit roundoff of float32:
+
+    - the stored flow is rounded: ``u |flow|``;
+    - the stored depth is rounded twice (to float32 millimetres, and to metres when read), which moves the pixel by
+      ``2 u Z0 |d flow / d Z0| = 2 u f |t - m t_z| / Z1`` with m the point's slopes X1/Z1, Y1/Z1;
+    - the maker may have computed in single precision: a coordinate of X1 then errs by some roundings of ``|X0| + |t|``
+      and the pixel by ``f (1 + |m|) / Z1`` times that, and by some roundings of its own and the principal point's.
+    """
+    X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m)
+    distance0_m = depths_m * np.hypot(np.hypot((columns - K[0, 2]) / K[0, 0], (rows - K[1, 2]) / K[1, 1]), 1.0)
+    reach_m = distance0_m + float(np.linalg.norm(motion.t_m))
+    bounds = []
+    for axis, coordinate1, pixel in ((0, X1, columns), (1, Y1, rows)):
+        slope = coordinate1 / Z1
+        f_over_Z1 = K[axis, axis] / Z1
+        by_depth = 2 * f_over_Z1 * np.abs(motion.t_m[axis] - slope * motion.t_m[2])
+        by_arithmetic = _ROUNDINGS * (f_over_Z1 * (1 + np.abs(slope)) * reach_m + pixel + K[axis, 2])
+        bounds.append(SINGLE_PRECISION * (np.abs(flow_px[..., axis]) + by_depth + by_arithmetic))
+    return np.stack(bounds, axis=-1)

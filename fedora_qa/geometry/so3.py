@@ -1,0 +1,119 @@
+"""Rotations in float64, vectorised over leading axes.
+
+Quaternions are x, y, z, w; q and -q are the same rotation. Rotation vectors are axis times angle, rad. Products follow
+matrices: ``R(compose(a, b)) = R(a) R(b)``. NaN, or a quaternion of length 0 or infinity, gives NaN.
+
+Source: J. Sola, J. Deray, D. Atchuthan, A micro Lie theory for state estimation in robotics (2018), appendix B.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+
+_SMALL_ANGLE_RAD = 1e-3
+"""Below it series take over; their first neglected terms are below 1e-18 relative."""
+
+
+def normalise(orientations_xyzw: Float64) -> Float64:
+    """Return quaternions (..., 4) scaled to unit length."""
+    norms = np.linalg.norm(orientations_xyzw, axis=-1, keepdims=True)
+    unit: Float64 = orientations_xyzw / np.where((norms > 0) & np.isfinite(norms), norms, np.nan)
+    return unit
+
+
+def compose(left_xyzw: Float64, right_xyzw: Float64) -> Float64:
+    """Return the Hamilton product (..., 4): the rotation ``right`` followed by ``left``."""
+    left_vector, left_w = left_xyzw[..., :3], left_xyzw[..., 3:]
+    right_vector, right_w = right_xyzw[..., :3], right_xyzw[..., 3:]
+    vector = left_w * right_vector + right_w * left_vector + np.cross(left_vector, right_vector)
+    w = left_w * right_w - np.sum(left_vector * right_vector, axis=-1, keepdims=True)
+    return np.concatenate((vector, w), axis=-1)
+
+
+def inverse(orientations_xyzw: Float64) -> Float64:
+    """Return the inverse of unit quaternions (..., 4)."""
+    conjugate: Float64 = orientations_xyzw * np.array([-1.0, -1.0, -1.0, 1.0])
+    return conjugate
+
+
+def exp_quaternion(rotation_vectors_rad: Float64) -> Float64:
+    """Return the unit quaternions (..., 4) of rotation vectors (..., 3)."""
+    angle_rad = np.linalg.norm(rotation_vectors_rad, axis=-1, keepdims=True)
+    half = 0.5 * angle_rad
+    ratio = np.where(angle_rad < _SMALL_ANGLE_RAD, 0.5 - angle_rad**2 / 48, np.sin(half) / _nonzero(angle_rad))
+    return np.concatenate((ratio * rotation_vectors_rad, np.cos(half)), axis=-1)
+
+
+def log_quaternion(orientations_xyzw: Float64) -> Float64:
+    """Return rotation vectors (..., 3) of at most pi in length, of quaternions (..., 4) of any nonzero length.
+
+    The angle is ``2 atan2(|v|, w)``: accurate to rounding for tiny rotations and near pi, where arccos of the trace
+    loses all digits.
+    """
+    sign = np.where(orientations_xyzw[..., 3:] < 0, -1.0, 1.0)
+    vector, w = sign * orientations_xyzw[..., :3], sign * orientations_xyzw[..., 3:]
+    sine = np.linalg.norm(vector, axis=-1, keepdims=True)
+    small = sine < 0.5 * _SMALL_ANGLE_RAD * w
+    safe_w = np.where(small, w, 1.0)
+    tangent_squared = (np.where(small, sine, 0.0) / safe_w) ** 2
+    series = 2.0 / safe_w * (1.0 - tangent_squared / 3 + tangent_squared**2 / 5)
+    ratio = np.where(small, series, 2.0 * np.arctan2(sine, w) / np.where(sine > 0, sine, np.nan))
+    return ratio * vector
+
+
+def matrices_from_quaternions(orientations_xyzw: Float64) -> Float64:
+    """Return rotation matrices (..., 3, 3) of quaternions (..., 4) of any nonzero length."""
+    x, y, z, w = np.moveaxis(normalise(orientations_xyzw), -1, 0)
+    entries = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return np.moveaxis(entries, (0, 1), (-2, -1))
+
+
+def quaternions_from_matrices(R: Float64) -> Float64:
+    """Return unit quaternions (..., 4), w not negative, of rotation matrices (..., 3, 3).
+
+    The symmetric matrix of products ``4 q q^T`` is linear in R; its column with the largest diagonal is q scaled by
+    a number of at least 1, so that no rotation loses digits (S. W. Shepperd, J. Guidance and Control 1 (1978) 223).
+    """
+    xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
+    xy, xz, yz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
+    xw, yw, zw = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
+    products = np.array(
+        [
+            [1 + xx - yy - zz, xy, xz, xw],
+            [xy, 1 - xx + yy - zz, yz, yw],
+            [xz, yz, 1 - xx - yy + zz, zw],
+            [xw, yw, zw, 1 + xx + yy + zz],
+        ]
+    )
+    products = np.moveaxis(products, (0, 1), (-2, -1))
+    largest = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
+    column = np.take_along_axis(products, largest[..., None, None], axis=-1)[..., 0]
+    return normalise(np.where(column[..., 3:] < 0, -column, column))
+
+
+def exp(rotation_vectors_rad: Float64) -> Float64:
+    """Return rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
+    return matrices_from_quaternions(exp_quaternion(rotation_vectors_rad))
+
+
+def log(R: Float64) -> Float64:
+    """Return rotation vectors (..., 3) of at most pi in length, of rotation matrices (..., 3, 3)."""
+    return log_quaternion(quaternions_from_matrices(R))
+
+
+def cross_matrices(vectors: Float64) -> Float64:
+    """Return the matrices (..., 3, 3) that multiply like a cross product: ``cross_matrices(a) @ b = a x b``."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))
+
+
+def _nonzero(values: Float64) -> Float64:
+    return np.where(values == 0, 1.0, values)

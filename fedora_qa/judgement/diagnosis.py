@@ -1,0 +1,117 @@
+"""Name the causes behind a file's findings: the fewest that explain them all.
+
+Each alarm brings suspects, causes that would explain it, weighted by how well. A cause that explains several alarms is
+preferred over several causes (Occam), so causes are taken greedily by the weight they explain that no cause before
+them has explained: the classical approximation of a smallest weighted cover (Chvatal, "A greedy heuristic for the
+set-covering problem", 1979). Diagnosis runs only after an alarm: on clean files it would always find something.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from fedora_qa.causes import CAUSES, stream_family
+from fedora_qa.checks.protocol import Suspect
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.record.types import Diagnosis, Where
+
+_ENOUGH = 0.05
+"""Weight that a further cause must newly explain to be named at all."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    cause: str
+    stream: str
+    evidence: Mapping[str, Suspect]
+    """The best suspect for each finding that the cause would explain, by the finding's id."""
+
+
+def diagnose(alarms: Sequence[Alarm]) -> tuple[Diagnosis, ...]:
+    """Return the probable causes of the alarms, most probable first. Alarms without a suspect become ``unknown``."""
+    places = {alarm.finding.id: alarm.finding.where for alarm in alarms}
+    candidates = _candidates(alarms)
+    unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
+    chosen: list[tuple[_Candidate, float]] = []
+    while candidates:
+        best = max(candidates, key=lambda candidate: (_gain(candidate, unexplained), len(candidate.evidence)))
+        gain = _gain(best, unexplained)
+        if gain < _ENOUGH:
+            break
+        chosen.append((best, _share(best, candidates, unexplained)))
+        for finding, suspect in best.evidence.items():
+            unexplained[finding] = min(unexplained[finding], 1.0 - suspect.weight)
+        explained = {finding for candidate, _ in chosen for finding in candidate.evidence}
+        candidates = [c for c in candidates if not set(c.evidence) <= explained]
+    explained = {finding for candidate, _ in chosen for finding in candidate.evidence}
+    rest = [alarm for alarm in alarms if alarm.finding.id not in explained]
+    diagnoses = [_as_diagnosis(f"D{i}", candidate, share, places) for i, (candidate, share) in enumerate(chosen, 1)]
+    if rest:
+        diagnoses.append(_unknown(f"D{len(diagnoses) + 1}", rest))
+    return tuple(diagnoses)
+
+
+def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
+    """Gather suspects by cause and stream. A fault of all flow also explains what was seen of one of its rates."""
+    evidence: dict[tuple[str, str], dict[str, Suspect]] = defaultdict(dict)
+    for alarm in alarms:
+        for suspect in alarm.suspects:
+            known = evidence[suspect.cause, suspect.stream]
+            if alarm.finding.id not in known or known[alarm.finding.id].weight < suspect.weight:
+                known[alarm.finding.id] = suspect
+    for cause, stream in list(evidence):
+        if stream == stream_family(stream):
+            for (other_cause, other), suspects in list(evidence.items()):
+                if other_cause == cause and other != stream and stream_family(other) == stream:
+                    for finding, suspect in suspects.items():
+                        evidence[cause, stream].setdefault(finding, suspect)
+    return [_Candidate(cause, stream, found) for (cause, stream), found in evidence.items()]
+
+
+def _gain(candidate: _Candidate, unexplained: Mapping[str, float]) -> float:
+    """Weight that the candidate explains and nothing chosen before it did."""
+    return sum(min(suspect.weight, unexplained[finding]) for finding, suspect in candidate.evidence.items())
+
+
+def _share(best: _Candidate, candidates: Sequence[_Candidate], unexplained: Mapping[str, float]) -> float:
+    """Confidence: the candidate's gain among all rivals that would explain any of the same findings."""
+    rivals = [c for c in candidates if set(c.evidence) & set(best.evidence)]
+    return _gain(best, unexplained) / sum(_gain(rival, unexplained) for rival in rivals)
+
+
+def _as_diagnosis(name: str, candidate: _Candidate, share: float, places: Mapping[str, Where]) -> Diagnosis:
+    finding, suspect = min(candidate.evidence.items(), key=lambda item: _precision(item[1]))
+    return Diagnosis(
+        id=name,
+        cause=candidate.cause,
+        stream=candidate.stream,
+        magnitude=suspect.magnitude,
+        unit=suspect.unit or CAUSES[candidate.cause].unit,
+        standard_error=suspect.standard_error,
+        confidence=share,
+        where=places[finding],
+        remedy=CAUSES[candidate.cause].remedy,
+        explains=tuple(candidate.evidence),
+    )
+
+
+def _precision(suspect: Suspect) -> tuple[bool, bool, float, float]:
+    """Order suspects by how much they tell of the size: a magnitude, an error, the better fit, the smaller error."""
+    error = suspect.standard_error
+    return (suspect.magnitude is None, error is None, -suspect.weight, error or 0.0)
+
+
+def _unknown(name: str, alarms: Sequence[Alarm]) -> Diagnosis:
+    where = alarms[0].finding.where
+    return Diagnosis(
+        id=name,
+        cause="unknown",
+        stream=where.stream or "unknown",
+        magnitude=None,
+        unit="",
+        standard_error=None,
+        confidence=0.0,
+        where=where,
+        remedy=CAUSES["unknown"].remedy,
+        explains=tuple(alarm.finding.id for alarm in alarms),
+    )

@@ -1,0 +1,182 @@
+"""Where one dataset of a file lies, and how its stored values become canonical ones."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Final, Literal
+
+import h5py
+import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the Blosc codec
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import POLARITY_BRIGHTER, POLARITY_DARKER
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.layout.canonical import DATASETS
+
+Polarity = Literal["01", "inverted", "plus_minus"]
+
+FARTHEST_STAMP_NS: Final = 2**61
+"""Instants saturate at about this distance from the origin (73 years), so that the difference of two fits int64."""
+
+INVALID_STAMP_NS: Final = -FARTHEST_STAMP_NS
+"""The instant of a stamp that is NaN: earlier than every real one, so that it never advances a clock."""
+
+INVALID_POLARITY: Final = 255
+"""Stands for a stored polarity that the dialect's code does not know."""
+
+_INT64: Final = np.iinfo(np.int64)
+_READ_ERRORS: Final = (OSError, RuntimeError, ValueError, KeyError, MemoryError)
+"""What h5py raises where stored bytes are damaged, a filter is missing, or a chunk claims an absurd size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """One canonical dataset found in a file.
+
+    Attributes
+    ----------
+    key
+        Canonical key.
+    path
+        Where it lies in this file.
+    rows
+        Length of the axis of time.
+    shape, dtype
+        As stored.
+    columns
+        Which entries of the last axis make the canonical columns, in canonical order; None: all as they are. A
+        dataset without that axis counts as having one entry there (a grey image as R, G and B: ``(0, 0, 0)``).
+    ns_per_unit
+        Nanoseconds in a unit of a stamp; None for values.
+    offset_ns
+        What is added to every stamp.
+    scale
+        Canonical value = stored value * scale.
+    polarity
+        Code of polarity.
+    chunk_rows
+        Rows in a chunk; 0 for contiguous storage.
+    """
+
+    key: str
+    path: str
+    rows: int
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    columns: tuple[int, ...] | None = None
+    ns_per_unit: int | None = None
+    offset_ns: int = 0
+    scale: float = 1.0
+    polarity: Polarity = "01"
+    chunk_rows: int = 0
+
+    @property
+    def is_stored_canonically(self) -> bool:
+        """Whether stored values are canonical values, but for the type and the origin of time."""
+        return self.columns is None and self.scale == 1.0 and self.polarity == "01" and self.ns_per_unit in {None, 1000}
+
+
+def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int) -> NDArray[Any]:
+    """Return rows in stored units and type, columns selected and ordered canonically.
+
+    Raises
+    ------
+    UnreadableRowsError
+        The rows cannot be decoded: damaged bytes, a wrong checksum, or an unknown codec.
+    """
+    try:
+        stored = np.asarray(file[binding.path][start:stop])
+    except _READ_ERRORS as error:
+        raise UnreadableRowsError(binding.key, start, stop, str(error)) from error
+    return _select(stored, binding)
+
+
+def canonical_rows(file: h5py.File, binding: Binding, start: int, stop: int, origin_ns: int) -> NDArray[Any]:
+    """Return rows in canonical units.
+
+    Stamps become int64 nanoseconds from ``origin_ns``. Values are scaled, polarity is 1 brighter, 0 darker, and
+    ``INVALID_POLARITY`` where the stored code is neither. Columns, rows and indices that the canonical type cannot
+    hold stay in int64, so that no fault is wrapped into range.
+
+    Raises
+    ------
+    UnreadableRowsError
+        As for ``raw_rows``.
+    """
+    raw = raw_rows(file, binding, start, stop)
+    if binding.ns_per_unit is not None:
+        return stamps_ns(raw, binding, origin_ns)
+    if binding.key == "path/events/p":
+        return _polarity(raw, binding.polarity)
+    canonical = np.dtype(DATASETS[binding.key].dtype)
+    if canonical.kind in "iu":
+        return _integers(raw, canonical)
+    values = raw.astype(canonical, copy=False)
+    return values if binding.scale == 1.0 else values * canonical.type(binding.scale)
+
+
+def stamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[np.int64]:
+    """Turn stored stamps into nanoseconds from an origin.
+
+    The origin is subtracted in the stored unit and type before anything is converted: epoch stamps lose nothing.
+    NaN becomes ``INVALID_STAMP_NS``; what lies farther than ``FARTHEST_STAMP_NS`` from the origin saturates there.
+    """
+    unit = _ns_per_unit(binding)
+    origin = origin_ns - binding.offset_ns
+    if raw.dtype.kind == "f":
+        elapsed = (raw.astype(np.float64, copy=False) - origin / unit) * unit
+        farthest = float(FARTHEST_STAMP_NS)
+        elapsed = np.nan_to_num(elapsed, nan=-farthest, posinf=farthest, neginf=-farthest)
+        return np.rint(np.clip(elapsed, -farthest, farthest)).astype(np.int64)
+    units, rest_ns = divmod(origin, unit)
+    units = min(max(units, _INT64.min), _INT64.max)
+    reach = FARTHEST_STAMP_NS // unit
+    if raw.dtype.kind == "u":
+        raw = np.minimum(raw, _INT64.max)
+    nearby = np.clip(raw.astype(np.int64, copy=False), max(units - reach, _INT64.min), min(units + reach, _INT64.max))
+    return (nearby - units) * unit - rest_ns
+
+
+def instant_ns(stamp: float | int, binding: Binding) -> int | None:
+    """Return one stored stamp as nanoseconds on the file's own clock, exactly; None where it is not finite."""
+    if not np.isfinite(stamp):
+        return None
+    exact = Fraction(stamp.item() if isinstance(stamp, np.generic) else stamp)
+    return round(exact * _ns_per_unit(binding)) + binding.offset_ns
+
+
+def _ns_per_unit(binding: Binding) -> int:
+    if binding.ns_per_unit is None:
+        raise ValueError(f"Expected the stamps of a stream, got {binding.key}; values have no unit of time")
+    return binding.ns_per_unit
+
+
+def _select(stored: NDArray[Any], binding: Binding) -> NDArray[Any]:
+    if binding.columns is None:
+        return stored
+    rank = len(DATASETS[binding.key].shape)
+    if rank == 1:
+        return stored[:, binding.columns[0]]
+    if stored.ndim < rank:
+        stored = stored[..., np.newaxis]
+    return stored[..., list(binding.columns)]
+
+
+def _polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:
+    brighter, darker = {"01": (1, 0), "inverted": (0, 1), "plus_minus": (1, -1)}[code]
+    p = np.full(raw.shape, INVALID_POLARITY, dtype=np.uint8)
+    p[raw == brighter] = POLARITY_BRIGHTER
+    p[raw == darker] = POLARITY_DARKER
+    return p
+
+
+def _integers(raw: NDArray[Any], canonical: np.dtype[Any]) -> NDArray[Any]:
+    if raw.dtype == canonical:
+        return raw
+    limits = np.iinfo(canonical)
+    if raw.dtype.kind == "f":
+        farthest = float(FARTHEST_STAMP_NS)
+        raw = np.rint(np.nan_to_num(raw.astype(np.float64), nan=-1.0, posinf=farthest, neginf=-farthest))
+        raw = np.clip(raw, -farthest, farthest).astype(np.int64)
+    fits = not raw.size or (int(raw.min()) >= limits.min and int(raw.max()) <= limits.max)
+    return raw.astype(canonical if fits else np.int64)

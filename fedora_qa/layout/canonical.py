@@ -1,0 +1,203 @@
+"""The canonical FEDORA layout, version 1.0, as data.
+
+One description, used to write, to read and to validate. Shapes are symbolic: a name stands for a size that every
+dataset of the file shares (``N`` colour frames, ``E`` events), a number for itself.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from fedora_qa.conventions import FLOW_RATES_HZ
+
+Size = str | int
+
+EVENT_CHUNK_ROWS: Final = 256 * 1024
+SAMPLE_CHUNK_ROWS: Final = 16 * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class DatasetSpec:
+    """One dataset of the file.
+
+    Attributes
+    ----------
+    key
+        Where it lies, from the root, without a leading slash. The canonical key names the dataset in every dialect.
+    stream
+        The stream that it is part of.
+    dtype
+        NumPy name of the stored type.
+    shape
+        Symbolic sizes; the first is the axis of time.
+    units
+        Value of the attribute ``units``.
+    chunk_rows
+        Rows in a chunk (1 for images: one frame a chunk); 0 for contiguous storage.
+    meaning
+        One line for people.
+    """
+
+    key: str
+    stream: str
+    dtype: str
+    shape: tuple[Size, ...]
+    units: str
+    chunk_rows: int
+    meaning: str
+
+    @property
+    def is_stamps(self) -> bool:
+        """Whether the values are times on the file's clock."""
+        return self.key.endswith(("_ts", "/ts", "/t"))
+
+    @property
+    def is_image(self) -> bool:
+        """Whether a row is a whole image."""
+        return self.chunk_rows == 1
+
+
+@dataclass(frozen=True, slots=True)
+class AttributeSpec:
+    """One attribute: the object that carries it, its name, type and whether the format requires it."""
+
+    owner: str
+    name: str
+    kind: str
+    units: str
+    required: bool
+    meaning: str
+    choices: tuple[str, ...] = ()
+
+
+def _flow(rate_hz: int) -> tuple[DatasetSpec, ...]:
+    stream, count = f"flow/{rate_hz}hz", f"K{rate_hz}"
+    return (
+        DatasetSpec(f"path/{stream}", stream, "float32", (count, "H", "W", 2), "px", 1,
+                    "displacement over the interval (u right, v down), NaN where depth is invalid"),
+        DatasetSpec(f"path/{stream}_ts", stream, "int64", (count, 2), "us", SAMPLE_CHUNK_ROWS,
+                    "start and end of the interval"),
+    )  # fmt: skip
+
+
+_DATASETS: Final = (
+    DatasetSpec("path/rgb", "rgb", "uint8", ("N", "H_rgb", "W_rgb", 3), "DN", 1, "colour frames, R, G, B"),
+    DatasetSpec("path/rgb_ts", "rgb", "int64", ("N",), "us", SAMPLE_CHUNK_ROWS, "middle of the exposure"),
+    DatasetSpec("path/depth", "depth", "float32", ("D", "H", "W"), "mm", 1, "z-depth, NaN invalid"),
+    DatasetSpec("path/depth_ts", "depth", "int64", ("D",), "us", SAMPLE_CHUNK_ROWS, "instant of the depth frame"),
+    DatasetSpec("path/events/x", "events", "uint16", ("E",), "px", EVENT_CHUNK_ROWS, "column"),
+    DatasetSpec("path/events/y", "events", "uint16", ("E",), "px", EVENT_CHUNK_ROWS, "row"),
+    DatasetSpec("path/events/t", "events", "int64", ("E",), "us", EVENT_CHUNK_ROWS, "instant, non-decreasing"),
+    DatasetSpec("path/events/p", "events", "uint8", ("E",), "1", EVENT_CHUNK_ROWS, "1 brighter, 0 darker"),
+    DatasetSpec("path/imu/angular_velocity", "imu", "float64", ("M", 3), "rad/s", SAMPLE_CHUNK_ROWS, "body frame"),
+    DatasetSpec("path/imu/linear_acceleration", "imu", "float64", ("M", 3), "m/s^2", SAMPLE_CHUNK_ROWS,
+                "specific force, body frame (+g on Z at rest)"),
+    DatasetSpec("path/imu/ts", "imu", "int64", ("M",), "us", SAMPLE_CHUNK_ROWS, "instant of the sample"),
+    DatasetSpec("path/pose/position", "pose", "float64", ("P", 3), "m", SAMPLE_CHUNK_ROWS,
+                "body origin in the world (ENU)"),
+    DatasetSpec("path/pose/orientation", "pose", "float64", ("P", 4), "1", SAMPLE_CHUNK_ROWS,
+                "unit quaternion x, y, z, w, body to world"),
+    DatasetSpec("path/pose/ts", "pose", "int64", ("P",), "us", SAMPLE_CHUNK_ROWS, "instant of the pose"),
+    *(spec for rate_hz in FLOW_RATES_HZ for spec in _flow(rate_hz)),
+    DatasetSpec("metadata/rgb_to_event", "rgb_to_event", "int64", ("N",), "1", SAMPLE_CHUNK_ROWS,
+                "index of the earliest event not before the colour frame; E where none is left"),
+    DatasetSpec("metadata/depth_to_event", "depth_to_event", "int64", ("D",), "1", SAMPLE_CHUNK_ROWS,
+                "index of the earliest event not before the depth frame; E where none is left"),
+    DatasetSpec("metadata/depth_range", "depth_range", "float64", (2,), "m", 0, "nearest and farthest valid depth"),
+)  # fmt: skip
+
+DATASETS: Final[Mapping[str, DatasetSpec]] = MappingProxyType({spec.key: spec for spec in _DATASETS})
+"""Every dataset of the layout by its key, in the order of the file."""
+
+
+def _camera(name: str) -> tuple[AttributeSpec, ...]:
+    owner = f"metadata/cameras/{name}"
+    return (
+        AttributeSpec(owner, "width", "int", "px", True, "columns"),
+        AttributeSpec(owner, "height", "int", "px", True, "rows"),
+        AttributeSpec(owner, "K", "matrix3", "px", True, "intrinsics; integer coordinates are pixel centres"),
+        AttributeSpec(owner, "T_body_camera", "matrix4", "m", True, "p_body = T_body_camera p_optical"),
+        AttributeSpec(owner, "exposure_us", "float", "us", False, "global exposure around the stamp, 0 by default"),
+        AttributeSpec(owner, "camera_model", "text", "", False, "pinhole by default"),
+    )
+
+
+_EVENT_EFFECTS: Final = (
+    ("threshold_sigma", "unit of the threshold", "spread of the thresholds over pixels"),
+    ("leak_rate_hz", "Hz", "brighter events a pixel gives at rest"),
+    ("shot_rate_hz", "Hz", "spurious events a pixel gives"),
+    ("bandwidth_hz", "Hz", "first-order low-pass before the comparator"),
+    ("refractory_us", "us", "dead time of a pixel after an event"),
+    ("hot_pixel_rate_hz", "Hz", "rate of a hot pixel"),
+)
+
+_ATTRIBUTES: Final = (
+    AttributeSpec("", "format", "text", "", True, "name of the format", ("fedora",)),
+    AttributeSpec("", "format_version", "text", "", True, "version of the layout", ("1.0",)),
+    AttributeSpec("", "sequence", "text", "", False, "name of the sequence"),
+    AttributeSpec("", "world", "text", "", False, "name of the world"),
+    AttributeSpec("", "illumination", "text", "", False, "day or night"),
+    AttributeSpec("", "created_by", "text", "", False, "the program that wrote the file"),
+    AttributeSpec("", "scene_digest", "text", "", False, "digest of the scene's description"),
+    AttributeSpec("", "seed", "int", "", False, "seed of every random stream"),
+    AttributeSpec("", "profile", "text", "", False, "numbers that the file promises besides", ("fedora-paper",)),
+    AttributeSpec("path/rgb", "transfer", "text", "", False, "transfer curve, linear by default",
+                  ("linear", "srgb", "gamma2.2")),
+    *_camera("rgb"), *_camera("depth"), *_camera("events"),
+    AttributeSpec("metadata/events", "model", "text", "", True, "sensor model", ("log", "linear")),
+    AttributeSpec("metadata/events", "threshold_on", "float", "nat or DN", True, "contrast threshold, brighter"),
+    AttributeSpec("metadata/events", "threshold_off", "float", "nat or DN", True, "contrast threshold, darker"),
+    AttributeSpec("metadata/events", "log_eps_dn", "float", "DN", False, "L = ln(Y + log_eps_dn), 0 by default"),
+    AttributeSpec("metadata/events", "initial_phase", "text", "", False, "first reference level"),
+    AttributeSpec("metadata/events", "packet_interval_us", "int", "us", False, "0: asynchronous"),
+    AttributeSpec("metadata/events", "polarity", "text", "", True, "polarity code", ("1=brighter",)),
+    *(AttributeSpec("metadata/events", name, "float", units, False, meaning)
+      for name, units, meaning in _EVENT_EFFECTS),
+    AttributeSpec("metadata/events", "hot_pixels", "pixels", "px", False, "columns and rows of hot pixels"),
+    AttributeSpec("metadata/imu", "gyro_noise_density", "float", "rad/s/sqrt(Hz)", True, "white noise of the gyro"),
+    AttributeSpec("metadata/imu", "accel_noise_density", "float", "m/s^2/sqrt(Hz)", True,
+                  "white noise of the accelerometer"),
+    AttributeSpec("metadata/imu", "gyro_bias_walk", "float", "rad/s^2/sqrt(Hz)", True, "random walk of the bias"),
+    AttributeSpec("metadata/imu", "accel_bias_walk", "float", "m/s^3/sqrt(Hz)", True, "random walk of the bias"),
+    AttributeSpec("metadata/imu", "gravity", "float", "m/s^2", True, "g; world gravity is (0, 0, -g)"),
+    AttributeSpec("metadata/imu", "sampling", "text", "", False, "instant by default",
+                  ("instant", "interval_mean")),
+    AttributeSpec("metadata/pose", "position_sigma", "float", "m", True, "noise per axis, world"),
+    AttributeSpec("metadata/pose", "rotation_sigma", "float", "rad", True, "noise per axis, body"),
+    AttributeSpec("metadata/flow", "unit", "text", "", True, "unit of the flow", ("px",)),
+    AttributeSpec("metadata/flow", "model", "text", "", False, "rigid by default", ("rigid", "scene")),
+)  # fmt: skip
+
+ATTRIBUTES: Final[Mapping[tuple[str, str], AttributeSpec]] = MappingProxyType(
+    {(spec.owner, spec.name): spec for spec in _ATTRIBUTES}
+)
+"""Every attribute of the layout by owner and name. The attribute ``units`` of each dataset stands in its spec."""
+
+FLOW_STREAMS: Final = tuple(f"flow/{rate_hz}hz" for rate_hz in FLOW_RATES_HZ)
+STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", *FLOW_STREAMS, "rgb_to_event", "depth_to_event")
+"""Every stream that a file can hold, a flow rate each on its own."""
+
+STAMPS_OF: Final[Mapping[str, str]] = MappingProxyType({spec.stream: spec.key for spec in _DATASETS if spec.is_stamps})
+"""The dataset that holds the stamps of a stream."""
+
+PROMISED_BY: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "rgb": "metadata/cameras/rgb",
+        "depth": "metadata/cameras/depth",
+        "events": "metadata/events",
+        "imu": "metadata/imu",
+        "pose": "metadata/pose",
+    }
+)
+"""The group whose presence declares that the file holds the stream."""
+
+
+def datasets_of(stream: str) -> tuple[DatasetSpec, ...]:
+    """Return the datasets that make up a stream."""
+    return tuple(spec for spec in _DATASETS if spec.stream == stream)
+
+
+def attributes_of(owner: str) -> tuple[AttributeSpec, ...]:
+    """Return the attributes that an object carries by the format."""
+    return tuple(spec for spec in _ATTRIBUTES if spec.owner == owner)

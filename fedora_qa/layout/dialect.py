@@ -1,0 +1,173 @@
+"""Dialects: layouts of others as data. Each is a TOML file that says where every canonical dataset lies."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from math import pi
+from pathlib import Path
+from typing import Annotated, ClassVar, Final, Literal
+
+from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError
+
+from fedora_qa.conventions import MM_PER_M, NS_PER_S, NS_PER_US, STANDARD_GRAVITY_M_S2
+from fedora_qa.errors import MisuseError
+from fedora_qa.layout.binding import Polarity
+from fedora_qa.layout.canonical import DATASETS
+
+DIALECT_NAMES: Final = ("fedora", "purdue-lab", "dsec", "mvsec", "m3ed")
+
+NS_PER_TIME_UNIT: Final[Mapping[str, int]] = {"s": NS_PER_S, "ms": 1_000_000, "us": NS_PER_US, "ns": 1}
+
+SCALES: Final[Mapping[tuple[str, str], float]] = {
+    ("m", "mm"): MM_PER_M,
+    ("cm", "mm"): 10.0,
+    ("mm", "m"): 1 / MM_PER_M,
+    ("deg/s", "rad/s"): pi / 180,
+    ("g", "m/s^2"): STANDARD_GRAVITY_M_S2,
+}
+"""Factor from a stored unit to the canonical one."""
+
+QUATERNION_COLUMNS: Final[Mapping[str, tuple[int, ...]]] = {"xyzw": (0, 1, 2, 3), "wxyz": (1, 2, 3, 0)}
+"""Which stored entries are x, y, z, w."""
+
+
+def _canonical_key(key: str) -> str:
+    if key not in DATASETS:
+        raise ValueError(f"expected a canonical key such as path/events/t, got {key!r}")
+    return key
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a canonical dataset lies and how it is stored.
+
+    Attributes
+    ----------
+    path
+        From the root of the file; empty: where the canonical layout puts it.
+    columns
+        Entries of the last axis that make the canonical columns, in canonical order; empty: all.
+    time_unit
+        Unit of stamps.
+    offset_path
+        A scalar dataset, in the unit of the stamps, that is added to each of them; empty: none.
+    value_unit
+        Unit of values; empty: the canonical one.
+    polarity
+        ``01``: 1 brighter, 0 darker; ``inverted``: the other way round; ``plus_minus``: 1 brighter, -1 darker.
+    quaternion
+        Order of the stored quaternions.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    path: str = ""
+    columns: tuple[int, ...] = ()
+    time_unit: Literal["s", "ms", "us", "ns"] = "us"
+    offset_path: str = ""
+    value_unit: str = ""
+    polarity: Polarity = "01"
+    quaternion: Literal["xyzw", "wxyz"] = "xyzw"
+
+
+@dataclass(frozen=True, slots=True)
+class Hint:
+    """A dataset that gives the dialect away: its path, and where stated its rank and the kind of its type."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    path: str
+    rank: int | None = None
+    kind: Literal["int", "float"] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """A layout as data.
+
+    Attributes
+    ----------
+    name, description
+        For people.
+    canonical_elsewhere
+        Whether datasets that are not named lie where the canonical layout puts them, in canonical units.
+    datasets
+        The place of each dataset by canonical key.
+    hints
+        Any one of them speaks for the dialect where two fit a file equally well.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    name: str
+    description: str = ""
+    canonical_elsewhere: bool = False
+    datasets: Mapping[Annotated[str, AfterValidator(_canonical_key)], Place] = field(default_factory=dict)
+    hints: tuple[Hint, ...] = ()
+
+    def place_of(self, key: str) -> Place | None:
+        """Return where a canonical dataset lies; None where this dialect has no place for it."""
+        return self.datasets.get(key, Place() if self.canonical_elsewhere else None)
+
+    def is_canonical(self, key: str) -> bool:
+        """Whether the dialect holds the dataset to the canonical type and path."""
+        return self.canonical_elsewhere and key not in self.datasets
+
+
+_READER: Final = TypeAdapter(Dialect)
+
+
+def load_dialect(name_or_path: str | Path) -> Dialect:
+    """Read a dialect that is known by name, or a TOML file.
+
+    Raises
+    ------
+    MisuseError
+        No such dialect, not TOML, a key that is not known, or a value that does not fit. The message names the key.
+    """
+    text = _read_text(name_or_path)
+    try:
+        dialect = _READER.validate_python(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise MisuseError(f"Expected the dialect {name_or_path} to be TOML, got: {error}") from error
+    except ValidationError as error:
+        raise MisuseError(f"Expected a dialect in {name_or_path}, got: {_first_problem(error)}") from error
+    for key, place in dialect.datasets.items():
+        scale_of(key, place)
+    return dialect
+
+
+def scale_of(key: str, place: Place) -> float:
+    """Return the factor from stored to canonical values.
+
+    Raises
+    ------
+    MisuseError
+        No conversion to the canonical unit is known.
+    """
+    canonical = DATASETS[key].units
+    if place.value_unit in {"", canonical}:
+        return 1.0
+    scale = SCALES.get((place.value_unit, canonical))
+    if scale is None:
+        known = sorted(stored for stored, target in SCALES if target == canonical)
+        raise MisuseError(
+            f"Expected value_unit of {key} to be one of {', '.join([canonical, *known])}, got {place.value_unit!r}"
+        )
+    return scale
+
+
+def _read_text(name_or_path: str | Path) -> str:
+    if str(name_or_path) in DIALECT_NAMES:
+        return (resources.files("fedora_qa.layout") / "dialects" / f"{name_or_path}.toml").read_text("utf-8")
+    try:
+        return Path(name_or_path).read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        known = ", ".join(DIALECT_NAMES)
+        raise MisuseError(f"Expected a dialect ({known}) or a TOML file, got {str(name_or_path)!r}: {error}") from error
+
+
+def _first_problem(error: ValidationError) -> str:
+    problem = error.errors()[0]
+    return f"{'.'.join(str(part) for part in problem['loc']) or 'the document'}: {problem['msg']}"

@@ -1,0 +1,94 @@
+"""Find a dataset by its path, and refuse whatever would read something other than this file.
+
+HDF5 can point out of a file in four ways: external links, soft links that lead through them, virtual datasets and
+external storage. A file from somewhere else must not decide which other files are read.
+"""
+
+from typing import Final
+
+import h5py
+
+MAX_LINKS: Final = 16
+"""Soft links followed in a row before they count as a loop."""
+
+
+class RefusedError(Exception):
+    """A path that leads nowhere usable.
+
+    Attributes
+    ----------
+    rule
+        Short name of the rule that was broken.
+    cause
+        Identifier of ``causes.py``.
+    """
+
+    def __init__(self, rule: str, cause: str, message: str) -> None:
+        super().__init__(message)
+        self.rule = rule
+        self.cause = cause
+
+
+def find_dataset(file: h5py.File, path: str) -> h5py.Dataset | None:
+    """Return the dataset at a path, or None where there is nothing.
+
+    Raises
+    ------
+    RefusedError
+        The path leads out of the file, dangles, ends at a group, or cannot be followed because bytes are damaged.
+    """
+    found = find_object(file, path)
+    if found is None:
+        return None
+    if not isinstance(found, h5py.Dataset):
+        raise RefusedError("not_a_dataset", "wrong_shape", f"Expected a dataset at {path}, got a group or named type")
+    if found.is_virtual or found.external:
+        raise RefusedError("outside_link", "missing_stream", f"Expected the values of {path} in this file, got a "
+                           "virtual or externally stored dataset; copy the values into the file")  # fmt: skip
+    return found
+
+
+def has_group(file: h5py.File, path: str) -> bool:
+    """Whether a group lies at the path, inside this file."""
+    try:
+        return isinstance(find_object(file, path), h5py.Group)
+    except RefusedError:
+        return False
+
+
+def find_object(file: h5py.File, path: str) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
+    """Return the object at a path, following only links that stay in the file; None where there is nothing.
+
+    Raises
+    ------
+    RefusedError
+        As for ``find_dataset``.
+    """
+    try:
+        return _follow(file, path, links_left=MAX_LINKS)
+    except (OSError, RuntimeError, KeyError, ValueError) as error:
+        raise RefusedError("unreadable", "corrupt_chunk", f"Expected {path} to be readable, got: {error}") from error
+
+
+def _follow(file: h5py.File, path: str, links_left: int) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
+    here = file
+    parts = [part for part in path.split("/") if part]
+    for depth, part in enumerate(parts):
+        if not isinstance(here, h5py.Group):
+            return None
+        link = here.get(part, getlink=True)
+        if link is None:
+            return None
+        if isinstance(link, h5py.ExternalLink):
+            raise RefusedError("outside_link", "missing_stream", f"Expected {path} in this file, got a link to "
+                               f"{link.filename}; copy the data into the file")  # fmt: skip
+        if isinstance(link, h5py.SoftLink):
+            target = link.path if link.path.startswith("/") else "/".join([here.name, link.path])
+            rest = "/".join([target, *parts[depth + 1 :]])
+            found = _follow(file, rest, links_left - 1) if links_left else None
+            if found is None:
+                raise RefusedError("dangling_link", "missing_stream", f"Expected data at {path}, got a link to "
+                                   f"{link.path}, where there is nothing")  # fmt: skip
+            return found
+        here = here[part]
+    return here

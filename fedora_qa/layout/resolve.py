@@ -1,0 +1,324 @@
+"""Find the canonical datasets in a file: which dialect it speaks, what is whole, what is absent, what is wrong."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from math import ceil, prod
+from typing import Final
+
+import h5py
+import numpy as np
+
+from fedora_qa.conventions import FORMAT_NAME
+from fedora_qa.layout.binding import Binding, instant_ns
+from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS, PROMISED_BY, STREAMS, DatasetSpec, datasets_of
+from fedora_qa.layout.dialect import (
+    DIALECT_NAMES,
+    NS_PER_TIME_UNIT,
+    QUATERNION_COLUMNS,
+    Dialect,
+    Place,
+    load_dialect,
+    scale_of,
+)
+from fedora_qa.layout.links import RefusedError, find_dataset, has_group
+
+_EXTRA_STREAMS: Final = ("depth_range",)
+"""Datasets of the layout that are declarations, not streams."""
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutProblem:
+    """Something about the layout that an honest file would not show.
+
+    ``code`` is ``integrity.layout.<rule>``, ``cause`` an identifier of ``causes.py``.
+    """
+
+    code: str
+    cause: str
+    stream: str
+    key: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where everything lies in one file.
+
+    Attributes
+    ----------
+    dialect_name
+        The dialect that the file was read in.
+    bindings
+        By canonical key; only of whole streams.
+    streams
+        The streams that are whole: every dataset there, shapes consistent, types readable.
+    absent
+        Why each other stream is not, by stream.
+    problems
+        Everything wrong with the layout, in the order of the canonical layout.
+    inferred
+        What was concluded and not declared, for the record.
+    """
+
+    dialect_name: str
+    bindings: Mapping[str, Binding]
+    streams: frozenset[str]
+    absent: Mapping[str, str]
+    problems: tuple[LayoutProblem, ...] = ()
+    inferred: Mapping[str, str | float] = field(default_factory=dict)
+
+
+def resolve(file: h5py.File, dialect: Dialect | None = None) -> Layout:
+    """Find every canonical dataset.
+
+    Parameters
+    ----------
+    file
+        Open for reading.
+    dialect
+        The dialect to read in; None: the one that the file declares, or else the one that finds most.
+    """
+    inferred: dict[str, str | float] = {}
+    if dialect is None:
+        dialect = _detect(file)
+        if not declares_fedora(file):
+            inferred["layout.dialect"] = dialect.name
+    finder = _Finder(file, dialect)
+    for stream in (*STREAMS, *_EXTRA_STREAMS):
+        finder.find(stream)
+    if dialect.canonical_elsewhere:
+        finder.hold_to_promises()
+    return Layout(
+        dialect_name=dialect.name,
+        bindings=finder.bindings,
+        streams=frozenset(stream for stream in STREAMS if datasets_of(stream)[0].key in finder.bindings),
+        absent=finder.absent,
+        problems=tuple(finder.problems),
+        inferred=inferred,
+    )
+
+
+def declares_fedora(file: h5py.File) -> bool:
+    """Whether the file says that it follows the canonical layout."""
+    try:
+        declared = file.attrs.get("format")
+    except (OSError, RuntimeError):
+        return False
+    return declared in (FORMAT_NAME, FORMAT_NAME.encode())
+
+
+class _Finder:
+    """Walks the streams in order and keeps what it finds; sizes are agreed on between streams as they come."""
+
+    def __init__(self, file: h5py.File, dialect: Dialect) -> None:
+        self.file = file
+        self.dialect = dialect
+        self.bindings: dict[str, Binding] = {}
+        self.absent: dict[str, str] = {}
+        self.problems: list[LayoutProblem] = []
+        self._sizes: dict[str, tuple[int, str]] = {}
+
+    def find(self, stream: str) -> None:
+        """Bind all datasets of a stream, or none and say why."""
+        specs = datasets_of(stream)
+        unplaced = [spec.key for spec in specs if self.dialect.place_of(spec.key) is None]
+        if unplaced:
+            self.absent[stream] = f"the dialect {self.dialect.name} has no place for {', '.join(unplaced)}"
+            return
+        try:
+            found = {spec.key: self._dataset(spec) for spec in specs}
+            missing = [key for key, dataset in found.items() if dataset is None]
+            if len(missing) == len(specs):
+                self.absent[stream] = f"there is no {self._path(specs[0].key)} in the file"
+                return
+            if missing:
+                present = next(key for key, dataset in found.items() if dataset is not None)
+                message = f"Expected {self._path(missing[0])} beside {self._path(present)}, got nothing there"
+                raise _BrokenError(missing[0], RefusedError("missing_stream", "missing_stream", message))
+            bound = {spec.key: self._bind(spec, found[spec.key]) for spec in specs}
+            self._agree_on_sizes(specs, bound)
+        except _BrokenError as broken:
+            self.absent[stream] = str(broken.reason)
+            self._report(stream, broken.key, broken.reason)
+            return
+        self.bindings.update(bound)
+
+    def hold_to_promises(self) -> None:
+        """Report streams that the metadata declare and that are not there at all."""
+        reported = {problem.stream for problem in self.problems}
+        for stream, group in PROMISED_BY.items():
+            if stream in self.absent and stream not in reported and has_group(self.file, group):
+                self._report_promise(stream, group)
+        no_flow = all(stream in self.absent and stream not in reported for stream in FLOW_STREAMS)
+        if no_flow and has_group(self.file, "metadata/flow"):
+            self._report_promise("flow", "metadata/flow")
+
+    def _report_promise(self, stream: str, group: str) -> None:
+        message = f"Expected {stream}, which /{group} declares, got no such stream; write it or drop the declaration"
+        self._report(stream, "", RefusedError("missing_stream", "missing_stream", message))
+
+    def _report(self, stream: str, key: str, reason: RefusedError) -> None:
+        code = f"integrity.layout.{reason.rule}"
+        self.problems.append(LayoutProblem(code, reason.cause, stream, key, str(reason)))
+
+    def _path(self, key: str) -> str:
+        return self._place(key).path or key
+
+    def _place(self, key: str) -> Place:
+        return self.dialect.place_of(key) or Place()
+
+    def _dataset(self, spec: DatasetSpec) -> h5py.Dataset | None:
+        try:
+            return find_dataset(self.file, self._path(spec.key))
+        except RefusedError as refused:
+            raise _BrokenError(spec.key, refused) from refused
+
+    def _bind(self, spec: DatasetSpec, dataset: h5py.Dataset) -> Binding:
+        place, path = self._place(spec.key), self._path(spec.key)
+        try:
+            _require_readable_type(spec, dataset, path)
+            _require_shape(spec, place, dataset, path)
+            unit = NS_PER_TIME_UNIT[place.time_unit] if spec.is_stamps else None
+            binding = Binding(
+                key=spec.key,
+                path=path,
+                rows=dataset.shape[0],
+                shape=dataset.shape,
+                dtype=dataset.dtype,
+                columns=place.columns or _quaternion_columns(spec, place),
+                ns_per_unit=unit,
+                scale=scale_of(spec.key, place),
+                polarity=place.polarity,
+                chunk_rows=dataset.chunks[0] if dataset.chunks else 0,
+            )
+            offset_ns = self._offset_ns(place, binding)
+        except RefusedError as refused:
+            raise _BrokenError(spec.key, refused) from refused
+        self._note_oddities(spec, dataset, path)
+        return replace(binding, offset_ns=offset_ns)
+
+    def _note_oddities(self, spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
+        """Report what is wrong although the dataset can be read."""
+        if self.dialect.is_canonical(spec.key) and dataset.dtype.newbyteorder("=") != np.dtype(spec.dtype):
+            message = f"Expected {path} as {spec.dtype}, got {dataset.dtype}; write it in the type of the layout"
+            self._report(spec.stream, spec.key, RefusedError("wrong_dtype", "wrong_dtype", message))
+        unwritten, chunks = _unwritten_chunks(dataset)
+        if unwritten:
+            message = f"Expected all {chunks} chunks of {path} to be written, got {unwritten} that never were"
+            self._report(spec.stream, spec.key, RefusedError("unwritten", "truncated", message))
+
+    def _offset_ns(self, place: Place, binding: Binding) -> int:
+        if not place.offset_path:
+            return 0
+        dataset = find_dataset(self.file, place.offset_path)
+        if dataset is None:
+            return 0
+        offset = instant_ns(np.asarray(dataset[()]).reshape(-1)[0], binding) if dataset.size == 1 else None
+        if offset is None:
+            raise RefusedError("wrong_shape", "wrong_shape", f"Expected one finite number at {place.offset_path}")
+        return offset
+
+    def _agree_on_sizes(self, specs: Iterable[DatasetSpec], bound: Mapping[str, Binding]) -> None:
+        """Hold symbolic sizes to what earlier datasets had; keep the new ones only if the whole stream agrees."""
+        sizes = dict(self._sizes)
+        for spec in specs:
+            for symbol, size in zip(spec.shape, bound[spec.key].shape, strict=False):
+                if isinstance(symbol, int):
+                    continue
+                path = bound[spec.key].path
+                agreed, agreed_path = sizes.setdefault(symbol, (size, path))
+                if size != agreed:
+                    message = f"Expected {path} with {symbol} = {agreed} as {agreed_path}, got {size}"
+                    raise _BrokenError(spec.key, RefusedError("wrong_shape", "wrong_shape", message))
+        self._sizes = sizes
+
+
+class _BrokenError(Exception):
+    """One dataset keeps its stream from being whole."""
+
+    def __init__(self, key: str, reason: RefusedError) -> None:
+        super().__init__(str(reason))
+        self.key = key
+        self.reason = reason
+
+
+def _detect(file: h5py.File) -> Dialect:
+    """Return the dialect that finds most datasets; hints decide between equals, then the order of the names."""
+    dialects = [load_dialect(name) for name in DIALECT_NAMES]
+    if declares_fedora(file):
+        return dialects[0]
+    return max(dialects, key=lambda dialect: (_served(file, dialect), _hinted(file, dialect)))
+
+
+def _served(file: h5py.File, dialect: Dialect) -> int:
+    places = ((spec, dialect.place_of(spec.key)) for spec in DATASETS.values())
+    return sum(place is not None and _fits(file, spec, place) for spec, place in places)
+
+
+def _fits(file: h5py.File, spec: DatasetSpec, place: Place) -> bool:
+    try:
+        dataset = find_dataset(file, place.path or spec.key)
+    except RefusedError:
+        return False
+    return dataset is not None and dataset.shape is not None and len(dataset.shape) in _ranks(spec, place)
+
+
+def _hinted(file: h5py.File, dialect: Dialect) -> bool:
+    for hint in dialect.hints:
+        try:
+            dataset = find_dataset(file, hint.path)
+        except RefusedError:
+            continue
+        if dataset is None or dataset.shape is None or hint.rank not in {None, len(dataset.shape)}:
+            continue
+        if hint.kind is None or dataset.dtype.kind in {"int": "iu", "float": "f"}[hint.kind]:
+            return True
+    return False
+
+
+def _ranks(spec: DatasetSpec, place: Place) -> tuple[int, ...]:
+    rank = len(spec.shape)
+    if not place.columns:
+        return (rank,)
+    return (2,) if rank == 1 else (rank, rank - 1)
+
+
+def _require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
+    """Refuse what no safe conversion exists for: no numbers at all, or colours that are not 8-bit codes."""
+    numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None
+    if not numeric or (spec.key == "path/rgb" and dataset.dtype != np.uint8):
+        raise RefusedError("wrong_dtype", "wrong_dtype", f"Expected {path} as {spec.dtype}, got {dataset.dtype}, "
+                           "which cannot be converted safely")  # fmt: skip
+
+
+def _require_shape(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str) -> None:
+    shape: tuple[int, ...] | None = dataset.shape
+    expected = " x ".join(str(size) for size in spec.shape)
+    wrong = RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")
+    if shape is None or len(shape) not in _ranks(spec, place):
+        raise wrong
+    if place.columns:
+        entries = shape[-1] if len(shape) in {2, len(spec.shape)} else 1
+        if not all(0 <= column < entries for column in place.columns):
+            raise wrong
+    elif any(isinstance(size, int) and size != stored for size, stored in zip(spec.shape, shape, strict=True)):
+        raise wrong
+    if 0 in shape[1:]:
+        raise wrong
+
+
+def _quaternion_columns(spec: DatasetSpec, place: Place) -> tuple[int, ...] | None:
+    if spec.key != "path/pose/orientation" or place.quaternion == "xyzw":
+        return None
+    return QUATERNION_COLUMNS[place.quaternion]
+
+
+def _unwritten_chunks(dataset: h5py.Dataset) -> tuple[int, int]:
+    """Count the chunks that take no place in the file, and all chunks: a writer that was stopped leaves such."""
+    if not dataset.size:
+        return 0, 0
+    if dataset.chunks is None:
+        return int(dataset.id.get_storage_size() == 0), 1
+    pairs = zip(dataset.shape, dataset.chunks, strict=True)
+    chunks = prod(ceil(size / chunk) for size, chunk in pairs)
+    return chunks - dataset.id.get_num_chunks(), chunks

@@ -1,0 +1,1 @@
+"""The record: what a run found, as frozen values that every output is drawn from."""

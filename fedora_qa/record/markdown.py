@@ -1,0 +1,85 @@
+"""The record as markdown, for a pull request. Whatever comes from a file is escaped."""
+
+import re
+from collections.abc import Iterable
+
+from fedora_qa.record.types import Diagnosis, FileRecord, Record, Result
+from fedora_qa.record.wording import (
+    OUTCOME_WORDS,
+    cause_sentence,
+    coverage_words,
+    explained_checks,
+    findings_of,
+    headline,
+    place,
+    principal,
+    printable,
+    with_error,
+    with_unit,
+)
+
+_SPECIAL = re.compile(r"([\\`*_\[\]<>|~#&$])")
+_LINK = re.compile(r"(:)(?=//)|(?<=www)(\.)")
+
+
+def record_to_markdown(record: Record) -> str:
+    """Return the record as GitHub-flavoured markdown."""
+    effort = f", effort {record.effort}" if record.effort else ""
+    foot = f"{record.tool.name} {record.tool.version}, ruleset {record.ruleset_version}{effort}"
+    return "\n\n".join([*(_file_section(file) for file in record.files), f"<sub>{escape(foot)}</sub>"]) + "\n"
+
+
+def escape(text: str) -> str:
+    """Return text that markdown shows as it is: no markup, HTML, link, or mention of a person."""
+    shown = _SPECIAL.sub(r"\\\1", printable(text))
+    shown = _LINK.sub(lambda match: "\\" + match[0], shown)
+    return shown.replace("@", "@\N{ZERO WIDTH SPACE}")
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return a markdown table; cells are escaped."""
+    head = tuple(head)
+    lines = [_row(head), _row("---" for _ in head)]
+    return "\n".join([*lines, *(_row(escape(cell) for cell in row) for row in rows)])
+
+
+def _row(cells: Iterable[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _file_section(file: FileRecord) -> str:
+    parts = [f"## {escape(file.path)}", f"**{escape(headline(file))}**"]
+    if file.diagnoses:
+        parts += ["### Probable causes", "\n".join(_diagnosis(diagnosis, file) for diagnosis in file.diagnoses)]
+    found = findings_of(file)
+    if found:
+        rows = ((f.id, f.severity, f.code, f.message, place(f.where)) for _, f in found)
+        parts += ["### Findings", table(("id", "severity", "rule", "finding", "where"), rows)]
+    rows = (_check_row(result) for result in file.results)
+    head = ("check", "outcome", "measured", "expected", "least detectable", "coverage")
+    return "\n\n".join([*parts, "### Checks", table(head, rows)])
+
+
+def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> str:
+    explains = ", ".join((*explained_checks(diagnosis, file), *diagnosis.explains))
+    lines = [
+        f"- **{escape(cause_sentence(diagnosis))}** ({diagnosis.confidence:.0%})",
+        f"  - where: {escape(place(diagnosis.where))}" if place(diagnosis.where) else "",
+        f"  - remedy: {escape(diagnosis.remedy)}",
+        f"  - explains: {escape(explains)}",
+    ]
+    return "\n".join(line for line in lines if line)
+
+
+def _check_row(result: Result) -> tuple[str, ...]:
+    outcome, measured = OUTCOME_WORDS[result.outcome], principal(result)
+    if measured is None:
+        return result.check, outcome, result.reason, "", "", coverage_words(result.coverage)
+    return (
+        result.check,
+        outcome,
+        f"{measured.name}: {with_error(measured.value, measured.standard_error, measured.unit)}",
+        "" if measured.expected is None else with_unit(measured.expected, measured.unit),
+        "" if measured.least_detectable is None else with_unit(measured.least_detectable, measured.unit),
+        coverage_words(result.coverage),
+    )

@@ -1,0 +1,146 @@
+"""The record's types. Field names are relied on by others and never change within a record version."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+RECORD_VERSION: Final = "1.0"
+
+Outcome = Literal["passed", "failed", "warned", "not_applicable", "not_observable", "crashed"]
+Severity = Literal["critical", "error", "warning", "info"]
+Verdict = Literal["clean", "findings", "incomplete"]
+Scalar = str | int | float | bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """A place in a file; what does not apply is None. Times are on the file's own clock; ranges are half-open."""
+
+    stream: str | None = None
+    start_us: float | None = None
+    stop_us: float | None = None
+    index_start: int | None = None
+    index_stop: int | None = None
+    frame: int | None = None
+    pixel: tuple[int, int] | None = None
+    tile: tuple[int, int, int, int] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """A measured number beside what an honest file gives.
+
+    ``limit`` is the largest deviation from ``expected`` that an honest file gives at the file's false-alarm rate;
+    ``least_detectable`` the least deviation that would have been seen with 95% probability.
+    """
+
+    name: str
+    value: float | None
+    unit: str
+    standard_error: float | None
+    expected: float | None
+    limit: float | None
+    least_detectable: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """How much of a stream was seen."""
+
+    seen: int
+    of: int
+    unit: str
+
+    @property
+    def share(self) -> float:
+        """Share that was seen, 0 to 1; nothing to see counts as all seen."""
+        return self.seen / self.of if self.of else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A rule that was broken: which, how badly, and where."""
+
+    id: str
+    code: str
+    severity: Severity
+    message: str
+    where: Where
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """The outcome of one check. ``reason`` says why it was not applicable, not observable, warned or crashed."""
+
+    check: str
+    outcome: Outcome
+    question: str
+    measurements: tuple[Measurement, ...] = ()
+    coverage: Coverage | None = None
+    findings: tuple[Finding, ...] = ()
+    reason: str = ""
+    traceback: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """A probable cause, its fitted size, and the findings that it explains."""
+
+    id: str
+    cause: str
+    stream: str
+    magnitude: float | None
+    unit: str
+    standard_error: float | None
+    confidence: float
+    where: Where
+    remedy: str
+    explains: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FileRecord:
+    """Everything that was found about one file."""
+
+    path: str
+    size: int
+    sha256: str
+    digest_kind: Literal["full", "partial"]
+    dialect: str
+    inferred: Mapping[str, Scalar]
+    statistics: Mapping[str, Mapping[str, Scalar]]
+    verdict: Verdict
+    results: tuple[Result, ...]
+    diagnoses: tuple[Diagnosis, ...] = ()
+    evidence: Mapping[str, str] = field(default_factory=dict)
+    """Title of each array that lies beside the record, by the array's name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """What made the record."""
+
+    name: str
+    version: str
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Facts of the run; not part of what makes two records equal."""
+
+    started: str
+    seconds: Mapping[str, float]
+    host: Mapping[str, Scalar]
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """The whole document."""
+
+    record_version: str
+    ruleset_version: str
+    tool: Tool
+    config_digest: str
+    run: Run
+    files: tuple[FileRecord, ...]
+    effort: str = ""

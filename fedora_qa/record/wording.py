@@ -1,0 +1,150 @@
+"""What a record says, in words: shared by the terminal and by markdown, so that both say the same."""
+
+import math
+import re
+import unicodedata
+from collections import Counter
+from collections.abc import Sequence
+from typing import Final
+
+from fedora_qa.causes import CAUSES
+from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Measurement, Outcome, Result, Where
+
+OUTCOME_WORDS: Final[dict[Outcome, str]] = {
+    "failed": "failed",
+    "crashed": "crashed",
+    "warned": "warned",
+    "passed": "passed",
+    "not_observable": "not observable",
+    "not_applicable": "not applicable",
+}
+"""Outcomes in words, the gravest first."""
+
+_ESCAPE_SEQUENCE = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)?|[@-_])?")
+_UNPRINTABLE = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
+"""Unicode categories that could move the cursor, hide text or turn its direction."""
+
+
+def printable(text: str) -> str:
+    """Return text from a file as one harmless line: no escape sequences, no control or invisible characters."""
+    plain = _ESCAPE_SEQUENCE.sub("", text)
+    spaced = re.sub(r"[\t\r\n]+", " ", plain)
+    return "".join("\N{REPLACEMENT CHARACTER}" if unicodedata.category(c) in _UNPRINTABLE else c for c in spaced)
+
+
+def number(value: float | None) -> str:
+    """Return a number with four significant digits; integers in full."""
+    if value is None:
+        return "not a number"
+    if float(value).is_integer() and abs(value) < 1e7:
+        return f"{value:.0f}"
+    return f"{value:.4g}"
+
+
+def with_unit(value: float | None, unit: str) -> str:
+    """Return a number with its unit; ``"1"`` marks a pure number."""
+    return f"{number(value)} {unit}" if unit not in {"", "1"} else number(value)
+
+
+def with_error(value: float | None, standard_error: float | None, unit: str) -> str:
+    """Return ``2.06 ± 0.03 ms``: the error with two digits when it begins with 1 and one otherwise, the value alike."""
+    if value is None or not standard_error:
+        return with_unit(value, unit)
+    exponent = math.floor(math.log10(standard_error))
+    digits = 2 if standard_error < 2 * 10.0**exponent else 1
+    decimals = digits - 1 - exponent
+    suffix = f" {unit}" if unit not in {"", "1"} else ""
+    largest = max(abs(value), standard_error)
+    if decimals > 6 or largest >= 1e7:
+        return f"{value:.4g} ± {standard_error:.{digits}g}{suffix}"
+    rounded, error = round(value, decimals), round(standard_error, decimals)
+    return f"{rounded:.{max(decimals, 0)}f} ± {error:.{max(decimals, 0)}f}{suffix}"
+
+
+def place(where: Where) -> str:
+    """Return where something is, in words; empty where nothing is known."""
+    parts = [
+        where.stream,
+        _times(where),
+        _range("row", where.index_start, where.index_stop),
+        f"frame {where.frame}" if where.frame is not None else None,
+        f"pixel ({where.pixel[0]}, {where.pixel[1]})" if where.pixel else None,
+        "tile ({}, {}) to ({}, {})".format(*where.tile) if where.tile else None,
+    ]
+    return ", ".join(part for part in parts if part)
+
+
+def headline(file: FileRecord) -> str:
+    """Return the verdict and what it rests on, in one line."""
+    return f"{file.verdict.upper()}: {tally(file.results)}"
+
+
+def tally(results: Sequence[Result]) -> str:
+    """Return how many checks had which outcome, the gravest first."""
+    counts = Counter(result.outcome for result in results)
+    parts = [f"{counts[outcome]} {word}" for outcome, word in OUTCOME_WORDS.items() if counts[outcome]]
+    return ", ".join(parts) or "no check was run"
+
+
+def cause_sentence(diagnosis: Diagnosis) -> str:
+    """Return the cause with its fitted size as one sentence."""
+    cause = CAUSES.get(diagnosis.cause)
+    meaning = cause.meaning if cause else diagnosis.cause.replace("_", " ")
+    if diagnosis.magnitude is None:
+        return f"{diagnosis.stream}: {meaning}"
+    return f"{diagnosis.stream}: {meaning}, {with_error(diagnosis.magnitude, diagnosis.standard_error, diagnosis.unit)}"
+
+
+def explained_checks(diagnosis: Diagnosis, file: FileRecord) -> tuple[str, ...]:
+    """Return the checks whose findings the diagnosis explains, in the record's order."""
+    explained = set(diagnosis.explains)
+    return tuple(result.check for result in file.results if explained & {finding.id for finding in result.findings})
+
+
+def findings_of(file: FileRecord) -> tuple[tuple[Result, Finding], ...]:
+    """Return every finding with its result, failures before warnings."""
+    pairs = [(result, finding) for result in file.results for finding in result.findings]
+    return tuple(sorted(pairs, key=lambda pair: pair[1].severity in {"warning", "info"}))
+
+
+def principal(result: Result) -> Measurement | None:
+    """Return the measurement that lies farthest out, in units of what an honest file gives; the first among equals."""
+    return max(result.measurements, key=_excess, default=None)
+
+
+def coverage_words(coverage: Coverage | None) -> str:
+    """Return how much was seen: ``101 of 101 frames``."""
+    if coverage is None:
+        return ""
+    share = "" if coverage.seen >= coverage.of else f" ({100 * coverage.share:.3g}%)"
+    return f"{coverage.seen} of {coverage.of} {coverage.unit}{share}"
+
+
+def _excess(measurement: Measurement) -> float:
+    if measurement.value is None or measurement.expected is None:
+        return math.inf if measurement.value is None else 0.0
+    deviation = abs(measurement.value - measurement.expected)
+    if not measurement.limit:
+        return math.inf if deviation else 0.0
+    return deviation / measurement.limit
+
+
+def _times(where: Where) -> str | None:
+    if where.start_us is None:
+        return None
+    if where.stop_us is None or where.stop_us == where.start_us:
+        return f"at {_seconds(where.start_us)}"
+    return f"{_seconds(where.start_us)} to {_seconds(where.stop_us)}"
+
+
+def _seconds(time_us: float) -> str:
+    """Return microseconds of the file's clock as seconds, without losing a microsecond."""
+    return f"{time_us / 1e6:.6f}".rstrip("0").rstrip(".") + " s"
+
+
+def _range(noun: str, start: int | None, stop: int | None) -> str | None:
+    if start is None:
+        return None
+    if stop is None or stop - start == 1:
+        return f"{noun} {start}"
+    return f"{noun}s {start} to {stop - 1}"

@@ -1,0 +1,1 @@
+"""The file in canonical units: lazy, read-only, stamps first, seen through windows."""

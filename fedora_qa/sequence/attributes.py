@@ -1,0 +1,117 @@
+"""Read one attribute of a file as a typed value, or say why it cannot be used."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.layout.canonical import AttributeSpec
+
+POSITIVE: Final = frozenset({"width", "height", "threshold_on", "threshold_off", "gravity"})
+"""Numbers that must exceed zero; every other number of the layout must not be negative, but for the seed."""
+
+
+class MalformedError(Exception):
+    """An attribute is there and cannot be used; ``cause`` is an identifier of ``causes.py``."""
+
+    def __init__(self, cause: str, message: str) -> None:
+        super().__init__(message)
+        self.cause = cause
+
+
+def read_attribute(holder: h5py.Group | h5py.Dataset, spec: AttributeSpec) -> Any:
+    """Return the value of an attribute in the type of its kind, or None where it is absent.
+
+    Text is str, numbers are int and float, matrices float64, pixels a tuple of (column, row).
+
+    Raises
+    ------
+    MalformedError
+        Unreadable, of another type or shape, not finite, out of range, or not one of the choices.
+    """
+    try:
+        stored = holder.attrs.get(spec.name)
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        raise MalformedError("corrupt_chunk", f"Expected a readable value, got: {error}") from error
+    return None if stored is None else _READERS[spec.kind](stored, spec)
+
+
+def _text(stored: Any, spec: AttributeSpec) -> str:
+    text = stored.decode("utf-8", "replace") if isinstance(stored, bytes) else stored
+    if not isinstance(text, str):
+        raise MalformedError("wrong_dtype", f"Expected text, got {_shown(stored)}")
+    if spec.choices and text not in spec.choices:
+        raise MalformedError("unknown", f"Expected {' or '.join(map(repr, spec.choices))}, got {text!r}")
+    return str(text)
+
+
+def _int(stored: Any, spec: AttributeSpec) -> int:
+    value = _scalar(stored)
+    if not isinstance(value, int | np.integer) or isinstance(value, bool | np.bool_):
+        raise MalformedError("wrong_dtype", f"Expected a whole number, got {_shown(stored)}")
+    _require_range(int(value), spec)
+    return int(value)
+
+
+def _float(stored: Any, spec: AttributeSpec) -> float:
+    value = _scalar(stored)
+    if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
+        raise MalformedError("wrong_dtype", f"Expected a number, got {_shown(stored)}")
+    if not np.isfinite(value):
+        raise MalformedError("nan_in_stream", f"Expected a finite number, got {value}")
+    _require_range(float(value), spec)
+    return float(value)
+
+
+def _matrix(size: int) -> Callable[[Any, AttributeSpec], NDArray[np.float64]]:
+    def read(stored: Any, spec: AttributeSpec) -> NDArray[np.float64]:
+        matrix = np.asarray(stored)
+        if matrix.dtype.kind not in "iuf":
+            raise MalformedError("wrong_dtype", f"Expected a matrix of numbers, got {_shown(stored)}")
+        if matrix.shape != (size, size):
+            raise MalformedError("wrong_shape", f"Expected a {size} x {size} matrix, got shape {matrix.shape}")
+        if not np.all(np.isfinite(matrix)):
+            raise MalformedError("nan_in_stream", "Expected finite entries, got NaN or infinity")
+        return matrix.astype(np.float64)
+
+    return read
+
+
+def _pixels(stored: Any, spec: AttributeSpec) -> tuple[tuple[int, int], ...]:
+    pixels = np.asarray(stored)
+    if pixels.size == 0:
+        return ()
+    if pixels.dtype.kind not in "iu":
+        raise MalformedError("wrong_dtype", f"Expected whole columns and rows, got {_shown(stored)}")
+    if pixels.ndim != 2 or pixels.shape[1] != 2:
+        raise MalformedError("wrong_shape", f"Expected (n, 2) columns and rows, got shape {pixels.shape}")
+    return tuple((int(column), int(row)) for column, row in pixels)
+
+
+def _scalar(stored: Any) -> Any:
+    """Unwrap an array of one number, which MATLAB and others write for a scalar."""
+    array = np.asarray(stored)
+    return array.reshape(-1)[0] if array.size == 1 else stored
+
+
+def _require_range(value: float, spec: AttributeSpec) -> None:
+    if spec.name in POSITIVE and value <= 0:
+        raise MalformedError("unknown", f"Expected a positive number, got {value}")
+    if value < 0 and spec.name != "seed":
+        raise MalformedError("unknown", f"Expected a number not below 0, got {value}")
+
+
+def _shown(stored: Any) -> str:
+    return f"{type(stored).__name__} {str(stored)[:40]!r}"
+
+
+_READERS: Final[Mapping[str, Callable[[Any, AttributeSpec], Any]]] = {
+    "text": _text,
+    "int": _int,
+    "float": _float,
+    "matrix3": _matrix(3),
+    "matrix4": _matrix(4),
+    "pixels": _pixels,
+}

@@ -1,0 +1,151 @@
+"""Open a sequence: read-only, lazy, in canonical units."""
+
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.errors import MisuseError, NotHdf5Error, UnreadableFileError, UnreadableRowsError
+from fedora_qa.layout.binding import canonical_rows, instant_ns, raw_rows
+from fedora_qa.layout.canonical import STAMPS_OF
+from fedora_qa.layout.dialect import Dialect
+from fedora_qa.layout.resolve import Layout, resolve
+from fedora_qa.sequence.declared import Declared
+from fedora_qa.sequence.read_declared import read_declared
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_LARGEST_USER_BLOCK = 1 << 20
+
+
+class Sequence:
+    """An open file. Use as a context manager; it never writes.
+
+    Attributes
+    ----------
+    path
+        The file.
+    layout
+        Where each dataset lies, and what is absent or malformed.
+    declared
+        What the metadata declare.
+    origin_ns
+        The file's origin on its own clock: the earliest first stamp of any stream.
+    """
+
+    def __init__(self, path: Path, file: h5py.File, dialect: Dialect | None) -> None:
+        self.path = path
+        self._file = file
+        self.layout: Layout = resolve(file, dialect)
+        self.declared: Declared = read_declared(file, self.layout)
+        self.origin_ns: int = self._find_origin_ns()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+        """Return rows of a dataset in canonical units, stamps as int64 ns from the origin.
+
+        Raises
+        ------
+        UnreadableRowsError
+            The rows cannot be decoded.
+        """
+        return canonical_rows(self._file, self.layout.bindings[key], start, stop, self.origin_ns)
+
+    def raw_rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+        """Return rows of a dataset as stored; raises ``UnreadableRowsError``."""
+        return raw_rows(self._file, self.layout.bindings[key], start, stop)
+
+    def chunk_rows(self, key: str) -> int:
+        """Return how many rows are stored, and so decoded, together (about a megabyte where storage sets none)."""
+        binding = self.layout.bindings[key]
+        return binding.chunk_rows or _contiguous_rows(binding.shape)
+
+    def _find_origin_ns(self) -> int:
+        firsts = [self._first_stamp_ns(STAMPS_OF[stream]) for stream in self.layout.streams if stream in STAMPS_OF]
+        return min((first for first in firsts if first is not None), default=0)
+
+    def _first_stamp_ns(self, key: str) -> int | None:
+        binding = self.layout.bindings[key]
+        try:
+            first = self.raw_rows(key, 0, min(1, binding.rows)).ravel()
+        except UnreadableRowsError:
+            return None
+        return instant_ns(first[0], binding) if len(first) else None
+
+
+def open_sequence(path: Path, dialect: Dialect | None = None) -> Sequence:
+    """Open a file for reading.
+
+    Parameters
+    ----------
+    path
+        An HDF5 file.
+    dialect
+        How the file names and scales things; recognised from the file when None.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, or it may not be read.
+    NotHdf5Error
+        The file is not HDF5.
+    UnreadableFileError
+        The file begins like HDF5 and cannot be opened.
+    """
+    if not path.exists():
+        raise MisuseError(f"Expected an HDF5 file, got a path that does not exist: {path}")
+    if not path.is_file():
+        raise MisuseError(f"Expected one HDF5 file, got a folder or device: {path}")
+    try:
+        signed = _has_signature(path)
+    except OSError as error:
+        raise MisuseError(f"Expected a readable file, got {error.strerror or error}: {path}") from error
+    if not signed:
+        raise NotHdf5Error(f"Expected an HDF5 file, got something else (no HDF5 signature): {path}")
+    try:
+        file = h5py.File(path, "r", locking="best-effort")
+    except OSError as error:
+        raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
+    try:
+        return Sequence(path, file, dialect)
+    except BaseException:
+        file.close()
+        raise
+
+
+def _has_signature(path: Path) -> bool:
+    """Look for the signature where HDF5 allows it: at 0, 512, 1024, 2048 ... bytes (a user block may come first)."""
+    with path.open("rb") as file:
+        offset = 0
+        while offset <= _LARGEST_USER_BLOCK:
+            file.seek(offset)
+            found = file.read(len(_SIGNATURE))
+            if found == _SIGNATURE:
+                return True
+            if len(found) < len(_SIGNATURE):
+                return False
+            offset = 2 * offset or 512
+    return False
+
+
+def _contiguous_rows(shape: tuple[int, ...]) -> int:
+    """Rows to read together where storage sets none: about a megabyte."""
+    row_bytes = 8 * int(np.prod(shape[1:], dtype=np.int64))
+    return max(1, (1 << 20) // max(row_bytes, 1))
+
+
+def _first_line(error: OSError) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -1,0 +1,240 @@
+"""Collect statistics window by window, beside the checks, in the same pass."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import LUMA_WEIGHTS_RGB, NS_PER_S
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.record.types import Scalar
+from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.statistics.moments import Moments, added, pixel_sample
+from fedora_qa.statistics.trajectory import Motion, rotation, translation
+
+Statistics = Mapping[str, Mapping[str, Scalar]]
+
+_DURATION_FROM = ("pose", "rgb", "depth", "imu")
+"""Whose first and last stamp tell how long a sequence is: the first of these that is there."""
+
+
+@dataclass(frozen=True, slots=True)
+class WindowStatistics:
+    """What one window adds. Poses are kept as they are, because they are smoothed over the whole sequence."""
+
+    pose_times_ns: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    positions_world_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    orientations_xyzw: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 4)))
+    events: int = 0
+    brighter_events: int = 0
+    speeds_px: Mapping[str, Moments] = field(default_factory=dict)
+    depth_m: Moments = field(default_factory=Moments)
+    disparity_per_m: Moments = field(default_factory=Moments)
+    luma_dn: Moments = field(default_factory=Moments)
+
+
+class StatisticsCollector:
+    """The paper's sequence table (T, D, v max, w max, mean event rate) and flow table, and more.
+
+    Images, depth and flow are sampled at every fourth column and row (see ``pixel_sample``), in every frame of the
+    windows that it is shown. Rows that cannot be decoded are left out here; the check ``integrity.readable`` names
+    them.
+    """
+
+    name = "statistics"
+
+    def start(self, facts: Facts) -> list[WindowStatistics]:
+        """Return the state that has seen nothing."""
+        return []
+
+    def update(self, state: list[WindowStatistics], window: Window) -> None:
+        """Add what a window shows. Windows come in order."""
+        times_ns, positions_world_m, orientations_xyzw = _poses(window)
+        depths_m = [pixel_sample(depth) for depth in _readable(window, "depth", window.depth_m)]
+        events, brighter = _count_events(window)
+        state.append(
+            WindowStatistics(
+                pose_times_ns=times_ns,
+                positions_world_m=positions_world_m,
+                orientations_xyzw=orientations_xyzw,
+                events=events,
+                brighter_events=brighter,
+                speeds_px={stream: _flow_speeds(window, stream) for stream in window.facts.flow_streams},
+                depth_m=added(Moments.of(depth, _is_depth(depth)) for depth in depths_m),
+                disparity_per_m=added(_disparities(depth) for depth in depths_m),
+                luma_dn=added(_luma(image) for image in _readable(window, "rgb", window.rgb)),
+            )
+        )
+
+    def merge(self, state: list[WindowStatistics], later: list[WindowStatistics]) -> list[WindowStatistics]:
+        """Return the state that has seen what both have, ``later`` being of later windows."""
+        return state + later
+
+    def conclude(self, state: Sequence[WindowStatistics], facts: Facts) -> Statistics:
+        """Return the statistics by group and name; units are the ends of the names.
+
+        Distance and speeds are null where not every pose was seen, or too few are there.
+        """
+        groups: dict[str, Mapping[str, Scalar]] = {"sequence": _sequence(state, facts), "motion": _motion(state, facts)}
+        if "events" in facts.streams:
+            groups["events"] = _events(state, facts)
+        for stream in facts.flow_streams:
+            groups[stream] = _flow(added(one.speeds_px[stream] for one in state))
+        if "depth" in facts.streams:
+            groups["depth"] = _depth(added(s.depth_m for s in state), added(s.disparity_per_m for s in state))
+        if "rgb" in facts.streams:
+            groups["rgb"] = {"brightness_mean_dn": added(one.luma_dn for one in state).mean}
+        groups["rates"] = {f"{stream}_hz": _rate_hz(clock) for stream, clock in sorted(facts.clocks.items())}
+        return groups
+
+
+def _poses(window: Window) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the window's own poses that are usable: advancing stamps, finite values, quaternions that have a length."""
+    empty = WindowStatistics()
+    rows = window.owned("pose")
+    if "pose" not in window.facts.streams or not rows:
+        return empty.pose_times_ns, empty.positions_world_m, empty.orientations_xyzw
+    try:
+        positions = window.rows("path/pose/position", rows.start, rows.stop)
+        orientations = window.rows("path/pose/orientation", rows.start, rows.stop)
+    except UnreadableRowsError:
+        return empty.pose_times_ns, empty.positions_world_m, empty.orientations_xyzw
+    clock = window.facts.clocks["pose"]
+    lengths = np.linalg.norm(orientations, axis=1)
+    usable = clock.advancing[rows.start : rows.stop] & np.all(np.isfinite(positions), axis=1)
+    usable &= np.isfinite(lengths) & (lengths > 0)
+    return clock.times_ns[rows.start : rows.stop][usable], positions[usable], orientations[usable]
+
+
+def _readable(window: Window, stream: str, read: Callable[[int], NDArray[np.generic]]) -> Iterable[NDArray[np.generic]]:
+    """Yield the window's own images of a stream that can be decoded."""
+    if stream not in window.facts.streams:
+        return
+    for row in window.owned(stream):
+        try:
+            yield read(row)
+        except UnreadableRowsError:
+            continue
+
+
+def _count_events(window: Window) -> tuple[int, int]:
+    rows = window.owned("events")
+    if "events" not in window.facts.streams or not rows:
+        return 0, 0
+    try:
+        return len(rows), int(np.count_nonzero(window.rows("path/events/p", rows.start, rows.stop)))
+    except UnreadableRowsError:
+        return 0, 0
+
+
+def _flow_speeds(window: Window, stream: str) -> Moments:
+    fields = _readable(window, stream, lambda row: window.flow_px(stream, row))
+    speeds = (np.linalg.norm(pixel_sample(flow), axis=2) for flow in fields)
+    return added(Moments.of(speed, np.isfinite(speed)) for speed in speeds)
+
+
+def _is_depth(depth_m: NDArray[np.generic]) -> NDArray[np.bool_]:
+    return np.isfinite(depth_m) & (depth_m > 0)
+
+
+def _disparities(depth_m: NDArray[np.generic]) -> Moments:
+    valid = _is_depth(depth_m)
+    return Moments.of(1.0 / depth_m[valid].astype(np.float64), np.ones(int(np.count_nonzero(valid)), np.bool_))
+
+
+def _luma(rgb: NDArray[np.generic]) -> Moments:
+    luma_dn = pixel_sample(rgb) @ np.array(LUMA_WEIGHTS_RGB)
+    return Moments.of(luma_dn, np.isfinite(luma_dn))
+
+
+def _sequence(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
+    stream, duration_s = _duration(facts)
+    count = facts.events.count if facts.events else None
+    rate = count / duration_s if count is not None and duration_s else None
+    return {
+        "duration_s": duration_s,
+        "duration_of": stream,
+        "event_rate_mean_per_s": rate,
+        "windows": len(state),
+    }
+
+
+def _duration(facts: Facts) -> tuple[str | None, float | None]:
+    for stream in _DURATION_FROM:
+        clock = facts.clocks.get(stream)
+        if clock is not None and clock.usable and len(clock.times_ns) > 1:
+            return stream, int(clock.times_ns.max() - clock.times_ns.min()) / NS_PER_S
+    if facts.events is not None and facts.events.last_ns > facts.events.first_ns:
+        return "events", (facts.events.last_ns - facts.events.first_ns) / NS_PER_S
+    return None, None
+
+
+def _motion(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
+    seen = sum(len(one.pose_times_ns) for one in state)
+    clock = facts.clocks.get("pose")
+    whole = clock is not None and seen == int(np.count_nonzero(clock.advancing))
+    moved = turned = None
+    if whole and seen:
+        times_ns = np.concatenate([one.pose_times_ns for one in state])
+        times_s = (times_ns - times_ns[0]) / NS_PER_S
+        moved = translation(times_s, np.concatenate([one.positions_world_m for one in state]))
+        turned = rotation(times_s, np.concatenate([one.orientations_xyzw for one in state]))
+    return {
+        **_moved("distance", "m", "speed_max", "m_s", moved, scale=1.0),
+        **_moved("angle", "deg", "angular_speed_max", "deg_s", turned, scale=float(np.degrees(1.0))),
+        "position_noise_m": moved.noise if moved else None,
+        "rotation_noise_deg": float(np.degrees(turned.noise)) if turned else None,
+        "position_knot_spacing_s": moved.knot_spacing_s if moved else None,
+        "rotation_knot_spacing_s": turned.knot_spacing_s if turned else None,
+        "poses_seen": seen,
+    }
+
+
+def _moved(
+    length: str, unit: str, speed: str, speed_unit: str, motion: Motion | None, scale: float
+) -> dict[str, Scalar]:
+    named = {(length, unit): motion.length, (speed, speed_unit): motion.speed_max} if motion else {}
+    values: dict[str, Scalar] = {}
+    for name in ((length, unit), (speed, speed_unit)):
+        found = named.get(name)
+        values["_".join(name)] = scale * found.value if found else None
+        values[f"{name[0]}_standard_error_{name[1]}"] = scale * found.standard_error if found else None
+    return values
+
+
+def _events(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
+    seen = sum(one.events for one in state)
+    brighter = sum(one.brighter_events for one in state)
+    return {
+        "count": facts.events.count if facts.events else None,
+        "seen": seen,
+        "brighter_share": brighter / seen if seen else None,
+        "darker_share": (seen - brighter) / seen if seen else None,
+    }
+
+
+def _flow(speed_px: Moments) -> dict[str, Scalar]:
+    return {
+        "mean_px": speed_px.mean,
+        "variance_px2": speed_px.variance,
+        "max_px": speed_px.greatest if speed_px.count else None,
+        "valid_share": speed_px.valid_share,
+        "pixels": speed_px.count,
+    }
+
+
+def _depth(depth_m: Moments, disparity_per_m: Moments) -> dict[str, Scalar]:
+    return {
+        "min_m": depth_m.least if depth_m.count else None,
+        "max_m": depth_m.greatest if depth_m.count else None,
+        "mean_m": depth_m.mean,
+        "disparity_mean_per_m": disparity_per_m.mean,
+        "valid_share": depth_m.valid_share,
+    }
+
+
+def _rate_hz(clock: Clock) -> float | None:
+    span_ns = int(clock.times_ns.max() - clock.times_ns.min()) if len(clock.times_ns) > 1 else 0
+    return (len(clock.times_ns) - 1) * NS_PER_S / span_ns if span_ns > 0 else None

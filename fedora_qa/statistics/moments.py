@@ -1,0 +1,76 @@
+"""Sums over sampled pixels, small enough to be kept for every window."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_STRIDE = 4
+_SMALL_IMAGE_PX = 128
+
+
+@dataclass(frozen=True, slots=True)
+class Moments:
+    """Count, sum, sum of squares and extremes of the valid values, and how many values were looked at."""
+
+    looked_at: int = 0
+    count: int = 0
+    total: float = 0.0
+    squares: float = 0.0
+    least: float = inf
+    greatest: float = -inf
+
+    @classmethod
+    def of(cls, values: NDArray[Any], valid: NDArray[np.bool_]) -> "Moments":
+        """Sum the valid values of an array in double precision."""
+        kept = values[valid].astype(np.float64)
+        if not kept.size:
+            return cls(looked_at=values.size)
+        return cls(
+            looked_at=values.size,
+            count=kept.size,
+            total=float(np.sum(kept)),
+            squares=float(np.sum(kept**2)),
+            least=float(np.min(kept)),
+            greatest=float(np.max(kept)),
+        )
+
+    @property
+    def mean(self) -> float | None:
+        """Mean of the valid values; None where there are none."""
+        return self.total / self.count if self.count else None
+
+    @property
+    def variance(self) -> float | None:
+        """Variance of the valid values about their mean; None where there are none."""
+        return max(self.squares / self.count - (self.total / self.count) ** 2, 0.0) if self.count else None
+
+    @property
+    def valid_share(self) -> float | None:
+        """Share of the values looked at that are valid; None where nothing was looked at."""
+        return self.count / self.looked_at if self.looked_at else None
+
+
+def added(parts: Iterable[Moments]) -> Moments:
+    """Add moments in the order given."""
+    whole = Moments()
+    for part in parts:
+        whole = Moments(
+            looked_at=whole.looked_at + part.looked_at,
+            count=whole.count + part.count,
+            total=whole.total + part.total,
+            squares=whole.squares + part.squares,
+            least=min(whole.least, part.least),
+            greatest=max(whole.greatest, part.greatest),
+        )
+    return whole
+
+
+def pixel_sample(image: NDArray[Any]) -> NDArray[Any]:
+    """Return every fourth column of every fourth row (a sixteenth of the pixels); small images whole."""
+    if min(image.shape[:2]) < _SMALL_IMAGE_PX:
+        return image
+    return image[_STRIDE // 2 :: _STRIDE, _STRIDE // 2 :: _STRIDE]

@@ -1,0 +1,1 @@
+"""The reference generator: FEDORA-format sequences whose truth is known."""

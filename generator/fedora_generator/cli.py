@@ -1,0 +1,130 @@
+"""``fedora-generate``: sequences whose truth is known."""
+
+import signal
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from fedora_generator.errors import GeneratorError
+from fedora_generator.generate import STREAMS, Request, generate_sequence
+from fedora_generator.sampling import MOTION_BOUND_PX, Quality
+from fedora_generator.scene import Scene, list_scenes, load_scene
+from fedora_qa.conventions import US_PER_S
+
+MISUSE_EXIT_CODE = 2
+INTERRUPT_EXIT_CODE = 130
+
+
+@click.group()
+@click.version_option(package_name="fedora-qa")
+def commands() -> None:
+    """Generate event-camera sequences whose truth is known, and plant faults in them."""
+
+
+@commands.command()
+def scenes() -> None:
+    """List the scenes of the package, one a line, its name first."""
+    found = list_scenes()
+    if sys.stdout.isatty():
+        table = Table("scene", "description", box=None)
+        for scene in found:
+            table.add_row(scene.name, scene.description)
+        Console().print(table)
+        return
+    width = max(len(scene.name) for scene in found)
+    for scene in found:
+        click.echo(f"{scene.name:<{width}}  {scene.description}")
+
+
+class SizeType(click.ParamType):
+    """``WIDTHxHEIGHT``."""
+
+    name = "WxH"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """Read two numbers."""
+        width, separator, height = str(value).lower().partition("x")
+        if not (separator and width.isascii() and width.isdigit() and height.isascii() and height.isdigit()):
+            self.fail(f"Expected WIDTHxHEIGHT such as 720x540, got {value!r}", param, ctx)
+        return int(width), int(height)
+
+
+@commands.command()
+@click.argument("scene", metavar="SCENE")
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The file to write.")
+@click.option("--duration", default=2.0, show_default=True, metavar="S", help="Seconds.")
+@click.option("--size", type=SizeType(), help="Size of RGB and depth; events scale by 640/1440.  [default: 1440x1080]")
+@click.option("--streams", default=",".join(STREAMS), show_default=True, metavar="LIST", help="Comma-separated.")
+@click.option(
+    "--quality",
+    default="standard",
+    show_default=True,
+    type=click.Choice(list(MOTION_BOUND_PX)),
+    help="Image motion between two event renders: 1, 0.5 or 0.1 px.",
+)
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of every noise.  [default: the scene's]")
+@click.option("--force", is_flag=True, help="Overwrite the file if it exists.")
+def sequence(
+    scene: str,
+    output: Path,
+    duration: float,
+    size: tuple[int, int] | None,
+    streams: str,
+    quality: str,
+    seed: int | None,
+    force: bool,
+) -> None:
+    """Generate one sequence of SCENE, a name of `fedora-generate scenes` or the path of a TOML file."""
+    started = time.monotonic()
+    description = load_scene(scene)
+    if size is not None:
+        description = description.with_size(*size)
+    if seed is not None:
+        description = replace(description, seed=seed)
+    request = Request(
+        duration_s=duration,
+        streams=frozenset(name.strip() for name in streams.split(",") if name.strip()),
+        quality=cast(Quality, quality),
+    )
+    _generate(description, output, request, force=force, started=started)
+
+
+def _generate(scene: Scene, output: Path, request: Request, *, force: bool, started: float) -> None:
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f}%"), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        task = bar.add_task(scene.name, total=request.duration_s * US_PER_S)
+        summary = generate_sequence(
+            scene, output, request, overwrite=force, progress=lambda time_us: bar.update(task, completed=time_us)
+        )
+    click.echo(
+        f"{output}: {summary.frames} frames, {summary.events} events, {summary.size_bytes / 1e6:.1f} MB "
+        f"in {time.monotonic() - started:.1f} s",
+        err=True,
+    )
+
+
+def main() -> None:
+    """Entry point: an error that people can act on is one line on stderr and exit code 2."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # so that temporary files are removed
+    try:
+        commands.main(standalone_mode=False)
+    except click.ClickException as error:
+        _fail(error.format_message())
+    except GeneratorError as error:
+        _fail(str(error))
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("Interrupted; nothing was written", err=True)
+        sys.exit(INTERRUPT_EXIT_CODE)
+
+
+def _fail(message: str) -> None:
+    click.echo(f"Error: {message}", err=True)
+    sys.exit(MISUSE_EXIT_CODE)

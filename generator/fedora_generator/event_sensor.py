@@ -1,0 +1,283 @@
+"""The event camera: luminance samples in, events out.
+
+``log``: L = ln(Y + log_eps_dn), a straight line between samples; an event whenever L reaches reference +- threshold,
+which then is the new reference, as many as fit. ``linear``: the sensor's own rint(Y); one event where it differs from
+the reference by strictly more than the threshold, the reference becomes the value (as the simulated DVS plugin does).
+"""
+
+import math
+from dataclasses import dataclass, fields
+from typing import ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict
+
+from fedora_generator import event_kernels
+from fedora_generator.event_noise import LowPass, PoissonEvents, draw_hot_pixels, draw_thresholds
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
+
+Floats = NDArray[np.float64]
+Keys = NDArray[np.int64]
+
+LEAST_THRESHOLD: Final = 1e-6
+"""Below, a reference could no longer move by its threshold in float64, and one edge would fill the memory."""
+
+# Keys of the random streams: adding one effect leaves the draws of the others as they were.
+_ON, _OFF, _PHASE, _SHOT, _HOT_PLACE, _HOT = range(6)
+_LONG_AGO_US: Final = -(1 << 62)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventSensorOptions:
+    """The sensor model and its effects; an effect of 0 is not added and costs nothing.
+
+    Attributes
+    ----------
+    model
+        ``log`` or ``linear``.
+    threshold_on, threshold_off
+        Contrast thresholds, nat (log) or DN (linear).
+    log_eps_dn
+        DN added before the logarithm.
+    initial_phase
+        ``zero``: the first reference is the first signal. ``uniform``: the first reference is such that the signal
+        lies anywhere between its two thresholds, as in a pixel that has been running.
+    packet_interval_us
+        Stamps are moved up to multiples of this, counted from the start; 0 is asynchronous.
+    threshold_sigma
+        Spread of the thresholds over pixels, in their own unit.
+    leak_rate_hz
+        The reference falls by ``leak_rate_hz * threshold_on`` a second: that many brighter events at rest.
+    shot_rate_hz
+        Spurious events a pixel, half of each polarity.
+    bandwidth_hz
+        First-order low-pass of the signal before the comparator.
+    refractory_us
+        An event sooner than this after its pixel's last one is lost; the reference moves all the same.
+    hot_pixel_count, hot_pixel_rate_hz
+        Pixels that fire at random besides, and how often each does.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    model: Literal["log", "linear"]
+    threshold_on: float
+    threshold_off: float
+    log_eps_dn: float = 0.0
+    initial_phase: Literal["zero", "uniform"] = "zero"
+    packet_interval_us: int = 0
+    threshold_sigma: float = 0.0
+    leak_rate_hz: float = 0.0
+    shot_rate_hz: float = 0.0
+    bandwidth_hz: float = 0.0
+    refractory_us: int = 0
+    hot_pixel_count: int = 0
+    hot_pixel_rate_hz: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.model not in ("log", "linear"):
+            raise ValueError(f"Expected model to be 'log' or 'linear', got {self.model!r}")
+        if self.initial_phase not in ("zero", "uniform"):
+            raise ValueError(f"Expected initial_phase to be 'zero' or 'uniform', got {self.initial_phase!r}")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            least = LEAST_THRESHOLD if field.name in ("threshold_on", "threshold_off") else 0
+            if not isinstance(value, str) and not (math.isfinite(value) and value >= least):
+                raise ValueError(f"Expected {field.name} to be finite and at least {least}, got {value}")
+
+
+@dataclass(frozen=True, slots=True)
+class EventBatch:
+    """Events in the order (t, y, x, p)."""
+
+    x: NDArray[np.uint16]
+    """(n,) column"""
+    y: NDArray[np.uint16]
+    """(n,) row"""
+    t_us: NDArray[np.int64]
+    """(n,) microseconds"""
+    p: NDArray[np.uint8]
+    """(n,) 1 brighter, 0 darker"""
+
+    def __len__(self) -> int:
+        return self.t_us.size
+
+
+class EventSensor:
+    """A sensor of ``height`` x ``width`` pixels: ``start`` once, ``advance`` in time, ``finish`` once.
+
+    Everything random follows from ``seed``; spurious events do not depend on how time is cut into steps.
+    """
+
+    def __init__(self, options: EventSensorOptions, height: int, width: int, seed: np.random.SeedSequence) -> None:
+        if min(height, width) < 1:
+            raise ValueError(f"Expected a sensor of at least 1 x 1 pixels, got {width} x {height}")
+        if options.hot_pixel_count > height * width:
+            raise ValueError(
+                f"Expected at most {height * width} hot pixels on {width} x {height}, got {options.hot_pixel_count}"
+            )
+        self._options = options
+        self._shape = (height, width)
+        self._pixels = pixels = height * width
+        self._seed = seed
+        self._threshold_on = draw_thresholds(options.threshold_on, options.threshold_sigma, pixels, self._rng(_ON))
+        self._threshold_off = draw_thresholds(options.threshold_off, options.threshold_sigma, pixels, self._rng(_OFF))
+        self._hot = draw_hot_pixels(options.hot_pixel_count, pixels, self._rng(_HOT_PLACE))
+        self._spurious = self._spurious_sources()
+        self._low_pass: LowPass | None = None
+        self._start_ns: int | None = None
+        self._now_ns = 0
+        self._signal = np.empty(pixels)
+        self._previous = np.empty(pixels)
+        self._reference = np.empty(pixels)
+        self._active = np.empty(pixels, np.int32)
+        self._last_us = np.full(pixels if options.refractory_us else 0, _LONG_AGO_US)
+        self._pending = np.empty(0, np.int64)
+
+    @property
+    def hot_pixels(self) -> NDArray[np.int64]:
+        """Hot pixels (n, 2), column and row."""
+        rows, columns = np.divmod(self._hot, self._shape[1])
+        return np.stack([columns, rows], axis=-1)
+
+    @property
+    def excursions(self) -> Floats:
+        """Signal minus reference (H, W), in the unit of the thresholds; always between them."""
+        return (self._signal - self._reference).reshape(self._shape)
+
+    @property
+    def thresholds(self) -> Floats:
+        """Thresholds of every pixel (2, H, W): brighter, then darker."""
+        return np.stack([self._threshold_on, self._threshold_off]).reshape(2, *self._shape)
+
+    def start(self, t_ns: int, luma_dn: Floats) -> None:
+        """Show the first image, ``luma_dn`` (H, W) linear DN, at ``t_ns``, a whole microsecond."""
+        if self._start_ns is not None:
+            raise RuntimeError("Expected start once, got it again; make a new EventSensor for each sequence")
+        _require_whole_microsecond(t_ns)
+        self._respond(luma_dn)
+        self._require_finite()
+        if self._options.bandwidth_hz:
+            self._low_pass = LowPass(self._options.bandwidth_hz, self._signal)
+        if self._options.model == "linear":
+            np.rint(self._signal, out=self._signal)
+        np.copyto(self._reference, self._signal)
+        if self._options.initial_phase == "uniform":
+            self._reference -= self._rng(_PHASE).uniform(-self._threshold_off, self._threshold_on)
+        self._start_ns = self._now_ns = t_ns
+
+    def advance(self, t_ns: int, luma_dn: Floats) -> EventBatch:
+        """Show the next image at ``t_ns``; return the events in (the last ``t_ns``, this one].
+
+        With packets, the events of an unfinished packet are held back until time has reached its stamp.
+        """
+        if self._start_ns is None:
+            raise RuntimeError("Expected start before advance; show the first image with start")
+        _require_whole_microsecond(t_ns)
+        if t_ns <= self._now_ns:
+            raise ValueError(f"Expected a time after {self._now_ns} ns, got {t_ns} ns; show images in order")
+        self._signal, self._previous = self._previous, self._signal
+        self._respond(luma_dn)
+        self._shape_signal((t_ns - self._now_ns) / NS_PER_S, (t_ns - self._start_ns) / NS_PER_S)
+        keys = self._fire(self._now_ns - self._start_ns, t_ns - self._start_ns)
+        self._now_ns = t_ns
+        return self._decode(self._with_effects(keys, (t_ns - self._start_ns) // NS_PER_US))
+
+    def finish(self) -> EventBatch:
+        """Events of an unfinished packet, which closes with the recording: stamped with the last time shown."""
+        keys, self._pending = self._pending, np.empty(0, np.int64)
+        if self._start_ns is not None:
+            stop_us = (self._now_ns - self._start_ns) // NS_PER_US
+            keys = np.sort(stop_us * self._pixels * 2 + keys % (self._pixels * 2))
+        return self._decode(keys)
+
+    def _rng(self, stream: int) -> np.random.Generator:
+        return np.random.default_rng(self._child_seed(stream))
+
+    def _child_seed(self, stream: int) -> np.random.SeedSequence:
+        return np.random.SeedSequence(self._seed.entropy, spawn_key=(*self._seed.spawn_key, stream))
+
+    def _spurious_sources(self) -> tuple[PoissonEvents, ...]:
+        options, every_pixel = self._options, np.arange(self._pixels)
+        sources = (
+            PoissonEvents(options.shot_rate_hz, every_pixel, self._pixels, self._child_seed(_SHOT)),
+            PoissonEvents(options.hot_pixel_rate_hz, self._hot, self._pixels, self._child_seed(_HOT)),
+        )
+        return tuple(source for source in sources if source.rate_hz > 0 and source.among.size)
+
+    def _respond(self, luma_dn: Floats) -> None:
+        """Put the photoreceptor's answer to an image into the signal; the image itself is never kept."""
+        if luma_dn.shape != self._shape:
+            raise ValueError(f"Expected luma_dn of shape {self._shape}, got {luma_dn.shape}")
+        luma_dn = luma_dn.reshape(-1)
+        if self._options.model == "linear":
+            np.copyto(self._signal, luma_dn)
+            return
+        if self._options.log_eps_dn:
+            luma_dn = luma_dn + self._options.log_eps_dn
+        with np.errstate(divide="ignore", invalid="ignore"):  # found and named by _require_finite
+            np.log(luma_dn, out=self._signal)
+
+    def _shape_signal(self, step_s: float, elapsed_s: float) -> None:
+        """Bandwidth, the linear model's rounding, and leak, which acts as a signal that rises for ever."""
+        if self._low_pass is not None:
+            self._low_pass.advance(step_s, self._signal)
+        if self._options.model == "linear":
+            np.rint(self._signal, out=self._signal)
+        if self._options.leak_rate_hz:
+            self._signal += self._options.leak_rate_hz * elapsed_s * self._threshold_on
+
+    def _fire(self, start_ns: int, stop_ns: int) -> Keys:
+        signal, reference = self._signal, self._reference
+        thresholds = (self._threshold_on, self._threshold_off)
+        count = event_kernels.find_active_pixels(signal, reference, *thresholds, self._active)
+        if count < 0:
+            self._require_finite()
+        active = self._active[:count]
+        if self._options.model == "linear":
+            keys = np.empty(count, np.int64)
+            return keys[: event_kernels.emit_steps(active, signal, reference, *thresholds, stop_ns, keys)]
+        keys = np.empty(event_kernels.count_crossings(active, signal, reference, *thresholds), np.int64)
+        event_kernels.emit_crossings(active, self._previous, signal, reference, *thresholds, start_ns, stop_ns, keys)
+        return keys
+
+    def _with_effects(self, keys: Keys, stop_us: int) -> Keys:
+        """Return sorted keys up to ``stop_us``: spurious events added, lost ones gone, packets formed."""
+        if self._spurious:
+            keys = np.concatenate([keys, *(source.take_until(stop_us) for source in self._spurious)])
+        keys.sort()
+        if self._options.refractory_us:
+            kept = event_kernels.drop_refractory(keys, self._pixels, self._options.refractory_us, self._last_us)
+            keys = keys[:kept]
+        if not self._options.packet_interval_us:
+            return keys
+        event_kernels.align_to_packets(keys, self._pixels, self._options.packet_interval_us)
+        keys = np.sort(np.concatenate([self._pending, keys]))
+        split = int(np.searchsorted(keys, (stop_us + 1) * self._pixels * 2))
+        self._pending = keys[split:]
+        return keys[:split]
+
+    def _decode(self, keys: Keys) -> EventBatch:
+        height, width = self._shape
+        count = keys.size
+        batch = EventBatch(
+            np.empty(count, np.uint16), np.empty(count, np.uint16), np.empty(count, np.int64), np.empty(count, np.uint8)
+        )
+        start_us = (self._start_ns or 0) // NS_PER_US
+        event_kernels.decode_keys(keys, width, height, start_us, batch.x, batch.y, batch.t_us, batch.p)
+        return batch
+
+    def _require_finite(self) -> None:
+        broken = np.flatnonzero(~np.isfinite(self._signal))
+        if broken.size:
+            row, column = divmod(int(broken[0]), self._shape[1])
+            raise ValueError(
+                f"Expected luma_dn + log_eps_dn above 0 and finite, got {broken.size} pixels without a logarithm, "
+                f"first (column {column}, row {row}); give the scene light or set log_eps_dn"
+            )
+
+
+def _require_whole_microsecond(t_ns: int) -> None:
+    if t_ns % NS_PER_US:
+        raise ValueError(f"Expected a time on a whole microsecond, got {t_ns} ns; sample on the grid of the stamps")

@@ -1,0 +1,81 @@
+"""The event stream: renders as densely as motion asks for, through the sensor, into the file."""
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.camera import event_camera
+from fedora_generator.event_sensor import EventBatch, EventSensor
+from fedora_generator.flight import Flight
+from fedora_generator.instants import as_ns
+from fedora_generator.metadata import write_camera, write_events
+from fedora_generator.render import ExactWorld
+from fedora_generator.sampling import MOTION_BOUND_PX, FixedSteps, MotionSteps, Quality, Sampling
+from fedora_generator.scene import Scene
+from fedora_generator.write import EventColumns, IndexMap, write_dataset
+
+
+class EventRecorder:
+    """Runs the event camera along the flight; ``run_to`` ever later times, then ``finish``.
+
+    ``maps`` are the frame streams to index into the events: the key and size name of the dataset, and the stamps.
+    """
+
+    def __init__(
+        self,
+        file: h5py.File,
+        scene: Scene,
+        world: ExactWorld,
+        quality: Quality,
+        maps: dict[str, tuple[str, NDArray[np.int64]]],
+        seed: np.random.SeedSequence,
+    ) -> None:
+        self._file = file
+        self._world = world
+        self._camera = event_camera(scene.camera)
+        self._flight = Flight(scene.flight)
+        self._sampling = self._sampling_of(scene, quality)
+        self._sensor = EventSensor(scene.events, self._camera.height, self._camera.width, seed)
+        self._columns = EventColumns(file)
+        self._maps = {key: (size, IndexMap(stamps)) for key, (size, stamps) in maps.items()}
+        self._now_us = 0
+        self.renders = 1
+        write_camera(file, "events", self._camera)
+        write_events(file, scene, self._sensor.hot_pixels)
+        self._sensor.start(0, self._luma_dn(0))
+
+    @property
+    def events(self) -> int:
+        """Events recorded so far."""
+        return self._columns.rows
+
+    def run_to(self, stop_us: int) -> None:
+        """Record the events up to and including ``stop_us``."""
+        if stop_us == self._now_us:
+            return
+        for time_us in self._sampling.times_us(self._now_us, stop_us).tolist():
+            self._keep(self._sensor.advance(int(as_ns(time_us)), self._luma_dn(time_us)))
+            self.renders += 1
+        self._now_us = stop_us
+
+    def finish(self) -> None:
+        """Write what is left of the events, and the index maps."""
+        self._keep(self._sensor.finish())
+        self._columns.finish()
+        for key, (size, index_map) in self._maps.items():
+            indices = index_map.finish()
+            write_dataset(self._file, key, indices, **{size: len(indices)})
+
+    def _keep(self, batch: EventBatch) -> None:
+        self._columns.append(batch)
+        for _, index_map in self._maps.values():
+            index_map.append(batch.t_us)
+
+    def _luma_dn(self, time_us: int) -> NDArray[np.float64]:
+        T_world_camera = self._camera.poses_at(self._flight, as_ns(np.array([time_us])))[0]
+        return self._world.luma_dn(self._camera, T_world_camera)
+
+    def _sampling_of(self, scene: Scene, quality: Quality) -> Sampling:
+        if scene.event_step_us:
+            return FixedSteps(scene.event_step_us)
+        return MotionSteps(self._world, self._camera, self._flight, MOTION_BOUND_PX[quality])

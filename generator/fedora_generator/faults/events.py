@@ -1,0 +1,135 @@
+"""Faults of the event stream."""
+
+from collections.abc import Callable
+from typing import Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.faults.fault import Fault, FaultError
+from fedora_generator.faults.rows import blocks, datasets_in, edit, insert_rows, keep_rows, window_of
+from fedora_qa.conventions import US_PER_S
+from fedora_qa.layout.canonical import DATASETS
+
+Keys = NDArray[np.int64]
+KeepPixel = Callable[[Keys, Keys], NDArray[np.bool_]]
+
+X, Y, T, P = (f"path/events/{column}" for column in "xytp")
+METADATA: Final = "metadata/events"
+CAMERA: Final = "metadata/cameras/events"
+
+HOT_PIXEL_RATE_HZ: Final = 200.0
+"""Rate of each planted hot pixel, of random polarity: well above a true pixel's, well below the sensor's limit."""
+
+_NOISES: Final = ("threshold_sigma", "leak_rate_hz", "shot_rate_hz", "hot_pixel_rate_hz")
+
+
+def polarity_inverted(file: h5py.File, fault: Fault) -> None:
+    """Exchange brighter and darker."""
+    edit(file[P], window_of(file, "events", fault), lambda polarities: 1 - polarities)
+
+
+def axes_swapped(file: h5py.File, fault: Fault) -> None:
+    """Write rows as columns and columns as rows, also where that leaves the sensor."""
+    for block in blocks(file[X], window_of(file, "events", fault)):
+        file[X][block], file[Y][block] = file[Y][block], file[X][block]
+
+
+def mirrored(file: h5py.File, fault: Fault) -> None:
+    """Count columns from the right."""
+    last = _size(file)[0] - 1
+    edit(file[X], window_of(file, "events", fault), lambda columns: last - columns)
+
+
+def spatial_offset(file: h5py.File, fault: Fault) -> None:
+    """Shift events to the right by whole pixels; those that leave the sensor are lost."""
+    shift, width = fault.count(), _size(file)[0]
+    if abs(shift) >= width:
+        raise FaultError(f"Expected a shift of less than {width} px, got {shift}")
+    _keep_events(file, lambda x, _: (x + shift >= 0) & (x + shift < width))
+    edit(file[X], slice(None), lambda columns: columns.astype(np.int64) + shift)
+
+
+def dead_region(file: h5py.File, fault: Fault) -> None:
+    """Lose the events of a square of the given side, somewhere on the sensor."""
+    side, (width, height) = fault.positive_count(), _size(file)
+    if side > min(width, height):
+        raise FaultError(f"Expected a side of at most {min(width, height)} px, got {side}")
+    column, row = (int(fault.rng().integers(0, size - side, endpoint=True)) for size in (width, height))
+    before = len(file[X])
+    _keep_events(file, lambda x, y: (x < column) | (x >= column + side) | (y < row) | (y >= row + side))
+    if len(file[X]) == before:
+        raise FaultError(f"Expected events in the {side} px square at ({column}, {row}), got none; try another seed")
+
+
+def hot_pixels(file: h5py.File, fault: Fault) -> None:
+    """Let the given number of pixels fire at random besides, without declaring them."""
+    rng, count, (width, height) = fault.rng(), fault.positive_count(), _size(file)
+    first_us, last_us = int(file[T][0]), int(file[T][-1])
+    pixels = rng.choice(width * height, size=count, replace=False)
+    fired = rng.poisson(HOT_PIXEL_RATE_HZ * (last_us - first_us) / US_PER_S, count)
+    t = rng.integers(first_us, last_us, int(fired.sum()), endpoint=True)
+    y, x = np.divmod(np.repeat(pixels, fired), width)
+    p = rng.integers(0, 1, t.size, endpoint=True)
+    order = np.lexsort((p, x, y, t))
+    columns = {X: x[order], Y: y[order], T: t[order], P: p[order]}
+    before = _rows_before(file, columns, first_us)
+    for key, values in columns.items():
+        insert_rows(file[key], before, values.astype(DATASETS[key].dtype))
+
+
+def threshold_misdeclared(file: h5py.File, fault: Fault) -> None:
+    """Declare thresholds too large by the magnitude; the events stay."""
+    for name in ("threshold_on", "threshold_off"):
+        file[METADATA].attrs[name] = file[METADATA].attrs[name] * (1 + fault.magnitude_in("percent") / 100)
+
+
+def event_model_misdeclared(file: h5py.File, fault: Fault) -> None:
+    """Declare the other sensor model, with the thresholds as they are."""
+    model = file[METADATA].attrs["model"]
+    file[METADATA].attrs["model"] = "linear" if model == "log" else "log"
+
+
+def noise_misdeclared(file: h5py.File, fault: Fault) -> None:
+    """Declare every noise of the sensor too large by the magnitude."""
+    declare_noise(file[METADATA], _NOISES, fault)
+
+
+def declare_noise(group: h5py.Group, names: tuple[str, ...], fault: Fault) -> None:
+    """Scale those of the named attributes that are there; refuse where that changes nothing."""
+    present = [name for name in names if group.attrs.get(name, 0)]
+    if not present:
+        raise FaultError(f"Expected declared noise in {group.name}, got none; plant this in a file with noise")
+    for name in present:
+        group.attrs[name] = group.attrs[name] * (1 + fault.magnitude_in("percent") / 100)
+
+
+def _size(file: h5py.File) -> tuple[int, int]:
+    """Return width and height of the sensor."""
+    if CAMERA not in file:
+        raise FaultError(f"Expected {CAMERA}, got none: the size of the sensor is needed")
+    return int(file[CAMERA].attrs["width"]), int(file[CAMERA].attrs["height"])
+
+
+def _keep_events(file: h5py.File, keep_pixel: KeepPixel) -> None:
+    """Remove the events whose pixel is not to be kept, from all four columns."""
+    kept = [keep_pixel(file[X][block].astype(np.int64), file[Y][block].astype(np.int64)) for block in blocks(file[X])]
+    keep = np.concatenate([np.empty(0, bool), *kept])
+    for dataset in datasets_in(file, "events").values():
+        keep_rows(dataset, lambda block: keep[block])
+
+
+def _rows_before(file: h5py.File, new: dict[str, Keys], first_us: int) -> Keys:
+    """Index (m,) at which each new event belongs in the canonical order (t, y, x, p)."""
+    width, height = _size(file)
+
+    def order_keys(columns: dict[str, Keys]) -> Keys:
+        t, y, x, p = (columns[key].astype(np.int64) for key in (T, Y, X, P))
+        return (((t - first_us) * height + y) * width + x) * 2 + p
+
+    new_keys = order_keys(new)
+    before = np.zeros(new_keys.size, np.int64)
+    for block in blocks(file[T]):
+        before += np.searchsorted(order_keys({key: file[key][block] for key in (X, Y, T, P)}), new_keys)
+    return before

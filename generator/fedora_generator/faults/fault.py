@@ -1,0 +1,97 @@
+"""What to plant: a cause, where, and how much of it."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from fedora_generator.errors import GeneratorError
+from fedora_qa.causes import CAUSES, stream_family
+
+_DIMENSIONS: Final = (
+    {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0},
+    {"mm": 1e-3, "cm": 1e-2, "m": 1.0},
+    {"deg": np.pi / 180, "rad": 1.0},
+    {"deg/s": np.pi / 180, "rad/s": 1.0},
+    {"ppm": 1e-6, "percent": 1e-2, "1": 1.0},
+)
+"""Units that can stand for each other, with their size."""
+
+_TIMES: Final = _DIMENSIONS[0]
+
+
+class FaultError(GeneratorError, ValueError):
+    """The fault cannot be planted as asked; the file is left as it was."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """One fault.
+
+    Attributes
+    ----------
+    cause, stream
+        As in ``fedora_qa.causes``; ``flow`` means every rate of the file.
+    magnitude, unit
+        Positive: stamps too late, values too large. A fault without a size ignores them.
+    seed
+        For what is placed or drawn at random.
+    start_s, stop_s
+        Half-open interval after the file's first stamp that the fault is confined to; a fault that sits at one
+        instant sits at ``start_s``, or in the middle of the stream.
+    """
+
+    cause: str
+    stream: str
+    magnitude: float
+    unit: str
+    seed: int = 0
+    start_s: float | None = None
+    stop_s: float | None = None
+
+    @property
+    def is_duration(self) -> bool:
+        """Whether the magnitude is a time."""
+        return self.unit in _TIMES
+
+    def magnitude_in(self, unit: str) -> float:
+        """Return the magnitude in another unit of the same dimension.
+
+        Raises
+        ------
+        FaultError
+            The units measure different things.
+        """
+        if self.unit == unit:
+            return self.magnitude
+        for sizes in _DIMENSIONS:
+            if self.unit in sizes and unit in sizes:
+                return self.magnitude * (sizes[self.unit] / sizes[unit])
+        raise FaultError(f"Expected the magnitude of {self.cause} in {unit or 'no unit'}, got {self.unit!r}; use --unit")
+
+    def count(self) -> int:
+        """Return the magnitude as a number of samples, events, pixels or intervals: a whole number but 0."""
+        if self.magnitude != round(self.magnitude) or self.magnitude == 0:
+            raise FaultError(f"Expected a whole {self.cause} magnitude other than 0, got {self.magnitude:g}")
+        return round(self.magnitude)
+
+    def positive_count(self) -> int:
+        """Return the magnitude as a number of at least 1."""
+        count = self.count()
+        if count < 1:
+            raise FaultError(f"Expected a {self.cause} magnitude of at least 1, got {count}")
+        return count
+
+    def rng(self) -> np.random.Generator:
+        """Return the random stream of this fault."""
+        return np.random.default_rng(np.random.SeedSequence(self.seed))
+
+
+def default_unit(cause: str, stream: str) -> str:
+    """Return the unit of a magnitude that comes without one.
+
+    It is the cause's own, except that lost or repeated events are a packet, which has a duration.
+    """
+    if cause in ("dropped_samples", "duplicated_samples") and stream_family(stream) == "events":
+        return "ms"
+    return CAUSES[cause].unit

@@ -1,0 +1,86 @@
+"""Faults of the maps from frames to events, and the maps themselves made anew."""
+
+from typing import Final, Literal
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.faults.fault import Fault, FaultError
+from fedora_generator.faults.rows import edit, rows_before
+from fedora_qa.causes import INDEX_MAPS, stream_family
+from fedora_qa.layout.canonical import STAMPS_OF, datasets_of
+
+_FOLLOWED: Final = frozenset({"events", "rgb", "depth"})
+_FOLLOWING: Final = frozenset(
+    {
+        "time_offset",
+        "clock_rate",
+        "quantised_time",
+        "dropped_samples",
+        "duplicated_samples",
+        "truncated",
+        "dead_region",
+        "hot_pixels",
+        "spatial_offset",
+    }
+)
+"""Faults that happen before the recorder makes the maps. It makes them from the stamps that it has, wrong or lost,
+so a map that still knew the truth would betray the fault. Maps of unsorted events or another time unit are left."""
+
+
+def maps_follow(fault: Fault) -> bool:
+    """Whether a real recorder would make the index maps after this fault had happened."""
+    return fault.cause in _FOLLOWING and stream_family(fault.stream) in _FOLLOWED
+
+
+def index_off_by_one(file: h5py.File, fault: Fault) -> None:
+    """Shift every index by the magnitude."""
+    shift = fault.count()
+    edit(_map_in(file, fault.stream), slice(None), lambda indices: indices + shift)
+
+
+def index_side(file: h5py.File, fault: Fault) -> None:
+    """Point behind the events that have a frame's own stamp (``side="right"``)."""
+    indices = _map_in(file, fault.stream)
+    behind = _indices(file, fault.stream, "right")
+    if np.array_equal(behind, indices[...]):
+        raise FaultError("Expected an event with the stamp of a frame, got none: the fault would change nothing")
+    indices[...] = behind
+
+
+def remake_index_maps(file: h5py.File) -> None:
+    """Make the maps that the file holds from its stamps as they are now, as long as the frames are."""
+    for stream in INDEX_MAPS:
+        key = _map_key(stream)
+        if key not in file or not {STAMPS_OF[_frames_of(stream)], STAMPS_OF["events"]} <= _keys(file):
+            continue
+        indices = _indices(file, stream, "left")
+        if len(indices) != len(file[key]):
+            file[key].resize(len(indices), axis=0)
+        file[key][...] = indices
+
+
+def _indices(file: h5py.File, stream: str, side: Literal["left", "right"]) -> NDArray[np.int64]:
+    frame_stamps_us = file[STAMPS_OF[_frames_of(stream)]][...]
+    # The events not after t are those before t + 1: stamps are whole.
+    return rows_before(file[STAMPS_OF["events"]], frame_stamps_us + (side == "right"))
+
+
+def _keys(file: h5py.File) -> set[str]:
+    return {key for key in STAMPS_OF.values() if key in file}
+
+
+def _map_key(stream: str) -> str:
+    return datasets_of(stream)[0].key
+
+
+def _map_in(file: h5py.File, stream: str) -> h5py.Dataset:
+    key = _map_key(stream)
+    if key not in file or not {STAMPS_OF[_frames_of(stream)], STAMPS_OF["events"]} <= _keys(file):
+        raise FaultError(f"Expected a file with {key}, its frames and events, got none; name another stream")
+    return file[key]
+
+
+def _frames_of(stream: str) -> str:
+    return stream.removesuffix("_to_event")

@@ -1,0 +1,163 @@
+"""Editing the rows of a stream in place, a block at a time, so that memory does not grow with the file."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.faults.fault import Fault, FaultError
+from fedora_qa.conventions import US_PER_S
+from fedora_qa.layout.canonical import FLOW_STREAMS, STAMPS_OF, datasets_of
+
+Array = NDArray[Any]
+
+_BLOCK_BYTES: Final = 16 * 1024 * 1024
+
+
+def streams_in(file: h5py.File, stream: str) -> tuple[str, ...]:
+    """Return the stream itself, or for ``flow`` every rate that the file holds."""
+    wanted = FLOW_STREAMS if stream == "flow" else (stream,)
+    found = tuple(each for each in wanted if any(spec.key in file for spec in datasets_of(each)))
+    if not found:
+        raise FaultError(f"Expected a file with the stream {stream}, got none in {file.filename}; name another stream")
+    return found
+
+
+def datasets_in(file: h5py.File, stream: str) -> dict[str, h5py.Dataset]:
+    """Return every dataset of one stream by its key."""
+    return {spec.key: file[spec.key] for spec in datasets_of(stream) if spec.key in file}
+
+
+def values_in(file: h5py.File, stream: str) -> list[h5py.Dataset]:
+    """Return the datasets of one stream that are not its stamps."""
+    return [file[spec.key] for spec in datasets_of(stream) if spec.key in file and not spec.is_stamps]
+
+
+def stamps_in(file: h5py.File, stream: str) -> h5py.Dataset:
+    """Return the stamps of one stream, (n,) or for flow (n, 2)."""
+    key = STAMPS_OF.get(stream)
+    if key is None or key not in file:
+        raise FaultError(f"Expected a stream with stamps, got {stream}; name a stream that the file holds")
+    return file[key]
+
+
+def blocks(dataset: h5py.Dataset, rows: slice | None = None) -> Iterator[slice]:
+    """Cut rows into slices of a size that fits memory, whole chunks where that is possible."""
+    start, stop, _ = (rows or slice(None)).indices(len(dataset))
+    row_bytes = max(1, dataset.dtype.itemsize * int(np.prod(dataset.shape[1:])))
+    step = max(1, _BLOCK_BYTES // row_bytes)
+    if dataset.chunks:
+        step = max(1, step // dataset.chunks[0]) * dataset.chunks[0]
+    edges = [start, *range((start // step + 1) * step, stop, step), stop]
+    return (slice(begin, end) for begin, end in zip(edges[:-1], edges[1:], strict=True) if begin < end)
+
+
+def edit(dataset: h5py.Dataset, rows: slice, change: Callable[[Array], Array]) -> None:
+    """Replace each block of rows by what ``change`` makes of it, of the same shape."""
+    for block in blocks(dataset, rows):
+        dataset[block] = change(dataset[block])
+
+
+def edit_values(file: h5py.File, fault: Fault, change: Callable[[Array], Array]) -> None:
+    """Apply one change to every value of the fault's streams, within its window."""
+    for stream in streams_in(file, fault.stream):
+        window = window_of(file, stream, fault)
+        for dataset in values_in(file, stream):
+            edit(dataset, window, change)
+
+
+def origin_us(file: h5py.File) -> int:
+    """Return the earliest first stamp of the file."""
+    firsts = [int(np.min(file[key][:1])) for key in STAMPS_OF.values() if key in file and len(file[key])]
+    return min(firsts, default=0)
+
+
+def rows_before(stamps: h5py.Dataset, times_us: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Count the rows (m,) stamped before each of ``times_us`` (m,), which in a sorted stream is their index."""
+    counts = np.zeros(len(times_us), np.int64)
+    for block in blocks(stamps):
+        counts += np.searchsorted(_starts(stamps[block]), times_us, side="left")
+    return counts
+
+
+def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
+    """Return the rows of a stream that lie in the fault's interval."""
+    if fault.start_s is None and fault.stop_s is None:
+        return slice(0, len(next(iter(datasets_in(file, stream).values()))))
+    stamps = stamps_in(file, stream)
+    limits_us = [origin_us(file) + round(each * US_PER_S) for each in (fault.start_s, fault.stop_s) if each is not None]
+    rows = [int(row) for row in rows_before(stamps, np.array(limits_us, np.int64))]
+    start = rows[0] if fault.start_s is not None else 0
+    stop = rows[-1] if fault.stop_s is not None else len(stamps)
+    if start >= stop:
+        raise FaultError(f"Expected rows of {stream} between {fault.start_s} and {fault.stop_s} s, got none")
+    return slice(start, stop)
+
+
+def place_of(file: h5py.File, stream: str, fault: Fault, count: int) -> slice:
+    """Return ``count`` consecutive rows from ``start_s`` on, or in the middle of the stream; never the first row."""
+    length = len(next(iter(datasets_in(file, stream).values())))
+    if count > length - 1:
+        raise FaultError(f"Expected fewer than the {length} rows of {stream}, got {count}; lower the magnitude")
+    first = window_of(file, stream, fault).start if fault.start_s is not None else (length - count + 1) // 2
+    first = min(max(first, 1), length - count)
+    return slice(first, first + count)
+
+
+def keep_rows(dataset: h5py.Dataset, keep: Callable[[slice], NDArray[np.bool_]]) -> None:
+    """Remove, in place, the rows for which ``keep`` of their block says no."""
+    _require_resizable(dataset)
+    kept = 0
+    for block in blocks(dataset):
+        rows = dataset[block][keep(block)]
+        dataset[kept : kept + len(rows)] = rows
+        kept += len(rows)
+    dataset.resize(kept, axis=0)
+
+
+def delete_rows(file: h5py.File, stream: str, gone: slice) -> None:
+    """Remove consecutive rows from every dataset of a stream."""
+    for dataset in datasets_in(file, stream).values():
+        keep_rows(dataset, lambda block: ~_inside(block, gone))
+
+
+def insert_rows(dataset: h5py.Dataset, before: NDArray[np.int64], values: Array) -> None:
+    """Insert ``values`` (m, ...), each before the row of the old numbering in ``before`` (m,), ascending.
+
+    Works from the end, so that nothing is overwritten before it has been moved.
+    """
+    _require_resizable(dataset)
+    old_length = len(dataset)
+    moved = list(blocks(dataset))
+    dataset.resize(old_length + len(before), axis=0)
+    pending = len(before)
+    for block in reversed(moved):
+        first = int(np.searchsorted(before, block.start))
+        merged = np.insert(dataset[block], before[first:pending] - block.start, values[first:pending], axis=0)
+        dataset[block.start + first : block.start + first + len(merged)] = merged
+        pending = first
+
+
+def append_attributes(target: h5py.Dataset, attributes: Mapping[str, Any]) -> None:
+    """Give a dataset the attributes of the one that it replaces."""
+    for name, value in attributes.items():
+        target.attrs[name] = value
+
+
+def _starts(stamps_us: Array) -> NDArray[np.int64]:
+    return stamps_us[:, 0] if stamps_us.ndim == 2 else stamps_us
+
+
+def _inside(block: slice, rows: slice) -> NDArray[np.bool_]:
+    index = np.arange(block.start, block.stop)
+    return (index >= rows.start) & (index < rows.stop)
+
+
+def _require_resizable(dataset: h5py.Dataset) -> None:
+    if dataset.chunks is None or dataset.maxshape[0] is not None:
+        raise FaultError(
+            f"Expected {dataset.name} to be chunked with an unlimited first axis, as the layout has it, "
+            f"got maxshape {dataset.maxshape}; write it so, or plant a fault that keeps the number of rows"
+        )

@@ -1,0 +1,85 @@
+"""Faults of single samples: lost, repeated, exchanged, frozen, not a number; for every stream."""
+
+import h5py
+import numpy as np
+
+from fedora_generator.faults.fault import Fault, FaultError
+from fedora_generator.faults.rows import (
+    datasets_in,
+    delete_rows,
+    edit,
+    insert_rows,
+    place_of,
+    rows_before,
+    stamps_in,
+    streams_in,
+    values_in,
+)
+
+
+def dropped_samples(file: h5py.File, fault: Fault) -> None:
+    """Lose consecutive samples: a number of them, or those of a duration."""
+    for stream in streams_in(file, fault.stream):
+        delete_rows(file, stream, _affected(file, stream, fault))
+
+
+def duplicated_samples(file: h5py.File, fault: Fault) -> None:
+    """Write consecutive samples twice, each right after itself, so that the order of time still holds."""
+    for stream in streams_in(file, fault.stream):
+        rows = _affected(file, stream, fault)
+        for dataset in datasets_in(file, stream).values():
+            insert_rows(dataset, np.arange(rows.start, rows.stop) + 1, dataset[rows])
+
+
+def unsorted(file: h5py.File, fault: Fault) -> None:
+    """Write the given number of consecutive samples in reverse."""
+    count = max(2, fault.positive_count())
+    for stream in streams_in(file, fault.stream):
+        stamps = stamps_in(file, stream)
+        rows = place_of(file, stream, fault, count)
+        while rows.stop < len(stamps) and np.all(stamps[rows.stop - 1] == stamps[rows.start]):
+            rows = slice(rows.start, rows.stop + 1)  # samples of one stamp have no order in time to break
+        for dataset in datasets_in(file, stream).values():
+            dataset[rows] = dataset[rows][::-1]
+
+
+def frozen_frames(file: h5py.File, fault: Fault) -> None:
+    """Repeat the value before the place in the given number of samples; their stamps go on."""
+    for stream in streams_in(file, fault.stream):
+        rows = place_of(file, stream, fault, fault.positive_count())
+        for dataset in values_in(file, stream):
+            still = dataset[rows.start - 1]
+            edit(dataset, rows, lambda values, still=still: np.broadcast_to(still, values.shape))
+
+
+def swapped_frames(file: h5py.File, fault: Fault) -> None:
+    """Exchange the values of one sample with those the given number of samples later; stamps stay."""
+    distance = fault.positive_count()
+    for stream in streams_in(file, fault.stream):
+        first = place_of(file, stream, fault, distance + 1).start
+        for dataset in values_in(file, stream):
+            one, other = dataset[first], dataset[first + distance]
+            dataset[first], dataset[first + distance] = other, one
+
+
+def nan_in_stream(file: h5py.File, fault: Fault) -> None:
+    """Overwrite every value of the given number of samples by NaN."""
+    for stream in streams_in(file, fault.stream):
+        rows = place_of(file, stream, fault, fault.positive_count())
+        for dataset in values_in(file, stream):
+            edit(dataset, rows, lambda values: np.full_like(values, np.nan))
+
+
+def _affected(file: h5py.File, stream: str, fault: Fault) -> slice:
+    if not fault.is_duration:
+        return place_of(file, stream, fault, fault.positive_count())
+    stamps = stamps_in(file, stream)
+    first = place_of(file, stream, fault, 1).start
+    stop_us = int(np.min(stamps[first])) + round(fault.magnitude_in("us"))
+    stop = int(rows_before(stamps, np.array([stop_us], np.int64))[0])
+    if not first < stop < len(stamps):
+        raise FaultError(
+            f"Expected {fault.magnitude:g} {fault.unit} of {stream} within the sequence, got rows {first} to {stop} "
+            f"of {len(stamps)}; choose another magnitude or start"
+        )
+    return slice(first, stop)

@@ -1,0 +1,165 @@
+"""The flight: one closed-form 6-DoF trajectory from which every stream is derived.
+
+Position and the three Euler angles are each a constant rate plus sines, the yaw also plus smooth turns. All are
+infinitely differentiable and their derivatives are written down, so pose, IMU, depth and flow agree to rounding.
+"""
+
+import math
+from dataclasses import dataclass, fields
+from typing import ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict
+from scipy.special import erf
+
+from fedora_generator.rotations import body_rates_from_zyx, matrices_from_quaternions, quaternions_from_zyx
+
+Floats = NDArray[np.float64]
+Axis = Literal["x", "y", "z", "yaw", "pitch", "roll"]
+
+AXES: Final[tuple[Axis, ...]] = ("x", "y", "z", "yaw", "pitch", "roll")
+_YAW: Final = AXES.index("yaw")
+_ANGLES: Final = slice(_YAW, None)
+_POSITION: Final = slice(0, _YAW)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HarmonicTerm:
+    """``amplitude * sin(2 pi frequency_hz t + phase_deg)`` added to one axis; metres, or degrees for an angle."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    axis: Axis
+    amplitude: float
+    frequency_hz: float
+    phase_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.axis not in AXES:
+            raise ValueError(f"Expected axis to be one of {', '.join(AXES)}, got {self.axis!r}")
+        _require_finite(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turn:
+    """A smooth yaw step of ``angle_deg`` centred at ``time_s``.
+
+    The yaw rate is a Gaussian of standard deviation ``sigma_s``; it peaks at ``angle / (sigma_s sqrt(2 pi))``.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    angle_deg: float
+    time_s: float
+    sigma_s: float
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        if self.sigma_s <= 0:
+            raise ValueError(f"Expected sigma_s > 0, got {self.sigma_s}; a turn takes time")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightOptions:
+    """A flight: where it starts at t = 0, its steady rates, and what is added to them.
+
+    ``position_m`` and ``velocity_m_s`` are x, y, z in the world (ENU); ``attitude_deg`` is yaw, pitch, roll.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    position_m: tuple[float, float, float]
+    velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    attitude_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    yaw_rate_deg_s: float = 0.0
+    terms: tuple[HarmonicTerm, ...] = ()
+    turns: tuple[Turn, ...] = ()
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+
+
+@dataclass(frozen=True, slots=True)
+class FlightState:
+    """The truth at n instants, float64; ``p_world = R_world_body p_body + position``."""
+
+    positions_world_m: Floats
+    """(n, 3)"""
+    orientations_xyzw: Floats
+    """(n, 4), unit, body to world, the sign continuous in time"""
+    R_world_body: Floats
+    """(n, 3, 3)"""
+    velocities_world_m_s: Floats
+    """(n, 3)"""
+    accelerations_world_m_s2: Floats
+    """(n, 3), without gravity"""
+    angular_velocities_body_rad_s: Floats
+    """(n, 3)"""
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """The flight that ``options`` describe, at any time, however long."""
+
+    options: FlightOptions
+
+    def states_at(self, times_s: Floats) -> FlightState:
+        """State at ``times_s`` (n,), seconds, in closed form."""
+        times_s = np.asarray(times_s, dtype=np.float64)
+        if times_s.ndim != 1 or not np.all(np.isfinite(times_s)):
+            raise ValueError(f"Expected times_s to be finite and of shape (n,), got shape {times_s.shape}")
+        value, rate, acceleration = self._axes_at(times_s)
+        yaw_rad, pitch_rad, roll_rad = np.moveaxis(value[:, _ANGLES], -1, 0)
+        orientations_xyzw = quaternions_from_zyx(yaw_rad, pitch_rad, roll_rad)
+        return FlightState(
+            positions_world_m=value[:, _POSITION].copy(),
+            orientations_xyzw=orientations_xyzw,
+            R_world_body=matrices_from_quaternions(orientations_xyzw),
+            velocities_world_m_s=rate[:, _POSITION].copy(),
+            accelerations_world_m_s2=acceleration[:, _POSITION].copy(),
+            angular_velocities_body_rad_s=body_rates_from_zyx(pitch_rad, roll_rad, rate[:, _ANGLES]),
+        )
+
+    def _axes_at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Value, first and second derivative (n, 6) of the axes in the order of AXES, metres and radians."""
+        options = self.options
+        start = np.array([*options.position_m, *np.radians(options.attitude_deg)])
+        steady_rate = np.array([*options.velocity_m_s, math.radians(options.yaw_rate_deg_s), 0.0, 0.0])
+        value = start + steady_rate * times_s[:, None]
+        rate = np.tile(steady_rate, (times_s.size, 1))
+        acceleration = np.zeros_like(value)
+        for term in options.terms:
+            column = AXES.index(term.axis)
+            derivatives = _harmonic(term, times_s)
+            for total, derivative in zip((value, rate, acceleration), derivatives, strict=True):
+                total[:, column] += derivative
+        for turn in options.turns:
+            for total, derivative in zip((value, rate, acceleration), _turn(turn, times_s), strict=True):
+                total[:, _YAW] += derivative
+        return value, rate, acceleration
+
+
+def _harmonic(term: HarmonicTerm, times_s: Floats) -> tuple[Floats, Floats, Floats]:
+    amplitude = term.amplitude if AXES.index(term.axis) < _YAW else math.radians(term.amplitude)
+    omega_rad_s = 2 * math.pi * term.frequency_hz
+    phase_rad = omega_rad_s * times_s + math.radians(term.phase_deg)
+    value = amplitude * np.sin(phase_rad)
+    return value, amplitude * omega_rad_s * np.cos(phase_rad), -(omega_rad_s**2) * value
+
+
+def _turn(turn: Turn, times_s: Floats) -> tuple[Floats, Floats, Floats]:
+    angle_rad = math.radians(turn.angle_deg)
+    deviate = (times_s - turn.time_s) / turn.sigma_s
+    value = angle_rad * 0.5 * (1 + erf(deviate / math.sqrt(2)))
+    rate = angle_rad / (turn.sigma_s * math.sqrt(2 * math.pi)) * np.exp(-0.5 * deviate**2)
+    return value, rate, -deviate / turn.sigma_s * rate
+
+
+def _require_finite(options: HarmonicTerm | Turn | FlightOptions) -> None:
+    for field in fields(options):
+        value = getattr(options, field.name)
+        if isinstance(value, (int, float)) and not math.isfinite(value):
+            raise ValueError(f"Expected {field.name} to be finite, got {value}")
+        if field.name.endswith(("_m", "_m_s", "_deg")) and isinstance(value, tuple) and not np.isfinite(value).all():
+            raise ValueError(f"Expected {field.name} to be finite, got {value}")

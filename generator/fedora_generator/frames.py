@@ -1,0 +1,98 @@
+"""The streams on the grid of the colour camera: RGB, depth and flow, one instant at a time."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.camera import colour_camera
+from fedora_generator.depth import depth_mm, in_range
+from fedora_generator.flight import Flight
+from fedora_generator.flow import flow_px
+from fedora_generator.instants import FRAME_RATE_HZ, as_ns, intervals_us, stamps_us
+from fedora_generator.metadata import write_camera, write_depth_range, write_flow
+from fedora_generator.render import ExactWorld
+from fedora_generator.scene import Scene
+from fedora_generator.write import write_dataset
+from fedora_qa.conventions import FLOW_RATES_HZ
+from fedora_qa.layout.create import create_dataset
+
+Floats = NDArray[np.float64]
+
+DN_MAX: Final = 255
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRenderer:
+    """Renders the frames that were asked for into their datasets, in any order, each once."""
+
+    scene: Scene
+    world: ExactWorld
+    flight: Flight
+    rgb: h5py.Dataset | None
+    depth: h5py.Dataset | None
+    flow: dict[int, tuple[h5py.Dataset, NDArray[np.int64]]]
+    """By rate: the dataset, and its intervals (k, 2) in microseconds."""
+
+    def render(self, index: int, stamp_us: int) -> None:
+        """Write everything that belongs to frame ``index`` at ``stamp_us``: the flow of intervals that start here."""
+        camera = colour_camera(self.scene.camera)
+        T_world_camera = self._pose_at(stamp_us)
+        if self.rgb is not None:
+            self.rgb[index] = as_8_bit(self.world.rgb_dn(camera, T_world_camera))
+        starting = [(dataset, k, end) for dataset, k, end in self._flow_from(index)]
+        if self.depth is None and not starting:
+            return
+        inverse_depth = in_range(self.world.inverse_depth_per_m(camera, T_world_camera), self.scene.depth_range_m)
+        if self.depth is not None:
+            self.depth[index] = depth_mm(inverse_depth)
+        for dataset, k, end_us in starting:
+            dataset[k] = flow_px(inverse_depth, camera.K, T_world_camera, self._pose_at(end_us))
+
+    def _flow_from(self, index: int) -> list[tuple[h5py.Dataset, int, int]]:
+        """Dataset, row and end of each flow interval that starts at a frame."""
+        found = []
+        for rate_hz, (dataset, intervals) in self.flow.items():
+            k, rest = divmod(index * rate_hz, FRAME_RATE_HZ)
+            if rest == 0 and k < len(intervals):
+                found.append((dataset, k, int(intervals[k, 1])))
+        return found
+
+    def _pose_at(self, time_us: int) -> Floats:
+        camera = colour_camera(self.scene.camera)
+        return camera.poses_at(self.flight, as_ns(np.array([time_us])))[0]
+
+
+def as_8_bit(radiance_dn: Floats) -> NDArray[np.uint8]:
+    """``rint(clip(Y))``: what the frame stores of linear radiance."""
+    return np.rint(np.clip(radiance_dn, 0, DN_MAX)).astype(np.uint8)
+
+
+def create_frames(
+    file: h5py.File, scene: Scene, world: ExactWorld, duration_us: int, streams: frozenset[str]
+) -> FrameRenderer:
+    """Create the datasets and metadata of the image streams among ``streams``."""
+    camera, stamps = colour_camera(scene.camera), stamps_us(duration_us, FRAME_RATE_HZ)
+    size = {"H": camera.height, "W": camera.width, "H_rgb": camera.height, "W_rgb": camera.width}
+    rgb = depth = None
+    if "rgb" in streams:
+        rgb = create_dataset(file, "path/rgb", {"N": len(stamps), **size})
+        rgb.attrs["transfer"] = "linear"
+        write_dataset(file, "path/rgb_ts", stamps, N=len(stamps))
+        write_camera(file, "rgb", camera)
+    if "depth" in streams:
+        depth = create_dataset(file, "path/depth", {"D": len(stamps), **size})
+        write_dataset(file, "path/depth_ts", stamps, D=len(stamps))
+        write_camera(file, "depth", camera)
+        write_depth_range(file, scene)
+    flow = {}
+    if "flow" in streams:
+        write_flow(file)
+        for rate_hz in FLOW_RATES_HZ:
+            intervals = intervals_us(duration_us, rate_hz)
+            count = {f"K{rate_hz}": len(intervals)}
+            flow[rate_hz] = create_dataset(file, f"path/flow/{rate_hz}hz", {**count, **size}), intervals
+            write_dataset(file, f"path/flow/{rate_hz}hz_ts", intervals, **count)
+    return FrameRenderer(scene, world, Flight(scene.flight), rgb, depth, flow)

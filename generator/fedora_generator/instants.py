@@ -1,0 +1,39 @@
+"""When things are sampled: int64 microseconds from the start of the sequence."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.errors import SceneError
+from fedora_qa.conventions import NS_PER_US, US_PER_S
+
+FRAME_RATE_HZ: Final = 50
+IMU_RATE_HZ: Final = 1000
+POSE_RATE_HZ: Final = 200
+
+LONGEST_S: Final = 24 * 3600.0
+
+
+def whole_us(duration_s: float) -> int:
+    """Duration in whole microseconds."""
+    if not (math.isfinite(duration_s) and 0 < duration_s <= LONGEST_S):
+        raise SceneError(f"Expected a duration above 0 and up to {LONGEST_S:g} s, got {duration_s:g} s")
+    return round(duration_s * US_PER_S)
+
+
+def stamps_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:
+    """Stamps (n,) of a stream, from 0 to the last that fits; both ends are written: n = floor(rate T) + 1."""
+    return np.arange(duration_us * rate_hz // US_PER_S + 1, dtype=np.int64) * US_PER_S // rate_hz
+
+
+def intervals_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:
+    """Start and end (k, 2) of the abutting intervals of a flow rate."""
+    stamps = stamps_us(duration_us, rate_hz)
+    return np.stack([stamps[:-1], stamps[1:]], axis=-1)
+
+
+def as_ns(times_us: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Nanoseconds of the same instants."""
+    return times_us * NS_PER_US

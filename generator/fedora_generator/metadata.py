@@ -1,0 +1,106 @@
+"""What the file says of itself: only of the streams that it holds."""
+
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.camera import Camera
+from fedora_generator.scene import Scene
+from fedora_generator.write import write_dataset
+from fedora_qa.conventions import FORMAT_NAME, FORMAT_VERSION
+
+EVENT_ATTRIBUTES: Final = (
+    *("model", "threshold_on", "threshold_off", "log_eps_dn", "initial_phase", "packet_interval_us"),
+    *("threshold_sigma", "leak_rate_hz", "shot_rate_hz", "bandwidth_hz", "refractory_us", "hot_pixel_rate_hz"),
+)
+
+
+def write_root(file: h5py.File, scene: Scene) -> None:
+    """Format, and where the sequence comes from."""
+    _set(
+        file,
+        {
+            "format": FORMAT_NAME,
+            "format_version": FORMAT_VERSION,
+            "sequence": scene.name,
+            "world": scene.world.name,
+            "illumination": scene.light.name,
+            "created_by": f"fedora-generate {_version()}",
+            "scene_digest": scene.digest,
+            "seed": scene.seed,
+        },
+    )
+
+
+def write_camera(file: h5py.File, stream: str, camera: Camera) -> None:
+    """Geometry of the camera behind a stream."""
+    _set(
+        file.require_group(f"metadata/cameras/{stream}"),
+        {
+            "width": camera.width,
+            "height": camera.height,
+            "K": camera.K,
+            "T_body_camera": camera.T_body_camera,
+            "exposure_us": 0.0,
+            "camera_model": "pinhole",
+        },
+    )
+
+
+def write_depth_range(file: h5py.File, scene: Scene) -> None:
+    """Nearest and farthest valid depth, metres."""
+    write_dataset(file, "metadata/depth_range", np.array(scene.depth_range_m))
+
+
+def write_events(file: h5py.File, scene: Scene, hot_pixels: NDArray[np.int64]) -> None:
+    """Sensor model, thresholds and the effects that were added; ``hot_pixels`` is (n, 2) column, row."""
+    group = file.require_group("metadata/events")
+    _set(group, {name: getattr(scene.events, name) for name in EVENT_ATTRIBUTES})
+    _set(group, {"polarity": "1=brighter"})
+    if len(hot_pixels):
+        _set(group, {"hot_pixels": hot_pixels})
+
+
+def write_imu(file: h5py.File, scene: Scene) -> None:
+    """Noise and gravity of the inertial unit."""
+    imu = scene.imu
+    _set(
+        file.require_group("metadata/imu"),
+        {
+            "gyro_noise_density": imu.gyro_noise_density,
+            "accel_noise_density": imu.accel_noise_density,
+            "gyro_bias_walk": imu.gyro_bias_walk,
+            "accel_bias_walk": imu.accel_bias_walk,
+            "gravity": imu.gravity_m_s2,
+            "sampling": "instant",
+        },
+    )
+
+
+def write_pose(file: h5py.File, scene: Scene) -> None:
+    """Noise of the pose."""
+    _set(
+        file.require_group("metadata/pose"),
+        {"position_sigma": scene.pose.position_sigma_m, "rotation_sigma": scene.pose.rotation_sigma_rad},
+    )
+
+
+def write_flow(file: h5py.File) -> None:
+    """Unit and model of the flow: nothing in the exact world moves."""
+    _set(file.require_group("metadata/flow"), {"unit": "px", "model": "rigid"})
+
+
+def _set(owner: h5py.Group, attributes: Mapping[str, Any]) -> None:
+    for name, value in attributes.items():
+        owner.attrs[name] = value
+
+
+def _version() -> str:
+    try:
+        return version("fedora-qa")
+    except PackageNotFoundError:
+        return "from source"

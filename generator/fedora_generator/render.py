@@ -1,0 +1,81 @@
+"""The exact world made ready to render: arrays once, then an image per camera pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.camera import Camera
+from fedora_generator.surfaces.faces import Faces, faces_of
+from fedora_generator.surfaces.light import WHITE_DN, Light, even_irradiance, lamps_over_faces
+from fedora_generator.surfaces.projection import pixel_rays, project_faces
+from fedora_generator.surfaces.render_kernels import render_inverse_depth, render_radiance
+from fedora_generator.surfaces.shading_kernels import Surfaces, View
+from fedora_generator.surfaces.texture_kernels import TextureTable
+from fedora_generator.surfaces.textures import texture_table
+from fedora_generator.surfaces.world import World
+from fedora_qa.conventions import LUMA_WEIGHTS_RGB
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ExactWorld:
+    """A world under a light, rendered in float64.
+
+    Radiance is linear DN (0..255 when nothing saturates), the average over each pixel's own footprint, unrounded.
+    The result does not depend on the number of threads.
+    """
+
+    faces: Faces
+    textures: TextureTable
+    coloured: Surfaces
+    grey: Surfaces
+
+    @classmethod
+    def of(cls, world: World, light: Light) -> "ExactWorld":
+        """Prepare a world for rendering."""
+        faces = faces_of(world)
+        return cls(
+            faces=faces,
+            textures=texture_table(list(world.textures.values())),
+            coloured=_surfaces(world, light, faces, np.eye(3)),
+            grey=_surfaces(world, light, faces, np.array(LUMA_WEIGHTS_RGB)[:, None]),
+        )
+
+    def rgb_dn(self, camera: Camera, T_world_camera: Floats) -> Floats:
+        """Linear radiance (height, width, 3) of R, G, B, DN."""
+        return self._radiance_dn(self.coloured, camera, T_world_camera)
+
+    def luma_dn(self, camera: Camera, T_world_camera: Floats) -> Floats:
+        """Luma (height, width) of the linear radiance, DN."""
+        return self._radiance_dn(self.grey, camera, T_world_camera)[..., 0]
+
+    def inverse_depth_per_m(self, camera: Camera, T_world_camera: Floats) -> Floats:
+        """1 / z-depth (height, width) along the optical axis at the pixel centres, 1/m; 0 where the sky is seen."""
+        inverse_depth = np.empty((camera.height, camera.width))
+        render_inverse_depth(self._view(camera, T_world_camera), inverse_depth)
+        return inverse_depth
+
+    def _radiance_dn(self, surfaces: Surfaces, camera: Camera, T_world_camera: Floats) -> Floats:
+        radiance_dn = np.empty((camera.height, camera.width, surfaces.sky_dn.shape[1]))
+        render_radiance(self.textures, surfaces, self._view(camera, T_world_camera), radiance_dn)
+        return radiance_dn
+
+    def _view(self, camera: Camera, T_world_camera: Floats) -> View:
+        front, lines = project_faces(self.faces, camera.K, T_world_camera)
+        return View(front, lines, pixel_rays(camera.K, T_world_camera))
+
+
+def _surfaces(world: World, light: Light, faces: Faces, channels: Floats) -> Surfaces:
+    """Surfaces in the colour channels whose weights of R, G, B are the columns of ``channels`` (3, c)."""
+    textures = list(world.textures.values())
+    return Surfaces(
+        texture_offsets_m=faces.texture_offsets_m,
+        texture_of_face=faces.textures,
+        dark_dn=WHITE_DN * np.array([texture.dark_rgb for texture in textures]) @ channels,
+        light_dn=WHITE_DN * np.array([texture.light_rgb for texture in textures]) @ channels,
+        even_irradiance=even_irradiance(light, faces),
+        lamps=lamps_over_faces(light, world.lamps, faces),
+        sky_dn=WHITE_DN * np.array([light.sky_horizon_rgb, light.sky_zenith_rgb]) @ channels,
+    )

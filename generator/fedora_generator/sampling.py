@@ -1,0 +1,73 @@
+"""When to render for the event camera.
+
+Between two renders the sensor takes the logarithm of the luminance as a straight line, so the image must not move far
+from one to the next. Over each frame interval the largest displacement of any pixel of the event camera is computed
+from depth and flight, forwards from its start and backwards from its end, and the interval is cut into as many equal
+steps as keep a step under the bound. The sky counts, as it turns with the camera.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.camera import Camera
+from fedora_generator.flight import Flight
+from fedora_generator.flow import flow_px
+from fedora_generator.instants import as_ns
+from fedora_generator.render import ExactWorld
+
+Quality = Literal["draft", "standard", "reference"]
+
+MOTION_BOUND_PX: Final[dict[Quality, float]] = {"draft": 1.0, "standard": 0.5, "reference": 0.1}
+"""Image motion between two renders, px of the event camera."""
+
+SHORTEST_STEP_US: Final = 10
+"""A point that passes close to the camera has no bound; more than 100 000 renders a second are never made."""
+
+
+class Sampling(Protocol):
+    """Chooses the instants of the event renders."""
+
+    def times_us(self, start_us: int, stop_us: int) -> NDArray[np.int64]:
+        """Instants (n,) in (start, stop], whole microseconds, ascending; the last is ``stop_us``."""
+
+
+@dataclass(frozen=True, slots=True)
+class FixedSteps:
+    """Renders on a fixed grid from time 0, as a game engine makes them."""
+
+    step_us: int
+
+    def times_us(self, start_us: int, stop_us: int) -> NDArray[np.int64]:
+        """Multiples of the step in (start, stop]; and ``stop_us``."""
+        first = (start_us // self.step_us + 1) * self.step_us
+        return np.append(np.arange(first, stop_us, self.step_us, dtype=np.int64), stop_us)
+
+
+@dataclass(frozen=True, slots=True)
+class MotionSteps:
+    """As many equal steps as keep the image motion of each under ``bound_px``."""
+
+    world: ExactWorld
+    camera: Camera
+    flight: Flight
+    bound_px: float
+
+    def times_us(self, start_us: int, stop_us: int) -> NDArray[np.int64]:
+        """Equal steps from start to stop, rounded to whole microseconds."""
+        steps = math.ceil(self.largest_motion_px(start_us, stop_us) / self.bound_px)
+        steps = max(1, min(steps, (stop_us - start_us) // SHORTEST_STEP_US))
+        return start_us + (stop_us - start_us) * np.arange(1, steps + 1, dtype=np.int64) // steps
+
+    def largest_motion_px(self, start_us: int, stop_us: int) -> float:
+        """Largest displacement of any pixel between two instants; points that pass behind the camera do not count."""
+        T_start, T_stop = self.camera.poses_at(self.flight, as_ns(np.array([start_us, stop_us])))
+        return max(self._largest_px(T_start, T_stop), self._largest_px(T_stop, T_start))
+
+    def _largest_px(self, T_world_camera_from: NDArray[np.float64], T_world_camera_to: NDArray[np.float64]) -> float:
+        inverse_depth = self.world.inverse_depth_per_m(self.camera, T_world_camera_from)
+        u, v = np.moveaxis(flow_px(inverse_depth, self.camera.K, T_world_camera_from, T_world_camera_to), -1, 0)
+        return float(np.nanmax(np.hypot(u, v), initial=0.0))

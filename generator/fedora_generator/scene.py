@@ -1,0 +1,159 @@
+"""A scene: world, light, flight and sensors, read from TOML.
+
+``world`` names a world of the package, or a TOML file beside the scene, or is a table itself. ``base`` names a scene
+whose tables this one starts from.
+"""
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from fedora_generator.camera import CameraOptions
+from fedora_generator.errors import SceneError
+from fedora_generator.event_sensor import EventSensorOptions
+from fedora_generator.flight import FlightOptions
+from fedora_generator.imu import ImuOptions
+from fedora_generator.pose import PoseOptions
+from fedora_generator.surfaces.light import Light
+from fedora_generator.surfaces.world import World
+
+SCENE_NAMES: Final = ("park-day", "park-night", "racetrack-day", "hover", "fast-turn", "park-noisy")
+"""Scenes of the package; the first has an exact world and every stream."""
+
+_SCENES: Final = Path(__file__).parent / "scenes"
+_WORLDS: Final = _SCENES / "worlds"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """Everything that a sequence follows from, but its duration.
+
+    ``event_step_us`` fixes the renders of the event camera to a grid, as a game engine has it; 0 lets image motion
+    decide. ``depth_range_m`` is the nearest and farthest valid z-depth.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    name: str
+    description: str
+    world: World
+    light: Light
+    flight: FlightOptions
+    events: EventSensorOptions
+    event_step_us: int = 0
+    camera: CameraOptions = field(default_factory=CameraOptions)
+    imu: ImuOptions = field(default_factory=ImuOptions)
+    pose: PoseOptions = field(default_factory=PoseOptions)
+    depth_range_m: tuple[float, float] = (0.1, 30.0)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        near_m, far_m = self.depth_range_m
+        if not 0 < near_m < far_m:
+            raise ValueError(f"Expected depth_range_m to ascend from above 0, got {near_m} to {far_m}")
+        if self.event_step_us < 0:
+            raise ValueError(f"Expected event_step_us >= 0, got {self.event_step_us}")
+        if self.events.model == "linear" and self.event_step_us == 0:
+            raise ValueError("Expected event_step_us with the linear model, which compares one rendered step to the next")
+        if self.seed < 0:
+            raise ValueError(f"Expected seed >= 0, got {self.seed}")
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the scene's canonical JSON."""
+        document = json.dumps(_ADAPTER.dump_python(self, mode="json"), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(document.encode()).hexdigest()
+
+    def with_size(self, width: int, height: int) -> "Scene":
+        """Return the scene with another size of the colour and depth camera."""
+        try:
+            return replace(self, camera=replace(self.camera, width=width, height=height))
+        except ValueError as error:
+            raise SceneError(str(error)) from error
+
+
+_ADAPTER: Final = TypeAdapter(Scene)
+
+
+def list_scenes() -> tuple[Scene, ...]:
+    """Scenes of the package, in order."""
+    return tuple(load_scene(name) for name in SCENE_NAMES)
+
+
+def load_scene(name_or_path: str | Path) -> Scene:
+    """Scene of the package by its name, or of a TOML file.
+
+    Raises
+    ------
+    SceneError
+        No such scene, not TOML, a key that is unknown or missing, or a value that cannot be.
+    """
+    path = _scene_path(str(name_or_path))
+    tables = _read_scene(path)
+    try:
+        return _ADAPTER.validate_python(tables)
+    except ValidationError as error:
+        raise SceneError(f"{_one_sentence(error)} ({path.name})") from error
+
+
+def _scene_path(name_or_path: str) -> Path:
+    if name_or_path in SCENE_NAMES:
+        return _SCENES / f"{name_or_path}.toml"
+    if name_or_path.endswith(".toml") and Path(name_or_path).is_file():
+        return Path(name_or_path)
+    raise SceneError(
+        f"Expected one of the scenes {', '.join(SCENE_NAMES)}, or the path of a TOML file, got {name_or_path!r}"
+    )
+
+
+def _read_scene(path: Path) -> dict[str, Any]:
+    tables = _read_toml(path)
+    base = tables.pop("base", None)
+    if base is not None:
+        tables = _merged(_read_scene(_scene_path(str(base))), tables)
+    if isinstance(tables.get("world"), str):
+        tables["world"] = _read_toml(_world_path(tables["world"], beside=path))
+    return tables
+
+
+def _world_path(name_or_path: str, beside: Path) -> Path:
+    packaged, own = _WORLDS / f"{name_or_path}.toml", beside.parent / name_or_path
+    for path in (packaged, own):
+        if path.is_file():
+            return path
+    known = ", ".join(sorted(path.stem for path in _WORLDS.glob("*.toml")))
+    raise SceneError(f"Expected one of the worlds {known}, or a TOML file beside the scene, got {name_or_path!r}")
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        raise SceneError(f"Expected a readable TOML file, got {path}: {error}") from error
+
+
+def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables of ``base`` with those of ``changes`` put over them, key by key."""
+    both = dict(base)
+    for key, value in changes.items():
+        old = both.get(key)
+        both[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return both
+
+
+def _one_sentence(error: ValidationError) -> str:
+    """Say the first problem, with the key that it lies at."""
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"]) or "the scene"
+    if first["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
+        return f"Expected only known keys, got {key}; remove or correct it"
+    if first["type"] in ("missing", "missing_argument", "missing_keyword_only_argument"):
+        return f"Expected a value for {key}, got none; add it"
+    message = first["msg"].removeprefix("Value error, ")
+    return f"{message}, at {key}" if first["type"] == "value_error" else f"{message}, got {first['input']!r} at {key}"

@@ -1,0 +1,85 @@
+"""The world as arrays of faces: each a rectangle with its own axes in the world."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.surfaces.world import Box, Rectangle, World
+
+Floats = NDArray[np.float64]
+
+TEXTURE_SHIFT_M: Final = (17.3, 11.9)
+"""Where a face's texture starts, times the face's number: two boxes of one texture do not look alike."""
+
+# Axes u and v of the faces of a box, in the box's frame; the outward normal is u x v.
+_BOX_FACES: Final = np.array(
+    [
+        [[0, 1, 0], [0, 0, 1]],  # +x
+        [[0, -1, 0], [0, 0, 1]],  # -x
+        [[-1, 0, 0], [0, 0, 1]],  # +y
+        [[1, 0, 0], [0, 0, 1]],  # -y
+        [[1, 0, 0], [0, 1, 0]],  # +z
+        [[1, 0, 0], [0, -1, 0]],  # -z
+    ],
+    dtype=np.float64,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Faces:
+    """n one-sided rectangles in the world, float64; a point of face i is ``center + u u_axis + v v_axis``."""
+
+    centers_m: Floats
+    """(n, 3)"""
+    u_axes: Floats
+    """(n, 3), unit"""
+    v_axes: Floats
+    """(n, 3), unit"""
+    normals: Floats
+    """(n, 3), unit, to the front"""
+    half_sizes_m: Floats
+    """(n, 2), along u and v"""
+    texture_offsets_m: Floats
+    """(n, 2), added to (u, v) before the texture is looked up"""
+    textures: NDArray[np.int64]
+    """(n,), index into the world's textures"""
+
+
+def faces_of(world: World) -> Faces:
+    """All faces of the world: the rectangles, then six for each box."""
+    names = list(world.textures)
+    parts = [_rectangle_face(rectangle) for rectangle in world.rectangles]
+    parts += [face for box in world.boxes for face in _box_faces(box)]
+    textures = [names.index(rectangle.texture) for rectangle in world.rectangles]
+    textures += [names.index(box.texture) for box in world.boxes for _ in _BOX_FACES]
+    centers_m, u_axes, v_axes, half_sizes = (np.array(column) for column in zip(*parts, strict=True))
+    return Faces(
+        centers_m=centers_m,
+        u_axes=u_axes,
+        v_axes=v_axes,
+        normals=np.cross(u_axes, v_axes),
+        half_sizes_m=half_sizes,
+        texture_offsets_m=np.outer(np.arange(len(parts)), TEXTURE_SHIFT_M),
+        textures=np.array(textures, dtype=np.int64),
+    )
+
+
+def _rectangle_face(rectangle: Rectangle) -> tuple[Floats, Floats, Floats, Floats]:
+    return (
+        np.array(rectangle.center_m, dtype=np.float64),
+        np.array(rectangle.u_axis, dtype=np.float64),
+        np.array(rectangle.v_axis, dtype=np.float64),
+        0.5 * np.array(rectangle.size_m),
+    )
+
+
+def _box_faces(box: Box) -> list[tuple[Floats, Floats, Floats, Floats]]:
+    half_size_m = 0.5 * np.array(box.size_m)
+    faces = []
+    for u_axis, v_axis in _BOX_FACES:
+        center_m = np.array(box.center_m) + box.R_world_box @ (half_size_m * np.cross(u_axis, v_axis))
+        half_uv_m = np.array([np.abs(u_axis) @ half_size_m, np.abs(v_axis) @ half_size_m])
+        faces.append((center_m, box.R_world_box @ u_axis, box.R_world_box @ v_axis, half_uv_m))
+    return faces

@@ -1,0 +1,99 @@
+"""The loops over tiles and pixels. A tile writes its own pixels only, so that threads cannot change the result."""
+
+from typing import Final
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from fedora_generator.surfaces.pixel_kernels import Pieces, cut_pixel, piece_footprint, room_for_pieces
+from fedora_generator.surfaces.shading_kernels import Surfaces, View, add_face, add_sky
+from fedora_generator.surfaces.texture_kernels import TextureTable
+from fedora_generator.surfaces.visibility_kernels import W, nearest_face, possible_faces, value
+
+TILE: Final = 16
+
+
+@njit(cache=True)
+def _tile_origin(tile: int, width: int) -> tuple[int, int]:
+    """First column and row of a tile."""
+    across = (width + TILE - 1) // TILE
+    return tile % across * TILE, tile // across * TILE
+
+
+@njit(cache=True)
+def _tile_count(height: int, width: int) -> int:
+    return ((width + TILE - 1) // TILE) * ((height + TILE - 1) // TILE)
+
+
+@njit(cache=True)
+def _faces_in_tile(view: View, column: int, row: int, found: NDArray[np.int64]) -> tuple[int, bool]:
+    """Faces that the tile whose first pixel is (column, row) can show."""
+    half = 0.5 * TILE
+    every = np.arange(len(view.front))
+    return possible_faces(view.lines, every, len(every), column + half - 0.5, row + half - 0.5, half, found)
+
+
+@njit(parallel=True, cache=True)
+def render_radiance(
+    textures: TextureTable, surfaces: Surfaces, view: View, radiance_dn: NDArray[np.float64]
+) -> None:
+    """Fill ``radiance_dn`` (height, width, channels) with linear DN averaged over each pixel."""
+    height, width = radiance_dn.shape[:2]
+    for tile in prange(_tile_count(height, width)):
+        column, row = _tile_origin(tile, width)
+        in_tile = np.empty(len(view.front), np.int64)
+        in_pixel = np.empty(len(view.front), np.int64)
+        count, uniform = _faces_in_tile(view, column, row, in_tile)
+        pieces = room_for_pieces()
+        for y in range(row, min(row + TILE, height)):
+            for x in range(column, min(column + TILE, width)):
+                pixel_dn = radiance_dn[y, x]
+                pixel_dn[:] = 0.0
+                number, filled = count, uniform
+                if uniform:
+                    in_pixel[0] = in_tile[0]
+                else:
+                    number, filled = possible_faces(view.lines, in_tile, count, x, y, 0.5, in_pixel)
+                if filled:
+                    add_face(textures, surfaces, view, in_pixel[0], x, y, 1.0, 0.0, 0.0, 1.0, 1.0, pixel_dn)
+                elif number == 0:
+                    add_sky(surfaces, view, x, y, 1.0, pixel_dn)
+                else:
+                    _add_pieces(textures, surfaces, view, in_pixel, number, x, y, pieces, pixel_dn)
+
+
+@njit(cache=True)
+def _add_pieces(
+    textures: TextureTable,
+    surfaces: Surfaces,
+    view: View,
+    faces: NDArray[np.int64],
+    count: int,
+    x: int,
+    y: int,
+    pieces: Pieces,
+    pixel_dn: NDArray[np.float64],
+) -> None:
+    """Radiance of a pixel that several faces, or a face and the sky, share."""
+    for piece in range(cut_pixel(view.lines, faces, count, x, y, pieces)):
+        area, dx, dy, a_x, a_y, b_y = piece_footprint(pieces, piece)
+        face = nearest_face(view.lines, faces, count, x + dx, y + dy)
+        if face < 0:
+            add_sky(surfaces, view, x + dx, y + dy, area, pixel_dn)
+        elif area > 0.0:
+            add_face(textures, surfaces, view, face, x + dx, y + dy, a_x, a_y, 0.0, b_y, area, pixel_dn)
+
+
+@njit(parallel=True, cache=True)
+def render_inverse_depth(view: View, inverse_depth: NDArray[np.float64]) -> None:
+    """Fill ``inverse_depth`` (height, width) with 1 / z at the pixel centres, 1/m; 0 for the sky."""
+    height, width = inverse_depth.shape
+    for tile in prange(_tile_count(height, width)):
+        column, row = _tile_origin(tile, width)
+        in_tile = np.empty(len(view.front), np.int64)
+        count, uniform = _faces_in_tile(view, column, row, in_tile)
+        for y in range(row, min(row + TILE, height)):
+            for x in range(column, min(column + TILE, width)):
+                face = in_tile[0] if uniform else nearest_face(view.lines, in_tile, count, x, y)
+                inverse_depth[y, x] = value(view.lines, face, W, x, y) if face >= 0 else 0.0

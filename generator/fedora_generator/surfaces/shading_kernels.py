@@ -1,0 +1,107 @@
+"""Radiance of a face or of the sky over a footprint in the image."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fedora_generator.surfaces.texture_kernels import TextureTable, texture_average
+from fedora_generator.surfaces.visibility_kernels import U, V, W, value
+
+
+class Surfaces(NamedTuple):
+    """What the faces look like, for c colour channels; one row per face unless said otherwise.
+
+    ``texture_offsets_m`` (n, 2) and ``texture_of_face`` (n,) say where on which texture a face lies; ``dark_dn`` and
+    ``light_dn`` (textures, c) are the DN at s = 0 and 1 under irradiance 1. ``even_irradiance`` (n,) and ``lamps``
+    (n, lamps, 4) are the light of ``light.py``; ``sky_dn`` (2, c) is its horizon and zenith.
+    """
+
+    texture_offsets_m: NDArray[np.float64]
+    texture_of_face: NDArray[np.int64]
+    dark_dn: NDArray[np.float64]
+    light_dn: NDArray[np.float64]
+    even_irradiance: NDArray[np.float64]
+    lamps: NDArray[np.float64]
+    sky_dn: NDArray[np.float64]
+
+
+class View(NamedTuple):
+    """One camera pose: ``front`` (m,) and ``lines`` (m, 7, 3) of ``project_faces``, ``rays`` (3, 3) of ``pixel_rays``.
+
+    A face is named by its row here; ``front`` takes it to its row in ``Surfaces``.
+    """
+
+    front: NDArray[np.int64]
+    lines: NDArray[np.float64]
+    rays: NDArray[np.float64]
+
+
+@njit(cache=True)
+def irradiance(surfaces: Surfaces, face: int, u: float, v: float) -> float:
+    """Irradiance at a point of a face: Lambert's cosine law, inverse square, softened (see ``lamps_over_faces``)."""
+    total = surfaces.even_irradiance[face]
+    lamps = surfaces.lamps
+    for lamp in range(lamps.shape[1]):
+        if lamps[face, lamp, 3] > 0.0:
+            du, dv = u - lamps[face, lamp, 0], v - lamps[face, lamp, 1]
+            squared = du * du + dv * dv + lamps[face, lamp, 2]
+            total += lamps[face, lamp, 3] / (squared * math.sqrt(squared))
+    return total
+
+
+@njit(cache=True)
+def add_face(
+    textures: TextureTable,
+    surfaces: Surfaces,
+    view: View,
+    face: int,
+    x: float,
+    y: float,
+    a_x: float,
+    a_y: float,
+    b_x: float,
+    b_y: float,
+    weight: float,
+    radiance_dn: NDArray[np.float64],
+) -> None:
+    """Add the weighted radiance of a face, averaged over the parallelogram a, b (px) of the image around (x, y)."""
+    lines = view.lines
+    z = 1.0 / value(lines, face, W, x, y)
+    u, v = z * value(lines, face, U, x, y), z * value(lines, face, V, x, y)
+    # Derivatives of the homography at (x, y): metres a pixel.
+    u_x, u_y = z * (lines[face, U, 0] - u * lines[face, W, 0]), z * (lines[face, U, 1] - u * lines[face, W, 1])
+    v_x, v_y = z * (lines[face, V, 0] - v * lines[face, W, 0]), z * (lines[face, V, 1] - v * lines[face, W, 1])
+    row = view.front[face]
+    texture = surfaces.texture_of_face[row]
+    s = texture_average(
+        textures,
+        texture,
+        u + surfaces.texture_offsets_m[row, 0],
+        v + surfaces.texture_offsets_m[row, 1],
+        u_x * a_x + u_y * a_y,
+        v_x * a_x + v_y * a_y,
+        u_x * b_x + u_y * b_y,
+        v_x * b_x + v_y * b_y,
+    )
+    light = weight * irradiance(surfaces, row, u, v)
+    for channel in range(radiance_dn.shape[0]):
+        dark = surfaces.dark_dn[texture, channel]
+        radiance_dn[channel] += light * (dark + s * (surfaces.light_dn[texture, channel] - dark))
+
+
+@njit(cache=True)
+def add_sky(
+    surfaces: Surfaces, view: View, x: float, y: float, weight: float, radiance_dn: NDArray[np.float64]
+) -> None:
+    """Add the weighted radiance of the sky, which goes from horizon to zenith with the sine of the elevation."""
+    rays = view.rays
+    east = rays[0, 0] * x + rays[0, 1] * y + rays[0, 2]
+    north = rays[1, 0] * x + rays[1, 1] * y + rays[1, 2]
+    up = rays[2, 0] * x + rays[2, 1] * y + rays[2, 2]
+    sine = max(up, 0.0) / math.sqrt(east * east + north * north + up * up)
+    for channel in range(radiance_dn.shape[0]):
+        horizon = surfaces.sky_dn[0, channel]
+        radiance_dn[channel] += weight * (horizon + sine * (surfaces.sky_dn[1, channel] - horizon))

@@ -1,0 +1,99 @@
+"""Which faces a square of the image can show, by the signs of linear functions.
+
+``lines`` is (faces, 7, 3) as ``projection.project_faces`` makes it. A square of half side h around (x, y) is a tile,
+a pixel (h = 1/2) or a point (h = 0): a linear function varies on it by h (|l_x| + |l_y|) around its centre value.
+"""
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+U: Final = 0
+V: Final = 1
+W: Final = 2
+FIRST_BORDER: Final = 3
+STOP_BORDER: Final = 7
+
+OUTSIDE: Final = 0
+PARTLY: Final = 1
+COVERING: Final = 2
+
+
+@njit(cache=True)
+def value(lines: NDArray[np.float64], face: int, line: int, x: float, y: float) -> float:
+    """Value of a linear function at a point of the image."""
+    return lines[face, line, 0] * x + lines[face, line, 1] * y + lines[face, line, 2]
+
+
+@njit(cache=True)
+def spread(lines: NDArray[np.float64], face: int, line: int, half: float) -> float:
+    """Most that a linear function differs from its centre value on a square."""
+    return half * (abs(lines[face, line, 0]) + abs(lines[face, line, 1]))
+
+
+@njit(cache=True)
+def coverage(lines: NDArray[np.float64], face: int, x: float, y: float, half: float) -> int:
+    """Whether a face, were it alone, would miss, share or fill a square. Sharing may be claimed falsely."""
+    state = COVERING
+    for border in range(FIRST_BORDER, STOP_BORDER):
+        inside = value(lines, face, border, x, y)
+        margin = spread(lines, face, border, half)
+        if inside + margin < 0.0:
+            return OUTSIDE
+        if inside - margin < 0.0:
+            state = PARTLY
+    return state
+
+
+@njit(cache=True)
+def possible_faces(
+    lines: NDArray[np.float64],
+    given: NDArray[np.int64],
+    count: int,
+    x: float,
+    y: float,
+    half: float,
+    found: NDArray[np.int64],
+) -> tuple[int, bool]:
+    """Write to ``found`` which of the first ``count`` faces of ``given`` can be seen in a square.
+
+    Faces that are hidden everywhere behind one that fills the square are left out.
+
+    Returns
+    -------
+    number
+        How many were found.
+    filled
+        Whether there is exactly one, and it fills the square.
+    """
+    candidates = 0
+    nearest_filling = 0.0  # as inverse depth: the farthest point of the nearest face that fills the square
+    for i in range(count):
+        face = given[i]
+        state = coverage(lines, face, x, y, half)
+        if state != OUTSIDE:
+            found[candidates] = face
+            candidates += 1
+        if state == COVERING:
+            nearest_filling = max(nearest_filling, value(lines, face, W, x, y) - spread(lines, face, W, half))
+    number = 0
+    for i in range(candidates):
+        face = found[i]
+        if value(lines, face, W, x, y) + spread(lines, face, W, half) >= nearest_filling:
+            found[number] = face
+            number += 1
+    return number, number == 1 and nearest_filling > 0.0
+
+
+@njit(cache=True)
+def nearest_face(lines: NDArray[np.float64], given: NDArray[np.int64], count: int, x: float, y: float) -> int:
+    """Face that a ray meets first, -1 for the sky."""
+    nearest, inverse_depth = -1, 0.0
+    for i in range(count):
+        face = given[i]
+        here = value(lines, face, W, x, y)
+        if here > inverse_depth and coverage(lines, face, x, y, 0.0) == COVERING:
+            nearest, inverse_depth = face, here
+    return nearest

@@ -1,0 +1,108 @@
+"""What stands where: rectangles, boxes and lamps of the world (ENU, metres), as options read from TOML."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.surfaces.textures import Texture
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rectangle:
+    """A one-sided rectangle; its front is where ``u_axis`` x ``v_axis`` points. The default lies flat, facing up."""
+
+    name: str
+    center_m: Vector
+    size_m: tuple[float, float]
+    texture: str
+    u_axis: Vector = (1.0, 0.0, 0.0)
+    v_axis: Vector = (0.0, 1.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _require_size(self.name, self.size_m)
+        axes = np.array([self.u_axis, self.v_axis])
+        if not np.allclose(axes @ axes.T, np.eye(2), atol=1e-6):
+            raise ValueError(f"Expected orthogonal unit vectors u_axis and v_axis, got {self.u_axis} and {self.v_axis}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """An upright box turned by ``yaw_deg`` about the vertical; ``size_m`` is along its own x, y and z."""
+
+    name: str
+    center_m: Vector
+    size_m: Vector
+    texture: str
+    yaw_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_size(self.name, self.size_m)
+
+    @property
+    def R_world_box(self) -> NDArray[np.float64]:
+        """Rotation (3, 3) from the box's axes to the world's."""
+        cos, sin = math.cos(math.radians(self.yaw_deg)), math.sin(math.radians(self.yaw_deg))
+        return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+    def contains(self, positions_world_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether points (n, 3) lie inside, border included."""
+        in_box_m = (positions_world_m - np.array(self.center_m)) @ self.R_world_box
+        return np.asarray((np.abs(in_box_m) <= 0.5 * np.array(self.size_m)).all(axis=-1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lamp:
+    """A point lamp: irradiance ``strength`` at 1 m, falling with the inverse square (softened near the lamp)."""
+
+    position_m: Vector
+    strength: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.strength < 0:
+            raise ValueError(f"Expected strength >= 0, got {self.strength}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class World:
+    """Everything that does not move. Boxes may touch and pierce each other."""
+
+    name: str
+    textures: dict[str, Texture]
+    rectangles: tuple[Rectangle, ...] = ()
+    boxes: tuple[Box, ...] = ()
+    lamps: tuple[Lamp, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        if not self.rectangles and not self.boxes:
+            raise ValueError(f"Expected at least one rectangle or box, got an empty world {self.name!r}")
+        for solid in (*self.rectangles, *self.boxes):
+            if solid.texture not in self.textures:
+                known = ", ".join(self.textures) or "none"
+                raise ValueError(f"Expected a texture of the world ({known}), got {solid.texture!r} at {solid.name!r}")
+
+    def collision(self, positions_world_m: NDArray[np.float64]) -> tuple[int, str] | None:
+        """First of the points (n, 3) that is inside a box or under a flat rectangle, and which; None if none is."""
+        hits = [(_first(box.contains(positions_world_m)), f"inside {box.name!r}") for box in self.boxes]
+        hits += [(_first(_is_under(flat, positions_world_m)), f"below {flat.name!r}") for flat in self.rectangles]
+        return min(((index, what) for index, what in hits if index is not None), default=None)
+
+
+def _is_under(rectangle: Rectangle, positions_world_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    axes = np.array([rectangle.u_axis, rectangle.v_axis])
+    normal = np.cross(*axes)
+    offsets_m = positions_world_m - np.array(rectangle.center_m)
+    over = (np.abs(offsets_m @ axes.T) <= 0.5 * np.array(rectangle.size_m)).all(axis=-1)
+    return np.asarray(over & (offsets_m @ normal <= 0) & bool(normal[2] > 0.5))
+
+
+def _first(flags: NDArray[np.bool_]) -> int | None:
+    return int(np.argmax(flags)) if flags.any() else None
+
+
+def _require_size(name: str, size_m: tuple[float, ...]) -> None:
+    if min(size_m) <= 0:
+        raise ValueError(f"Expected size_m > 0, got {size_m} at {name!r}")

@@ -1,0 +1,1 @@
+"""Draws finished records. Never opens a sequence, never computes a result."""

@@ -1,0 +1,101 @@
+"""A closed-form world for the tests of events: waves in linear intensity that drift, and a sensor that crosses levels.
+
+The mean of a cosine over a pixel is the cosine times two sincs, so frames and event pixels are exact at any size.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+MS = 1_000_000  # ns
+STEP_NS = 100_000
+
+
+@dataclass(frozen=True)
+class Waves:
+    """Y(u, v, t) = mean + sum of waves, on the grid of the event camera (px of that camera)."""
+
+    mean_dn: float = 100.0
+    amplitude_dn: float = 8.0
+    velocity_px_s: tuple[float, float] = (40.0, 15.0)
+    seed: int = 0
+    count: int = 12
+
+    def luma(self, t_s: float, shape: tuple[int, int], scale: float = 1.0) -> Floats:
+        """Mean luma of every pixel of a camera with ``scale`` times the resolution."""
+        rng = np.random.default_rng(self.seed)
+        angle, size = rng.uniform(0, 2 * np.pi, self.count), 2 * np.pi / rng.uniform(4, 40, self.count)
+        k, phase = size * np.array([np.cos(angle), np.sin(angle)]), rng.uniform(0, 2 * np.pi, self.count)
+        rows = (np.arange(shape[0]) + 0.5) / scale - 0.5 - self.velocity_px_s[1] * t_s
+        columns = (np.arange(shape[1]) + 0.5) / scale - 0.5 - self.velocity_px_s[0] * t_s
+        total = np.full(shape, self.mean_dn)
+        for kx, ky, phi in zip(*k, phase, strict=True):
+            mean = np.sinc(kx / scale / (2 * np.pi)) * np.sinc(ky / scale / (2 * np.pi))
+            total += self.amplitude_dn * mean * np.cos(kx * columns + ky * rows[:, np.newaxis] + phi)
+        return total
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Events in the order of time (ns), as the estimators take them."""
+
+    x: NDArray[np.uint16]
+    y: NDArray[np.uint16]
+    times_ns: NDArray[np.int64]
+    p: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.times_ns)
+
+    def keep(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Stream":
+        """Events by mask or index."""
+        return Stream(self.x[chosen], self.y[chosen], self.times_ns[chosen], self.p[chosen])
+
+    def shifted(self, offset_ns: int) -> "Stream":
+        """The same events stamped later."""
+        return replace(self, times_ns=self.times_ns + offset_ns)
+
+
+def log_events(world: Waves, shape: tuple[int, int], stop_ns: int, on: float = 0.2, off: float = 0.2) -> Stream:
+    """Crossings of L = ln Y, a straight line within 0.1 ms, stamped with the first microsecond not before them."""
+    rng = np.random.default_rng(1)
+    signal = np.log(world.luma(0.0, shape)).ravel()
+    reference = signal - rng.uniform(-off, on, signal.size)
+    found: list[Floats] = []
+    for start_ns in range(0, stop_ns, STEP_NS):
+        following = np.log(world.luma((start_ns + STEP_NS) * 1e-9, shape)).ravel()
+        while True:
+            up, down = following >= reference + on, following <= reference - off
+            hit = np.flatnonzero(up | down)
+            if not len(hit):
+                break
+            reference[hit] += np.where(up[hit], on, -off)
+            share = (reference[hit] - signal[hit]) / (following[hit] - signal[hit])
+            stamps = np.ceil((start_ns + share * STEP_NS) / 1000) * 1000
+            found.append(np.stack([stamps, hit, up[hit]]))
+        signal = following
+    return _stream(found, shape[1])
+
+
+def linear_events(world: Waves, shape: tuple[int, int], stop_ns: int, threshold: float = 6.0) -> Stream:
+    """One event a pixel and step of 1 ms where rint(Y) has moved by strictly more than the threshold."""
+    reference = np.rint(world.luma(0.0, shape)).ravel()
+    found: list[Floats] = []
+    for now_ns in range(MS, stop_ns + 1, MS):
+        value = np.rint(world.luma(now_ns * 1e-9, shape)).ravel()
+        hit = np.flatnonzero(np.abs(value - reference) > threshold)
+        found.append(np.stack([np.full(len(hit), now_ns), hit, value[hit] > reference[hit]]))
+        reference[hit] = value[hit]
+    return _stream(found, shape[1])
+
+
+def _stream(found: list[Floats], width: int) -> Stream:
+    stamps, pixels, brighter = np.concatenate(found, axis=1).astype(np.int64)
+    order = np.lexsort((brighter, pixels, stamps))
+    stamps, pixels, brighter = stamps[order], pixels[order], brighter[order]
+    return Stream(
+        (pixels % width).astype(np.uint16), (pixels // width).astype(np.uint16), stamps, brighter.astype(np.uint8)
+    )

@@ -1,0 +1,63 @@
+"""Findings are explained by the fewest causes."""
+
+from fedora_qa.checks.protocol import Suspect
+from fedora_qa.judgement.diagnosis import diagnose
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.record.types import Finding, Where
+
+
+def alarm(number: int, *suspects: Suspect) -> Alarm:
+    return Alarm(Finding(f"F{number}", "toy.rule", "error", "off", Where(stream="events")), suspects)
+
+
+def test_one_cause_is_preferred_over_several() -> None:
+    """A late event clock that explains three findings is one diagnosis, not three."""
+    late = Suspect("time_offset", "events", 0.8, 2.06, "ms", 0.03)
+    found = diagnose(
+        [
+            alarm(1, Suspect("threshold_misdeclared", "events", 0.85), late),
+            alarm(2, Suspect("index_off_by_one", "rgb_to_event", 0.9), late),
+            alarm(3, late),
+        ]
+    )
+    assert (found[0].cause, found[0].stream) == ("time_offset", "events")
+    assert found[0].explains == ("F1", "F2", "F3")
+    assert (found[0].magnitude, found[0].unit, found[0].standard_error) == (2.06, "ms", 0.03)
+    assert len(found) == 1
+
+
+def test_two_faults_are_two_diagnoses() -> None:
+    """What one cause does not explain is left to another."""
+    found = diagnose(
+        [alarm(1, Suspect("polarity_inverted", "events", 0.9)), alarm(2, Suspect("teleport", "pose", 0.9))]
+    )
+    assert {(d.cause, d.stream) for d in found} == {("polarity_inverted", "events"), ("teleport", "pose")}
+
+
+def test_all_rates_of_flow_together_are_flow() -> None:
+    """A gain that one rate and the flow as a whole show is one fault of the flow."""
+    found = diagnose(
+        [
+            alarm(1, Suspect("flow_gain", "flow", 0.8, 10.0, "percent")),
+            alarm(2, Suspect("flow_gain", "flow/10hz", 0.8, 10.0, "percent")),
+        ]
+    )
+    assert [(d.stream, d.explains) for d in found] == [("flow", ("F1", "F2"))]
+
+
+def test_nothing_fits_is_unknown() -> None:
+    """A finding without a suspect is not passed over in silence."""
+    found = diagnose([alarm(1), alarm(2, Suspect("teleport", "pose", 0.9))])
+    assert [d.cause for d in found] == ["teleport", "unknown"]
+    assert found[1].explains == ("F1",)
+
+
+def test_no_alarm_no_diagnosis() -> None:
+    """Diagnosis runs only after an alarm."""
+    assert diagnose([]) == ()
+
+
+def test_confidence_is_shared_by_rivals() -> None:
+    """Two causes that explain the same finding equally well are equally probable."""
+    found = diagnose([alarm(1, Suspect("time_offset", "imu", 0.5), Suspect("time_offset", "pose", 0.5))])
+    assert found[0].confidence == 0.5
