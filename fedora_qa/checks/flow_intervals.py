@@ -33,11 +33,16 @@ class Interval:
     @property
     def duration_s(self) -> float:
         """Length of the interval."""
-        return (self.end_ns - self.start_ns) / NS_PER_S
+        return self.length_ns / NS_PER_S
+
+    @property
+    def length_ns(self) -> int:
+        """Length of the interval."""
+        return self.end_ns - self.start_ns
 
     def shifted(self, intervals: int) -> "Interval":
         """Return the interval that lies so many intervals later, under the same row."""
-        step_ns = intervals * (self.end_ns - self.start_ns)
+        step_ns = intervals * self.length_ns
         return replace(self, start_ns=self.start_ns + step_ns, end_ns=self.end_ns + step_ns)
 
 
@@ -119,6 +124,10 @@ class PoseTrack:
     def transformed(self, change: Callable[[PoseSamples], PoseSamples]) -> "PoseTrack":
         """Return the track of changed poses."""
         return replace(self, poses=change(self.poses))
+
+    def mounted(self, T_body_camera: Float64) -> "PoseTrack":
+        """Return the track of a camera that is mounted otherwise."""
+        return replace(self, camera=replace(self.camera, T_body_camera=T_body_camera))
 
     def _at(self, start_ns: int, end_ns: int) -> tuple[Float64, Float64]:
         poses = self.poses

@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.record.types import Coverage, Where
@@ -14,7 +15,7 @@ from fedora_qa.sequence.facts import EventScan, Facts, IndexMap
 Int64 = NDArray[np.int64]
 
 _MOST: Final = 0.9
-"""A deviation is named after a rule that reproduces at least this share of the wrong entries."""
+"""A deviation is named after a rule that gives at least this share of the wrong entries; most of all entries wins."""
 
 
 class _FrameToEvent(FactsCheck):
@@ -45,12 +46,10 @@ class _FrameToEvent(FactsCheck):
             name, suspects = self._name_deviation(facts, index_map, events, wrong)
             stored, expected = index_map.stored[first], index_map.expected_left[first]
             place = f": {name}. Frame {first} points to event {stored}, the first not before it is {expected}"
-        return Measured(
+        return count_of_faults(
             name="wrong_entries",
-            value=float(len(wrong)),
+            value=len(wrong),
             unit="frames",
-            standard_error=0.0,
-            resolution=1.0,
             statement=f"{len(wrong)} of {len(index_map.stored)} entries of {self.stream} are wrong{place}.",
             code=f"index_maps.{self.frames}.entry",
             where=Where(
@@ -68,11 +67,16 @@ class _FrameToEvent(FactsCheck):
     def _name_deviation(
         self, facts: Facts, index_map: IndexMap, events: EventScan, wrong: NDArray[np.intp]
     ) -> tuple[str, tuple[Suspect, ...]]:
-        stored = index_map.stored[wrong]
-        for name, entries, suspect in self._candidates(index_map, events, wrong):
-            explained = float(np.mean(stored == entries))
-            if explained >= _MOST:
-                return name, (suspect,)
+        length = len(index_map.expected_left)
+        stored = index_map.stored[:length]
+        fitting = [
+            (float(np.mean(stored == entries)), name, suspect)
+            for name, entries, suspect in self._candidates(index_map, events, wrong)
+            if np.mean(stored[wrong] == entries[wrong]) >= _MOST
+        ]
+        if fitting:
+            _, name, suspect = max(fitting, key=lambda fit: fit[0])
+            return name, (suspect,)
         shift_ms = self._time_shift_ms(facts, index_map, wrong)
         if shift_ms is not None:
             shift, spread = shift_ms
@@ -84,9 +88,8 @@ class _FrameToEvent(FactsCheck):
     def _candidates(
         self, index_map: IndexMap, events: EventScan, wrong: NDArray[np.intp]
     ) -> Iterator[tuple[str, Int64, Suspect]]:
-        left, right = index_map.expected_left[wrong], index_map.expected_right[wrong]
-        stored = index_map.stored[wrong]
-        shift = int(np.median(stored - left))
+        left, right = index_map.expected_left, index_map.expected_right
+        shift = int(np.median(index_map.stored[wrong] - left[wrong]))
         yield "they point behind equal stamps", right, Suspect("index_side", self.stream, 0.95)
         zeros = np.zeros_like(left)
         yield "they are zero", zeros, Suspect("missing_stream", self.stream, 0.5)

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil
 
+from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect, WindowCheck
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding
@@ -31,17 +32,18 @@ class LayoutHolds(FactsCheck):
         broken = {problem.key for problem in problems if problem.key} - set(facts.layout.bindings)
         coverage = Coverage(len(facts.layout.bindings), len(facts.layout.bindings) + len(broken), "datasets")
         if not problems:
-            return Observation(coverage, (_count("layout_problems", 0, "problems", "", "integrity.layout"),))
+            return Observation(coverage, (no_faults("layout_problems", "problems", self.name),))
         return Observation(coverage, tuple(self._measured(problem) for problem in problems))
 
     def _measured(self, problem: LayoutProblem) -> Measured:
-        return _count(
+        return count_of_faults(
             name=f"{problem.key or problem.stream}.{problem.code.rsplit('.', 1)[1]}",
             value=1,
             unit="problems",
             statement=problem.message,
             code=problem.code,
             where=Where(stream=problem.stream),
+            severity="critical",
             suspects=(Suspect(problem.cause, problem.stream, 1.0),),
         )
 
@@ -108,9 +110,9 @@ class Readable(WindowCheck[ReadSummary]):
             (one for one in damaged if DATASETS[one.key].stream == stream), key=lambda one: (one.start, one.key)
         )
         if not ours:
-            return _count(f"{stream}.unreadable_chunks", 0, "chunks", "", "integrity.readable.chunk")
+            return no_faults(f"{stream}.unreadable_chunks", "chunks", "integrity.readable.chunk")
         first, rows = min(ours, key=lambda one: (one.start, one.key)), sum(one.stop - one.start for one in ours)
-        return _count(
+        return count_of_faults(
             name=f"{stream}.unreadable_chunks",
             value=len(ours),
             unit="chunks",
@@ -118,17 +120,19 @@ class Readable(WindowCheck[ReadSummary]):
             f"{first.stop} of {first.key}: {first.reason}",
             code="integrity.readable.chunk",
             where=Where(stream=stream, index_start=first.start, index_stop=max(one.stop for one in ours)),
+            severity="critical",
             suspects=(Suspect("corrupt_chunk", stream, 1.0, float(len(ours)), "chunks"),),
         )
 
     def _lost(self, facts: Facts, stream: str) -> Measured:
-        return _count(
+        return count_of_faults(
             name=f"{stream}.unreadable_chunks",
             value=1,
             unit="chunks",
             statement=f"{stream} cannot be used: {facts.absent.get(stream, 'it cannot be read')}",
             code="integrity.readable.stamps",
             where=Where(stream=stream),
+            severity="critical",
             suspects=(Suspect("corrupt_chunk", stream, 1.0, 1.0, "chunks"),),
         )
 
@@ -154,27 +158,3 @@ def _damage(window: Window, key: str, rows: int, start: int, stop: int) -> Itera
             window.rows(key, first, last)
         except UnreadableRowsError as error:
             yield Damage(key, chunk, first, last, error.reason)
-
-
-def _count(
-    name: str,
-    value: int,
-    unit: str,
-    statement: str,
-    code: str,
-    where: Where | None = None,
-    suspects: tuple[Suspect, ...] = (),
-) -> Measured:
-    """State a count that must be zero."""
-    return Measured(
-        name=name,
-        value=float(value),
-        unit=unit,
-        standard_error=0.0,
-        resolution=1.0,
-        statement=statement,
-        code=code,
-        where=where or Where(),
-        severity="critical",
-        suspects=suspects,
-    )

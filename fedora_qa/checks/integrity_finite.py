@@ -1,6 +1,6 @@
 """Values that are no numbers, or stand for none: NaN and infinity, and how invalid pixels are marked."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
@@ -9,11 +9,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import INVALID_STAMP_NS
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import DATASETS, STREAMS
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -23,6 +24,9 @@ _SAMPLE_KEYS: Final = (
     "path/imu/linear_acceleration",
     "path/pose/position",
     "path/pose/orientation",
+)
+_FLOAT_KEYS: Final = tuple(
+    key for key, spec in DATASETS.items() if spec.dtype.startswith("float") and spec.stream in STREAMS
 )
 _FLOAT32_ROUNDING: Final = 2.0**-22
 """Depth is compared with a range in float64 before it is rounded to float32 (2^-24, relative); two more bits for
@@ -89,25 +93,27 @@ class Finite(WindowCheck[tuple[Tally, ...]]):
 
     def measure(self, window: Window) -> tuple[Tally, ...]:
         """Tally every float dataset of the window."""
-        return tuple(
-            tally
-            for key in window.facts.layout.bindings
-            for stream in (DATASETS[key].stream,)
-            if stream in window.facts.streams and DATASETS[key].dtype.startswith("float")
-            for tally in _tallies(window, key, window.owned(stream))
-        )
+        streams = ((key, DATASETS[key].stream) for key in _FLOAT_KEYS)
+        present = [(key, stream) for key, stream in streams if stream in window.facts.streams]
+        return _totals(tally for key, stream in present for tally in _tallies(window, key, window.owned(stream)))
 
     def conclude(self, state: Sequence[tuple[Tally, ...]], facts: Facts) -> Observation:
         """Add up, in the order of time."""
-        totals: dict[str, Tally] = {}
-        for tally in (tally for window in state for tally in window):
-            totals[tally.key] = totals[tally.key] + tally if tally.key in totals else tally
-        measured = [m for total in totals.values() for m in _measured(total, facts)]
+        totals = _totals(tally for window in state for tally in window)
+        measured = [m for total in totals for m in _measured(total, facts)]
         measured += [m for stream in sorted(facts.clocks) for m in _stamps(facts, stream)]
-        seen = sum(total.values for total in totals.values())
+        seen = sum(total.values for total in totals)
         unobservable = "" if measured else "there is no stream whose values could be other than finite"
-        return Observation(Coverage(seen, max(seen, _of(facts, totals)), "values"), tuple(measured),
-                           unobservable=unobservable)  # fmt: skip
+        coverage = Coverage(seen, max(seen, _of(facts)), "values")
+        return Observation(coverage, tuple(measured), unobservable=unobservable)
+
+
+def _totals(tallies: Iterable[Tally]) -> tuple[Tally, ...]:
+    """Add up tallies of the same dataset."""
+    totals: dict[str, Tally] = {}
+    for tally in tallies:
+        totals[tally.key] = totals[tally.key] + tally if tally.key in totals else tally
+    return tuple(totals.values())
 
 
 def _tallies(window: Window, key: str, owned: range) -> Iterator[Tally]:
@@ -232,12 +238,10 @@ def _stamps(facts: Facts, stream: str) -> Iterator[Measured]:
 def _count(
     facts: Facts, total: Tally, name: str, value: int, unit: str, statement: str, *suspects: Suspect
 ) -> Measured:
-    return Measured(
-        name=name,
-        value=float(value),
-        unit=unit,
-        standard_error=0.0,
-        resolution=1.0,
+    return count_of_faults(
+        name,
+        value,
+        unit,
         statement=statement,
         code=f"integrity.finite.{name.rsplit('.', 1)[1]}",
         where=_where(facts, total),
@@ -259,10 +263,11 @@ def _where(facts: Facts, total: Tally) -> Where:
     return Where(stream=stream, start_us=start_us, index_start=row, frame=row, pixel=(flat % width, flat // width))
 
 
-def _of(facts: Facts, totals: dict[str, Tally]) -> int:
+def _of(facts: Facts) -> int:
     """Count the values that a whole reading would look at."""
     of = 0
-    for key in totals:
-        binding = facts.layout.bindings[key]
-        of += binding.rows * (binding.shape[1] * binding.shape[2] if DATASETS[key].is_image else 1)
+    for key in _FLOAT_KEYS:
+        if DATASETS[key].stream in facts.streams:
+            binding = facts.layout.bindings[key]
+            of += binding.rows * (binding.shape[1] * binding.shape[2] if DATASETS[key].is_image else 1)
     return of

@@ -1,1 +1,1 @@
-"""The command line: one file a command."""
+"""The command line: one file a command. Results go to stdout, progress and complaints to stderr."""

@@ -26,6 +26,7 @@ from fedora_qa.layout.dialect import Dialect
 from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Scalar, Verdict, Where
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import Sequence, open_sequence
+from fedora_qa.statistics.collector import StatisticsCollector
 
 _MEBIBYTE = 1 << 20
 _CACHE_SHARE = 0.4
@@ -139,8 +140,9 @@ def _check_open(
     asked = [check for check in checks if not reasons[check.name]]
     decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * options.memory_bytes))
     chosen = [spans[number] for number in plan.chosen]
+    statistics = StatisticsCollector()
     with watch.stage("measuring"):
-        states = measure(asked, chosen, facts, decoder, plan.sampling, progress)
+        states = measure([*asked, statistics], chosen, facts, decoder, plan.sampling, progress)
     with watch.stage("second look"):
         look_again(asked, states, chosen, facts, decoder, plan.sampling, progress)
     with watch.stage("judgement"):
@@ -148,6 +150,7 @@ def _check_open(
         judged = judge(observations, asked, options.false_alarm_rate)
         diagnoses = diagnose([alarm for one in judged for alarm in one.alarms])
     results = _in_order(checks, judged, states, reasons)
+    tables = {} if statistics.name in states.crashes else statistics.conclude(states.states[statistics.name], facts)
     record = FileRecord(
         path=str(sequence.path),
         size=sequence.path.stat().st_size,
@@ -155,7 +158,7 @@ def _check_open(
         digest_kind=digest[1],
         dialect=sequence.layout.dialect_name,
         inferred=_inferred(sequence, observations),
-        statistics={},
+        statistics=tables,
         verdict=verdict_of(results, crossing_streams(checks)),
         results=results,
         diagnoses=diagnoses,
@@ -178,6 +181,9 @@ def _in_order(
             results.append(crashed(check, states.crashes[check.name]))
         else:
             results.append(not_applicable(check, reasons[check.name]))
+    if StatisticsCollector.name in states.crashes:
+        trace = states.crashes[StatisticsCollector.name]
+        results.append(Result("statistics", "crashed", "What do the streams hold?", reason="", traceback=trace))
     return tuple(results)
 
 

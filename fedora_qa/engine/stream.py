@@ -8,7 +8,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
@@ -20,9 +20,27 @@ Progress = Callable[[str, int, int], None]
 """Called with what is going on, how much is done, and of how much."""
 
 
+class Accumulator(Protocol):
+    """What the pass feeds: a check, or the collector of statistics. See ``Check`` for the meaning of each call."""
+
+    name: str
+
+    def start(self, facts: Facts) -> Any:
+        """Return the state that has seen nothing."""
+        ...
+
+    def update(self, state: Any, window: Window) -> None:
+        """Add what a window shows."""
+        ...
+
+    def merge(self, state: Any, later: Any) -> Any:
+        """Return the state that has seen what both have."""
+        ...
+
+
 @dataclass(slots=True)
 class States:
-    """What a pass has accumulated, by check.
+    """What a pass has accumulated, by the name of the check.
 
     ``missed`` counts the windows that a check could not see because rows in them cannot be decoded; ``crashes`` holds
     the traceback of each check that failed itself.
@@ -34,7 +52,7 @@ class States:
     seconds: dict[str, float] = field(default_factory=dict)
 
 
-def start(checks: Iterable[Check[Any]], facts: Facts) -> States:
+def start(checks: Iterable[Accumulator], facts: Facts) -> States:
     """Return the states that have seen nothing."""
     states = States({})
     for check in checks:
@@ -46,7 +64,7 @@ def start(checks: Iterable[Check[Any]], facts: Facts) -> States:
 
 
 def measure(
-    checks: Sequence[Check[Any]],
+    checks: Sequence[Accumulator],
     spans: Sequence[Span],
     facts: Facts,
     source: RowSource,
@@ -55,9 +73,10 @@ def measure(
 ) -> States:
     """Hand each window to each check, in order of time."""
     states = start(checks, facts)
+    tasks = [(check.name, check.update) for check in checks]
     for done, span in enumerate(spans):
         progress("measuring", done, len(spans))
-        _show(Window(span, facts, source, sampling), checks, states, _update)
+        _show(Window(span, facts, source, sampling), tasks, states)
     return states
 
 
@@ -77,11 +96,11 @@ def look_again(
     numbers = sorted(_in_turn(wanted, budget) & by_index.keys())
     for done, number in enumerate(numbers):
         progress("looking again", done, len(numbers))
-        asking = [check for check in checks if number in wanted[check.name]]
-        _show(Window(by_index[number], facts, source, sampling), asking, states, _look_again)
+        asking = [(check.name, check.look_again) for check in checks if number in wanted[check.name]]
+        _show(Window(by_index[number], facts, source, sampling), asking, states)
 
 
-def merge(checks: Iterable[Check[Any]], earlier: States, later: States) -> States:
+def merge(checks: Iterable[Accumulator], earlier: States, later: States) -> States:
     """Return the states that have seen what both have."""
     merged = States({}, _added(earlier.missed, later.missed), {**later.crashes, **earlier.crashes},
                     _added(earlier.seconds, later.seconds))  # fmt: skip
@@ -103,31 +122,18 @@ def conclude(checks: Iterable[Check[Any]], states: States, facts: Facts) -> dict
     return observations
 
 
-def _show(
-    window: Window,
-    checks: Iterable[Check[Any]],
-    states: States,
-    see: Callable[[Check[Any], Any, Window], None],
-) -> None:
-    for check in checks:
-        if check.name in states.crashes:
+def _show(window: Window, tasks: Iterable[tuple[str, Callable[[Any, Window], None]]], states: States) -> None:
+    for name, see in tasks:
+        if name in states.crashes:
             continue
         began = time.perf_counter()
         try:
-            see(check, states.states[check.name], window)
+            see(states.states[name], window)
         except UnreadableRowsError:
-            states.missed[check.name] = states.missed.get(check.name, 0) + 1
+            states.missed[name] = states.missed.get(name, 0) + 1
         except Exception:  # noqa: BLE001 - a check that fails becomes an outcome, never the end of the run
-            states.crashes[check.name] = traceback.format_exc()
-        states.seconds[check.name] = states.seconds.get(check.name, 0.0) + time.perf_counter() - began
-
-
-def _update(check: Check[Any], state: Any, window: Window) -> None:
-    check.update(state, window)
-
-
-def _look_again(check: Check[Any], state: Any, window: Window) -> None:
-    check.look_again(state, window)
+            states.crashes[name] = traceback.format_exc()
+        states.seconds[name] = states.seconds.get(name, 0.0) + time.perf_counter() - began
 
 
 def _wanted(check: Check[Any], states: States, facts: Facts) -> tuple[int, ...]:

@@ -5,7 +5,6 @@ a twist whose covariance follows from the declared noise; what remains must be r
 as large as the noise.
 """
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -69,7 +68,7 @@ def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit
         information = np.einsum("nki,nkj->ij", jacobian, jacobian)
         scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
         gradient = np.einsum("nki,nk->i", jacobian, residual)
-        step = np.linalg.lstsq(information / np.outer(scale, scale), gradient / scale, rcond=1e-12)[0] / scale
+        step: Float64 = np.linalg.lstsq(information / np.outer(scale, scale), gradient / scale, rcond=1e-12)[0] / scale
         if not np.all(np.isfinite(step)) or np.linalg.norm(step[:3]) > _LARGEST_TURN_RAD:
             return None
         fitted = fitted.corrected(step)
@@ -84,10 +83,11 @@ def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Fl
     """Return the residual (n, 2) and its Jacobian by twist (n, 2, 6); zero where a point falls behind the camera."""
     points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
     residual = sample.flow_px - rigid_flow(K, motion, sample.columns, sample.rows, sample.depths_m)
-    seen = np.isfinite(residual).all(axis=1)
+    seen = np.logical_and(*np.isfinite(residual).T)
     points1_m[~seen] = (0.0, 0.0, 1.0)
     jacobian = twist_jacobian(K, points1_m) * seen[:, None, None]
-    return np.where(seen[:, None], residual, 0.0), jacobian
+    residual[~seen] = 0.0
+    return residual, jacobian
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,16 +128,16 @@ def weigh_templates(
     complement). The residual e is linearised about the fitted motion, whose second-order terms are then rounding.
     """
     if twist_covariance is None or fit is None:
-        residual, _ = _linearised(K, motion, sample)
-        return _normal_equations(residual, templates, sample.sigma_px)
+        return _normal_equations(_linearised(K, motion, sample)[0], templates, sample.sigma_px)
     residual, jacobian = _linearised(K, fit.motion, sample)
     residual = residual + jacobian @ fit.twist
     plain = _normal_equations(residual, templates, sample.sigma_px)
     weight = 1.0 / sample.sigma_px**2
-    inner = fit.information + np.linalg.inv(twist_covariance)
-    cross = weight * np.einsum("nki,nkm->im", jacobian, templates)
+    cross = weight * np.einsum("nki,nkm->im", jacobian, np.nan_to_num(templates))
     pull = weight * np.einsum("nki,nk->i", jacobian, residual)
-    solved = np.linalg.solve(inner, np.column_stack((cross, pull)))
+    S = twist_covariance
+    right = S @ np.column_stack((cross, pull))  # (A + S^-1)^-1 = (1 + S A)^-1 S: S may be singular
+    solved = np.linalg.solve(np.eye(6) + S @ fit.information, right)
     return Evidence(
         plain.matrix - cross.T @ solved[:, :-1],
         plain.vector - cross.T @ solved[:, -1],
@@ -145,18 +145,19 @@ def weigh_templates(
     )
 
 
+def twist_statistic(fit: MotionFit, twist_covariance: Float64) -> tuple[float, float]:
+    """Return ``x^T (S + A^-1)^-1 x`` of the fitted twist, and its expectation under the prior covariance S.
+
+    A is the information of the fit. The expectation, ``trace((S + A^-1)^-1 S)``, counts the determined directions:
+    under the prior the statistic is chi-square with about so many degrees of freedom.
+    """
+    A, S = fit.information, twist_covariance
+    weight = np.linalg.solve(np.eye(6) + A @ S, A)
+    return float(fit.twist @ weight @ fit.twist), float(np.trace(weight @ S))
+
+
 def _normal_equations(residual: Float64, templates: Float64, sigma_px: float) -> Evidence:
     weight = 1.0 / sigma_px**2
     flat = np.nan_to_num(templates.reshape(residual.size, -1))
     r = residual.reshape(-1)
     return Evidence(weight * flat.T @ flat, weight * flat.T @ r, weight * float(r @ r))
-
-
-Predict = Callable[[float], Float64]
-"""Recomputed flow (n, 2) when one assumption is changed by a small amount."""
-
-
-def differentiate(predictions: Mapping[str, tuple[Predict, float]]) -> Float64:
-    """Return templates (n, 2, m): the flow's central difference by each assumption, with the step given for it."""
-    columns = [(predict(step) - predict(-step)) / (2 * step) for predict, step in predictions.values()]
-    return np.stack(columns, axis=-1)

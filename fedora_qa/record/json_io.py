@@ -71,7 +71,7 @@ def _require_version(text: str | bytes) -> None:
     version = document.get("record_version") if isinstance(document, dict) else None
     if version != RECORD_VERSION:
         raise MisuseError(
-            f"Expected record_version {RECORD_VERSION!r}, got {version!r}; give a file that --json of this version wrote"
+            f"Expected record_version {RECORD_VERSION!r}, got {version!r}; check the file again with this version"
         )
 
 

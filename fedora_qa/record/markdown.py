@@ -53,11 +53,11 @@ def _file_section(file: FileRecord) -> str:
         parts += ["### Probable causes", "\n".join(_diagnosis(diagnosis, file) for diagnosis in file.diagnoses)]
     found = findings_of(file)
     if found:
-        rows = ((f.id, f.severity, f.code, f.message, place(f.where)) for _, f in found)
+        rows = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in found]
         parts += ["### Findings", table(("id", "severity", "rule", "finding", "where"), rows)]
-    rows = (_check_row(result) for result in file.results)
     head = ("check", "outcome", "measured", "expected", "least detectable", "coverage")
-    return "\n\n".join([*parts, "### Checks", table(head, rows)])
+    parts += ["### Checks", table(head, [_check_row(result) for result in file.results])]
+    return "\n\n".join(parts)
 
 
 def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.statistics.moments import Moments, added, pixel_sample
 from fedora_qa.statistics.trajectory import Motion, rotation, translation
 
+Image = TypeVar("Image")
 Statistics = Mapping[str, Mapping[str, Scalar]]
 
 _DURATION_FROM = ("pose", "rgb", "depth", "imu")
@@ -22,8 +24,12 @@ _DURATION_FROM = ("pose", "rgb", "depth", "imu")
 
 @dataclass(frozen=True, slots=True)
 class WindowStatistics:
-    """What one window adds. Poses are kept as they are, because they are smoothed over the whole sequence."""
+    """What one window adds. Poses are kept as they are, because they are smoothed over the whole sequence.
 
+    ``poses`` counts those whose stamp advances; of these the arrays hold the ones that are finite.
+    """
+
+    poses: int = 0
     pose_times_ns: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     positions_world_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     orientations_xyzw: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 4)))
@@ -51,11 +57,12 @@ class StatisticsCollector:
 
     def update(self, state: list[WindowStatistics], window: Window) -> None:
         """Add what a window shows. Windows come in order."""
-        times_ns, positions_world_m, orientations_xyzw = _poses(window)
+        times_ns, positions_world_m, orientations_xyzw = _usable_poses(window)
         depths_m = [pixel_sample(depth) for depth in _readable(window, "depth", window.depth_m)]
         events, brighter = _count_events(window)
         state.append(
             WindowStatistics(
+                poses=_count_poses(window),
                 pose_times_ns=times_ns,
                 positions_world_m=positions_world_m,
                 orientations_xyzw=orientations_xyzw,
@@ -90,13 +97,18 @@ class StatisticsCollector:
         return groups
 
 
-def _poses(window: Window) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the window's own poses that are usable: advancing stamps, finite values, quaternions that have a length."""
+def _count_poses(window: Window) -> int:
+    clock, rows = window.facts.clocks.get("pose"), window.owned("pose")
+    return int(np.count_nonzero(clock.advancing[rows.start : rows.stop])) if clock else 0
+
+
+def _usable_poses(window: Window) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the window's own poses: advancing stamps, finite values, quaternions that have a length."""
     empty = WindowStatistics()
     rows = window.owned("pose")
-    if "pose" not in window.facts.streams or not rows:
-        return empty.pose_times_ns, empty.positions_world_m, empty.orientations_xyzw
     try:
+        if not _count_poses(window):
+            return empty.pose_times_ns, empty.positions_world_m, empty.orientations_xyzw
         positions = window.rows("path/pose/position", rows.start, rows.stop)
         orientations = window.rows("path/pose/orientation", rows.start, rows.stop)
     except UnreadableRowsError:
@@ -108,7 +120,7 @@ def _poses(window: Window) -> tuple[NDArray[np.int64], NDArray[np.float64], NDAr
     return clock.times_ns[rows.start : rows.stop][usable], positions[usable], orientations[usable]
 
 
-def _readable(window: Window, stream: str, read: Callable[[int], NDArray[np.generic]]) -> Iterable[NDArray[np.generic]]:
+def _readable(window: Window, stream: str, read: Callable[[int], Image]) -> Iterable[Image]:
     """Yield the window's own images of a stream that can be decoded."""
     if stream not in window.facts.streams:
         return
@@ -135,16 +147,16 @@ def _flow_speeds(window: Window, stream: str) -> Moments:
     return added(Moments.of(speed, np.isfinite(speed)) for speed in speeds)
 
 
-def _is_depth(depth_m: NDArray[np.generic]) -> NDArray[np.bool_]:
-    return np.isfinite(depth_m) & (depth_m > 0)
+def _is_depth(depth_m: NDArray[np.float32]) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(depth_m) & (depth_m > 0))
 
 
-def _disparities(depth_m: NDArray[np.generic]) -> Moments:
+def _disparities(depth_m: NDArray[np.float32]) -> Moments:
     valid = _is_depth(depth_m)
-    return Moments.of(1.0 / depth_m[valid].astype(np.float64), np.ones(int(np.count_nonzero(valid)), np.bool_))
+    return Moments.of(1.0 / np.where(valid, depth_m, 1.0), valid)
 
 
-def _luma(rgb: NDArray[np.generic]) -> Moments:
+def _luma(rgb: NDArray[np.uint8]) -> Moments:
     luma_dn = pixel_sample(rgb) @ np.array(LUMA_WEIGHTS_RGB)
     return Moments.of(luma_dn, np.isfinite(luma_dn))
 
@@ -172,13 +184,13 @@ def _duration(facts: Facts) -> tuple[str | None, float | None]:
 
 
 def _motion(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
-    seen = sum(len(one.pose_times_ns) for one in state)
+    seen = sum(one.poses for one in state)
     clock = facts.clocks.get("pose")
     whole = clock is not None and seen == int(np.count_nonzero(clock.advancing))
     moved = turned = None
     if whole and seen:
         times_ns = np.concatenate([one.pose_times_ns for one in state])
-        times_s = (times_ns - times_ns[0]) / NS_PER_S
+        times_s = (times_ns - times_ns[:1]) / NS_PER_S
         moved = translation(times_s, np.concatenate([one.positions_world_m for one in state]))
         turned = rotation(times_s, np.concatenate([one.orientations_xyzw for one in state]))
     return {

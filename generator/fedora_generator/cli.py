@@ -98,7 +98,12 @@ def sequence(
 
 def _generate(scene: Scene, output: Path, request: Request, *, force: bool, started: float) -> None:
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f}%"), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f}%"),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
         task = bar.add_task(scene.name, total=request.duration_s * US_PER_S)
         summary = generate_sequence(

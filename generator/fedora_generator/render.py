@@ -71,7 +71,7 @@ def _surfaces(world: World, light: Light, faces: Faces, channels: Floats) -> Sur
     """Surfaces in the colour channels whose weights of R, G, B are the columns of ``channels`` (3, c)."""
     textures = list(world.textures.values())
     return Surfaces(
-        texture_offsets_m=faces.texture_offsets_m,
+        wave_offsets_m=faces.wave_offsets_m,
         texture_of_face=faces.textures,
         dark_dn=WHITE_DN * np.array([texture.dark_rgb for texture in textures]) @ channels,
         light_dn=WHITE_DN * np.array([texture.light_rgb for texture in textures]) @ channels,

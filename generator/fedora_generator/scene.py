@@ -60,7 +60,9 @@ class Scene:
         if self.event_step_us < 0:
             raise ValueError(f"Expected event_step_us >= 0, got {self.event_step_us}")
         if self.events.model == "linear" and self.event_step_us == 0:
-            raise ValueError("Expected event_step_us with the linear model, which compares one rendered step to the next")
+            raise ValueError(
+                "Expected event_step_us with the linear model, which compares one rendered step to the next"
+            )
         if self.seed < 0:
             raise ValueError(f"Expected seed >= 0, got {self.seed}")
 

@@ -89,9 +89,7 @@ def test_noises_have_streams_of_their_own() -> None:
     """Adding an accelerometer noise and lengthening the recording leave the gyro's draws as they were."""
     short = sample_imu(HOVER, TIMES_US[:50], ImuOptions(gyro_noise_density=1.0), rng())
     longer = sample_imu(HOVER, TIMES_US[:80], ImuOptions(gyro_noise_density=1.0, accel_noise_density=1.0), rng())
-    np.testing.assert_array_equal(
-        short.angular_velocities_body_rad_s, longer.angular_velocities_body_rad_s[:50]
-    )
+    np.testing.assert_array_equal(short.angular_velocities_body_rad_s, longer.angular_velocities_body_rad_s[:50])
 
 
 @pytest.mark.parametrize("bad", [{"rate_hz": 0.0}, {"gyro_noise_density": -1.0}, {"accel_bias_walk": float("nan")}])

@@ -5,7 +5,6 @@ import numpy as np
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.rows import Array, edit, stamps_in, streams_in, window_of
-from fedora_qa.conventions import US_PER_S
 
 US_PER_MS = 1_000
 
@@ -19,7 +18,7 @@ def time_offset(file: h5py.File, fault: Fault) -> None:
 
 def clock_rate(file: h5py.File, fault: Fault) -> None:
     """Let the clock run fast from the first stamp of the window on: ``t' = t + (t - t_first) * rate``."""
-    rate = fault.magnitude_in("1") if fault.unit != "ppm" else fault.magnitude / US_PER_S
+    rate = fault.magnitude_in("1")
     for stream in streams_in(file, fault.stream):
         stamps, window = stamps_in(file, stream), window_of(file, stream, fault)
         first_us = int(np.min(stamps[window.start]))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.faults.fault import Fault, FaultError
+from fedora_generator.faults.metadata import declare_noise, group_in
 from fedora_generator.faults.rows import blocks, datasets_in, edit, insert_rows, keep_rows, window_of
 from fedora_qa.conventions import US_PER_S
 from fedora_qa.layout.canonical import DATASETS
@@ -81,28 +82,20 @@ def hot_pixels(file: h5py.File, fault: Fault) -> None:
 
 def threshold_misdeclared(file: h5py.File, fault: Fault) -> None:
     """Declare thresholds too large by the magnitude; the events stay."""
+    attributes = group_in(file, METADATA).attrs
     for name in ("threshold_on", "threshold_off"):
-        file[METADATA].attrs[name] = file[METADATA].attrs[name] * (1 + fault.magnitude_in("percent") / 100)
+        attributes[name] = attributes[name] * (1 + fault.magnitude_in("percent") / 100)
 
 
 def event_model_misdeclared(file: h5py.File, fault: Fault) -> None:
     """Declare the other sensor model, with the thresholds as they are."""
-    model = file[METADATA].attrs["model"]
-    file[METADATA].attrs["model"] = "linear" if model == "log" else "log"
+    attributes = group_in(file, METADATA).attrs
+    attributes["model"] = "linear" if attributes["model"] == "log" else "log"
 
 
 def noise_misdeclared(file: h5py.File, fault: Fault) -> None:
     """Declare every noise of the sensor too large by the magnitude."""
-    declare_noise(file[METADATA], _NOISES, fault)
-
-
-def declare_noise(group: h5py.Group, names: tuple[str, ...], fault: Fault) -> None:
-    """Scale those of the named attributes that are there; refuse where that changes nothing."""
-    present = [name for name in names if group.attrs.get(name, 0)]
-    if not present:
-        raise FaultError(f"Expected declared noise in {group.name}, got none; plant this in a file with noise")
-    for name in present:
-        group.attrs[name] = group.attrs[name] * (1 + fault.magnitude_in("percent") / 100)
+    declare_noise(file, METADATA, _NOISES, fault)
 
 
 def _size(file: h5py.File) -> tuple[int, int]:

@@ -67,7 +67,9 @@ class Fault:
         for sizes in _DIMENSIONS:
             if self.unit in sizes and unit in sizes:
                 return self.magnitude * (sizes[self.unit] / sizes[unit])
-        raise FaultError(f"Expected the magnitude of {self.cause} in {unit or 'no unit'}, got {self.unit!r}; use --unit")
+        raise FaultError(
+            f"Expected the magnitude of {self.cause} in {unit or 'no unit'}, got {self.unit!r}; use --unit"
+        )
 
     def count(self) -> int:
         """Return the magnitude as a number of samples, events, pixels or intervals: a whole number but 0."""

@@ -1,6 +1,7 @@
 """Editing the rows of a stream in place, a block at a time, so that memory does not grow with the file."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import Any, Final
 
 import h5py
@@ -51,7 +52,7 @@ def blocks(dataset: h5py.Dataset, rows: slice | None = None) -> Iterator[slice]:
     if dataset.chunks:
         step = max(1, step // dataset.chunks[0]) * dataset.chunks[0]
     edges = [start, *range((start // step + 1) * step, stop, step), stop]
-    return (slice(begin, end) for begin, end in zip(edges[:-1], edges[1:], strict=True) if begin < end)
+    return (slice(begin, end) for begin, end in pairwise(edges) if begin < end)
 
 
 def edit(dataset: h5py.Dataset, rows: slice, change: Callable[[Array], Array]) -> None:
@@ -140,19 +141,14 @@ def insert_rows(dataset: h5py.Dataset, before: NDArray[np.int64], values: Array)
         pending = first
 
 
-def append_attributes(target: h5py.Dataset, attributes: Mapping[str, Any]) -> None:
-    """Give a dataset the attributes of the one that it replaces."""
-    for name, value in attributes.items():
-        target.attrs[name] = value
-
-
 def _starts(stamps_us: Array) -> NDArray[np.int64]:
     return stamps_us[:, 0] if stamps_us.ndim == 2 else stamps_us
 
 
 def _inside(block: slice, rows: slice) -> NDArray[np.bool_]:
     index = np.arange(block.start, block.stop)
-    return (index >= rows.start) & (index < rows.stop)
+    inside: NDArray[np.bool_] = (index >= rows.start) & (index < rows.stop)
+    return inside
 
 
 def _require_resizable(dataset: h5py.Dataset) -> None:

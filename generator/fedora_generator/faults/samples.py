@@ -48,8 +48,7 @@ def frozen_frames(file: h5py.File, fault: Fault) -> None:
     for stream in streams_in(file, fault.stream):
         rows = place_of(file, stream, fault, fault.positive_count())
         for dataset in values_in(file, stream):
-            still = dataset[rows.start - 1]
-            edit(dataset, rows, lambda values, still=still: np.broadcast_to(still, values.shape))
+            _freeze(dataset, rows)
 
 
 def swapped_frames(file: h5py.File, fault: Fault) -> None:
@@ -68,6 +67,11 @@ def nan_in_stream(file: h5py.File, fault: Fault) -> None:
         rows = place_of(file, stream, fault, fault.positive_count())
         for dataset in values_in(file, stream):
             edit(dataset, rows, lambda values: np.full_like(values, np.nan))
+
+
+def _freeze(dataset: h5py.Dataset, rows: slice) -> None:
+    still = dataset[rows.start - 1]
+    edit(dataset, rows, lambda values: np.broadcast_to(still, values.shape))
 
 
 def _affected(file: h5py.File, stream: str, fault: Fault) -> slice:

@@ -10,8 +10,9 @@ from fedora_generator.surfaces.world import Box, Rectangle, World
 
 Floats = NDArray[np.float64]
 
-TEXTURE_SHIFT_M: Final = (17.3, 11.9)
-"""Where a face's texture starts, times the face's number: two boxes of one texture do not look alike."""
+WAVE_SHIFT_M: Final = (17.3, 11.9)
+"""Where the waves of a face start, times the face's number, so that two boxes of one texture do not look alike.
+Its markings (stripes, checkers, dashes) stay centred on the face."""
 
 # Axes u and v of the faces of a box, in the box's frame; the outward normal is u x v.
 _BOX_FACES: Final = np.array(
@@ -41,8 +42,8 @@ class Faces:
     """(n, 3), unit, to the front"""
     half_sizes_m: Floats
     """(n, 2), along u and v"""
-    texture_offsets_m: Floats
-    """(n, 2), added to (u, v) before the texture is looked up"""
+    wave_offsets_m: Floats
+    """(n, 2), added to (u, v) for the waves of the texture"""
     textures: NDArray[np.int64]
     """(n,), index into the world's textures"""
 
@@ -61,7 +62,7 @@ def faces_of(world: World) -> Faces:
         v_axes=v_axes,
         normals=np.cross(u_axes, v_axes),
         half_sizes_m=half_sizes,
-        texture_offsets_m=np.outer(np.arange(len(parts)), TEXTURE_SHIFT_M),
+        wave_offsets_m=np.outer(np.arange(len(parts)), WAVE_SHIFT_M),
         textures=np.array(textures, dtype=np.int64),
     )
 

@@ -35,9 +35,7 @@ def _faces_in_tile(view: View, column: int, row: int, found: NDArray[np.int64]) 
 
 
 @njit(parallel=True, cache=True)
-def render_radiance(
-    textures: TextureTable, surfaces: Surfaces, view: View, radiance_dn: NDArray[np.float64]
-) -> None:
+def render_radiance(textures: TextureTable, surfaces: Surfaces, view: View, radiance_dn: NDArray[np.float64]) -> None:
     """Fill ``radiance_dn`` (height, width, channels) with linear DN averaged over each pixel."""
     height, width = radiance_dn.shape[:2]
     for tile in prange(_tile_count(height, width)):

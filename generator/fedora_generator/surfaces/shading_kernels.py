@@ -7,19 +7,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_generator.surfaces.texture_kernels import TextureTable, texture_average
+from fedora_generator.surfaces.texture_kernels import TextureTable, steps_average, waves_average
 from fedora_generator.surfaces.visibility_kernels import U, V, W, value
 
 
 class Surfaces(NamedTuple):
     """What the faces look like, for c colour channels; one row per face unless said otherwise.
 
-    ``texture_offsets_m`` (n, 2) and ``texture_of_face`` (n,) say where on which texture a face lies; ``dark_dn`` and
-    ``light_dn`` (textures, c) are the DN at s = 0 and 1 under irradiance 1. ``even_irradiance`` (n,) and ``lamps``
-    (n, lamps, 4) are the light of ``light.py``; ``sky_dn`` (2, c) is its horizon and zenith.
+    ``texture_of_face`` (n,) and ``wave_offsets_m`` (n, 2) say which texture a face has, and where its waves start;
+    ``dark_dn`` and ``light_dn`` (textures, c) are the DN at s = 0 and 1 under irradiance 1. ``even_irradiance`` (n,)
+    and ``lamps`` (n, lamps, 4) are the light of ``light.py``; ``sky_dn`` (2, c) is its horizon and zenith.
     """
 
-    texture_offsets_m: NDArray[np.float64]
+    wave_offsets_m: NDArray[np.float64]
     texture_of_face: NDArray[np.int64]
     dark_dn: NDArray[np.float64]
     light_dn: NDArray[np.float64]
@@ -76,16 +76,11 @@ def add_face(
     v_x, v_y = z * (lines[face, V, 0] - v * lines[face, W, 0]), z * (lines[face, V, 1] - v * lines[face, W, 1])
     row = view.front[face]
     texture = surfaces.texture_of_face[row]
-    s = texture_average(
-        textures,
-        texture,
-        u + surfaces.texture_offsets_m[row, 0],
-        v + surfaces.texture_offsets_m[row, 1],
-        u_x * a_x + u_y * a_y,
-        v_x * a_x + v_y * a_y,
-        u_x * b_x + u_y * b_y,
-        v_x * b_x + v_y * b_y,
-    )
+    au, av = u_x * a_x + u_y * a_y, v_x * a_x + v_y * a_y
+    bu, bv = u_x * b_x + u_y * b_y, v_x * b_x + v_y * b_y
+    shift_u, shift_v = surfaces.wave_offsets_m[row, 0], surfaces.wave_offsets_m[row, 1]
+    s = 0.5 + waves_average(textures, texture, u + shift_u, v + shift_v, au, av, bu, bv)
+    s += steps_average(textures, texture, u, v, au, av, bu, bv)
     light = weight * irradiance(surfaces, row, u, v)
     for channel in range(radiance_dn.shape[0]):
         dark = surfaces.dark_dn[texture, channel]

@@ -139,16 +139,25 @@ def step_average(
 
 
 @njit(cache=True)
-def texture_average(
+def waves_average(
     textures: TextureTable, texture: int, u: float, v: float, au: float, av: float, bu: float, bv: float
 ) -> float:
-    """Average, between 0 and 1, of a texture over the parallelogram of sides a and b (metres) around (u, v)."""
-    total = 0.5
+    """Average of the cosines of a texture over the parallelogram of sides a and b (metres) around (u, v)."""
+    total = 0.0
     waves = textures.waves
     for row in range(textures.wave_ranges[texture], textures.wave_ranges[texture + 1]):
         k_u, k_v = waves[row, 1], waves[row, 2]
         gain = waves[row, 0] * sinc(k_u * au + k_v * av) * sinc(k_u * bu + k_v * bv)
         total += gain * cosine(k_u * u + k_v * v + waves[row, 3])
+    return total
+
+
+@njit(cache=True)
+def steps_average(
+    textures: TextureTable, texture: int, u: float, v: float, au: float, av: float, bu: float, bv: float
+) -> float:
+    """Average of the step-edge terms of a texture over the parallelogram of sides a and b (metres) around (u, v)."""
+    total = 0.0
     for row in range(textures.step_ranges[texture], textures.step_ranges[texture + 1]):
         total += textures.steps[row, 1] * step_average(textures.steps, row, u, v, au, av, bu, bv)
     return total

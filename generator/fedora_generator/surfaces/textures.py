@@ -99,10 +99,14 @@ class Texture:
 
     def __post_init__(self) -> None:
         if not all(0 < albedo <= 1 for albedo in (*self.dark_rgb, *self.light_rgb)):
-            raise ValueError("Expected albedos above 0 and up to 1, as a surface that reflects nothing has no logarithm")
+            raise ValueError(
+                "Expected albedos above 0 and up to 1, as a surface that reflects nothing has no logarithm"
+            )
         total = math.fsum(term.contrast for term in (*self.waves, *self.steps))
         if total > 1 + 1e-9:
-            raise ValueError(f"Expected contrasts that sum to at most 1, got {total:g}; the albedo would leave its range")
+            raise ValueError(
+                f"Expected contrasts that sum to at most 1, got {total:g}; the albedo would leave its range"
+            )
 
 
 def texture_table(textures: Sequence[Texture]) -> TextureTable:

@@ -1,0 +1,149 @@
+"""What the file declares about itself: complete, plausible, and in agreement with what it holds."""
+
+from collections.abc import Iterator
+from typing import Final
+
+from fedora_qa.checks.exact import count_of_faults, no_faults
+from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
+from fedora_qa.conventions import FORMAT_NAME
+from fedora_qa.layout.binding import Binding
+from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, FLOW_STREAMS, PROMISED_BY
+from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, SCALES
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import DeclarationProblem
+from fedora_qa.sequence.facts import Facts
+
+_STREAMS_OF_OWNER: Final[dict[str, tuple[str, ...]]] = {
+    **{owner: (stream,) for stream, owner in PROMISED_BY.items()},
+    "metadata/cameras/events": ("events",),
+    "metadata/flow": FLOW_STREAMS,
+}
+"""The streams that an object of the metadata describes."""
+
+_SAME_UNIT: Final = {"µs": "us", "μs": "us", "microseconds": "us", "m/s2": "m/s^2", "m/s**2": "m/s^2",
+                     "pixel": "px", "pixels": "px", "": "1", "dimensionless": "1", "dn": "DN"}  # fmt: skip
+"""Spellings of the units of the layout."""
+
+
+class Complete(FactsCheck):
+    """Does the file declare all that the format requires?
+
+    Every attribute of the layout is read. A required one that is missing or malformed, of a stream that is there, is
+    broken; an optional one that is malformed, or a whole group that is absent, is only noted: what needs it can be
+    tested weakly or not at all. Source: the canonical layout, version 1.0.
+    """
+
+    name = "metadata.complete"
+
+    def examine(self, facts: Facts) -> Observation:
+        """Sort the problems by what the format asks for."""
+        problems = [problem for problem in facts.declared.problems if _concerns(problem, facts)]
+        broken = [problem for problem in problems if _is_required(problem)]
+        noted = [problem for problem in problems if not _is_required(problem)]
+        of = len(ATTRIBUTES)
+        measured = tuple(self._measured(problem) for problem in broken) or (
+            no_faults("declaration_problems", "declarations", self.name),
+        )
+        notices = tuple(Notice(f"metadata.complete.{_rule(problem)}", _said(problem)) for problem in noted)
+        return Observation(Coverage(of, of, "declarations"), measured, notices)
+
+    def _measured(self, problem: DeclarationProblem) -> Measured:
+        return count_of_faults(
+            name=f"{problem.owner}@{problem.name}",
+            value=1,
+            unit="declarations",
+            statement=_said(problem),
+            code=f"metadata.complete.{_rule(problem)}",
+            where=Where(stream="metadata"),
+            suspects=(Suspect(problem.cause, "metadata", 1.0),),
+        )
+
+
+class Units(FactsCheck):
+    """Do the labels of units agree with the layout that the values are read in?
+
+    Compares the attribute ``units`` of each dataset with the unit of the layout, or of the dialect where the file
+    speaks another. A label that contradicts it is broken; a missing one is noted. Whether the values are in that unit
+    is not asked here: clocks, depth, flow and IMU infer their units from the data.
+    """
+
+    name = "metadata.units"
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Files of other makers carry no labels."""
+        labelled = bool(facts.declared.units) or facts.layout.dialect_name == FORMAT_NAME
+        return "" if labelled else f"no dataset of this {facts.layout.dialect_name} file carries a label"
+
+    def examine(self, facts: Facts) -> Observation:
+        """Compare each label."""
+        bindings, labels = facts.layout.bindings, facts.declared.units
+        wrong = [key for key, label in labels.items() if not label_agrees(bindings[key], label)]
+        missing = [key for key in bindings if key not in labels]
+        measured = tuple(self._measured(key, labels[key]) for key in wrong) or (
+            no_faults("wrong_labels", "labels", self.name),
+        )
+        notices: tuple[Notice, ...] = ()
+        if missing:
+            message = f"{len(missing)} datasets carry no attribute 'units', first {missing[0]}"
+            notices = (Notice("metadata.units.missing", message, Where(stream=DATASETS[missing[0]].stream)),)
+        return Observation(Coverage(len(bindings) - len(missing), len(bindings), "labels"), measured, notices)
+
+    def _measured(self, key: str, label: str) -> Measured:
+        spec = DATASETS[key]
+        return count_of_faults(
+            name=f"{key}@units",
+            value=1,
+            unit="labels",
+            statement=f"{key} is labelled {label!r}; the layout has it in {spec.units!r}",
+            code="metadata.units.label",
+            where=Where(stream=spec.stream),
+            suspects=tuple(_suspects_of_label(key, label)),
+        )
+
+
+def label_agrees(binding: Binding, label: str) -> bool:
+    """Whether a label names the unit that the values of a dataset are read in."""
+    label = _normalised(label)
+    if binding.ns_per_unit is not None:
+        return NS_PER_TIME_UNIT.get(label) == binding.ns_per_unit
+    canonical = DATASETS[binding.key].units
+    return SCALES.get((label, canonical), 1.0 if label == canonical else 0.0) == binding.scale
+
+
+def _suspects_of_label(key: str, label: str) -> Iterator[Suspect]:
+    """Name the fault that the label, if it tells the truth, would confess to."""
+    spec, label = DATASETS[key], _normalised(label)
+    if spec.is_stamps and label in NS_PER_TIME_UNIT:
+        yield Suspect("time_unit", spec.stream, 0.5, NS_PER_TIME_UNIT["us"] / NS_PER_TIME_UNIT[label], "1")
+    factor = SCALES.get((label, spec.units))
+    cause = {"mm": "unit_mm_m", "m": "unit_mm_m", "rad/s": "unit_deg_rad"}.get(spec.units)
+    if factor and cause:
+        yield Suspect(cause, spec.stream, 0.5, 1 / factor, "1")
+    if spec.stream in FLOW_STREAMS and label == "px/s":
+        yield Suspect("flow_unit", spec.stream, 0.5)
+    yield Suspect("unknown", "metadata", 0.3)
+
+
+def _normalised(label: str) -> str:
+    label = label.strip()
+    return _SAME_UNIT.get(label.lower(), label)
+
+
+def _concerns(problem: DeclarationProblem, facts: Facts) -> bool:
+    """Whether the problem is about something that this file holds: an absent stream needs no declaration."""
+    described = _STREAMS_OF_OWNER.get(problem.owner, ())
+    return bool(problem.name) or not described or bool(facts.streams.intersection(described))
+
+
+def _is_required(problem: DeclarationProblem) -> bool:
+    spec = ATTRIBUTES.get((problem.owner, problem.name))
+    return spec is not None and spec.required
+
+
+def _rule(problem: DeclarationProblem) -> str:
+    return "missing" if problem.cause == "missing_stream" else "malformed"
+
+
+def _said(problem: DeclarationProblem) -> str:
+    place = f"/{problem.owner}" if problem.owner else "the file"
+    return f"{place} {problem.name}: {problem.message}" if problem.name else problem.message

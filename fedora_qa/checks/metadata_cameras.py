@@ -1,0 +1,167 @@
+"""The declared cameras: intrinsics and extrinsics that a camera can have, and that fit the images."""
+
+from collections.abc import Iterator
+from typing import Final, Literal
+
+import numpy as np
+
+from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.facts import Facts
+
+_IMAGES_OF: Final = {"rgb": "path/rgb", "depth": "path/depth"}
+"""The images whose size a camera must have. Events have none; their bounds are a check of their own."""
+
+_ROUNDING: Final = 1e-6
+"""Matrices may have been kept in float32 on their way: 2^-24 an entry, three products and a sum, with a margin of 4."""
+
+_FARTHEST_MOUNT_M: Final = 10.0
+"""A camera farther than this from the body's origin is more likely one given in millimetres."""
+
+_PRINCIPAL_POINTS: Final = {0.5: "W/2, H/2", 1.0: "(W+1)/2, (H+1)/2"}
+"""Conventions other than (W-1)/2, by the distance from it, px: integer coordinates are then not pixel centres."""
+
+
+class Cameras(FactsCheck):
+    """Are the declared cameras possible, and do they fit the images?
+
+    For each camera: K is upper triangular with zero skew, a last row 0 0 1, positive focal lengths, and its principal
+    point lies in the image; width and height are those of the images; T_body_camera is a rigid motion (a rotation
+    within float32 rounding, determinant +1, last row 0 0 0 1). Depth and events share one centre, as the paper has it.
+    Noted as unusual: principal points of another convention than (W-1)/2, pixels that are not square, cameras farther
+    than 10 m from the body. Whether K is the one that the images were made with is for the checks of flow.
+    """
+
+    name = "metadata.cameras"
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Nothing to look at without a camera."""
+        return "" if facts.declared.cameras else "the file declares no camera"
+
+    def examine(self, facts: Facts) -> Observation:
+        """Look at each camera, then at what they share."""
+        cameras = facts.declared.cameras
+        measured = [m for name, camera in cameras.items() for m in _of_camera(name, camera, facts)]
+        if "depth" in cameras and "events" in cameras:
+            measured.append(_shared_centre(cameras["depth"], cameras["events"]))
+        notices = tuple(notice for name, camera in cameras.items() for notice in _notices(name, camera))
+        return Observation(Coverage(len(cameras), len(cameras), "cameras"), tuple(measured), notices)
+
+
+def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Measured]:
+    K = camera.K
+    wrong_entries = [K[0, 1], K[1, 0], K[2, 0], K[2, 1], K[2, 2] - 1.0]
+    form = float(np.max(np.abs(wrong_entries)))
+    yield _measured(f"{name}.K_form", form, "1", allowance=_ROUNDING * float(np.max(np.abs(K))), suspects=_unknown(),
+                    said=f"K of the {name} camera is not [fx 0 cx; 0 fy cy; 0 0 1]: an entry is off by {form:.3g}; "
+                    "is it transposed, or has it skew?")  # fmt: skip
+    for axis, focal in (("fx", K[0, 0]), ("fy", K[1, 1])):
+        yield _measured(f"{name}.{axis}", float(focal), "px", expected=float(np.finfo(float).tiny), side="lower",
+                        suspects=(Suspect("intrinsics_focal", "metadata", 0.9), *_mirrored(name, focal)),
+                        said=f"{axis} of the {name} camera is {focal:.6g} px; a focal length is positive")  # fmt: skip
+    yield _principal_point(name, camera)
+    yield from _size(name, camera, facts)
+    yield from _pose(name, camera)
+
+
+def _principal_point(name: str, camera: Camera) -> Measured:
+    """Measure how far the principal point lies outside of the image, whose edges are at -1/2 and W - 1/2."""
+    outside = [max(-0.5 - c, c - (size - 0.5), 0.0) for c, size in _centre_and_size(camera)]
+    (cx, width), (cy, height) = _centre_and_size(camera)
+    distance = float(np.hypot(cx - (width - 1) / 2, cy - (height - 1) / 2))
+    return _measured(f"{name}.principal_point_outside", max(outside), "px",
+                     suspects=(Suspect("intrinsics_centre", "metadata", 0.9, distance, "px"),),
+                     said=f"the principal point of the {name} camera ({cx:.6g}, {cy:.6g}) is outside of its "
+                     f"{camera.width} x {camera.height} image")  # fmt: skip
+
+
+def _size(name: str, camera: Camera, facts: Facts) -> Iterator[Measured]:
+    binding = facts.layout.bindings.get(_IMAGES_OF.get(name, ""))
+    if binding is None:
+        return
+    height, width = binding.shape[1:3]
+    off = abs(camera.width - width) + abs(camera.height - height)
+    yield _measured(f"{name}.size", float(off), "px", resolution=1.0,
+                    suspects=(Suspect("wrong_shape", "metadata", 0.9),),
+                    said=f"the {name} camera is declared {camera.width} x {camera.height} px, its images are "
+                    f"{width} x {height}")  # fmt: skip
+
+
+def _pose(name: str, camera: Camera) -> Iterator[Measured]:
+    R, last_row = camera.T_body_camera[:3, :3], camera.T_body_camera[3]
+    excess = max(float(np.max(np.abs(R.T @ R - np.eye(3)))), float(np.max(np.abs(last_row - [0, 0, 0, 1]))))
+    yield _measured(f"{name}.T_body_camera_rigid", excess, "1", allowance=_ROUNDING,
+                    suspects=(Suspect("frame_convention", "metadata", 0.5),),
+                    said=f"T_body_camera of the {name} camera is not a rigid motion: R^T R or the last row is off by "
+                    f"{excess:.3g}; is it transposed, or given in other units?")  # fmt: skip
+    handedness = float(np.sign(np.linalg.det(R)))
+    yield _measured(f"{name}.T_body_camera_handedness", handedness, "1", expected=1.0, resolution=2.0,
+                    suspects=(Suspect("frame_convention", "metadata", 0.9),),
+                    said=f"T_body_camera of the {name} camera mirrors: its determinant is not +1")  # fmt: skip
+
+
+def _shared_centre(depth: Camera, events: Camera) -> Measured:
+    apart_m = float(np.linalg.norm(depth.T_body_camera[:3, 3] - events.T_body_camera[:3, 3]))
+    return _measured("depth_to_events_centre", apart_m, "m", allowance=_ROUNDING,
+                     suspects=(Suspect("lever_arm", "metadata", 0.9, apart_m, "m"),),
+                     said=f"the centres of the depth and event cameras are {apart_m:.6g} m apart; they must be one "
+                     "point, or depth says nothing about events")  # fmt: skip
+
+
+def _notices(name: str, camera: Camera) -> Iterator[Notice]:
+    where = Where(stream=name)
+    offsets = [c - (size - 1) / 2 for c, size in _centre_and_size(camera)]
+    for offset, convention in _PRINCIPAL_POINTS.items():
+        if np.allclose(offsets, offset, rtol=0.0, atol=1e-3):
+            message = f"the principal point of the {name} camera is {convention}: another convention than (W-1)/2"
+            yield Notice("metadata.cameras.principal_point", message, where)
+    fx, fy = camera.K[0, 0], camera.K[1, 1]
+    if fx > 0 and not np.isclose(fx, fy, rtol=1e-3):
+        yield Notice(
+            "metadata.cameras.aspect", f"pixels of the {name} camera are not square: {fx:.6g}, {fy:.6g}", where
+        )
+    distance_m = float(np.linalg.norm(camera.T_body_camera[:3, 3]))
+    if distance_m > _FARTHEST_MOUNT_M:
+        message = f"the {name} camera lies {distance_m:.4g} m from the body; is T_body_camera in millimetres?"
+        yield Notice("metadata.cameras.far", message, where)
+
+
+def _centre_and_size(camera: Camera) -> tuple[tuple[float, int], tuple[float, int]]:
+    return (float(camera.K[0, 2]), camera.width), (float(camera.K[1, 2]), camera.height)
+
+
+def _measured(
+    name: str,
+    value: float,
+    unit: str,
+    *,
+    said: str,
+    suspects: tuple[Suspect, ...],
+    expected: float = 0.0,
+    allowance: float = 0.0,
+    side: Literal["both", "lower"] = "both",
+    resolution: float = 0.0,
+) -> Measured:
+    return Measured(
+        name=name,
+        value=value,
+        unit=unit,
+        standard_error=0.0,
+        statement=said,
+        code=f"metadata.cameras.{name.rsplit('.', 1)[-1]}",
+        where=Where(stream="metadata"),
+        expected=expected,
+        allowance=allowance,
+        side=side,
+        resolution=resolution,
+        suspects=suspects,
+    )
+
+
+def _mirrored(name: str, focal: float) -> tuple[Suspect, ...]:
+    return (Suspect("mirrored", name, 0.5),) if focal < 0 else ()
+
+
+def _unknown() -> tuple[Suspect, ...]:
+    return (Suspect("unknown", "metadata", 0.5),)

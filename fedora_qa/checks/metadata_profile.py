@@ -1,0 +1,124 @@
+"""The numbers of the paper, for files that promise them."""
+
+from collections.abc import Iterator
+from math import atan, degrees
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.exact import count_of_faults
+from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect
+from fedora_qa.conventions import HORIZONTAL_FIELD_OF_VIEW_DEG, NS_PER_S, NS_PER_US
+from fedora_qa.layout.canonical import FLOW_STREAMS
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+
+PAPER: Final = "fedora-paper"
+
+_SIZES: Final = {"rgb": (1440, 1080), "depth": (1440, 1080), "events": (640, 480)}
+_RATES_HZ: Final = {"rgb": 50, "depth": 50, "imu": 1000, "pose": 200, "flow/10hz": 10, "flow/25hz": 25, "flow/50hz": 50}
+_STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", *FLOW_STREAMS, "rgb_to_event", "depth_to_event")
+_DEPTH_RANGE_M: Final = (0.1, 30.0)
+_THRESHOLD_DN: Final = 30.0
+_LEAST_PACKET_US: Final = 200
+
+
+class Profile(FactsCheck):
+    """Does the file keep the profile that it promises?
+
+    Asked only of files with ``profile="fedora-paper"``: every stream is there; colour and depth are 1440x1080, events
+    640x480, all with a horizontal field of view of 60 degrees; frames come at 50 Hz, IMU at 1000, pose at 200, flow at
+    10, 25 and 50; depth is valid in 0.1 to 30 m; events are of the linear model with threshold 30 and packets at least
+    0.2 ms apart. Source: "FEDORA: A Flying Event Dataset fOr Reactive behAvior".
+    """
+
+    name = "metadata.profile"
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Only for files that promise it."""
+        return "" if facts.declared.profile == PAPER else f"the file does not declare profile={PAPER!r}"
+
+    def examine(self, facts: Facts) -> Observation:
+        """Hold each number to the paper's."""
+        measured = (*_streams(facts), *_cameras(facts), *_rates(facts), *_depth_range(facts), *_events(facts))
+        return Observation(Coverage(len(measured), len(measured), "promises"), measured)
+
+
+def _streams(facts: Facts) -> Iterator[Measured]:
+    for stream in _STREAMS:
+        yield count_of_faults(
+            f"{stream}.absent", int(stream not in facts.streams), "streams",
+            statement=f"the profile promises {stream}: {facts.absent.get(stream, 'it is absent')}",
+            code="metadata.profile.stream", where=Where(stream=stream),
+            suspects=(Suspect("missing_stream", stream, 1.0),),
+        )  # fmt: skip
+
+
+def _cameras(facts: Facts) -> Iterator[Measured]:
+    for name, camera in facts.declared.cameras.items():
+        width, height = _SIZES[name]
+        yield _number(f"{name}.width", camera.width, "px", width, 0.0, Suspect("wrong_shape", "metadata", 0.5))
+        yield _number(f"{name}.height", camera.height, "px", height, 0.0, Suspect("wrong_shape", "metadata", 0.5))
+        focal_px = float(camera.K[0, 0])
+        if focal_px > 0:
+            yield _field_of_view(name, camera.width, focal_px)
+
+
+def _field_of_view(name: str, width: int, focal_px: float) -> Measured:
+    """Measure 2 atan(W / 2f); a focal length rounded to whole pixels moves it by W/2 / (f^2 + W^2/4) rad."""
+    field_deg = degrees(2 * atan(width / (2 * focal_px)))
+    rounding_deg = degrees(width / 2 / (focal_px**2 + width**2 / 4))
+    suspect = Suspect("intrinsics_focal", "metadata", 0.5)
+    return _number(f"{name}.field_of_view", field_deg, "deg", HORIZONTAL_FIELD_OF_VIEW_DEG, rounding_deg, suspect)
+
+
+def _rates(facts: Facts) -> Iterator[Measured]:
+    for stream, rate_hz in _RATES_HZ.items():
+        clock = facts.clocks.get(stream)
+        if clock is None or np.count_nonzero(clock.advancing) < 2:
+            continue
+        period_us = float(np.median(np.diff(clock.times_ns[clock.advancing]))) / NS_PER_US
+        expected_us = NS_PER_S / rate_hz / NS_PER_US
+        yield _number(f"{stream}.period", period_us, "us", expected_us, 1.0, Suspect("clock_rate", stream, 0.3))
+
+
+def _depth_range(facts: Facts) -> Iterator[Measured]:
+    if facts.declared.depth_range_m is not None:
+        suspect = Suspect("unknown", "metadata", 0.5)
+        for side, value, expected in zip(
+            ("nearest", "farthest"), facts.declared.depth_range_m, _DEPTH_RANGE_M, strict=True
+        ):
+            yield _number(f"depth.{side}", value, "m", expected, 1e-6 * expected, suspect)
+
+
+def _events(facts: Facts) -> Iterator[Measured]:
+    model = facts.declared.events
+    if model is None:
+        return
+    yield count_of_faults(
+        "events.model", int(model.model != "linear"), "declarations",
+        statement=f"the events are declared of the {model.model} model; the profile promises the linear one",
+        code="metadata.profile.model", where=Where(stream="events"),
+        suspects=(Suspect("event_model_misdeclared", "events", 0.3), Suspect("unknown", "metadata", 0.5)),
+    )  # fmt: skip
+    misdeclared = Suspect("threshold_misdeclared", "events", 0.3)
+    yield _number("events.threshold_on", model.threshold_on, "DN", _THRESHOLD_DN, 0.0, misdeclared)
+    yield _number("events.threshold_off", model.threshold_off, "DN", _THRESHOLD_DN, 0.0, misdeclared)
+    short_us = max(0, _LEAST_PACKET_US - model.packet_interval_us)
+    yield _number("events.packet_too_short", short_us, "us", 0.0, 0.0, Suspect("unknown", "metadata", 0.5))
+
+
+def _number(name: str, value: float, unit: str, expected: float, allowance: float, suspect: Suspect) -> Measured:
+    stream, what = name.rsplit(".", 1)
+    return Measured(
+        name=name,
+        value=float(value),
+        unit=unit,
+        standard_error=0.0,
+        statement=f"{what.replace('_', ' ')} of {stream} is {value:.6g} {unit}; the profile promises {expected:.6g}",
+        code=f"metadata.profile.{what}",
+        where=Where(stream=stream),
+        expected=expected,
+        allowance=allowance,
+        suspects=(suspect,),
+    )

@@ -1,0 +1,136 @@
+"""``fedora-qa check``: check files, write what was asked for, and say it in the terminal."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, cast
+
+import click
+
+from fedora_qa import __version__
+from fedora_qa.cli.coverage import hold_to_coverage
+from fedora_qa.cli.exit_codes import exit_code
+from fedora_qa.cli.host import host_facts, peak_memory_mib
+from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.summary import show_record
+from fedora_qa.cli.terminal import stdout_console
+from fedora_qa.config import RULESET_VERSION, CheckConfig, read_config
+from fedora_qa.engine.run import CheckOptions, FileRun, check_file, select_checks
+from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.layout.dialect import Dialect, load_dialect
+from fedora_qa.record.types import RECORD_VERSION, Record, Run, Tool
+from fedora_qa.sequence.sequence import open_sequence
+
+PATH = click.Path(path_type=Path)
+
+
+@click.command(short_help="Check files and say what is wrong, where, by how much and why.")
+@click.argument("files", nargs=-1, required=True, type=PATH)
+@click.option(
+    "--effort",
+    type=click.Choice(["quick", "standard", "full", "exhaustive"]),
+    help="How much to look at; full unless configured otherwise.",
+)
+@click.option("--select", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Run only these checks. May be repeated.")
+@click.option("--ignore", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Leave these checks out. May be repeated.")
+@click.option("--config", type=PATH, help="Read options from a fedora-qa.toml; the command line counts more.")
+@click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
+@click.option("--fail-on", type=click.Choice(["failed", "warned"]), help="From which outcome on to exit with 1.")
+@click.option("--memory", metavar="AMOUNT", help="Memory to use, such as 1GB or 512MiB.")
+@click.option(
+    "--json", "json_path", type=PATH, metavar="OUT", help="Write the record, and its evidence to OUT.arrays.npz."
+)
+@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write a summary for a pull request.")
+def check(
+    files: tuple[Path, ...], config: Path | None, json_path: Path | None, markdown_path: Path | None, **given: Any
+) -> int:
+    """Check FILES: recompute what must hold between their streams, and say what does not.
+
+    Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
+    """
+    settings = settings_from(config, given)
+    options = check_options(settings)
+    outputs = Outputs(json_path, markdown_path)
+    outputs.require_writable(files)
+    require_hdf5(files, options.dialect)
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    runs = [_check_one(path, options) for path in files]
+    runs = [replace(run, record=hold_to_coverage(run.record, settings.required_coverage)) for run in runs]
+    record = record_of(runs, settings, started)
+    outputs.write(record, gathered_arrays(runs))
+    show_record(stdout_console(), record)
+    return exit_code(record.files, settings.fail_on)
+
+
+def settings_from(config: Path | None, given: dict[str, Any]) -> CheckConfig:
+    """Return the configuration with what the command line gives in its place."""
+    settings = read_config(config) if config else CheckConfig()
+    return replace(settings, **{name: value for name, value in given.items() if value not in {None, ()}})
+
+
+def check_options(settings: CheckConfig) -> CheckOptions:
+    """Return the engine's options; raises ``MisuseError`` for a check, dialect or amount that does not exist."""
+    select_checks((*settings.select, *settings.required_coverage), settings.ignore)
+    return CheckOptions(
+        effort=settings.effort,
+        select=settings.select,
+        ignore=settings.ignore,
+        dialect=load_dialect(settings.dialect) if settings.dialect else None,
+        memory_bytes=settings.memory_bytes,
+        false_alarm_rate=settings.false_alarm_rate,
+    )
+
+
+def require_hdf5(files: Sequence[Path], dialect: Dialect | None) -> None:
+    """Raise ``MisuseError`` before any work where a path is missing, given twice, or no HDF5 file at all."""
+    for path in files:
+        if list(files).count(path) > 1:
+            raise MisuseError(f"Expected each file once, got {path} {files.count(path)} times")
+        try:
+            open_sequence(path, dialect).close()
+        except UnreadableFileError:
+            continue  # a finding, not misuse
+
+
+def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str) -> Record:
+    """Return the record of all files together; evidence of several files is kept apart by the file's number."""
+    apart = len(runs) > 1
+    files = [
+        replace(run.record, evidence={_named(name, i, apart): title for name, title in run.record.evidence.items()})
+        for i, run in enumerate(runs)
+    ]
+    stages = dict.fromkeys(stage for run in runs for stage in run.seconds)
+    return Record(
+        record_version=RECORD_VERSION,
+        ruleset_version=RULESET_VERSION,
+        tool=Tool("fedora-qa", __version__),
+        config_digest=settings.digest,
+        run=Run(
+            started=started,
+            seconds={stage: sum(run.seconds.get(stage, 0.0) for run in runs) for stage in stages},
+            host={
+                **host_facts(),
+                "peak_memory_mib": peak_memory_mib(),
+                "decoded_bytes": sum(run.decoded_bytes for run in runs),
+            },
+        ),
+        files=tuple(files),
+        effort=settings.effort,
+    )
+
+
+def gathered_arrays(runs: Sequence[FileRun]) -> dict[str, Any]:
+    """Return the evidence of all files, under the names that the record uses."""
+    apart = len(runs) > 1
+    return {_named(name, i, apart): array for i, run in enumerate(runs) for name, array in run.arrays.items()}
+
+
+def _named(name: str, file: int, apart: bool) -> str:
+    return f"{file}/{name}" if apart else name
+
+
+def _check_one(path: Path, options: CheckOptions) -> FileRun:
+    with progress_bar(path.name) as report:
+        return check_file(path, options, report)

@@ -1,0 +1,34 @@
+"""Hold a record to the coverage that the configuration requires."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from fedora_qa.record.types import FileRecord, Result
+
+
+def hold_to_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRecord:
+    """Return the record, incomplete where a check saw less of its stream than required, which its reason then says.
+
+    Parameters
+    ----------
+    file
+        The record of one file.
+    required
+        Least share, 0 to 1, by subject or check. Where both are named, the check counts.
+    """
+    results = tuple(_held(result, _required_of(result.check, required)) for result in file.results)
+    if results == file.results:
+        return file
+    return replace(file, results=results, verdict="incomplete")
+
+
+def _required_of(check: str, required: Mapping[str, float]) -> float:
+    return required.get(check, required.get(check.split(".")[0], 0.0))
+
+
+def _held(result: Result, required: float) -> Result:
+    seen = result.coverage.share if result.coverage else 0.0
+    if seen >= required:
+        return result
+    short = f"saw {seen:.3g} of its stream where the configuration requires {required:.3g}"
+    return replace(result, reason="; ".join(filter(None, (result.reason, short))))

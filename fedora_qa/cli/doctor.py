@@ -1,0 +1,113 @@
+"""``fedora-qa doctor``: say whether this machine can run the checks, and what later features would need."""
+
+import ctypes.util
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import click
+from rich.table import Table
+from rich.text import Text
+
+from fedora_qa import __version__
+from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
+from fedora_qa.cli.host import PACKAGES, host_facts, memory_mib, package_version, usable_cores
+from fedora_qa.cli.terminal import stdout_console, text
+
+State = Literal["ok", "missing", "broken"]
+
+_STYLES = {"ok": "green", "missing": "yellow", "broken": "bold red"}
+_SWRAST_FOLDERS = ("/usr/lib", "/usr/lib64", "/usr/local/lib")
+
+
+@dataclass(frozen=True, slots=True)
+class Symptom:
+    """What was looked at and found; ``needed`` where checks cannot run without it."""
+
+    what: str
+    state: State
+    detail: str
+    needed: bool = True
+
+
+@click.command(short_help="Say whether this machine can run the checks.")
+def doctor() -> int:
+    """Look at versions, HDF5 filters, OpenCV, graphics libraries, cores and memory. Exit 0 when checks can run."""
+    symptoms = tuple(examine())
+    console = stdout_console()
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
+    for column in ("what", "state"):
+        table.add_column(column, no_wrap=True)
+    table.add_column("detail", overflow="fold")
+    for one in symptoms:
+        table.add_row(one.what, Text(one.state, style=_STYLES[one.state]), text(one.detail))
+    console.print(table)
+    healthy = all(one.state == "ok" for one in symptoms if one.needed)
+    console.print(Text("Checks can run." if healthy else "Checks cannot run: see what is broken or missing above."))
+    return CLEAN if healthy else INCOMPLETE
+
+
+def examine() -> Iterator[Symptom]:
+    """Look at everything, in the order in which it is shown."""
+    facts = host_facts()
+    yield Symptom("fedora-qa", "ok", f"{__version__}, Python {facts['python']}, {facts['system']} {facts['machine']}")
+    for name in PACKAGES:
+        found = package_version(name)
+        yield Symptom(name, "ok" if found else "missing", found or f"install it: pip install {name}")
+    yield _blosc()
+    yield _remap()
+    yield _shared_library("libEGL", "EGL", "libegl1")
+    yield _mesa()
+    yield Symptom("cores", "ok", f"{usable_cores()} usable")
+    memory = memory_mib()
+    yield Symptom("memory", "ok", f"{memory} MiB" if memory else "unknown", needed=False)
+
+
+def _blosc() -> Symptom:
+    """Write and read a dataset in memory with the canonical codec and checksum."""
+    try:
+        import h5py
+        import hdf5plugin
+        import numpy as np
+
+        values = np.arange(4096, dtype=np.int64)
+        with h5py.File(io.BytesIO(), "w") as file:
+            codec = hdf5plugin.Blosc(cname="zstd", clevel=5, shuffle=hdf5plugin.Blosc.SHUFFLE)
+            dataset = file.create_dataset("t", data=values, chunks=(1024,), fletcher32=True, **codec)
+            same = np.array_equal(dataset[:], values)
+    except Exception as error:  # noqa: BLE001 - whatever a plugin raises is the answer
+        return Symptom("HDF5 Blosc-Zstd", "broken", f"{type(error).__name__}: {error}")
+    return Symptom("HDF5 Blosc-Zstd", "ok" if same else "broken", f"HDF5 {h5py.version.hdf5_version}, decodes")
+
+
+def _remap() -> Symptom:
+    """Remap by a fraction of a pixel: some builds round coordinates to 1/32 px."""
+    try:
+        import cv2
+        import numpy as np
+
+        ramp = np.tile(np.arange(8, dtype=np.float32), (8, 1))
+        column, row = np.meshgrid(
+            np.arange(1, 7, dtype=np.float32) + np.float32(0.01), np.arange(1, 7, dtype=np.float32)
+        )
+        error_px = float(np.max(np.abs(cv2.remap(ramp, column, row, cv2.INTER_LINEAR) - column)))
+    except Exception as error:  # noqa: BLE001 - whatever an import raises is the answer
+        return Symptom("OpenCV remap", "broken", f"{type(error).__name__}: {error}")
+    return Symptom("OpenCV remap", "ok", f"OpenCV {cv2.__version__}, coordinates exact to {error_px:.1g} px")
+
+
+def _shared_library(what: str, name: str, package: str) -> Symptom:
+    found = ctypes.util.find_library(name)
+    detail = found or f"only pictures and mesh worlds would need it, no check does: apt install {package}"
+    return Symptom(what, "ok" if found else "missing", detail, needed=False)
+
+
+def _mesa() -> Symptom:
+    """Look for Mesa's software rasteriser, which lets EGL render without a graphics card."""
+    patterns = ("dri/swrast_dri.so", "libgallium-*.so")
+    folders = [Path(root) for root in _SWRAST_FOLDERS if Path(root).is_dir()]
+    found = next((path for root in folders for pattern in patterns for path in root.glob(f"**/{pattern}")), None)
+    detail = str(found) if found else "only pictures and mesh worlds would need it: apt install libgl1-mesa-dri"
+    return Symptom("Mesa software renderer", "ok" if found else "missing", detail, needed=False)

@@ -1,0 +1,32 @@
+"""The exit codes, the same for every command.
+
+With several, misuse comes before incomplete and incomplete before findings.
+"""
+
+from collections.abc import Iterable
+from typing import Final, Literal
+
+from fedora_qa.record.types import FileRecord
+
+CLEAN: Final = 0
+FINDINGS: Final = 1
+MISUSE: Final = 2
+INCOMPLETE: Final = 3
+INTERRUPTED: Final = 130
+"""What shells report of a process that ctrl-C ended."""
+OUTPUT_CLOSED: Final = 141
+"""What shells report of a process whose reader went away."""
+
+
+def exit_code(files: Iterable[FileRecord], fail_on: Literal["failed", "warned"]) -> int:
+    """Return the exit code for the records of all files together."""
+    files = tuple(files)
+    if any(_is_incomplete(file) for file in files):
+        return INCOMPLETE
+    grave = {"failed"} if fail_on == "failed" else {"failed", "warned"}
+    found = any(result.outcome in grave for file in files for result in file.results)
+    return FINDINGS if found else CLEAN
+
+
+def _is_incomplete(file: FileRecord) -> bool:
+    return file.verdict == "incomplete" or any(result.outcome == "crashed" for result in file.results)

@@ -1,0 +1,49 @@
+"""``fedora-qa checks`` and ``fedora-qa explain``: what is asked of a file, and how it is answered."""
+
+import inspect
+import sys
+from typing import Any
+
+import click
+from rich.table import Table
+from rich.text import Text
+
+from fedora_qa.checks import CHECKS
+from fedora_qa.checks.protocol import Check
+from fedora_qa.cli.terminal import stdout_console
+from fedora_qa.errors import MisuseError
+
+
+@click.command(short_help="List the checks, each with its question.")
+def checks() -> int:
+    """List the checks in the order in which they run. Piped, one a line: name, tab, question."""
+    if not sys.stdout.isatty():
+        for check in CHECKS:
+            click.echo(f"{check.name}\t{check.question}")
+        return 0
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    for check in CHECKS:
+        table.add_row(check.name, Text(check.question))
+    stdout_console().print(table)
+    return 0
+
+
+@click.command(short_help="Say what a check measures, how, and what it cannot see.")
+@click.argument("name", metavar="CHECK")
+def explain(name: str) -> int:
+    """Say what CHECK, or every check of a subject, measures, how, and what it cannot see."""
+    found = [check for check in CHECKS if name in {check.name, check.name.split(".")[0]}]
+    if not found:
+        raise MisuseError(f"Expected a check or subject, got {name!r}; `fedora-qa checks` lists them")
+    console = stdout_console()
+    for check in found:
+        console.print(Text(check.name, style="bold"))
+        console.print(Text(f"needs: {', '.join(check.needs) or 'no stream'}", style="dim"))
+        console.print(Text(f"\n{_explanation(check)}\n"))
+    return 0
+
+
+def _explanation(check: Check[Any]) -> str:
+    return inspect.cleandoc(type(check).__doc__ or "")

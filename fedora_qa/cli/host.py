@@ -1,0 +1,65 @@
+"""Facts of the machine: for the record's run, and for ``doctor``."""
+
+import os
+import platform
+import resource
+import sys
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from typing import Final
+
+from fedora_qa.record.types import Scalar
+
+PACKAGES: Final = (
+    "numpy",
+    "scipy",
+    "h5py",
+    "hdf5plugin",
+    "opencv-contrib-python-headless",
+    "numba",
+    "pydantic",
+    "click",
+    "rich",
+)
+"""Distributions that results may depend on."""
+
+
+def host_facts() -> Mapping[str, Scalar]:
+    """Return what may matter when two runs differ."""
+    return {
+        "system": platform.system(),
+        "machine": platform.machine(),
+        "python": platform.python_version(),
+        "cores": usable_cores(),
+        "memory_mib": memory_mib(),
+        **{name: package_version(name) for name in PACKAGES},
+    }
+
+
+def package_version(name: str) -> str | None:
+    """Return the version of an installed distribution; None where it is not installed."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def usable_cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def memory_mib() -> int | None:
+    """Return the machine's memory; None where the system does not tell."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") >> 20
+    except (ValueError, OSError):
+        return None
+
+
+def peak_memory_mib() -> int:
+    """Return the most memory that this process has held so far."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere

@@ -1,0 +1,114 @@
+"""The command ``fedora-qa``.
+
+Commands are imported when they are used, so that ``--help`` does not load numerical libraries.
+"""
+
+import importlib
+import os
+import sys
+import traceback
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Final, cast
+
+import click
+
+from fedora_qa import __version__
+from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
+from fedora_qa.errors import FedoraError
+
+COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
+    {
+        "check": ("fedora_qa.cli.check:check", "Check files and say what is wrong, where, by how much and why."),
+        "stats": ("fedora_qa.cli.stats:stats", "Print the sequence and flow tables of files."),
+        "report": ("fedora_qa.cli.report:report", "Render a record again, without the data."),
+        "checks": ("fedora_qa.cli.explain:checks", "List the checks, each with its question."),
+        "explain": ("fedora_qa.cli.explain:explain", "Say what a check measures, how, and what it cannot see."),
+        "layout": ("fedora_qa.cli.layout:layout", "Say what a file holds, where, and what was inferred."),
+        "doctor": ("fedora_qa.cli.doctor:doctor", "Say whether this machine can run the checks."),
+    }
+)
+"""Where each command is, and what it does, in the order in which help shows them."""
+
+TRACEBACK_VARIABLE: Final = "FEDORA_QA_TRACEBACK"
+
+
+class LazyGroup(click.Group):
+    """A group that imports a command only when it runs or shows its own help."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, name = COMMANDS[cmd_name][0].split(":")
+        return cast(click.Command, getattr(importlib.import_module(module), name))
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write what each command does, without importing any."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, meaning) for name, (_, meaning) in COMMANDS.items()])
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="fedora-qa")
+def fedora_qa() -> None:
+    """Recompute what must hold between the streams of an event-camera sequence, and say what does not.
+
+    Exit codes: 0 clean; 1 findings; 2 misuse; 3 incomplete (a check crashed, required coverage was not reached, or
+    nothing could be checked across streams).
+    """
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit code. Nothing that goes wrong shows a traceback unless asked for."""
+    try:
+        code = fedora_qa.main(list(arguments), prog_name="fedora-qa", standalone_mode=False)
+        sys.stdout.flush()
+        return code if isinstance(code, int) else CLEAN
+    except click.ClickException as error:
+        error.show()
+        return MISUSE
+    except FedoraError as error:
+        click.echo(f"fedora-qa: {error}", err=True)
+        return MISUSE
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("fedora-qa: interrupted", err=True)
+        return INTERRUPTED
+    except BrokenPipeError:
+        _discard_stdout()
+        return OUTPUT_CLOSED
+    except Exception as error:  # noqa: BLE001 - a person gets one sentence, whatever happened
+        return _internal_error(error)
+
+
+def _internal_error(error: Exception) -> int:
+    if os.environ.get(TRACEBACK_VARIABLE):
+        traceback.print_exc()
+    first_line = (str(error).splitlines() or ["no message"])[0]
+    click.echo(
+        f"fedora-qa: internal error, {type(error).__name__}: {first_line} "
+        f"(set {TRACEBACK_VARIABLE}=1 and run again for the traceback)",
+        err=True,
+    )
+    return INCOMPLETE
+
+
+def _discard_stdout() -> None:
+    """Keep Python from complaining, when it exits, about a reader that went away."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+if __name__ == "__main__":
+    main()

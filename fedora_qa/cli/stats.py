@@ -1,0 +1,92 @@
+"""``fedora-qa stats``: the paper's sequence and flow tables, and more."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import click
+from rich.table import Table
+from rich.text import Text
+
+from fedora_qa import __version__
+from fedora_qa.cli.check import PATH, require_hdf5
+from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.stats_tables import NOTES, StatsTable, tables_of
+from fedora_qa.cli.terminal import stdout_console, text
+from fedora_qa.config import parse_bytes
+from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.engine.stream import measure
+from fedora_qa.engine.windows import cut_windows, window_length_ns
+from fedora_qa.layout.dialect import Dialect, load_dialect
+from fedora_qa.record.atomic import write_text
+from fedora_qa.record.markdown import escape, table
+from fedora_qa.sequence.scan import scan
+from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.sequence.window import Sampling
+from fedora_qa.statistics.collector import Statistics, StatisticsCollector
+
+_CACHE_SHARE = 0.4
+
+
+@click.command(short_help="Print the sequence and flow tables of files.")
+@click.argument("files", nargs=-1, required=True, type=PATH)
+@click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
+@click.option("--memory", metavar="AMOUNT", default="1GB", show_default=True, help="Memory to use.")
+@click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write the numbers.")
+@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
+def stats(
+    files: tuple[Path, ...], dialect: str | None, memory: str, json_path: Path | None, markdown_path: Path | None
+) -> int:
+    """Print what FILES are like: duration, distance, greatest speeds, event rate, flow, depth, brightness."""
+    known = load_dialect(dialect) if dialect else None
+    memory_bytes = parse_bytes(memory)
+    Outputs(json_path, markdown_path).require_writable(files)
+    require_hdf5(files, known)
+    found = {str(path): _statistics_of(path, known, memory_bytes) for path in files}
+    tables = tables_of(found)
+    if json_path:
+        write_text(json_path, _as_json(found))
+    if markdown_path:
+        write_text(markdown_path, _as_markdown(tables))
+    _show(tables)
+    return 0
+
+
+def _statistics_of(path: Path, dialect: Dialect | None, memory_bytes: int) -> Statistics:
+    """Hand every window of a file to the collector alone."""
+    collector = StatisticsCollector()
+    with open_sequence(path, dialect) as sequence, progress_bar(path.name) as report:
+        scanned = scan(sequence, window_length_ns(sequence))
+        decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * memory_bytes))
+        spans = cut_windows(scanned)
+        states = measure([collector], spans, scanned.facts, decoder, Sampling(), report)
+    if collector.name in states.crashes:
+        raise RuntimeError(states.crashes[collector.name].strip().splitlines()[-1])
+    return collector.conclude(states.states[collector.name], scanned.facts)
+
+
+def _as_json(found: Mapping[str, Statistics]) -> str:
+    tool = {"name": "fedora-qa", "version": __version__}
+    files = [{"path": path, "statistics": statistics} for path, statistics in found.items()]
+    return json.dumps({"tool": tool, "files": files}, indent=1, allow_nan=False) + "\n"
+
+
+def _as_markdown(tables: Sequence[StatsTable]) -> str:
+    sections = [f"## {one.title}\n\n{table(one.head, one.rows)}" for one in tables]
+    return "\n\n".join([*sections, escape(NOTES)]) + "\n"
+
+
+def _show(tables: Sequence[StatsTable]) -> None:
+    console = stdout_console()
+    for one in tables:
+        shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        shown.add_column(one.head[0], overflow="fold")
+        for head in one.head[1:]:
+            shown.add_column(head, justify="right", overflow="fold")
+        for row in one.rows:
+            shown.add_row(*(text(cell) for cell in row))
+        console.print(Text(one.title, style="bold"))
+        console.print(shown)
+        console.print()
+    console.print(text(NOTES, "dim"))

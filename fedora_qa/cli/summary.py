@@ -1,0 +1,183 @@
+"""What a person reads in the terminal after a check: the verdict, why, what to do, and what rests on what."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
+
+from rich.console import Console, Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from fedora_qa.cli.terminal import text
+from fedora_qa.record.types import Diagnosis, FileRecord, Finding, Outcome, Record, Result, Severity, Verdict
+from fedora_qa.record.wording import (
+    OUTCOME_WORDS,
+    cause_sentence,
+    coverage_words,
+    explained_checks,
+    findings_of,
+    number,
+    place,
+    principal,
+    tally,
+    with_error,
+    with_unit,
+)
+
+VERDICT_STYLES: Final[Mapping[Verdict, str]] = {
+    "clean": "bold green",
+    "findings": "bold red",
+    "incomplete": "bold magenta",
+}
+OUTCOME_STYLES: Final[Mapping[Outcome, str]] = {
+    "failed": "bold red",
+    "crashed": "bold magenta",
+    "warned": "yellow",
+    "passed": "green",
+    "not_observable": "dim",
+    "not_applicable": "dim",
+}
+SEVERITY_STYLES: Final[Mapping[Severity, str]] = {
+    "critical": "bold red",
+    "error": "red",
+    "warning": "yellow",
+    "info": "dim",
+}
+
+_WIDE: Final = 110
+"""Columns from which the checks fit into a table of one line each."""
+_FINDINGS_SHOWN: Final = 12
+_SLOWEST_SHOWN: Final = 3
+
+
+def show_record(console: Console, record: Record) -> None:
+    """Print the record of one or more files."""
+    for file in record.files:
+        console.print(Group(*_file(file, console.width)))
+    if len(record.files) > 1:
+        console.print(Group(Text("Files", style="bold"), _files_table(record.files), Text()))
+    console.print(Group(*_run_lines(record)))
+
+
+def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
+    yield Text.assemble((f" {file.verdict.upper()} ", VERDICT_STYLES[file.verdict] + " reverse"), "  ", text(file.path))
+    yield text(tally(file.results))
+    yield Text()
+    if file.diagnoses:
+        yield from _section("Probable causes", [_diagnosis(diagnosis, file) for diagnosis in file.diagnoses])
+    found = findings_of(file)
+    if found:
+        shown = [_finding(result, finding) for result, finding in found[:_FINDINGS_SHOWN]]
+        if len(found) > _FINDINGS_SHOWN:
+            shown.append(Text(f"... and {len(found) - _FINDINGS_SHOWN} more: write them all with --json", style="dim"))
+        yield from _section("Findings", shown)
+    if file.results:
+        yield Text("Checks", style="bold")
+        yield _checks_table(file.results) if width >= _WIDE else _checks_list(file.results)
+        yield Text()
+    if file.inferred:
+        inferred = (f"{name} {number(v) if isinstance(v, float) else v}" for name, v in file.inferred.items())
+        yield Text.assemble(("Inferred  ", "bold"), text("; ".join(inferred)))
+        yield Text()
+
+
+def _section(title: str, blocks: Sequence[RenderableType]) -> Iterator[RenderableType]:
+    yield Text(title, style="bold")
+    for block in blocks:
+        yield Padding(block, (0, 0, 0, 2))
+    yield Text()
+
+
+def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> RenderableType:
+    head = Text.assemble((f"{diagnosis.id}  ", "bold"), text(cause_sentence(diagnosis), "bold"))
+    head.append(f"  ({diagnosis.confidence:.0%} sure)", style="dim")
+    details = Table.grid(padding=(0, 2))
+    details.add_column(style="dim", no_wrap=True)
+    details.add_column(overflow="fold")
+    if place(diagnosis.where):
+        details.add_row("where", text(place(diagnosis.where)))
+    details.add_row("remedy", text(diagnosis.remedy))
+    explained = ", ".join(explained_checks(diagnosis, file))
+    details.add_row("explains", text(f"{explained} ({', '.join(diagnosis.explains)})"))
+    return Group(head, Padding(details, (0, 0, 0, 4)))
+
+
+def _finding(result: Result, finding: Finding) -> RenderableType:
+    head = Text.assemble(
+        (f"{finding.id}  ", "bold"),
+        (finding.severity, SEVERITY_STYLES[finding.severity]),
+        "  ",
+        text(finding.code or result.check),
+    )
+    if place(finding.where):
+        head.append_text(text(f"  {place(finding.where)}", "dim"))
+    return Group(head, Padding(text(finding.message), (0, 0, 0, 4)))
+
+
+def _checks_table(results: Sequence[Result]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for name in ("check", "outcome"):
+        table.add_column(name, no_wrap=True)
+    table.add_column("measured", overflow="fold", ratio=1)
+    for name in ("expected", "sees from"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("coverage", overflow="fold", max_width=26)
+    for result in results:
+        table.add_row(text(result.check), _outcome(result), *(text(cell) for cell in _cells(result)))
+    return table
+
+
+def _checks_list(results: Sequence[Result]) -> RenderableType:
+    """Return the same as the table, two or three short lines a check."""
+    blocks: list[RenderableType] = []
+    for result in results:
+        measured, expected, least, coverage = _cells(result)
+        parts = [measured, f"expected {expected}" if expected else "", f"sees from {least}" if least else "", coverage]
+        blocks.append(Text.assemble(_outcome(result), "  ", text(result.check)))
+        blocks.append(Padding(text("; ".join(part for part in parts if part), "dim"), (0, 0, 0, 4)))
+    return Group(*blocks)
+
+
+def _outcome(result: Result) -> Text:
+    return Text(OUTCOME_WORDS[result.outcome], style=OUTCOME_STYLES[result.outcome])
+
+
+def _cells(result: Result) -> tuple[str, str, str, str]:
+    """Return what was measured, what is expected, the least deviation that would have been seen, and the coverage."""
+    main, coverage = principal(result), coverage_words(result.coverage)
+    if main is None or result.outcome in {"not_observable", "not_applicable", "crashed"}:
+        return result.reason, "", "", coverage
+    more = f" (and {len(result.measurements) - 1} more)" if len(result.measurements) > 1 else ""
+    return (
+        f"{main.name} {with_error(main.value, main.standard_error, main.unit)}{more}",
+        "" if main.expected is None else with_unit(main.expected, main.unit),
+        "" if main.least_detectable is None else with_unit(main.least_detectable, main.unit),
+        coverage,
+    )
+
+
+def _files_table(files: Sequence[FileRecord]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    table.add_column(overflow="fold")
+    for file in files:
+        table.add_row(
+            Text(file.verdict, style=VERDICT_STYLES[file.verdict]), text(file.path), text(tally(file.results))
+        )
+    return table
+
+
+def _run_lines(record: Record) -> Iterator[RenderableType]:
+    seconds = record.run.seconds
+    stages = {name: spent for name, spent in seconds.items() if not name.startswith("check ")}
+    checks = {name.removeprefix("check "): spent for name, spent in seconds.items() if name.startswith("check ")}
+    slowest = sorted(checks, key=lambda name: -checks[name])[:_SLOWEST_SHOWN]
+    parts = [
+        f"{sum(stages.values()):.1f} s",
+        *(f"{name} {spent:.1f} s" for name, spent in stages.items() if spent > 0.05),
+    ]
+    line = f"{record.tool.name} {record.tool.version}, effort {record.effort}: {', '.join(parts)}"
+    yield text(line, "dim")
+    if slowest:
+        yield text("slowest checks: " + ", ".join(f"{name} {checks[name]:.1f} s" for name in slowest), "dim")

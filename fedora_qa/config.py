@@ -1,0 +1,116 @@
+"""How checks are to be run: ``fedora-qa.toml``, and what the command line puts in its place.
+
+::
+
+    effort = "full"                 # quick, standard, full or exhaustive
+    select = ["event_response"]     # subjects or checks; all where absent
+    ignore = ["imu.noise"]
+    dialect = "fedora"              # a name, or a TOML file beside this one; recognised from each file where absent
+    fail_on = "failed"              # or "warned"
+    memory = "1GB"
+    false_alarm_rate = 1e-4         # a file, shared by all its comparisons
+
+    [required_coverage]             # least share that a subject or check must see, 0 to 1
+    integrity = 1.0
+"""
+
+import hashlib
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, ClassVar, Final, Literal
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from fedora_qa.errors import MisuseError
+
+RULESET_VERSION: Final = "1"
+"""Version of the checks and of their rules; it grows when the same file could get another verdict."""
+
+_BYTES_PER_UNIT: Final[Mapping[str, int]] = {
+    "b": 1,
+    "kb": 10**3,
+    "mb": 10**6,
+    "gb": 10**9,
+    "kib": 2**10,
+    "mib": 2**20,
+    "gib": 2**30,
+}
+LEAST_MEMORY_BYTES: Final = 64 * 2**20
+"""A decoded colour and depth frame with two flow fields at 1440x1080 take 35 MiB."""
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+@dataclass(frozen=True, slots=True)
+class CheckConfig:
+    """Everything that a configuration file may say, and nothing else."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    effort: Literal["quick", "standard", "full", "exhaustive"] = "full"
+    select: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
+    dialect: str | None = None
+    fail_on: Literal["failed", "warned"] = "failed"
+    memory: str = "1GB"
+    false_alarm_rate: Annotated[float, Field(gt=0, lt=1)] = 1e-4
+    required_coverage: Mapping[str, Share] = field(default_factory=dict)
+
+    @property
+    def memory_bytes(self) -> int:
+        """The memory limit in bytes; raises ``MisuseError`` where it is not an amount."""
+        return parse_bytes(self.memory)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of everything that is configured, equal for equal configurations."""
+        canonical = json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+_READER: Final = TypeAdapter(CheckConfig)
+
+
+def read_config(path: Path) -> CheckConfig:
+    """Read a configuration file.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, it is not TOML, or a key is unknown or has an illegal value; names the key.
+    """
+    try:
+        values = tomllib.loads(path.read_bytes().decode("utf-8"))
+    except OSError as error:
+        raise MisuseError(f"Expected a readable configuration at {path}, got: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise MisuseError(f"Expected TOML in {path}, got: {error}") from None
+    try:
+        config = _READER.validate_python(values)
+        parse_bytes(config.memory)
+    except ValidationError as error:
+        raise MisuseError(f"Expected a legal configuration in {path}, got {_first_problem(error)}") from None
+    if config.dialect is not None and config.dialect.endswith(".toml"):
+        return replace(config, dialect=str(path.parent / config.dialect))
+    return config
+
+
+def parse_bytes(text: str) -> int:
+    """Return an amount of memory such as ``1GB`` or ``512MiB`` in bytes; raises ``MisuseError``."""
+    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kmg]?i?b)\s*", text.lower())
+    if not found or found[2] not in _BYTES_PER_UNIT:
+        raise MisuseError(f"Expected memory as a number and a unit such as 1GB or 512MiB, got {text!r}")
+    amount = int(float(found[1]) * _BYTES_PER_UNIT[found[2]])
+    if amount < LEAST_MEMORY_BYTES:
+        raise MisuseError(f"Expected memory of at least {LEAST_MEMORY_BYTES >> 20}MiB, got {text!r}")
+    return amount
+
+
+def _first_problem(error: ValidationError) -> str:
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"])
+    return f"for the key {key!r}: {first['msg']}"

@@ -1,0 +1,92 @@
+"""How the recomputed flow changes under small faults of what it is recomputed from: templates for diagnosis."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.flow_motion_fit import FlowSample
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.rigid_flow import rigid_flow
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SmallFault:
+    """A cause, the stream it befalls, the unit of its size, and the columns of its templates."""
+
+    cause: str
+    stream: str
+    unit: str
+    columns: slice
+
+    def size(self, fitted: Float64) -> float:
+        """Return one signed number for a fault of several components: their norm, with the largest one's sign."""
+        return float(np.copysign(np.linalg.norm(fitted), fitted[np.argmax(np.abs(fitted))]))
+
+
+SMALL_FAULTS: Final = (
+    SmallFault("flow_gain", "flow", "percent", slice(0, 1)),
+    SmallFault("intrinsics_focal", "metadata", "percent", slice(1, 2)),
+    SmallFault("intrinsics_centre", "metadata", "px", slice(2, 4)),
+    SmallFault("extrinsic_rotation", "metadata", "deg", slice(4, 7)),
+    SmallFault("time_offset", "pose", "ms", slice(7, 8)),
+)
+TEMPLATES: Final = 8
+
+_PERCENT, _DEG, _MS = 0.01, np.pi / 180, 1e-3
+
+
+def small_fault_templates(
+    K: Float64,
+    motion: RigidMotion,
+    sample: FlowSample,
+    remounted: Callable[[Float64], RigidMotion],
+    delayed: Callable[[float], RigidMotion | None],
+) -> Float64:
+    """Return templates (n, 2, 8): stored minus recomputed flow in px per unit of each of ``SMALL_FAULTS``.
+
+    Parameters
+    ----------
+    K, motion
+        As declared.
+    remounted
+        The motion when the camera is really mounted with ``R_body_camera Exp(-rotation)``, for a rotation vector (3,).
+    delayed
+        The motion when the poses' stamps are too late by so many seconds; None where no pose covers it.
+    """
+
+    def flow(changed_K: Float64, changed_motion: RigidMotion) -> Float64:
+        return rigid_flow(changed_K, changed_motion, sample.columns, sample.rows, sample.depths_m)
+
+    def refocused(ratio: float) -> Float64:
+        scaled: Float64 = K * np.array([[1 / ratio, 1 / ratio, 1.0], [1.0, 1 / ratio, 1.0], [1.0, 1.0, 1.0]])
+        return scaled
+
+    def recentred(axis: int, shift_px: float) -> Float64:
+        changed = K.copy()
+        changed[axis, 2] -= shift_px
+        return changed
+
+    step, step_s = 1e-3, 1e-3
+    columns = [
+        flow(K, motion) * _PERCENT,
+        _slope(flow(refocused(1 + step), motion), flow(refocused(1 - step), motion), step / _PERCENT),
+    ]
+    for axis in (0, 1):
+        columns.append(_slope(flow(recentred(axis, step), motion), flow(recentred(axis, -step), motion), step))
+    for turn in np.eye(3) * step:
+        columns.append(_slope(flow(K, remounted(turn)), flow(K, remounted(-turn)), step / _DEG))
+    later, earlier = delayed(step_s), delayed(-step_s)
+    if later is None or earlier is None:
+        columns.append(np.zeros_like(columns[0]))
+    else:
+        columns.append(_slope(flow(K, later), flow(K, earlier), step_s / _MS))
+    return np.stack(columns, axis=-1)
+
+
+def _slope(ahead: Float64, behind: Float64, step: float) -> Float64:
+    return (ahead - behind) / (2 * step)

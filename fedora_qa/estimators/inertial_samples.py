@@ -1,0 +1,166 @@
+"""What the inertial estimators work on: samples of IMU and pose, and the noise that an honest file has."""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
+
+Float64 = NDArray[np.float64]
+
+STAMP_SIGMA_S: Final = 1e-6 / np.sqrt(12)
+"""Stamps are whole microseconds: the instant meant is uniform within half a microsecond."""
+
+SMOOTHING_S: Final = 0.02
+"""Derivatives by parameters are taken from samples averaged over so long: their noise would bias the fit."""
+
+RICHARDSON: Final = 15.0
+"""An error of fourth order grows by 16 when every second sample is left out."""
+
+_WIDEST_STEP: Final = 2.5
+"""Steps of the IMU wider than so many median steps are gaps: a spline across them is a guess."""
+
+_BLOCK_S: Final = (0.5, 5.0)
+_BLOCKS: Final = 8
+
+
+@dataclass(frozen=True, slots=True)
+class InertialNoise:
+    """Noise as declared, in the units of the file's metadata, and gravity.
+
+    Densities are rad/s/sqrt(Hz) and m/s^2/sqrt(Hz), walks rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz).
+    """
+
+    gyro_density: float = 0.0
+    accel_density: float = 0.0
+    gyro_walk: float = 0.0
+    accel_walk: float = 0.0
+    position_sigma_m: float = 0.0
+    rotation_sigma_rad: float = 0.0
+    gravity_m_s2: float = STANDARD_GRAVITY_M_S2
+
+
+@dataclass(frozen=True, slots=True)
+class InertialSamples:
+    """Finite samples with strictly increasing times, in seconds from a common origin near their first.
+
+    Attributes
+    ----------
+    imu_times_s, angular_velocities_body_rad_s, specific_forces_body_m_s2
+        (M,), (M, 3), (M, 3).
+    pose_times_s, positions_world_m, orientations_xyzw
+        (P,), (P, 3), (P, 4) unit, body to world.
+    """
+
+    imu_times_s: Float64
+    angular_velocities_body_rad_s: Float64
+    specific_forces_body_m_s2: Float64
+    pose_times_s: Float64
+    positions_world_m: Float64
+    orientations_xyzw: Float64
+
+
+    def between(self, start_s: float, stop_s: float) -> "InertialSamples":
+        """Return the samples from ``start_s`` to ``stop_s``, both inclusive; the origin of time stays."""
+        imu = slice(*np.searchsorted(self.imu_times_s, (start_s, np.nextafter(stop_s, np.inf))))
+        pose = slice(*np.searchsorted(self.pose_times_s, (start_s, np.nextafter(stop_s, np.inf))))
+        return InertialSamples(
+            self.imu_times_s[imu],
+            self.angular_velocities_body_rad_s[imu],
+            self.specific_forces_body_m_s2[imu],
+            self.pose_times_s[pose],
+            self.positions_world_m[pose],
+            self.orientations_xyzw[pose],
+        )
+
+    def with_imu_earlier(self, late_s: float, drift: float) -> "InertialSamples":
+        """Return the samples with an offset, and one that grows by ``drift`` seconds a second, out of IMU stamps."""
+        return replace(self, imu_times_s=self.imu_times_s - late_s - drift * self.imu_times_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Residuals with all that a fit needs, a row for each comparison between neighbouring poses.
+
+    Attributes
+    ----------
+    poses
+        (n,) index of the pose, among those given, that the row belongs to.
+    times_s
+        (n,) its time.
+    spans_s
+        (n,) how long a time the row compares.
+    residuals, model_errors
+        (n, 3) and an estimate of the integration's own error.
+    jacobians, bias_jacobians
+        (n, 3, P) and (n, 3, 3): derivatives of the residuals by the parameters and by a bias of the sensor.
+    covariance_bands
+        (u + 1, n), alike on each axis, in the upper form of ``scipy.linalg.solveh_banded``.
+    """
+
+    poses: NDArray[np.intp]
+    times_s: Float64
+    spans_s: Float64
+    residuals: Float64
+    model_errors: Float64
+    jacobians: Float64
+    bias_jacobians: Float64
+    covariance_bands: Float64
+
+    def __len__(self) -> int:
+        return len(self.times_s)
+
+    @property
+    def sigmas(self) -> Float64:
+        """Return (n,) the standard deviation of each residual, each axis."""
+        return np.sqrt(self.covariance_bands[-1])
+
+    def select(self, rows: NDArray[np.bool_]) -> "Rows":
+        """Return some rows. Covariances across what is left out are taken for zero."""
+        bands = self.covariance_bands[:, rows].copy()
+        upper = len(bands) - 1
+        kept = np.flatnonzero(rows)
+        for lag in range(1, upper + 1):
+            torn = kept[lag:] - kept[:-lag] != lag if len(kept) > lag else np.empty(0, np.bool_)
+            bands[upper - lag, lag:][torn] = 0.0
+        return Rows(
+            self.poses[rows], self.times_s[rows], self.spans_s[rows], self.residuals[rows], self.model_errors[rows],
+            self.jacobians[rows], self.bias_jacobians[rows], bands,
+        )  # fmt: skip
+
+
+def covered(imu_times_s: Float64, starts_s: Float64, stops_s: Float64) -> NDArray[np.bool_]:
+    """Return which intervals (n,) lie within the IMU's span and touch no gap of it."""
+    steps_s = np.diff(imu_times_s)
+    wide = np.flatnonzero(steps_s > _WIDEST_STEP * float(np.median(steps_s)))
+    inside = (starts_s >= imu_times_s[0]) & (stops_s <= imu_times_s[-1])
+    gaps_before_start = np.searchsorted(imu_times_s[wide + 1], starts_s, side="right")
+    gaps_before_stop = np.searchsorted(imu_times_s[wide], stops_s, side="left")
+    free: NDArray[np.bool_] = inside & (gaps_before_start == gaps_before_stop)
+    return free
+
+
+def blocks_of(times_s: Float64) -> list[slice]:
+    """Cut rows into stretches: eight, but none shorter than half a second or longer than five."""
+    if not len(times_s):
+        return []
+    span_s = float(times_s[-1] - times_s[0])
+    count = max(1, round(span_s / float(np.clip(span_s / _BLOCKS, *_BLOCK_S))))
+    edges = np.searchsorted(times_s, times_s[0] + span_s * np.arange(1, count) / count)
+    bounds = np.unique(np.concatenate(([0], edges, [len(times_s)])))
+    return [slice(int(a), int(b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+
+
+def smoothed(times_s: Float64, values: Float64, width_s: float) -> Float64:
+    """Return values averaged over a width, or as they are where samples are rarer."""
+    size = int(width_s / float(np.median(np.diff(times_s)))) if len(times_s) > 1 else 1
+    mean: Float64 = uniform_filter1d(values, size, axis=0, mode="nearest") if size > 1 else values
+    return mean
+
+
+def every_second(count: int) -> NDArray[np.intp]:
+    """Return every second index, and the last, so that the span stays."""
+    return np.unique(np.append(np.arange(0, count, 2), count - 1))

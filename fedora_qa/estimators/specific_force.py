@@ -1,0 +1,174 @@
+"""Second differences of position against specific force and gravity, and what their disagreement says.
+
+``p'' = R f + g``: specific force is turned into the world by the poses' own orientation, interpolated, so that the
+gyro has no part in it. A cubic spline through it is integrated twice; the second differences of that curve are compared
+with those of the positions. No velocity is needed.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.grouped_fit import Parameters
+from fedora_qa.estimators.inertial_samples import (
+    RICHARDSON,
+    SMOOTHING_S,
+    STAMP_SIGMA_S,
+    InertialNoise,
+    InertialSamples,
+    Rows,
+    covered,
+    every_second,
+    smoothed,
+)
+from fedora_qa.geometry import so3
+from fedora_qa.geometry.motion import interpolate_poses
+
+Float64 = NDArray[np.float64]
+
+_ROUNDING: Final = 4.0
+"""Units in the last place that a position may be off."""
+
+TRANSLATION_PARAMETERS: Final = Parameters(
+    names=("time_offset", "clock_rate", "bias_x", "bias_y", "bias_z", "gravity", "slope_x", "slope_y",
+           "lever_x", "lever_y", "lever_z"),
+    groups={"time_offset": (0,), "clock_rate": (1,), "gravity": (5,), "bias": (2, 3, 4), "slope": (6, 7),
+            "lever": (8, 9, 10)},
+    largest=(1.0, 0.1, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0),
+)  # fmt: skip
+"""What is fitted: seconds the IMU's stamps are late, their drift, m/s^2 of bias in the body, m/s^2 by which gravity
+exceeds its declaration, its horizontal part in the world, and where the IMU sits in the body, metres."""
+
+
+def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
+    """Compare specific force with the second differences of consecutive positions.
+
+    The residual at a pose is the change of mean velocity from the interval before it to the one after it, m/s in the
+    world: by position less by force. Its covariance holds position noise (1, -2, 1), the white noise of the
+    accelerometer, force turned by noisy orientations, and rounded stamps.
+    """
+    times_s, imu_times_s = samples.pose_times_s, samples.imu_times_s
+    accelerations, known = _in_world(samples, noise.gravity_m_s2)
+    derivatives = _derivatives(samples)
+    stacked = np.concatenate((accelerations[..., None], derivatives), axis=-1)[known]
+    imu_times_s = imu_times_s[known]
+    poses = np.empty(0, np.intp)
+    if len(imu_times_s) > 1 and len(times_s) > 2:
+        poses = 1 + np.flatnonzero(covered(imu_times_s, times_s[:-2], times_s[2:]))
+    if not len(poses):
+        return _no_rows()
+    by_force = _second_differences(times_s, _integrated_twice(imu_times_s, stacked, times_s), poses)
+    by_position = _second_differences(times_s, samples.positions_world_m, poses)
+    return Rows(
+        poses=poses,
+        times_s=times_s[poses],
+        spans_s=(times_s[poses + 1] - times_s[poses - 1]) / 2,
+        residuals=by_position - by_force[..., 0],
+        model_errors=_model_errors(samples, noise.gravity_m_s2, by_force[..., 0], poses),
+        jacobians=by_force[..., 1:],
+        bias_jacobians=by_force[..., 3:6],
+        covariance_bands=_covariance(samples, noise, poses),
+    )
+
+
+def _in_world(samples: InertialSamples, gravity_m_s2: float) -> tuple[Float64, NDArray[np.bool_]]:
+    """Return ``R f + g`` (M, 3) at the IMU's instants, and where the orientation is known."""
+    R = _orientations(samples)
+    accelerations = np.einsum("nij,nj->ni", R, samples.specific_forces_body_m_s2)
+    accelerations[:, 2] -= gravity_m_s2
+    return accelerations, np.isfinite(accelerations).all(axis=-1)
+
+
+def _orientations(samples: InertialSamples) -> Float64:
+    R, _ = interpolate_poses(
+        np.rint(samples.pose_times_s * NS_PER_S).astype(np.int64),
+        samples.positions_world_m,
+        samples.orientations_xyzw,
+        at_ns=np.rint(samples.imu_times_s * NS_PER_S).astype(np.int64),
+    )
+    return R
+
+
+def _derivatives(samples: InertialSamples) -> Float64:
+    """Return the second time derivative (M, 3, P) of the residual's derivative by TRANSLATION_PARAMETERS.
+
+    With measured force ``f(t - late - drift t) + bias`` and true gravity ``g + gravity`` the curve of the positions
+    differs from that of the force by the double integral of these columns. A sensor at ``lever`` feels
+    ``alpha x lever + w x (w x lever)`` besides.
+    """
+    times_s = samples.imu_times_s
+    force = CubicSpline(times_s, smoothed(times_s, samples.specific_forces_body_m_s2, SMOOTHING_S))
+    rate = CubicSpline(times_s, smoothed(times_s, samples.angular_velocities_body_rad_s, SMOOTHING_S))
+    R = _orientations(samples)
+    jerk = np.einsum("nij,nj->ni", R, force(times_s, 1))
+    W = so3.cross_matrices(rate(times_s))
+    lever = R @ (so3.cross_matrices(rate(times_s, 1)) + W @ W)
+    down_and_level = np.broadcast_to(np.array([[0, 1, 0], [0, 0, 1], [-1.0, 0, 0]]), (len(R), 3, 3))
+    return np.concatenate(
+        (jerk[..., None], times_s[:, None, None] * jerk[..., None], -R, down_and_level, -lever), axis=-1
+    )
+
+
+def _integrated_twice(times_s: Float64, values: Float64, at_s: Float64) -> Float64:
+    twice: Float64 = CubicSpline(times_s, values).antiderivative(2)(at_s)
+    return twice
+
+
+def _second_differences(times_s: Float64, values: Float64, poses: NDArray[np.intp]) -> Float64:
+    slopes = np.diff(values, axis=0) / np.diff(times_s).reshape(-1, *[1] * (values.ndim - 1))
+    differences: Float64 = slopes[poses] - slopes[poses - 1]
+    return differences
+
+
+def _model_errors(
+    samples: InertialSamples, gravity_m_s2: float, fine: Float64, poses: NDArray[np.intp]
+) -> Float64:
+    """Estimate the error of interpolation and integration from every second sample and pose (Richardson)."""
+    imu, pose = every_second(len(samples.imu_times_s)), every_second(len(samples.pose_times_s))
+    sparse = InertialSamples(
+        samples.imu_times_s[imu],
+        samples.angular_velocities_body_rad_s[imu],
+        samples.specific_forces_body_m_s2[imu],
+        samples.pose_times_s[pose],
+        samples.positions_world_m[pose],
+        samples.orientations_xyzw[pose],
+    )
+    accelerations, known = _in_world(sparse, gravity_m_s2)
+    if np.count_nonzero(known) < 2:
+        return np.zeros_like(fine)
+    coarse = _integrated_twice(sparse.imu_times_s[known], accelerations[known], samples.pose_times_s)
+    return (_second_differences(samples.pose_times_s, coarse, poses) - fine) / RICHARDSON
+
+
+def _covariance(samples: InertialSamples, noise: InertialNoise, poses: NDArray[np.intp]) -> Float64:
+    """Return the bands (3, n): position noise through 1/T, -2/T, 1/T, and white acceleration through a triangle."""
+    times_s, positions_m = samples.pose_times_s, samples.positions_world_m
+    steps_s = np.diff(times_s)
+    speeds = np.linalg.norm(np.gradient(positions_m, times_s, axis=0), axis=-1)
+    rounding_m = _ROUNDING * np.spacing(np.maximum(np.abs(positions_m).max(axis=-1), 1e-3))
+    variances = noise.position_sigma_m**2 + (speeds * STAMP_SIGMA_S) ** 2 + rounding_m**2
+    force = float(np.median(np.linalg.norm(samples.specific_forces_body_m_s2, axis=-1)))
+    turned_density_squared = (force * noise.rotation_sigma_rad) ** 2 * float(np.median(steps_s))
+    density_squared = noise.accel_density**2 + turned_density_squared
+    before, after = 1 / steps_s[poses - 1], 1 / steps_s[poses]
+    middle = -(before + after)
+    bands = np.zeros((3, len(poses)))
+    bands[2] = before**2 * variances[poses - 1] + middle**2 * variances[poses] + after**2 * variances[poses + 1]
+    bands[2] += density_squared * (steps_s[poses - 1] + steps_s[poses]) / 3
+    left, right = poses[:-1], poses[1:]
+    neighbours = middle[:-1] * before[1:] * variances[left] + after[:-1] * middle[1:] * variances[right]
+    neighbours += density_squared * steps_s[left] / 6
+    bands[1, 1:] = np.where(right - left == 1, neighbours, 0.0)
+    bands[0, 2:] = np.where(poses[2:] - poses[:-2] == 2, after[:-2] * before[2:] * variances[poses[:-2] + 1], 0.0)
+    return bands
+
+
+def _no_rows() -> Rows:
+    columns = len(TRANSLATION_PARAMETERS.names)
+    return Rows(
+        np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((0, 3)), np.empty((0, 3)),
+        np.empty((0, 3, columns)), np.empty((0, 3, 3)), np.empty((3, 0)),
+    )  # fmt: skip

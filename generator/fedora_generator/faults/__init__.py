@@ -1,0 +1,10 @@
+"""Faults planted in a copy of a file: each small, exact, and of one stream.
+
+``FAULTS`` says which cause can befall which stream; the work is done one file a stream, and in ``clocks``, ``samples``,
+``images`` and ``storage`` for what befalls several.
+"""
+
+from fedora_generator.faults.fault import Fault, FaultError
+from fedora_generator.faults.plant import BYTE_FAULTS, FAULTS, legal_causes, legal_streams, plant_fault
+
+__all__ = ["BYTE_FAULTS", "FAULTS", "Fault", "FaultError", "legal_causes", "legal_streams", "plant_fault"]

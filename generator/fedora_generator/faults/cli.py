@@ -1,0 +1,52 @@
+"""``fedora-generate fault``: plant one fault in a copy of a file."""
+
+from pathlib import Path
+
+import click
+
+from fedora_generator.errors import OutputError
+from fedora_generator.faults.plant import plant_fault
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("cause")
+@click.option("--stream", default="events", show_default=True, help="Stream that the fault befalls.")
+@click.option("--magnitude", type=float, help="Size; positive is too late, or too large. Needed where it has a unit.")
+@click.option("--unit", help="Unit of the magnitude; for a time ms unless given.")
+@click.option("--seed", type=int, default=0, show_default=True, help="For what is placed at random.")
+@click.option("--start", "start_s", type=float, help="Confine the fault: seconds after the file's first stamp.")
+@click.option("--stop", "stop_s", type=float, help="End of the confinement, not included.")
+@click.option("--stale-maps", is_flag=True, help="Leave the index maps as they were before the fault.")
+@click.option("--force", is_flag=True, help="Replace the output if it exists.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="The faulty copy.")
+def fault(
+    file: Path,
+    cause: str,
+    stream: str,
+    magnitude: float | None,
+    unit: str | None,
+    seed: int,
+    start_s: float | None,
+    stop_s: float | None,
+    stale_maps: bool,
+    force: bool,
+    output: Path,
+) -> None:
+    """Plant CAUSE in a copy of FILE."""
+    if output.exists() and not force:
+        raise OutputError(f"Expected a new file, got {output}, which exists; choose another name or use --force")
+    planted = plant_fault(
+        file,
+        output,
+        cause,
+        stream,
+        magnitude=magnitude,
+        unit=unit,
+        seed=seed,
+        start_s=start_s,
+        stop_s=stop_s,
+        consistent_maps=not stale_maps,
+    )
+    size = f" {planted.magnitude:g} {planted.unit}" if planted.unit else ""
+    click.echo(f"{output}: {planted.stream}:{planted.cause}{size}", err=True)

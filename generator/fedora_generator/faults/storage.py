@@ -1,0 +1,125 @@
+"""Faults of the file itself: what is missing, cut off, damaged, or stored in another form."""
+
+import os
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import hdf5plugin
+import numpy as np
+
+from fedora_generator.faults.fault import Fault, FaultError
+from fedora_generator.faults.metadata import CAMERAS, group_in
+from fedora_generator.faults.rows import blocks, datasets_in, delete_rows, streams_in, values_in
+
+_OTHER_TYPE: Final = {
+    "uint8": "int16",
+    "uint16": "int32",
+    "int64": "float64",
+    "float64": "float32",
+    "float32": "float64",
+}
+_DAMAGED_BYTES: Final = 16
+_EVENT_STAMPS: Final = "path/events/t"
+
+
+def truncated(file: h5py.File, fault: Fault) -> None:
+    """Cut the last percent of the rows of a stream off, at least one."""
+    for stream in streams_in(file, fault.stream):
+        length = len(next(iter(datasets_in(file, stream).values())))
+        delete_rows(file, stream, slice(length - _cut(length, fault), length))
+
+
+def truncate_file(path: Path, fault: Fault) -> None:
+    """Cut the last percent of the bytes of the file off."""
+    size = path.stat().st_size
+    os.truncate(path, size - _cut(size, fault))
+
+
+def corrupt_chunk(path: Path, fault: Fault) -> None:
+    """Invert 16 bytes in the middle of the given number of stored chunks of the stream's first dataset."""
+    with h5py.File(path) as file:
+        places = [place for stream in streams_in(file, fault.stream) for place in _stored(_first_values(file, stream))]
+    count = fault.positive_count()
+    if count > len(places):
+        raise FaultError(f"Expected at most the {len(places)} chunks of {fault.stream}, got {count}")
+    with path.open("r+b") as raw:
+        for chosen in np.sort(fault.rng().choice(len(places), size=count, replace=False)):
+            offset, size = places[chosen]
+            damaged = min(_DAMAGED_BYTES, size)
+            raw.seek(offset + (size - damaged) // 2)
+            whole = raw.read(damaged)
+            raw.seek(-damaged, os.SEEK_CUR)
+            raw.write(bytes(byte ^ 0xFF for byte in whole))
+
+
+def missing_stream(file: h5py.File, fault: Fault) -> None:
+    """Remove every dataset of the stream, or the whole group of metadata; declarations stay."""
+    if fault.stream == "metadata":
+        group_in(file, "metadata")
+        del file["metadata"]
+        return
+    for stream in streams_in(file, fault.stream):
+        for key in datasets_in(file, stream):
+            del file[key]
+
+
+def wrong_shape(file: h5py.File, fault: Fault) -> None:
+    """Store the stream's first dataset with one axis more, of length 1; in the metadata, K as nine numbers."""
+    if fault.stream == "metadata":
+        for camera in group_in(file, CAMERAS).values():
+            camera.attrs["K"] = np.ravel(camera.attrs["K"])
+        return
+    for stream in streams_in(file, fault.stream):
+        dataset = _first_values(file, stream)
+        _store_again(file, dataset, (*dataset.shape, 1), dataset.dtype)
+
+
+def wrong_dtype(file: h5py.File, fault: Fault) -> None:
+    """Store the stream's first dataset (events: the stamps) in another type; in the metadata, widths as text."""
+    if fault.stream == "metadata":
+        for camera in group_in(file, CAMERAS).values():
+            camera.attrs["width"] = str(camera.attrs["width"])
+        return
+    for stream in streams_in(file, fault.stream):
+        dataset = file[_EVENT_STAMPS] if stream == "events" else _first_values(file, stream)
+        _store_again(file, dataset, dataset.shape, np.dtype(_OTHER_TYPE[dataset.dtype.name]))
+
+
+def _cut(length: int, fault: Fault) -> int:
+    percent = fault.magnitude_in("percent")
+    if not 0 < percent <= 100:
+        raise FaultError(f"Expected more than 0 and up to 100 percent, got {percent:g}")
+    return max(1, round(length * percent / 100))
+
+
+def _first_values(file: h5py.File, stream: str) -> h5py.Dataset:
+    return values_in(file, stream)[0]
+
+
+def _stored(dataset: h5py.Dataset) -> list[tuple[int, int]]:
+    """Return offset and size in the file of every stored piece of a dataset."""
+    if dataset.chunks is None:
+        return [(dataset.id.get_offset(), dataset.id.get_storage_size())] if dataset.size else []
+    chunks = [dataset.id.get_chunk_info(index) for index in range(dataset.id.get_num_chunks())]
+    return [(chunk.byte_offset, chunk.size) for chunk in chunks]
+
+
+def _store_again(file: h5py.File, dataset: h5py.Dataset, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    """Replace a dataset by one of another shape or type with the same values, attributes and codec."""
+    key, aside = dataset.name, f"{dataset.name}_aside"
+    extra = (1,) * (len(shape) - dataset.ndim)
+    replacement = file.create_dataset(
+        aside,
+        shape,
+        dtype,
+        chunks=(*dataset.chunks, *extra) if dataset.chunks else None,
+        **(hdf5plugin.Blosc(cname="zstd", clevel=5, shuffle=hdf5plugin.Blosc.SHUFFLE) if dataset.chunks else {}),
+    )
+    for block in blocks(dataset):
+        values = dataset[block]
+        replacement[block] = values.reshape(*values.shape, *extra)
+    for name, value in dataset.attrs.items():
+        replacement.attrs[name] = value
+    del file[key]
+    file.move(aside, key)

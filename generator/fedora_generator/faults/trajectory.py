@@ -1,0 +1,37 @@
+"""The file's own pose stream at other instants than its samples."""
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from fedora_generator.faults.fault import FaultError
+from fedora_qa.conventions import US_PER_S
+
+Floats = NDArray[np.float64]
+
+_POSITION, _ORIENTATION, _STAMPS = "path/pose/position", "path/pose/orientation", "path/pose/ts"
+
+
+def attitudes_at(file: h5py.File, times_us: NDArray[np.int64]) -> Rotation:
+    """Body-to-world rotations (n), exact at the stream's stamps, smooth between, held still outside."""
+    pose_us = _pose_stamps(file)
+    spline = RotationSpline((pose_us - pose_us[0]) / US_PER_S, Rotation.from_quat(file[_ORIENTATION][...]))
+    return spline((np.clip(times_us, pose_us[0], pose_us[-1]) - pose_us[0]) / US_PER_S)
+
+
+def body_poses_at(file: h5py.File, times_us: NDArray[np.int64]) -> Floats:
+    """``T_world_body`` (n, 4, 4), positions linear between the stream's stamps."""
+    pose_us = _pose_stamps(file)
+    T_world_body = np.tile(np.eye(4), (len(times_us), 1, 1))
+    T_world_body[:, :3, :3] = attitudes_at(file, times_us).as_matrix()
+    for axis, positions_m in enumerate(file[_POSITION][...].T):
+        T_world_body[:, axis, 3] = np.interp(times_us - pose_us[0], pose_us - pose_us[0], positions_m)
+    return T_world_body
+
+
+def _pose_stamps(file: h5py.File) -> NDArray[np.int64]:
+    if _STAMPS not in file or len(file[_STAMPS]) < 2:
+        raise FaultError("Expected at least two poses, which this fault is computed from, got fewer")
+    stamps_us: NDArray[np.int64] = file[_STAMPS][...]
+    return stamps_us

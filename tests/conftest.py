@@ -1,0 +1,13 @@
+"""Sequences that several tests share."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.sequences import make_sequence
+
+
+@pytest.fixture(scope="session")
+def park_day(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clean second of the park by day. Tests must not write into it."""
+    return make_sequence(tmp_path_factory.mktemp("park") / "park-day.h5", "park-day")

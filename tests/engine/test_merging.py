@@ -1,0 +1,83 @@
+"""The outcome does not depend on how windows are dealt out."""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fedora_qa.checks import CHECKS
+from fedora_qa.checks.protocol import Check
+from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.engine.outcomes import why_not_applicable
+from fedora_qa.engine.run import quiet
+from fedora_qa.engine.stream import States, conclude, measure, merge
+from fedora_qa.engine.windows import cut_windows
+from fedora_qa.sequence.scan import Scan, scan
+from fedora_qa.sequence.sequence import Sequence, open_sequence
+from fedora_qa.sequence.window import Sampling, Span
+from tests.support.identical import identical
+
+CELL_NS = 100_000_000
+
+
+class Bench:
+    """A sequence cut into windows, and what every check says of each stretch of windows."""
+
+    def __init__(self, sequence: Sequence) -> None:
+        self.sequence = sequence
+        self.scanned: Scan = scan(sequence, CELL_NS)
+        self.spans: tuple[Span, ...] = cut_windows(self.scanned)
+        self.checks: list[Check[Any]] = [c for c in CHECKS if not why_not_applicable(c, self.scanned.facts)]
+
+    def measure(self, start: int, stop: int, cache_bytes: int = 1 << 26) -> States:
+        source = BlockDecoder(self.sequence, self.scanned, cache_bytes)
+        return measure(self.checks, self.spans[start:stop], self.scanned.facts, source, Sampling(), quiet)
+
+    def conclude(self, states: States) -> dict[str, Any]:
+        assert not states.crashes, "\n".join(states.crashes.values())
+        return conclude(self.checks, states, self.scanned.facts)
+
+
+@pytest.fixture(scope="module")
+def bench(park_day: Path) -> Any:
+    with open_sequence(park_day) as sequence:
+        yield Bench(sequence)
+
+
+@pytest.fixture(scope="module")
+def in_one_piece(bench: Bench) -> dict[str, Any]:
+    return bench.conclude(bench.measure(0, len(bench.spans)))
+
+
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_random_cuts_and_merges_change_no_bit(data: st.DataObject, bench: Bench, in_one_piece: dict[str, Any]) -> None:
+    """Cut anywhere, measure each stretch alone with any cache, merge neighbours in any order: the same bits."""
+    count = len(bench.spans)
+    cuts = sorted(data.draw(st.sets(st.integers(1, count - 1), max_size=4)))
+    bounds = [0, *cuts, count]
+    cache = data.draw(st.sampled_from([1, 1 << 26]))
+    parts = [bench.measure(start, stop, cache) for start, stop in pairwise(bounds)]
+    while len(parts) > 1:
+        i = data.draw(st.integers(0, len(parts) - 2))
+        parts[i : i + 2] = [merge(bench.checks, parts[i], parts[i + 1])]
+    outcome = bench.conclude(parts[0])
+    assert outcome.keys() == in_one_piece.keys()
+    differing = [name for name in outcome if not identical(outcome[name], in_one_piece[name])]
+    assert not differing
+
+
+def test_windows_own_every_row_once(bench: Bench) -> None:
+    """Every row of every stream belongs to exactly one window."""
+    for stream, runs in bench.scanned.runs.items():
+        owned = [row for span in bench.spans for row in range(*span.owned.get(stream, (0, 0)))]
+        assert owned == list(range(runs.count)), stream
+
+
+def test_comparison_can_fail(bench: Bench, in_one_piece: dict[str, Any]) -> None:
+    """Half of the windows do not give the same bits as all."""
+    half = bench.conclude(bench.measure(0, len(bench.spans) // 2))
+    assert any(not identical(half[name], in_one_piece[name]) for name in half)

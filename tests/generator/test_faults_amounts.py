@@ -1,0 +1,489 @@
+"""Every fault is of exactly the stated amount."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from fedora_generator.faults import plant_fault
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tests.generator.tiny_sequence import (
+    DEPTH_M,
+    DURATION_US,
+    FLIGHT,
+    HEIGHT,
+    T_BODY_CAMERA,
+    WIDTH,
+    K,
+    declare_noise,
+    flow_with,
+    write_tiny_sequence,
+)
+
+EVENTS = [f"path/events/{name}" for name in "xytp"]
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("clean") / "clean.h5"
+    write_tiny_sequence(path)
+    declare_noise(path)
+    return path
+
+
+@pytest.fixture
+def plant(clean: Path, tmp_path: Path) -> Any:
+    """Plant a fault; return a reader of a dataset before and after, and the faulty path."""
+
+    def planted(cause: str, stream: str, magnitude: float | None = None, unit: str | None = None, **more: Any) -> Any:
+        target = tmp_path / "faulty.h5"
+        plant_fault(clean, target, cause, stream, magnitude, unit, **more)
+        return SimpleNamespace(path=target, pair=lambda key: (read(clean, key), read(target, key)))
+
+    return planted
+
+
+def read(path: Path, key: str) -> NDArray[Any]:
+    """A dataset, or an attribute written as ``owner@name``."""
+    owner, _, attribute = key.partition("@")
+    with h5py.File(path) as file:
+        return np.asarray(file[owner].attrs[attribute] if attribute else file[owner][...])
+
+
+def events(path: Path) -> NDArray[np.int64]:
+    """All events (n, 4): x, y, t, p."""
+    return np.stack([read(path, key).astype(np.int64) for key in EVENTS], axis=-1)
+
+
+def true_maps(path: Path) -> bool:
+    """Whether both index maps are what the stamps of the file say."""
+    t = read(path, "path/events/t")
+    frames = ("rgb", "depth")
+    return all(
+        np.array_equal(read(path, f"metadata/{each}_to_event"), np.searchsorted(t, read(path, f"path/{each}_ts")))
+        for each in frames
+    )
+
+
+# Clocks
+
+
+@pytest.mark.parametrize(("magnitude", "unit", "late_us"), [(2, None, 2_000), (-0.5, "ms", -500), (3, "us", 3)])
+def test_time_offset(plant: Any, magnitude: float, unit: str | None, late_us: int) -> None:
+    """All stamps are late by the offset in its unit, and the maps are made anew unless they are to be stale."""
+    faulty = plant("time_offset", "events", magnitude, unit)
+    before, after = faulty.pair("path/events/t")
+    np.testing.assert_array_equal(after - before, late_us)
+    assert true_maps(faulty.path)
+    before, after = plant("time_offset", "events", magnitude, unit, consistent_maps=False).pair("metadata/rgb_to_event")
+    np.testing.assert_array_equal(before, after)
+
+
+def test_time_offset_within_an_interval(plant: Any) -> None:
+    """Confined to [0.1, 0.3) s only those samples are late."""
+    before, after = plant("time_offset", "imu", 2, start_s=0.1, stop_s=0.3).pair("path/imu/ts")
+    np.testing.assert_array_equal(after - before, np.where((before >= 100_000) & (before < 300_000), 2_000, 0))
+
+
+def test_clock_rate(plant: Any) -> None:
+    """A clock fast by 1000 ppm is late by a thousandth of the time since the stream's first stamp."""
+    before, after = plant("clock_rate", "flow/10hz", 1_000).pair("path/flow/10hz_ts")
+    np.testing.assert_array_equal(after - before, np.rint((before - before[0, 0]) * 1e-3))
+
+
+def test_quantised_time_has_no_offset(plant: Any) -> None:
+    """Stamps become multiples of 1 ms, each the nearest: the mean shift is that of rounding, not of truncation."""
+    before, after = plant("quantised_time", "events", 1).pair("path/events/t")
+    assert np.all(after % 1_000 == 0)
+    assert np.abs(after - before).max() == 500
+    assert abs((after - before).mean()) < 5 * 1_000 / np.sqrt(12 * len(before))
+
+
+@pytest.mark.parametrize(("factor", "expected"), [(None, 1_000), (1e-3, 1e-3), (1e-6, 1e-6)])
+def test_time_unit(plant: Any, factor: float | None, expected: float) -> None:
+    """Stamps are multiplied by the factor, nanoseconds unless told, and rounded."""
+    before, after = plant("time_unit", "pose", factor).pair("path/pose/ts")
+    np.testing.assert_array_equal(after, np.rint(before * expected))
+    assert after.dtype == np.int64
+
+
+# Samples
+
+
+def test_dropped_packet_of_events(plant: Any, clean: Path) -> None:
+    """Exactly the events of 20 ms are gone, from all four columns, and the maps know it."""
+    rows, faulty = events(clean), plant("dropped_samples", "events", 20, start_s=0.2)
+    first = rows[rows[:, 2] >= 200_000][0, 2]
+    expected = rows[(rows[:, 2] < 200_000) | (rows[:, 2] >= first + 20_000)]
+    np.testing.assert_array_equal(events(faulty.path), expected)
+    assert true_maps(faulty.path)
+
+
+def test_dropped_frames_take_their_map_with_them(plant: Any) -> None:
+    """Three colour frames fewer, the rest as before, and a map of as many entries."""
+    faulty = plant("dropped_samples", "rgb", 3)
+    before, after = faulty.pair("path/rgb")
+    before_us, after_us = faulty.pair("path/rgb_ts")
+    kept = np.isin(before_us, after_us)
+    assert (~kept).sum() == 3
+    assert np.diff(np.flatnonzero(~kept)).tolist() == [1, 1]
+    np.testing.assert_array_equal(before[kept], after)
+    assert true_maps(faulty.path)
+
+
+def test_duplicated_samples_stand_twice(plant: Any) -> None:
+    """Each of four IMU samples is followed by itself; the order of time holds."""
+    faulty = plant("duplicated_samples", "imu", 4, start_s=0.1)
+    for key in ("path/imu/ts", "path/imu/angular_velocity", "path/imu/linear_acceleration"):
+        before, after = faulty.pair(key)
+        repeats = np.ones(len(before), int)
+        repeats[100:104] = 2
+        np.testing.assert_array_equal(after, np.repeat(before, repeats, axis=0))
+
+
+def test_unsorted_reverses_the_stated_number(plant: Any) -> None:
+    """Five neighbouring poses are reversed in every dataset."""
+    faulty = plant("unsorted", "pose", 5, start_s=0.1)
+    for key in ("path/pose/ts", "path/pose/position", "path/pose/orientation"):
+        before, after = faulty.pair(key)
+        expected = np.concatenate([before[:20], before[20:25][::-1], before[25:]])
+        np.testing.assert_array_equal(after, expected)
+
+
+def test_frozen_and_swapped_frames(plant: Any) -> None:
+    """Three depth frames repeat the one before; colour frames 5 and 7 change places; stamps stay."""
+    faulty = plant("frozen_frames", "depth", 3, start_s=0.1)
+    before, after = faulty.pair("path/depth")
+    before[5:8] = before[4]
+    np.testing.assert_array_equal(before, after)
+    faulty = plant("swapped_frames", "rgb", 2, start_s=0.1)
+    before, after = faulty.pair("path/rgb")
+    before[[5, 7]] = before[[7, 5]]
+    np.testing.assert_array_equal(before, after)
+    np.testing.assert_array_equal(*faulty.pair("path/rgb_ts"))
+
+
+def test_nan_in_stream(plant: Any) -> None:
+    """Two IMU samples are NaN in both sensors, the rest finite."""
+    faulty = plant("nan_in_stream", "imu", 2, start_s=0.1)
+    for key in ("path/imu/angular_velocity", "path/imu/linear_acceleration"):
+        assert np.flatnonzero(np.isnan(faulty.pair(key)[1]).all(axis=1)).tolist() == [100, 101]
+        assert np.isnan(faulty.pair(key)[1]).sum() == 6
+
+
+# Events
+
+
+def test_polarity_axes_and_mirror(plant: Any, clean: Path) -> None:
+    """p becomes 1 - p; columns and rows change places; columns count from the right."""
+    x, y, _, p = events(clean).T
+    np.testing.assert_array_equal(events(plant("polarity_inverted", "events").path)[:, 3], 1 - p)
+    np.testing.assert_array_equal(events(plant("axes_swapped", "events").path)[:, :2], np.stack([y, x], axis=-1))
+    np.testing.assert_array_equal(events(plant("mirrored", "events").path)[:, 0], WIDTH - 1 - x)
+
+
+@pytest.mark.parametrize("shift", [2, -3])
+def test_events_shift_by_whole_pixels(plant: Any, clean: Path, shift: int) -> None:
+    """Events move right by the shift; those that leave the sensor are lost."""
+    faulty = plant("spatial_offset", "events", shift)
+    rows = events(clean) + [shift, 0, 0, 0]
+    np.testing.assert_array_equal(events(faulty.path), rows[(rows[:, 0] >= 0) & (rows[:, 0] < WIDTH)])
+    assert true_maps(faulty.path)
+
+
+def test_dead_region_is_a_silent_square(plant: Any, clean: Path) -> None:
+    """Of the nine pixels of a 3 px square every event is gone, of the others none."""
+    faulty = plant("dead_region", "events", 3, seed=5)
+    histograms = [
+        np.histogram2d(*events(path)[:, :2].T, bins=(range(13), range(10)))[0] for path in (clean, faulty.path)
+    ]
+    columns, rows = np.nonzero(histograms[0] != histograms[1])
+    assert np.all(histograms[1][columns, rows] == 0)
+    assert (len(columns), np.ptp(columns), np.ptp(rows)) == (9, 2, 2)
+    assert true_maps(faulty.path)
+
+
+def test_hot_pixels_add_events_in_canonical_order(plant: Any, clean: Path) -> None:
+    """Two pixels gain about 200 events a second each, no other changes, and (t, y, x, p) stays sorted."""
+    faulty = plant("hot_pixels", "events", 2, seed=1)
+    rows = events(faulty.path)
+    assert np.array_equal(np.lexsort((rows[:, 3], rows[:, 0], rows[:, 1], rows[:, 2])), np.arange(len(rows)))
+    gained = [np.bincount(r[:, 1] * WIDTH + r[:, 0], minlength=WIDTH * HEIGHT) for r in (events(clean), rows)]
+    gain = gained[1] - gained[0]
+    assert np.count_nonzero(gain) == 2
+    assert np.all(np.abs(gain[gain > 0] - 200 * DURATION_US / 1e6) < 5 * np.sqrt(100))
+    assert true_maps(faulty.path)
+
+
+def test_misdeclared_sensor(plant: Any) -> None:
+    """Declared thresholds are 20 percent too large, the model is the other one, noise rates are halved."""
+    for name in ("threshold_on", "threshold_off"):
+        before, after = plant("threshold_misdeclared", "events", 20).pair(f"metadata/events@{name}")
+        assert after == pytest.approx(before * 1.2)
+    assert plant("event_model_misdeclared", "events").pair("metadata/events@model")[1] == "linear"
+    before, after = plant("noise_misdeclared", "events", -50).pair("metadata/events@shot_rate_hz")
+    assert after == pytest.approx(before / 2)
+
+
+# Index maps
+
+
+def test_index_maps(plant: Any) -> None:
+    """Off by -1 exactly; side right points behind the two events that share the second frame's stamp."""
+    before, after = plant("index_off_by_one", "rgb_to_event", -1).pair("metadata/rgb_to_event")
+    np.testing.assert_array_equal(after, before - 1)
+    before, after = plant("index_side", "depth_to_event").pair("metadata/depth_to_event")
+    assert after[1] - before[1] >= 2
+    assert np.all(after >= before)
+
+
+# IMU and pose
+
+
+def test_imu_biases_and_units(plant: Any) -> None:
+    """Biases go on body X alone; degrees are 180 / pi times radians."""
+    for cause, key in (("gyro_bias", "angular_velocity"), ("accel_bias", "linear_acceleration")):
+        before, after = plant(cause, "imu", 0.02).pair(f"path/imu/{key}")
+        np.testing.assert_allclose(after - before, np.tile([0.02, 0, 0], (len(before), 1)), atol=1e-14)
+    before, after = plant("unit_deg_rad", "imu").pair("path/imu/angular_velocity")
+    np.testing.assert_allclose(after, np.degrees(before), rtol=1e-15)
+
+
+@pytest.mark.parametrize(("cause", "magnitude", "gravity"), [
+    ("gravity_missing", None, 0.0), ("gravity_sign", None, -9.80665), ("gravity_magnitude", 0.05, 9.85665),
+])  # fmt: skip
+def test_gravity(plant: Any, cause: str, magnitude: float | None, gravity: float) -> None:
+    """The specific force is R^T (a + gravity up) of the flight, to the accuracy of the pose stream between samples."""
+    _, after = plant(cause, "imu", magnitude).pair("path/imu/linear_acceleration")
+    states = FLIGHT.states_at(np.arange(0, DURATION_US + 1, 1_000) / 1e6)
+    felt = states.accelerations_world_m_s2 + [0.0, 0.0, gravity]
+    expected = np.einsum("nji,nj->ni", states.R_world_body, felt)
+    np.testing.assert_allclose(after, expected, atol=2e-5)
+
+
+def test_lever_arm_of_the_imu(plant: Any) -> None:
+    """A unit 0.3 m ahead feels the acceleration of that point: second difference of its path in closed form."""
+    _, after = plant("lever_arm", "imu", 0.3).pair("path/imu/linear_acceleration")
+    times_s, h = np.arange(0, DURATION_US + 1, 1_000) / 1e6, 1e-3
+    paths = [FLIGHT.states_at(times_s + k * h) for k in (-1, 0, 1)]
+    points = [s.positions_world_m + s.R_world_body @ np.array([0.3, 0, 0]) for s in paths]
+    accelerations = (points[0] - 2 * points[1] + points[2]) / h**2
+    expected = np.einsum("nji,nj->ni", paths[1].R_world_body, accelerations + [0, 0, 9.80665])
+    np.testing.assert_allclose(after[10:-10], expected[10:-10], atol=1e-4)
+
+
+def test_lever_arm_of_the_pose(plant: Any) -> None:
+    """Positions are those of a point 0.3 m ahead in the body."""
+    before, after = plant("lever_arm", "pose", 30, "cm").pair("path/pose/position")
+    ahead = FLIGHT.states_at(np.arange(0, DURATION_US + 1, 5_000) / 1e6).R_world_body[:, :, 0]
+    np.testing.assert_allclose(after, before + 0.3 * ahead, atol=1e-12)
+
+
+def test_axes_of_imu_and_pose(plant: Any) -> None:
+    """X and Y exchanged; forward-right-down negates Y and Z; NED poses turn FRD vectors as ENU poses turn FLU ones."""
+    before, after = plant("axes_swapped", "imu").pair("path/imu/angular_velocity")
+    np.testing.assert_array_equal(after, before[:, [1, 0, 2]])
+    before, after = plant("frame_convention", "imu").pair("path/imu/linear_acceleration")
+    np.testing.assert_array_equal(after, before * [1, -1, -1])
+    faulty = plant("frame_convention", "pose")
+    enu, ned = faulty.pair("path/pose/position")
+    np.testing.assert_array_equal(ned, np.stack([enu[:, 1], enu[:, 0], -enu[:, 2]], axis=-1))
+    before, after = (Rotation.from_quat(q) for q in faulty.pair("path/pose/orientation"))
+    vector_flu = np.array([0.3, 0.5, -0.7])
+    turned_enu = before.apply(vector_flu)
+    turned_ned = after.apply(vector_flu * [1, -1, -1])
+    np.testing.assert_allclose(turned_ned, turned_enu[:, [1, 0, 2]] * [1, 1, -1], atol=1e-14)
+
+
+def test_quaternions(plant: Any) -> None:
+    """w first; inverse; too long by one percent."""
+    before, after = plant("quaternion_order", "pose").pair("path/pose/orientation")
+    np.testing.assert_array_equal(after, before[:, [3, 0, 1, 2]])
+    before, after = plant("quaternion_inverted", "pose").pair("path/pose/orientation")
+    np.testing.assert_allclose((Rotation.from_quat(before) * Rotation.from_quat(after)).magnitude(), 0, atol=1e-15)
+    _, after = plant("quaternion_not_unit", "pose", 0.01).pair("path/pose/orientation")
+    np.testing.assert_allclose(np.linalg.norm(after, axis=1), 1.01, rtol=1e-12)
+
+
+def test_teleport(plant: Any) -> None:
+    """From 0.2 s on the position is 5 cm further along world X; with a stop it comes back."""
+    before, after = plant("teleport", "pose", 0.05, start_s=0.2).pair("path/pose/position")
+    expected = np.where(np.arange(101) >= 40, 0.05, 0.0)
+    np.testing.assert_allclose(after - before, expected[:, None] * [1, 0, 0], atol=1e-15)
+    before, after = plant("teleport", "pose", 50, "mm", start_s=0.2, stop_s=0.3).pair("path/pose/position")
+    assert np.flatnonzero(after[:, 0] != before[:, 0]).tolist() == list(range(40, 60))
+
+
+def test_interpolated_pose(plant: Any) -> None:
+    """At 50 Hz every fourth pose is kept; between, positions are on the chord and rotations on the shortest arc."""
+    faulty = plant("interpolated_pose", "pose", 50)
+    before, after = faulty.pair("path/pose/position")
+    np.testing.assert_array_equal(after[::4], before[::4])
+    np.testing.assert_allclose(after[1], 0.75 * before[0] + 0.25 * before[4], atol=1e-14)
+    q_before, q_after = (Rotation.from_quat(q) for q in faulty.pair("path/pose/orientation"))
+    arc = (q_before[0].inv() * q_before[4]).as_rotvec()
+    np.testing.assert_allclose((q_before[0].inv() * q_after[1]).as_rotvec(), arc / 4, atol=1e-14)
+
+
+def test_misdeclared_noise_of_imu_and_pose(plant: Any) -> None:
+    """Every declared density and sigma is twice as large."""
+    for stream, name in (("imu", "gyro_noise_density"), ("imu", "gyro_bias_walk"), ("pose", "rotation_sigma")):
+        before, after = plant("noise_misdeclared", stream, 100).pair(f"metadata/{stream}@{name}")
+        assert after == pytest.approx(2 * before)
+
+
+# Flow
+
+
+def test_flow_arithmetic(plant: Any) -> None:
+    """Sign, gain, order of axes and v-up are exact; NaN stays NaN."""
+    for cause, magnitude, change in (
+        ("flow_sign", None, lambda f: -f),
+        ("flow_gain", 10, lambda f: f * np.float32(1.1)),
+        ("axes_swapped", None, lambda f: f[..., ::-1]),
+        ("frame_convention", None, lambda f: f * [1, -1]),
+    ):
+        before, after = plant(cause, "flow", magnitude).pair("path/flow/10hz")
+        np.testing.assert_array_equal(after, change(before))
+        assert np.isnan(after[:, 0, 0]).all()
+
+
+@pytest.mark.parametrize(("magnitude", "power"), [(1, 1), (-1, -1)])
+def test_flow_unit(plant: Any, magnitude: float, power: int) -> None:
+    """px/s is ten times px at 10 Hz and fifty times at 50 Hz; px s is a tenth and a fiftieth."""
+    faulty = plant("flow_unit", "flow", magnitude)
+    for rate_hz in (10, 25, 50):
+        before, after = faulty.pair(f"path/flow/{rate_hz}hz")
+        np.testing.assert_allclose(after, before * float(rate_hz) ** power, rtol=1e-6)
+
+
+def test_flow_of_another_rate_or_interval(plant: Any) -> None:
+    """10 Hz fields become the 50 Hz fields of the same start; a shift by one puts field i under stamp i + 1."""
+    faulty = plant("flow_rate_mixed", "flow/10hz")
+    np.testing.assert_array_equal(faulty.pair("path/flow/10hz")[1], faulty.pair("path/flow/50hz")[0][::5])
+    before, after = plant("flow_interval_shifted", "flow/25hz", 1).pair("path/flow/25hz")
+    np.testing.assert_array_equal(after, before[[0, *range(len(before) - 1)]])
+    before, after = plant("flow_interval_shifted", "flow/25hz", -2).pair("path/flow/25hz")
+    np.testing.assert_array_equal(after, before[[*range(2, len(before)), -1, -1]])
+
+
+def test_flow_of_a_wrong_camera(plant: Any) -> None:
+    """Flow made with a focal length 2 percent too long or a centre 3 px off is that flow, to float32."""
+    for cause, magnitude, wrong_K in (
+        ("intrinsics_focal", 2, K * [[1.02, 1, 1], [1, 1.02, 1], [1, 1, 1]]),
+        ("intrinsics_centre", 3, K + np.array([[0, 0, 3], [0, 0, 0], [0, 0, 0]])),
+    ):
+        _, after = plant(cause, "flow", magnitude).pair("path/flow/10hz")
+        expected = flow_with(wrong_K, 100_000, 200_000)
+        np.testing.assert_allclose(after[1].reshape(-1, 2)[1:], expected.reshape(-1, 2)[1:], atol=2e-5)
+        assert np.isnan(after[1, 0, 0]).all()
+
+
+def test_flow_from_noisy_pose_is_the_flow_of_the_file_s_poses(plant: Any) -> None:
+    """In a file whose poses are in truth noise-free, flow made from them is the flow that is there."""
+    before, after = plant("flow_from_noisy_pose", "flow").pair("path/flow/25hz")
+    np.testing.assert_allclose(after, before, atol=2e-5)
+
+
+# Depth, colour and metadata
+
+
+def test_depth(plant: Any) -> None:
+    """Metres; ray length z |K^-1 x|; 0 for NaN; a shift leaves NaN behind; a mirror is exact."""
+    before, after = plant("unit_mm_m", "depth").pair("path/depth")
+    np.testing.assert_allclose(after, before * 1e-3, rtol=1e-6)
+    _, after = plant("depth_ray_not_z", "depth").pair("path/depth")
+    corner = np.linalg.norm([(WIDTH - 1 - 5.5) / 10, (HEIGHT - 1 - 4.0) / 10, 1.0])
+    np.testing.assert_allclose(after[:, -1, -1], DEPTH_M * 1e3 * corner, rtol=1e-6)
+    before, after = plant("invalid_encoding", "depth").pair("path/depth")
+    np.testing.assert_array_equal(after, np.nan_to_num(before))
+    before, after = plant("spatial_offset", "depth", 2).pair("path/depth")
+    np.testing.assert_array_equal(after[:, :, 2:], before[:, :, :-2])
+    assert np.isnan(after[:, :, :2]).all()
+    before, after = plant("mirrored", "depth").pair("path/depth")
+    np.testing.assert_array_equal(after, before[:, :, ::-1])
+
+
+def test_colour(plant: Any) -> None:
+    """Blue first; a gain of 50 percent, rounded and clipped; a shift to the left repeats the right edge."""
+    before, after = plant("channel_order", "rgb").pair("path/rgb")
+    np.testing.assert_array_equal(after, before[..., ::-1])
+    before, after = plant("exposure_or_gamma", "rgb", 50).pair("path/rgb")
+    np.testing.assert_array_equal(after, np.minimum(np.rint(before * 1.5), 255))
+    before, after = plant("spatial_offset", "rgb", -2).pair("path/rgb")
+    np.testing.assert_array_equal(after, before[:, :, [*range(2, WIDTH), WIDTH - 1, WIDTH - 1]])
+
+
+def test_declared_cameras(plant: Any) -> None:
+    """Focal length, centre, roll, lever arm and axes of every camera are declared wrong by the magnitude."""
+    key = "metadata/cameras/{}@{}"
+    for camera in ("rgb", "depth", "events"):
+        _, wrong = plant("intrinsics_focal", "metadata", 1).pair(key.format(camera, "K"))
+        np.testing.assert_allclose(wrong, K * [[1.01, 1, 1], [1, 1.01, 1], [1, 1, 1]])
+        _, wrong = plant("intrinsics_centre", "metadata", -2).pair(key.format(camera, "K"))
+        assert wrong[0, 2] == K[0, 2] - 2
+        _, wrong = plant("extrinsic_rotation", "metadata", 0.5).pair(key.format(camera, "T_body_camera"))
+        turned = Rotation.from_matrix(T_BODY_CAMERA[:3, :3].T @ wrong[:3, :3]).as_rotvec(degrees=True)
+        np.testing.assert_allclose(turned, [0, 0, 0.5], atol=1e-12)
+        _, wrong = plant("lever_arm", "metadata", 0.1).pair(key.format(camera, "T_body_camera"))
+        np.testing.assert_allclose(wrong[:3, 3], [0.1, 0, 0])
+        _, wrong = plant("frame_convention", "metadata").pair(key.format(camera, "T_body_camera"))
+        np.testing.assert_array_equal(wrong, np.eye(4))
+    before, after = plant("gravity_magnitude", "metadata", -0.01).pair("metadata/imu@gravity")
+    assert after == pytest.approx(before - 0.01)
+
+
+# Storage
+
+
+def test_truncated_stream_and_file(plant: Any, clean: Path) -> None:
+    """A stream loses its last 10 percent of rows, the file its last 10 percent of bytes and no longer opens."""
+    before, after = plant("truncated", "imu", 10).pair("path/imu/ts")
+    np.testing.assert_array_equal(after, before[:451])
+    path = plant("truncated", "file", 10).path
+    assert path.read_bytes() == clean.read_bytes()[: path.stat().st_size]
+    assert path.stat().st_size == pytest.approx(0.9 * clean.stat().st_size, abs=1)
+    with pytest.raises(OSError, match="truncated"):
+        h5py.File(path)
+
+
+def test_corrupt_chunk(plant: Any, clean: Path) -> None:
+    """Two chunks differ in 16 bytes each; exactly those two frames can no longer be read."""
+    path = plant("corrupt_chunk", "depth", 2, seed=4).path
+    differing = np.frombuffer(clean.read_bytes(), np.uint8) ^ np.frombuffer(path.read_bytes(), np.uint8)
+    assert np.count_nonzero(differing) == 32
+    unreadable = 0
+    with h5py.File(path) as file:
+        for frame in range(len(file["path/depth"])):
+            try:
+                file["path/depth"][frame]
+            except OSError:
+                unreadable += 1
+    assert unreadable == 2
+
+
+def test_missing_stream_keeps_what_was_declared(plant: Any) -> None:
+    """The event columns are gone, /metadata/events and the maps are there; for metadata the whole group is gone."""
+    with h5py.File(plant("missing_stream", "events").path) as file:
+        assert not any(key in file for key in EVENTS)
+        assert "metadata/events" in file
+        assert "metadata/rgb_to_event" in file
+    with h5py.File(plant("missing_stream", "metadata").path) as file:
+        assert list(file) == ["path"]
+
+
+def test_wrong_shape_and_type_keep_the_values(plant: Any) -> None:
+    """One axis more, or another type: the numbers, the units and the codec are as before."""
+    before, after = plant("wrong_shape", "pose").pair("path/pose/position")
+    np.testing.assert_array_equal(after[..., 0], before)
+    faulty = plant("wrong_dtype", "events")
+    before, after = faulty.pair("path/events/t")
+    assert after.dtype == np.float64
+    np.testing.assert_array_equal(after, before)
+    with h5py.File(faulty.path) as file:
+        assert file["path/events/t"].attrs["units"] == "us"
+        assert file["path/events/t"].chunks is not None

@@ -1,0 +1,19 @@
+"""Small generated sequences for integration tests, each made once a run."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from fedora_generator.generate import Request, generate_sequence
+from fedora_generator.scene import Scene, load_scene
+
+
+def small_scene(name: str, width: int = 270, height: int = 200) -> Scene:
+    """Return a scene at a small size (the event sensor scales with it)."""
+    scene = load_scene(name)
+    return replace(scene, camera=replace(scene.camera, width=width, height=height))
+
+
+def make_sequence(target: Path, name: str, duration_s: float = 1.0) -> Path:
+    """Write a small sequence of a scene."""
+    generate_sequence(small_scene(name), target, Request(duration_s=duration_s, quality="draft"))
+    return target
