@@ -113,4 +113,6 @@ def parse_bytes(text: str) -> int:
 def _first_problem(error: ValidationError) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "unexpected_keyword_argument":
+        return f"the key {key!r}, which does not exist"
     return f"for the key {key!r}: {first['msg']}"

@@ -24,8 +24,11 @@ from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
 
-FIT_PIXELS: Final = 1500
+FIT_PIXELS: Final = 800
 """Pixels that a motion is fitted to: plenty for six numbers, since what remains is rounding."""
+
+_ORDINARY: Final = 2.0
+"""Corrections of up to this multiple of the expected square are not examined further: 93% of honest ones."""
 
 FEWEST_PIXELS: Final = 20
 """Pixels below which a field is not compared."""
@@ -110,7 +113,9 @@ def compare_field(
         worst_bound_px=float(bound[worst]),
         worst_pixel=(int(columns[0, worst[1]]), int(rows[worst[0], 0])),
     )
-    if not is_noisy(noise) and result.suspicion <= 1:
+    if fit and noise:
+        result = _held_to_noise(result, track, fit, noise)
+    if result.suspicion <= 1 and result.twist_chi2 <= _ORDINARY * result.twist_dof:
         return result
     return _examined(result, track, motion, sample, fit, noise)
 
@@ -136,7 +141,7 @@ def _lattice_of(window: Window, interval: Interval, frame: int) -> _Lattice | No
     depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
     if depth_m.shape != flow_px.shape[:2]:
         return None
-    stride = max(1, round(window.sampling.tile_share**-0.5))
+    stride = max(1, round(1 / window.sampling.tile_share))
     first_row, first_column = divmod(interval.row % stride**2, stride)
     pixels = (slice(first_row, None, stride), slice(first_column, None, stride))
     depths_m, flow = depth_m[pixels].astype(np.float64), flow_px[pixels].astype(np.float64)
@@ -184,6 +189,16 @@ def templates_of(track: PoseTrack, interval: Interval, motion: RigidMotion, samp
     return small_fault_templates(track.camera.K, motion, sample, remounted, delayed)
 
 
+def _held_to_noise(result: FieldError, track: PoseTrack, fit: MotionFit, noise: PoseModel) -> FieldError:
+    """Add the correction's statistic; not between poses, where interpolation makes the noise smaller."""
+    interval = result.interval
+    covariance = field_covariance(track, interval, noise)
+    if covariance is None or not track.on_samples(interval.start_ns, interval.end_ns):
+        return result
+    chi2, dof = twist_statistic(fit, covariance)
+    return replace(result, twist_chi2=chi2, twist_dof=dof)
+
+
 def _examined(
     result: FieldError,
     track: PoseTrack,
@@ -192,23 +207,19 @@ def _examined(
     fit: MotionFit | None,
     noise: PoseModel | None,
 ) -> FieldError:
-    """Add what diagnosis needs: the correction against its noise, the free correction, the small faults' evidence."""
-    interval = result.interval
-    covariance = field_covariance(track, interval, noise)
-    templates = templates_of(track, interval, motion, sample)
+    """Add what diagnosis needs: the small faults' evidence, and the best correction whatever the noise."""
+    covariance = field_covariance(track, result.interval, noise)
+    templates = templates_of(track, result.interval, motion, sample)
     evidence = weigh_templates(track.camera.K, motion, sample, templates, fit, covariance)
     free = fit or fit_motion(track.camera.K, motion, sample)
-    chi2 = dof = 0.0
-    if fit and noise and covariance is not None and track.on_samples(interval.start_ns, interval.end_ns):
-        chi2, dof = twist_statistic(fit, covariance)
+    if free is None:
+        return replace(result, evidence=evidence)
     return replace(
         result,
-        twist_chi2=chi2,
-        twist_dof=dof,
-        free_squares=float(np.nansum(free.residual_px**2)) if free else float("nan"),
-        free_pixels=len(sample.columns),
-        free_shift_m=float(np.linalg.norm(free.twist[3:])) if free else float("nan"),
         evidence=evidence,
+        free_squares=float(np.nansum(free.residual_px**2)),
+        free_pixels=len(sample.columns),
+        free_shift_m=float(np.linalg.norm(free.twist[3:])),
     )
 
 

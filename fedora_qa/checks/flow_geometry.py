@@ -33,7 +33,7 @@ class WindowErrors:
     weighed: tuple[Weighed, ...] = ()
 
 
-class FlowEndpoint(WindowCheck[WindowErrors]):
+class Endpoint(WindowCheck[WindowErrors]):
     """Is the stored flow what depth, intrinsics and the camera's motion give?
 
     On a lattice of pixels (of a density that the effort states, its phase changing from field to field) the flow is

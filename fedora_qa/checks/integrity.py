@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from math import ceil
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
+from fedora_qa.checks.families import over_all_rates
 from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect, WindowCheck
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding
-from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS
 from fedora_qa.layout.resolve import LayoutProblem
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -33,7 +34,8 @@ class LayoutHolds(FactsCheck):
         coverage = Coverage(len(facts.layout.bindings), len(facts.layout.bindings) + len(broken), "datasets")
         if not problems:
             return Observation(coverage, (no_faults("layout_problems", "problems", self.name),))
-        return Observation(coverage, tuple(self._measured(problem) for problem in problems))
+        rates = {problem.stream for problem in problems if problem.stream in FLOW_STREAMS} | set(facts.flow_streams)
+        return Observation(coverage, over_all_rates((self._measured(problem) for problem in problems), rates))
 
     def _measured(self, problem: LayoutProblem) -> Measured:
         return count_of_faults(
@@ -44,7 +46,7 @@ class LayoutHolds(FactsCheck):
             code=problem.code,
             where=Where(stream=problem.stream),
             severity="critical",
-            suspects=(Suspect(problem.cause, problem.stream, 1.0),),
+            suspects=(Suspect(problem.cause, problem.stream, 1.0, problem.magnitude),),
         )
 
 
@@ -99,9 +101,12 @@ class Readable(WindowCheck[ReadSummary]):
         lost = facts.layout.streams - facts.streams - {DATASETS[key].stream for key, _ in damaged}
         return Observation(
             Coverage(len(touched), max(of, len(touched)), "chunks"),
-            tuple(
-                self._lost(facts, stream) if stream in lost else self._of_stream(stream, list(damaged.values()))
-                for stream in streams
+            over_all_rates(
+                (
+                    self._lost(facts, stream) if stream in lost else self._of_stream(stream, list(damaged.values()))
+                    for stream in streams
+                ),
+                set(streams) & set(FLOW_STREAMS),
             ),
         )
 

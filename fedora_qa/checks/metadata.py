@@ -37,15 +37,29 @@ class Complete(FactsCheck):
 
     def examine(self, facts: Facts) -> Observation:
         """Sort the problems by what the format asks for."""
+        of = len(ATTRIBUTES)
+        if _is_bare(facts):
+            return Observation(Coverage(0, of, "declarations"), (self._bare(),))
         problems = [problem for problem in facts.declared.problems if _concerns(problem, facts)]
         broken = [problem for problem in problems if _is_required(problem)]
         noted = [problem for problem in problems if not _is_required(problem)]
-        of = len(ATTRIBUTES)
         measured = tuple(self._measured(problem) for problem in broken) or (
             no_faults("declaration_problems", "declarations", self.name),
         )
         notices = tuple(Notice(f"metadata.complete.{_rule(problem)}", _said(problem)) for problem in noted)
         return Observation(Coverage(of, of, "declarations"), measured, notices)
+
+    def _bare(self) -> Measured:
+        return count_of_faults(
+            name="metadata.missing",
+            value=1,
+            unit="declarations",
+            statement="a file of the canonical layout has a group /metadata; nothing of it is there, so that nothing "
+            "that the file holds can be held to a declaration",
+            code="metadata.complete.missing",
+            where=Where(stream="metadata"),
+            suspects=(Suspect("missing_stream", "metadata", 1.0),),
+        )
 
     def _measured(self, problem: DeclarationProblem) -> Measured:
         return count_of_faults(
@@ -127,6 +141,13 @@ def _suspects_of_label(key: str, label: str) -> Iterator[Suspect]:
 def _normalised(label: str) -> str:
     label = label.strip()
     return _SAME_UNIT.get(label.lower(), label)
+
+
+def _is_bare(facts: Facts) -> bool:
+    """Whether a file of the canonical layout holds none of the objects that carry metadata."""
+    absent = {problem.owner for problem in facts.declared.problems if not problem.name}
+    owners = {owner for owner, _ in ATTRIBUTES if owner.startswith("metadata/")}
+    return facts.layout.dialect_name == FORMAT_NAME and owners <= absent
 
 
 def _concerns(problem: DeclarationProblem, facts: Facts) -> bool:

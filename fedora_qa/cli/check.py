@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import click
 
@@ -72,7 +72,11 @@ def settings_from(config: Path | None, given: dict[str, Any]) -> CheckConfig:
 
 def check_options(settings: CheckConfig) -> CheckOptions:
     """Return the engine's options; raises ``MisuseError`` for a check, dialect or amount that does not exist."""
-    select_checks((*settings.select, *settings.required_coverage), settings.ignore)
+    select_checks(tuple(settings.required_coverage), ())
+    if not select_checks(settings.select, settings.ignore):
+        raise MisuseError(
+            "Expected at least one check to run, got a selection that leaves none; see `fedora-qa checks`"
+        )
     return CheckOptions(
         effort=settings.effort,
         select=settings.select,

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from fedora_qa.record.types import FileRecord, Result
+from fedora_qa.record.wording import SHORT_OF_COVERAGE
 
 
 def hold_to_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRecord:
@@ -23,12 +24,12 @@ def hold_to_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRec
 
 
 def _required_of(check: str, required: Mapping[str, float]) -> float:
-    return required.get(check, required.get(check.split(".")[0], 0.0))
+    return required.get(check, required.get(check.partition(".")[0], 0.0))
 
 
 def _held(result: Result, required: float) -> Result:
     seen = result.coverage.share if result.coverage else 0.0
     if seen >= required:
         return result
-    short = f"saw {seen:.3g} of its stream where the configuration requires {required:.3g}"
+    short = f"saw {seen:.3g} of its stream {SHORT_OF_COVERAGE} {required:.3g}"
     return replace(result, reason="; ".join(filter(None, (result.reason, short))))

@@ -4,6 +4,7 @@ import ctypes.util
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Literal
 
@@ -68,10 +69,7 @@ def examine() -> Iterator[Symptom]:
 def _blosc() -> Symptom:
     """Write and read a dataset in memory with the canonical codec and checksum."""
     try:
-        import h5py
-        import hdf5plugin
-        import numpy as np
-
+        h5py, hdf5plugin, np = (import_module(name) for name in ("h5py", "hdf5plugin", "numpy"))
         values = np.arange(4096, dtype=np.int64)
         with h5py.File(io.BytesIO(), "w") as file:
             codec = hdf5plugin.Blosc(cname="zstd", clevel=5, shuffle=hdf5plugin.Blosc.SHUFFLE)
@@ -85,9 +83,7 @@ def _blosc() -> Symptom:
 def _remap() -> Symptom:
     """Remap by a fraction of a pixel: some builds round coordinates to 1/32 px."""
     try:
-        import cv2
-        import numpy as np
-
+        cv2, np = (import_module(name) for name in ("cv2", "numpy"))
         ramp = np.tile(np.arange(8, dtype=np.float32), (8, 1))
         column, row = np.meshgrid(
             np.arange(1, 7, dtype=np.float32) + np.float32(0.01), np.arange(1, 7, dtype=np.float32)
@@ -95,7 +91,8 @@ def _remap() -> Symptom:
         error_px = float(np.max(np.abs(cv2.remap(ramp, column, row, cv2.INTER_LINEAR) - column)))
     except Exception as error:  # noqa: BLE001 - whatever an import raises is the answer
         return Symptom("OpenCV remap", "broken", f"{type(error).__name__}: {error}")
-    return Symptom("OpenCV remap", "ok", f"OpenCV {cv2.__version__}, coordinates exact to {error_px:.1g} px")
+    precision = "coordinates are exact" if error_px < 1e-4 else f"coordinates are rounded by up to {error_px:.2g} px"
+    return Symptom("OpenCV remap", "ok", f"OpenCV {cv2.__version__}, {precision}")
 
 
 def _shared_library(what: str, name: str, package: str) -> Symptom:

@@ -14,8 +14,8 @@ from typing import Final, cast
 import click
 
 from fedora_qa import __version__
-from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
-from fedora_qa.errors import FedoraError
+from fedora_qa.cli.exit_codes import CLEAN, FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
+from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
 
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
@@ -82,7 +82,7 @@ def run(arguments: Sequence[str]) -> int:
         return MISUSE
     except FedoraError as error:
         click.echo(f"fedora-qa: {error}", err=True)
-        return MISUSE
+        return _code_of(error)
     except (click.Abort, KeyboardInterrupt):
         click.echo("fedora-qa: interrupted", err=True)
         return INTERRUPTED
@@ -91,6 +91,12 @@ def run(arguments: Sequence[str]) -> int:
         return OUTPUT_CLOSED
     except Exception as error:  # noqa: BLE001 - a person gets one sentence, whatever happened
         return _internal_error(error)
+
+
+def _code_of(error: FedoraError) -> int:
+    if isinstance(error, MisuseError):
+        return MISUSE
+    return FINDINGS if isinstance(error, UnreadableFileError) else INCOMPLETE
 
 
 def _internal_error(error: Exception) -> int:

@@ -13,15 +13,14 @@ from fedora_qa.record.types import Diagnosis, FileRecord, Finding, Outcome, Reco
 from fedora_qa.record.wording import (
     OUTCOME_WORDS,
     cause_sentence,
-    coverage_words,
+    check_cells,
     explained_checks,
     findings_of,
+    identity,
     number,
     place,
-    principal,
     tally,
-    with_error,
-    with_unit,
+    why_incomplete,
 )
 
 VERDICT_STYLES: Final[Mapping[Verdict, str]] = {
@@ -62,6 +61,9 @@ def show_record(console: Console, record: Record) -> None:
 def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
     yield Text.assemble((f" {file.verdict.upper()} ", VERDICT_STYLES[file.verdict] + " reverse"), "  ", text(file.path))
     yield text(tally(file.results))
+    if why_incomplete(file):
+        yield text(f"incomplete: {why_incomplete(file)}", VERDICT_STYLES["incomplete"])
+    yield text(identity(file), "dim")
     yield Text()
     if file.diagnoses:
         yield from _section("Probable causes", [_diagnosis(diagnosis, file) for diagnosis in file.diagnoses])
@@ -84,13 +86,14 @@ def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
 def _section(title: str, blocks: Sequence[RenderableType]) -> Iterator[RenderableType]:
     yield Text(title, style="bold")
     for block in blocks:
-        yield Padding(block, (0, 0, 0, 2))
+        yield Padding(block, (0, 0, 0, 2), expand=False)
     yield Text()
 
 
 def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> RenderableType:
     head = Text.assemble((f"{diagnosis.id}  ", "bold"), text(cause_sentence(diagnosis), "bold"))
-    head.append(f"  ({diagnosis.confidence:.0%} sure)", style="dim")
+    if diagnosis.confidence:
+        head.append(f"  (confidence {diagnosis.confidence:.0%})", style="dim")
     details = Table.grid(padding=(0, 2))
     details.add_column(style="dim", no_wrap=True)
     details.add_column(overflow="fold")
@@ -99,7 +102,7 @@ def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> RenderableType:
     details.add_row("remedy", text(diagnosis.remedy))
     explained = ", ".join(explained_checks(diagnosis, file))
     details.add_row("explains", text(f"{explained} ({', '.join(diagnosis.explains)})"))
-    return Group(head, Padding(details, (0, 0, 0, 4)))
+    return Group(head, Padding(details, (0, 0, 0, 4), expand=False))
 
 
 def _finding(result: Result, finding: Finding) -> RenderableType:
@@ -111,19 +114,19 @@ def _finding(result: Result, finding: Finding) -> RenderableType:
     )
     if place(finding.where):
         head.append_text(text(f"  {place(finding.where)}", "dim"))
-    return Group(head, Padding(text(finding.message), (0, 0, 0, 4)))
+    return Group(head, Padding(text(finding.message), (0, 0, 0, 4), expand=False))
 
 
 def _checks_table(results: Sequence[Result]) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for name in ("check", "outcome"):
         table.add_column(name, no_wrap=True)
-    table.add_column("measured", overflow="fold", ratio=1)
+    table.add_column("measured", overflow="fold")
     for name in ("expected", "sees from"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("coverage", overflow="fold", max_width=26)
+    table.add_column("coverage", overflow="fold")
     for result in results:
-        table.add_row(text(result.check), _outcome(result), *(text(cell) for cell in _cells(result)))
+        table.add_row(text(result.check), _outcome(result), *(text(cell) for cell in check_cells(result)))
     return table
 
 
@@ -131,29 +134,15 @@ def _checks_list(results: Sequence[Result]) -> RenderableType:
     """Return the same as the table, two or three short lines a check."""
     blocks: list[RenderableType] = []
     for result in results:
-        measured, expected, least, coverage = _cells(result)
+        measured, expected, least, coverage = check_cells(result)
         parts = [measured, f"expected {expected}" if expected else "", f"sees from {least}" if least else "", coverage]
         blocks.append(Text.assemble(_outcome(result), "  ", text(result.check)))
-        blocks.append(Padding(text("; ".join(part for part in parts if part), "dim"), (0, 0, 0, 4)))
+        blocks.append(Padding(text("; ".join(part for part in parts if part), "dim"), (0, 0, 0, 4), expand=False))
     return Group(*blocks)
 
 
 def _outcome(result: Result) -> Text:
     return Text(OUTCOME_WORDS[result.outcome], style=OUTCOME_STYLES[result.outcome])
-
-
-def _cells(result: Result) -> tuple[str, str, str, str]:
-    """Return what was measured, what is expected, the least deviation that would have been seen, and the coverage."""
-    main, coverage = principal(result), coverage_words(result.coverage)
-    if main is None or result.outcome in {"not_observable", "not_applicable", "crashed"}:
-        return result.reason, "", "", coverage
-    more = f" (and {len(result.measurements) - 1} more)" if len(result.measurements) > 1 else ""
-    return (
-        f"{main.name} {with_error(main.value, main.standard_error, main.unit)}{more}",
-        "" if main.expected is None else with_unit(main.expected, main.unit),
-        "" if main.least_detectable is None else with_unit(main.least_detectable, main.unit),
-        coverage,
-    )
 
 
 def _files_table(files: Sequence[FileRecord]) -> Table:

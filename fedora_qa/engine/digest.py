@@ -1,6 +1,7 @@
 """Identify a file by its content, without reading a quarter of a terabyte twice."""
 
 import hashlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
@@ -9,8 +10,16 @@ _PIECE: Final = 1 << 20
 _PIECES: Final = 64
 
 
-def file_digest(path: Path) -> tuple[str, Literal["full", "partial"]]:
-    """Return the file's SHA-256 and whether it is of the whole file.
+@dataclass(frozen=True, slots=True)
+class Digest:
+    """A SHA-256, and whether it is of the whole file."""
+
+    sha256: str
+    kind: Literal["full", "partial"]
+
+
+def file_digest(path: Path) -> Digest:
+    """Return the file's digest.
 
     Files over 1 GiB get a partial digest: of their size, and of 64 evenly spread pieces of 1 MiB with the first and the
     last among them.
@@ -21,9 +30,9 @@ def file_digest(path: Path) -> tuple[str, Literal["full", "partial"]]:
         if size <= _WHOLE_UP_TO:
             while piece := file.read(_PIECE):
                 digest.update(piece)
-            return digest.hexdigest(), "full"
+            return Digest(digest.hexdigest(), "full")
         digest.update(str(size).encode())
         for number in range(_PIECES):
             file.seek((size - _PIECE) * number // (_PIECES - 1))
             digest.update(file.read(_PIECE))
-        return digest.hexdigest(), "partial"
+        return Digest(digest.hexdigest(), "partial")

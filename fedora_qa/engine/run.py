@@ -9,21 +9,21 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from fedora_qa.causes import CAUSES
 from fedora_qa.checks import CHECKS
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.decode import BlockDecoder
-from fedora_qa.engine.digest import file_digest
+from fedora_qa.engine.digest import Digest, file_digest
 from fedora_qa.engine.outcomes import crashed, crossing_streams, not_applicable, why_not_applicable
 from fedora_qa.engine.plan import Effort, make_plan
 from fedora_qa.engine.stream import Progress, States, conclude, look_again, measure
+from fedora_qa.engine.unreadable import unreadable_record
 from fedora_qa.engine.windows import cut_windows, window_length_ns
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.judgement.diagnosis import diagnose
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.judgement.tolerances import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.layout.dialect import Dialect
-from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Scalar, Verdict, Where
+from fedora_qa.record.types import FileRecord, Result, Scalar, Verdict
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 from fedora_qa.statistics.collector import StatisticsCollector
@@ -90,16 +90,14 @@ def check_file(path: Path, options: CheckOptions, progress: Progress = quiet) ->
     """
     checks = select_checks(options.select, options.ignore)
     watch = _Stopwatch()
-    with watch.stage("digest"):
-        if not path.is_file():
-            open_sequence(path)
-        digest = file_digest(path)
     try:
         with watch.stage("open"):
             sequence = open_sequence(path, options.dialect)
     except UnreadableFileError as error:
-        return FileRun(_unreadable(path, digest, checks, str(error)), seconds=watch.seconds)
+        return FileRun(unreadable_record(path, file_digest(path), checks, str(error)), seconds=watch.seconds)
     with sequence:
+        with watch.stage("digest"):
+            digest = file_digest(path)
         return _check_open(sequence, digest, checks, options, progress, watch)
 
 
@@ -124,7 +122,7 @@ def select_checks(select: tuple[str, ...], ignore: tuple[str, ...]) -> tuple[Che
 
 def _check_open(
     sequence: Sequence,
-    digest: tuple[str, Any],
+    digest: Digest,
     checks: tuple[Check[Any], ...],
     options: CheckOptions,
     progress: Progress,
@@ -154,8 +152,8 @@ def _check_open(
     record = FileRecord(
         path=str(sequence.path),
         size=sequence.path.stat().st_size,
-        sha256=digest[0],
-        digest_kind=digest[1],
+        sha256=digest.sha256,
+        digest_kind=digest.kind,
         dialect=sequence.layout.dialect_name,
         inferred=_inferred(sequence, observations),
         statistics=tables,
@@ -213,38 +211,3 @@ def _inferred(sequence: Sequence, observations: Mapping[str, Observation]) -> di
     for observation in observations.values():
         inferred.update(observation.inferred)
     return inferred
-
-
-def _unreadable(path: Path, digest: tuple[str, Any], checks: tuple[Check[Any], ...], reason: str) -> FileRecord:
-    """Return the record of a file that begins like HDF5 and cannot be opened: a failed integrity, and nothing else."""
-    finding = Finding("F1", "integrity.readable.file", "critical", reason, Where())
-    results = []
-    for check in checks:
-        result = not_applicable(check, "the file cannot be opened")
-        if check.name == "integrity.readable":
-            result = replace(result, outcome="failed", reason="", findings=(finding,), coverage=Coverage(0, 1, "files"))
-        results.append(result)
-    diagnosis = Diagnosis(
-        id="D1",
-        cause="truncated",
-        stream="file",
-        magnitude=None,
-        unit="",
-        standard_error=None,
-        confidence=0.5,
-        where=Where(),
-        remedy=CAUSES["truncated"].remedy,
-        explains=("F1",),
-    )
-    return FileRecord(
-        path=str(path),
-        size=path.stat().st_size,
-        sha256=digest[0],
-        digest_kind=digest[1],
-        dialect="",
-        inferred={},
-        statistics={},
-        verdict="findings",
-        results=tuple(results),
-        diagnoses=(diagnosis,),
-    )

@@ -1,8 +1,12 @@
 """Frames seen by the pixels of the event camera: area averages in linear intensity.
 
 Two cameras with one centre and one orientation see the same ray at pixels related by ``x_to = K_to K_from^-1 x_from``,
-separable in columns and rows where the skew is zero. A pixel covers [u - 1/2, u + 1/2]; its footprint in the other
-image is averaged with exact weights for the pixels that it cuts.
+separable in columns and rows where the skew is zero. A pixel covers [u - 1/2, u + 1/2].
+
+The mean over an interval is the difference of the primitive at its ends. At the borders of frame pixels the primitive
+is known exactly, because a frame pixel is itself a mean. Inside a pixel two reconstructions bracket what the frame
+does not tell: the straight line (the pixel is even, which widens the footprint and takes contrast away) and the cubic
+through the four nearest borders (exact for smooth images, too sharp at steps).
 """
 
 from dataclasses import dataclass
@@ -16,53 +20,93 @@ Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Footprints:
-    """The footprints of an event camera's pixels in a frame.
+class Axis:
+    """Weights (n_event, n_frame) along one axis.
 
     Attributes
     ----------
-    rows, columns
-        (h, H) and (w, W): length of each frame pixel that lies in a footprint over the footprint's length.
+    even, sharp
+        Of a mean over the footprint, by the straight line and by the cubic.
+    split
+        ``even`` times the share of each pixel that lies inside.
     inside
-        (h, w): the footprint lies wholly in the frame.
+        (n_event,): the footprint lies wholly in the frame.
     """
 
-    rows: Any
-    columns: Any
-    split_rows: Any
-    split_columns: Any
+    even: Any
+    sharp: Any
+    split: Any
     inside: NDArray[np.bool_]
 
+
+@dataclass(frozen=True, slots=True)
+class Footprints:
+    """The footprints of an event camera's pixels in a frame."""
+
+    rows: Axis
+    columns: Axis
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Pixels (h, w) whose footprint lies wholly in the frame."""
+        return self.rows.inside[:, np.newaxis] & self.columns.inside
+
     def average(self, image: NDArray[Any]) -> Float64:
-        """Return the (h, w) means of an (H, W) image over the footprints."""
-        return _both(self.rows, image, self.columns)
+        """Return the means (h, w) of an (H, W) image over the footprints, frame pixels taken as even."""
+        return _both(self.rows.even, image, self.columns.even)
+
+    def sharp_average(self, image: NDArray[Any]) -> Float64:
+        """Return the means (h, w) of a smooth (H, W) image over the footprints."""
+        return _both(self.rows.sharp, image, self.columns.sharp)
 
     def split_bound(self, contrast: NDArray[Any]) -> Float64:
-        """Bound the error (h, w) that comes from pixels which a footprint's border cuts.
+        """Bound the error (h, w) of ``average`` that comes from pixels which a footprint's border cuts.
 
         A pixel of mean m of which the share s lies inside is taken to give s m. Where it holds a step of height d the
         truth differs by at most s (1 - s) d: reached when the step runs along the border. ``contrast`` (H, W) bounds d.
         """
-        return self.average(contrast) - _both(self.split_rows, contrast, self.split_columns)
+        return self.average(contrast) - _both(self.rows.split, contrast, self.columns.split)
 
 
-def footprints(K_frame: Float64, shape_frame: tuple[int, int], K_event: Float64, shape_event: tuple[int, int]) -> Footprints:
+def footprints(
+    K_frame: Float64, shape_frame: tuple[int, int], K_event: Float64, shape_event: tuple[int, int]
+) -> Footprints:
     """Return the footprints of the event camera's pixels; shapes are (rows, columns), intrinsics (3, 3) without skew."""
-    rows, split_rows, inside_rows = _axis(K_frame[1], K_event[1], 1, shape_frame[0], shape_event[0])
-    columns, split_columns, inside_columns = _axis(K_frame[0], K_event[0], 0, shape_frame[1], shape_event[1])
-    return Footprints(rows, columns, split_rows, split_columns, inside_rows[:, np.newaxis] & inside_columns)
+    return Footprints(
+        _axis(K_frame[1, 1:], K_event[1, 1:], shape_frame[0], shape_event[0]),
+        _axis(K_frame[0, [0, 2]], K_event[0, [0, 2]], shape_frame[1], shape_event[1]),
+    )
 
 
-def _axis(frame: Float64, event: Float64, axis: int, size_frame: int, size_event: int) -> tuple[Any, Any, Any]:
-    """Return the weights along one axis, the weights times the share of the pixel inside, and which are whole."""
-    edges = (np.arange(size_event + 1) - 0.5 - event[2]) * (frame[axis] / event[axis]) + frame[2]
-    pixels = np.arange(size_frame)
-    start, stop = edges[:-1, np.newaxis], edges[1:, np.newaxis]
-    shares = np.clip(np.minimum(stop, pixels + 0.5) - np.maximum(start, pixels - 0.5), 0.0, 1.0)
-    weights = shares / (stop - start)
+def _axis(frame: Float64, event: Float64, size_frame: int, size_event: int) -> Axis:
+    """Return the weights along one axis; ``frame`` and ``event`` are focal length and principal point, px."""
+    edges = (np.arange(size_event + 1) - 0.5 - event[1]) * (frame[0] / event[0]) + frame[1] + 0.5
+    lengths = np.diff(edges)[:, np.newaxis]
+    even = _means(edges, size_frame, points=2) / lengths
+    sharp = _means(edges, size_frame, points=min(4, size_frame + 1)) / lengths
     # One part in a million of a pixel is what K as written in a file may lack.
-    inside = (edges[:-1] >= -0.5 - 1e-6) & (edges[1:] <= size_frame - 0.5 + 1e-6)
-    return csr_array(weights), csr_array(weights * shares), inside
+    inside = (edges[:-1] >= -1e-6) & (edges[1:] <= size_frame + 1e-6)
+    return Axis(csr_array(even), csr_array(sharp), csr_array(even**2 * lengths), inside)
+
+
+def _means(edges: Float64, size: int, points: int) -> Float64:
+    """Return the weights (m, size) of pixels in the integral between each two edges, Lagrange of so many ``points``.
+
+    The primitive at border k is the sum of the pixels before it.
+    """
+    at = np.clip(edges, 0.0, size)
+    first = np.clip(np.floor(at).astype(int) - points // 2 + 1, 0, size + 1 - points)
+    borders = np.zeros((len(edges), size + 1))
+    for i in range(points):
+        weight = np.ones(len(edges))
+        for j in range(points):
+            if j != i:
+                weight *= (at - first - j) / (i - j)
+        borders[np.arange(len(edges)), first + i] = weight
+    before = np.cumsum(borders[:, ::-1], axis=1)[:, ::-1][:, 1:]
+    weights = np.diff(before, axis=0)
+    weights[np.abs(weights) < 1e-12] = 0.0
+    return weights
 
 
 def _both(rows: Any, image: NDArray[Any], columns: Any) -> Float64:

@@ -16,9 +16,9 @@ Bool = NDArray[np.bool_]
 Columns = NDArray[np.uint16]
 Polarities = NDArray[np.uint8]
 
-_LAST, _POLARITY, _ON, _OFF, _FRAME, _LEVEL_ON, _LEVEL_OFF, _SLOPE = range(8)
-"""What is remembered of a pixel, one cache line: its last event's time and polarity, its counts so far, and the frame,
-levels and slope of its last sample."""
+_T2, _T1, _T0, _SIGN2, _SIGN1, _ON, _OFF, _BEFORE, _FRAME, _LEVEL_ON, _LEVEL_OFF, _SLOPE, _GAP = range(13)
+"""What is remembered of a pixel: the times of its last three events, the signs of the last two, its counts so far, the
+frame before its last event, and the frame, levels, slope and gap of its last sample."""
 
 
 @njit(cache=True)
@@ -31,62 +31,81 @@ def sample_levels(
     usable: Bool,
     longest_gap: int,
     least_gap: int,
+    off_over_on: float,
     places: Int32,
     regressors: Float64,
 ) -> int:
     """Write a row for each two successive level samples of a pixel; return how many.
 
-    A sample is a frame time between two events of one polarity at most ``longest_gap`` ns apart, at a pixel whose
-    frame is ``usable`` (n, h, w). There the level is known to a fraction of the threshold. Events closer than
-    ``least_gap`` ns break the chain of a pixel: between them events may be lost.
+    A sample is a frame time t1 <= t < t2 between two events of one polarity at most ``longest_gap`` ns apart, at a
+    pixel whose frame is ``usable`` (n, h, w), with an event before and one after them at a third to three times their
+    gap: a cubic through less even events swings.
+    Events closer than ``least_gap`` ns break the chain of a pixel: between them events may be lost.
 
-    ``places`` (m, 3) receives pixel, earlier and later frame; ``regressors`` (m, 4) the brighter and darker events
-    between the samples, fractions included (darker ones count negative), and the change of their rates, 1/s.
+    ``off_over_on`` is the ratio of the thresholds, good to first order. ``places`` (m, 3) receives pixel, earlier and
+    later frame; ``regressors`` (m, 5) the brighter and darker events between the samples, fractions included (darker
+    ones count negative), the change of their rates, 1/s, and the longer of the two gaps, s.
     """
     width = usable.shape[2]
-    pixels = np.full((usable.shape[1] * width, 8), -1.0)
-    pixels[:, _ON] = 0.0
-    pixels[:, _OFF] = 0.0
+    pixels = np.full((usable.shape[1] * width, 13), -np.inf)
+    pixels[:, _ON : _OFF + 1] = 0.0
+    pixels[:, _BEFORE : _FRAME + 1] = -1.0
     frame, rows = 0, 0
     for i in range(len(t)):
         while frame < len(frame_times) and frame_times[frame] < t[i]:
             frame += 1
         at = y[i] * width + x[i]
         pixel = pixels[at]
-        now, brighter = float(t[i] - frame_times[0]), float(p[i])
-        gap = now - pixel[_LAST]
-        known = pixel[_POLARITY] >= 0.0
-        if known and gap < least_gap:
+        now, sign = (t[i] - frame_times[0]) * 1e-9, (1.0 if p[i] == 1 else -1.0)
+        sample = int(pixel[_BEFORE])
+        if now - pixel[_T2] < least_gap * 1e-9:
             pixel[_FRAME] = -1.0
-        elif (
-            known
-            and frame > 0
-            and pixel[_POLARITY] == brighter
-            and gap <= longest_gap
-            and pixel[_LAST] <= frame_times[frame - 1] - frame_times[0]
-            and usable[frame - 1, y[i], x[i]]
-        ):
-            share = (frame_times[frame - 1] - frame_times[0] - pixel[_LAST]) / gap
-            level_on = pixel[_ON] + (share if brighter == 1.0 else 0.0)
-            level_off = pixel[_OFF] + (share if brighter == 0.0 else 0.0)
-            slope = (1.0 if brighter == 1.0 else -1.0) / (gap * 1e-9)
-            if pixel[_FRAME] >= 0.0:
-                places[rows, 0] = at
-                places[rows, 1] = int(pixel[_FRAME])
-                places[rows, 2] = frame - 1
-                regressors[rows, 0] = level_on - pixel[_LEVEL_ON]
-                regressors[rows, 1] = pixel[_LEVEL_OFF] - level_off
-                regressors[rows, 2] = max(slope, 0.0) - max(pixel[_SLOPE], 0.0)
-                regressors[rows, 3] = min(slope, 0.0) - min(pixel[_SLOPE], 0.0)
-                rows += 1
-            pixel[_FRAME] = frame - 1
-            pixel[_LEVEL_ON], pixel[_LEVEL_OFF], pixel[_SLOPE] = level_on, level_off, slope
-        pixel[_LAST], pixel[_POLARITY] = now, brighter
-        if brighter == 1.0:
-            pixel[_ON] += 1.0
-        else:
-            pixel[_OFF] += 1.0
+        elif sample >= 0 and pixel[_SIGN1] == pixel[_SIGN2] and usable[sample, y[i], x[i]]:
+            at_frame = (frame_times[sample] - frame_times[0]) * 1e-9
+            gap = pixel[_T2] - pixel[_T1]
+            if (
+                pixel[_T1] <= at_frame
+                and 0.0 < gap <= longest_gap * 1e-9
+                and gap <= 3.0 * (pixel[_T1] - pixel[_T0]) <= 9.0 * gap
+                and gap <= 3.0 * (now - pixel[_T2]) <= 9.0 * gap
+            ):
+                brighter = pixel[_SIGN2] > 0.0
+                step = 1.0 if sign == pixel[_SIGN2] else -(off_over_on if brighter else 1.0 / off_over_on)
+                share, rate = _between(pixel[_T0], pixel[_T1], pixel[_T2], now, step, at_frame)
+                # The last event has been counted; the sample lies before it.
+                level_on = pixel[_ON] + (share - 1.0 if brighter else 0.0)
+                level_off = pixel[_OFF] + (0.0 if brighter else share - 1.0)
+                slope = rate if brighter else -rate
+                if pixel[_FRAME] >= 0.0:
+                    places[rows, 0], places[rows, 1], places[rows, 2] = at, int(pixel[_FRAME]), sample
+                    regressors[rows, 0] = level_on - pixel[_LEVEL_ON]
+                    regressors[rows, 1] = pixel[_LEVEL_OFF] - level_off
+                    regressors[rows, 2] = max(slope, 0.0) - max(pixel[_SLOPE], 0.0)
+                    regressors[rows, 3] = min(slope, 0.0) - min(pixel[_SLOPE], 0.0)
+                    regressors[rows, 4] = max(gap, pixel[_GAP])
+                    rows += 1
+                pixel[_FRAME], pixel[_GAP] = sample, gap
+                pixel[_LEVEL_ON], pixel[_LEVEL_OFF], pixel[_SLOPE] = level_on, level_off, slope
+        pixel[_T0], pixel[_T1], pixel[_T2] = pixel[_T1], pixel[_T2], now
+        pixel[_SIGN1], pixel[_SIGN2] = pixel[_SIGN2], sign
+        pixel[_BEFORE] = frame - 1
+        pixel[_ON if sign > 0.0 else _OFF] += 1.0
     return rows
+
+
+@njit(cache=True)
+def _between(t0: float, t1: float, t2: float, t3: float, step: float, t: float) -> tuple[float, float]:
+    """Return the level at t, and its rate, of the cubic through (t0, -1), (t1, 0), (t2, 1), (t3, 1 + step).
+
+    Newton's divided differences. The level before t1 is one event lower whatever the event at t0 was.
+    """
+    first, second, third = 1.0 / (t1 - t0), 1.0 / (t2 - t1), step / (t3 - t2)
+    earlier, later = (second - first) / (t2 - t0), (third - second) / (t3 - t1)
+    bend = (later - earlier) / (t3 - t0)
+    a, b, c = t - t1, t - t2, t - t0
+    level = a * second + a * b * (earlier + bend * c)
+    rate = second + (a + b) * earlier + (a * b + (a + b) * c) * bend
+    return level, rate
 
 
 @njit(cache=True)
@@ -143,3 +162,53 @@ def find_repeats(x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[i
                 odd[p[j], y[j], x[j]] = False
             begin, unpaired = i + 1, 0
     return repeats, first, doubled, first_doubled
+
+
+@njit(cache=True)
+def mark_bursts(x: Columns, y: Columns, t: Int64, least_gap: int, marked: Bool) -> None:
+    """Mark in ``marked`` (h, w) the pixels with two events less than ``least_gap`` ns apart."""
+    last = np.full(marked.shape, np.iinfo(np.int64).min // 2)
+    for i in range(len(t)):
+        if t[i] - last[y[i], x[i]] < least_gap:
+            marked[y[i], x[i]] = True
+        last[y[i], x[i]] = t[i]
+
+
+@njit(cache=True)
+def bound_excursions(
+    lower: Int64,
+    upper: Int64,
+    counts: Int32,
+    step_on: Int64,
+    step_off: Int64,
+    drift: Int64,
+    first_frame: int,
+    highest: Int64,
+    lowest: Int64,
+) -> Int64:
+    """Follow signal minus events of every pixel over the frames; return what the events sum to, (h, w).
+
+    ``lower`` and ``upper`` (n, h, w) bound the signal, ``counts`` (n - 1, 2, h, w) holds darker and brighter events
+    between the frames, ``drift`` (n - 1,) what the signal gains besides. ``highest`` (3, h, w) receives the largest
+    lower bound of the difference, its frame, and the sum of events there; ``lowest`` the smallest upper bound. Pixels
+    whose upper bound is the largest integer are unknown.
+    """
+    unknown = np.iinfo(np.int64).max
+    total = np.zeros(lower.shape[1:], np.int64)
+    for frame in range(len(lower)):
+        for row in range(lower.shape[1]):
+            for column in range(lower.shape[2]):
+                if frame > 0:
+                    on, off = counts[frame - 1, 1, row, column], counts[frame - 1, 0, row, column]
+                    total[row, column] += on * step_on - off * step_off - drift[frame - 1]
+                moved = total[row, column]
+                if upper[frame, row, column] == unknown:
+                    continue
+                low, high = lower[frame, row, column] - moved, upper[frame, row, column] - moved
+                if low > highest[0, row, column]:
+                    highest[0, row, column], highest[1, row, column] = low, first_frame + frame
+                    highest[2, row, column] = moved
+                if high < lowest[0, row, column]:
+                    lowest[0, row, column], lowest[1, row, column] = high, first_frame + frame
+                    lowest[2, row, column] = moved
+    return total

@@ -1,7 +1,8 @@
 """Bracketed level samples: where events say exactly how far a pixel has moved.
 
-Between two events of one polarity, ``t1 <= t < t2``, the level has moved from the first reference by the share
-``(t - t1) / (t2 - t1)`` of the threshold, to second order in the gap. Between two such samples of a pixel
+Between two events of one polarity, ``t1 <= t < t2``, the level has moved from the first reference by a share of the
+threshold, which the cubic through these and one event on either side tells. (A straight line will not do: events are
+denser before a turning point than after it, so that its error does not average out.) Between two such samples
 
     L(b) - L(a) = C+ dP - C- dM + delta d(C+ rate+ - C- rate-)
 
@@ -38,15 +39,32 @@ class LevelPairs:
         (m,) frames of the two samples.
     regressors
         (m, 4): dP, -dM (counts), d rate+, -d rate- (1/s).
+    gaps_s
+        (m,) time between the two events of a sample, the longer of both.
     """
 
     pixels: NDArray[np.int32]
     earlier: NDArray[np.int32]
     later: NDArray[np.int32]
     regressors: Float64
+    gaps_s: Float64
 
     def __len__(self) -> int:
         return len(self.pixels)
+
+    def take(self, chosen: NDArray[np.bool_]) -> "LevelPairs":
+        """Return the pairs of a mask."""
+        return LevelPairs(*(getattr(self, name)[chosen] for name in LevelPairs.__slots__))
+
+    def tightest(self, wanted: int) -> "LevelPairs":
+        """Return about ``wanted`` pairs or more, those of the shortest gaps, cut on a geometric ladder.
+
+        What a pixel sees during its gap is only bounded by the thresholds; the shorter it is, the surer the level.
+        """
+        if len(self) <= wanted:
+            return self
+        needed = float(np.partition(self.gaps_s, wanted - 1)[wanted - 1])
+        return self.take(self.gaps_s <= 2.0 ** np.ceil(np.log2(needed)))
 
     def change_of(self, levels: NDArray[np.floating]) -> Float64:
         """Return how ``levels`` (n, h, w) change between the two samples, (m,)."""
@@ -65,15 +83,30 @@ def find_level_pairs(
     *,
     longest_gap_ns: int,
     least_gap_ns: int = 1,
+    off_over_on: float = 1.0,
 ) -> LevelPairs:
-    """Find the level samples at frame times, at pixels whose frames are ``usable`` (n, h, w)."""
+    """Find the level samples at frame times, at pixels whose frames are ``usable`` (n, h, w).
+
+    Events of a pixel closer than ``least_gap_ns`` break its chain. ``off_over_on`` is the declared ratio of the
+    thresholds; it only bends the cubic.
+    """
     places = np.empty((len(times_ns), 3), np.int32)
-    regressors = np.empty((len(times_ns), _PARAMETERS))
+    regressors = np.empty((len(times_ns), _PARAMETERS + 1))
     count = sample_levels(
-        x, y, times_ns, p, frame_times_ns, usable, longest_gap_ns, max(least_gap_ns, 1), places, regressors
-    )  # fmt: skip
-    found = places[:count]
-    return LevelPairs(found[:, 0].copy(), found[:, 1].copy(), found[:, 2].copy(), regressors[:count].copy())
+        x,
+        y,
+        times_ns,
+        p,
+        frame_times_ns,
+        usable,
+        longest_gap_ns,
+        max(least_gap_ns, 1),
+        off_over_on,
+        places,
+        regressors,
+    )
+    pixels, earlier, later = places[:count].T.copy()
+    return LevelPairs(pixels, earlier, later, regressors[:count, :_PARAMETERS].copy(), regressors[:count, -1].copy())
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,9 @@ from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, twist_jacobi
 Float64 = NDArray[np.float64]
 
 _ITERATIONS: Final = 6
+_CONVERGED_PX: Final = 1e-6
+"""A step that moves all pixels together by less than this is the last: quadratic convergence leaves nothing."""
+
 _LARGEST_TURN_RAD: Final = 0.3
 """Beyond it the linearisation is worthless: the field is grossly wrong, which other hypotheses explain."""
 
@@ -72,6 +75,8 @@ def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit
         if not np.all(np.isfinite(step)) or np.linalg.norm(step[:3]) > _LARGEST_TURN_RAD:
             return None
         fitted = fitted.corrected(step)
+        if float(np.abs(step) @ scale) < _CONVERGED_PX:
+            break
     twist = fitted.twist_from(motion)
     if np.linalg.norm(twist[:3]) > _LARGEST_TURN_RAD:
         return None

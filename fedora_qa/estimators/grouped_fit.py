@@ -25,16 +25,16 @@ FEWEST_BLOCKS: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class BlockEquations:
-    """Whitened normal equations of one stretch of time, for all P parameters.
+    """Whitened normal equations of one stretch of time, for all P parameters and Q nuisances of the stretch alone.
 
     Attributes
     ----------
     normal, right
-        (P, P) and (P,): ``normal @ parameters = right`` is the least-squares solution of the stretch alone.
+        (P + Q, P + Q) and (P + Q,): ``normal @ unknowns = right`` is the least-squares solution of the stretch alone.
     model_right
-        (P,) what the known error of the model adds to ``right``.
+        (P + Q,) what the known error of the model adds to ``right``.
     squares, count
-        Sum of whitened squared residuals at parameters 0, and how many there are.
+        Sum of whitened squared residuals with all unknowns 0, and how many there are.
     """
 
     normal: Float64
@@ -80,12 +80,7 @@ class Fitted:
 
 
 def block_equations(
-    residuals: Float64,
-    jacobians: Float64,
-    covariance_bands: Float64,
-    model_errors: Float64,
-    nuisances: Float64 | None = None,
-    nuisance_variance: float = 0.0,
+    residuals: Float64, jacobians: Float64, covariance_bands: Float64, model_errors: Float64
 ) -> BlockEquations:
     """Whiten one stretch of rows and sum its normal equations.
 
@@ -94,22 +89,15 @@ def block_equations(
     residuals, model_errors
         (n, 3): what is left without parameters, and a bound on the model's own error.
     jacobians
-        (n, 3, P): ``residuals = jacobians @ parameters + noise``.
+        (n, 3, P + Q): ``residuals = jacobians @ unknowns + noise``; the stretch's own nuisances come last.
     covariance_bands
         (u + 1, n) covariance of the noise over rows, alike on each axis, in the upper form of
         ``scipy.linalg.solveh_banded``.
-    nuisances
-        (n, 3, Q) derivatives by parameters of this stretch alone, of prior variance ``nuisance_variance``; they are
-        eliminated.
     """
     count, columns = len(residuals), jacobians.shape[-1]
     stacked = np.concatenate((jacobians, residuals[..., None], model_errors[..., None]), axis=-1)
-    if nuisances is not None:
-        stacked = np.concatenate((stacked, nuisances), axis=-1)
     whitened = solveh_banded(covariance_bands, stacked.reshape(count, -1)).reshape(stacked.shape)
     gram = np.einsum("nai,naj->ij", stacked, whitened)
-    if nuisances is not None:
-        gram = _eliminate(gram, nuisances.shape[-1], nuisance_variance)
     return BlockEquations(
         normal=gram[:columns, :columns],
         right=gram[:columns, columns],
@@ -119,32 +107,45 @@ def block_equations(
     )
 
 
-def _eliminate(gram: Float64, count: int, variance: float) -> Float64:
-    """Return the Schur complement of the last ``count`` columns, which have a prior variance."""
-    kept, mixed = gram[:-count, :-count], gram[:-count, -count:]
-    own = gram[-count:, -count:] + np.eye(count) / variance
-    schur: Float64 = kept - mixed @ np.linalg.solve(own, mixed.T)
-    return schur
-
-
 class GroupedFit:
-    """A fit of grouped parameters to many stretches."""
+    """A fit of grouped parameters to many stretches.
+
+    Parameters
+    ----------
+    blocks
+        The stretches.
+    linearised_at
+        (P,) what has already been taken out of the samples; values count from 0 all the same.
+    nuisance_covariance
+        (B, B) prior covariance of a nuisance between the B stretches, the Q nuisances alike and independent. Without
+        it there are none.
+    """
 
     def __init__(
-        self, blocks: Sequence[BlockEquations], parameters: Parameters, linearised_at: Float64 | None = None
+        self,
+        blocks: Sequence[BlockEquations],
+        parameters: Parameters,
+        linearised_at: Float64,
+        nuisance_covariance: Float64 | None = None,
     ) -> None:
-        at = np.zeros(len(parameters.names)) if linearised_at is None else linearised_at
         self.parameters = parameters
-        self._normals = np.array([block.normal for block in blocks])
-        self._rights = np.array([block.right + block.normal @ at for block in blocks])
-        self._normal = self._normals.sum(axis=0) + np.diag(1.0 / np.square(parameters.largest))
-        self._right = self._rights.sum(axis=0)
-        self._model_right = np.sum([block.model_right for block in blocks], axis=0)
-        count = sum(block.count for block in blocks)
-        squares = sum(block.squares for block in blocks)
-        right_here = self._right - self._normals.sum(axis=0) @ at
-        misfit = squares - right_here @ np.linalg.solve(self._normal, right_here)
-        self.misfit = float(np.sqrt(max(misfit, 0.0) / max(count - len(at), 1)))
+        count = len(parameters.names)
+        self._normals = np.array([block.normal[:count, :count] for block in blocks])
+        rights = np.array([block.right[:count] for block in blocks])
+        model_rights = np.array([block.model_right[:count] for block in blocks])
+        normal, squares = self._normals.sum(axis=0), sum(block.squares for block in blocks)
+        if nuisance_covariance is not None:
+            lost = _eliminated(blocks, count, nuisance_covariance)
+            normal, squares = normal - lost.normal, squares - lost.squares
+            rights, model_rights = rights - lost.rights, model_rights - lost.model_rights
+        self._rights = rights + self._normals @ linearised_at
+        self._model_right = model_rights.sum(axis=0)
+        self._normal = normal + np.diag(1.0 / np.square(parameters.largest))
+        right = rights.sum(axis=0)
+        self._right = right + normal @ linearised_at
+        misfit = squares - right @ np.linalg.solve(self._normal, right)
+        rows = sum(block.count for block in blocks)
+        self.misfit = float(np.sqrt(max(misfit, 0.0) / max(rows - count, 1)))
         """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
         self.free, self._explained = self._select()
 
@@ -216,5 +217,36 @@ class GroupedFit:
         if blocks < FEWEST_BLOCKS:
             return formal
         scores = self._rights[:, columns] - self._normals[:, columns][:, :, columns] @ values
+        scores = scores - scores.mean(axis=0)
         spread = inverse @ (scores.T @ scores) @ inverse * blocks / (blocks - 1)
         return np.maximum(formal, np.sqrt(np.diag(spread)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Eliminated:
+    """What the nuisances take from the parameters' equations; rights by stretch."""
+
+    normal: Float64
+    rights: Float64
+    model_rights: Float64
+    squares: float
+
+
+def _eliminated(blocks: Sequence[BlockEquations], count: int, covariance: Float64) -> _Eliminated:
+    """Return the Schur complement's share of the nuisances, which are correlated between stretches."""
+    stretches, nuisances = len(blocks), len(blocks[0].right) - count
+    own = np.kron(np.linalg.inv(covariance), np.eye(nuisances))
+    for place, block in enumerate(blocks):
+        here = slice(place * nuisances, (place + 1) * nuisances)
+        own[here, here] += block.normal[count:, count:]
+    mixed = np.array([block.normal[:count, count:] for block in blocks])
+    right = np.concatenate([block.right[count:] for block in blocks])
+    model_right = np.concatenate([block.model_right[count:] for block in blocks])
+    solved = np.linalg.solve(own, np.stack((right, model_right), axis=-1)).reshape(stretches, nuisances, 2)
+    joined = np.concatenate(tuple(mixed), axis=-1)
+    return _Eliminated(
+        normal=joined @ np.linalg.solve(own, joined.T),
+        rights=np.einsum("bpq,bq->bp", mixed, solved[..., 0]),
+        model_rights=np.einsum("bpq,bq->bp", mixed, solved[..., 1]),
+        squares=float(right @ solved[..., 0].ravel()),
+    )

@@ -7,11 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.grouped_fit import BlockEquations, Fitted, GroupedFit, Parameters, block_equations
+from fedora_qa.estimators.grouped_fit import Fitted, GroupedFit, Parameters, block_equations
 from fedora_qa.estimators.inertial_samples import InertialNoise, InertialSamples, Rows, blocks_of
+from fedora_qa.estimators.preintegration import ROTATION_PARAMETERS, rotation_rows, without_rotation_faults
+from fedora_qa.estimators.specific_force import TRANSLATION_PARAMETERS, translation_rows, without_translation_faults
 
 Float64 = NDArray[np.float64]
-RowsOf = Callable[[InertialSamples, InertialNoise], Rows]
 
 _MARGIN_S: Final = 0.1
 """Samples beyond a stretch's ends: splines and interpolation forget their ends within it."""
@@ -68,29 +69,60 @@ class InertialFit:
     worst: WorstRow
 
 
-def fit_inertial(
-    samples: InertialSamples, noise: InertialNoise, rows_of: RowsOf, parameters: Parameters, bias_walk: float
-) -> InertialFit | None:
-    """Fit ``parameters`` to the rows that ``rows_of`` makes; None where there are too few.
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One way to compare IMU and poses.
 
-    Freed time offsets and drifts are taken out of the stamps and all is fitted again, until they settle (Gauss-Newton).
-    A declared ``bias_walk`` lets the bias of each stretch be its own, with the variance a walk from zero has by then.
+    Attributes
+    ----------
+    rows_of
+        Makes the residuals.
+    parameters
+        What may be wrong.
+    without
+        Takes parameters (P,) out of samples.
+    nonlinear
+        (P,) which parameters ``without`` takes out; residuals are linear in all others.
     """
-    at = np.zeros(len(parameters.names))
+
+    rows_of: Callable[[InertialSamples, InertialNoise], Rows]
+    parameters: Parameters
+    without: Callable[[InertialSamples, Float64], InertialSamples]
+    nonlinear: tuple[bool, ...]
+
+
+ROTATION: Final = Comparison(
+    rotation_rows, ROTATION_PARAMETERS, without_rotation_faults, (True, True, *[False] * 3, *[True] * 4)
+)
+TRANSLATION: Final = Comparison(
+    translation_rows, TRANSLATION_PARAMETERS, without_translation_faults, (True, True, *[False] * 9)
+)
+
+
+def fit_inertial(
+    samples: InertialSamples, noise: InertialNoise, comparison: Comparison, *, bias_walk: float
+) -> InertialFit | None:
+    """Fit the comparison's parameters; None where there are too few rows.
+
+    Freed parameters in which the residuals are not linear are taken out of the samples and all is fitted again, until
+    they settle (Gauss-Newton). A declared ``bias_walk`` gives each stretch a bias of its own: a random walk from zero.
+    """
+    at = np.zeros(len(comparison.parameters.names))
     for _ in range(_MOST_ITERATIONS):
-        stretches = _stretches(samples.with_imu_earlier(*at[:2]), noise, rows_of)
+        stretches = _stretches(comparison.without(samples, at), noise, comparison.rows_of)
         if sum(len(rows) for rows in stretches) < _FEWEST_ROWS:
             return None
-        fit, kept = _robust_fit(stretches, parameters, at, bias_walk)
-        moved = np.where(np.arange(len(at)) < 2, fit.values_of_free(), 0.0)
-        settled = _settled(moved - at, fit.fitted(), parameters)
-        if settled:
+        fit, kept = _robust_fit(stretches, comparison.parameters, at, bias_walk)
+        moved = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
+        if _settled(moved - at, fit):
             break
         at = moved
     return _summarise(fit, stretches, kept, at)
 
 
-def _stretches(samples: InertialSamples, noise: InertialNoise, rows_of: RowsOf) -> list[Rows]:
+def _stretches(
+    samples: InertialSamples, noise: InertialNoise, rows_of: Callable[[InertialSamples, InertialNoise], Rows]
+) -> list[Rows]:
     times_s = samples.pose_times_s
     found = []
     for block in blocks_of(times_s):
@@ -110,7 +142,7 @@ def _robust_fit(
 ) -> tuple[GroupedFit, list[NDArray[np.bool_]]]:
     """Fit all rows, then without those that lie far out of the fit of all parameters."""
     kept = [np.ones(len(rows), dtype=np.bool_) for rows in stretches]
-    fit = GroupedFit(_equations(stretches, kept, bias_walk), parameters, at)
+    fit = _fit(stretches, kept, parameters, at, bias_walk)
     for _ in range(3):
         deviations = [_deviations(rows, fit.values_of_all() - at) for rows in stretches]
         scale = max(1.0, float(np.median(np.concatenate(deviations))) / 0.6745)
@@ -119,23 +151,38 @@ def _robust_fit(
         if out > _MOST_OUTLIERS * sum(map(len, clean)) or all(map(np.array_equal, clean, kept)):
             break
         kept = clean
-        fit = GroupedFit(_equations(stretches, kept, bias_walk), parameters, at)
+        fit = _fit(stretches, kept, parameters, at, bias_walk)
     return fit, kept
 
 
-def _equations(stretches: list[Rows], kept: list[NDArray[np.bool_]], bias_walk: float) -> list[BlockEquations]:
+def _fit(
+    stretches: list[Rows], kept: list[NDArray[np.bool_]], parameters: Parameters, at: Float64, bias_walk: float
+) -> GroupedFit:
     chosen = [rows.select(keep) for rows, keep in zip(stretches, kept, strict=True) if np.any(keep)]
-    return [
+    walks = bias_walk > 0
+    equations = [
         block_equations(
             rows.residuals,
-            rows.jacobians,
+            np.concatenate((rows.jacobians, rows.bias_jacobians), axis=-1) if walks else rows.jacobians,
             rows.covariance_bands,
             rows.model_errors,
-            nuisances=rows.bias_jacobians if bias_walk > 0 else None,
-            nuisance_variance=bias_walk**2 * max(float(rows.times_s[-1]), 1e-3),
         )
         for rows in chosen
     ]
+    return GroupedFit(equations, parameters, at, _walk_covariance(chosen, bias_walk) if walks else None)
+
+
+def _walk_covariance(stretches: list[Rows], bias_walk: float) -> Float64:
+    """Covariance (B, B) of a random walk from zero between the middles of stretches.
+
+    Within a stretch the walk strays from its value in the middle; its mean square there, the mean distance from the
+    middle, a quarter of the length, is added as if it were independent.
+    """
+    middles_s = np.array([rows.times_s.mean() for rows in stretches])
+    lengths_s = np.array([np.ptp(rows.times_s) for rows in stretches])
+    shared_s = np.minimum(middles_s[:, None], middles_s)
+    covariance: Float64 = bias_walk**2 * (np.maximum(shared_s, 0.0) + np.diag(lengths_s / 4 + 1e-3))
+    return covariance
 
 
 def _deviations(rows: Rows, values: Float64) -> Float64:
@@ -145,28 +192,26 @@ def _deviations(rows: Rows, values: Float64) -> Float64:
     return largest
 
 
-def _settled(step: Float64, fitted: Mapping[str, Fitted], parameters: Parameters) -> bool:
-    errors = [fitted[name].standard_error for name in parameters.names[:2]]
-    return all(abs(step[i]) <= 0.01 * error for i, error in enumerate(errors))
+def _settled(step: Float64, fit: GroupedFit) -> bool:
+    fitted = fit.fitted()
+    errors = np.array([fitted[name].standard_error for name in fit.parameters.names])
+    return bool(np.all(np.abs(step) <= 0.01 * errors))
 
 
 def _summarise(fit: GroupedFit, stretches: list[Rows], kept: list[NDArray[np.bool_]], at: Float64) -> InertialFit:
     values = fit.values_of_free() - at
     left = [rows.residuals - rows.jacobians @ values for rows in stretches]
     sigmas = np.concatenate([rows.sigmas[keep] for rows, keep in zip(stretches, kept, strict=True)])
-    spans_s = np.concatenate([rows.spans_s[keep] for rows, keep in zip(stretches, kept, strict=True)])
-    squares = [np.mean(np.square(r[keep]), axis=-1) for r, keep in zip(left, kept, strict=True)]
-    every = np.concatenate(squares)
+    squares = np.concatenate([np.square(r[keep]) for r, keep in zip(left, kept, strict=True)])
     expected = float(np.sqrt(np.mean(np.square(sigmas))))
-    rms = float(np.sqrt(np.mean(every)))
-    del spans_s
+    rms = float(np.sqrt(np.mean(squares)))
     return InertialFit(
         parameters=fit.fitted(),
         free=fit.free,
         misfit=fit.misfit,
         rms=rms,
         expected_rms=expected,
-        rms_error=_error_of_rms(every, squares, expected, sigmas),
+        rms_error=_error_of_rms(expected, sigmas),
         model_rms=float(np.sqrt(np.mean(np.square(np.concatenate([rows.model_errors for rows in stretches]))))),
         rows=sum(map(len, stretches)),
         outliers=sum(int(np.count_nonzero(~keep)) for keep in kept),
@@ -174,16 +219,14 @@ def _summarise(fit: GroupedFit, stretches: list[Rows], kept: list[NDArray[np.boo
     )
 
 
-def _error_of_rms(every: Float64, by_stretch: list[Float64], expected: float, sigmas: Float64) -> float:
+def _error_of_rms(expected: float, sigmas: Float64) -> float:
     """Return the standard error of an honest rms: of Gaussian rows whose neighbours correlate by -1/2 or -2/3.
 
     Squares of neighbours correlate by the square of that: the variance of their mean is at most 1 + 2 (4/9 + 1/36)
     times that of independent ones.
     """
     weights = np.square(sigmas) / np.mean(np.square(sigmas))
-    formal = expected * np.sqrt(1.94 * np.mean(weights**2) / (6 * len(every)))
-    del by_stretch
-    return float(formal)
+    return float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (6 * len(sigmas))))
 
 
 def _worst(stretches: list[Rows], left: list[Float64]) -> WorstRow:

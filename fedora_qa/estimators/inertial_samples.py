@@ -1,6 +1,7 @@
 """What the inertial estimators work on: samples of IMU and pose, and the noise that an honest file has."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -62,7 +63,6 @@ class InertialSamples:
     positions_world_m: Float64
     orientations_xyzw: Float64
 
-
     def between(self, start_s: float, stop_s: float) -> "InertialSamples":
         """Return the samples from ``start_s`` to ``stop_s``, both inclusive; the origin of time stays."""
         imu = slice(*np.searchsorted(self.imu_times_s, (start_s, np.nextafter(stop_s, np.inf))))
@@ -79,6 +79,10 @@ class InertialSamples:
     def with_imu_earlier(self, late_s: float, drift: float) -> "InertialSamples":
         """Return the samples with an offset, and one that grows by ``drift`` seconds a second, out of IMU stamps."""
         return replace(self, imu_times_s=self.imu_times_s - late_s - drift * self.imu_times_s)
+
+    def with_rates_mapped(self, mapping: Float64) -> "InertialSamples":
+        """Return the samples with angular velocities multiplied by a (3, 3) matrix."""
+        return replace(self, angular_velocities_body_rad_s=self.angular_velocities_body_rad_s @ mapping.T)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +155,7 @@ def blocks_of(times_s: Float64) -> list[slice]:
     count = max(1, round(span_s / float(np.clip(span_s / _BLOCKS, *_BLOCK_S))))
     edges = np.searchsorted(times_s, times_s[0] + span_s * np.arange(1, count) / count)
     bounds = np.unique(np.concatenate(([0], edges, [len(times_s)])))
-    return [slice(int(a), int(b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    return [slice(int(a), int(b)) for a, b in pairwise(bounds)]
 
 
 def smoothed(times_s: Float64, values: Float64, width_s: float) -> Float64:

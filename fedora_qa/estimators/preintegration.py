@@ -66,6 +66,12 @@ def rotation_increments(
     return total
 
 
+def without_rotation_faults(samples: InertialSamples, at: Float64) -> InertialSamples:
+    """Return the samples without the faults ``at`` (P,) of ROTATION_PARAMETERS; the bias stays, being linear."""
+    mapping = so3.exp(-at[5:8]) / (1.0 + at[8])
+    return samples.with_imu_earlier(*at[:2]).with_rates_mapped(mapping)
+
+
 def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     """Compare the gyro with consecutive poses.
 
@@ -97,7 +103,7 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
 def _jacobians(imu_times_s: Float64, gyro: Float64, starts_s: Float64, stops_s: Float64) -> Float64:
     """Differentiate the residuals by ROTATION_PARAMETERS.
 
-    A measured rate ``(1 + scale) (w + tilt x w)(t - late - drift t) + bias`` changes an increment by the integral of
+    A measured rate ``(1 + scale) Exp(tilt) w(t - late - drift t) + bias`` changes an increment by the integral of
     its change; the residual moves against it, seen from the end of the interval.
     """
     spline = CubicSpline(imu_times_s, smoothed(imu_times_s, gyro, SMOOTHING_S))

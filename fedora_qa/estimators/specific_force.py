@@ -43,6 +43,11 @@ TRANSLATION_PARAMETERS: Final = Parameters(
 exceeds its declaration, its horizontal part in the world, and where the IMU sits in the body, metres."""
 
 
+def without_translation_faults(samples: InertialSamples, at: Float64) -> InertialSamples:
+    """Return the samples with the stamps' offset and drift out; all else of TRANSLATION_PARAMETERS is linear."""
+    return samples.with_imu_earlier(*at[:2])
+
+
 def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     """Compare specific force with the second differences of consecutive positions.
 
@@ -123,9 +128,7 @@ def _second_differences(times_s: Float64, values: Float64, poses: NDArray[np.int
     return differences
 
 
-def _model_errors(
-    samples: InertialSamples, gravity_m_s2: float, fine: Float64, poses: NDArray[np.intp]
-) -> Float64:
+def _model_errors(samples: InertialSamples, gravity_m_s2: float, fine: Float64, poses: NDArray[np.intp]) -> Float64:
     """Estimate the error of interpolation and integration from every second sample and pose (Richardson)."""
     imu, pose = every_second(len(samples.imu_times_s)), every_second(len(samples.pose_times_s))
     sparse = InertialSamples(

@@ -19,14 +19,15 @@ class RefusedError(Exception):
     ----------
     rule
         Short name of the rule that was broken.
-    cause
-        Identifier of ``causes.py``.
+    cause, magnitude
+        Identifier of ``causes.py``, and the fault's size in its unit where it has one.
     """
 
-    def __init__(self, rule: str, cause: str, message: str) -> None:
+    def __init__(self, rule: str, cause: str, message: str, magnitude: float | None = None) -> None:
         super().__init__(message)
         self.rule = rule
         self.cause = cause
+        self.magnitude = magnitude
 
 
 def find_dataset(file: h5py.File, path: str) -> h5py.Dataset | None:

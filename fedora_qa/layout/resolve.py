@@ -2,24 +2,17 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from math import ceil, prod
 from typing import Final
 
 import h5py
 import numpy as np
 
-from fedora_qa.conventions import FORMAT_NAME
+from fedora_qa.causes import INDEX_MAPS
 from fedora_qa.layout.binding import Binding, instant_ns
-from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS, PROMISED_BY, STREAMS, DatasetSpec, datasets_of
-from fedora_qa.layout.dialect import (
-    DIALECT_NAMES,
-    NS_PER_TIME_UNIT,
-    QUATERNION_COLUMNS,
-    Dialect,
-    Place,
-    load_dialect,
-    scale_of,
-)
+from fedora_qa.layout.canonical import FLOW_STREAMS, PROMISED_BY, STREAMS, DatasetSpec, datasets_of
+from fedora_qa.layout.conform import require_readable_type, require_shape, unwritten_chunks
+from fedora_qa.layout.detect import declares_fedora, detect_dialect
+from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, Dialect, Place, scale_of
 from fedora_qa.layout.links import RefusedError, find_dataset, has_group
 
 _EXTRA_STREAMS: Final = ("depth_range",)
@@ -30,7 +23,7 @@ _EXTRA_STREAMS: Final = ("depth_range",)
 class LayoutProblem:
     """Something about the layout that an honest file would not show.
 
-    ``code`` is ``integrity.layout.<rule>``, ``cause`` an identifier of ``causes.py``.
+    ``code`` is ``integrity.layout.<rule>``, ``cause`` an identifier of ``causes.py``, ``magnitude`` in its unit.
     """
 
     code: str
@@ -38,6 +31,7 @@ class LayoutProblem:
     stream: str
     key: str
     message: str
+    magnitude: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +74,7 @@ def resolve(file: h5py.File, dialect: Dialect | None = None) -> Layout:
     """
     inferred: dict[str, str | float] = {}
     if dialect is None:
-        dialect = _detect(file)
+        dialect = detect_dialect(file)
         if not declares_fedora(file):
             inferred["layout.dialect"] = dialect.name
     finder = _Finder(file, dialect)
@@ -92,19 +86,10 @@ def resolve(file: h5py.File, dialect: Dialect | None = None) -> Layout:
         dialect_name=dialect.name,
         bindings=finder.bindings,
         streams=frozenset(stream for stream in STREAMS if datasets_of(stream)[0].key in finder.bindings),
-        absent=finder.absent,
+        absent={stream: why for stream, why in finder.absent.items() if stream in STREAMS},
         problems=tuple(finder.problems),
         inferred=inferred,
     )
-
-
-def declares_fedora(file: h5py.File) -> bool:
-    """Whether the file says that it follows the canonical layout."""
-    try:
-        declared = file.attrs.get("format")
-    except (OSError, RuntimeError):
-        return False
-    return declared in (FORMAT_NAME, FORMAT_NAME.encode())
 
 
 class _Finder:
@@ -159,7 +144,8 @@ class _Finder:
 
     def _report(self, stream: str, key: str, reason: RefusedError) -> None:
         code = f"integrity.layout.{reason.rule}"
-        self.problems.append(LayoutProblem(code, reason.cause, stream, key, str(reason)))
+        stream = "metadata" if stream in _EXTRA_STREAMS else stream
+        self.problems.append(LayoutProblem(code, reason.cause, stream, key, str(reason), reason.magnitude))
 
     def _path(self, key: str) -> str:
         return self._place(key).path or key
@@ -176,8 +162,8 @@ class _Finder:
     def _bind(self, spec: DatasetSpec, dataset: h5py.Dataset) -> Binding:
         place, path = self._place(spec.key), self._path(spec.key)
         try:
-            _require_readable_type(spec, dataset, path)
-            _require_shape(spec, place, dataset, path)
+            require_readable_type(spec, dataset, path)
+            require_shape(spec, place, dataset, path)
             unit = NS_PER_TIME_UNIT[place.time_unit] if spec.is_stamps else None
             binding = Binding(
                 key=spec.key,
@@ -202,10 +188,11 @@ class _Finder:
         if self.dialect.is_canonical(spec.key) and dataset.dtype.newbyteorder("=") != np.dtype(spec.dtype):
             message = f"Expected {path} as {spec.dtype}, got {dataset.dtype}; write it in the type of the layout"
             self._report(spec.stream, spec.key, RefusedError("wrong_dtype", "wrong_dtype", message))
-        unwritten, chunks = _unwritten_chunks(dataset)
+        unwritten, chunks = unwritten_chunks(dataset)
         if unwritten:
             message = f"Expected all {chunks} chunks of {path} to be written, got {unwritten} that never were"
-            self._report(spec.stream, spec.key, RefusedError("unwritten", "truncated", message))
+            share = 100 * unwritten / chunks
+            self._report(spec.stream, spec.key, RefusedError("unwritten", "truncated", message, share))
 
     def _offset_ns(self, place: Place, binding: Binding) -> int:
         if not place.offset_path:
@@ -213,7 +200,12 @@ class _Finder:
         dataset = find_dataset(self.file, place.offset_path)
         if dataset is None:
             return 0
-        offset = instant_ns(np.asarray(dataset[()]).reshape(-1)[0], binding) if dataset.size == 1 else None
+        numeric = dataset.size == 1 and dataset.dtype.kind in "iuf"
+        try:
+            offset = instant_ns(np.asarray(dataset[()]).reshape(-1)[0], binding) if numeric else None
+        except OSError as error:
+            message = f"Expected {place.offset_path} to be readable, got: {error}"
+            raise RefusedError("unreadable", "corrupt_chunk", message) from error
         if offset is None:
             raise RefusedError("wrong_shape", "wrong_shape", f"Expected one finite number at {place.offset_path}")
         return offset
@@ -229,7 +221,7 @@ class _Finder:
                 agreed, agreed_path = sizes.setdefault(symbol, (size, path))
                 if size != agreed:
                     message = f"Expected {path} with {symbol} = {agreed} as {agreed_path}, got {size}"
-                    raise _BrokenError(spec.key, RefusedError("wrong_shape", "wrong_shape", message))
+                    raise _BrokenError(spec.key, _wrong_size(spec, size, agreed, message))
         self._sizes = sizes
 
 
@@ -242,83 +234,14 @@ class _BrokenError(Exception):
         self.reason = reason
 
 
-def _detect(file: h5py.File) -> Dialect:
-    """Return the dialect that finds most datasets; hints decide between equals, then the order of the names."""
-    dialects = [load_dialect(name) for name in DIALECT_NAMES]
-    if declares_fedora(file):
-        return dialects[0]
-    return max(dialects, key=lambda dialect: (_served(file, dialect), _hinted(file, dialect)))
-
-
-def _served(file: h5py.File, dialect: Dialect) -> int:
-    places = ((spec, dialect.place_of(spec.key)) for spec in DATASETS.values())
-    return sum(place is not None and _fits(file, spec, place) for spec, place in places)
-
-
-def _fits(file: h5py.File, spec: DatasetSpec, place: Place) -> bool:
-    try:
-        dataset = find_dataset(file, place.path or spec.key)
-    except RefusedError:
-        return False
-    return dataset is not None and dataset.shape is not None and len(dataset.shape) in _ranks(spec, place)
-
-
-def _hinted(file: h5py.File, dialect: Dialect) -> bool:
-    for hint in dialect.hints:
-        try:
-            dataset = find_dataset(file, hint.path)
-        except RefusedError:
-            continue
-        if dataset is None or dataset.shape is None or hint.rank not in {None, len(dataset.shape)}:
-            continue
-        if hint.kind is None or dataset.dtype.kind in {"int": "iu", "float": "f"}[hint.kind]:
-            return True
-    return False
-
-
-def _ranks(spec: DatasetSpec, place: Place) -> tuple[int, ...]:
-    rank = len(spec.shape)
-    if not place.columns:
-        return (rank,)
-    return (2,) if rank == 1 else (rank, rank - 1)
-
-
-def _require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
-    """Refuse what no safe conversion exists for: no numbers at all, or colours that are not 8-bit codes."""
-    numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None
-    if not numeric or (spec.key == "path/rgb" and dataset.dtype != np.uint8):
-        raise RefusedError("wrong_dtype", "wrong_dtype", f"Expected {path} as {spec.dtype}, got {dataset.dtype}, "
-                           "which cannot be converted safely")  # fmt: skip
-
-
-def _require_shape(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str) -> None:
-    shape: tuple[int, ...] | None = dataset.shape
-    expected = " x ".join(str(size) for size in spec.shape)
-    wrong = RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")
-    if shape is None or len(shape) not in _ranks(spec, place):
-        raise wrong
-    if place.columns:
-        entries = shape[-1] if len(shape) in {2, len(spec.shape)} else 1
-        if not all(0 <= column < entries for column in place.columns):
-            raise wrong
-    elif any(isinstance(size, int) and size != stored for size, stored in zip(spec.shape, shape, strict=True)):
-        raise wrong
-    if 0 in shape[1:]:
-        raise wrong
-
-
 def _quaternion_columns(spec: DatasetSpec, place: Place) -> tuple[int, ...] | None:
     if spec.key != "path/pose/orientation" or place.quaternion == "xyzw":
         return None
     return QUATERNION_COLUMNS[place.quaternion]
 
 
-def _unwritten_chunks(dataset: h5py.Dataset) -> tuple[int, int]:
-    """Count the chunks that take no place in the file, and all chunks: a writer that was stopped leaves such."""
-    if not dataset.size:
-        return 0, 0
-    if dataset.chunks is None:
-        return int(dataset.id.get_storage_size() == 0), 1
-    pairs = zip(dataset.shape, dataset.chunks, strict=True)
-    chunks = prod(ceil(size / chunk) for size, chunk in pairs)
-    return chunks - dataset.id.get_num_chunks(), chunks
+def _wrong_size(spec: DatasetSpec, size: int, agreed: int, message: str) -> RefusedError:
+    """Call an index map that is too short cut off; any other disagreement is a wrong shape."""
+    if spec.stream in INDEX_MAPS and size < agreed:
+        return RefusedError("wrong_shape", "truncated", message, 100 * (agreed - size) / agreed)
+    return RefusedError("wrong_shape", "wrong_shape", message)

@@ -3,19 +3,18 @@
 import re
 from collections.abc import Iterable
 
-from fedora_qa.record.types import Diagnosis, FileRecord, Record, Result
+from fedora_qa.record.types import Diagnosis, FileRecord, Record
 from fedora_qa.record.wording import (
     OUTCOME_WORDS,
     cause_sentence,
-    coverage_words,
+    check_cells,
     explained_checks,
     findings_of,
     headline,
+    identity,
     place,
-    principal,
     printable,
-    with_error,
-    with_unit,
+    why_incomplete,
 )
 
 _SPECIAL = re.compile(r"([\\`*_\[\]<>|~#&$])")
@@ -48,38 +47,29 @@ def _row(cells: Iterable[str]) -> str:
 
 
 def _file_section(file: FileRecord) -> str:
-    parts = [f"## {escape(file.path)}", f"**{escape(headline(file))}**"]
+    head = [f"**{escape(headline(file))}**", escape(why_incomplete(file)), escape(identity(file))]
+    parts = [f"## {escape(file.path)}", "  \n".join(line for line in head if line)]
     if file.diagnoses:
         parts += ["### Probable causes", "\n".join(_diagnosis(diagnosis, file) for diagnosis in file.diagnoses)]
     found = findings_of(file)
     if found:
-        rows = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in found]
-        parts += ["### Findings", table(("id", "severity", "rule", "finding", "where"), rows)]
-    head = ("check", "outcome", "measured", "expected", "least detectable", "coverage")
-    parts += ["### Checks", table(head, [_check_row(result) for result in file.results])]
+        lines = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in found]
+        parts += ["### Findings", table(("id", "severity", "rule", "finding", "where"), lines)]
+    columns = ("check", "outcome", "measured", "expected", "sees from", "coverage")
+    parts += [
+        "### Checks",
+        table(columns, [(r.check, OUTCOME_WORDS[r.outcome], *check_cells(r)) for r in file.results]),
+    ]
     return "\n\n".join(parts)
 
 
 def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> str:
+    confidence = f" (confidence {diagnosis.confidence:.0%})" if diagnosis.confidence else ""
     explains = ", ".join((*explained_checks(diagnosis, file), *diagnosis.explains))
     lines = [
-        f"- **{escape(cause_sentence(diagnosis))}** ({diagnosis.confidence:.0%})",
+        f"- **{escape(cause_sentence(diagnosis))}**{confidence}",
         f"  - where: {escape(place(diagnosis.where))}" if place(diagnosis.where) else "",
         f"  - remedy: {escape(diagnosis.remedy)}",
         f"  - explains: {escape(explains)}",
     ]
     return "\n".join(line for line in lines if line)
-
-
-def _check_row(result: Result) -> tuple[str, ...]:
-    outcome, measured = OUTCOME_WORDS[result.outcome], principal(result)
-    if measured is None:
-        return result.check, outcome, result.reason, "", "", coverage_words(result.coverage)
-    return (
-        result.check,
-        outcome,
-        f"{measured.name}: {with_error(measured.value, measured.standard_error, measured.unit)}",
-        "" if measured.expected is None else with_unit(measured.expected, measured.unit),
-        "" if measured.least_detectable is None else with_unit(measured.least_detectable, measured.unit),
-        coverage_words(result.coverage),
-    )

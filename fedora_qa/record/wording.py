@@ -20,6 +20,9 @@ OUTCOME_WORDS: Final[dict[Outcome, str]] = {
 }
 """Outcomes in words, the gravest first."""
 
+SHORT_OF_COVERAGE: Final = "where the configuration requires"
+"""Marks, in a result's reason, that less was seen than required."""
+
 _ESCAPE_SEQUENCE = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)?|[@-_])?")
 _UNPRINTABLE = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 """Unicode categories that could move the cursor, hide text or turn its direction."""
@@ -86,6 +89,26 @@ def tally(results: Sequence[Result]) -> str:
     return ", ".join(parts) or "no check was run"
 
 
+def why_incomplete(file: FileRecord) -> str:
+    """Return why the verdict is incomplete, in one sentence; empty where it is not."""
+    if file.verdict != "incomplete":
+        return ""
+    crashed = [result.check for result in file.results if result.outcome == "crashed"]
+    short = [result.check for result in file.results if SHORT_OF_COVERAGE in result.reason]
+    parts = [
+        f"crashed: {', '.join(crashed)}" if crashed else "",
+        f"less was seen than required: {', '.join(short)}" if short else "",
+    ]
+    return "; ".join(part for part in parts if part) or "no stream could be checked against another"
+
+
+def identity(file: FileRecord) -> str:
+    """Return what identifies the file's content: dialect, size, digest."""
+    digest = f"{'partial ' if file.digest_kind == 'partial' else ''}sha256 {file.sha256[:16]}"
+    dialect = f"{file.dialect} layout, " if file.dialect else ""
+    return f"{dialect}{file.size / 1e6:.1f} MB, {digest}"
+
+
 def cause_sentence(diagnosis: Diagnosis) -> str:
     """Return the cause with its fitted size as one sentence."""
     cause = CAUSES.get(diagnosis.cause)
@@ -108,16 +131,39 @@ def findings_of(file: FileRecord) -> tuple[tuple[Result, Finding], ...]:
 
 
 def principal(result: Result) -> Measurement | None:
-    """Return the measurement that lies farthest out, in units of what an honest file gives; the first among equals."""
-    return max(result.measurements, key=_excess, default=None)
+    """Return the measurement that lies farthest out, in units of what an honest file gives; the first among equals.
+
+    A measurement that may deviate to one side only can exceed its limit on the other in a check that did not fail;
+    it is then no farther out than the rest.
+    """
+    most = math.inf if result.outcome == "failed" else 1.0
+    return max(result.measurements, key=lambda one: excess if (excess := _excess(one)) <= most else 0.0, default=None)
+
+
+def check_cells(result: Result) -> tuple[str, str, str, str]:
+    """Return what was measured, what is expected, the least deviation that would have been seen, and the coverage.
+
+    A check that could not tell, or failed itself, gives its reason in the first place.
+    """
+    main, coverage = principal(result), coverage_words(result.coverage)
+    if main is None or result.outcome in {"not_observable", "not_applicable", "crashed"}:
+        return result.reason, "", "", coverage
+    more = f" (+{len(result.measurements) - 1})" if len(result.measurements) > 1 else ""
+    return (
+        f"{main.name} {with_error(main.value, main.standard_error, main.unit)}{more}",
+        "" if main.expected is None else number(main.expected),
+        "" if main.least_detectable is None else number(main.least_detectable),
+        coverage,
+    )
 
 
 def coverage_words(coverage: Coverage | None) -> str:
-    """Return how much was seen: ``101 of 101 frames``."""
+    """Return how much was seen: ``all 101 frames``, ``12 of 101 frames (11.9%)``."""
     if coverage is None:
         return ""
-    share = "" if coverage.seen >= coverage.of else f" ({100 * coverage.share:.3g}%)"
-    return f"{coverage.seen} of {coverage.of} {coverage.unit}{share}"
+    if coverage.seen >= coverage.of:
+        return f"all {coverage.of} {coverage.unit}"
+    return f"{coverage.seen} of {coverage.of} {coverage.unit} ({100 * coverage.share:.3g}%)"
 
 
 def _excess(measurement: Measurement) -> float:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fedora_generator.errors import SceneError
 from fedora_generator.flight import Flight
-from fedora_qa.conventions import EVENT_TO_RGB_WIDTH, HORIZONTAL_FIELD_OF_VIEW_DEG, NS_PER_S, R_BODY_OPTICAL
+from fedora_qa.conventions import EVENT_TO_RGB_WIDTH, HORIZONTAL_FIELD_OF_VIEW_DEG, R_BODY_OPTICAL, US_PER_S
 
 Floats = NDArray[np.float64]
 
@@ -41,10 +41,15 @@ class Camera:
     T_body_camera: Floats
     """(4, 4), ``p_body = T_body_camera p_optical``"""
 
-    def poses_at(self, flight: Flight, times_ns: NDArray[np.int64]) -> Floats:
-        """``T_world_camera`` (n, 4, 4) at int64 nanoseconds of the flight's clock, free of noise."""
-        states = flight.states_at(times_ns / NS_PER_S)
-        T_world_body = np.tile(np.eye(4), (len(times_ns), 1, 1))
+    def pose_at(self, flight: Flight, time_us: int) -> Floats:
+        """``T_world_camera`` (4, 4) at one instant."""
+        pose: Floats = self.poses_at(flight, np.array([time_us]))[0]
+        return pose
+
+    def poses_at(self, flight: Flight, times_us: NDArray[np.int64]) -> Floats:
+        """``T_world_camera`` (n, 4, 4) at int64 microseconds of the flight's clock, free of noise."""
+        states = flight.states_at(times_us / US_PER_S)
+        T_world_body = np.tile(np.eye(4), (len(times_us), 1, 1))
         T_world_body[:, :3, :3] = states.R_world_body
         T_world_body[:, :3, 3] = states.positions_world_m
         return T_world_body @ self.T_body_camera

@@ -1,11 +1,12 @@
 """``fedora-generate``: sequences whose truth is known."""
 
+import re
 import signal
 import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import click
 from rich.console import Console
@@ -13,19 +14,21 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from fedora_generator.errors import GeneratorError
+from fedora_generator.faults.cli import fault
 from fedora_generator.generate import STREAMS, Request, generate_sequence
+from fedora_generator.instants import whole_us
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import Scene, list_scenes, load_scene
-from fedora_qa.conventions import US_PER_S
 
 MISUSE_EXIT_CODE = 2
 INTERRUPT_EXIT_CODE = 130
+TERMINATED_EXIT_CODE = 128 + signal.SIGTERM
 
 
-@click.group()
+@click.group(no_args_is_help=False)
 @click.version_option(package_name="fedora-qa")
 def commands() -> None:
-    """Generate event-camera sequences whose truth is known, and plant faults in them."""
+    """Generate event-camera sequences whose truth is known, and plant faults in copies of them."""
 
 
 @commands.command()
@@ -43,24 +46,26 @@ def scenes() -> None:
         click.echo(f"{scene.name:<{width}}  {scene.description}")
 
 
-class SizeType(click.ParamType):
-    """``WIDTHxHEIGHT``."""
-
-    name = "WxH"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        """Read two numbers."""
-        width, separator, height = str(value).lower().partition("x")
-        if not (separator and width.isascii() and width.isdigit() and height.isascii() and height.isdigit()):
-            self.fail(f"Expected WIDTHxHEIGHT such as 720x540, got {value!r}", param, ctx)
-        return int(width), int(height)
+def _read_size(_: click.Context, __: click.Parameter, value: str | None) -> tuple[int, int] | None:
+    """Read ``WIDTHxHEIGHT``."""
+    if value is None:
+        return None
+    match = re.fullmatch(r"([0-9]{1,6})x([0-9]{1,6})", value, flags=re.IGNORECASE)
+    if match is None:
+        raise click.BadParameter(f"Expected WIDTHxHEIGHT such as 720x540, got {value!r}")
+    return int(match[1]), int(match[2])
 
 
 @commands.command()
 @click.argument("scene", metavar="SCENE")
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The file to write.")
 @click.option("--duration", default=2.0, show_default=True, metavar="S", help="Seconds.")
-@click.option("--size", type=SizeType(), help="Size of RGB and depth; events scale by 640/1440.  [default: 1440x1080]")
+@click.option(
+    "--size",
+    metavar="WxH",
+    callback=_read_size,
+    help="Size of RGB and depth; events scale by 640/1440.  [default: 1440x1080]",
+)
 @click.option("--streams", default=",".join(STREAMS), show_default=True, metavar="LIST", help="Comma-separated.")
 @click.option(
     "--quality",
@@ -98,14 +103,9 @@ def sequence(
 
 def _generate(scene: Scene, output: Path, request: Request, *, force: bool, started: float) -> None:
     console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f}%"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task(scene.name, total=request.duration_s * US_PER_S)
+    columns = (BarColumn(), TextColumn("{task.percentage:3.0f}%"), TimeRemainingColumn())
+    with Progress("{task.description}", *columns, console=console, disable=not console.is_terminal) as bar:
+        task = bar.add_task(scene.name, total=whole_us(request.duration_s))
         summary = generate_sequence(
             scene, output, request, overwrite=force, progress=lambda time_us: bar.update(task, completed=time_us)
         )
@@ -116,11 +116,14 @@ def _generate(scene: Scene, output: Path, request: Request, *, force: bool, star
     )
 
 
+commands.add_command(fault)
+
+
 def main() -> None:
     """Entry point: an error that people can act on is one line on stderr and exit code 2."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # so that temporary files are removed
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED_EXIT_CODE))  # so that temporary files are removed
     try:
-        commands.main(standalone_mode=False)
+        commands.main(prog_name="fedora-generate", standalone_mode=False)
     except click.ClickException as error:
         _fail(error.format_message())
     except GeneratorError as error:

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 from fedora_generator.camera import event_camera
 from fedora_generator.event_sensor import EventBatch, EventSensor
 from fedora_generator.flight import Flight
-from fedora_generator.instants import as_ns
 from fedora_generator.metadata import write_camera, write_events
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import MOTION_BOUND_PX, FixedSteps, MotionSteps, Quality, Sampling
 from fedora_generator.scene import Scene
 from fedora_generator.write import EventColumns, IndexMap, write_dataset
+from fedora_qa.conventions import NS_PER_US
 
 
 class EventRecorder:
@@ -54,7 +54,7 @@ class EventRecorder:
         if stop_us == self._now_us:
             return
         for time_us in self._sampling.times_us(self._now_us, stop_us).tolist():
-            self._keep(self._sensor.advance(int(as_ns(time_us)), self._luma_dn(time_us)))
+            self._keep(self._sensor.advance(time_us * NS_PER_US, self._luma_dn(time_us)))
             self.renders += 1
         self._now_us = stop_us
 
@@ -72,8 +72,7 @@ class EventRecorder:
             index_map.append(batch.t_us)
 
     def _luma_dn(self, time_us: int) -> NDArray[np.float64]:
-        T_world_camera = self._camera.poses_at(self._flight, as_ns(np.array([time_us])))[0]
-        return self._world.luma_dn(self._camera, T_world_camera)
+        return self._world.luma_dn(self._camera, self._camera.pose_at(self._flight, time_us))
 
     def _sampling_of(self, scene: Scene, quality: Quality) -> Sampling:
         if scene.event_step_us:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 def displacements(
     H: NDArray[np.float64], t: NDArray[np.float64], inverse_depth: NDArray[np.float64], flow_px: NDArray[np.float32]
 ) -> None:
-    """Fill ``flow_px`` (height, width, 2) with pi(H p + inverse_depth t) - p; NaN in, or behind the camera, gives NaN."""
+    """Fill ``flow_px`` (height, width, 2) with pi(H p + inverse_depth t) - p; NaN or a point behind gives NaN."""
     height, width = inverse_depth.shape
     for y in prange(height):
         for x in range(width):

@@ -11,7 +11,7 @@ from fedora_generator.camera import colour_camera
 from fedora_generator.depth import depth_mm, in_range
 from fedora_generator.flight import Flight
 from fedora_generator.flow import flow_px
-from fedora_generator.instants import FRAME_RATE_HZ, as_ns, intervals_us, stamps_us
+from fedora_generator.instants import FRAME_RATE_HZ, intervals_us, stamps_us
 from fedora_generator.metadata import write_camera, write_depth_range, write_flow
 from fedora_generator.render import ExactWorld
 from fedora_generator.scene import Scene
@@ -42,7 +42,7 @@ class FrameRenderer:
         T_world_camera = self._pose_at(stamp_us)
         if self.rgb is not None:
             self.rgb[index] = as_8_bit(self.world.rgb_dn(camera, T_world_camera))
-        starting = [(dataset, k, end) for dataset, k, end in self._flow_from(index)]
+        starting = self._flow_from(index)
         if self.depth is None and not starting:
             return
         inverse_depth = in_range(self.world.inverse_depth_per_m(camera, T_world_camera), self.scene.depth_range_m)
@@ -61,8 +61,7 @@ class FrameRenderer:
         return found
 
     def _pose_at(self, time_us: int) -> Floats:
-        camera = colour_camera(self.scene.camera)
-        return camera.poses_at(self.flight, as_ns(np.array([time_us])))[0]
+        return colour_camera(self.scene.camera).pose_at(self.flight, time_us)
 
 
 def as_8_bit(radiance_dn: Floats) -> NDArray[np.uint8]:

@@ -7,6 +7,7 @@ from typing import Final
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_generator.camera import colour_camera, event_camera
 from fedora_generator.errors import SceneError
@@ -14,7 +15,7 @@ from fedora_generator.event_stream import EventRecorder
 from fedora_generator.flight import Flight
 from fedora_generator.frames import create_frames
 from fedora_generator.imu import sample_imu
-from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, POSE_RATE_HZ, as_ns, stamps_us, whole_us
+from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, POSE_RATE_HZ, stamps_us, whole_us
 from fedora_generator.metadata import write_imu, write_pose, write_root
 from fedora_generator.pose import sample_pose
 from fedora_generator.render import ExactWorld
@@ -24,6 +25,8 @@ from fedora_generator.write import atomic_file, write_dataset
 from fedora_qa.conventions import US_PER_S
 
 STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
+
+CHECKED_AT_ONCE: Final = 1 << 16
 
 # Keys of the random streams: each sensor draws from its own, whatever else is generated.
 _EVENTS_KEY, _IMU_KEY, _POSE_KEY = range(3)
@@ -86,15 +89,21 @@ def generate_sequence(
 def require_free_flight(scene: Scene, duration_us: int) -> None:
     """Raise SceneError where the camera enters a box or the ground, looked at every millisecond."""
     event_camera(scene.camera)  # raises where it would have no pixel
-    times_us = stamps_us(duration_us, IMU_RATE_HZ)
-    poses = colour_camera(scene.camera).poses_at(Flight(scene.flight), as_ns(times_us))
-    collision = scene.world.collision(poses[:, :3, 3])
-    if collision is not None:
-        index, what = collision
-        raise SceneError(
-            f"Expected the camera to stay free of the world of {scene.name}, got {what} at "
-            f"{times_us[index] / US_PER_S:g} s; shorten the sequence or change the flight"
-        )
+    camera, flight = colour_camera(scene.camera), Flight(scene.flight)
+    for times_us in _pieces(stamps_us(duration_us, IMU_RATE_HZ)):
+        positions_world_m = camera.poses_at(flight, times_us)[:, :3, 3]
+        collision = scene.world.collision(positions_world_m)
+        if collision is not None:
+            index, what = collision
+            raise SceneError(
+                f"Expected the camera to stay free of the world of {scene.name}, got {what} at "
+                f"{times_us[index] / US_PER_S:g} s; shorten the sequence or change the flight"
+            )
+
+
+def _pieces(times_us: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Times in pieces of bounded size."""
+    return np.split(times_us, range(CHECKED_AT_ONCE, len(times_us), CHECKED_AT_ONCE))
 
 
 def _walk(

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.errors import SceneError
-from fedora_qa.conventions import NS_PER_US, US_PER_S
+from fedora_qa.conventions import US_PER_S
 
 FRAME_RATE_HZ: Final = 50
 IMU_RATE_HZ: Final = 1000
 POSE_RATE_HZ: Final = 200
 
-LONGEST_S: Final = 24 * 3600.0
+LONGEST_S: Final = 3600.0
+"""Images are streamed, but inertial samples are kept in memory while they are made: about 0.3 MB a second."""
 
 
 def whole_us(duration_s: float) -> int:
@@ -32,8 +33,3 @@ def intervals_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:
     """Start and end (k, 2) of the abutting intervals of a flow rate."""
     stamps = stamps_us(duration_us, rate_hz)
     return np.stack([stamps[:-1], stamps[1:]], axis=-1)
-
-
-def as_ns(times_us: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Nanoseconds of the same instants."""
-    return times_us * NS_PER_US

@@ -90,7 +90,7 @@ def write_pose(file: h5py.File, scene: Scene) -> None:
 
 
 def write_flow(file: h5py.File) -> None:
-    """Unit and model of the flow: nothing in the exact world moves."""
+    """Write unit and model of the flow: nothing in the exact world moves."""
     _set(file.require_group("metadata/flow"), {"unit": "px", "model": "rigid"})
 
 

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from fedora_generator.camera import Camera
 from fedora_generator.flight import Flight
 from fedora_generator.flow import flow_px
-from fedora_generator.instants import as_ns
 from fedora_generator.render import ExactWorld
 
 Quality = Literal["draft", "standard", "reference"]
@@ -64,7 +63,7 @@ class MotionSteps:
 
     def largest_motion_px(self, start_us: int, stop_us: int) -> float:
         """Largest displacement of any pixel between two instants; points that pass behind the camera do not count."""
-        T_start, T_stop = self.camera.poses_at(self.flight, as_ns(np.array([start_us, stop_us])))
+        T_start, T_stop = (self.camera.pose_at(self.flight, time_us) for time_us in (start_us, stop_us))
         return max(self._largest_px(T_start, T_stop), self._largest_px(T_stop, T_start))
 
     def _largest_px(self, T_world_camera_from: NDArray[np.float64], T_world_camera_to: NDArray[np.float64]) -> float:

@@ -35,6 +35,9 @@ def atomic_file(target: Path, *, overwrite: bool) -> Iterator[h5py.File]:
         with file:
             yield file
         partial.replace(target)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise OutputError(f"Expected to be able to write {target}, got: {error}") from error
     except BaseException:
         partial.unlink(missing_ok=True)
         raise

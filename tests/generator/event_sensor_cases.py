@@ -4,8 +4,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from fedora_generator.event_sensor import EventBatch, EventSensor, EventSensorOptions
 from numpy.typing import NDArray
+
+from fedora_generator.event_sensor import EventBatch, EventSensor, EventSensorOptions
 
 Floats = NDArray[np.float64]
 MS = 1_000_000  # ns

@@ -1,14 +1,15 @@
 """The ideal sensor against closed forms and an exact rational model."""
 
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from fedora_generator.event_sensor import EventSensor
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
+from fedora_generator.event_sensor import EventSensor
 from tests.generator.event_sensor_cases import MS, as_rows, options, pixel, play, sensor_for
 
 movies = st.integers(0, 2**32 - 1).map(
@@ -39,7 +40,7 @@ def test_sinusoid_crosses_where_bisection_says() -> None:
     expected: list[tuple[float, int]] = []
     turning_s = [0.0, *np.arange(0.025, 0.2, 0.05), 0.2]
     reference = 0
-    for begin_s, end_s in zip(turning_s[:-1], turning_s[1:], strict=True):
+    for begin_s, end_s in pairwise(turning_s):
         direction = 1 if level_at(end_s) > level_at(begin_s) else -1
         while direction * (level_at(end_s) - (reference + direction) * threshold) >= 0:
             reference += direction

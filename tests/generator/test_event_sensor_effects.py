@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from fedora_generator.event_sensor import EventBatch
 
+from fedora_generator.event_sensor import EventBatch
 from tests.generator.event_sensor_cases import MS, Floats, as_rows, pixel, play, sensor_for
 
 GREY = np.full((20, 30), 50.0)
@@ -143,7 +143,7 @@ def test_unfinished_packet_is_held_back_and_closes_with_the_recording() -> None:
 
 
 def test_same_seed_same_events_and_every_effect_has_its_own_stream() -> None:
-    """All effects together repeat bit for bit; another seed differs; a further effect leaves thresholds as they were."""
+    """All effects together repeat bit for bit; another seed differs; one more effect leaves the thresholds alone."""
     effects = {
         "threshold_sigma": 0.02,
         "shot_rate_hz": 1.0,

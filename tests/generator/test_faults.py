@@ -9,16 +9,16 @@ import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from fedora_generator.errors import GeneratorError
+
+from fedora_generator.errors import GeneratorError, OutputError
 from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, legal_causes, legal_streams, plant_fault
 from fedora_generator.faults.cli import fault as fault_command
 from fedora_generator.faults.fault import default_unit
 from fedora_qa.causes import CAUSES, allowed
 from fedora_qa.layout.canonical import FLOW_STREAMS, datasets_of
-
 from tests.generator.tiny_sequence import declare_noise, write_tiny_sequence
 
-MAGNITUDES = {"unsorted": 5.0, "interpolated_pose": 50.0, "threshold_misdeclared": 20.0, "truncated": 10.0}
+MAGNITUDES = {"quantised_time": 3.0, "interpolated_pose": 50.0}
 NEVER_PLANTED = {"other_sequence", "unknown"}
 MAPS = {"metadata/rgb_to_event", "metadata/depth_to_event"}
 
@@ -29,6 +29,11 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_tiny_sequence(path, origin_us=1_790_000_000_000_000)
     declare_noise(path)
     return path
+
+
+@pytest.fixture(scope="module")
+def clean_content(clean: Path) -> dict[str, object]:
+    return content(clean)
 
 
 def digest(path: Path) -> str:
@@ -53,7 +58,8 @@ def content(path: Path) -> dict[str, object]:
 def changed(before: dict[str, object], after: dict[str, object]) -> set[str]:
     """Names of what differs, is gone or is new; an attribute of a dataset counts as its dataset."""
     names = {name for name in before.keys() | after.keys() if before.get(name) != after.get(name)}
-    return {name if name.startswith("metadata/") else name.split("@")[0] for name in names}
+    owners = {name: name.split("@")[0] for name in names}
+    return {owner if owner in before | after else name for name, owner in owners.items()}
 
 
 def may_change(cause: str, stream: str) -> set[str]:
@@ -63,11 +69,13 @@ def may_change(cause: str, stream: str) -> set[str]:
 
 
 @pytest.mark.parametrize(("cause", "stream"), list(FAULTS), ids=lambda part: part)
-def test_a_fault_changes_its_stream_and_nothing_else(clean: Path, tmp_path: Path, cause: str, stream: str) -> None:
+def test_a_fault_changes_its_stream_and_nothing_else(
+    clean: Path, clean_content: dict[str, object], tmp_path: Path, cause: str, stream: str
+) -> None:
     """Something of the stream changes; every other dataset and attribute keeps its bytes, type and shape."""
     source_digest, target = digest(clean), tmp_path / "faulty.h5"
     plant_fault(clean, target, cause, stream, MAGNITUDES.get(cause, 2.0), seed=3)
-    differing = changed(content(clean), content(target))
+    differing = changed(clean_content, content(target))
     assert differing
     if stream == "metadata" or "misdeclared" in cause:
         assert all(name.startswith("metadata/") for name in differing)
@@ -169,17 +177,22 @@ def test_command_plants_with_its_defaults(clean: Path, tmp_path: Path) -> None:
 def test_command_refuses_misuse_with_exit_code_2(clean: Path, tmp_path: Path) -> None:
     """Through the entry point: an unknown cause is one line with the legal ones, exit code 2, no traceback."""
     script = "from fedora_generator.cli import main; main()"
-    for arguments in (["no_such_cause"], ["quaternion_order"], ["time_offset"]):
-        command = ["fault", str(clean), *arguments, "-o", str(tmp_path / "x.h5")]
-        result = subprocess.run([sys.executable, "-c", script, *command], capture_output=True, text=True, check=False)
-        assert result.returncode == 2
-        assert result.stderr.count("\n") == 1
-        assert "Expected" in result.stderr
+    command = [sys.executable, "-c", script, "fault", str(clean), "no_such_cause", "-o", str(tmp_path / "x.h5")]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 2
+    assert result.stderr.count("\n") == 1
+    assert "polarity_inverted" in result.stderr
+
+
+def test_command_replaces_a_file_only_by_force(clean: Path, tmp_path: Path) -> None:
+    """An existing output is left alone, unless --force says to replace it."""
     existing = tmp_path / "existing.h5"
     existing.write_text("mine")
-    command = ["fault", str(clean), "time_offset", "--magnitude", "2", "-o", str(existing)]
-    result = subprocess.run([sys.executable, "-c", script, *command], capture_output=True, text=True, check=False)
-    assert (result.returncode, existing.read_text()) == (2, "mine")
+    command = [str(clean), "time_offset", "--magnitude", "-2", "-o", str(existing)]
+    assert isinstance(CliRunner().invoke(fault_command, command).exception, OutputError)
+    assert existing.read_text() == "mine"
+    assert CliRunner().invoke(fault_command, [*command, "--force"]).exit_code == 0
+    assert h5py.is_hdf5(existing)
 
 
 def test_legal_streams_name_the_flow_rates() -> None:

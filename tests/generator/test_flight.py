@@ -1,12 +1,13 @@
 import mpmath
 import numpy as np
 import pytest
-from fedora_generator.flight import AXES, Flight, FlightOptions, HarmonicTerm, Turn
-from fedora_generator.rotations import multiply_quaternions, quaternions_from_rotation_vectors
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation
+
+from fedora_generator.flight import AXES, Flight, FlightOptions, HarmonicTerm, Turn
+from fedora_generator.rotations import multiply_quaternions, quaternions_from_rotation_vectors
 
 LIVELY = FlightOptions(
     position_m=(1.0, -2.0, 3.0),

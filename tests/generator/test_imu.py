@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
-from fedora_generator.flight import Flight, FlightOptions, HarmonicTerm
-from fedora_generator.imu import ImuOptions, sample_imu
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
+
+from fedora_generator.flight import Flight, FlightOptions, HarmonicTerm
+from fedora_generator.imu import ImuOptions, sample_imu
 
 TIMES_US = np.arange(0, 20_000_001, 1_000, dtype=np.int64)
 HOVER = Flight(FlightOptions(position_m=(0, 0, 2)))

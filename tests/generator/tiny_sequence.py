@@ -5,6 +5,8 @@ from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
+
 from fedora_generator.flight import Flight, FlightOptions, HarmonicTerm
 from fedora_generator.flow import flow_px
 from fedora_generator.imu import ImuOptions, sample_imu
@@ -12,7 +14,6 @@ from fedora_generator.pose import PoseOptions, sample_pose
 from fedora_qa.conventions import R_BODY_OPTICAL
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.create import create_dataset
-from numpy.typing import NDArray
 
 FLIGHT = Flight(
     FlightOptions(
@@ -77,6 +78,7 @@ def _write_frames(file: h5py.File, frames_us: NDArray[np.int64], rng: np.random.
     put(file, "path/rgb_ts", frames_us)
     depth_mm = np.full((len(frames_us), HEIGHT, WIDTH), DEPTH_M * 1e3, np.float32)
     depth_mm[:, 0, 0] = np.nan
+    depth_mm[:, 0, 1] += np.arange(len(frames_us))  # so that no two frames are the same
     put(file, "path/depth", depth_mm)
     put(file, "path/depth_ts", frames_us)
 

@@ -5,6 +5,7 @@
 """
 
 from fedora_generator.faults.fault import Fault, FaultError
-from fedora_generator.faults.plant import BYTE_FAULTS, FAULTS, legal_causes, legal_streams, plant_fault
+from fedora_generator.faults.plant import plant_fault
+from fedora_generator.faults.table import BYTE_FAULTS, FAULTS, legal_causes, legal_streams
 
 __all__ = ["BYTE_FAULTS", "FAULTS", "Fault", "FaultError", "legal_causes", "legal_streams", "plant_fault"]

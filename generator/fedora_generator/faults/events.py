@@ -48,8 +48,8 @@ def spatial_offset(file: h5py.File, fault: Fault) -> None:
     shift, width = fault.count(), _size(file)[0]
     if abs(shift) >= width:
         raise FaultError(f"Expected a shift of less than {width} px, got {shift}")
-    _keep_events(file, lambda x, _: (x + shift >= 0) & (x + shift < width))
-    edit(file[X], slice(None), lambda columns: columns.astype(np.int64) + shift)
+    moved = _keep_events(file, fault, lambda x, _: (x + shift >= 0) & (x + shift < width))
+    edit(file[X], moved, lambda columns: columns.astype(np.int64) + shift)
 
 
 def dead_region(file: h5py.File, fault: Fault) -> None:
@@ -59,7 +59,7 @@ def dead_region(file: h5py.File, fault: Fault) -> None:
         raise FaultError(f"Expected a side of at most {min(width, height)} px, got {side}")
     column, row = (int(fault.rng().integers(0, size - side, endpoint=True)) for size in (width, height))
     before = len(file[X])
-    _keep_events(file, lambda x, y: (x < column) | (x >= column + side) | (y < row) | (y >= row + side))
+    _keep_events(file, fault, lambda x, y: (x < column) | (x >= column + side) | (y < row) | (y >= row + side))
     if len(file[X]) == before:
         raise FaultError(f"Expected events in the {side} px square at ({column}, {row}), got none; try another seed")
 
@@ -67,7 +67,8 @@ def dead_region(file: h5py.File, fault: Fault) -> None:
 def hot_pixels(file: h5py.File, fault: Fault) -> None:
     """Let the given number of pixels fire at random besides, without declaring them."""
     rng, count, (width, height) = fault.rng(), fault.positive_count(), _size(file)
-    first_us, last_us = int(file[T][0]), int(file[T][-1])
+    window = window_of(file, "events", fault)
+    first_us, last_us = int(file[T][window.start]), int(file[T][window.stop - 1])
     pixels = rng.choice(width * height, size=count, replace=False)
     fired = rng.poisson(HOT_PIXEL_RATE_HZ * (last_us - first_us) / US_PER_S, count)
     t = rng.integers(first_us, last_us, int(fired.sum()), endpoint=True)
@@ -105,16 +106,19 @@ def _size(file: h5py.File) -> tuple[int, int]:
     return int(file[CAMERA].attrs["width"]), int(file[CAMERA].attrs["height"])
 
 
-def _keep_events(file: h5py.File, keep_pixel: KeepPixel) -> None:
-    """Remove the events whose pixel is not to be kept, from all four columns."""
-    kept = [keep_pixel(file[X][block].astype(np.int64), file[Y][block].astype(np.int64)) for block in blocks(file[X])]
-    keep = np.concatenate([np.empty(0, bool), *kept])
+def _keep_events(file: h5py.File, fault: Fault, keep_pixel: KeepPixel) -> slice:
+    """Remove, within the window, the events whose pixel is not to be kept; return the rows of those that are left."""
+    window = window_of(file, "events", fault)
+    keep = np.ones(len(file[X]), bool)
+    for block in blocks(file[X], window):
+        keep[block] = keep_pixel(file[X][block].astype(np.int64), file[Y][block].astype(np.int64))
     for dataset in datasets_in(file, "events").values():
         keep_rows(dataset, lambda block: keep[block])
+    return slice(window.start, window.start + int(np.count_nonzero(keep[window])))
 
 
 def _rows_before(file: h5py.File, new: dict[str, Keys], first_us: int) -> Keys:
-    """Index (m,) at which each new event belongs in the canonical order (t, y, x, p)."""
+    """Row (m,) before which each new event belongs in the canonical order (t, y, x, p)."""
     width, height = _size(file)
 
     def order_keys(columns: dict[str, Keys]) -> Keys:

@@ -37,8 +37,8 @@ class Fault:
     seed
         For what is placed or drawn at random.
     start_s, stop_s
-        Half-open interval after the file's first stamp that the fault is confined to; a fault that sits at one
-        instant sits at ``start_s``, or in the middle of the stream.
+        Half-open interval after the file's first stamp that the fault is confined to. A fault of some samples begins
+        at ``start_s``, or in the middle of the stream; one of a declaration or of storage knows no time.
     """
 
     cause: str

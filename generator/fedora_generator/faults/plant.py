@@ -1,153 +1,19 @@
-"""The table of faults, and how one is planted: in a copy, complete or not at all."""
+"""Planting a fault: in a copy, complete or not at all."""
 
 import math
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from types import MappingProxyType
-from typing import Final
 
 import h5py
 import hdf5plugin  # noqa: F401 - its import makes the codec of the layout known to HDF5
 
 from fedora_generator.errors import OutputError
-from fedora_generator.faults import (
-    clocks,
-    depth,
-    events,
-    flow,
-    flow_geometry,
-    images,
-    imu,
-    index_maps,
-    metadata,
-    pose,
-    rgb,
-    samples,
-    storage,
-)
 from fedora_generator.faults.fault import Fault, FaultError, default_unit
-from fedora_qa.causes import CAUSES, INDEX_MAPS, TIMED, stream_family
-from fedora_qa.layout.canonical import FLOW_STREAMS
-
-Edit = Callable[[h5py.File, Fault], None]
-Damage = Callable[[Path, Fault], None]
-
-_FLOATS: Final = ("depth", "imu", "pose", "flow")
-_IMAGES: Final = ("rgb", "depth", "flow")
-_STORED: Final = (*TIMED, *INDEX_MAPS)
-
-
-def _each(cause: str, streams: Iterable[str], edit: Edit) -> dict[tuple[str, str], Edit]:
-    return {(cause, stream): edit for stream in streams}
-
-
-FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
-    {
-        **_each("time_offset", TIMED, clocks.time_offset),
-        **_each("clock_rate", TIMED, clocks.clock_rate),
-        **_each("quantised_time", TIMED, clocks.quantised_time),
-        **_each("time_unit", TIMED, clocks.time_unit),
-        **_each("dropped_samples", TIMED, samples.dropped_samples),
-        **_each("duplicated_samples", TIMED, samples.duplicated_samples),
-        **_each("unsorted", TIMED, samples.unsorted),
-        **_each("frozen_frames", ("rgb", "depth", "flow", "pose", "imu"), samples.frozen_frames),
-        **_each("swapped_frames", _IMAGES, samples.swapped_frames),
-        **_each("nan_in_stream", _FLOATS, samples.nan_in_stream),
-        **_each("index_off_by_one", INDEX_MAPS, index_maps.index_off_by_one),
-        **_each("index_side", INDEX_MAPS, index_maps.index_side),
-        **_each("mirrored", _IMAGES, images.mirrored),
-        **_each("spatial_offset", _IMAGES, images.spatial_offset),
-        **_each("invalid_encoding", ("depth", "flow"), images.invalid_encoding),
-        ("polarity_inverted", "events"): events.polarity_inverted,
-        ("axes_swapped", "events"): events.axes_swapped,
-        ("mirrored", "events"): events.mirrored,
-        ("spatial_offset", "events"): events.spatial_offset,
-        ("dead_region", "events"): events.dead_region,
-        ("hot_pixels", "events"): events.hot_pixels,
-        ("threshold_misdeclared", "events"): events.threshold_misdeclared,
-        ("event_model_misdeclared", "events"): events.event_model_misdeclared,
-        ("noise_misdeclared", "events"): events.noise_misdeclared,
-        ("axes_swapped", "imu"): imu.axes_swapped,
-        ("frame_convention", "imu"): imu.frame_convention,
-        ("unit_deg_rad", "imu"): imu.unit_deg_rad,
-        ("gyro_bias", "imu"): imu.gyro_bias,
-        ("accel_bias", "imu"): imu.accel_bias,
-        ("gravity_missing", "imu"): imu.gravity_missing,
-        ("gravity_sign", "imu"): imu.gravity_sign,
-        ("gravity_magnitude", "imu"): imu.gravity_magnitude,
-        ("lever_arm", "imu"): imu.lever_arm,
-        ("noise_misdeclared", "imu"): imu.noise_misdeclared,
-        ("axes_swapped", "pose"): pose.axes_swapped,
-        ("frame_convention", "pose"): pose.frame_convention,
-        ("unit_mm_m", "pose"): pose.unit_mm_m,
-        ("quaternion_order", "pose"): pose.quaternion_order,
-        ("quaternion_inverted", "pose"): pose.quaternion_inverted,
-        ("quaternion_not_unit", "pose"): pose.quaternion_not_unit,
-        ("teleport", "pose"): pose.teleport,
-        ("lever_arm", "pose"): pose.lever_arm,
-        ("interpolated_pose", "pose"): pose.interpolated_pose,
-        ("noise_misdeclared", "pose"): pose.noise_misdeclared,
-        ("flow_sign", "flow"): flow.flow_sign,
-        ("axes_swapped", "flow"): flow.axes_swapped,
-        ("frame_convention", "flow"): flow.frame_convention,
-        ("flow_gain", "flow"): flow.flow_gain,
-        ("flow_unit", "flow"): flow.flow_unit,
-        ("flow_rate_mixed", "flow"): flow.flow_rate_mixed,
-        ("flow_interval_shifted", "flow"): flow.flow_interval_shifted,
-        ("intrinsics_focal", "flow"): flow_geometry.intrinsics_focal,
-        ("intrinsics_centre", "flow"): flow_geometry.intrinsics_centre,
-        ("extrinsic_rotation", "flow"): flow_geometry.extrinsic_rotation,
-        ("flow_from_noisy_pose", "flow"): flow_geometry.flow_from_noisy_pose,
-        ("unit_mm_m", "depth"): depth.unit_mm_m,
-        ("depth_ray_not_z", "depth"): depth.depth_ray_not_z,
-        ("channel_order", "rgb"): rgb.channel_order,
-        ("exposure_or_gamma", "rgb"): rgb.exposure_or_gamma,
-        ("intrinsics_focal", "metadata"): metadata.intrinsics_focal,
-        ("intrinsics_centre", "metadata"): metadata.intrinsics_centre,
-        ("extrinsic_rotation", "metadata"): metadata.extrinsic_rotation,
-        ("lever_arm", "metadata"): metadata.lever_arm,
-        ("frame_convention", "metadata"): metadata.frame_convention,
-        ("gravity_magnitude", "metadata"): metadata.gravity_magnitude,
-        **_each("truncated", _STORED, storage.truncated),
-        **_each("missing_stream", (*_STORED, "metadata"), storage.missing_stream),
-        **_each("wrong_shape", (*_STORED, "metadata"), storage.wrong_shape),
-        **_each("wrong_dtype", (*_STORED, "metadata"), storage.wrong_dtype),
-    }
-)
-"""(cause, stream) -> what it does to the open copy; ``flow`` stands for each of its rates too."""
-
-BYTE_FAULTS: Final[Mapping[tuple[str, str], Damage]] = MappingProxyType(
-    {
-        ("truncated", "file"): storage.truncate_file,
-        **{("corrupt_chunk", stream): storage.corrupt_chunk for stream in _STORED},
-    }
-)
-"""(cause, stream) -> what it does to the bytes of the copy; ``file`` is the file as a whole."""
-
-
-USUAL_FACTORS: Final[Mapping[tuple[str, str], float]] = MappingProxyType(
-    {
-        ("unit_mm_m", "depth"): 1e-3,
-        ("unit_mm_m", "pose"): 1e3,
-        ("unit_deg_rad", "imu"): math.degrees(1),
-        **{("time_unit", stream): 1e3 for stream in TIMED},
-    }
-)
-"""Factors of the values by which a unit is usually missed: depth in metres, positions in mm, rates in deg/s, ns."""
-
-
-def legal_causes() -> tuple[str, ...]:
-    """Return the causes that can be planted, in the order of ``CAUSES``."""
-    known = {cause for cause, _ in (*FAULTS, *BYTE_FAULTS)}
-    return tuple(cause for cause in CAUSES if cause in known)
-
-
-def legal_streams(cause: str) -> tuple[str, ...]:
-    """Return the streams that a cause can be planted in, ``flow`` with each of its rates."""
-    families = [stream for known, stream in (*FAULTS, *BYTE_FAULTS) if known == cause]
-    return tuple(name for each in families for name in ((each, *FLOW_STREAMS) if each == "flow" else (each,)))
+from fedora_generator.faults.index_maps import maps_follow, remake_index_maps
+from fedora_generator.faults.rows import streams_in
+from fedora_generator.faults.table import BYTE_FAULTS, FAULTS, USUAL_FACTORS, legal_causes, legal_streams
+from fedora_qa.causes import stream_family
 
 
 def plant_fault(
@@ -210,6 +76,9 @@ def plant_fault(
     try:
         shutil.copyfile(source, partial)
         _apply(partial, fault, consistent_maps=consistent_maps)
+    except (KeyError, OSError) as error:
+        raise FaultError(f"Expected a readable file of the canonical layout, got {source}: {error}") from error
+    else:
         partial.replace(target)
     finally:
         partial.unlink(missing_ok=True)
@@ -222,9 +91,11 @@ def _apply(path: Path, fault: Fault, *, consistent_maps: bool) -> None:
         BYTE_FAULTS[key](path, fault)
         return
     with h5py.File(path, "r+") as file:
+        if fault.stream != "metadata":
+            streams_in(file, fault.stream)  # says so if there is none
         FAULTS[key](file, fault)
-        if consistent_maps and index_maps.maps_follow(fault):
-            index_maps.remake_index_maps(file)
+        if consistent_maps and maps_follow(fault):
+            remake_index_maps(file)
 
 
 def _size_of(cause: str, stream: str, magnitude: float | None, unit: str) -> float:

@@ -83,10 +83,18 @@ def rows_before(stamps: h5py.Dataset, times_us: NDArray[np.int64]) -> NDArray[np
     return counts
 
 
+def length_of(file: h5py.File, stream: str) -> int:
+    """Return the number of rows of a stream; an empty one cannot be broken."""
+    length = len(next(iter(datasets_in(file, stream).values())))
+    if length == 0:
+        raise FaultError(f"Expected rows in {stream}, got none; name another stream")
+    return length
+
+
 def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
     """Return the rows of a stream that lie in the fault's interval."""
     if fault.start_s is None and fault.stop_s is None:
-        return slice(0, len(next(iter(datasets_in(file, stream).values()))))
+        return slice(0, length_of(file, stream))
     stamps = stamps_in(file, stream)
     limits_us = [origin_us(file) + round(each * US_PER_S) for each in (fault.start_s, fault.stop_s) if each is not None]
     rows = [int(row) for row in rows_before(stamps, np.array(limits_us, np.int64))]
@@ -99,7 +107,7 @@ def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
 
 def place_of(file: h5py.File, stream: str, fault: Fault, count: int) -> slice:
     """Return ``count`` consecutive rows from ``start_s`` on, or in the middle of the stream; never the first row."""
-    length = len(next(iter(datasets_in(file, stream).values())))
+    length = length_of(file, stream)
     if count > length - 1:
         raise FaultError(f"Expected fewer than the {length} rows of {stream}, got {count}; lower the magnitude")
     first = window_of(file, stream, fault).start if fault.start_s is not None else (length - count + 1) // 2
@@ -112,7 +120,11 @@ def keep_rows(dataset: h5py.Dataset, keep: Callable[[slice], NDArray[np.bool_]])
     _require_resizable(dataset)
     kept = 0
     for block in blocks(dataset):
-        rows = dataset[block][keep(block)]
+        wanted = keep(block)
+        if kept == block.start and wanted.all():
+            kept = block.stop  # nothing has moved yet: no need to compress these rows again
+            continue
+        rows = dataset[block][wanted]
         dataset[kept : kept + len(rows)] = rows
         kept += len(rows)
     dataset.resize(kept, axis=0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.metadata import CAMERAS, group_in
-from fedora_generator.faults.rows import blocks, datasets_in, delete_rows, streams_in, values_in
+from fedora_generator.faults.rows import blocks, datasets_in, delete_rows, length_of, streams_in, values_in
 
 _OTHER_TYPE: Final = {
     "uint8": "int16",
@@ -26,7 +26,7 @@ _EVENT_STAMPS: Final = "path/events/t"
 def truncated(file: h5py.File, fault: Fault) -> None:
     """Cut the last percent of the rows of a stream off, at least one."""
     for stream in streams_in(file, fault.stream):
-        length = len(next(iter(datasets_in(file, stream).values())))
+        length = length_of(file, stream)
         delete_rows(file, stream, slice(length - _cut(length, fault), length))
 
 
@@ -114,6 +114,7 @@ def _store_again(file: h5py.File, dataset: h5py.Dataset, shape: tuple[int, ...],
         shape,
         dtype,
         chunks=(*dataset.chunks, *extra) if dataset.chunks else None,
+        maxshape=(*dataset.maxshape, *extra) if dataset.chunks else None,
         **(hdf5plugin.Blosc(cname="zstd", clevel=5, shuffle=hdf5plugin.Blosc.SHUFFLE) if dataset.chunks else {}),
     )
     for block in blocks(dataset):

@@ -3,7 +3,8 @@
 import h5py
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, RotationSpline
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 from fedora_generator.faults.fault import FaultError
 from fedora_qa.conventions import US_PER_S
@@ -14,10 +15,10 @@ _POSITION, _ORIENTATION, _STAMPS = "path/pose/position", "path/pose/orientation"
 
 
 def attitudes_at(file: h5py.File, times_us: NDArray[np.int64]) -> Rotation:
-    """Body-to-world rotations (n), exact at the stream's stamps, smooth between, held still outside."""
+    """Body-to-world rotations (n), exact at the stream's stamps, a cubic spline between, held still outside."""
     pose_us = _pose_stamps(file)
-    spline = RotationSpline((pose_us - pose_us[0]) / US_PER_S, Rotation.from_quat(file[_ORIENTATION][...]))
-    return spline((np.clip(times_us, pose_us[0], pose_us[-1]) - pose_us[0]) / US_PER_S)
+    spline = CubicSpline((pose_us - pose_us[0]) / US_PER_S, _without_jumps(file[_ORIENTATION][...]))
+    return Rotation.from_quat(spline((np.clip(times_us, pose_us[0], pose_us[-1]) - pose_us[0]) / US_PER_S))
 
 
 def body_poses_at(file: h5py.File, times_us: NDArray[np.int64]) -> Floats:
@@ -28,6 +29,13 @@ def body_poses_at(file: h5py.File, times_us: NDArray[np.int64]) -> Floats:
     for axis, positions_m in enumerate(file[_POSITION][...].T):
         T_world_body[:, axis, 3] = np.interp(times_us - pose_us[0], pose_us - pose_us[0], positions_m)
     return T_world_body
+
+
+def _without_jumps(orientations_xyzw: Floats) -> Floats:
+    """Turn the signs of quaternions (n, 4) such that neighbours are close; q and -q are the same rotation."""
+    jumps = np.sum(orientations_xyzw[1:] * orientations_xyzw[:-1], axis=1) < 0
+    signs: Floats = np.cumprod(np.where(np.concatenate([[False], jumps]), -1.0, 1.0), dtype=np.float64)
+    return orientations_xyzw * signs[:, None]
 
 
 def _pose_stamps(file: h5py.File) -> NDArray[np.int64]:

@@ -80,7 +80,7 @@ def _box_faces(box: Box) -> list[tuple[Floats, Floats, Floats, Floats]]:
     half_size_m = 0.5 * np.array(box.size_m)
     faces = []
     for u_axis, v_axis in _BOX_FACES:
-        center_m = np.array(box.center_m) + box.R_world_box @ (half_size_m * np.cross(u_axis, v_axis))
+        center_m = np.array(box.center_m) + box.axes_world @ (half_size_m * np.cross(u_axis, v_axis))
         half_uv_m = np.array([np.abs(u_axis) @ half_size_m, np.abs(v_axis) @ half_size_m])
-        faces.append((center_m, box.R_world_box @ u_axis, box.R_world_box @ v_axis, half_uv_m))
+        faces.append((center_m, box.axes_world @ u_axis, box.axes_world @ v_axis, half_uv_m))
     return faces

@@ -42,7 +42,7 @@ class View(NamedTuple):
 @njit(cache=True)
 def irradiance(surfaces: Surfaces, face: int, u: float, v: float) -> float:
     """Irradiance at a point of a face: Lambert's cosine law, inverse square, softened (see ``lamps_over_faces``)."""
-    total = surfaces.even_irradiance[face]
+    total = float(surfaces.even_irradiance[face])
     lamps = surfaces.lamps
     for lamp in range(lamps.shape[1]):
         if lamps[face, lamp, 3] > 0.0:

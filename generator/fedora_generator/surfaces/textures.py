@@ -99,14 +99,10 @@ class Texture:
 
     def __post_init__(self) -> None:
         if not all(0 < albedo <= 1 for albedo in (*self.dark_rgb, *self.light_rgb)):
-            raise ValueError(
-                "Expected albedos above 0 and up to 1, as a surface that reflects nothing has no logarithm"
-            )
-        total = math.fsum(term.contrast for term in (*self.waves, *self.steps))
+            raise ValueError("Expected albedos above 0 and up to 1, as a black surface has no logarithm")
+        total = math.fsum([wave.contrast for wave in self.waves] + [step.contrast for step in self.steps])
         if total > 1 + 1e-9:
-            raise ValueError(
-                f"Expected contrasts that sum to at most 1, got {total:g}; the albedo would leave its range"
-            )
+            raise ValueError(f"Expected contrasts that sum to at most 1, got {total:g}; lower one of them")
 
 
 def texture_table(textures: Sequence[Texture]) -> TextureTable:

@@ -24,13 +24,13 @@ COVERING: Final = 2
 @njit(cache=True)
 def value(lines: NDArray[np.float64], face: int, line: int, x: float, y: float) -> float:
     """Value of a linear function at a point of the image."""
-    return lines[face, line, 0] * x + lines[face, line, 1] * y + lines[face, line, 2]
+    return float(lines[face, line, 0] * x + lines[face, line, 1] * y + lines[face, line, 2])
 
 
 @njit(cache=True)
 def spread(lines: NDArray[np.float64], face: int, line: int, half: float) -> float:
     """Most that a linear function differs from its centre value on a square."""
-    return half * (abs(lines[face, line, 0]) + abs(lines[face, line, 1]))
+    return half * float(abs(lines[face, line, 0]) + abs(lines[face, line, 1]))
 
 
 @njit(cache=True)

@@ -43,14 +43,14 @@ class Box:
         _require_size(self.name, self.size_m)
 
     @property
-    def R_world_box(self) -> NDArray[np.float64]:
-        """Rotation (3, 3) from the box's axes to the world's."""
+    def axes_world(self) -> NDArray[np.float64]:
+        """Axes of the box as columns (3, 3): the rotation from its frame to the world's."""
         cos, sin = math.cos(math.radians(self.yaw_deg)), math.sin(math.radians(self.yaw_deg))
         return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
     def contains(self, positions_world_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether points (n, 3) lie inside, border included."""
-        in_box_m = (positions_world_m - np.array(self.center_m)) @ self.R_world_box
+        in_box_m = (positions_world_m - np.array(self.center_m)) @ self.axes_world
         return np.asarray((np.abs(in_box_m) <= 0.5 * np.array(self.size_m)).all(axis=-1))
 
 
@@ -79,7 +79,8 @@ class World:
     def __post_init__(self) -> None:
         if not self.rectangles and not self.boxes:
             raise ValueError(f"Expected at least one rectangle or box, got an empty world {self.name!r}")
-        for solid in (*self.rectangles, *self.boxes):
+        solids: list[Rectangle | Box] = [*self.rectangles, *self.boxes]
+        for solid in solids:
             if solid.texture not in self.textures:
                 known = ", ".join(self.textures) or "none"
                 raise ValueError(f"Expected a texture of the world ({known}), got {solid.texture!r} at {solid.name!r}")

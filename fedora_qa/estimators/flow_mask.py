@@ -1,0 +1,103 @@
+"""Which pixels show the same surface point in both frames, from depth and the camera's motion: never from the flow.
+
+The inverse depth of a plane is affine in the pixel, so its Laplacian vanishes on every plane and marks edges, and
+bilinear interpolation of it is exact. Near an edge a pixel mixes two surfaces that move apart; edges are widened by the
+reach of the kernel that the frames are smoothed with.
+"""
+
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.rigid_flow import moved_points
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+EDGE: Final = 0.01
+"""Relative Laplacian of inverse depth that makes an edge, and relative mismatch of inverse depth that makes occlusion.
+
+At such a step the flow of two neighbouring surfaces differs by 1% of their parallax: less than 0.1 px where it is 10 px.
+"""
+
+_BREAK_PX: Final = 0.5
+"""Second difference of a flow that makes a break."""
+
+_WIDENED_PX: Final = 7
+_BORDER_PX: Final = 4
+"""Reach of Gaussian and spline together: nearer to the border frames are extrapolated."""
+
+
+def inverse_depth(depth_m: Float32) -> Float32:
+    """Return 1 / depth (H, W), 0 where depth is invalid."""
+    valid = np.isfinite(depth_m) & (depth_m > 0)
+    return np.divide(1.0, depth_m, out=np.zeros_like(depth_m), where=valid)
+
+
+def edges(inverse_depth_per_m: Float32) -> NDArray[np.uint8]:
+    """Return 1 within 3 px of an edge of the depth, of an invalid pixel or of the border, else 0; (H, W)."""
+    laplacian = cv2.Laplacian(inverse_depth_per_m, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)
+    edge = (np.abs(laplacian) > np.float32(EDGE) * inverse_depth_per_m) | (inverse_depth_per_m <= 0)
+    return _widened(edge)
+
+
+def seen_in_both(
+    K: Float64,
+    motion: RigidMotion,
+    columns: Float32,
+    rows: Float32,
+    inverse_depth0: Float32,
+    inverse_depth1: Float32,
+    edges1: NDArray[np.uint8],
+    uncertainty_px: float,
+) -> Mask:
+    """Return which pixels reappear in the second frame, (n, m).
+
+    Parameters
+    ----------
+    columns, rows, inverse_depth0
+        (n, m) pixels of the first frame and their inverse depth, 1/m, 0 where invalid.
+    inverse_depth1, edges1
+        (H, W) of the second frame.
+    uncertainty_px
+        How far the motion may misplace a pixel. Where the inverse depth slopes, so much is its value uncertain.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        X1, Y1, Z1 = moved_points(K, motion, columns, rows, 1.0 / inverse_depth0)
+        x1 = ((K[0, 0] * X1 + K[0, 1] * Y1) / Z1 + K[0, 2]).astype(np.float32)
+        y1 = (K[1, 1] * Y1 / Z1 + K[1, 2]).astype(np.float32)
+    height, width = inverse_depth1.shape
+    inside = (Z1 > 0) & (x1 >= 0) & (x1 <= width - 1) & (y1 >= 0) & (y1 <= height - 1)
+    x1, y1 = np.where(inside, x1, np.float32(0)), np.where(inside, y1, np.float32(0))
+    found = cv2.remap(inverse_depth1, x1, y1, cv2.INTER_LINEAR)
+    near_edge = cv2.remap(edges1, x1, y1, cv2.INTER_NEAREST)
+    tolerance: Float64 | float = EDGE
+    if uncertainty_px > 0:
+        right = cv2.remap(inverse_depth1, x1 + np.float32(1), y1, cv2.INTER_LINEAR)
+        below = cv2.remap(inverse_depth1, x1, y1 + np.float32(1), cv2.INTER_LINEAR)
+        slope = np.abs(right - found) + np.abs(below - found)
+        tolerance = EDGE + uncertainty_px * slope / np.maximum(found, np.float32(1e-6))
+    with np.errstate(invalid="ignore"):
+        agrees = np.abs(found * Z1 - 1.0) < tolerance
+    seen: Mask = inside & agrees & (near_edge == 0)
+    return seen
+
+
+def flow_edges(flow_px: Float32) -> NDArray[np.uint8]:
+    """Return 1 within 3 px of a break of the flow (H, W, 2), of a missing value or of the border, else 0; (H, W)."""
+    known = np.isfinite(flow_px).all(axis=-1)
+    filled = np.where(known[..., None], flow_px, np.float32(0))
+    bend = cv2.Laplacian(filled, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)
+    return _widened((np.abs(bend).max(axis=-1) > _BREAK_PX) | ~known)
+
+
+def _widened(edge: Mask) -> NDArray[np.uint8]:
+    border = slice(_BORDER_PX - _WIDENED_PX // 2, _WIDENED_PX // 2 - _BORDER_PX)
+    framed = np.ones_like(edge)
+    framed[border, border] = edge[border, border]
+    widened: NDArray[np.uint8] = cv2.dilate(framed.astype(np.uint8), np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8))
+    return widened

@@ -1,0 +1,215 @@
+"""White noise and jumps of samples of a smooth motion, from each sample's neighbours.
+
+Everything here is a short linear filter that gives exactly zero for polynomials up to a degree, so that smooth motion
+vanishes whatever its speed, for even and for uneven stamps. What the motion still leaves is not guessed: the same
+filter of a lower degree lets more of it through, and the difference of the two bounds it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+
+from fedora_qa.geometry import so3
+
+Float64 = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_WIDEST_STEP: Final = 1.5
+"""Stencils with a step wider than so many median steps are left out: something is missing there."""
+
+_NS_PER_US: Final = 1_000
+_MEDIAN_OF_NORMAL: Final = 0.6745
+"""Median size of a standard normal value."""
+_OUTLIER: Final = 8.0
+_FAR_OUT: Final = 5.0
+_MOST_OUTLIERS: Final = 0.1
+
+
+class Curve(Protocol):
+    """Samples of a motion, seen as vectors from one of them, between which differences mean something."""
+
+    def seen(self, stencils: Indices, centre: int) -> Float64:
+        """Return the vectors (n, m, 3) of the samples ``stencils`` (n, m), relative to column ``centre``."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Vectors:
+    """Samples (N, 3) of a space where differences are plain."""
+
+    values: Float64
+
+    def seen(self, stencils: Indices, centre: int) -> Float64:
+        """Return differences from the centre."""
+        return self.values[stencils] - self.values[stencils[:, centre, None]]
+
+
+@dataclass(frozen=True, slots=True)
+class Orientations:
+    """Unit quaternions (N, 4) x, y, z, w."""
+
+    orientations_xyzw: Float64
+
+    def seen(self, stencils: Indices, centre: int) -> Float64:
+        """Return the rotation vectors ``Log(q_centre^-1 q)``, rad, in the frame of the centre."""
+        q = self.orientations_xyzw
+        return so3.log_quaternion(so3.compose(so3.inverse(q[stencils[:, centre]])[:, None], q[stencils]))
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseLevel:
+    """Standard deviation of white noise on each axis of each sample.
+
+    Attributes
+    ----------
+    sigma, standard_error
+        As measured, and its error if it is noise.
+    robust
+        The same from the median: a few bad samples do not move it.
+    motion
+        What the motion may have added to sigma.
+    count
+        Number of differences that it rests on, three axes each.
+    """
+
+    sigma: float
+    standard_error: float
+    robust: float
+    motion: float
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Estimated jumps between neighbouring samples.
+
+    Attributes
+    ----------
+    before
+        (n,) index of the sample before each place that was tested.
+    sizes
+        (n, 3) jump of all that follows, on each axis.
+    gains
+        (n,) standard deviation of a size for white noise of 1.
+    motion
+        (n,) what the motion may have added to a size, each axis.
+    """
+
+    before: Indices
+    sizes: Float64
+    gains: Float64
+    motion: Float64
+
+
+def noise_level(times_ns: NDArray[np.int64], curve: Curve, *, order: int) -> NoiseLevel | None:
+    """Measure white noise by divided differences of an order, scaled to unit noise gain.
+
+    Neighbouring differences correlate; for even stamps the variance of their mean square is
+    ``sum_j (C(2d, d + j) / C(2d, d))^2 = C(4d, 2d) / C(2d, d)^2`` times that of independent ones. The motion's share
+    is what two orders more take away. None where there are too few samples.
+    """
+    found = _differences(times_ns, curve, order)
+    higher = _differences(times_ns, curve, order + 2)
+    if len(found) < order or len(higher) < order:
+        return None
+    sigma = _robust_rms(found)
+    correlation = comb(4 * order, 2 * order) / comb(2 * order, order) ** 2
+    return NoiseLevel(
+        sigma=sigma,
+        standard_error=sigma * float(np.sqrt(correlation / (2 * found.size))),
+        robust=float(np.median(np.abs(found))) / _MEDIAN_OF_NORMAL,
+        motion=max(0.0, sigma - _robust_rms(higher)),
+        count=len(found),
+    )
+
+
+def find_steps(times_ns: NDArray[np.int64], curve: Curve, *, half_width: int, degree: int, sigma: float) -> Steps:
+    """Estimate at every place the jump between a sample and the next: the matched filter of a step.
+
+    Least squares of a polynomial of ``degree`` plus a step, over ``half_width`` samples on either side. The same with
+    a degree less by two lets more motion through: where the two differ by more than noise of ``sigma`` can, anywhere
+    within reach of the filter, that is the bound.
+    """
+    stencils = _stencils(times_ns, 2 * half_width)
+    seen = curve.seen(stencils, half_width - 1)
+    sizes, gains, looser_sizes, difference_gains = _step_sizes(times_ns, stencils, seen, degree)
+    motion = np.abs(sizes - looser_sizes).max(axis=-1, initial=0.0)
+    beyond_noise = np.where(motion > _FAR_OUT * sigma * difference_gains, motion, 0.0)
+    nearby = maximum_filter1d(beyond_noise, 2 * half_width + 1, mode="nearest") if len(stencils) else beyond_noise
+    return Steps(stencils[:, half_width - 1], sizes, gains, nearby)
+
+
+def _step_sizes(
+    times_ns: NDArray[np.int64], stencils: Indices, seen: Float64, degree: int
+) -> tuple[Float64, Float64, Float64, Float64]:
+    offsets_us = _offsets_us(times_ns, stencils)
+    patterns, which = np.unique(offsets_us, axis=0, return_inverse=True)
+    tight, loose = _step_weights(patterns, degree), _step_weights(patterns, degree - 2)
+    which = which.reshape(-1)
+    sizes = np.einsum("nm,nmi->ni", tight[which], seen)
+    looser = np.einsum("nm,nmi->ni", loose[which], seen)
+    gains = np.linalg.norm(tight, axis=-1)[which]
+    return sizes, gains, looser, np.linalg.norm(tight - loose, axis=-1)[which]
+
+
+def _step_weights(offsets_us: NDArray[np.int64], degree: int) -> Float64:
+    """Return the weights (n, m) of the least-squares size of a step in the middle, beside a polynomial."""
+    count, samples = offsets_us.shape
+    middle = (offsets_us[:, samples // 2 - 1] + offsets_us[:, samples // 2]) / 2
+    scaled = (offsets_us - middle[:, None]) / max(1.0, float(np.abs(offsets_us).max(initial=1)))
+    step = np.broadcast_to(np.arange(samples) >= samples // 2, (count, samples)).astype(np.float64)
+    design = np.concatenate((scaled[..., None] ** np.arange(degree + 1), step[..., None]), axis=-1)
+    weights: Float64 = np.linalg.pinv(design)[:, -1, :]
+    return weights
+
+
+def _differences(times_ns: NDArray[np.int64], curve: Curve, order: int) -> Float64:
+    """Return the divided differences (n, 3) of an order, scaled such that unit white noise comes out as unit noise."""
+    stencils = _stencils(times_ns, order + 1)
+    offsets = _offsets_us(times_ns, stencils).astype(np.float64)
+    gaps = offsets[:, :, None] - offsets[:, None, :]
+    gaps[:, np.arange(order + 1), np.arange(order + 1)] = 1.0
+    step = max(float(np.median(np.diff(times_ns))) / _NS_PER_US, 1e-3) if len(times_ns) > 1 else 1.0
+    products = 1.0 / np.prod(gaps / step, axis=-1)
+    weights = products / np.linalg.norm(products, axis=-1, keepdims=True)
+    found: Float64 = np.einsum("nm,nmi->ni", weights, curve.seen(stencils, order // 2))
+    return found
+
+
+def _stencils(times_ns: NDArray[np.int64], size: int) -> Indices:
+    """Return runs of neighbours (n, size) without a gap among them."""
+    count = len(times_ns) - size + 1
+    if count < 1:
+        return np.empty((0, size), dtype=np.intp)
+    stencils: Indices = np.arange(count)[:, None] + np.arange(size)
+    steps_ns = np.diff(times_ns)
+    whole = (steps_ns[stencils[:, :-1]] <= _WIDEST_STEP * float(np.median(steps_ns))).all(axis=1)
+    chosen: Indices = stencils[whole]
+    return chosen
+
+
+def _offsets_us(times_ns: NDArray[np.int64], stencils: Indices) -> NDArray[np.int64]:
+    offsets: NDArray[np.int64] = (times_ns[stencils] - times_ns[stencils[:, :1]] + _NS_PER_US // 2) // _NS_PER_US
+    return offsets
+
+
+def _robust_rms(values: Float64) -> float:
+    """Return the root mean square without what lies far out, unless that is much: then it is no outlier."""
+    size = np.abs(values)
+    kept = size <= _OUTLIER * float(np.median(size)) / _MEDIAN_OF_NORMAL
+    chosen = values[kept] if np.count_nonzero(~kept) <= _MOST_OUTLIERS * kept.size else values
+    return float(np.sqrt(np.mean(np.square(chosen)))) if chosen.size else 0.0
+
+
+def sharpest(candidates: Sequence[Steps], sigma: float) -> Steps:
+    """Return the steps with the least error at their 90th percentile, six standard errors and the motion's share."""
+
+    def error(steps: Steps) -> float:
+        return float(np.quantile(steps.motion + 6.0 * sigma * steps.gains, 0.9)) if len(steps.before) else np.inf
+
+    return min(candidates, key=error)

@@ -1,0 +1,60 @@
+"""Hold one stored dataset to its description: type, rank, shape, and whether its chunks were ever written."""
+
+from math import ceil, prod
+
+import h5py
+import numpy as np
+
+from fedora_qa.layout.canonical import DatasetSpec
+from fedora_qa.layout.dialect import Place
+from fedora_qa.layout.links import RefusedError
+
+
+def legal_ranks(spec: DatasetSpec, place: Place) -> tuple[int, ...]:
+    """Return the ranks that the stored dataset may have.
+
+    Columns are picked from a last axis that a canonical dataset of rank 1 does not have, and that a grey image lacks.
+    """
+    rank = len(spec.shape)
+    if not place.columns:
+        return (rank,)
+    return (2,) if rank == 1 else (rank, rank - 1)
+
+
+def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
+    """Refuse what no safe conversion exists for: what is not numbers at all, and colours that are not 8-bit codes."""
+    numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None
+    if not numeric or (spec.key == "path/rgb" and dataset.dtype != np.uint8):
+        message = f"Expected {path} as {spec.dtype}, got {dataset.dtype}, which cannot be converted safely"
+        raise RefusedError("wrong_dtype", "wrong_dtype", message)
+
+
+def require_shape(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str) -> None:
+    """Refuse a rank, a fixed size or an empty image that the layout does not have."""
+    shape: tuple[int, ...] | None = dataset.shape
+    if (
+        shape is None
+        or len(shape) not in legal_ranks(spec, place)
+        or 0 in shape[1:]
+        or not _sizes_fit(spec, place, shape)
+    ):
+        expected = " x ".join(str(size) for size in spec.shape)
+        raise RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")
+
+
+def unwritten_chunks(dataset: h5py.Dataset) -> tuple[int, int]:
+    """Count the chunks that take no place in the file, and all chunks: a writer that was stopped leaves such."""
+    if not dataset.size:
+        return 0, 0
+    if dataset.chunks is None:
+        return int(dataset.id.get_storage_size() == 0), 1
+    chunks = prod(ceil(size / chunk) for size, chunk in zip(dataset.shape, dataset.chunks, strict=True))
+    return chunks - dataset.id.get_num_chunks(), chunks
+
+
+def _sizes_fit(spec: DatasetSpec, place: Place, shape: tuple[int, ...]) -> bool:
+    if place.columns:
+        has_columns = len(shape) == 2 or len(shape) == len(spec.shape)
+        entries = shape[-1] if has_columns else 1
+        return all(0 <= column < entries for column in place.columns)
+    return all(isinstance(size, str) or size == stored for size, stored in zip(spec.shape, shape, strict=True))

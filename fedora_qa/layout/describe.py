@@ -1,0 +1,127 @@
+"""Say what was found where: the rows of `fedora-qa layout`."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import h5py
+
+from fedora_qa.layout.binding import Binding
+from fedora_qa.layout.canonical import DATASETS, STREAMS
+from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
+from fedora_qa.layout.inventory import dataset_paths
+from fedora_qa.layout.resolve import Layout
+
+
+@dataclass(frozen=True, slots=True)
+class DatasetRow:
+    """One dataset as it lies in the file.
+
+    Attributes
+    ----------
+    key, stream, path
+        Canonical key, the stream that it is part of, and where it lies.
+    shape, dtype, chunks
+        As stored; ``chunks`` is None for contiguous storage.
+    codec
+        The filters that its bytes pass through, ``none`` where there are none.
+    units
+        Its label, empty where it has none.
+    conversion
+        What is done to reach canonical values, empty where nothing is.
+    """
+
+    key: str
+    stream: str
+    path: str
+    shape: tuple[int, ...]
+    dtype: str
+    chunks: tuple[int, ...] | None
+    codec: str
+    units: str
+    conversion: str
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """A file's layout, for people.
+
+    Attributes
+    ----------
+    datasets
+        What was found, in the order of the canonical layout.
+    absent
+        Each stream that is not there or not whole, and why.
+    unused
+        Datasets of the file that the dialect does not speak of.
+    problems
+        What is wrong, one sentence each.
+    inferred
+        What was concluded and not declared, by name.
+    """
+
+    dialect: str
+    datasets: tuple[DatasetRow, ...]
+    absent: tuple[tuple[str, str], ...]
+    unused: tuple[str, ...]
+    problems: tuple[str, ...]
+    inferred: tuple[tuple[str, str | float], ...]
+
+
+def describe(file: h5py.File, layout: Layout) -> Description:
+    """Describe what ``resolve`` found in a file."""
+    used = {binding.path for binding in layout.bindings.values()}
+    return Description(
+        dialect=layout.dialect_name,
+        datasets=tuple(_row(file[layout.bindings[key].path], layout.bindings[key]) for key in _found(layout)),
+        absent=tuple((stream, layout.absent[stream]) for stream in STREAMS if stream in layout.absent),
+        unused=tuple(path for path in dataset_paths(file) if path not in used),
+        problems=tuple(problem.message for problem in layout.problems),
+        inferred=tuple(layout.inferred.items()),
+    )
+
+
+def _found(layout: Layout) -> Iterator[str]:
+    return (key for key in DATASETS if key in layout.bindings)
+
+
+def _row(dataset: h5py.Dataset, binding: Binding) -> DatasetRow:
+    return DatasetRow(
+        key=binding.key,
+        stream=DATASETS[binding.key].stream,
+        path=binding.path,
+        shape=binding.shape,
+        dtype=str(binding.dtype),
+        chunks=dataset.chunks,
+        codec=_codec(dataset),
+        units=_units(dataset),
+        conversion=", ".join(_conversions(binding)),
+    )
+
+
+def _conversions(binding: Binding) -> Iterator[str]:
+    spec = DATASETS[binding.key]
+    if binding.columns is not None:
+        yield f"columns {', '.join(map(str, binding.columns))} of the last axis"
+    if binding.ns_per_unit is not None and binding.ns_per_unit != NS_PER_TIME_UNIT["us"]:
+        unit = next(name for name, ns in NS_PER_TIME_UNIT.items() if ns == binding.ns_per_unit)
+        yield f"stamps in {unit}"
+    if binding.offset_ns:
+        yield f"stamps {binding.offset_ns / NS_PER_TIME_UNIT['us']:+.16g} us"
+    if binding.scale != 1.0:
+        yield f"values times {binding.scale:.6g} to {spec.units}"
+    if binding.polarity != "01":
+        yield "polarity 1, -1 to 1, 0" if binding.polarity == "plus_minus" else "polarity inverted"
+
+
+def _codec(dataset: h5py.Dataset) -> str:
+    filters = dataset.id.get_create_plist()
+    names = [filters.get_filter(i)[3].decode("utf-8", "replace") for i in range(filters.get_nfilters())]
+    return " + ".join(name.split(";")[0].strip() for name in names) or "none"
+
+
+def _units(dataset: h5py.Dataset) -> str:
+    try:
+        label = dataset.attrs.get("units", "")
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError):
+        return ""
+    return label.decode("utf-8", "replace") if isinstance(label, bytes) else str(label)

@@ -1,0 +1,60 @@
+"""Recognise the dialect of a file."""
+
+import h5py
+
+from fedora_qa.conventions import FORMAT_NAME
+from fedora_qa.layout.canonical import DATASETS, DatasetSpec
+from fedora_qa.layout.conform import legal_ranks
+from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, Hint, Place, load_dialect
+from fedora_qa.layout.links import RefusedError, find_dataset
+
+_KINDS = {"int": "iu", "float": "f"}
+
+
+def declares_fedora(file: h5py.File) -> bool:
+    """Whether the file says that it follows the canonical layout."""
+    try:
+        declared = file.attrs.get("format")
+    except (OSError, RuntimeError, TypeError):
+        return False
+    return isinstance(declared, str | bytes) and declared in {FORMAT_NAME, FORMAT_NAME.encode()}
+
+
+def detect_dialect(file: h5py.File) -> Dialect:
+    """Return the dialect that the file declares, or else the one that finds most datasets.
+
+    Hints decide between equals, then the order of ``DIALECT_NAMES``; a file in which nothing is found is read as
+    canonical, so that everything is reported absent from there.
+    """
+    dialects = [load_dialect(name) for name in DIALECT_NAMES]
+    if declares_fedora(file):
+        return dialects[0]
+    return max(dialects, key=lambda dialect: (_found(file, dialect), _hinted(file, dialect)))
+
+
+def _found(file: h5py.File, dialect: Dialect) -> int:
+    places = ((spec, dialect.place_of(spec.key)) for spec in DATASETS.values())
+    return sum(place is not None and _fits(file, spec, place) for spec, place in places)
+
+
+def _fits(file: h5py.File, spec: DatasetSpec, place: Place) -> bool:
+    dataset = _dataset(file, place.path or spec.key)
+    return dataset is not None and len(dataset.shape) in legal_ranks(spec, place)
+
+
+def _hinted(file: h5py.File, dialect: Dialect) -> bool:
+    return any(_agrees(_dataset(file, hint.path), hint) for hint in dialect.hints)
+
+
+def _agrees(dataset: h5py.Dataset | None, hint: Hint) -> bool:
+    if dataset is None or hint.rank not in {None, len(dataset.shape)}:
+        return False
+    return hint.kind is None or dataset.dtype.kind in _KINDS[hint.kind]
+
+
+def _dataset(file: h5py.File, path: str) -> h5py.Dataset | None:
+    try:
+        dataset = find_dataset(file, path)
+    except RefusedError:
+        return None
+    return None if dataset is None or dataset.shape is None else dataset

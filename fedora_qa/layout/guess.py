@@ -1,0 +1,186 @@
+"""Guess what a dataset of an unknown file is, from its name, shape, type and first values. Each guess has a reason."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import FLOW_RATES_HZ, NS_PER_S
+from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
+from fedora_qa.layout.inventory import Item
+
+_EPOCH_S: Final = (1e9, 1e10)
+"""Seconds since 1970 of stamps between 2001 and 2286."""
+
+_STEP_NS: Final = {"frames": (1e6, 1e9), "samples": (1e5, 1e8), "events": (0.0, 1e7)}
+"""Plausible steps between stamps: frames at 1 to 1000 Hz, samples at 10 Hz to 10 kHz, events less than 10 ms apart."""
+
+_METRES_BELOW: Final = 200.0
+"""A median depth below this is metres, above it millimetres: 200 m is beyond, 20 cm within what a drone looks at."""
+
+_SAME_RATE: Final = 0.05
+"""Intervals nearer than this to those of a rate that the layout names are meant to be of that rate."""
+
+_NAMES: Final = {
+    "path/imu/angular_velocity": ("angular", "gyr", "omega", "w"),
+    "path/imu/linear_acceleration": ("accel", "acc", "a", "linear_acc"),
+    "path/pose/position": ("pos", "trans", "p"),
+}
+"""Beginnings of the names that three columns go by."""
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """A place for a canonical dataset, as the fields of ``dialect.Place`` that differ from their defaults."""
+
+    key: str
+    fields: dict[str, str | list[int]]
+    reason: str
+
+
+def guess_places(items: Sequence[Item]) -> tuple[Guess, ...]:
+    """Return one guess for each canonical dataset for which there is a candidate, the first found."""
+    guesses: dict[str, Guess] = {}
+    for guess in (*_events_in_columns(items), *_events_apart(items), *_images(items), *_flow(items), *_samples(items)):
+        guesses.setdefault(guess.key, guess)
+    return tuple(guesses.values())
+
+
+def unit_of_stamps(stamps: NDArray[np.float64], kind: str) -> tuple[str, str]:
+    """Return the unit in which stamps are plausible, and why: by their magnitude since 1970, else by their step."""
+    for unit, ns in NS_PER_TIME_UNIT.items():
+        if _EPOCH_S[0] <= abs(float(stamps[0])) * ns / 1e9 < _EPOCH_S[1] and kind != "events":
+            return unit, f"{stamps[0]:.10g} is a date in {unit}"
+    step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
+    if kind == "events":
+        step = float(stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
+    low, high = _STEP_NS[kind]
+    for unit in ("us", "ns", "s", "ms"):
+        if low <= step * NS_PER_TIME_UNIT[unit] <= high:
+            return unit, f"steps of {step:.4g} {unit} are plausible for {kind}"
+    return "us", "no unit makes the steps plausible; microseconds assumed"
+
+
+def _events_in_columns(items: Sequence[Item]) -> Iterator[Guess]:
+    for item in items:
+        if len(item.shape) != 2 or item.shape[1] != 4:
+            continue
+        columns = item.head.astype(np.float64)
+        codes = [set(np.unique(column)) for column in columns.T]
+        polarity = [i for i, code in enumerate(codes) if code <= {0.0, 1.0} or code <= {-1.0, 1.0}]
+        advancing = [i for i, column in enumerate(columns.T) if np.all(np.diff(column) >= 0) and np.ptp(column) > 0]
+        if len(polarity) != 1 or len(advancing) != 1 or polarity == advancing:
+            continue
+        t, p = advancing[0], polarity[0]
+        x, y = (i for i in range(4) if i not in {t, p})
+        unit, why = unit_of_stamps(columns[:, t], "events")
+        yield Guess("path/events/x", {"path": item.path, "columns": [x]}, "the first column that is neither t nor p")
+        yield Guess("path/events/y", {"path": item.path, "columns": [y]}, "the second such column")
+        yield Guess("path/events/t", {"path": item.path, "columns": [t], "time_unit": unit}, f"it never falls; {why}")
+        yield Guess("path/events/p", {"path": item.path, "columns": [p], **_polarity(codes[p])}, _code_reason(codes[p]))
+
+
+def _events_apart(items: Sequence[Item]) -> Iterator[Guess]:
+    flat = {item.path: item for item in items if len(item.shape) == 1}
+    for x in flat.values():
+        if x.name != "x":
+            continue
+        siblings = {name: flat.get("/".join(filter(None, (x.group, name)))) for name in "ytp"}
+        y, t, p = siblings["y"], siblings["t"], siblings["p"]
+        if y is None or t is None or p is None or len({item.shape for item in (x, y, t, p)}) > 1:
+            continue
+        unit, why = unit_of_stamps(t.head.astype(np.float64), "events")
+        codes = set(np.unique(p.head.astype(np.float64)))
+        yield Guess("path/events/x", {"path": x.path}, "its name, beside y, t and p of equal length")
+        yield Guess("path/events/y", {"path": y.path}, "its name")
+        yield Guess("path/events/t", {"path": t.path, "time_unit": unit}, why)
+        yield Guess("path/events/p", {"path": p.path, **_polarity(codes)}, _code_reason(codes))
+
+
+def _images(items: Sequence[Item]) -> Iterator[Guess]:
+    for item in items:
+        rank, kind = len(item.shape), item.dtype
+        if kind == np.uint8 and rank == 4 and item.shape[3] == 3:
+            yield from _with_stamps(items, item, Guess("path/rgb", {"path": item.path}, "8-bit images, three channels"))
+        elif kind == np.uint8 and rank == 3:
+            grey = Guess("path/rgb", {"path": item.path, "columns": [0, 0, 0]}, "8-bit grey images, read as R = G = B")
+            yield from _with_stamps(items, item, grey)
+        elif kind.kind == "f" and rank == 3 and min(item.shape[1:]) > 4:
+            yield from _with_stamps(items, item, _depth(item))
+
+
+def _depth(item: Item) -> Guess:
+    values = item.head[np.isfinite(item.head) & (item.head > 0)]
+    median = float(np.median(values)) if values.size else 0.0
+    unit = "m" if 0 < median < _METRES_BELOW else "mm"
+    return Guess("path/depth", {"path": item.path, "value_unit": unit}, f"float images; median {median:.4g} is {unit}")
+
+
+def _flow(items: Sequence[Item]) -> Iterator[Guess]:
+    """Fields of two components beside intervals of equal number; the interval's length names the rate."""
+    for item in items:
+        if len(item.shape) != 4 or item.shape[3] != 2 or item.dtype.kind != "f":
+            continue
+        candidates = [other for other in items if other.shape == (item.shape[0], 2) and other.dtype.kind in "iuf"]
+        if not candidates:
+            continue
+        stamps = max(candidates, key=lambda other: _nearness(other, item))
+        lengths = np.diff(stamps.head.astype(np.float64), axis=1)
+        for unit, rate_hz in ((unit, rate_hz) for unit in ("us", "ns", "s", "ms") for rate_hz in FLOW_RATES_HZ):
+            length_s = float(np.median(lengths)) * NS_PER_TIME_UNIT[unit] / NS_PER_S
+            if np.isclose(length_s * rate_hz, 1.0, rtol=_SAME_RATE):
+                reason = f"two float components; intervals of {stamps.path} are 1/{rate_hz} s in {unit}"
+                yield Guess(f"path/flow/{rate_hz}hz", {"path": item.path}, reason)
+                fields: dict[str, str | list[int]] = {"path": stamps.path, "time_unit": unit}
+                yield Guess(f"path/flow/{rate_hz}hz_ts", fields, f"two columns, as long as {item.path}")
+
+
+def _samples(items: Sequence[Item]) -> Iterator[Guess]:
+    for item in items:
+        if len(item.shape) != 2 or item.dtype.kind != "f":
+            continue
+        if item.shape[1] == 3:
+            for key, names in _NAMES.items():
+                if any(item.name == name or (len(name) > 1 and item.name.startswith(name)) for name in names):
+                    guess = Guess(key, {"path": item.path}, "three columns, and its name")
+                    yield from _with_stamps(items, item, guess)
+        elif item.shape[1] == 4 and np.allclose(np.linalg.norm(item.head, axis=1), 1.0, atol=1e-3):
+            reason = "four columns of unit length; that the order is x, y, z, w cannot be told from the values"
+            guess = Guess("path/pose/orientation", {"path": item.path, "quaternion": "xyzw"}, reason)
+            yield from _with_stamps(items, item, guess)
+
+
+def _with_stamps(items: Sequence[Item], item: Item, guess: Guess) -> Iterator[Guess]:
+    """Yield the guess, and one for the stamps of equal length whose name and place are nearest."""
+    yield guess
+    candidates = [other for other in items if _may_be_stamps(other, item.shape[0])]
+    if candidates:
+        best = max(candidates, key=lambda other: _nearness(other, item))
+        frames = guess.key in {"path/rgb", "path/depth"}
+        unit, why = unit_of_stamps(best.head.astype(np.float64), "frames" if frames else "samples")
+        key = f"{guess.key}_ts" if frames else f"{guess.key.rpartition('/')[0]}/ts"
+        yield Guess(key, {"path": best.path, "time_unit": unit}, f"as long as {item.path}, never falls; {why}")
+
+
+def _may_be_stamps(item: Item, length: int) -> bool:
+    if item.shape != (length,) or item.dtype.kind not in "iuf":
+        return False
+    head = item.head.astype(np.float64)
+    return bool(np.all(np.isfinite(head)) and np.all(np.diff(head) >= 0))
+
+
+def _nearness(stamps: Item, item: Item) -> tuple[int, int, int]:
+    """Order candidates: a name that says time, the common beginning of the paths, the shorter path."""
+    says_time = any(word in stamps.name for word in ("ts", "time", "stamp")) or stamps.name == "t"
+    common = next((i for i, (a, b) in enumerate(zip(stamps.path, item.path, strict=False)) if a != b), len(item.path))
+    return int(says_time), common, -len(stamps.path)
+
+
+def _polarity(codes: set[float]) -> dict[str, str | list[int]]:
+    return {"polarity": "plus_minus"} if -1.0 in codes else {}
+
+
+def _code_reason(codes: set[float]) -> str:
+    return f"its values are {', '.join(f'{code:g}' for code in sorted(codes)[:4])}; that 1 is brighter is assumed"

@@ -1,0 +1,68 @@
+"""List the datasets that lie in a file, whatever they are."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import h5py
+import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the Blosc codec
+import numpy as np
+from numpy.typing import NDArray
+
+HEAD_ROWS: Final = 256
+"""Rows that are read to guess what a dataset holds."""
+
+_IMAGE_ROWS: Final = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A dataset of numbers, with its first rows (of images: its first)."""
+
+    path: str
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    head: NDArray[Any]
+
+    @property
+    def name(self) -> str:
+        """Last part of the path, in lower case."""
+        return self.path.rsplit("/", 1)[-1].lower()
+
+    @property
+    def group(self) -> str:
+        """The path without its last part."""
+        return self.path.rpartition("/")[0]
+
+
+def dataset_paths(file: h5py.File) -> tuple[str, ...]:
+    """Return the paths of all datasets that can be reached without following links out of their group.
+
+    Damaged groups end the walk early; what was found until then is returned.
+    """
+    paths: list[str] = []
+
+    def note(path: str, found: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(found, h5py.Dataset):
+            paths.append(path)
+
+    try:
+        file.visititems(note)
+    except (OSError, RuntimeError, KeyError, ValueError):
+        return tuple(paths)
+    return tuple(paths)
+
+
+def take_inventory(file: h5py.File) -> tuple[Item, ...]:
+    """Return every dataset of numbers of rank 1 or more whose first rows can be read."""
+    items: list[Item] = []
+    for path in dataset_paths(file):
+        dataset = file[path]
+        outside = dataset.is_virtual or dataset.external
+        if not dataset.shape or not dataset.size or dataset.dtype.kind not in "iufb" or outside:
+            continue
+        rows = _IMAGE_ROWS if dataset.ndim > 2 else HEAD_ROWS
+        try:
+            items.append(Item(path, dataset.shape, dataset.dtype, np.asarray(dataset[:rows])))
+        except (OSError, RuntimeError, ValueError):
+            continue
+    return tuple(items)

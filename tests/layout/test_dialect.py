@@ -1,0 +1,88 @@
+"""Dialects are data that is read strictly."""
+
+from math import pi
+from pathlib import Path
+
+import pytest
+
+from fedora_qa.errors import MisuseError
+from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.dialect import DIALECT_NAMES, Place, load_dialect, scale_of
+
+MINIMAL = 'name = "mine"\n[datasets]\n'
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "dialect.toml"
+    path.write_text(text, "utf-8")
+    return path
+
+
+@pytest.mark.parametrize("name", DIALECT_NAMES)
+def test_every_dialect_loads(name: str) -> None:
+    """Each dialect that is known by name reads, carries its name, and says what it is."""
+    dialect = load_dialect(name)
+    assert dialect.name == name
+    assert dialect.description
+
+
+def test_canonical_dialect_places_everything_canonically() -> None:
+    """The dialect ``fedora`` puts every dataset where the layout has it."""
+    dialect = load_dialect("fedora")
+    assert all(dialect.place_of(key) == Place() and dialect.is_canonical(key) for key in DATASETS)
+
+
+def test_other_dialects_have_no_place_for_what_they_do_not_name() -> None:
+    """DSEC's events.h5 has events and nothing else."""
+    dialect = load_dialect("dsec")
+    assert dialect.place_of("path/events/t") is not None
+    assert dialect.place_of("path/depth") is None
+
+
+def test_own_dialect_can_build_on_the_canonical_one(tmp_path: Path) -> None:
+    """A file that differs in one unit needs one line."""
+    text = 'name = "metres"\ncanonical_elsewhere = true\n[datasets]\n"path/depth" = { value_unit = "m" }\n'
+    dialect = load_dialect(written(tmp_path, text))
+    depth = dialect.place_of("path/depth")
+    assert depth is not None
+    assert scale_of("path/depth", depth) == 1000.0
+    assert not dialect.is_canonical("path/depth")
+    assert dialect.is_canonical("path/rgb")
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ('name = "x"\nfoo = 1\n', "foo"),
+        (MINIMAL + '"path/dept" = { path = "d" }\n', "path/dept"),
+        (MINIMAL + '"path/depth" = { pth = "d" }\n', "pth"),
+        (MINIMAL + '"path/depth" = { value_unit = "furlong" }\n', "furlong"),
+        (MINIMAL + '"path/events/t" = { time_unit = "minutes" }\n', "time_unit"),
+        (MINIMAL + '"path/events/p" = { polarity = "yes" }\n', "polarity"),
+        (MINIMAL + '"path/events/x" = { columns = ["a"] }\n', "columns"),
+        ('description = "nameless"\n', "name"),
+        ("name = \n", "TOML"),
+    ],
+    ids=["unknown key", "unknown dataset", "unknown field", "value unit", "time unit", "polarity", "columns", "no name",
+         "not TOML"],
+)  # fmt: skip
+def test_misuse_names_the_key(tmp_path: Path, text: str, named: str) -> None:
+    """Whatever does not fit is refused, and the message names it."""
+    with pytest.raises(MisuseError, match=named):
+        load_dialect(written(tmp_path, text))
+
+
+def test_unknown_dialect_lists_the_known() -> None:
+    """A name that is neither a dialect nor a file is misuse."""
+    with pytest.raises(MisuseError, match="purdue-lab"):
+        load_dialect("klingon")
+
+
+@pytest.mark.parametrize(
+    ("key", "unit", "scale"),
+    [("path/depth", "m", 1000.0), ("path/depth", "", 1.0), ("path/pose/position", "mm", 1e-3),
+     ("path/imu/angular_velocity", "deg/s", pi / 180), ("path/imu/linear_acceleration", "g", 9.80665)],
+)  # fmt: skip
+def test_scales(key: str, unit: str, scale: float) -> None:
+    """Canonical value = stored value times scale (g is standard gravity, by definition)."""
+    assert scale_of(key, Place(value_unit=unit)) == pytest.approx(scale, rel=1e-15)

@@ -1,0 +1,155 @@
+"""Numbers, places and verdicts in words."""
+
+import unicodedata
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fedora_qa.record.types import Coverage, Measurement, Result, Where
+from fedora_qa.record.wording import (
+    cause_sentence,
+    coverage_words,
+    explained_checks,
+    findings_of,
+    headline,
+    number,
+    place,
+    principal,
+    printable,
+    why_incomplete,
+    with_error,
+)
+from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed
+
+ERRORS = {
+    "one digit": (2.0634, 0.031, "ms", "2.06 ± 0.03 ms"),
+    "two digits after a one": (2.0634, 0.0131, "ms", "2.063 ± 0.013 ms"),
+    "large": (12345.6, 230.0, "events", "12300 ± 200 events"),
+    "negative": (-0.05, 0.002, "m/s^2", "-0.050 ± 0.002 m/s^2"),
+    "pure number": (57.3, 0.3, "1", "57.3 ± 0.3"),
+    "tiny": (3.1e-9, 2.2e-10, "rad", "3.1e-09 ± 2e-10 rad"),
+    "no error": (3.0, 0.0, "samples", "3 samples"),
+    "unknown error": (0.25, None, "px", "0.25 px"),
+    "no value": (None, 0.1, "ms", "not a number ms"),
+}
+
+
+@pytest.mark.parametrize(("value", "error", "unit", "words"), ERRORS.values(), ids=ERRORS.keys())
+def test_with_error(value: float | None, error: float | None, unit: str, words: str) -> None:
+    """A value is shown to the digits that its error allows."""
+    assert with_error(value, error, unit) == words
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False), st.floats(1e-300, 1e300))
+def test_with_error_takes_any_number(value: float, error: float) -> None:
+    """No magnitude breaks the rounding, and none fills the screen."""
+    assert len(with_error(value, error, "ms")) < 40
+
+
+@pytest.mark.parametrize(("value", "words"), [(3.0, "3"), (58139, "58139"), (0.123456, "0.1235"), (1e9, "1e+09")])
+def test_number(value: float, words: str) -> None:
+    """Counts are shown in full, measurements with four digits."""
+    assert number(value) == words
+
+
+PLACES = {
+    "nothing": (Where(), ""),
+    "time of an epoch clock": (Where(stream="rgb", start_us=1.7e15 + 1), "rgb, at 1700000000.000001 s"),
+    "interval": (Where(stream="events", start_us=0.0, stop_us=2e6), "events, 0 s to 2 s"),
+    "half-open rows": (Where(stream="pose", index_start=98, index_stop=101), "pose, rows 98 to 100"),
+    "one row": (Where(stream="pose", index_start=98, index_stop=99), "pose, row 98"),
+    "pixel and frame": (Where(frame=5, pixel=(17, 4)), "frame 5, pixel (17, 4)"),
+    "tile": (Where(tile=(32, 0, 64, 32)), "tile (32, 0) to (64, 32)"),
+}
+
+
+@pytest.mark.parametrize(("where", "words"), PLACES.values(), ids=PLACES.keys())
+def test_place(where: Where, words: str) -> None:
+    """A place names the stream, the time to the microsecond, rows, frame and pixel, as far as known."""
+    assert place(where) == words
+
+
+@given(st.text(st.characters(codec=None)))
+def test_printable_is_one_harmless_line(content: str) -> None:
+    """No character that moves the cursor, hides text or turns its direction survives."""
+    shown = printable(content)
+    assert not {"Cc", "Cf", "Cs", "Zl", "Zp"} & {unicodedata.category(character) for character in shown}
+
+
+def test_printable_removes_escape_sequences_whole() -> None:
+    """Colours, titles and links of a hostile name leave no rubbish behind."""
+    assert printable("\x1b[31mred\x1b[0m \x1b]0;title\x07\x1b]8;;http://x\x1b\\a\nb") == "red a b"
+
+
+def test_printable_keeps_letters_of_all_languages() -> None:
+    """Only what is invisible goes."""
+    assert printable("Flug über 東京 ± 0.1") == "Flug über 東京 ± 0.1"
+
+
+def test_principal_is_the_farthest_out() -> None:
+    """Of several measurements the one is shown that lies farthest out for its limit."""
+    found = principal(failed())
+    assert found is not None
+    assert found.name == "offset"
+
+
+def test_principal_of_a_passed_check_is_within_its_limit() -> None:
+    """A one-sided measurement that is far out on the harmless side is not the news."""
+    one_sided = Measurement("focal", 311.8, "px", 0.0, 0.0, 0.0, None)
+    usual = Measurement("skew", 0.1, "px", 0.1, 0.0, 0.6, 0.8)
+    assert principal(replace(passed(), measurements=(one_sided, usual))) == usual
+
+
+def test_principal_of_nothing() -> None:
+    """A check that measured nothing has no principal measurement."""
+    assert principal(crashed()) is None
+
+
+def test_cause_in_one_sentence() -> None:
+    """A diagnosis reads as stream, fault and size with its error."""
+    assert cause_sentence(late_events()) == "events: stamps are late by a constant, 2.06 ± 0.03 ms"
+
+
+def test_cause_of_a_later_version_is_still_shown() -> None:
+    """An identifier that this version does not know is shown as it is."""
+    assert cause_sentence(replace(late_events(), cause="new_fault", magnitude=None)) == "events: new fault"
+
+
+def test_explained_checks() -> None:
+    """A diagnosis names the checks whose findings it explains, no others."""
+    assert explained_checks(late_events(), file_record(passed(), failed())) == ("event_response.timing",)
+
+
+def test_failures_come_before_warnings() -> None:
+    """A warning of an early check does not stand above a failure of a later one."""
+    warned = Result("a.b", "warned", "?", findings=(replace(failed().findings[1], id="F0"),))
+    assert [finding.id for _, finding in findings_of(file_record(warned, failed()))] == ["F1", "F0", "F2"]
+
+
+def test_headline_counts_the_gravest_first() -> None:
+    """The verdict stands before what it rests on."""
+    file = file_record(passed(), failed(), not_observable(), passed("a.b"))
+    assert headline(file) == "FINDINGS: 1 failed, 2 passed, 1 not observable"
+
+
+COVERAGES = {
+    "all": (Coverage(101, 101, "frames"), "all 101 frames"),
+    "some": (Coverage(12, 101, "frames"), "12 of 101 frames (11.9%)"),
+    "nothing to see": (Coverage(0, 0, "events"), "all 0 events"),
+    "unknown": (None, ""),
+}
+
+
+@pytest.mark.parametrize(("coverage", "words"), COVERAGES.values(), ids=COVERAGES.keys())
+def test_coverage(coverage: Coverage | None, words: str) -> None:
+    """Coverage says what was seen, and the share where it is not all."""
+    assert coverage_words(coverage) == words
+
+
+def test_incomplete_says_why() -> None:
+    """A verdict that is incomplete names the crashed check; without one, that nothing was compared."""
+    assert why_incomplete(file_record(crashed())) == "crashed: imu.noise"
+    assert "no stream" in why_incomplete(replace(file_record(passed()), verdict="incomplete"))
+    assert why_incomplete(file_record(failed())) == ""
