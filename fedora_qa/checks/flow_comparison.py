@@ -50,6 +50,8 @@ class FieldError:
         As ``squares``, over the pixels of the fit only, after the best correction whatever the noise; NaN if not asked.
     free_shift_m
         Length of that correction's translation.
+    repeats
+        Whether an off field equals the one before it bit for bit.
     evidence
         Normal equations of the small faults; None where nothing called for them.
     """
@@ -67,6 +69,7 @@ class FieldError:
     free_squares: float = float("nan")
     free_pixels: int = 0
     free_shift_m: float = float("nan")
+    repeats: bool = False
     evidence: Evidence | None = None
 
     @property
@@ -117,6 +120,7 @@ def compare_field(
         result = _held_to_noise(result, track, fit, noise)
     if result.suspicion <= 1 and result.twist_chi2 <= _ORDINARY * result.twist_dof:
         return result
+    result = replace(result, repeats=_repeats_the_last(window, interval))
     return _examined(result, track, motion, sample, fit, noise)
 
 
@@ -177,9 +181,10 @@ def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | No
 def templates_of(track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample) -> Float64:
     """Return the templates of the small faults for one field."""
 
-    def remounted(rotation_rad: Float64) -> RigidMotion:
+    def remounted(rotation_rad: Float64, shift_m: Float64) -> RigidMotion:
         T_body_camera = track.camera.T_body_camera.copy()
         T_body_camera[:3, :3] = T_body_camera[:3, :3] @ exp(-rotation_rad)
+        T_body_camera[:3, 3] -= shift_m
         return track.mounted(T_body_camera).motion(interval.start_ns, interval.end_ns) or motion
 
     def delayed(seconds: float) -> RigidMotion | None:
@@ -187,6 +192,14 @@ def templates_of(track: PoseTrack, interval: Interval, motion: RigidMotion, samp
         return track.motion(interval.start_ns + shift_ns, interval.end_ns + shift_ns)
 
     return small_fault_templates(track.camera.K, motion, sample, remounted, delayed)
+
+
+def _repeats_the_last(window: Window, interval: Interval) -> bool:
+    """Whether the field equals the one before it, bit for bit, and is not zero throughout."""
+    if interval.row == 0:
+        return False
+    stored, last = (window.flow_px(interval.stream, row) for row in (interval.row, interval.row - 1))
+    return np.array_equal(stored, last, equal_nan=True) and bool(np.any(np.nan_to_num(stored)))
 
 
 def _held_to_noise(result: FieldError, track: PoseTrack, fit: MotionFit, noise: PoseModel) -> FieldError:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.flow_comparison import is_noisy, sample_field
 from fedora_qa.checks.flow_intervals import Interval, PoseTrack, frame_at, pose_track
 from fedora_qa.checks.intermediates import luma_dn
-from fedora_qa.estimators.flow_mask import edges, flow_edges, inverse_depth, seen_in_both
+from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both
 from fedora_qa.estimators.flow_motion_fit import fit_motion, twist_statistic
 from fedora_qa.estimators.flow_tiles import patches_of, pixels_of
 from fedora_qa.estimators.flow_warp import read_at_pixels, read_between, smooth
@@ -109,16 +109,14 @@ def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair 
     return None if before is None or after is None else FramePair(window, optics, before, after)
 
 
-def visible(window: Window, interval: Interval, origins: Int64, flow_patches: Float32) -> Mask:
+def visible(window: Window, interval: Interval, origins: Int64) -> Mask:
     """Return which pixels of tiles (n, 32, 32) both frames show.
 
-    From depth and motion where both are there; otherwise from the breaks of the flow itself, which is weaker: a strip
-    that becomes occluded is then not left out.
+    From depth and motion where both are there; otherwise from the flow itself, which is weaker.
     """
     geometry = _geometry(window, interval)
     if geometry is None:
-        stored = window.flow_px(interval.stream, interval.row)
-        return np.asarray(patches_of(flow_edges(stored), origins, halo_px=0) == 0)
+        return _visible_by_flow(window, interval, origins)
     K, motion, frame0, frame1, uncertainty_px = geometry
     near_edge = patches_of(_edges(window, frame0), origins, halo_px=0) > 0
     columns, rows = pixels_of(origins, halo_px=0)
@@ -129,6 +127,19 @@ def visible(window: Window, interval: Interval, origins: Int64, flow_patches: Fl
         inverse0.reshape(flat), _inverse_depth(window, frame1), _edges(window, frame1), uncertainty_px,
     )  # fmt: skip
     return np.asarray(seen.reshape(columns.shape) & ~near_edge)
+
+
+def _visible_by_flow(window: Window, interval: Interval, origins: Int64) -> Mask:
+    stored = window.flow_px(interval.stream, interval.row)
+    breaks, crowded = flow_conflicts(stored)
+    columns, rows = pixels_of(origins, halo_px=0)
+    flow_px = patches_of(stored, origins, halo_px=0)
+    height, width = breaks.shape
+    with np.errstate(invalid="ignore"):
+        at_columns, at_rows = np.rint(columns + flow_px[..., 0]), np.rint(rows + flow_px[..., 1])
+        inside = (at_columns >= 0) & (at_columns < width) & (at_rows >= 0) & (at_rows < height)
+    there = crowded[np.where(inside, at_rows, 0).astype(np.int64), np.where(inside, at_columns, 0).astype(np.int64)]
+    return np.asarray(inside & (there == 0) & (patches_of(breaks, origins, halo_px=0) == 0))
 
 
 def _geometry(window: Window, interval: Interval) -> tuple[Float64, RigidMotion, int, int, float] | None:
@@ -152,9 +163,7 @@ def _best_motion(
     noise = window.facts.declared.pose
     if noise is None or not is_noisy(noise):
         return motion, 0.0
-    covariance = track.covariance(
-        interval.start_ns, interval.end_ns, noise.position_sigma_m, noise.rotation_sigma_rad
-    )
+    covariance = track.covariance(interval.start_ns, interval.end_ns, noise.position_sigma_m, noise.rotation_sigma_rad)
     sample = sample_field(window, interval, frame)
     fit = None if sample is None else fit_motion(track.camera.K, motion, sample)
     if fit is not None:

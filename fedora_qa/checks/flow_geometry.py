@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.flow_comparison import FieldError, compare_field, is_noisy
+from fedora_qa.checks.flow_geometry_suspects import geometry_suspects
 from fedora_qa.checks.flow_hypotheses import Weighed, weigh_hypotheses
-from fedora_qa.checks.flow_intervals import PoseTrack, frame_at, owned_intervals, place, pose_track
-from fedora_qa.checks.flow_suspects import geometry_suspects
+from fedora_qa.checks.flow_intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -79,7 +79,7 @@ class Endpoint(WindowCheck[WindowErrors]):
                 track = track or pose_track(window, window.facts.declared.cameras["depth"])
                 frame = frame_at(window.facts.clocks["depth"], interval.start_ns)
                 motion = track.motion(interval.start_ns, interval.end_ns)
-                if frame is None:
+                if frame is None or not ends_on_frame(window.facts, interval):
                     without_depth += 1
                 elif motion is None:
                     without_pose += 1
@@ -213,7 +213,7 @@ def _suspicion(fields: Sequence[FieldError]) -> float:
 
 def _why_none(state: Sequence[WindowErrors]) -> str:
     reasons: Mapping[str, int] = {
-        "start at no depth frame": sum(errors.without_depth for errors in state),
+        "start or end on no frame": sum(errors.without_depth for errors in state),
         "are not covered by poses": sum(errors.without_pose for errors in state),
         "share too few valid pixels with the depth": sum(errors.too_few_pixels for errors in state),
     }

@@ -9,14 +9,18 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.flow_comparison import FEWEST_PIXELS, field_covariance, sample_field
 from fedora_qa.checks.flow_intervals import Interval, PoseTrack, frame_at, interval_at
-from fedora_qa.conventions import MM_PER_M, R_BODY_OPTICAL
+from fedora_qa.conventions import MM_PER_M, NS_PER_S, R_BODY_OPTICAL
 from fedora_qa.estimators.flow_motion_fit import FlowSample, fit_motion, weigh_templates
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.sequence.window import Window
+from fedora_qa.geometry.rigid_flow import rigid_flow
+from fedora_qa.geometry.so3 import compose
+from fedora_qa.sequence.facts import Clock
+from fedora_qa.sequence.window import PoseSamples, Window
 
 Float64 = NDArray[np.float64]
 
 _SHIFTS_PX: Final = (-8, -4, -3, -2, -1, 1, 2, 3, 4, 8)
+_NEIGHBOURS: Final = (-2, -1, 1, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +58,9 @@ def weigh_hypotheses(window: Window, track: PoseTrack, interval: Interval, frame
     as_stored = _deviation(track, interval, sample, motion, window)
     still = replace(sample, flow_px=np.zeros_like(sample.flow_px))
     reference = min(as_stored, _deviation(track, interval, still, motion, window))
-    if reference <= 0:
-        return []
+    if not 0 < reference < np.inf:
+        reference = float(np.sqrt(np.mean(np.sum(sample.flow_px**2, axis=1))))
     best: dict[tuple[str, str], Weighed] = {}
-    if _repeats_the_last(window, interval):
-        best["frozen_frames", "flow"] = Weighed(interval.stream, "frozen_frames", "flow", 1.0)
     for hypothesis in _hypotheses(window, track, interval, sample, motion, frame):
         if hypothesis.sample is None or hypothesis.motion is None:
             continue
@@ -67,16 +69,6 @@ def weigh_hypotheses(window: Window, track: PoseTrack, interval: Interval, frame
         if key not in best or best[key].weight < weight:
             best[key] = Weighed(interval.stream, *key, weight, hypothesis.magnitude)
     return list(best.values())
-
-
-def _repeats_the_last(window: Window, interval: Interval) -> bool:
-    """Whether the field equals the one before it, bit for bit, and is not zero throughout."""
-    if interval.row == 0:
-        return False
-    stored = window.flow_px(interval.stream, interval.row)
-    return np.array_equal(window.flow_px(interval.stream, interval.row - 1), stored, equal_nan=True) and bool(
-        np.nanmax(np.abs(stored), initial=0.0) > 0
-    )
 
 
 def _hypotheses(
@@ -119,7 +111,9 @@ def _of_the_values(
 def _of_the_interval(window: Window, track: PoseTrack, interval: Interval) -> Iterator[_Hypothesis]:
     """Suppose that the field belongs to a neighbouring interval, or to another rate."""
     for intervals in (-1, 1):
-        yield _belonging(window, track, interval, interval.shifted(intervals), "flow_interval_shifted", -intervals)
+        neighbour = interval.shifted(intervals)
+        yield _belonging(window, track, interval, neighbour, "flow_interval_shifted", -intervals)
+        yield _belonging(window, track, interval, neighbour, "swapped_frames", 1)
     for stream in window.facts.flow_streams:
         starts_ns = window.facts.clocks[stream].times_ns
         if stream == interval.stream or not len(starts_ns):
@@ -146,10 +140,20 @@ def _of_the_depth(
     yield undone("unit_mm_m", sample.depths_m * MM_PER_M, 1 / MM_PER_M)
     yield undone("unit_mm_m", sample.depths_m / MM_PER_M, MM_PER_M)
     column, row = sample.columns.astype(int), sample.rows.astype(int)
-    for neighbour in (frame - 1, frame + 1):
-        if 0 <= neighbour < window.facts.sizes["path/depth"]:
-            depths_m = window.depth_m(neighbour)[row, column].astype(np.float64)
-            yield undone("swapped_frames", np.where(depths_m > 0, depths_m, np.nan))
+    stored = window.depth_m(frame)
+    height, width = stored.shape
+    yield undone("mirrored", _at(stored, width - 1 - column, row))
+    for shift in _SHIFTS_PX:
+        for dx, dy in ((shift, 0), (0, shift), (shift, shift)):
+            yield undone("spatial_offset", _at(stored, column + dx, row + dy), float(shift))
+    step_ns = _step_ns(window.facts.clocks["depth"])
+    for frames in _NEIGHBOURS:
+        if 0 <= frame + frames < window.facts.sizes["path/depth"]:
+            depths_m = _at(window.depth_m(frame + frames), column, row)
+            yield undone("time_offset", depths_m, frames * step_ns * 1e3 / NS_PER_S)
+            yield undone("swapped_frames", depths_m, float(abs(frames)))
+            if frames > 0 and np.array_equal(window.depth_m(frame - 1), stored, equal_nan=True):
+                yield undone("frozen_frames", depths_m)
 
 
 def _of_the_pose(track: PoseTrack, interval: Interval, sample: FlowSample) -> Iterator[_Hypothesis]:
@@ -160,7 +164,9 @@ def _of_the_pose(track: PoseTrack, interval: Interval, sample: FlowSample) -> It
             lambda poses: replace(poses, orientations_xyzw=poses.orientations_xyzw[:, order] * signs)
         )
 
-    scaled = track.transformed(lambda poses: replace(poses, positions_world_m=poses.positions_world_m / MM_PER_M))
+    def moved(change: Float64) -> PoseTrack:
+        return track.transformed(lambda poses: replace(poses, positions_world_m=poses.positions_world_m @ change))
+
     T_body_camera = track.camera.T_body_camera
     inverse = np.asarray(np.linalg.inv(T_body_camera), dtype=np.float64)
     straight = np.eye(4)
@@ -168,12 +174,42 @@ def _of_the_pose(track: PoseTrack, interval: Interval, sample: FlowSample) -> It
     for cause, stream, corrected, magnitude in (
         ("quaternion_inverted", "pose", turned((0, 1, 2, 3), (-1, -1, -1, 1)), None),
         ("quaternion_order", "pose", turned((1, 2, 3, 0), (1, 1, 1, 1)), None),
-        ("unit_mm_m", "pose", scaled, MM_PER_M),
+        ("unit_mm_m", "pose", moved(np.eye(3) / MM_PER_M), MM_PER_M),
+        ("axes_swapped", "pose", moved(np.eye(3)[[1, 0, 2]]), None),
+        ("frame_convention", "pose", _from_north_east_down(track), None),
         ("frame_convention", "metadata", track.mounted(inverse), None),
         ("frame_convention", "metadata", track.mounted(straight), None),
     ):
         motion = corrected.motion(interval.start_ns, interval.end_ns)
         yield _Hypothesis(cause, stream, sample, motion, magnitude)
+
+
+def _from_north_east_down(track: PoseTrack) -> PoseTrack:
+    """Return the track of poses that were written for a world and a body with Z down."""
+    q_enu_ned, q_frd_flu = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
+
+    def change(poses: PoseSamples) -> PoseSamples:
+        orientations_xyzw = compose(compose(q_enu_ned, poses.orientations_xyzw), q_frd_flu)
+        return replace(
+            poses,
+            positions_world_m=poses.positions_world_m[:, [1, 0, 2]] * (1.0, 1.0, -1.0),
+            orientations_xyzw=orientations_xyzw,
+        )
+
+    return track.transformed(change)
+
+
+def _step_ns(clock: Clock) -> float:
+    steps_ns = np.diff(clock.times_ns[clock.advancing])
+    return float(np.median(steps_ns)) if len(steps_ns) else 0.0
+
+
+def _at(depth_m: NDArray[np.float32], columns: NDArray[np.int_], rows: NDArray[np.int_]) -> Float64:
+    """Return depths at pixels, NaN where invalid or outside."""
+    height, width = depth_m.shape
+    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    values = depth_m[np.where(inside, rows, 0), np.where(inside, columns, 0)].astype(np.float64)
+    return np.where(inside & (values > 0), values, np.nan)
 
 
 def _belonging(
@@ -187,13 +223,20 @@ def _belonging(
 
 
 def _deviation(track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, window: Window) -> float:
-    """Return the root mean square deviation that the declared pose noise cannot take up, px."""
+    """Return the root mean square deviation that the declared pose noise cannot take up, px.
+
+    Pixels whose points fall behind the camera do not count; infinite where they are the most.
+    """
+    recomputed = rigid_flow(track.camera.K, motion, sample.columns, sample.rows, sample.depths_m)
+    seen = np.isfinite(recomputed).all(axis=1)
+    if 2 * np.count_nonzero(seen) < len(seen):
+        return float("inf")
     noise = window.facts.declared.pose
     covariance = field_covariance(track, interval, noise)
     fit = None if covariance is None else fit_motion(track.camera.K, motion, sample)
     nothing = np.zeros((len(sample.columns), 2, 0))
     evidence = weigh_templates(track.camera.K, motion, sample, nothing, fit, covariance)
-    return float(np.sqrt(evidence.total / len(sample.columns)) * sample.sigma_px)
+    return float(np.sqrt(evidence.total / np.count_nonzero(seen)) * sample.sigma_px)
 
 
 def _with_flow(sample: FlowSample, values: NDArray[np.floating]) -> FlowSample | None:

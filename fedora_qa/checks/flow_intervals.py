@@ -68,6 +68,14 @@ def frame_at(clock: Clock, time_ns: int) -> int | None:
     return int(rows[place])
 
 
+def ends_on_frame(facts: Facts, interval: Interval) -> bool:
+    """Whether an interval ends on the stamp of a depth or colour frame, as it must."""
+    return any(
+        stream in facts.clocks and frame_at(facts.clocks[stream], interval.end_ns) is not None
+        for stream in ("depth", "rgb")
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class PoseTrack:
     """The poses around a window and the camera that rides on them."""

@@ -1,11 +1,12 @@
 """The intervals of flow, held against the stamps of the frames that they lead from and to."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.causes import CAUSES
+from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.record.types import Where
@@ -18,7 +19,20 @@ _NS_PER_MS: Final = 1e6
 
 def stamp_measurements(facts: Facts) -> list[Measured]:
     """Count, for each rate, interval ends that lie on no depth frame, gaps, and lengths that are not the rate's."""
-    return [measured for stream in facts.flow_streams for measured in _of_stream(facts, stream)]
+    measured = [one for stream in facts.flow_streams for one in _of_stream(facts, stream)]
+    spread = {
+        code for code in {one.code for one in measured} if all(one.value > 0 for one in measured if one.code == code)
+    }
+    return [_of_all_rates(one) if one.code in spread else one for one in measured]
+
+
+def _of_all_rates(measured: Measured) -> Measured:
+    """Suspect flow as a whole: every rate has the same fault."""
+    suspects = tuple(
+        replace(suspect, stream="flow") if stream_family(suspect.stream) == "flow" else suspect
+        for suspect in measured.suspects
+    )
+    return replace(measured, suspects=suspects)
 
 
 def _of_stream(facts: Facts, stream: str) -> list[Measured]:

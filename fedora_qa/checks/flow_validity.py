@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.flow_intervals import Interval, PoseTrack, frame_at, owned_intervals, place, pose_track
 from fedora_qa.checks.flow_stamps import stamp_measurements
-from fedora_qa.checks.flow_suspects import spreads_over
+from fedora_qa.checks.flow_suspects import DISPLACEMENTS, spreads_over
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.geometry.rigid_flow import moved_points
 from fedora_qa.record.types import Coverage, Where
@@ -25,7 +25,8 @@ _SIGMAS: Final = 8.0
 
 @dataclass(frozen=True, slots=True)
 class FieldPattern:
-    """Wrong pixels of one field: values where there can be none, zero or infinite among them, and values missing.
+    """Wrong pixels of one field: values where there can be none (zero among them, or behind the camera), infinite ones,
+    and values missing.
 
     ``pixel`` is the first wrong one, (column, row).
     """
@@ -34,6 +35,7 @@ class FieldPattern:
     frame: int
     unfounded: int
     unfounded_zero: int
+    behind: int
     infinite: int
     missing: int
     pixel: tuple[int, int] | None
@@ -84,6 +86,7 @@ def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame:
     present = np.isfinite(u) & np.isfinite(v)
     valid = np.isfinite(depth_m) & (depth_m > 0)
     unfounded, missing = present & ~valid, valid & ~present
+    behind = np.zeros_like(valid)
     if track is not None:
         before, behind = _before_and_behind(track, interval, depth_m, valid, window.facts.declared.pose)
         unfounded |= present & behind
@@ -98,6 +101,7 @@ def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame:
         frame,
         unfounded=int(np.count_nonzero(unfounded)),
         unfounded_zero=int(np.count_nonzero(unfounded & (u == 0) & (v == 0))),
+        behind=int(np.count_nonzero(present & behind)),
         infinite=int(np.count_nonzero(np.isinf(u) | np.isinf(v))),
         missing=int(np.count_nonzero(missing)),
         pixel=None if first is None else (first % width, first // width),
@@ -135,24 +139,26 @@ def _pixel_measurements(patterns: Sequence[FieldPattern], facts: Facts) -> list[
     unfounded = [pattern for pattern in patterns if pattern.unfounded]
     missing = [pattern for pattern in patterns if pattern.missing]
     infinite = [pattern for pattern in patterns if pattern.infinite]
-    displaced = bool(unfounded) and bool(missing)
-    zeros = sum(p.unfounded_zero for p in unfounded) / max(sum(p.unfounded for p in unfounded), 1)
-    encoding = 0.3 if displaced else 0.9
+    wrong = max(sum(p.unfounded for p in unfounded), 1)
+    mostly_zero = 2 * sum(p.unfounded_zero for p in unfounded) > wrong
+    mostly_behind = 2 * sum(p.behind for p in unfounded) > wrong
+    where = "stand where the point falls behind the camera" if mostly_behind else "stand where depth is invalid"
+    misplaced: tuple[tuple[str, str, float], ...] = (
+        ("invalid_encoding", "flow", 0.9),
+        ("invalid_encoding", "depth", 0.4),
+    )
+    if mostly_behind:
+        misplaced = (("unit_mm_m", "depth", 0.4), ("unit_mm_m", "pose", 0.4))
+    absent: tuple[tuple[str, str, float], ...] = (("nan_in_stream", "flow", 0.8), ("invalid_encoding", "depth", 0.4))
+    if unfounded and missing:
+        misplaced = absent = DISPLACEMENTS
     return [
-        _count(
-            "values_without_depth", "unfounded", sum(p.unfounded for p in patterns), unfounded, facts,
-            "where depth is invalid or the point falls behind the camera" + (", most of them 0" if zeros > 0.5 else ""),
-            (("invalid_encoding", "flow", encoding), ("invalid_encoding", "depth", encoding / 2)),
-        ),
-        _count(
-            "missing_values", "missing", sum(p.missing for p in patterns), missing, facts,
-            "are absent where depth is valid",
-            (("nan_in_stream", "flow", 0.3 if displaced else 0.8), ("invalid_encoding", "depth", encoding / 2)),
-        ),
-        _count(
-            "infinite_values", "infinite", sum(p.infinite for p in patterns), infinite, facts,
-            "are infinite", (("invalid_encoding", "flow", 0.9),),
-        ),
+        _count("values_without_depth", "unfounded", sum(p.unfounded for p in patterns), unfounded, facts,
+               where + (", most of them 0" if mostly_zero else ""), misplaced),
+        _count("missing_values", "missing", sum(p.missing for p in patterns), missing, facts,
+               "are absent where depth is valid", absent),
+        _count("infinite_values", "infinite", sum(p.infinite for p in patterns), infinite, facts,
+               "are infinite", (("invalid_encoding", "flow", 0.9),)),
     ]  # fmt: skip
 
 
@@ -180,7 +186,7 @@ def _count(
         standard_error=0.0,
         resolution=1.0,
         side="upper",
-        statement=f"{count} values of flow in {len(wrong)} fields {what}.",
+        statement=f"{count} values of flow, in {len(wrong)} fields, {what}.",
         code=f"flow_geometry.validity.{rule}",
         where=where,
         suspects=suspects,

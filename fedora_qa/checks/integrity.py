@@ -9,7 +9,7 @@ from fedora_qa.checks.families import over_all_rates
 from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect, WindowCheck
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding
-from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS
+from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS, STAMPS_OF
 from fedora_qa.layout.resolve import LayoutProblem
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -89,13 +89,14 @@ class Readable(WindowCheck[ReadSummary]):
             if start < stop:
                 rows = _rows_in_chunk(binding)
                 touched.append((key, start // rows, ceil(stop / rows)))
-                damaged.extend(_damage(window, key, rows, start, stop))
+                damaged.extend(_damage(window, binding, start, stop))
         return ReadSummary(tuple(touched), tuple(damaged))
 
     def conclude(self, state: Sequence[ReadSummary], facts: Facts) -> Observation:
         """Count damaged chunks by stream."""
         touched = {(key, chunk) for seen in state for key, first, stop in seen.touched for chunk in range(first, stop)}
         damaged = {(one.key, one.chunk): one for seen in reversed(state) for one in seen.damaged}
+        damaged |= {(one.key, one.chunk): one for one in _damage_in_scan(facts, list(damaged.values()))}
         of = sum(ceil(binding.rows / _rows_in_chunk(binding)) for binding in facts.layout.bindings.values())
         streams = sorted({DATASETS[key].stream for key in facts.layout.bindings})
         lost = facts.layout.streams - facts.streams - {DATASETS[key].stream for key, _ in damaged}
@@ -116,7 +117,7 @@ class Readable(WindowCheck[ReadSummary]):
         )
         if not ours:
             return no_faults(f"{stream}.unreadable_chunks", "chunks", "integrity.readable.chunk")
-        first, rows = min(ours, key=lambda one: (one.start, one.key)), sum(one.stop - one.start for one in ours)
+        first, rows = ours[0], sum(one.stop - one.start for one in ours)
         return count_of_faults(
             name=f"{stream}.unreadable_chunks",
             value=len(ours),
@@ -156,10 +157,22 @@ def _rows_in_chunk(binding: Binding) -> int:
     return max(1, binding.chunk_rows or DATASETS[binding.key].chunk_rows or binding.rows)
 
 
-def _damage(window: Window, key: str, rows: int, start: int, stop: int) -> Iterator[Damage]:
+def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator[Damage]:
+    """Decode rows chunk by chunk; what fails is the whole chunk, also where the window owns a part of it."""
+    rows = _rows_in_chunk(binding)
     for chunk in range(start // rows, ceil(stop / rows)):
-        first, last = max(start, chunk * rows), min(stop, (chunk + 1) * rows)
+        first, last = chunk * rows, min((chunk + 1) * rows, binding.rows)
         try:
-            window.rows(key, first, last)
+            window.rows(binding.key, max(start, first), min(stop, last))
         except UnreadableRowsError as error:
-            yield Damage(key, chunk, first, last, error.reason)
+            yield Damage(binding.key, chunk, first, last, error.reason)
+
+
+def _damage_in_scan(facts: Facts, damaged: Sequence[Damage]) -> Iterator[Damage]:
+    """Yield the blocks of event stamps that the scan could not decode and that therefore no window owns."""
+    key = STAMPS_OF["events"]
+    known = [one for one in damaged if one.key == key]
+    for start, stop in facts.events.unreadable if facts.events else ():
+        if not any(one.start < stop and start < one.stop for one in known):
+            chunk = start // _rows_in_chunk(facts.layout.bindings[key])
+            yield Damage(key, chunk, start, stop, "their stamps do not decode")

@@ -1,9 +1,10 @@
 """The declared cameras: intrinsics and extrinsics that a camera can have, and that fit the images."""
 
 from collections.abc import Iterator
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
 from fedora_qa.record.types import Coverage, Where
@@ -29,8 +30,9 @@ class Cameras(FactsCheck):
     For each camera: K is upper triangular with zero skew, a last row 0 0 1, positive focal lengths, and its principal
     point lies in the image; width and height are those of the images; T_body_camera is a rigid motion (a rotation
     within float32 rounding, determinant +1, last row 0 0 0 1). Depth and events share one centre, as the paper has it.
-    Noted as unusual: principal points of another convention than (W-1)/2, pixels that are not square, cameras farther
-    than 10 m from the body. Whether K is the one that the images were made with is for the checks of flow.
+    Noted as unusual: principal points of another convention than (W-1)/2, pixels that are not square, cameras without
+    any rotation, cameras farther than 10 m from the body. Whether K is the one that the images were made with is for
+    the checks of flow.
     """
 
     name = "metadata.cameras"
@@ -51,18 +53,29 @@ class Cameras(FactsCheck):
 
 def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Measured]:
     K = camera.K
-    wrong_entries = [K[0, 1], K[1, 0], K[2, 0], K[2, 1], K[2, 2] - 1.0]
-    form = float(np.max(np.abs(wrong_entries)))
-    yield _measured(f"{name}.K_form", form, "1", allowance=_ROUNDING * float(np.max(np.abs(K))), suspects=_unknown(),
-                    said=f"K of the {name} camera is not [fx 0 cx; 0 fy cy; 0 0 1]: an entry is off by {form:.3g}; "
-                    "is it transposed, or has it skew?")  # fmt: skip
-    for axis, focal in (("fx", K[0, 0]), ("fy", K[1, 1])):
-        yield _measured(f"{name}.{axis}", float(focal), "px", expected=float(np.finfo(float).tiny), side="lower",
-                        suspects=(Suspect("intrinsics_focal", "metadata", 0.9), *_mirrored(name, focal)),
-                        said=f"{axis} of the {name} camera is {focal:.6g} px; a focal length is positive")  # fmt: skip
+    scale = max(float(np.max(np.abs(K[:2, :2]))), 1.0)
+    form = float(np.max(np.abs([K[0, 1] / scale, K[1, 0] / scale, K[2, 0], K[2, 1], K[2, 2] - 1.0])))
+    yield _measured(f"{name}.K_form", form, "1", allowance=_ROUNDING, suspects=_unknown(),
+                    said=f"K of the {name} camera is not [fx 0 cx; 0 fy cy; 0 0 1], by {form:.3g} of the focal length "
+                    "or of 1; is it transposed, or has it skew?")  # fmt: skip
+    yield _focal_lengths(name, K)
     yield _principal_point(name, camera)
     yield from _size(name, camera, facts)
     yield from _pose(name, camera)
+
+
+def _focal_lengths(name: str, K: NDArray[np.float64]) -> Measured:
+    fx, fy = float(K[0, 0]), float(K[1, 1])
+    wrong = sum(focal <= 0 for focal in (fx, fy))
+    mirrored = (Suspect("mirrored", name, 0.5),) if wrong and min(fx, fy) < 0 else ()
+    return _measured(
+        f"{name}.focal_lengths_not_positive",
+        float(wrong),
+        "focal lengths",
+        resolution=1.0,
+        suspects=(Suspect("intrinsics_focal", "metadata", 0.9), *mirrored),
+        said=f"the focal lengths of the {name} camera are {fx:.6g} and {fy:.6g} px; a focal length is positive",
+    )
 
 
 def _principal_point(name: str, camera: Camera) -> Measured:
@@ -90,12 +103,14 @@ def _size(name: str, camera: Camera, facts: Facts) -> Iterator[Measured]:
 
 def _pose(name: str, camera: Camera) -> Iterator[Measured]:
     R, last_row = camera.T_body_camera[:3, :3], camera.T_body_camera[3]
-    excess = max(float(np.max(np.abs(R.T @ R - np.eye(3)))), float(np.max(np.abs(last_row - [0, 0, 0, 1]))))
+    with np.errstate(over="ignore", invalid="ignore"):
+        handedness = float(np.sign(np.linalg.det(R)))
+        gram = R.T @ R
+    excess = max(float(np.max(np.abs(gram - np.eye(3)))), float(np.max(np.abs(last_row - [0, 0, 0, 1]))))
     yield _measured(f"{name}.T_body_camera_rigid", excess, "1", allowance=_ROUNDING,
                     suspects=(Suspect("frame_convention", "metadata", 0.5),),
                     said=f"T_body_camera of the {name} camera is not a rigid motion: R^T R or the last row is off by "
                     f"{excess:.3g}; is it transposed, or given in other units?")  # fmt: skip
-    handedness = float(np.sign(np.linalg.det(R)))
     yield _measured(f"{name}.T_body_camera_handedness", handedness, "1", expected=1.0, resolution=2.0,
                     suspects=(Suspect("frame_convention", "metadata", 0.9),),
                     said=f"T_body_camera of the {name} camera mirrors: its determinant is not +1")  # fmt: skip
@@ -121,6 +136,9 @@ def _notices(name: str, camera: Camera) -> Iterator[Notice]:
         yield Notice(
             "metadata.cameras.aspect", f"pixels of the {name} camera are not square: {fx:.6g}, {fy:.6g}", where
         )
+    if np.array_equal(camera.T_body_camera[:3, :3], np.eye(3)):
+        message = f"the {name} camera is not rotated: it looks up, unless optical axes were taken for those of the body"
+        yield Notice("metadata.cameras.unrotated", message, where)
     distance_m = float(np.linalg.norm(camera.T_body_camera[:3, 3]))
     if distance_m > _FARTHEST_MOUNT_M:
         message = f"the {name} camera lies {distance_m:.4g} m from the body; is T_body_camera in millimetres?"
@@ -140,7 +158,6 @@ def _measured(
     suspects: tuple[Suspect, ...],
     expected: float = 0.0,
     allowance: float = 0.0,
-    side: Literal["both", "lower"] = "both",
     resolution: float = 0.0,
 ) -> Measured:
     return Measured(
@@ -153,14 +170,9 @@ def _measured(
         where=Where(stream="metadata"),
         expected=expected,
         allowance=allowance,
-        side=side,
         resolution=resolution,
         suspects=suspects,
     )
-
-
-def _mirrored(name: str, focal: float) -> tuple[Suspect, ...]:
-    return (Suspect("mirrored", name, 0.5),) if focal < 0 else ()
 
 
 def _unknown() -> tuple[Suspect, ...]:

@@ -14,8 +14,9 @@ from typing import Final, cast
 import click
 
 from fedora_qa import __version__
-from fedora_qa.cli.exit_codes import CLEAN, FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
+from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
+from fedora_qa.record.wording import printable
 
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
@@ -74,15 +75,11 @@ def main() -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit code. Nothing that goes wrong shows a traceback unless asked for."""
     try:
-        code = fedora_qa.main(list(arguments), prog_name="fedora-qa", standalone_mode=False)
-        sys.stdout.flush()
-        return code if isinstance(code, int) else CLEAN
-    except click.ClickException as error:
-        error.show()
-        return MISUSE
-    except FedoraError as error:
-        click.echo(f"fedora-qa: {error}", err=True)
-        return _code_of(error)
+        return _invoke(list(arguments))
+    except click.exceptions.Exit as request:  # --help and --version end here
+        return request.exit_code
+    except (click.ClickException, FedoraError) as error:
+        return _complain(error)
     except (click.Abort, KeyboardInterrupt):
         click.echo("fedora-qa: interrupted", err=True)
         return INTERRUPTED
@@ -93,7 +90,20 @@ def run(arguments: Sequence[str]) -> int:
         return _internal_error(error)
 
 
-def _code_of(error: FedoraError) -> int:
+def _invoke(arguments: list[str]) -> int:
+    """Run a command without click's own ending, which gives a closed pipe the code that means findings."""
+    with fedora_qa.make_context("fedora-qa", arguments) as context:
+        code: int = fedora_qa.invoke(context)
+    sys.stdout.flush()
+    return code
+
+
+def _complain(error: click.ClickException | FedoraError) -> int:
+    """Say what cannot be done, and return the exit code that it means."""
+    if isinstance(error, click.ClickException):
+        error.show()
+        return MISUSE
+    click.echo(f"fedora-qa: {printable(str(error))}", err=True)
     if isinstance(error, MisuseError):
         return MISUSE
     return FINDINGS if isinstance(error, UnreadableFileError) else INCOMPLETE

@@ -1,4 +1,4 @@
-"""What ``check`` writes: refused before the work when it cannot be written, and never half written."""
+"""What commands write: refused before the work when it cannot be written, and never half written."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -18,10 +18,11 @@ from fedora_qa.record.types import Record
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """Where to write what; None is not written."""
+    """Where to write what; None is not written. ``draft`` is written by its own command."""
 
     json: Path | None = None
     markdown: Path | None = None
+    draft: Path | None = None
 
     @property
     def arrays(self) -> Path | None:
@@ -30,7 +31,7 @@ class Outputs:
 
     def require_writable(self, inputs: Sequence[Path]) -> None:
         """Raise ``MisuseError`` where an output cannot be written, or would overwrite an input or another output."""
-        targets = [path for path in (self.json, self.arrays, self.markdown) if path is not None]
+        targets = [path for path in (self.json, self.arrays, self.markdown, self.draft) if path is not None]
         places = [path.resolve() for path in targets]
         read = {path.resolve() for path in inputs}
         for target, place in zip(targets, places, strict=True):

@@ -44,9 +44,22 @@ class ResponseFit:
     pairs: int
 
     @property
+    def threshold(self) -> float:
+        """The mean of both thresholds, without sign."""
+        return max(0.5 * (abs(self.threshold_on) + abs(self.threshold_off)), 1e-300)
+
+    @property
     def relative_sigma(self) -> float:
         """Residual over threshold: small where the events follow the levels."""
-        return self.sigma / max(0.5 * (abs(self.threshold_on) + abs(self.threshold_off)), 1e-300)
+        return self.sigma / self.threshold
+
+    def block_sigmas(self, blocks: NormalBlocks) -> Float64:
+        """Return the residual of each block (b,) under this fit."""
+        rates = self.delay_s * np.array([self.threshold_on, self.threshold_off])
+        theta = np.concatenate([[self.threshold_on, self.threshold_off], rates])
+        squares = blocks.squares - 2 * blocks.vectors @ theta + np.einsum("i,bij,j->b", theta, blocks.matrices, theta)
+        sigmas: Float64 = np.sqrt(np.maximum(squares / blocks.weights, 1e-300))
+        return sigmas
 
 
 def fit_response(blocks: NormalBlocks) -> ResponseFit | None:
@@ -82,15 +95,16 @@ def _reduction(matrix: Float64, vector: Float64) -> Float64:
 
 
 def _solve(matrix: Float64, vector: Float64, reduction: Float64) -> tuple[Float64, Float64]:
-    normal = reduction.T @ matrix @ reduction
-    return normal, np.linalg.solve(normal, reduction.T @ vector)
+    normal: Float64 = reduction.T @ matrix @ reduction
+    theta = np.asarray(np.linalg.solve(normal, reduction.T @ vector), dtype=np.float64)
+    return normal, theta
 
 
 def _jackknife(blocks: NormalBlocks, matrix: Float64, vector: Float64, reduction: Float64) -> Float64:
     """Return the spread (3,) of the estimate when each block in turn is left out (Efron and Stein 1981)."""
-    left_out = np.array(
-        [_solve(matrix - m, vector - v, reduction)[1] for m, v in zip(blocks.matrices, blocks.vectors, strict=True)]
-    )
+    normals = reduction.T @ (matrix - blocks.matrices) @ reduction
+    sides = (vector - blocks.vectors) @ reduction
+    left_out = np.linalg.solve(normals, sides[..., np.newaxis])[..., 0]
     n = len(left_out)
     spread: Float64 = np.sqrt((n - 1) / n * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))
     return spread
@@ -98,4 +112,5 @@ def _jackknife(blocks: NormalBlocks, matrix: Float64, vector: Float64, reduction
 
 def _scaled(matrix: Float64) -> Float64:
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    return matrix / np.outer(size, size)
+    scaled: Float64 = matrix / np.outer(size, size)
+    return scaled

@@ -71,7 +71,7 @@ class Footprints:
 def footprints(
     K_frame: Float64, shape_frame: tuple[int, int], K_event: Float64, shape_event: tuple[int, int]
 ) -> Footprints:
-    """Return the footprints of the event camera's pixels; shapes are (rows, columns), intrinsics (3, 3) without skew."""
+    """Return the footprints of the event camera's pixels; shapes are (rows, columns), K (3, 3) without skew."""
     return Footprints(
         _axis(K_frame[1, 1:], K_event[1, 1:], shape_frame[0], shape_event[0]),
         _axis(K_frame[0, [0, 2]], K_event[0, [0, 2]], shape_frame[1], shape_event[1]),

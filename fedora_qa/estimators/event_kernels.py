@@ -179,19 +179,19 @@ def bound_excursions(
     lower: Int64,
     upper: Int64,
     counts: Int32,
-    step_on: Int64,
-    step_off: Int64,
+    step_on: int,
+    step_off: int,
     drift: Int64,
-    first_frame: int,
+    frames: Int64,
     highest: Int64,
     lowest: Int64,
 ) -> Int64:
     """Follow signal minus events of every pixel over the frames; return what the events sum to, (h, w).
 
     ``lower`` and ``upper`` (n, h, w) bound the signal, ``counts`` (n - 1, 2, h, w) holds darker and brighter events
-    between the frames, ``drift`` (n - 1,) what the signal gains besides. ``highest`` (3, h, w) receives the largest
-    lower bound of the difference, its frame, and the sum of events there; ``lowest`` the smallest upper bound. Pixels
-    whose upper bound is the largest integer are unknown.
+    between the frames, ``drift`` (n - 1,) what the signal gains besides, ``frames`` (n,) their numbers. ``highest``
+    (3, h, w) receives the largest lower bound of the difference, its frame, and the sum of events there; ``lowest``
+    the smallest upper bound. Pixels whose upper bound is the largest integer are unknown.
     """
     unknown = np.iinfo(np.int64).max
     total = np.zeros(lower.shape[1:], np.int64)
@@ -206,9 +206,9 @@ def bound_excursions(
                     continue
                 low, high = lower[frame, row, column] - moved, upper[frame, row, column] - moved
                 if low > highest[0, row, column]:
-                    highest[0, row, column], highest[1, row, column] = low, first_frame + frame
+                    highest[0, row, column], highest[1, row, column] = low, frames[frame]
                     highest[2, row, column] = moved
                 if high < lowest[0, row, column]:
-                    lowest[0, row, column], lowest[1, row, column] = high, first_frame + frame
+                    lowest[0, row, column], lowest[1, row, column] = high, frames[frame]
                     lowest[2, row, column] = moved
     return total

@@ -146,7 +146,7 @@ def accumulate(pairs: LevelPairs, change: Float64, block_of_pair: NDArray[np.int
         vectors[block] = Xw[of_block].T @ change[of_block]
 
     def total(values: Float64) -> Float64:
-        return np.bincount(block_of_pair, values, minlength=blocks)
+        return np.bincount(block_of_pair, values, minlength=blocks).astype(np.float64)
 
     return NormalBlocks(matrices, vectors, total(weights * change**2), total(weights), total(np.ones(len(pairs))))
 

@@ -87,12 +87,28 @@ def seen_in_both(
     return seen
 
 
-def flow_edges(flow_px: Float32) -> NDArray[np.uint8]:
-    """Return 1 within 3 px of a break of the flow (H, W, 2), of a missing value or of the border, else 0; (H, W)."""
+def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Return where a flow alone (H, W, 2) tells of edges, (H, W), in the first frame and in the second; 1 there, else 0.
+
+    First frame: within 3 px of a break of the flow, of a missing value or of the border. Second frame: within 3 px of a
+    pixel to which points of different flow lead, one of which must be occluded.
+    """
     known = np.isfinite(flow_px).all(axis=-1)
     filled = np.where(known[..., None], flow_px, np.float32(0))
     bend = cv2.Laplacian(filled, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)
-    return _widened((np.abs(bend).max(axis=-1) > _BREAK_PX) | ~known)
+    breaks = (np.abs(bend).max(axis=-1) > _BREAK_PX) | ~known
+    height, width = known.shape
+    columns = np.rint(np.arange(width)[None, :] + filled[..., 0])
+    rows = np.rint(np.arange(height)[:, None] + filled[..., 1])
+    inside = known & (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    targets = (rows[inside] * width + columns[inside]).astype(np.int64)
+    crowded = np.zeros(height * width, dtype=np.bool_)
+    count = np.maximum(np.bincount(targets, minlength=height * width), 1)
+    for values in (filled[inside, 0].astype(np.float64), filled[inside, 1].astype(np.float64)):
+        mean = np.bincount(targets, values, minlength=height * width) / count
+        square = np.bincount(targets, values**2, minlength=height * width) / count
+        crowded |= square - mean**2 > (0.5 * _BREAK_PX) ** 2
+    return _widened(breaks), _widened(crowded.reshape(height, width))
 
 
 def _widened(edge: Mask) -> NDArray[np.uint8]:

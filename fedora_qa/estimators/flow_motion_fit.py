@@ -5,6 +5,7 @@ a twist whose covariance follows from the declared noise; what remains must be r
 as large as the noise.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -116,6 +117,14 @@ class Evidence:
         sizes = np.linalg.lstsq(matrix, vector, rcond=1e-9)[0]
         share = float(vector @ sizes) / self.total if self.total > 0 else 0.0
         return sizes, share
+
+
+def sum_of(evidences: Sequence[Evidence]) -> Evidence:
+    """Return the evidence of all fields together; there is at least one."""
+    total = evidences[0]
+    for evidence in evidences[1:]:
+        total = total + evidence
+    return total
 
 
 def weigh_templates(

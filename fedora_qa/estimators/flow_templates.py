@@ -16,10 +16,14 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class SmallFault:
-    """A cause, the stream it befalls, the unit of its size, and the columns of its templates."""
+    """A cause, the unit of its size, and the columns of its templates.
+
+    ``streams`` are those that it can befall with the same effect here, each with the weight that it is given: where
+    nothing else tells them apart the first is meant.
+    """
 
     cause: str
-    stream: str
+    streams: tuple[tuple[str, float], ...]
     unit: str
     columns: slice
 
@@ -28,14 +32,16 @@ class SmallFault:
         return float(np.copysign(np.linalg.norm(fitted), fitted[np.argmax(np.abs(fitted))]))
 
 
+_DECLARED: Final = (("metadata", 1.0), ("flow", 0.95))
+
 SMALL_FAULTS: Final = (
-    SmallFault("flow_gain", "flow", "percent", slice(0, 1)),
-    SmallFault("intrinsics_focal", "metadata", "percent", slice(1, 2)),
-    SmallFault("intrinsics_centre", "metadata", "px", slice(2, 4)),
-    SmallFault("extrinsic_rotation", "metadata", "deg", slice(4, 7)),
-    SmallFault("time_offset", "pose", "ms", slice(7, 8)),
+    SmallFault("flow_gain", (("flow", 1.0),), "percent", slice(0, 1)),
+    SmallFault("intrinsics_focal", _DECLARED, "percent", slice(1, 2)),
+    SmallFault("intrinsics_centre", _DECLARED, "px", slice(2, 4)),
+    SmallFault("extrinsic_rotation", _DECLARED, "deg", slice(4, 7)),
+    SmallFault("lever_arm", (("metadata", 1.0), ("pose", 0.95)), "m", slice(7, 10)),
+    SmallFault("time_offset", (("pose", 1.0),), "ms", slice(10, 11)),
 )
-TEMPLATES: Final = 8
 
 _PERCENT, _DEG, _MS = 0.01, np.pi / 180, 1e-3
 
@@ -44,17 +50,18 @@ def small_fault_templates(
     K: Float64,
     motion: RigidMotion,
     sample: FlowSample,
-    remounted: Callable[[Float64], RigidMotion],
+    remounted: Callable[[Float64, Float64], RigidMotion],
     delayed: Callable[[float], RigidMotion | None],
 ) -> Float64:
-    """Return templates (n, 2, 8): stored minus recomputed flow in px per unit of each of ``SMALL_FAULTS``.
+    """Return templates (n, 2, 11): stored minus recomputed flow in px per unit of each of ``SMALL_FAULTS``.
 
     Parameters
     ----------
     K, motion
         As declared.
     remounted
-        The motion when the camera is really mounted with ``R_body_camera Exp(-rotation)``, for a rotation vector (3,).
+        The motion when the camera is really mounted with ``R_body_camera Exp(-rotation)`` and its centre ``shift``
+        metres less along the body's axes, for a rotation vector (3,) and a shift (3,).
     delayed
         The motion when the poses' stamps are too late by so many seconds; None where no pose covers it.
     """
@@ -78,8 +85,11 @@ def small_fault_templates(
     ]
     for axis in (0, 1):
         columns.append(_slope(flow(recentred(axis, step), motion), flow(recentred(axis, -step), motion), step))
+    none = np.zeros(3)
     for turn in np.eye(3) * step:
-        columns.append(_slope(flow(K, remounted(turn)), flow(K, remounted(-turn)), step / _DEG))
+        columns.append(_slope(flow(K, remounted(turn, none)), flow(K, remounted(-turn, none)), step / _DEG))
+    for shift in np.eye(3) * step:
+        columns.append(_slope(flow(K, remounted(none, shift)), flow(K, remounted(none, -shift)), step))
     later, earlier = delayed(step_s), delayed(-step_s)
     if later is None or earlier is None:
         columns.append(np.zeros_like(columns[0]))

@@ -219,7 +219,7 @@ class GroupedFit:
         scores = self._rights[:, columns] - self._normals[:, columns][:, :, columns] @ values
         scores = scores - scores.mean(axis=0)
         spread = inverse @ (scores.T @ scores) @ inverse * blocks / (blocks - 1)
-        return np.maximum(formal, np.sqrt(np.diag(spread)))
+        return np.maximum(formal, np.sqrt(np.maximum(np.diag(spread), 0.0)))
 
 
 @dataclass(frozen=True, slots=True)

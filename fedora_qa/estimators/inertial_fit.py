@@ -18,7 +18,10 @@ _MARGIN_S: Final = 0.1
 """Samples beyond a stretch's ends: splines and interpolation forget their ends within it."""
 
 _FEWEST_ROWS: Final = 8
-_MOST_ITERATIONS: Final = 8
+_MOST_ITERATIONS: Final = 12
+_REACH: Final = 0.5
+"""Share of its largest conceivable value beyond which a parameter is no longer followed."""
+
 _OUTLIER: Final = 8.0
 _MOST_OUTLIERS: Final = 0.1
 """Where more rows than this share lie far out, it is the model that is wrong, and none is left out."""
@@ -47,8 +50,7 @@ class InertialFit:
     misfit
         Root mean square of whitened residuals with all parameters fitted, each in units of its expected sigma.
     rms, expected_rms, rms_error
-        Of the residuals after the freed parameters, per square root of what the noise model allows: the measured, the
-        expected, and the standard error of the measured.
+        Of the residuals after the freed parameters: measured, expected of noise, and the standard error of the former.
     model_rms
         Root mean square of the known error of the model.
     rows, outliers
@@ -92,10 +94,10 @@ class Comparison:
 
 
 ROTATION: Final = Comparison(
-    rotation_rows, ROTATION_PARAMETERS, without_rotation_faults, (True, True, *[False] * 3, *[True] * 4)
+    rotation_rows, ROTATION_PARAMETERS, without_rotation_faults, (*[True] * 3, *[False] * 3, *[True] * 4)
 )
 TRANSLATION: Final = Comparison(
-    translation_rows, TRANSLATION_PARAMETERS, without_translation_faults, (True, True, *[False] * 9)
+    translation_rows, TRANSLATION_PARAMETERS, without_translation_faults, (*[True] * 3, *[False] * 9)
 )
 
 
@@ -105,19 +107,24 @@ def fit_inertial(
     """Fit the comparison's parameters; None where there are too few rows.
 
     Freed parameters in which the residuals are not linear are taken out of the samples and all is fitted again, until
-    they settle (Gauss-Newton). A declared ``bias_walk`` gives each stretch a bias of its own: a random walk from zero.
+    they settle (Gauss-Newton); where they do not, the first fit stands: its residuals tell. A declared ``bias_walk``
+    gives each stretch a bias of its own: a random walk from zero.
     """
+    first: InertialFit | None = None
     at = np.zeros(len(comparison.parameters.names))
     for _ in range(_MOST_ITERATIONS):
         stretches = _stretches(comparison.without(samples, at), noise, comparison.rows_of)
-        if sum(len(rows) for rows in stretches) < _FEWEST_ROWS:
-            return None
+        if sum(map(len, stretches)) < max(_FEWEST_ROWS, 0 if first is None else first.rows // 2):
+            return first
         fit, kept = _robust_fit(stretches, comparison.parameters, at, bias_walk)
         moved = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
+        first = first or _summarise(fit, stretches, kept, at)
         if _settled(moved - at, fit):
-            break
+            return _summarise(fit, stretches, kept, at)
+        if np.any(np.abs(moved) > _REACH * np.array(comparison.parameters.largest)):
+            return first
         at = moved
-    return _summarise(fit, stretches, kept, at)
+    return first
 
 
 def _stretches(

@@ -25,6 +25,7 @@ Gravity = Literal["declared", "missing", "reversed"]
 
 _READINGS: Final[tuple[Reading, ...]] = ("xyzw", "wxyz", "inverse", "wxyz inverse")
 _DEGREES: Final = float(np.degrees(1.0))
+_MILLIMETRES: Final = 1e3
 _GRAVITIES: Final[dict[Gravity, float]] = {"declared": 1.0, "missing": 0.0, "reversed": -1.0}
 
 _RATE_SPAN_S: Final = 0.05
@@ -60,8 +61,10 @@ class Hypothesis:
         What the accelerometer says of it.
     left
         Mean square of what then remains, in units of what noise and the coarseness of the comparison leave.
-    explained
-        Share (0 to 1) of what the declared reading leaves that is then accounted for.
+    declared_left
+        The same of the reading as declared.
+    rows
+        Number of comparisons, three axes each.
     """
 
     reading: Reading = "xyzw"
@@ -70,8 +73,14 @@ class Hypothesis:
     rate_unit: float = 1.0
     length_unit: float = 1.0
     gravity: Gravity = "declared"
-    left: float = 1.0
-    explained: float = 0.0
+    left: float = 0.0
+    declared_left: float = 0.0
+    rows: int = 0
+
+    @property
+    def explained(self) -> float:
+        """Share (0 to 1) of what the declared reading leaves that this one accounts for."""
+        return max(0.0, 1.0 - self.left / max(self.declared_left, 1e-30))
 
     @property
     def oddness(self) -> float:
@@ -107,7 +116,7 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> Hypothesis | No
         by_pose = so3.log_quaternion(so3.compose(so3.inverse(q[:-1]), q[1:])) / spans_s
         for axes, unit in product(_signed_permutations(), (1.0, _DEGREES, 1.0 / _DEGREES)):
             left = _left(by_gyro / unit - by_pose @ np.array(axes).T, by_pose, noise)
-            candidates.append(Hypothesis(reading, sensor_axes=axes, rate_unit=unit, left=left))
+            candidates.append(Hypothesis(reading, sensor_axes=axes, rate_unit=unit, left=left, rows=len(by_pose)))
     return _simplest(candidates)
 
 
@@ -141,10 +150,10 @@ def _force_candidates(
     turnings += [(identity, axes) for axes in _signed_permutations()]
     for sensor, world in turnings:
         by_force = np.einsum("nijk,kj->ni", turned, np.array(sensor))
-        for unit, (gravity, factor) in product((1.0, 1e3, 1e-3), _GRAVITIES.items()):
+        for unit, (gravity, factor) in product((1.0, _MILLIMETRES), _GRAVITIES.items()):
             felt = by_position @ np.array(world) / unit
             left = _left(felt - by_force - factor * down, felt, noise / unit**2)
-            yield Hypothesis(reading, sensor, world, 1.0, unit, gravity, left)
+            yield Hypothesis(reading, sensor, world, 1.0, unit, gravity, left, rows=len(felt))
 
 
 def _left(residuals: Float64, motion: Float64, noise: float) -> float:
@@ -193,7 +202,7 @@ def _simplest(candidates: list[Hypothesis]) -> Hypothesis | None:
     within = [candidate for candidate in candidates if candidate.left <= _WITHIN_REACH * max(best, 1.0)]
     simplest = min(within, key=lambda candidate: (candidate.oddness, candidate.left))
     declared = next(candidate.left for candidate in candidates if candidate.oddness == 0.0)
-    return replace(simplest, explained=max(0.0, 1.0 - simplest.left / max(declared, 1e-30)))
+    return replace(simplest, declared_left=declared)
 
 
 def _read_as(stored: Float64, reading: Reading) -> Float64:

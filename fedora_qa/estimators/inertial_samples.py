@@ -80,6 +80,10 @@ class InertialSamples:
         """Return the samples with an offset, and one that grows by ``drift`` seconds a second, out of IMU stamps."""
         return replace(self, imu_times_s=self.imu_times_s - late_s - drift * self.imu_times_s)
 
+    def with_poses_earlier(self, drift: float) -> "InertialSamples":
+        """Return the samples with a growing offset out of the stamps of the poses."""
+        return replace(self, pose_times_s=self.pose_times_s * (1.0 - drift))
+
     def with_rates_mapped(self, mapping: Float64) -> "InertialSamples":
         """Return the samples with angular velocities multiplied by a (3, 3) matrix."""
         return replace(self, angular_velocities_body_rad_s=self.angular_velocities_body_rad_s @ mapping.T)
@@ -120,7 +124,8 @@ class Rows:
     @property
     def sigmas(self) -> Float64:
         """Return (n,) the standard deviation of each residual, each axis."""
-        return np.sqrt(self.covariance_bands[-1])
+        sigmas: Float64 = np.sqrt(self.covariance_bands[-1])
+        return sigmas
 
     def select(self, rows: NDArray[np.bool_]) -> "Rows":
         """Return some rows. Covariances across what is left out are taken for zero."""
@@ -156,6 +161,16 @@ def blocks_of(times_s: Float64) -> list[slice]:
     edges = np.searchsorted(times_s, times_s[0] + span_s * np.arange(1, count) / count)
     bounds = np.unique(np.concatenate(([0], edges, [len(times_s)])))
     return [slice(int(a), int(b)) for a, b in pairwise(bounds)]
+
+
+def stamp_scatter(speeds: Float64) -> Float64:
+    """Return how far rounded stamps move samples of a motion at ``speeds`` (n,): never less than at its rms speed.
+
+    The floor keeps samples that do not move, frozen ones too, from outweighing all others.
+    """
+    rms = float(np.sqrt(np.mean(np.square(speeds)))) if len(speeds) else 0.0
+    scatter: Float64 = np.maximum(speeds, rms) * STAMP_SIGMA_S
+    return scatter
 
 
 def smoothed(times_s: Float64, values: Float64, width_s: float) -> Float64:

@@ -27,6 +27,8 @@ _MEDIAN_OF_NORMAL: Final = 0.6745
 """Median size of a standard normal value."""
 _OUTLIER: Final = 8.0
 _FAR_OUT: Final = 5.0
+_TYPICAL_SHARE: Final = 0.1
+_FEWEST_PERIODS: Final = 16
 _MOST_OUTLIERS: Final = 0.1
 
 
@@ -201,7 +203,7 @@ def _offsets_us(times_ns: NDArray[np.int64], stencils: Indices) -> NDArray[np.in
 def _robust_rms(values: Float64) -> float:
     """Return the root mean square without what lies far out, unless that is much: then it is no outlier."""
     size = np.abs(values)
-    kept = size <= _OUTLIER * float(np.median(size)) / _MEDIAN_OF_NORMAL
+    kept: NDArray[np.bool_] = size <= _OUTLIER * float(np.median(size)) / _MEDIAN_OF_NORMAL
     chosen = values[kept] if np.count_nonzero(~kept) <= _MOST_OUTLIERS * kept.size else values
     return float(np.sqrt(np.mean(np.square(chosen)))) if chosen.size else 0.0
 
@@ -213,3 +215,52 @@ def sharpest(candidates: Sequence[Steps], sigma: float) -> Steps:
         return float(np.quantile(steps.motion + 6.0 * sigma * steps.gains, 0.9)) if len(steps.before) else np.inf
 
     return min(candidates, key=error)
+
+
+def unmoved(*samples: Float64) -> Indices:
+    """Return the indices of samples that repeat the one before exactly, in every array, in the midst of motion.
+
+    A body that comes to rest slows down before: a run of repeats counts only where the change next to it, before or
+    after, is at least a tenth of a typical one. Where everything repeats nothing counts.
+    """
+    changes = [np.abs(np.diff(values, axis=0)).max(axis=-1, initial=0.0) for values in samples]
+    still = np.all([change == 0 for change in changes], axis=0)
+    if not len(still) or still.all() or not still.any():
+        return np.empty(0, dtype=np.intp)
+    moves = np.zeros(len(still), dtype=np.bool_)
+    for change in changes:
+        if np.any(change > 0):
+            moves |= change >= _TYPICAL_SHARE * float(np.median(change[change > 0]))
+    starts = np.flatnonzero(still & ~np.insert(still[:-1], 0, False))
+    stops = np.flatnonzero(still & ~np.append(still[1:], False)) + 1
+    padded = np.concatenate(([False], moves, [False]))
+    runs = [np.arange(a, b) + 1 for a, b in zip(starts, stops, strict=True) if padded[a] or padded[b + 1]]
+    return np.concatenate(runs) if runs else np.empty(0, dtype=np.intp)
+
+
+@dataclass(frozen=True, slots=True)
+class Interpolation:
+    """How unevenly the curvature of a motion is spread over every so many-th sample.
+
+    ``evenness`` is the median curvature between these samples over that at them: near 1 for any smooth or noisy
+    motion, near 0 where samples were interpolated linearly from every ``stride``-th.
+    """
+
+    evenness: float
+    stride: int
+
+
+def find_interpolation(times_ns: NDArray[np.int64], curve: Curve, *, resolution: float) -> Interpolation | None:
+    """Look for samples on straight lines between every 2nd to 20th; None where there is no curvature to compare.
+
+    ``resolution`` is the rounding of a sample: curvature within a hundred times that says nothing.
+    """
+    bends = np.linalg.norm(_differences(times_ns, curve, 2), axis=-1)
+    found = []
+    for stride in range(2, min(20, len(bends) // _FEWEST_PERIODS) + 1):
+        for phase in range(stride):
+            at = np.arange(len(bends)) % stride == phase
+            kinks = float(np.median(bends[at]))
+            if kinks > 100.0 * resolution:
+                found.append(Interpolation(float(np.median(bends[~at])) / kinks, stride))
+    return min(found, key=lambda one: (round(one.evenness, 2), one.stride), default=None)

@@ -15,13 +15,13 @@ from fedora_qa.estimators.grouped_fit import Parameters
 from fedora_qa.estimators.inertial_samples import (
     RICHARDSON,
     SMOOTHING_S,
-    STAMP_SIGMA_S,
     InertialNoise,
     InertialSamples,
     Rows,
     covered,
     every_second,
     smoothed,
+    stamp_scatter,
 )
 from fedora_qa.geometry import so3
 
@@ -32,12 +32,16 @@ _ROUNDING_RAD: Final = 1e-15
 """A few units in the last place of quaternions near 1."""
 
 ROTATION_PARAMETERS: Final = Parameters(
-    names=("time_offset", "clock_rate", "bias_x", "bias_y", "bias_z", "tilt_x", "tilt_y", "tilt_z", "scale"),
-    groups={"time_offset": (0,), "clock_rate": (1,), "bias": (2, 3, 4), "tilt": (5, 6, 7), "scale": (8,)},
-    largest=(1.0, 0.1, 10.0, 10.0, 10.0, 1.0, 1.0, 1.0, 1.0),
-)
-"""What is fitted: seconds the IMU's stamps are late, their drift, rad/s, rad by which the gyro's axes are turned
-against the body, and gain - 1."""
+    names=("time_offset", "clock_rate", "pose_clock_rate", "bias_x", "bias_y", "bias_z",
+           "tilt_x", "tilt_y", "tilt_z", "scale"),
+    groups={"time_offset": (0,), "clock_rate": (1,), "pose_clock_rate": (2,), "bias": (3, 4, 5), "tilt": (6, 7, 8),
+            "scale": (9,)},
+    largest=(1.0, 0.1, 0.1, 10.0, 10.0, 10.0, 1.0, 1.0, 1.0, 1.0),
+)  # fmt: skip
+"""What is fitted: seconds the IMU's stamps are late, seconds a second by which its clock and that of the poses run
+fast, rad/s, rad by which the gyro's axes are turned against the body, and gain - 1.
+
+A fast clock of the poses also makes the body seem to turn slower: that tells the two clocks apart."""
 
 
 def rotation_increments(
@@ -68,8 +72,8 @@ def rotation_increments(
 
 def without_rotation_faults(samples: InertialSamples, at: Float64) -> InertialSamples:
     """Return the samples without the faults ``at`` (P,) of ROTATION_PARAMETERS; the bias stays, being linear."""
-    mapping = so3.exp(-at[5:8]) / (1.0 + at[8])
-    return samples.with_imu_earlier(*at[:2]).with_rates_mapped(mapping)
+    mapping = so3.exp(-at[6:9]) / (1.0 + at[9])
+    return samples.with_imu_earlier(*at[:2]).with_poses_earlier(at[2]).with_rates_mapped(mapping)
 
 
 def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
@@ -95,7 +99,7 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
         residuals=so3.log_quaternion(so3.compose(so3.inverse(fine), by_pose[poses])),
         model_errors=so3.log_quaternion(so3.compose(so3.inverse(coarse), fine)) / RICHARDSON,
         jacobians=jacobians,
-        bias_jacobians=jacobians[..., 2:5],
+        bias_jacobians=jacobians[..., 3:6],
         covariance_bands=_covariance(samples.pose_times_s, by_pose, noise, poses),
     )
 
@@ -116,6 +120,7 @@ def _jacobians(imu_times_s: Float64, gyro: Float64, starts_s: Float64, stops_s: 
         (
             -(w1 - w0)[..., None],
             -drifted[..., None],
+            (drifted + turned)[..., None],
             (stops_s - starts_s)[:, None, None] * unit,
             -so3.cross_matrices(turned),
             turned[..., None],
@@ -123,14 +128,15 @@ def _jacobians(imu_times_s: Float64, gyro: Float64, starts_s: Float64, stops_s: 
         axis=-1,
     )
     seen_from_end = unit - 0.5 * so3.cross_matrices(turned)
-    return -seen_from_end @ changes
+    derivatives: Float64 = -seen_from_end @ changes
+    return derivatives
 
 
 def _covariance(times_s: Float64, by_pose: Float64, noise: InertialNoise, poses: NDArray[np.intp]) -> Float64:
     steps_s = np.diff(times_s)
     rates = np.linalg.norm(so3.log_quaternion(by_pose), axis=-1) / steps_s
     rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
-    variances = noise.rotation_sigma_rad**2 + (rates * STAMP_SIGMA_S) ** 2 + _ROUNDING_RAD**2
+    variances = noise.rotation_sigma_rad**2 + stamp_scatter(rates) ** 2 + _ROUNDING_RAD**2
     own = variances[poses] + variances[poses + 1] + noise.gyro_density**2 * steps_s[poses]
     shared = np.zeros(len(poses))
     shared[1:] = np.where(np.diff(poses) == 1, -variances[poses[1:]], 0.0)

@@ -22,6 +22,10 @@ LUMA_ROUNDING_VARIANCE_DN2: Final = (0.299**2 + 0.587**2 + 0.114**2) / 12
 """Variance of luma whose three channels are rounded to whole DN."""
 
 
+_CORRELATED_PIXELS: Final = 4 * np.pi
+"""Sum of the autocorrelation of white noise seen through a kernel of variance 1 px^2: so many pixels count as one."""
+
+
 @dataclass(frozen=True, slots=True)
 class TileResiduals:
     """Estimates for n tiles.
@@ -30,28 +34,34 @@ class TileResiduals:
     ----------
     flow_errors_px
         (n, 2) stored minus true flow.
+    noise_covariances_px2
+        (n, 2, 2) under the noise floor: an upper bound, see `tile_residuals`. The gate for texture.
     covariances_px2
-        (n, 2, 2) under the noise floor: an upper bound, see `tile_residuals`.
-    unexplained
-        (n,) squared difference that is left after the fit over that of the image itself about its mean: about 0 for
-        frames that match, 1 and more for frames that have nothing in common.
+        (n, 2, 2) from what the fit leaves, where that is more than the noise floor: unresolved detail, mostly.
+    mismatch, unexplained
+        (n,) squared difference of the frames, before and after the fit, over that of the image about its mean: about 0
+        for frames that match, 1 and more for frames that have nothing in common.
     valid_share
         (n,) share of the tile's pixels that were used.
     """
 
     flow_errors_px: Float64
+    noise_covariances_px2: Float64
     covariances_px2: Float64
+    mismatch: Float64
     unexplained: Float64
     valid_share: Float64
 
 
-def tile_residuals(before: Float32, warped: Float32, valid: NDArray[np.bool_], noise_variance_dn2: float) -> TileResiduals:
+def tile_residuals(
+    before: Float32, warped: Float32, valid: NDArray[np.bool_], noise_variance_dn2: float
+) -> TileResiduals:
     """Estimate the flow's error in each tile.
 
     Parameters
     ----------
     before, warped
-        (n, 36, 36) patches of A and W, smoothed: a tile of 32 px and a halo of 2.
+        (n, 36, 36) patches of A and W, smoothed by a kernel of variance 1 px^2: a tile of 32 px and a halo of 2.
     valid
         (n, 32, 32) pixels to use.
     noise_variance_dn2
@@ -59,10 +69,10 @@ def tile_residuals(before: Float32, warped: Float32, valid: NDArray[np.bool_], n
         makes its spectral density larger, so ``2 variance (G^T G)^-1`` bounds the covariance.
     """
     inner = (slice(None), slice(HALO_PX, -HALO_PX), slice(HALO_PX, -HALO_PX))
-    mean = 0.5 * (before + warped)
+    mean = np.float32(0.5) * (before + warped)
     weight = valid.astype(np.float32)
-    count = np.maximum(weight.sum(axis=(1, 2)), 1.0)
-    centre = (mean[inner] * weight).sum(axis=(1, 2)) / count
+    count = weight.sum(axis=(1, 2))
+    centre = (mean[inner] * weight).sum(axis=(1, 2)) / np.maximum(count, 1)
     level = mean[inner] - centre[:, None, None]
     design = np.stack((_slope(mean, axis=2), _slope(mean, axis=1), np.ones_like(level), level), axis=1)
     design = (design * weight[:, None]).reshape(len(before), 4, -1)
@@ -71,12 +81,17 @@ def tile_residuals(before: Float32, warped: Float32, valid: NDArray[np.bool_], n
     vector = (design @ difference[:, :, None])[..., 0].astype(np.float64)
     inverse = np.linalg.inv(matrix + _ridge(matrix))
     solution = np.einsum("nij,nj->ni", inverse, vector)
-    left = np.sum(difference.astype(np.float64) ** 2, axis=1) - np.einsum("ni,ni->n", solution, vector)
-    contrast = np.sum((level * weight).astype(np.float64) ** 2, axis=(1, 2))
+    squares = np.sum(difference.astype(np.float64) ** 2, axis=1)
+    left = np.maximum(squares - np.einsum("ni,ni->n", solution, vector), 0.0)
+    contrast = np.maximum(np.sum((level * weight).astype(np.float64) ** 2, axis=(1, 2)), 1e-9)
+    floor = 2 * noise_variance_dn2
+    spread = np.maximum(_CORRELATED_PIXELS * left / np.maximum(count - 4, 1), floor)
     return TileResiduals(
         flow_errors_px=solution[:, :2],
-        covariances_px2=2 * noise_variance_dn2 * inverse[:, :2, :2],
-        unexplained=np.maximum(left, 0.0) / np.maximum(contrast, 1e-9),
+        noise_covariances_px2=floor * inverse[:, :2, :2],
+        covariances_px2=spread[:, None, None] * inverse[:, :2, :2],
+        mismatch=squares / contrast,
+        unexplained=left / contrast,
         valid_share=weight.mean(axis=(1, 2), dtype=np.float64),
     )
 

@@ -16,13 +16,13 @@ from fedora_qa.estimators.grouped_fit import Parameters
 from fedora_qa.estimators.inertial_samples import (
     RICHARDSON,
     SMOOTHING_S,
-    STAMP_SIGMA_S,
     InertialNoise,
     InertialSamples,
     Rows,
     covered,
     every_second,
     smoothed,
+    stamp_scatter,
 )
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.motion import interpolate_poses
@@ -33,19 +33,20 @@ _ROUNDING: Final = 4.0
 """Units in the last place that a position may be off."""
 
 TRANSLATION_PARAMETERS: Final = Parameters(
-    names=("time_offset", "clock_rate", "bias_x", "bias_y", "bias_z", "gravity", "slope_x", "slope_y",
-           "lever_x", "lever_y", "lever_z"),
-    groups={"time_offset": (0,), "clock_rate": (1,), "gravity": (5,), "bias": (2, 3, 4), "slope": (6, 7),
-            "lever": (8, 9, 10)},
-    largest=(1.0, 0.1, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0),
+    names=("time_offset", "clock_rate", "pose_clock_rate", "bias_x", "bias_y", "bias_z", "gravity", "slope_x",
+           "slope_y", "lever_x", "lever_y", "lever_z"),
+    groups={"time_offset": (0,), "clock_rate": (1,), "pose_clock_rate": (2,), "gravity": (6,), "bias": (3, 4, 5),
+            "slope": (7, 8), "lever": (9, 10, 11)},
+    largest=(1.0, 0.1, 0.1, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0),
 )  # fmt: skip
-"""What is fitted: seconds the IMU's stamps are late, their drift, m/s^2 of bias in the body, m/s^2 by which gravity
+"""What is fitted: seconds the IMU's stamps are late, seconds a second by which its clock and that of the poses run
+fast, m/s^2 of bias in the body, m/s^2 by which gravity
 exceeds its declaration, its horizontal part in the world, and where the IMU sits in the body, metres."""
 
 
 def without_translation_faults(samples: InertialSamples, at: Float64) -> InertialSamples:
     """Return the samples with the stamps' offset and drift out; all else of TRANSLATION_PARAMETERS is linear."""
-    return samples.with_imu_earlier(*at[:2])
+    return samples.with_imu_earlier(*at[:2]).with_poses_earlier(at[2])
 
 
 def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
@@ -57,7 +58,7 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     """
     times_s, imu_times_s = samples.pose_times_s, samples.imu_times_s
     accelerations, known = _in_world(samples, noise.gravity_m_s2)
-    derivatives = _derivatives(samples)
+    derivatives = _derivatives(samples, accelerations)
     stacked = np.concatenate((accelerations[..., None], derivatives), axis=-1)[known]
     imu_times_s = imu_times_s[known]
     poses = np.empty(0, np.intp)
@@ -74,7 +75,7 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
         residuals=by_position - by_force[..., 0],
         model_errors=_model_errors(samples, noise.gravity_m_s2, by_force[..., 0], poses),
         jacobians=by_force[..., 1:],
-        bias_jacobians=by_force[..., 3:6],
+        bias_jacobians=by_force[..., 4:7],
         covariance_bands=_covariance(samples, noise, poses),
     )
 
@@ -97,23 +98,24 @@ def _orientations(samples: InertialSamples) -> Float64:
     return R
 
 
-def _derivatives(samples: InertialSamples) -> Float64:
+def _derivatives(samples: InertialSamples, accelerations: Float64) -> Float64:
     """Return the second time derivative (M, 3, P) of the residual's derivative by TRANSLATION_PARAMETERS.
 
     With measured force ``f(t - late - drift t) + bias`` and true gravity ``g + gravity`` the curve of the positions
     differs from that of the force by the double integral of these columns. A sensor at ``lever`` feels
-    ``alpha x lever + w x (w x lever)`` besides.
+    ``alpha x lever + w x (w x lever)`` besides. Poses whose clock runs fast by d seem slower: p'' by 2 d.
     """
     times_s = samples.imu_times_s
     force = CubicSpline(times_s, smoothed(times_s, samples.specific_forces_body_m_s2, SMOOTHING_S))
     rate = CubicSpline(times_s, smoothed(times_s, samples.angular_velocities_body_rad_s, SMOOTHING_S))
     R = _orientations(samples)
-    jerk = np.einsum("nij,nj->ni", R, force(times_s, 1))
+    jerk = np.einsum("nij,nj->ni", R, force(times_s, 1))[..., None]
+    drifting = times_s[:, None, None] * jerk
     W = so3.cross_matrices(rate(times_s))
     lever = R @ (so3.cross_matrices(rate(times_s, 1)) + W @ W)
     down_and_level = np.broadcast_to(np.array([[0, 1, 0], [0, 0, 1], [-1.0, 0, 0]]), (len(R), 3, 3))
     return np.concatenate(
-        (jerk[..., None], times_s[:, None, None] * jerk[..., None], -R, down_and_level, -lever), axis=-1
+        (jerk, drifting, -drifting - 2 * accelerations[..., None], -R, down_and_level, -lever), axis=-1
     )
 
 
@@ -152,7 +154,7 @@ def _covariance(samples: InertialSamples, noise: InertialNoise, poses: NDArray[n
     steps_s = np.diff(times_s)
     speeds = np.linalg.norm(np.gradient(positions_m, times_s, axis=0), axis=-1)
     rounding_m = _ROUNDING * np.spacing(np.maximum(np.abs(positions_m).max(axis=-1), 1e-3))
-    variances = noise.position_sigma_m**2 + (speeds * STAMP_SIGMA_S) ** 2 + rounding_m**2
+    variances = noise.position_sigma_m**2 + stamp_scatter(speeds) ** 2 + rounding_m**2
     force = float(np.median(np.linalg.norm(samples.specific_forces_body_m_s2, axis=-1)))
     turned_density_squared = (force * noise.rotation_sigma_rad) ** 2 * float(np.median(steps_s))
     density_squared = noise.accel_density**2 + turned_density_squared

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import POLARITY_BRIGHTER, POLARITY_DARKER
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.links import READ_ERRORS
 
 Polarity = Literal["01", "inverted", "plus_minus"]
 
@@ -25,8 +26,6 @@ INVALID_POLARITY: Final = 255
 """Stands for a stored polarity that the dialect's code does not know."""
 
 _INT64: Final = np.iinfo(np.int64)
-_READ_ERRORS: Final = (OSError, RuntimeError, ValueError, KeyError, MemoryError)
-"""What h5py raises where stored bytes are damaged, a filter is missing, or a chunk claims an absurd size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +85,7 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int) -> NDArra
     """
     try:
         stored = np.asarray(file[binding.path][start:stop])
-    except _READ_ERRORS as error:
+    except READ_ERRORS as error:
         raise UnreadableRowsError(binding.key, start, stop, str(error)) from error
     return _select(stored, binding)
 
@@ -131,9 +130,7 @@ def stamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[np
     units, rest_ns = divmod(origin, unit)
     units = min(max(units, _INT64.min), _INT64.max)
     reach = FARTHEST_STAMP_NS // unit
-    if raw.dtype.kind == "u":
-        raw = np.minimum(raw, _INT64.max)
-    nearby = np.clip(raw.astype(np.int64, copy=False), max(units - reach, _INT64.min), min(units + reach, _INT64.max))
+    nearby = np.clip(_int64(raw), max(units - reach, _INT64.min), min(units + reach, _INT64.max))
     return (nearby - units) * unit - rest_ns
 
 
@@ -171,12 +168,20 @@ def _polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:
 
 
 def _integers(raw: NDArray[Any], canonical: np.dtype[Any]) -> NDArray[Any]:
+    """Convert where every value fits, and widen to int64 where one does not; NaN becomes -1."""
     if raw.dtype == canonical:
         return raw
-    limits = np.iinfo(canonical)
     if raw.dtype.kind == "f":
         farthest = float(FARTHEST_STAMP_NS)
-        raw = np.rint(np.nan_to_num(raw.astype(np.float64), nan=-1.0, posinf=farthest, neginf=-farthest))
-        raw = np.clip(raw, -farthest, farthest).astype(np.int64)
-    fits = not raw.size or (int(raw.min()) >= limits.min and int(raw.max()) <= limits.max)
-    return raw.astype(canonical if fits else np.int64)
+        raw = np.nan_to_num(raw.astype(np.float64), nan=-1.0, posinf=farthest, neginf=-farthest)
+        raw = np.rint(np.clip(raw, -farthest, farthest))
+    whole, limits = _int64(raw), np.iinfo(canonical)
+    fits = not whole.size or (int(whole.min()) >= limits.min and int(whole.max()) <= limits.max)
+    return whole.astype(canonical) if fits else whole
+
+
+def _int64(raw: NDArray[Any]) -> NDArray[np.int64]:
+    """Convert whole numbers; unsigned ones beyond int64 saturate."""
+    if raw.dtype == np.uint64:
+        raw = np.minimum(raw, np.uint64(_INT64.max))
+    return raw.astype(np.int64, copy=False)

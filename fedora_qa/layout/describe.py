@@ -10,6 +10,7 @@ from fedora_qa.layout.canonical import DATASETS, STREAMS
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
 from fedora_qa.layout.inventory import dataset_paths
 from fedora_qa.layout.resolve import Layout
+from fedora_qa.layout.stored_attribute import text_attribute
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +94,7 @@ def _row(dataset: h5py.Dataset, binding: Binding) -> DatasetRow:
         dtype=str(binding.dtype),
         chunks=dataset.chunks,
         codec=_codec(dataset),
-        units=_units(dataset),
+        units=text_attribute(dataset, "units") or "",
         conversion=", ".join(_conversions(binding)),
     )
 
@@ -117,11 +118,3 @@ def _codec(dataset: h5py.Dataset) -> str:
     filters = dataset.id.get_create_plist()
     names = [filters.get_filter(i)[3].decode("utf-8", "replace") for i in range(filters.get_nfilters())]
     return " + ".join(name.split(";")[0].strip() for name in names) or "none"
-
-
-def _units(dataset: h5py.Dataset) -> str:
-    try:
-        label = dataset.attrs.get("units", "")
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError):
-        return ""
-    return label.decode("utf-8", "replace") if isinstance(label, bytes) else str(label)

@@ -6,18 +6,15 @@ from fedora_qa.conventions import FORMAT_NAME
 from fedora_qa.layout.canonical import DATASETS, DatasetSpec
 from fedora_qa.layout.conform import legal_ranks
 from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, Hint, Place, load_dialect
-from fedora_qa.layout.links import RefusedError, find_dataset
+from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset
+from fedora_qa.layout.stored_attribute import text_attribute
 
 _KINDS = {"int": "iu", "float": "f"}
 
 
 def declares_fedora(file: h5py.File) -> bool:
     """Whether the file says that it follows the canonical layout."""
-    try:
-        declared = file.attrs.get("format")
-    except (OSError, RuntimeError, TypeError):
-        return False
-    return isinstance(declared, str | bytes) and declared in {FORMAT_NAME, FORMAT_NAME.encode()}
+    return text_attribute(file, "format") == FORMAT_NAME
 
 
 def detect_dialect(file: h5py.File) -> Dialect:
@@ -53,8 +50,10 @@ def _agrees(dataset: h5py.Dataset | None, hint: Hint) -> bool:
 
 
 def _dataset(file: h5py.File, path: str) -> h5py.Dataset | None:
+    """Return the dataset at a path if it has a shape and a type that can be read."""
     try:
         dataset = find_dataset(file, path)
-    except RefusedError:
+        legible = dataset is not None and dataset.shape is not None and dataset.dtype is not None
+    except (RefusedError, *READ_ERRORS):
         return None
-    return None if dataset is None or dataset.shape is None else dataset
+    return dataset if legible else None

@@ -1,5 +1,6 @@
 """List the datasets that lie in a file, whatever they are."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -7,6 +8,8 @@ import h5py
 import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the Blosc codec
 import numpy as np
 from numpy.typing import NDArray
+
+from fedora_qa.layout.links import READ_ERRORS
 
 HEAD_ROWS: Final = 256
 """Rows that are read to guess what a dataset holds."""
@@ -45,10 +48,8 @@ def dataset_paths(file: h5py.File) -> tuple[str, ...]:
         if isinstance(found, h5py.Dataset):
             paths.append(path)
 
-    try:
+    with suppress(*READ_ERRORS):
         file.visititems(note)
-    except (OSError, RuntimeError, KeyError, ValueError):
-        return tuple(paths)
     return tuple(paths)
 
 
@@ -56,13 +57,10 @@ def take_inventory(file: h5py.File) -> tuple[Item, ...]:
     """Return every dataset of numbers of rank 1 or more whose first rows can be read."""
     items: list[Item] = []
     for path in dataset_paths(file):
-        dataset = file[path]
-        outside = dataset.is_virtual or dataset.external
-        if not dataset.shape or not dataset.size or dataset.dtype.kind not in "iufb" or outside:
-            continue
-        rows = _IMAGE_ROWS if dataset.ndim > 2 else HEAD_ROWS
-        try:
-            items.append(Item(path, dataset.shape, dataset.dtype, np.asarray(dataset[:rows])))
-        except (OSError, RuntimeError, ValueError):
-            continue
+        with suppress(*READ_ERRORS):
+            dataset = file[path]
+            outside = dataset.is_virtual or dataset.external
+            if dataset.shape and dataset.size and dataset.dtype.kind in "iufb" and not outside:
+                rows = _IMAGE_ROWS if dataset.ndim > 2 else HEAD_ROWS
+                items.append(Item(path, dataset.shape, dataset.dtype, np.asarray(dataset[:rows])))
     return tuple(items)

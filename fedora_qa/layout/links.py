@@ -4,9 +4,14 @@ HDF5 can point out of a file in four ways: external links, soft links that lead 
 external storage. A file from somewhere else must not decide which other files are read.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Final
 
 import h5py
+
+READ_ERRORS: Final = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, MemoryError)
+"""What h5py raises where stored bytes are damaged, a filter is missing, or a size is absurd."""
 
 MAX_LINKS: Final = 16
 """Soft links followed in a row before they count as a loop."""
@@ -38,15 +43,28 @@ def find_dataset(file: h5py.File, path: str) -> h5py.Dataset | None:
     RefusedError
         The path leads out of the file, dangles, ends at a group, or cannot be followed because bytes are damaged.
     """
-    found = find_object(file, path)
-    if found is None:
-        return None
-    if not isinstance(found, h5py.Dataset):
-        raise RefusedError("not_a_dataset", "wrong_shape", f"Expected a dataset at {path}, got a group or named type")
-    if found.is_virtual or found.external:
-        raise RefusedError("outside_link", "missing_stream", f"Expected the values of {path} in this file, got a "
-                           "virtual or externally stored dataset; copy the values into the file")  # fmt: skip
-    return found
+    with reading(path):
+        found = _follow(file, path, links_left=MAX_LINKS)
+        if found is None:
+            return None
+        if not isinstance(found, h5py.Dataset):
+            message = f"Expected a dataset at {path}, got a group or named type"
+            raise RefusedError("not_a_dataset", "wrong_shape", message)
+        if found.is_virtual or found.external:
+            message = (
+                f"Expected the values of {path} in this file, got a virtual or externally stored dataset; copy them"
+            )
+            raise RefusedError("outside_link", "missing_stream", message)
+        return found
+
+
+@contextmanager
+def reading(path: str) -> Iterator[None]:
+    """Turn what h5py raises over damaged bytes into a ``RefusedError`` that names the path."""
+    try:
+        yield
+    except READ_ERRORS as error:
+        raise RefusedError("unreadable", "corrupt_chunk", f"Expected {path} to be readable, got: {error}") from error
 
 
 def has_group(file: h5py.File, path: str) -> bool:
@@ -65,10 +83,8 @@ def find_object(file: h5py.File, path: str) -> h5py.Group | h5py.Dataset | h5py.
     RefusedError
         As for ``find_dataset``.
     """
-    try:
+    with reading(path):
         return _follow(file, path, links_left=MAX_LINKS)
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        raise RefusedError("unreadable", "corrupt_chunk", f"Expected {path} to be readable, got: {error}") from error
 
 
 def _follow(file: h5py.File, path: str, links_left: int) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:

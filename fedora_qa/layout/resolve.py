@@ -7,13 +7,13 @@ from typing import Final
 import h5py
 import numpy as np
 
-from fedora_qa.causes import INDEX_MAPS
+from fedora_qa.causes import INDEX_MAPS, allowed
 from fedora_qa.layout.binding import Binding, instant_ns
 from fedora_qa.layout.canonical import FLOW_STREAMS, PROMISED_BY, STREAMS, DatasetSpec, datasets_of
 from fedora_qa.layout.conform import require_readable_type, require_shape, unwritten_chunks
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, Dialect, Place, scale_of
-from fedora_qa.layout.links import RefusedError, find_dataset, has_group
+from fedora_qa.layout.links import RefusedError, find_dataset, has_group, reading
 
 _EXTRA_STREAMS: Final = ("depth_range",)
 """Datasets of the layout that are declarations, not streams."""
@@ -145,7 +145,8 @@ class _Finder:
     def _report(self, stream: str, key: str, reason: RefusedError) -> None:
         code = f"integrity.layout.{reason.rule}"
         stream = "metadata" if stream in _EXTRA_STREAMS else stream
-        self.problems.append(LayoutProblem(code, reason.cause, stream, key, str(reason), reason.magnitude))
+        cause = reason.cause if allowed(reason.cause, stream) else "unknown"
+        self.problems.append(LayoutProblem(code, cause, stream, key, str(reason), reason.magnitude))
 
     def _path(self, key: str) -> str:
         return self._place(key).path or key
@@ -162,26 +163,14 @@ class _Finder:
     def _bind(self, spec: DatasetSpec, dataset: h5py.Dataset) -> Binding:
         place, path = self._place(spec.key), self._path(spec.key)
         try:
-            require_readable_type(spec, dataset, path)
-            require_shape(spec, place, dataset, path)
-            unit = NS_PER_TIME_UNIT[place.time_unit] if spec.is_stamps else None
-            binding = Binding(
-                key=spec.key,
-                path=path,
-                rows=dataset.shape[0],
-                shape=dataset.shape,
-                dtype=dataset.dtype,
-                columns=place.columns or _quaternion_columns(spec, place),
-                ns_per_unit=unit,
-                scale=scale_of(spec.key, place),
-                polarity=place.polarity,
-                chunk_rows=dataset.chunks[0] if dataset.chunks else 0,
-            )
-            offset_ns = self._offset_ns(place, binding)
+            with reading(path):
+                require_readable_type(spec, dataset, path)
+                require_shape(spec, place, dataset, path)
+                binding = _as_stored(spec, place, dataset, path)
+                self._note_oddities(spec, dataset, path)
+                return replace(binding, offset_ns=self._offset_ns(place, binding))
         except RefusedError as refused:
             raise _BrokenError(spec.key, refused) from refused
-        self._note_oddities(spec, dataset, path)
-        return replace(binding, offset_ns=offset_ns)
 
     def _note_oddities(self, spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
         """Report what is wrong although the dataset can be read."""
@@ -201,11 +190,8 @@ class _Finder:
         if dataset is None:
             return 0
         numeric = dataset.size == 1 and dataset.dtype.kind in "iuf"
-        try:
+        with reading(place.offset_path):
             offset = instant_ns(np.asarray(dataset[()]).reshape(-1)[0], binding) if numeric else None
-        except OSError as error:
-            message = f"Expected {place.offset_path} to be readable, got: {error}"
-            raise RefusedError("unreadable", "corrupt_chunk", message) from error
         if offset is None:
             raise RefusedError("wrong_shape", "wrong_shape", f"Expected one finite number at {place.offset_path}")
         return offset
@@ -232,6 +218,21 @@ class _BrokenError(Exception):
         super().__init__(str(reason))
         self.key = key
         self.reason = reason
+
+
+def _as_stored(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str) -> Binding:
+    return Binding(
+        key=spec.key,
+        path=path,
+        rows=dataset.shape[0],
+        shape=dataset.shape,
+        dtype=dataset.dtype,
+        columns=place.columns or _quaternion_columns(spec, place),
+        ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_stamps else None,
+        scale=scale_of(spec.key, place),
+        polarity=place.polarity,
+        chunk_rows=dataset.chunks[0] if dataset.chunks else 0,
+    )
 
 
 def _quaternion_columns(spec: DatasetSpec, place: Place) -> tuple[int, ...] | None:

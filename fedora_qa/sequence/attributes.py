@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.layout.canonical import AttributeSpec
+from fedora_qa.layout.stored_attribute import stored_attribute
 
 POSITIVE: Final = frozenset({"width", "height", "threshold_on", "threshold_off", "gravity"})
 """Numbers that must exceed zero; every other number of the layout must not be negative, but for the seed."""
@@ -32,9 +33,9 @@ def read_attribute(holder: h5py.Group | h5py.Dataset, spec: AttributeSpec) -> An
         Unreadable, of another type or shape, not finite, out of range, or not one of the choices.
     """
     try:
-        stored = holder.attrs.get(spec.name)
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        raise MalformedError("corrupt_chunk", f"Expected a readable value, got: {error}") from error
+        stored = stored_attribute(holder, spec.name)
+    except ValueError as error:
+        raise MalformedError("unknown", f"Expected a readable value, got: {error}") from error
     return None if stored is None else _READERS[spec.kind](stored, spec)
 
 
@@ -60,7 +61,7 @@ def _float(stored: Any, spec: AttributeSpec) -> float:
     if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
         raise MalformedError("wrong_dtype", f"Expected a number, got {_shown(stored)}")
     if not np.isfinite(value):
-        raise MalformedError("nan_in_stream", f"Expected a finite number, got {value}")
+        raise MalformedError("unknown", f"Expected a finite number, got {value}")
     _require_range(float(value), spec)
     return float(value)
 
@@ -73,7 +74,7 @@ def _matrix(size: int) -> Callable[[Any, AttributeSpec], NDArray[np.float64]]:
         if matrix.shape != (size, size):
             raise MalformedError("wrong_shape", f"Expected a {size} x {size} matrix, got shape {matrix.shape}")
         if not np.all(np.isfinite(matrix)):
-            raise MalformedError("nan_in_stream", "Expected finite entries, got NaN or infinity")
+            raise MalformedError("unknown", "Expected finite entries, got NaN or infinity")
         return matrix.astype(np.float64)
 
     return read

@@ -5,12 +5,14 @@ from typing import Any, Final
 
 import h5py
 
+from fedora_qa.causes import allowed
 from fedora_qa.conventions import FORMAT_NAME, STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import canonical_rows
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, attributes_of
 from fedora_qa.layout.links import RefusedError, find_object
 from fedora_qa.layout.resolve import Layout
+from fedora_qa.layout.stored_attribute import text_attribute
 from fedora_qa.sequence.attributes import MalformedError, read_attribute
 from fedora_qa.sequence.declared import Camera, DeclarationProblem, Declared, EventModel, ImuModel, PoseModel
 
@@ -81,7 +83,7 @@ class _Reader:
         try:
             nearest, farthest = (float(bound) for bound in canonical_rows(self.file, binding, 0, 2, 0))
         except UnreadableRowsError as error:
-            self._problem("metadata", "depth_range", "corrupt_chunk", str(error))
+            self._problem("metadata", "depth_range", "unknown", str(error))
             return None
         if not 0 < nearest < farthest < float("inf"):
             message = f"Expected 0 < nearest < farthest in metres, got {nearest} and {farthest}"
@@ -91,15 +93,11 @@ class _Reader:
 
     def units(self) -> dict[str, str]:
         """Return the label ``units`` of each dataset that carries one."""
-        labels = {}
+        labels: dict[str, str] = {}
         for key, binding in self.layout.bindings.items():
-            try:
-                label = self.file[binding.path].attrs.get("units")
-            except (OSError, RuntimeError, KeyError, ValueError, TypeError):
-                continue
-            if isinstance(label, bytes):
-                label = label.decode("utf-8", "replace")
-            if isinstance(label, str):
+            holder = self._holder(binding.path)
+            label = None if holder is None else text_attribute(holder, "units")
+            if label is not None:
                 labels[key] = label
         return labels
 
@@ -112,7 +110,8 @@ class _Reader:
         return found if isinstance(found, h5py.Group | h5py.Dataset) else None
 
     def _problem(self, owner: str, name: str, cause: str, message: str) -> None:
-        self.problems.append(DeclarationProblem(owner, name, message, cause))
+        known = cause if allowed(cause, "metadata") else "unknown"
+        self.problems.append(DeclarationProblem(owner, name, message, known))
 
 
 def _cameras(values: Mapping[str, Values | None]) -> dict[str, Camera]:

@@ -1,7 +1,7 @@
 """Collect statistics window by window, beside the checks, in the same pass."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -57,15 +57,11 @@ class StatisticsCollector:
 
     def update(self, state: list[WindowStatistics], window: Window) -> None:
         """Add what a window shows. Windows come in order."""
-        times_ns, positions_world_m, orientations_xyzw = _usable_poses(window)
         depths_m = [pixel_sample(depth) for depth in _readable(window, "depth", window.depth_m)]
         events, brighter = _count_events(window)
         state.append(
-            WindowStatistics(
-                poses=_count_poses(window),
-                pose_times_ns=times_ns,
-                positions_world_m=positions_world_m,
-                orientations_xyzw=orientations_xyzw,
+            replace(
+                _poses(window),
                 events=events,
                 brighter_events=brighter,
                 speeds_px={stream: _flow_speeds(window, stream) for stream in window.facts.flow_streams},
@@ -97,27 +93,25 @@ class StatisticsCollector:
         return groups
 
 
-def _count_poses(window: Window) -> int:
+def _poses(window: Window) -> WindowStatistics:
+    """Return the window's own poses that can be placed in time; nothing where they cannot be decoded."""
     clock, rows = window.facts.clocks.get("pose"), window.owned("pose")
-    return int(np.count_nonzero(clock.advancing[rows.start : rows.stop])) if clock else 0
-
-
-def _usable_poses(window: Window) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the window's own poses: advancing stamps, finite values, quaternions that have a length."""
-    empty = WindowStatistics()
-    rows = window.owned("pose")
+    if clock is None or not rows:
+        return WindowStatistics()
     try:
-        if not _count_poses(window):
-            return empty.pose_times_ns, empty.positions_world_m, empty.orientations_xyzw
         positions = window.rows("path/pose/position", rows.start, rows.stop)
         orientations = window.rows("path/pose/orientation", rows.start, rows.stop)
     except UnreadableRowsError:
-        return empty.pose_times_ns, empty.positions_world_m, empty.orientations_xyzw
-    clock = window.facts.clocks["pose"]
+        return WindowStatistics()
+    advancing = clock.advancing[rows.start : rows.stop]
     lengths = np.linalg.norm(orientations, axis=1)
-    usable = clock.advancing[rows.start : rows.stop] & np.all(np.isfinite(positions), axis=1)
-    usable &= np.isfinite(lengths) & (lengths > 0)
-    return clock.times_ns[rows.start : rows.stop][usable], positions[usable], orientations[usable]
+    usable = advancing & np.all(np.isfinite(positions), axis=1) & np.isfinite(lengths) & (lengths > 0)
+    return WindowStatistics(
+        poses=int(np.count_nonzero(advancing)),
+        pose_times_ns=clock.times_ns[rows.start : rows.stop][usable],
+        positions_world_m=positions[usable],
+        orientations_xyzw=orientations[usable],
+    )
 
 
 def _readable(window: Window, stream: str, read: Callable[[int], Image]) -> Iterable[Image]:

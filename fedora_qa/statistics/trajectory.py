@@ -1,18 +1,21 @@
-"""Distance flown and the greatest speeds, from poses that may be noisy.
+"""Distance and greatest speeds, from poses that may be noisy.
 
-Summing the steps between noisy 200 Hz poses measures the noise: 5 mm add some 2 m of path a second. Here a
-least-squares quintic spline is fitted to the poses and its derivative is measured. The spacing of its knots decides how
-much is smoothed; it is chosen by generalised cross-validation (Craven and Wahba 1979) with the degrees of freedom
-weighted by 1.4 against too fine a choice (Kim and Gu 2004), so that it follows the data: exact poses keep a knot every
-second sample, noisy ones get as few as the motion allows.
+Summing the steps between noisy 200 Hz poses measures the noise: 5 mm add some 2 m of path a second. Here least-squares
+quintic splines are fitted to stretches of 2 s, each with a margin of 0.5 s on both sides, and their derivatives are
+measured. The spacing of the knots decides how much is smoothed. It is chosen for each stretch by generalised
+cross-validation (Craven and Wahba 1979) with the degrees of freedom weighted by 1.4 against too fine a choice (Kim and
+Gu 2004). So it follows the data: exact poses keep a knot every second sample, noisy ones get as few as the motion
+allows, and a long quiet flight does not smooth away its one fast turn.
 
 Lengths and maxima of a noisy curve are still too large. By how much, and with what spread, is told by a parametric
-bootstrap (Efron and Tibshirani 1993, ch. 6): white noise of the fitted size is added to the fitted curve, fitted with
-the same knots and measured again. The mean excess is subtracted; the error bar holds the spread and the whole excess.
+bootstrap (Efron and Tibshirani 1993, ch. 6): white noise of the fitted size is added to the fitted curves, fitted with
+the same knots and measured again. The mean excess is subtracted; the error bar holds the spread, the whole excess, and
+what twice as many knots would change, because that is what smoothing may have taken away.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, Self, cast
 
 import numpy as np
@@ -24,15 +27,20 @@ Float64 = NDArray[np.float64]
 _DEGREE: Final = 5
 _SAMPLES_PER_KNOT: Final = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384)
 _DEGREES_OF_FREEDOM_WEIGHT: Final = 1.4
+_LARGEST_FREEDOM: Final = 0.6
+"""Degrees of freedom a sample beyond which too little is left over to tell noise from motion."""
+_STRETCH_SAMPLES: Final = 400
+_MARGIN_SAMPLES: Final = 100
 _REPETITIONS: Final = 24
 _FEWEST_SAMPLES: Final = 16
-"""Fewer poses do not leave enough residuals to tell noise from motion."""
 _EVALUATION_ERROR: Final = 1e-5
-"""Relative error of measuring the curve at two points an interval, for motion slower than 5 Hz at 200 samples/s."""
+"""Relative error of measuring the curve at three points an interval, for motion slower than 5 Hz at 200 samples/s."""
 _GAUSS_NODES: Final = np.array([-1.0, 1.0]) / np.sqrt(3.0)
 
 _Speeds = Callable[[Float64, Float64], Float64]
 """Turns values and rates of change (n, d) into speeds (n,)."""
+_Noise = Callable[[Float64, np.random.Generator], Float64]
+"""Draws noise of unit size about fitted values (n, d)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,81 +89,107 @@ def rotation(times_s: Float64, orientations_xyzw: Float64) -> Motion | None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Fit:
-    """A spline, and the standard deviation of the residual of each of three axes."""
+class _Stretch:
+    """Samples of one stretch with its margins, and the stamps of the stretch itself, both ends among them."""
 
+    times_s: Float64
+    values: Float64
+    core_times_s: Float64
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """A spline through a stretch, and the standard deviation of each of three axes about it."""
+
+    stretch: _Stretch
     curve: BSpline
+    segments: int
     sigma: float
+    score: float
+    """Generalised cross-validation; smaller is better."""
 
     @classmethod
-    def to(cls, times_s: Float64, values: Float64, samples_per_knot: int) -> tuple[float, Self]:
-        """Fit a spline and return its cross-validation score (smaller is better) with it."""
-        count = len(times_s)
-        knots = _knots(times_s, samples_per_knot)
-        freedom = len(knots) - _DEGREE - 1
-        curve = make_lsq_spline(times_s, values, knots, _DEGREE)
-        squares = float(np.sum((values - curve(times_s)) ** 2))
-        score = squares / (count - _DEGREES_OF_FREEDOM_WEIGHT * freedom) ** 2
-        return score, cls(curve, np.sqrt(squares / (3 * (count - freedom))))
+    def to(cls, stretch: _Stretch, segments: int) -> Self:
+        """Fit a spline; its segments hold equally many samples, so that none is empty where samples are missing."""
+        times_s, count = stretch.times_s, len(stretch.times_s)
+        inner = np.interp(np.linspace(0, count - 1, segments + 1)[1:-1], np.arange(count), times_s)
+        knots = np.concatenate([[times_s[0]] * (_DEGREE + 1), inner, [times_s[-1]] * (_DEGREE + 1)])
+        curve = make_lsq_spline(times_s, stretch.values, knots, _DEGREE)
+        freedom = segments + _DEGREE
+        squares = float(np.sum((stretch.values - curve(times_s)) ** 2))
+        sigma = float(np.sqrt(squares / (3 * (count - freedom))))
+        return cls(stretch, curve, segments, sigma, squares / (count - _DEGREES_OF_FREEDOM_WEIGHT * freedom) ** 2)
 
-    def repeated(self, times_s: Float64, noise: Float64) -> BSpline:
-        """Return the curve as it would have been fitted with other noise; the fit is linear in the data."""
-        of_noise = make_lsq_spline(times_s, noise, self.curve.t, _DEGREE)
-        return BSpline(self.curve.t, self.curve.c + of_noise.c, _DEGREE)
+    @classmethod
+    def best_to(cls, stretch: _Stretch) -> Self:
+        """Fit with the number of segments that cross-validation prefers."""
+        numbers = sorted({max(1, (len(stretch.times_s) - 1) // width) for width in _SAMPLES_PER_KNOT})
+        return min((cls.to(stretch, n) for n in numbers if _allowed(stretch, n)), key=lambda fit: fit.score)
+
+    def finer(self) -> Self:
+        """Fit with twice the segments; with no more than there are where that leaves too few residuals."""
+        return self.to(self.stretch, 2 * self.segments) if _allowed(self.stretch, 2 * self.segments) else self
+
+    def repeated(self, noise: _Noise, random: np.random.Generator) -> BSpline:
+        """Return the curve as fitted with other noise; the fit is linear in the data."""
+        times_s = self.stretch.times_s
+        drawn = self.sigma * noise(self.curve(times_s), random)
+        return BSpline(self.curve.t, self.curve.c + make_lsq_spline(times_s, drawn, self.curve.t, _DEGREE).c, _DEGREE)
 
 
-def _measure(
-    times_s: Float64, values: Float64, *, speeds: _Speeds, noise: Callable[[Float64, np.random.Generator], Float64]
-) -> Motion | None:
+def _allowed(stretch: _Stretch, segments: int) -> bool:
+    return segments + _DEGREE < _LARGEST_FREEDOM * len(stretch.times_s)
+
+
+def _measure(times_s: Float64, values: Float64, *, speeds: _Speeds, noise: _Noise) -> Motion | None:
     if len(times_s) < _FEWEST_SAMPLES:
         return None
-    fit = _best_fit(times_s, values)
-    fitted = fit.curve(times_s)
-    measured = _length_and_maximum(fit.curve, times_s, speeds)
+    fits = [_Fit.best_to(stretch) for stretch in _stretches(times_s, values)]
+    measured, spread = _without_noise(fits, speeds, noise)
+    finer, _ = _without_noise([fit.finer() for fit in fits], speeds, noise)
+    errors = np.sqrt(spread**2 + (finer - measured) ** 2 + (_EVALUATION_ERROR * measured) ** 2)
+    length, speed_max = (Estimate(float(v), float(s)) for v, s in zip(measured, errors, strict=True))
+    fitted_s = sum(fit.stretch.times_s[-1] - fit.stretch.times_s[0] for fit in fits)
+    return Motion(
+        length,
+        speed_max,
+        noise=float(np.sqrt(np.mean([fit.sigma**2 for fit in fits]))),
+        knot_spacing_s=float(fitted_s / sum(fit.segments for fit in fits)),
+    )
+
+
+def _stretches(times_s: Float64, values: Float64) -> list[_Stretch]:
+    last = len(times_s) - 1
+    edges = np.linspace(0, last, max(1, round(last / _STRETCH_SAMPLES)) + 1).astype(int)
+    cut = []
+    for start, stop in pairwise(edges):
+        kept = slice(max(start - _MARGIN_SAMPLES, 0), stop + _MARGIN_SAMPLES + 1)
+        cut.append(_Stretch(times_s[kept], values[kept], times_s[start : stop + 1]))
+    return cut
+
+
+def _without_noise(fits: Sequence[_Fit], speeds: _Speeds, noise: _Noise) -> tuple[Float64, Float64]:
+    """Return length and maximum (2,) less the excess that noise leaves, and their errors (2,)."""
+    measured = _length_and_maximum(fits, [fit.curve for fit in fits], speeds)
     random = np.random.default_rng(0)
     repeated = np.array(
-        [
-            _length_and_maximum(fit.repeated(times_s, fit.sigma * noise(fitted, random)), times_s, speeds)
-            for _ in range(_REPETITIONS)
-        ]
+        [_length_and_maximum(fits, [fit.repeated(noise, random) for fit in fits], speeds) for _ in range(_REPETITIONS)]
     )
     excess = repeated.mean(axis=0) - measured
-    corrected = np.maximum(measured - excess, 0.0)
-    spread = np.sqrt(repeated.var(axis=0, ddof=1) + excess**2 + (_EVALUATION_ERROR * corrected) ** 2)
-    length, speed_max = (Estimate(float(v), float(s)) for v, s in zip(corrected, spread, strict=True))
-    return Motion(length, speed_max, fit.sigma, _knot_spacing_s(fit.curve))
+    return np.maximum(measured - excess, 0.0), np.sqrt(repeated.var(axis=0, ddof=1) + excess**2)
 
 
-def _best_fit(times_s: Float64, values: Float64) -> _Fit:
-    widths = [m for m in _SAMPLES_PER_KNOT if _segments(len(times_s), m) + _DEGREE < 0.6 * len(times_s)]
-    fits = [_Fit.to(times_s, values, width) for width in widths]
-    return min(fits, key=lambda scored: scored[0])[1]
-
-
-def _segments(count: int, samples_per_knot: int) -> int:
-    return max(1, (count - 1) // samples_per_knot)
-
-
-def _knots(times_s: Float64, samples_per_knot: int) -> Float64:
-    """Place knots every so many samples, not seconds: each stretch between knots then holds data, gaps or none."""
-    count = len(times_s)
-    places = np.linspace(0, count - 1, _segments(count, samples_per_knot) + 1)[1:-1]
-    inner = np.interp(places, np.arange(count), times_s)
-    ends = [times_s[0]] * (_DEGREE + 1), [times_s[-1]] * (_DEGREE + 1)
-    return np.concatenate([ends[0], inner, ends[1]])
-
-
-def _knot_spacing_s(curve: BSpline) -> float:
-    knots = curve.t[_DEGREE : len(curve.t) - _DEGREE]
-    return float((knots[-1] - knots[0]) / (len(knots) - 1))
-
-
-def _length_and_maximum(curve: BSpline, times_s: Float64, speeds: _Speeds) -> Float64:
-    """Integrate by Gauss's two-point rule on each interval; the maximum is over the same points."""
-    half = np.diff(times_s)[:, None] / 2
-    points = ((times_s[1:] + times_s[:-1])[:, None] / 2 + half * _GAUSS_NODES).ravel()
-    found = speeds(curve(points), curve.derivative()(points))
-    return np.array([np.sum(found.reshape(-1, 2) * half), np.max(found)])
+def _length_and_maximum(fits: Sequence[_Fit], curves: Sequence[BSpline], speeds: _Speeds) -> Float64:
+    """Integrate by Gauss's two-point rule on each interval; the maximum is over its points and the samples."""
+    length = maximum = 0.0
+    for fit, curve in zip(fits, curves, strict=True):
+        times_s, rates = fit.stretch.core_times_s, curve.derivative()
+        half = np.diff(times_s)[:, None] / 2
+        points = ((times_s[1:] + times_s[:-1])[:, None] / 2 + half * _GAUSS_NODES).ravel()
+        between, at_samples = (speeds(curve(at), rates(at)) for at in (points, times_s))
+        length += float(np.sum(between.reshape(-1, 2) * half))
+        maximum = max(maximum, float(np.max(between)), float(np.max(at_samples)))
+    return np.array([length, maximum])
 
 
 def _angular_speeds(q: Float64, rates: Float64) -> Float64:

@@ -102,7 +102,7 @@ def require_free_flight(scene: Scene, duration_us: int) -> None:
 
 
 def _pieces(times_us: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Times in pieces of bounded size."""
+    """Cut times into pieces of bounded size."""
     return np.split(times_us, range(CHECKED_AT_ONCE, len(times_us), CHECKED_AT_ONCE))
 
 

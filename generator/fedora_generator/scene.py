@@ -29,6 +29,10 @@ SCENE_NAMES: Final = ("park-day", "park-night", "racetrack-day", "hover", "fast-
 _SCENES: Final = Path(__file__).parent / "scenes"
 _WORLDS: Final = _SCENES / "worlds"
 
+# What pydantic calls the two problems that deserve words of their own.
+_UNKNOWN_KEY: Final = ("unexpected_keyword_argument", "extra_forbidden")
+_MISSING_KEY: Final = ("missing", "missing_argument", "missing_keyword_only_argument")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
@@ -150,12 +154,12 @@ def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, An
 
 
 def _one_sentence(error: ValidationError) -> str:
-    """Say the first problem, with the key that it lies at."""
-    first = error.errors()[0]
+    """Say the first problem, with the key that it lies at: a key that is unknown explains one that is missing."""
+    first = min(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN_KEY)
     key = ".".join(str(part) for part in first["loc"]) or "the scene"
-    if first["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
+    if first["type"] in _UNKNOWN_KEY:
         return f"Expected only known keys, got {key}; remove or correct it"
-    if first["type"] in ("missing", "missing_argument", "missing_keyword_only_argument"):
+    if first["type"] in _MISSING_KEY:
         return f"Expected a value for {key}, got none; add it"
     message = first["msg"].removeprefix("Value error, ")
     return f"{message}, at {key}" if first["type"] == "value_error" else f"{message}, got {first['input']!r} at {key}"

@@ -94,9 +94,7 @@ def _rays(camera: Camera, T_world_camera: Floats, pixels: Floats) -> Floats:
     return np.concatenate([normalised, np.ones((len(pixels), 1))], axis=1) @ T_world_camera[:3, :3].T
 
 
-def _hits(
-    world: World, origin: Floats, rays: Floats
-) -> list[tuple[Floats, Floats, Floats, Floats, str, int]]:
+def _hits(world: World, origin: Floats, rays: Floats) -> list[tuple[Floats, Floats, Floats, Floats, str, int]]:
     """For each face: z-depth of the rays' hits (infinite for a miss), normal, centre, u and v axes, texture, number."""
     found = [(*_rectangle_hit(flat, origin, rays), flat.texture, i) for i, flat in enumerate(world.rectangles)]
     for i, box in enumerate(world.boxes):

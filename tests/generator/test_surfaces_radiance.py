@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-import cv2
 import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from fedora_generator.camera import Camera, CameraOptions, colour_camera, event_camera
 from fedora_generator.render import ExactWorld
@@ -70,23 +70,122 @@ WORLDS = {
 }
 
 
-def pose(camera: Camera, z_m: float = 1.5, pitch_deg: float = 10.0, yaw_deg: float = 0.0, roll_deg: float = 0.0) -> Floats:
-    from scipy.spatial.transform import Rotation
-
+def pose(camera: Camera, z_m: float = 1.5, pitch_deg: float = 10.0, roll_deg: float = 0.0) -> Floats:
     T_world_body = np.eye(4)
-    T_world_body[:3, :3] = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True).as_matrix()
+    T_world_body[:3, :3] = Rotation.from_euler("ZYX", [0.0, pitch_deg, roll_deg], degrees=True).as_matrix()
     T_world_body[2, 3] = z_m
     return T_world_body @ camera.T_body_camera
 
 
+def block_means(image: Floats, side: int) -> Floats:
+    """Means over square blocks of whole pixels."""
+    height, width = (size // side for size in image.shape)
+    return image.reshape(height, side, width, side).mean(axis=(1, 3))
+
+
 @pytest.mark.parametrize("name", WORLDS)
 def test_a_pixel_is_the_average_over_its_footprint(name: str) -> None:
-    """Radiance agrees with 48 x 48 rays a pixel, also where faces meet, pierce each other and hide each other."""
+    """Radiance agrees with 40 x 40 rays a pixel, also where faces meet, pierce each other and hide each other.
+
+    The image is coarse (a pixel is up to metres wide on the floor), so that what is affine over a pixel only nearly
+    is at its worst.
+    """
     world, light = WORLDS[name]
-    camera = colour_camera(CameraOptions(width=48, height=36))
+    camera = colour_camera(CameraOptions(width=32, height=24))
     T_world_camera = pose(camera, roll_deg=7.0)
     exact = ExactWorld.of(world, light).rgb_dn(camera, T_world_camera)
-    sampled = radiance_rgb_dn(world, light, camera, T_world_camera, samples=48)
+    sampled = radiance_rgb_dn(world, light, camera, T_world_camera, samples=40)
     error = np.abs(exact - sampled)
-    assert error.max() < 0.03 * sampled.max()
-    assert np.sqrt((error**2).mean()) < 0.003 * sampled.max()
+    assert error.max() < 0.05 * sampled.max()
+    assert np.sqrt((error**2).mean()) < 0.005 * sampled.max()
+
+
+def test_an_edge_covers_its_exact_share_of_a_pixel() -> None:
+    """A white box before a black floor and sky: coverage to 2e-3, as 256 x 256 rays a pixel count it."""
+    textures = {"white": TEXTURES["white"], "black": Texture(dark_rgb=(1e-9,) * 3, light_rgb=(1e-9,) * 3)}
+    world = World(name="w", textures=textures, rectangles=(floor("black"),), boxes=(box(4, 0.3, 33, "white"),))
+    light = replace(DAY, ambient=1.0, sun_strength=0.0, sky_horizon_rgb=(1e-9,) * 3, sky_zenith_rgb=(1e-9,) * 3)
+    camera = colour_camera(CameraOptions(width=8, height=6))
+    T_world_camera = pose(camera, roll_deg=11.0)
+    exact = ExactWorld.of(world, light).rgb_dn(camera, T_world_camera)
+    sampled = radiance_rgb_dn(world, light, camera, T_world_camera, samples=256)
+    assert ((exact > 1) & (exact < WHITE_DN - 1)).sum() > 20  # pixels that the border crosses, three channels
+    np.testing.assert_allclose(exact / WHITE_DN, sampled / WHITE_DN, atol=2e-3)
+
+
+def test_what_is_thinner_than_a_pixel_is_seen() -> None:
+    """A post a fortieth of a pixel wide, between the pixel centres, brightens its column by its share."""
+    textures = {"white": TEXTURES["white"], "black": Texture(dark_rgb=(1e-9,) * 3, light_rgb=(1e-9,) * 3)}
+    camera = colour_camera(CameraOptions(width=40, height=30))
+    width_m = 10.0 / camera.K[0, 0] / 40
+    post = Box(name="post", center_m=(10.0 + width_m / 2, -0.085, 1.5), size_m=(width_m,) * 2 + (9.0,), texture="white")
+    world = World(name="w", textures=textures, rectangles=(floor("black"),), boxes=(post,))
+    light = replace(DAY, ambient=1.0, sun_strength=0.0, sky_horizon_rgb=(1e-9,) * 3, sky_zenith_rgb=(1e-9,) * 3)
+    row = ExactWorld.of(world, light).rgb_dn(camera, pose(camera, pitch_deg=0.0))[15, :, 0]
+    assert row.sum() == pytest.approx(WHITE_DN / 40, rel=0.01)  # a little of its side is seen too
+
+
+def test_colour_and_event_camera_see_the_same_light() -> None:
+    """9 x 9 pixels of the colour camera hold the light of the 4 x 4 of the event camera that look there (2.25 : 1).
+
+    Pixel by pixel they cannot agree at an edge, as the border of an event pixel runs through colour pixels.
+    """
+    world, light = WORLDS["boxes by day"]
+    options = CameraOptions(width=360, height=270)
+    colour, events = colour_camera(options), event_camera(options)
+    exact = ExactWorld.of(world, light)
+    rgb = exact.rgb_dn(colour, pose(colour, roll_deg=7.0))
+    luma = exact.luma_dn(events, pose(events, roll_deg=7.0))
+    error = block_means(rgb @ np.array(LUMA_WEIGHTS_RGB), 9) - block_means(luma, 4)
+    assert np.abs(error).max() < 0.3
+    assert np.sqrt((error**2).mean()) < 0.02
+
+
+def test_luma_is_the_weighted_sum_of_the_colours() -> None:
+    """The event camera's luma is 0.299 R + 0.587 G + 0.114 B of the same pixel."""
+    world, light = WORLDS["boxes by night"]
+    camera = colour_camera(CameraOptions(width=64, height=48))
+    exact = ExactWorld.of(world, light)
+    luma = exact.rgb_dn(camera, pose(camera)) @ np.array([0.299, 0.587, 0.114])
+    np.testing.assert_allclose(exact.luma_dn(camera, pose(camera)), luma, rtol=1e-12)
+
+
+def test_the_number_of_threads_changes_nothing() -> None:
+    """One thread and two give the same bits."""
+    world, light = WORLDS["boxes by night"]
+    camera = colour_camera(CameraOptions(width=90, height=70))
+    exact, T_world_camera = ExactWorld.of(world, light), pose(camera)
+    before = numba.get_num_threads()
+    try:
+        images = []
+        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+            numba.set_num_threads(threads)
+            images.append(exact.rgb_dn(camera, T_world_camera))
+    finally:
+        numba.set_num_threads(before)
+    np.testing.assert_array_equal(*images)
+
+
+def test_a_lamp_falls_off_with_the_inverse_square() -> None:
+    """Straight under a lamp of strength I at height h the floor has the irradiance I / h^2, softened by its radius."""
+    height_m, strength = 2.0, 1.5
+    world = World(
+        name="w",
+        textures=TEXTURES,
+        rectangles=(floor("white"),),
+        lamps=(Lamp(position_m=(0.0, 0.0, height_m), strength=strength),),
+    )
+    camera = colour_camera(CameraOptions(width=5, height=5))
+    T_world_camera = np.diag([1.0, -1.0, -1.0, 1.0])  # optical Z straight down
+    T_world_camera[2, 3] = 1.0
+    night = replace(NIGHT, ambient=1e-9, lamp_radius_m=0.3)
+    center_dn = ExactWorld.of(world, night).rgb_dn(camera, T_world_camera)[2, 2, 0]
+    assert center_dn == pytest.approx(WHITE_DN * strength * height_m / (height_m**2 + 0.3**2) ** 1.5, rel=1e-6)
+
+
+def test_a_face_shows_nothing_from_behind() -> None:
+    """From under the floor there is only sky."""
+    world, light = WORLDS["smooth floor"]
+    camera = Camera(20, 16, colour_camera(CameraOptions(width=20, height=16)).K, np.eye(4))
+    exact = ExactWorld.of(world, light)
+    assert not exact.inverse_depth_per_m(camera, pose(colour_camera(CameraOptions()), z_m=-1.0)).any()

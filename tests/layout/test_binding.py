@@ -70,6 +70,7 @@ def test_stamps_never_wrap(stamps: list[int], origin_ns: int, unit: int) -> None
 def test_stamps_beyond_int64_saturate() -> None:
     """Unsigned 64-bit stamps do not become negative."""
     times = stamps_ns(np.array([5, 2**64 - 1], dtype=np.uint64), stamps_binding(), 0)
+    assert stamps_ns(np.array([5, 2**32 - 1], dtype=np.uint32), stamps_binding(), 0)[1] == (2**32 - 1) * 1000
     assert times[0] == 5000
     assert times[1] >= FARTHEST_STAMP_NS - 1000
 

@@ -141,7 +141,10 @@ def test_frame_and_sign_do_not_matter(
     flips = np.random.default_rng(signs).choice([-1.0, 1.0], (len(times_s), 1))
     turned = rotation(times_s, (world * Rotation.from_quat(tumble(times_s))).as_quat() * flips)
     still, still_turned = translation(times_s, circle(times_s)), rotation(times_s, tumble(times_s))
-    assert moved and still and turned and still_turned
+    assert moved is not None
+    assert still is not None
+    assert turned is not None
+    assert still_turned is not None
     assert moved.length.value == pytest.approx(still.length.value, rel=1e-6)
     assert moved.speed_max.value == pytest.approx(still.speed_max.value, rel=1e-4)
     assert turned.length.value == pytest.approx(still_turned.length.value, rel=1e-6)

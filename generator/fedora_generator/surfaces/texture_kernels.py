@@ -114,7 +114,7 @@ def _share_to_edge(turns: float, rate: float, duty: float) -> float:
     f = turns - math.floor(turns)
     if rate > 0.0:
         return ((duty if f < duty else 1.0) - f) / rate
-    return ((f if 0.0 < f <= duty else (f - duty if f > 0.0 else 1.0 - duty))) / -rate
+    return (f if 0.0 < f <= duty else (f - duty if f > 0.0 else 1.0 - duty)) / -rate
 
 
 @njit(cache=True)

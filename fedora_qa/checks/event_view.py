@@ -1,0 +1,187 @@
+"""What the checks of events share of a window: events that lie on the sensor, and frames as its pixels see them."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.estimators.event_footprint import Footprints, footprints
+from fedora_qa.estimators.event_kernels import count_between_frames
+from fedora_qa.sequence.declared import Camera, Declared
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Events, Window
+
+HALO_NS: Final = 30_000_000
+"""Events before and after a window that its checks may look at: longer than any gap that tells a level."""
+
+FARTHEST_NEXT_FRAME_NS: Final = 100_000_000
+"""A window looks at the frame after its last one if that is not farther behind its end."""
+
+SATURATED_DN: Final = 250.0
+"""Brighter pixels may have been clipped in one of their colours, or lost to a curve near white."""
+
+ROUNDING_DN: Final = {"linear": 0.5, "srgb": 0.5 * 2.4 / 1.055, "gamma2.2": 0.5 * 2.2}
+"""Half a step of the 8-bit code in linear DN, at white where it is largest."""
+
+CENTRES_AGREE_M: Final = 1e-6
+AXES_AGREE: Final = 1e-6
+
+
+def all_events(window: Window) -> Events:
+    """Return the events of a window with a halo on both sides, as stored."""
+    after_ns = HALO_NS
+    frames = _frames(window) if "rgb" in window.facts.clocks else []
+    if frames:
+        last_ns = int(window.facts.clocks["rgb"].times_ns[frames[-1]])
+        after_ns = max(HALO_NS, last_ns + HALO_NS - window.span.stop_ns)
+    return window.events(HALO_NS, after_ns)
+
+
+def sensor_events(window: Window) -> Events:
+    """Return those of ``all_events`` that lie on the declared sensor and have a legal polarity."""
+    return window.once("sensor_events", lambda: _on_sensor(all_events(window), window.facts.declared))
+
+
+def own(window: Window, events: Events) -> Events:
+    """Return the events that the window owns, without the halo."""
+    start, stop = np.searchsorted(events.times_ns, [window.span.start_ns, window.span.stop_ns])
+    return Events(events.x[start:stop], events.y[start:stop], events.times_ns[start:stop], events.p[start:stop])
+
+
+def sensor_shape(declared: Declared) -> tuple[int, int]:
+    """Return rows and columns of the event camera."""
+    camera = declared.cameras["events"]
+    return camera.height, camera.width
+
+
+def _on_sensor(events: Events, declared: Declared) -> Events:
+    height, width = sensor_shape(declared)
+    good = (events.x < width) & (events.y < height) & (events.p <= 1)
+    if events.x.dtype != np.uint16 or events.y.dtype != np.uint16:
+        good &= (events.x >= 0) & (events.y >= 0)
+    if good.all() and events.x.dtype == events.y.dtype == np.uint16:
+        return events
+    x, y = events.x[good].astype(np.uint16), events.y[good].astype(np.uint16)
+    return Events(x, y, events.times_ns[good], events.p[good])
+
+
+@dataclass(frozen=True, slots=True)
+class SeenFrames:
+    """The frames of a window and the one after it, as the pixels of the event camera see them.
+
+    Attributes
+    ----------
+    frames, times_ns
+        (n,) rows and instants.
+    sharp_dn, even_dn
+        (n, h, w) luma by the two reconstructions of ``event_footprint``.
+    error_dn
+        (n, h, w) bound of the error of ``even_dn``; infinite where a pixel is saturated or outside the frame.
+    counts
+        (n - 1, 2, h, w) darker and brighter events between the frames.
+    """
+
+    frames: NDArray[np.int64]
+    times_ns: NDArray[np.int64]
+    sharp_dn: NDArray[np.float64]
+    even_dn: NDArray[np.float64]
+    error_dn: NDArray[np.float64]
+    counts: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+
+def seen_frames(window: Window) -> SeenFrames:
+    """Return the frames that a window owns and the next one, and the events between them."""
+    return window.once("seen_frames", lambda: _seen_frames(window))
+
+
+def why_frames_and_events_do_not_meet(facts: Facts) -> str:
+    """Say why frames cannot be seen by the event camera's pixels; empty where they can."""
+    cameras, events = facts.declared.cameras, facts.declared.events
+    if "rgb" not in cameras or "events" not in cameras:
+        return "the cameras rgb and events are not both declared in /metadata/cameras"
+    if events is None or not min(events.threshold_on, events.threshold_off) > 0:
+        return "the event sensor is not declared with positive thresholds in /metadata/events"
+    rgb, event = cameras["rgb"], cameras["events"]
+    if rgb.model != "pinhole" or event.model != "pinhole":
+        return f"Expected pinhole cameras, got {rgb.model} (rgb) and {event.model} (events)"
+    if not (_usable(rgb) and _usable(event)):
+        return "K of the cameras rgb and events is not that of pinhole cameras without skew"
+    return _why_views_differ(rgb, event)
+
+
+def _usable(camera: Camera) -> bool:
+    K = camera.K
+    return bool(np.all(np.isfinite(K)) and K[0, 0] > 0 and K[1, 1] > 0 and K[0, 1] == 0 and K[1, 0] == 0)
+
+
+def _why_views_differ(rgb: Camera, event: Camera) -> str:
+    difference = np.abs(rgb.T_body_camera - event.T_body_camera)
+    if not difference[:3, 3].max() <= CENTRES_AGREE_M:
+        return "the cameras rgb and events do not share one centre; frames would have to be reprojected through depth"
+    if not difference[:3, :3].max() <= AXES_AGREE:
+        return "the cameras rgb and events do not look in one direction"
+    return ""
+
+
+def _frames(window: Window) -> list[int]:
+    """Return the frames of a window whose stamps advance, and the next one if it is near."""
+    clock = window.facts.clocks["rgb"]
+    if not clock.usable:
+        return []
+    own_rows = [row for row in window.owned("rgb") if clock.advancing[row]]
+    if not own_rows:
+        return []
+    later = np.flatnonzero(clock.advancing[own_rows[-1] + 1 :])
+    if len(later):
+        following = own_rows[-1] + 1 + int(later[0])
+        if clock.times_ns[following] - window.span.stop_ns <= FARTHEST_NEXT_FRAME_NS:
+            own_rows.append(following)
+    return own_rows
+
+
+def _seen_frames(window: Window) -> SeenFrames:
+    declared = window.facts.declared
+    shape = sensor_shape(declared)
+    seen: list[tuple[int, NDArray[np.float64]]] = []
+    prints: Footprints | None = None
+    for frame in _frames(window):
+        try:
+            luma = luma_dn(window, frame)
+        except UnreadableRowsError:
+            continue
+        if prints is None:
+            prints = footprints(
+                declared.cameras["rgb"].K, (luma.shape[0], luma.shape[1]), declared.cameras["events"].K, shape
+            )
+        seen.append((frame, _seen(luma, prints, ROUNDING_DN[declared.transfer])))
+    frames = np.array([frame for frame, _ in seen], dtype=np.int64)
+    times_ns = window.facts.clocks["rgb"].times_ns[frames]
+    images = np.stack([image for _, image in seen], axis=1) if seen else np.empty((3, 0, *shape))
+    counts = np.zeros((max(len(frames) - 1, 0), 2, *shape), np.int32)
+    if len(frames) > 1:
+        events = sensor_events(window)
+        count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
+    return SeenFrames(frames, times_ns, images[0], images[1], images[2], counts)
+
+
+def _seen(luma: NDArray[np.float32], prints: Footprints, rounding_dn: float) -> NDArray[np.float64]:
+    """Return sharp and even luma and the bound of the latter's error, (3, h, w).
+
+    Each colour is rounded by at most half a step of its code, so luma is as well. Within a pixel luma varies by at most
+    what it varies among the pixel and its eight neighbours.
+    """
+    ring = np.ones((3, 3), np.uint8)
+    contrast = cv2.morphologyEx(luma, cv2.MORPH_GRADIENT, ring)
+    error = rounding_dn + prints.split_bound(contrast)
+    clipped = luma >= SATURATED_DN
+    if clipped.any():
+        error[prints.average(cv2.dilate(clipped.astype(np.uint8), ring)) > 0] = np.inf
+    error[~prints.inside] = np.inf
+    return np.stack([prints.sharp_average(luma), prints.average(luma), error])

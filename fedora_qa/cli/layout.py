@@ -1,0 +1,112 @@
+"""``fedora-qa layout``: what a file holds, where, and what was inferred."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import click
+import h5py
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from fedora_qa.cli.check import PATH, require_hdf5
+from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.terminal import stdout_console, text
+from fedora_qa.errors import UnreadableFileError
+from fedora_qa.layout.describe import DatasetRow, Description, describe
+from fedora_qa.layout.dialect import load_dialect
+from fedora_qa.layout.draft import draft_dialect
+from fedora_qa.layout.resolve import resolve
+from fedora_qa.record.atomic import write_text
+from fedora_qa.record.wording import number
+
+_UNUSED_SHOWN = 20
+_WIDE = 110
+"""Columns from which the datasets fit into a table."""
+
+
+@click.command(short_help="Say what a file holds, where, and what was inferred.")
+@click.argument("file", type=PATH)
+@click.option("--dialect", metavar="NAME|FILE.toml", help="How the file names and scales things; else recognised.")
+@click.option("--draft-dialect", "draft_path", type=PATH, metavar="OUT", help="Write a first dialect for the file.")
+def layout(file: Path, dialect: str | None, draft_path: Path | None) -> int:
+    """Say where FILE keeps each stream, what is absent and why, and what was inferred."""
+    known = load_dialect(dialect) if dialect else None
+    Outputs(draft=draft_path).require_writable([file])
+    require_hdf5([file], known)
+    try:
+        with h5py.File(file, "r", locking="best-effort") as opened:
+            description = describe(opened, resolve(opened, known))
+            draft = draft_dialect(opened, draft_path.stem) if draft_path else ""
+    except OSError as error:
+        raise UnreadableFileError(f"Expected a complete HDF5 file, got: {str(error).splitlines()[0]}") from None
+    if draft_path:
+        write_text(draft_path, draft)
+    console = stdout_console()
+    for part in _parts(description, console.width):
+        console.print(part)
+    return 0
+
+
+def _parts(description: Description, width: int) -> Iterator[RenderableType]:
+    yield Text.assemble(("Dialect  ", "bold"), text(description.dialect))
+    yield Text()
+    if description.datasets:
+        yield _table(description.datasets) if width >= _WIDE else _list(description.datasets)
+        yield Text()
+    inferred = [(name, number(v) if isinstance(v, float) else str(v)) for name, v in description.inferred]
+    yield from _pairs("Absent", description.absent)
+    yield from _pairs("Inferred", inferred)
+    yield from _lines("Problems", description.problems, "red")
+    unused = description.unused[:_UNUSED_SHOWN]
+    more = len(description.unused) - len(unused)
+    yield from _lines("Not spoken of by the dialect", [*unused, *([f"... and {more} more"] if more else [])], "")
+
+
+def _table(rows: Sequence[DatasetRow]) -> Table:
+    columns = ["stream", "found at", "shape", "type", "units", "stored"]
+    if any(row.conversion for row in rows):
+        columns.append("conversion")
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for column in columns:
+        table.add_column(column, no_wrap=column in {"stream", "shape", "type", "units"}, overflow="fold")
+    previous = ""
+    for row in rows:
+        stream = "" if row.stream == previous else row.stream
+        cells = (stream, row.path, _shape(row.shape), row.dtype, row.units, _storage(row), row.conversion)
+        table.add_row(*(text(cell) for cell in cells[: len(columns)]))
+        previous = row.stream
+    return table
+
+
+def _list(rows: Sequence[DatasetRow]) -> RenderableType:
+    """Return the same as the table, two short lines a dataset."""
+    lines: list[RenderableType] = []
+    for row in rows:
+        lines.append(text(f"{row.path}  {_shape(row.shape)}  {row.dtype} {row.units}"))
+        details = ", ".join(part for part in (row.stream, _storage(row), row.conversion) if part)
+        lines.append(Padding(text(details, "dim"), (0, 0, 0, 4), expand=False))
+    return Group(*lines)
+
+
+def _storage(row: DatasetRow) -> str:
+    chunks = f"{row.chunks[0]} {'row' if row.chunks[0] == 1 else 'rows'} a chunk" if row.chunks else "contiguous"
+    return chunks if row.codec == "none" else f"{chunks}, {row.codec}"
+
+
+def _shape(sizes: Sequence[int]) -> str:
+    return " x ".join(map(str, sizes)) or "scalar"
+
+
+def _pairs(title: str, pairs: Sequence[tuple[str, str]]) -> Iterator[RenderableType]:
+    yield from _lines(title, [f"{name}: {value}" for name, value in pairs], "")
+
+
+def _lines(title: str, lines: Sequence[str], style: str) -> Iterator[RenderableType]:
+    if not lines:
+        return
+    yield Text(title, style="bold")
+    for line in lines:
+        yield Padding(text(line, style), (0, 0, 0, 2), expand=False)
+    yield Text()

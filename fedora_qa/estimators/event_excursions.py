@@ -1,0 +1,98 @@
+"""What events must conserve: the signal less what its events sum to stays within the thresholds, for ever.
+
+An ideal pixel keeps ``-C- < L - ref < C+``, and ``ref`` moves by C+ and C- only. So over any times, however far apart,
+``E = L - C+ P + C- M`` varies by less than C+ + C-. Each frame bounds L at its time; the pixel violates the law where
+the largest lower bound of E exceeds the smallest upper bound by C+ + C- or more.
+
+Signals are int64 multiples of 2^-40 nat, so that neighbouring stretches join exactly in any order.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.event_kernels import bound_excursions
+
+Int64 = NDArray[np.int64]
+
+UNITS_PER_NAT: Final = 2.0**40
+UNKNOWN: Final = np.iinfo(np.int64).max
+_FARTHEST: Final = 2**61
+
+
+@dataclass(frozen=True, slots=True)
+class Excursions:
+    """Bounds of E for every pixel over some consecutive frames.
+
+    Attributes
+    ----------
+    first_frame, last_frame
+        Both included.
+    total
+        (h, w) what the events between the first and the last frame sum to.
+    highest, lowest
+        (3, h, w) the largest lower bound and the smallest upper bound of E, counted from the first frame; the frame of
+        each; the sum of events there.
+    """
+
+    first_frame: int
+    last_frame: int
+    total: Int64
+    highest: Int64
+    lowest: Int64
+
+    def then(self, later: "Excursions") -> "Excursions":
+        """Join with the stretch that begins at this one's last frame. Exact, hence associative."""
+        highest, lowest = later.highest.copy(), later.lowest.copy()
+        for bounds in (highest, lowest):
+            bounds[0] -= self.total
+            bounds[2] += self.total
+        return Excursions(
+            self.first_frame,
+            later.last_frame,
+            self.total + later.total,
+            np.where(highest[0] > self.highest[0], highest, self.highest),
+            np.where(lowest[0] < self.lowest[0], lowest, self.lowest),
+        )
+
+    def excess(self) -> NDArray[np.float64]:
+        """Return by how much (h, w) E has surely varied, nat; negative where nothing is sure."""
+        span: NDArray[np.float64] = (self.highest[0].astype(np.float64) - self.lowest[0]) / UNITS_PER_NAT
+        return span
+
+
+def bound(
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    counts: NDArray[np.int32],
+    drift: NDArray[np.float64],
+    *,
+    threshold_on: float,
+    threshold_off: float,
+    frames: Int64,
+) -> Excursions:
+    """Return the excursions over consecutive frames.
+
+    Parameters
+    ----------
+    lower, upper
+        (n, h, w) bounds of the signal at each frame, nat; not finite where nothing is known.
+    counts
+        (n - 1, 2, h, w) darker and brighter events between the frames.
+    drift
+        (n - 1,) nat that the signal appears to gain between frames besides (leak).
+    frames
+        (n,) numbers of the frames.
+    """
+    known = np.isfinite(lower) & np.isfinite(upper)
+    low = np.floor(np.where(known, lower, 0.0) * UNITS_PER_NAT).astype(np.int64)
+    high = np.where(known, np.ceil(np.where(known, upper, 0.0) * UNITS_PER_NAT).astype(np.int64), UNKNOWN)
+    shape = lower.shape[1:]
+    highest, lowest = np.zeros((2, 3, *shape), np.int64)
+    highest[0], lowest[0] = -_FARTHEST, _FARTHEST
+    on, off = (round(threshold * UNITS_PER_NAT) for threshold in (threshold_on, threshold_off))
+    moved = np.rint(drift * UNITS_PER_NAT).astype(np.int64)
+    total = bound_excursions(low, high, counts, on, off, moved, frames, highest, lowest)
+    return Excursions(int(frames[0]), int(frames[-1]), total, highest, lowest)

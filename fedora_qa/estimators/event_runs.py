@@ -1,0 +1,92 @@
+"""What a sensor that takes its reference from the signal must conserve (model ``linear``).
+
+While a pixel gives no event, its value stays within [ref - C-, ref + C+]: over a run without events it varies by at
+most C+ + C-. Each brighter event raises the reference by at least C+ + 1 (thresholds are strict, values whole), so that
+P brighter events and no darker one between two frames raise the value by at least P (C+ + 1) - C+ - C-. There is no
+upper bound: one event can stand for any step.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """Runs without events of every pixel over some consecutive frames.
+
+    Attributes
+    ----------
+    first_frame, last_frame
+        Both included.
+    head, tail
+        (2, h, w) largest lower and smallest upper bound of the value in the run that the stretch begins with, and in
+        the one that it ends with.
+    quiet
+        (h, w): no event at all, head and tail are one run.
+    broken
+        (h, w): a law was violated within the stretch.
+    limit
+        C+ + C-, the most that a value may vary in a run.
+    """
+
+    first_frame: int
+    last_frame: int
+    head: Float64
+    tail: Float64
+    quiet: Bool
+    broken: Bool
+    limit: float
+
+    def then(self, later: "Runs") -> "Runs":
+        """Join with the stretch that begins at this one's last frame. Exact, hence associative."""
+        across = _tighter(self.tail, later.head)
+        return Runs(
+            self.first_frame,
+            later.last_frame,
+            np.where(self.quiet, across, self.head),
+            np.where(later.quiet, across, later.tail),
+            self.quiet & later.quiet,
+            self.broken | later.broken | (across[0] - across[1] > self.limit),
+            self.limit,
+        )
+
+
+def follow_runs(
+    lower: Float64,
+    upper: Float64,
+    counts: NDArray[np.int32],
+    *,
+    threshold_on: float,
+    threshold_off: float,
+    frames: NDArray[np.int64],
+) -> Runs:
+    """Return the runs over consecutive frames.
+
+    ``lower`` and ``upper`` (n, h, w) bound the value at each frame, DN, infinite where nothing is known; ``counts``
+    (n - 1, 2, h, w) holds darker and brighter events between the frames, whose numbers are ``frames`` (n,).
+    """
+    limit = threshold_on + threshold_off
+    quiet = np.ones(lower.shape[1:], np.bool_)
+    bounds = np.stack([lower, upper], axis=1)
+    numbers = frames.tolist()
+    runs = Runs(numbers[0], numbers[0], bounds[0], bounds[0], quiet, ~quiet, limit)
+    for i in range(len(counts)):
+        off, on = counts[i]
+        silent = (on == 0) & (off == 0)
+        step = _tighter(bounds[i], bounds[i + 1])
+        rise, fall = bounds[i + 1, 1] - bounds[i, 0], bounds[i, 1] - bounds[i + 1, 0]
+        broken = silent & (step[0] - step[1] > limit)
+        broken |= (on > 0) & (off == 0) & (rise < on * (threshold_on + 1) - limit)
+        broken |= (off > 0) & (on == 0) & (fall < off * (threshold_off + 1) - limit)
+        head, tail = np.where(silent, step, bounds[i]), np.where(silent, step, bounds[i + 1])
+        runs = runs.then(Runs(numbers[i], numbers[i + 1], head, tail, silent, broken, limit))
+    return runs
+
+
+def _tighter(one: Float64, other: Float64) -> Float64:
+    return np.stack([np.maximum(one[0], other[0]), np.minimum(one[1], other[1])])

@@ -1,0 +1,40 @@
+"""Read an attribute as it is stored, if it is of a plain type."""
+
+from typing import Any
+
+import h5py
+
+from fedora_qa.layout.links import READ_ERRORS
+
+
+def stored_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> Any:
+    """Return the value of an attribute, numbers or text, or None where there is none.
+
+    Ragged arrays, references and compounds are never read: no attribute of the layout is one, and where a damaged
+    file turns text into one, HDF5 follows its addresses out of the process's memory.
+
+    Raises
+    ------
+    ValueError
+        The attribute is of such a type, or damaged.
+    """
+    try:
+        if name not in holder.attrs:
+            return None
+        dtype = holder.attrs.get_id(name).dtype
+        if dtype.kind in "OV" and h5py.check_string_dtype(dtype) is None:
+            raise ValueError(f"a type that is neither numbers nor text ({dtype})")
+        return holder.attrs[name]
+    except READ_ERRORS as error:
+        raise ValueError(str(error)) from error
+
+
+def text_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> str | None:
+    """Return an attribute that is text; None where there is none, or it is something else, or damaged."""
+    try:
+        stored = stored_attribute(holder, name)
+    except ValueError:
+        return None
+    if isinstance(stored, bytes):
+        return stored.decode("utf-8", "replace")
+    return str(stored) if isinstance(stored, str) else None

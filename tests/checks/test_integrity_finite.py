@@ -1,0 +1,167 @@
+"""NaN and infinity, and how invalid pixels are marked."""
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fedora_qa.checks.integrity_finite import empty_between_full
+from fedora_qa.checks.value_tallies import add_up, tally_depth, tally_flow, tally_samples
+from tests.support.checked import diagnoses_of, rules, run_check
+from tests.support.handmade import write_handmade
+
+DEPTH = "path/depth"
+RANGE_M = (0.1, 30.0)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """The handmade file, to be altered."""
+    return write_handmade(tmp_path / "hand.h5")
+
+
+def alter(path: Path, key: str, rows: Any, value: float) -> None:
+    with h5py.File(path, "r+") as file:
+        file[key][rows] = value
+
+
+@pytest.mark.parametrize(
+    ("key", "stream"),
+    [("path/imu/angular_velocity", "imu"), ("path/imu/linear_acceleration", "imu"), ("path/pose/position", "pose"),
+     ("path/pose/orientation", "pose")],
+)  # fmt: skip
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_samples_must_be_finite(path: Path, key: str, stream: str, value: float) -> None:
+    """One component of two samples is enough; the first is located and the count diagnosed."""
+    alter(path, key, (slice(11, 13), 1), value)
+    result = run_check(path, "integrity.finite")
+    assert rules(result) == ["not_finite"]
+    assert result.findings[0].where.index_start == 11
+    (diagnosis,) = diagnoses_of(path, "integrity")
+    assert (diagnosis.cause, diagnosis.stream, diagnosis.magnitude) == ("nan_in_stream", stream, 2)
+
+
+@pytest.mark.parametrize("code", [0.0, -1.0, 65535.0], ids=str)
+def test_code_for_invalid_depth(path: Path, code: float) -> None:
+    """A number that stands for no value is a wrong encoding, located to the pixel (column, row)."""
+    alter(path, DEPTH, (slice(1, None), slice(0, 3)), code)
+    result = run_check(path, "integrity.finite")
+    assert rules(result) == ["outside_range"]
+    where = result.findings[0].where
+    assert (where.frame, where.pixel, where.start_us) == (1, (0, 0), 20_000)
+    (diagnosis,) = diagnoses_of(path, "integrity")
+    assert (diagnosis.cause, diagnosis.stream) == ("invalid_encoding", "depth")
+
+
+@pytest.mark.parametrize(("key", "stream"), [(DEPTH, "depth"), ("path/flow/25hz", "flow/25hz")])
+def test_infinity_is_no_invalid_value(path: Path, key: str, stream: str) -> None:
+    """Infinity in depth or flow is a wrong encoding."""
+    alter(path, key, (1, 4, 5), np.inf)
+    result = run_check(path, "integrity.finite")
+    assert rules(result) == ["infinite"]
+    assert result.findings[0].where.pixel == (5, 4)
+    (diagnosis,) = diagnoses_of(path, "integrity")
+    assert (diagnosis.cause, diagnosis.stream) == ("invalid_encoding", stream)
+
+
+def test_metres_are_suspected(path: Path) -> None:
+    """Depth in metres lies below the range as a whole; the factor is diagnosed."""
+    with h5py.File(path, "r+") as file:
+        file[DEPTH][...] = file[DEPTH][()] / 1000
+    (diagnosis,) = diagnoses_of(path, "integrity")
+    assert (diagnosis.cause, diagnosis.stream, diagnosis.magnitude) == ("unit_mm_m", "depth", 0.001)
+
+
+def test_frame_without_values(path: Path) -> None:
+    """A depth frame that is NaN throughout between full ones was never written."""
+    alter(path, DEPTH, 3, np.nan)
+    result = run_check(path, "integrity.finite")
+    assert rules(result) == ["empty_images"]
+    assert result.findings[0].where.frame == 3
+    (diagnosis,) = diagnoses_of(path, "integrity")
+    assert (diagnosis.cause, diagnosis.stream, diagnosis.magnitude) == ("nan_in_stream", "depth", 1)
+
+
+def test_depth_without_any_value_is_noted(path: Path) -> None:
+    """A whole stream of NaN is legal (nothing within range) and unusual: a warning."""
+    alter(path, DEPTH, slice(None), np.nan)
+    assert run_check(path, "integrity.finite").outcome == "warned"
+
+
+def test_nan_stamps(path: Path) -> None:
+    """A stamp that is NaN is found although it has no place in time."""
+    with h5py.File(path, "r+") as file:
+        stamps = file["path/imu/ts"][()].astype(np.float64)
+        stamps[[3, 50]] = np.nan
+        del file["path/imu/ts"]
+        file["path/imu/ts"] = stamps
+    result = run_check(path, "integrity.finite")
+    assert rules(result) == ["stamps_not_finite"]
+    assert result.findings[0].where.index_start == 3
+
+
+@pytest.mark.parametrize("edge_m", RANGE_M)
+def test_range_includes_its_ends(edge_m: float) -> None:
+    """Depth that was clipped to the range and rounded to float32 lies within it; a ten-thousandth beyond does not."""
+    at_edge = np.full((2, 2), np.float32(edge_m * 1000), dtype=np.float32)
+    outwards = np.float32(1 + 1e-4 * (1 if edge_m == RANGE_M[1] else -1))
+    assert tally_depth(DEPTH, 0, at_edge, RANGE_M).outside == 0
+    assert tally_depth(DEPTH, 0, at_edge * outwards, RANGE_M).outside == 4
+
+
+def test_without_range_depth_is_above_zero() -> None:
+    """Where no range is declared any positive number is a depth."""
+    depth_mm = np.array([[0.0, -1.0, 1e-20], [1e9, np.nan, np.inf]], dtype=np.float32)
+    tally = tally_depth(DEPTH, 7, depth_mm, None)
+    assert (tally.values, tally.nan, tally.infinite, tally.outside) == (6, 1, 1, 2)
+    assert tally.first == (7, 0)
+    assert (tally.low, tally.high) == (-1.0, 0.0)
+
+
+def test_flow_counts_pixels_not_components() -> None:
+    """A pixel is NaN or infinite if either component is."""
+    flow = np.zeros((2, 3, 2), dtype=np.float32)
+    flow[0, 1, 0], flow[1, 2] = np.nan, np.inf
+    tally = tally_flow("path/flow/10hz", 2, flow)
+    assert (tally.values, tally.nan, tally.infinite, tally.first) == (6, 1, 1, (2, 5))
+    assert tally.filled == ((2, pytest.approx(5 / 6)),)
+
+
+@given(st.lists(st.lists(st.sampled_from([0.0, 1.0, np.nan, np.inf]), min_size=3, max_size=3), min_size=2, max_size=20),
+       st.data())  # fmt: skip
+def test_tallies_add(samples: list[list[float]], data: st.DataObject) -> None:
+    """The tally of two pieces is the sum of their tallies, wherever the cut is."""
+    cut = data.draw(st.integers(1, len(samples) - 1))
+    array = np.array(samples)
+    pieces = [tally_samples("k", 0, array[:cut]), tally_samples("k", cut, array[cut:])]
+    assert add_up(pieces) == (tally_samples("k", 0, array),)
+
+
+@pytest.mark.parametrize(
+    ("shares", "empty"),
+    [
+        ([1, 0, 1], [1]),
+        ([1, 0, 0, 1], [1, 2]),
+        ([0, 1, 1], [0]),
+        ([1, 1, 0], [2]),
+        ([0, 0, 0], []),
+        ([0], []),
+        ([], []),
+        ([1, 0, 0.2], []),
+        ([0.2, 0, 1], []),
+        ([1, 0, 1, 0, 1], [1, 3]),
+    ],
+    ids=str,
+)
+def test_empty_images(shares: list[float], empty: list[int]) -> None:
+    """Empty images count where both neighbours of the run are mostly valid; nothing bounds a stream that is all NaN."""
+    assert empty_between_full(list(enumerate(shares))) == empty
+
+
+def test_rows_that_were_not_seen_bound_nothing() -> None:
+    """Between sampled windows the neighbours are unknown, and an empty image proves nothing."""
+    assert empty_between_full([(3, 1.0), (4, 0.0), (20, 0.0), (21, 1.0)]) == []

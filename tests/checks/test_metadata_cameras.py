@@ -1,0 +1,146 @@
+"""Declared cameras: possible, and fitting the images."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.checks.metadata_cameras import Cameras
+from fedora_qa.judgement.judge import out_of_order
+from fedora_qa.judgement.tolerances import tolerance_for
+from fedora_qa.layout.resolve import Layout
+from fedora_qa.sequence.declared import Camera, Declared
+from fedora_qa.sequence.facts import Facts
+from tests.support.checked import diagnoses_of, rules, run_check
+from tests.support.handmade import write_handmade
+
+Floats = NDArray[np.float64]
+Change = Callable[[Floats], Floats]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """The handmade file, to be altered."""
+    return write_handmade(tmp_path / "hand.h5")
+
+
+def change_matrix(path: Path, camera: str, name: str, change: Change) -> None:
+    with h5py.File(path, "r+") as file:
+        attrs = file[f"metadata/cameras/{camera}"].attrs
+        attrs[name] = change(np.array(attrs[name]))
+
+
+def entry(row: int, column: int, value: float) -> Change:
+    def change(matrix: Floats) -> Floats:
+        matrix[row, column] = value
+        return matrix
+
+    return change
+
+
+def moved(distance_m: float) -> Change:
+    return lambda T: T + distance_m * np.eye(4)[[0]].T @ np.eye(4)[[3]]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "rule", "cause"),
+    [
+        ("K", np.transpose, "K_form", None),
+        ("K", entry(0, 1, 0.5), "K_form", None),
+        ("K", entry(2, 2, 2.0), "K_form", None),
+        ("K", entry(1, 1, 0.0), "focal_lengths_not_positive", "intrinsics_focal"),
+        ("K", entry(0, 2, 36.0), "principal_point_outside", "intrinsics_centre"),
+        ("K", entry(1, 2, -0.6), "principal_point_outside", "intrinsics_centre"),
+        ("T_body_camera", np.transpose, None, None),
+        ("T_body_camera", lambda T: T * [1, 1, 1.01, 1], "T_body_camera_rigid", "frame_convention"),
+        ("T_body_camera", entry(3, 0, 0.2), "T_body_camera_rigid", "frame_convention"),
+        ("T_body_camera", lambda T: T * [-1, 1, 1, 1], "T_body_camera_handedness", "frame_convention"),
+        ("T_body_camera", moved(0.02), "depth_to_events_centre", "lever_arm"),
+    ],
+)
+def test_impossible_depth_cameras(path: Path, name: str, change: Change, rule: str | None, cause: str | None) -> None:
+    """Whatever no camera has is named. (The transpose of this file's T is another rigid motion: only flow can tell.)"""
+    change_matrix(path, "depth", name, change)
+    found = rules(run_check(path, "metadata.cameras"))
+    assert (rule in found) if rule else not found
+    if cause:
+        assert cause in {diagnosis.cause for diagnosis in diagnoses_of(path, "metadata.cameras")}
+
+
+def test_separation_is_measured(path: Path) -> None:
+    """The distance between depth and event cameras is the fitted size of the lever arm."""
+    change_matrix(path, "events", "T_body_camera", moved(0.05))
+    (diagnosis,) = diagnoses_of(path, "metadata.cameras")
+    assert (diagnosis.cause, diagnosis.stream) == ("lever_arm", "metadata")
+    assert diagnosis.magnitude == pytest.approx(0.05)
+
+
+def test_colour_camera_may_sit_elsewhere(path: Path) -> None:
+    """The paper promises one centre for depth and events alone."""
+    change_matrix(path, "rgb", "T_body_camera", moved(0.05))
+    assert run_check(path, "metadata.cameras").outcome == "passed"
+
+
+@pytest.mark.parametrize(("camera", "outcome"), [("rgb", "failed"), ("depth", "failed"), ("events", "passed")])
+def test_size_of_the_images(path: Path, camera: str, outcome: str) -> None:
+    """A camera must have the size of its images; events have none to compare with."""
+    with h5py.File(path, "r+") as file:
+        file[f"metadata/cameras/{camera}"].attrs["height"] = 28
+    assert run_check(path, "metadata.cameras").outcome == outcome
+
+
+def unusual_centre(offset: float) -> Change:
+    return lambda K: K + offset * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "rule"),
+    [
+        ("K", unusual_centre(0.5), "principal_point"),
+        ("K", unusual_centre(1.0), "principal_point"),
+        ("K", lambda K: K * [[1], [1.1], [1]], "aspect"),
+        ("T_body_camera", moved(120.0), "far"),
+        ("T_body_camera", lambda T: np.eye(4), "unrotated"),
+    ],
+)
+def test_unusual_cameras_are_noted(path: Path, name: str, change: Change, rule: str) -> None:
+    """Legal but unusual: warned, with the convention that was recognised."""
+    change_matrix(path, "rgb", name, change)
+    result = run_check(path, "metadata.cameras")
+    assert (result.outcome, rules(result)) == ("warned", [rule])
+
+
+@given(
+    focal=st.floats(1.0, 1e5),
+    centre=st.tuples(st.floats(0, 1439), st.floats(0, 1079)),
+    rotation=st.integers(0, 2**32 - 1).map(lambda seed: Rotation.random(rng=np.random.default_rng(seed)).as_matrix()),
+    position_m=st.tuples(*[st.floats(-100, 100)] * 3),
+)
+def test_no_possible_camera_fails(
+    focal: float, centre: tuple[float, float], rotation: Floats, position_m: tuple[float, float, float]
+) -> None:
+    """Any pinhole camera on any rigid mount is in order, also after a passage through float32."""
+    K = np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1]])
+    T_body_camera = np.eye(4)
+    T_body_camera[:3, :3], T_body_camera[:3, 3] = rotation, position_m
+    for dtype in (np.float64, np.float32):
+        camera = Camera(1440, 1080, K.astype(dtype).astype(float), T_body_camera.astype(dtype).astype(float))
+        facts = Facts(
+            layout=Layout("fedora", {}, frozenset(), {}),
+            declared=Declared(cameras={"depth": camera, "events": camera}),
+            streams=frozenset(),
+            absent={},
+            origin_us=0.0,
+            clocks={},
+            events=None,
+            index_maps={},
+        )
+        observed = Cameras().examine(facts)
+        broken = [m.name for m in observed.measurements if out_of_order(m, tolerance_for(1, 1e-4))]
+        assert not broken

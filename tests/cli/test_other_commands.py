@@ -1,0 +1,138 @@
+"""``report``, ``stats``, ``checks``, ``explain``, ``layout``, ``doctor``."""
+
+import io
+import json
+import tomllib
+from pathlib import Path
+
+import h5py
+import pytest
+from rich.console import Console
+
+from fedora_qa.checks import CHECKS
+from fedora_qa.cli import doctor as doctor_module
+from fedora_qa.cli.doctor import Symptom
+from fedora_qa.cli.progress import progress_bar
+from tests.cli.conftest import Command
+
+STAMPS = ("--select", "clocks")
+
+
+def test_report_shows_what_check_showed(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
+    """A record renders again without the data: the same terminal text and the same markdown."""
+    checked = fedora_qa("check", *STAMPS, sequence, "--json", tmp_path / "out.json", "--markdown", tmp_path / "one.md")
+    sequence.unlink()
+    reported = fedora_qa("report", tmp_path / "out.json", "--markdown", tmp_path / "two.md")
+    assert reported.code == 0
+    assert reported.out == checked.out
+    assert (tmp_path / "one.md").read_text() == (tmp_path / "two.md").read_text()
+
+
+def test_report_of_what_is_no_record(fedora_qa: Command, sequence: Path) -> None:
+    """An HDF5 file given as a record is misuse."""
+    done = fedora_qa("report", sequence)
+    assert done.code == 2
+    assert "record" in done.err
+
+
+def test_checks_when_piped(fedora_qa: Command) -> None:
+    """Piped, each line is a name, a tab and a question, in the order of the run."""
+    rows = [line.split("\t") for line in fedora_qa("checks").out.splitlines()]
+    assert [name for name, _ in rows] == [check.name for check in CHECKS]
+    assert all(question.endswith("?") for _, question in rows)
+
+
+def test_explain_tells_the_whole_text(fedora_qa: Command) -> None:
+    """``explain`` shows the check's question, what it needs, and its description."""
+    done = fedora_qa("explain", "clocks.order")
+    assert done.code == 0
+    check = next(check for check in CHECKS if check.name == "clocks.order")
+    assert check.question in done.out
+    assert "needs:" in done.out
+    assert len(done.out.splitlines()) > 4
+
+
+def test_explain_a_subject(fedora_qa: Command) -> None:
+    """The name of a subject explains each of its checks."""
+    done = fedora_qa("explain", "clocks")
+    assert all(check.name in done.out for check in CHECKS if check.name.startswith("clocks."))
+
+
+def test_stats_tables(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
+    """The tables name the file and its numbers; JSON and markdown hold the same."""
+    done = fedora_qa("stats", sequence, "--json", tmp_path / "out.json", "--markdown", tmp_path / "out.md")
+    assert done.code == 0
+    for title in ("Sequences", "Flow", "Depth and light", "Rates"):
+        assert title in done.out
+        assert f"## {title}" in (tmp_path / "out.md").read_text(encoding="utf-8")
+    (file,) = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["files"]
+    assert file["path"] == str(sequence)
+    assert file["statistics"]["motion"]["distance_m"] == pytest.approx(0.0, abs=1e-9)
+    assert file["statistics"]["depth"]["min_m"] == 5.0
+
+
+def test_stats_of_a_truncated_file(fedora_qa: Command, sequence: Path) -> None:
+    """A file that cannot be opened has no statistics: that is a finding, said in one sentence."""
+    sequence.write_bytes(sequence.read_bytes()[:5000])
+    done = fedora_qa("stats", sequence)
+    assert done.code == 1
+    assert done.err.count("\n") == 1
+
+
+def test_layout(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
+    """``layout`` says where everything lies, what is absent, and drafts a dialect that is TOML."""
+    with h5py.File(sequence, "r+") as file:
+        del file["path/imu"]
+    done = fedora_qa("layout", sequence, "--draft-dialect", tmp_path / "mine.toml")
+    assert done.code == 0
+    assert "path/events/t" in done.out
+    assert "imu: there is no" in done.out
+    assert tomllib.loads((tmp_path / "mine.toml").read_text(encoding="utf-8"))["name"] == "mine"
+
+
+def test_layout_in_a_narrow_terminal(fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every path stays whole in 60 columns."""
+    monkeypatch.setenv("COLUMNS", "60")
+    lines = fedora_qa("layout", sequence).out.splitlines()
+    assert max(map(len, lines)) <= 60
+    assert any(line.startswith("path/imu/linear_acceleration ") for line in lines)
+
+
+def test_layout_shows_hostile_names_as_they_are(fedora_qa: Command, tmp_path: Path) -> None:
+    """The name of a dataset is neither markup nor an escape sequence."""
+    with h5py.File(tmp_path / "odd.h5", "w") as file:
+        file["[bold]odd\x1b[31m"] = [1, 2]
+    done = fedora_qa("layout", tmp_path / "odd.h5")
+    assert done.code == 0
+    assert "[bold]odd" in done.out
+    assert "\x1b" not in done.out
+
+
+def test_doctor(fedora_qa: Command) -> None:
+    """On a machine that runs these tests the doctor finds the codec, OpenCV and every library."""
+    done = fedora_qa("doctor")
+    assert done.code == 0
+    for part in ("HDF5 Blosc-Zstd", "OpenCV remap", "libEGL", "Mesa", "numpy", "cores", "memory", "Checks can run."):
+        assert part in done.out
+
+
+def test_doctor_on_a_sick_machine(fedora_qa: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is needed and broken exits with 3; what only pictures need does not."""
+    symptoms = [Symptom("libEGL", "missing", "apt install libegl1", needed=False)]
+    monkeypatch.setattr(doctor_module, "examine", lambda: iter(symptoms))
+    assert fedora_qa("doctor").code == 0
+    symptoms.append(Symptom("HDF5 Blosc-Zstd", "broken", "no filter"))
+    done = fedora_qa("doctor")
+    assert done.code == 3
+    assert "Checks cannot run" in done.out
+
+
+def test_progress_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bar is drawn where stderr is a terminal, and nothing where it is not."""
+    for terminal in (True, False):
+        buffer = io.StringIO()
+        console = Console(file=buffer, force_terminal=terminal, width=80)
+        monkeypatch.setattr("fedora_qa.cli.progress.stderr_console", lambda console=console: console)
+        with progress_bar("[red]seq.h5") as report:
+            report("measuring", 1, 2)
+        assert ("[red]seq.h5: measuring" in buffer.getvalue()) == terminal

@@ -1,0 +1,105 @@
+"""What a person sees: at any width, in any terminal, whatever a file holds."""
+
+import io
+from dataclasses import replace
+from typing import Literal
+
+import pytest
+from rich.console import Console
+
+from fedora_qa.cli.summary import show_record
+from fedora_qa.record.types import Record, Where
+from tests.support.records import crashed, failed, file_record, late_events, passed, record
+
+HOSTILE = "[bold red]x[/] \x1b[31m\x1b]0;owned\x07 \r\n\u202eevil [link=http://x]"
+
+
+def shown(what: Record, width: int = 120, *, terminal: bool = False) -> str:
+    """The summary as a console of a width prints it."""
+    buffer = io.StringIO()
+    system: Literal["truecolor"] | None = "truecolor" if terminal else None
+    console = Console(
+        file=buffer, width=width, markup=False, highlight=False, force_terminal=terminal, color_system=system
+    )
+    show_record(console, what)
+    return buffer.getvalue()
+
+
+def words(text: str) -> str:
+    """The text on one line."""
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize("width", [50, 80, 109, 110, 160])
+def test_everything_is_said_at_every_width(width: int) -> None:
+    """Verdict, cause with size and error, place, remedy, what it explains, findings, each check: nothing is cut off."""
+    text = shown(record(), width)
+    assert max(map(len, text.splitlines())) <= width
+    for part in (
+        "FINDINGS",
+        "1 failed, 1 passed, 1 not observable",
+        "events: stamps are late by a constant, 2.06 ± 0.03 ms (confidence 87%)",
+        "events, 0 s to 2 s",
+        "Subtract the offset from the stamps.",
+        "event_response.timing (F1)",
+        "Events are 2.06 ± 0.03 ms late.",
+        "the vehicle hovers",
+        "flow_unit px",
+    ):
+        assert part in words(text)
+
+
+def test_verdict_comes_first_and_causes_before_findings() -> None:
+    """A reader who stops early has read what matters most."""
+    text = shown(record())
+    order = [text.index(part) for part in ("FINDINGS", "Probable causes", "Findings\n", "Checks\n", "slowest checks")]
+    assert order == sorted(order)
+    assert text.index("FINDINGS") < 3
+
+
+@pytest.mark.parametrize("width", [60, 140])
+def test_text_from_a_file_is_shown_as_it_is(width: int) -> None:
+    """Markup and escape sequences in names and messages neither colour, nor link, nor move the cursor."""
+    finding = replace(failed().findings[0], message=HOSTILE, where=Where(stream=HOSTILE))
+    hostile = file_record(replace(failed(), findings=(finding,), reason=HOSTILE), path=HOSTILE)
+    hostile = replace(hostile, inferred={HOSTILE: HOSTILE}, dialect=HOSTILE, diagnoses=(late_events(),))
+    text = shown(record(hostile), width)
+    assert "\x1b" not in text
+    assert "\x07" not in text
+    assert "\u202e" not in text
+    assert "[bold red]x[/]" in words(text)
+
+
+def test_colour_in_a_terminal_only() -> None:
+    """The verdict is coloured where somebody looks, and only there."""
+    assert "\x1b[" in shown(record(), terminal=True)
+    assert "\x1b[" not in shown(record())
+
+
+def test_incomplete_says_why() -> None:
+    """A crashed check is named at the top, before any other detail."""
+    lines = shown(record(file_record(passed(), crashed()))).splitlines()
+    assert "INCOMPLETE" in lines[0]
+    assert lines[2] == "incomplete: crashed: imu.noise"
+
+
+def test_many_findings_are_counted_not_listed() -> None:
+    """A file with a thousand findings does not scroll the verdict away."""
+    finding = failed().findings[0]
+    many = replace(failed(), findings=tuple(replace(finding, id=f"F{i}") for i in range(1000)))
+    text = shown(record(file_record(many)))
+    assert len(text.splitlines()) < 60
+    assert "988 more" in text
+
+
+def test_several_files_end_in_a_table() -> None:
+    """After the details of each file, one line a file sums up."""
+    text = shown(record(file_record(passed(), path="one.h5"), file_record(failed(), path="two.h5")))
+    last = text[text.index("Files\n") :].splitlines()
+    assert last[1].split()[:2] == ["clean", "one.h5"]
+    assert last[2].split()[:2] == ["findings", "two.h5"]
+
+
+def test_a_file_without_checks() -> None:
+    """A record that holds nothing is shown, not crashed on."""
+    assert "no check was run" in shown(record(file_record()))

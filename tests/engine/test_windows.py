@@ -1,0 +1,71 @@
+"""Windows are a partition of the rows, whatever the clocks do."""
+
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from fedora_qa.engine.plan import EFFORTS, make_plan
+from fedora_qa.engine.windows import WINDOW_NS, cut_windows, window_length_ns
+from fedora_qa.sequence.scan import Scan, scan
+from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.sequence.window import Span
+
+
+def cut(path: Path) -> tuple[Scan, tuple[Span, ...]]:
+    with open_sequence(path) as sequence:
+        scanned = scan(sequence, window_length_ns(sequence))
+        return scanned, cut_windows(scanned)
+
+
+BROKEN_STAMPS = {
+    "all equal": lambda t: np.full_like(t, t[0]),
+    "backwards": lambda t: t[::-1],
+    "random": lambda t: np.random.default_rng(5).permutation(t),
+    "one from the far future": lambda t: np.where(np.arange(len(t)) == 3, 2**62, t),
+    "one from the far past": lambda t: np.where(np.arange(len(t)) == 3, -(2**62), t),
+    "one that is the end of int64": lambda t: np.where(np.arange(len(t)) == 3, 2**63 - 1, t),
+    "from the epoch on": lambda t: t + 1_726_000_000_000_000,
+    "in nanoseconds": lambda t: t * 1000,
+}
+
+
+@pytest.mark.parametrize("stamps", BROKEN_STAMPS)
+@pytest.mark.parametrize("stream", ["imu/ts", "events/t", "rgb_ts"])
+def test_broken_clocks_do_not_break_the_windows(stream: str, stamps: str, park_day: Path, tmp_path: Path) -> None:
+    """Every row is owned once, in order, and the number of windows stays in proportion to the stamps."""
+    path = tmp_path / "broken.h5"
+    shutil.copy(park_day, path)
+    with h5py.File(path, "r+") as file:
+        stored = file[f"path/{stream}"]
+        stored[...] = BROKEN_STAMPS[stamps](stored[...])
+    scanned, spans = cut(path)
+    assert len(spans) <= sum(runs.count for runs in scanned.runs.values())
+    for name, runs in scanned.runs.items():
+        owned = np.concatenate([np.arange(*span.owned[name]) for span in spans if name in span.owned])
+        assert np.array_equal(owned, np.arange(runs.count))
+
+
+def test_windows_of_a_clean_file_lie_on_the_grid(park_day: Path) -> None:
+    """A second has five windows and the frame at its very end; each owns what its time says."""
+    scanned, spans = cut(park_day)
+    assert [span.start_ns for span in spans] == [number * WINDOW_NS for number in range(6)]
+    times = scanned.facts.clocks["imu"].times_ns
+    for span in spans:
+        within = np.flatnonzero((times >= span.start_ns) & (times < span.stop_ns))
+        assert span.owned["imu"] == (int(within[0]), int(within[-1]) + 1)
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+@pytest.mark.parametrize("windows", [0, 1, 3, 10, 1100])
+def test_plans_are_ordered_and_within_the_file(effort: str, windows: int) -> None:
+    """Windows are chosen once each, in order, the first and the last among them; full efforts choose all."""
+    plan = make_plan(effort, windows)  # type: ignore[arg-type]  # parametrised over the literals
+    assert list(plan.chosen) == sorted(set(plan.chosen))
+    assert set(plan.chosen) <= set(range(windows))
+    if windows:
+        assert {0, windows - 1} <= set(plan.chosen)
+    if effort in {"full", "exhaustive"}:
+        assert len(plan.chosen) == windows

@@ -1,0 +1,111 @@
+"""``fedora-generate`` as a person or a script meets it: output, exit codes, one line for an error."""
+
+import sys
+from pathlib import Path
+
+import h5py
+import pytest
+
+from fedora_generator.cli import main
+from fedora_generator.scene import SCENE_NAMES
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """Exit code of the program."""
+    monkeypatch.setattr(sys, "argv", ["fedora-generate", *arguments])
+    monkeypatch.setattr("signal.signal", lambda *_: None)  # the test run keeps its own handlers
+    try:
+        main()
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def test_scenes_are_listed_name_first_without_a_header(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``fedora-generate scenes | head -1 | cut -d ' ' -f 1`` is a scene with every stream."""
+    assert run(monkeypatch, "scenes") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(SCENE_NAMES)
+    assert all(len(line.split()) > 3 for line in lines)
+
+
+def test_a_sequence_is_written_and_summed_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit 0, the file with what was asked for, one line on stderr, nothing on stdout, no progress without terminal."""
+    target = tmp_path / "seq.h5"
+    options = ("--duration", "0.06", "--size", "72x54", "--streams", "rgb,events", "--quality", "draft", "--seed", "7")
+    assert run(monkeypatch, "sequence", "park-day", "-o", str(target), *options) == 0
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    with h5py.File(target) as file:
+        assert file["path/rgb"].shape == (4, 54, 72, 3)
+        assert (file["metadata/cameras/events"].attrs["width"], file.attrs["seed"]) == (32, 7)
+        assert set(file["path"]) == {"rgb", "rgb_ts", "events"}
+        assert f"4 frames, {len(file['path/events/t'])} events" in captured.err
+
+
+def test_force_replaces_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without it the file stays and the exit code is 2."""
+    target = tmp_path / "seq.h5"
+    target.write_text("precious")
+    command = ("sequence", "hover", "-o", str(target), "--duration", "0.02", "--streams", "imu")
+    assert run(monkeypatch, *command) == 2
+    assert "exists" in capsys.readouterr().err
+    assert target.read_text() == "precious"
+    assert run(monkeypatch, *command, "--force") == 0
+    assert h5py.is_hdf5(target)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "Missing command"),
+        (("frobnicate",), "No such command 'frobnicate'"),
+        (("sequence", "park-day"), "Missing option '-o'"),
+        (("sequence", "moon", "-o", "{target}"), "Expected one of the scenes park-day"),
+        (("sequence", "park-day", "-o", "{target}", "--size", "720"), "such as 720x540, got '720'"),
+        (("sequence", "park-day", "-o", "{target}", "--size", "0x54"), "at least 1x1 pixels, got 0x54"),
+        (("sequence", "park-day", "-o", "{target}", "--size", "1x1"), "leaves the event camera a pixel"),
+        (("sequence", "park-day", "-o", "{target}", "--streams", "rgb,sonar"), "got sonar"),
+        (("sequence", "park-day", "-o", "{target}", "--duration", "-1"), "Expected a duration above 0"),
+        (("sequence", "park-day", "-o", "{target}", "--duration", "300"), "got inside 'pavilion'"),
+        (("sequence", "park-day", "-o", "{target}", "--quality", "best"), "'best' is not one of"),
+        (("sequence", "park-day", "-o", "{target}", "--seed", "-3"), "-3 is not in the range"),
+        (("sequence", "park-day", "-o", "{target}/no/seq.h5"), "Expected an existing folder"),
+    ],
+)  # fmt: skip
+def test_misuse_is_one_line_and_exit_code_2(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    message: str,
+) -> None:
+    """What was expected and what was got, on stderr; nothing is written."""
+    target = str(tmp_path / "seq.h5")
+    assert run(monkeypatch, *(argument.format(target=target) for argument in arguments)) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert message in captured.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupt_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C while frames are written: exit 130, one line, no file."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fedora_generator.frames.FrameRenderer.render", interrupt)
+    assert run(monkeypatch, "sequence", "hover", "-o", str(tmp_path / "seq.h5"), "--size", "72x54") == 130
+    assert "nothing was written" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,165 @@
+"""Scenes: those of the package load; what cannot be is refused in one sentence."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fedora_generator.scene
+from fedora_generator.errors import SceneError
+from fedora_generator.generate import require_free_flight
+from fedora_generator.scene import SCENE_NAMES, list_scenes, load_scene
+from fedora_generator.surfaces.world import Box
+
+SCENES = Path(fedora_generator.scene.__file__).parent / "scenes"
+
+LEAST = """
+name = "least"
+description = "a wall"
+
+[world]
+name = "wall"
+textures.grey = { dark_rgb = [0.2, 0.2, 0.2], light_rgb = [0.8, 0.8, 0.8] }
+boxes = [{ name = "wall", center_m = [5, 0, 0], size_m = [1, 9, 9], texture = "grey" }]
+
+[light]
+name = "day"
+ambient = 1.0
+sky_horizon_rgb = [0.5, 0.5, 0.5]
+sky_zenith_rgb = [0.5, 0.5, 0.5]
+
+[flight]
+position_m = [0, 0, 0]
+
+[events]
+model = "log"
+threshold_on = 0.2
+threshold_off = 0.2
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "scene.toml"
+    path.write_text(text)
+    return path
+
+
+def test_every_scene_of_the_package_loads() -> None:
+    """The list is the folder, park-day first, and each scene is called as its file is."""
+    assert [scene.name for scene in list_scenes()] == list(SCENE_NAMES)
+    assert SCENE_NAMES[0] == "park-day"
+    assert {path.stem for path in SCENES.glob("*.toml")} == set(SCENE_NAMES)
+    assert all(scene.description for scene in list_scenes())
+
+
+def test_every_scene_of_the_package_can_be_flown_for_20_seconds() -> None:
+    """No camera meets the world, the pace of the hover and the turn included."""
+    for scene in list_scenes():
+        require_free_flight(scene, 20_000_000)
+
+
+def test_the_noisy_scene_declares_every_noise() -> None:
+    """No noise option of the sensors is left at 0, and the clean scenes have none."""
+    noisy, clean = load_scene("park-noisy"), load_scene("park-day")
+    effects = ("threshold_sigma", "leak_rate_hz", "shot_rate_hz", "bandwidth_hz", "refractory_us", "hot_pixel_count")
+    assert all(getattr(noisy.events, name) > 0 for name in effects)
+    assert not any(getattr(clean.events, name) for name in effects)
+    for sensor, names in (
+        ("imu", ("gyro_noise_density", "accel_noise_density", "gyro_bias_walk", "accel_bias_walk")),
+        ("pose", ("position_sigma_m", "rotation_sigma_rad")),
+    ):
+        assert all(getattr(getattr(noisy, sensor), name) > 0 for name in names)
+        assert not any(getattr(getattr(clean, sensor), name) for name in names)
+
+
+def test_a_scene_of_ones_own(tmp_path: Path) -> None:
+    """A file with a world of its own; everything not said has its default."""
+    scene = load_scene(written(tmp_path, LEAST))
+    assert scene.world.boxes[0].size_m == (1, 9, 9)
+    assert scene.depth_range_m == (0.1, 30.0)
+    assert (scene.camera.width, scene.camera.height) == (1440, 1080)
+
+
+def test_a_base_is_changed_key_by_key(tmp_path: Path) -> None:
+    """What a scene says of its base's tables is put over them; the rest stays."""
+    scene = load_scene(written(tmp_path, 'base = "park-day"\nname = "mine"\n[events]\nthreshold_on = 0.3\n'))
+    base = load_scene("park-day")
+    assert scene.events == replace(base.events, threshold_on=0.3)
+    assert scene.world == base.world
+
+
+def test_a_world_beside_the_scene(tmp_path: Path) -> None:
+    """``world`` may name a TOML file in the scene's folder."""
+    (tmp_path / "own.toml").write_text((SCENES / "worlds" / "park.toml").read_text())
+    scene = load_scene(written(tmp_path, 'base = "hover"\nworld = "own.toml"\n'))
+    assert scene.world == load_scene("hover").world
+
+
+def test_the_digest_tells_scenes_apart() -> None:
+    """Any value changes it; reading the same scene again does not."""
+    scene = load_scene("park-day")
+    assert scene.digest == load_scene("park-day").digest
+    assert len({scene.digest, scene.with_size(72, 54).digest, *(other.digest for other in list_scenes())}) == 7
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("threshold_on = 0.2", "thresold_on = 0.2", r"only known keys, got events.thresold_on"),
+        ("ambient = 1.0", "ambient = 1.0\nmoon = 3", r"Expected only known keys, got light.moon; remove or correct it"),
+        ("position_m = [0, 0, 0]", "", r"Expected a value for flight.position_m, got none"),
+        ("threshold_on = 0.2", "threshold_on = 0.0", r"Expected threshold_on .* got 0.0, at events"),
+        ('model = "log"', 'model = "linear"', r"Expected event_step_us with the linear model"),
+        ("ambient = 1.0", "ambient = 0.0", r"Expected ambient > 0, got 0.0; black surfaces .*, at light"),
+        ("ambient = 1.0", 'ambient = "much"', r"got 'much' at light.ambient"),
+        ('texture = "grey"', 'texture = "gray"', r"Expected a texture of the world \(grey\), got 'gray' at 'wall'"),
+        ("size_m = [1, 9, 9]", "size_m = [1, 0, 9]", r"Expected size_m > 0, got \(1.0, 0.0, 9.0\) at 'wall'"),
+        ("[light]", "depth_range_m = [5.0, 1.0]\n[light]", r"only known keys, got world.depth_range_m"),
+        ('name = "least"', 'name = "least"\ndepth_range_m = [5.0, 1.0]', r"Expected depth_range_m to ascend"),
+        ('name = "least"', 'name = "least"\nseed = -1', r"Expected seed >= 0, got -1"),
+        ('name = "least"', "name = ", r"Expected a readable TOML file"),
+        ('name = "least"', 'base = "no-such"', r"Expected one of the scenes park-day, .* got 'no-such'"),
+        ("light_rgb = [0.8, 0.8, 0.8]", "light_rgb = [1.8, 0.8, 0.8]", r"Expected albedos above 0 and up to 1"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_in_one_sentence(tmp_path: Path, old: str, new: str, message: str) -> None:
+    """The key and the value that are wrong are named, on one line."""
+    assert old in LEAST
+    with pytest.raises(SceneError, match=message) as caught:
+        load_scene(written(tmp_path, LEAST.replace(old, new, 1)))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["no-such", "no-such.toml", "", "scenes/park-day"])
+def test_an_unknown_scene_is_refused(name: str) -> None:
+    """The known ones are listed."""
+    with pytest.raises(SceneError, match="park-day, park-night, racetrack-day"):
+        load_scene(name)
+
+
+def test_an_unknown_world_is_refused(tmp_path: Path) -> None:
+    """The known ones are listed."""
+    with pytest.raises(SceneError, match="Expected one of the worlds park, racetrack"):
+        load_scene(written(tmp_path, 'base = "hover"\nworld = "moon"\n'))
+
+
+def test_a_flight_into_the_world_is_refused() -> None:
+    """The box or ground that it meets, and when, are named; the lever arm of the camera counts."""
+    scene = load_scene("park-day")
+    ahead = Box(name="new wall", center_m=(3.0, 0.0, 1.0), size_m=(0.2, 5.0, 4.0), texture="brick")
+    walled = replace(scene, world=replace(scene.world, boxes=(*scene.world.boxes, ahead)))
+    require_free_flight(walled, 1_000_000)
+    with pytest.raises(SceneError, match=r"got inside 'new wall' at 1\.\d+ s"):
+        require_free_flight(walled, 2_000_000)
+    buried = replace(scene, flight=replace(scene.flight, position_m=(0.0, 0.0, -0.5)))
+    with pytest.raises(SceneError, match="got below 'lawn' at 0 s"):
+        require_free_flight(buried, 100_000)
+
+
+def test_a_box_knows_its_inside() -> None:
+    """Points in a turned box by hand: along its own axes, not the world's."""
+    box = Box(name="b", center_m=(1.0, 1.0, 1.0), size_m=(4.0, 0.2, 2.0), yaw_deg=45.0, texture="t")
+    along, across = np.array([1.0, 1.0, 0.0]), np.array([-1.0, 1.0, 0.0])
+    points = np.array([1.0, 1.0, 1.0]) + np.array([along, across, 1.5 * along, [0, 0, 1.1]])
+    np.testing.assert_array_equal(box.contains(points), [True, False, False, False])

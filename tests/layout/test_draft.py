@@ -1,0 +1,111 @@
+"""A drafted dialect opens the file that it was drafted from."""
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fedora_qa.layout.binding import canonical_rows
+from fedora_qa.layout.dialect import Dialect, load_dialect
+from fedora_qa.layout.draft import draft_dialect
+from fedora_qa.layout.guess import unit_of_stamps
+from fedora_qa.layout.resolve import resolve
+from tests.support.foreign import write_mvsec, write_purdue_lab
+from tests.support.handmade import write_handmade
+
+
+def draft(path: Path) -> tuple[str, Dialect]:
+    with h5py.File(path) as file:
+        text = draft_dialect(file, "drafted")
+    target = path.with_suffix(".toml")
+    target.write_text(text, "utf-8")
+    return text, load_dialect(target)
+
+
+def write_unknown(path: Path) -> Path:
+    """A layout that no dialect describes: nanoseconds, metres, quaternions, odd names."""
+    random = np.random.default_rng(2)
+    with h5py.File(path, "w") as file:
+        file["cam/colour/frames"] = np.zeros((4, 8, 10, 3), dtype=np.uint8)
+        file["cam/colour/timestamps"] = np.arange(4) * 33_000_000 + 5
+        file["cam/range"] = random.uniform(1, 9, (4, 8, 10)).astype(np.float32)
+        file["cam/range_time"] = np.arange(4) * 33_000_000 + 5
+        file["dvs/data"] = np.column_stack(
+            [np.arange(40) * 1e5, random.integers(0, 99, 40), random.integers(0, 77, 40), np.arange(40) % 2]
+        )
+        file["nav/gyro"] = random.normal(size=(50, 3))
+        file["nav/accel"] = random.normal(size=(50, 3))
+        file["nav/stamps"] = np.arange(50) * 2_000_000
+        file["odd/matrix"] = np.eye(5)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("write", "streams"),
+    [
+        (write_handmade, {"rgb", "depth", "events", "imu", "pose", "flow/10hz", "flow/25hz", "flow/50hz"}),
+        (write_purdue_lab, {"rgb", "depth", "events"}),
+        (write_mvsec, {"rgb", "events"}),
+        (write_unknown, {"rgb", "depth", "events", "imu"}),
+    ],
+)
+def test_draft_opens_its_file(write: Callable[[Path], Path], streams: set[str], tmp_path: Path) -> None:
+    """The draft is a dialect, finds the streams that can be told from values, and reads without problems."""
+    path = write(tmp_path / "file.h5")
+    _, dialect = draft(path)
+    with h5py.File(path) as file:
+        layout = resolve(file, dialect)
+    assert layout.streams == streams
+    assert not layout.problems
+
+
+def test_units_and_columns_are_guessed(tmp_path: Path) -> None:
+    """Nanoseconds, metres, and the columns of t and p are told from the values."""
+    path = write_unknown(tmp_path / "file.h5")
+    text, dialect = draft(path)
+    with h5py.File(path) as file:
+        bindings = resolve(file, dialect).bindings
+        assert canonical_rows(file, bindings["path/events/t"], 0, 3, 0).tolist() == [0, 100_000, 200_000]
+        assert canonical_rows(file, bindings["path/events/p"], 0, 3, 0).tolist() == [0, 1, 0]
+        assert 1000 <= canonical_rows(file, bindings["path/depth"], 0, 4, 0).min() <= 9000
+        assert canonical_rows(file, bindings["path/imu/ts"], 0, 2, 0).tolist() == [0, 2_000_000]
+    assert "#   odd/matrix  5 x 5  float64" in text
+
+
+def test_every_guess_has_a_reason(tmp_path: Path) -> None:
+    """Each place stands below a comment."""
+    text, dialect = draft(write_unknown(tmp_path / "file.h5"))
+    lines = text.splitlines()
+    places = [number for number, line in enumerate(lines) if line.startswith('"')]
+    assert len(places) == len(dialect.datasets)
+    assert all(lines[number - 1].startswith("# ") for number in places)
+
+
+@given(st.text(st.characters(codec="utf-8", exclude_characters="/\0"), min_size=1).filter(lambda name: name != "."))
+def test_any_name_survives(name: str) -> None:
+    """Names in HDF5 hold quotes, newlines and control characters; none of them breaks the draft."""
+    with h5py.File("draft.h5", "w", driver="core", backing_store=False) as file:
+        file.create_group(name)["x"] = np.arange(3)
+        for other in "ytp":
+            file[name][other] = np.arange(3) % 2 if other == "p" else np.arange(3)
+        text = draft_dialect(file, name)
+        target = Path(file.filename)
+        assert target.name == "draft.h5"
+
+    read = tomllib.loads(text)
+    assert read["name"] == name
+    assert read["datasets"]["path/events/x"]["path"] == f"{name}/x"
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+@pytest.mark.parametrize("origin_s", [0.0, 1.75e9], ids=["from zero", "epoch"])
+def test_unit_of_frames(unit: str, origin_s: float) -> None:
+    """The unit of frame stamps is told from their date, or from their step."""
+    per_s = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[unit]
+    stamps = (origin_s + np.arange(5) * 0.02) * per_s
+    assert unit_of_stamps(stamps, "frames")[0] == unit

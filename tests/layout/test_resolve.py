@@ -1,0 +1,203 @@
+"""Everything wrong with a layout is named, and nothing else."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from fedora_qa.causes import allowed
+from fedora_qa.layout.canonical import DATASETS, STREAMS
+from fedora_qa.layout.resolve import Layout, resolve
+from tests.support.handmade import write_handmade
+
+Edit = Callable[[h5py.File], None]
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Iterator[h5py.File]:
+    """The handmade file, open for changes."""
+    with h5py.File(write_handmade(tmp_path / "hand.h5"), "r+") as opened:
+        yield opened
+
+
+def replace(file: h5py.File, key: str, values: np.ndarray) -> None:
+    del file[key]
+    file[key] = values
+
+
+def only_problem(layout: Layout) -> tuple[str, str, str, str]:
+    (problem,) = layout.problems
+    assert allowed(problem.cause, problem.stream)
+    return problem.code.removeprefix("integrity.layout."), problem.cause, problem.stream, problem.key
+
+
+def test_handmade_file_is_whole(file: h5py.File) -> None:
+    """A file written by hand from the format's text is found whole: reader and format agree."""
+    layout = resolve(file)
+    assert layout.dialect_name == "fedora"
+    assert layout.streams == set(STREAMS)
+    assert set(layout.bindings) == set(DATASETS)
+    assert not layout.problems
+    assert not layout.absent
+    assert not layout.inferred
+
+
+def test_streams_may_be_left_out(file: h5py.File) -> None:
+    """A stream that nothing declares is absent, with a reason, and not a problem."""
+    del file["path/imu"], file["metadata/imu"], file["path/flow/25hz"], file["path/flow/25hz_ts"]
+    layout = resolve(file)
+    assert not layout.problems
+    assert set(layout.absent) == {"imu", "flow/25hz"}
+    assert layout.streams == set(STREAMS) - set(layout.absent)
+
+
+@pytest.mark.parametrize("stream", ["rgb", "depth", "events", "imu", "pose"])
+def test_declared_stream_is_promised(file: h5py.File, stream: str) -> None:
+    """A stream that the metadata declare and that is not there is missing."""
+    for key in (key for key, spec in DATASETS.items() if spec.stream == stream):
+        del file[key]
+    assert ("missing_stream", "missing_stream", stream, "") == only_problem(resolve(file))
+
+
+def test_declared_flow_is_promised(file: h5py.File) -> None:
+    """Declared flow without any rate is missing."""
+    del file["path/flow"]
+    assert only_problem(resolve(file)) == ("missing_stream", "missing_stream", "flow", "")
+
+
+@pytest.mark.parametrize("key", [key for key, spec in DATASETS.items() if spec.is_stamps])
+def test_stream_without_stamps_is_broken(file: h5py.File, key: str) -> None:
+    """A stream whose stamps are missing cannot be used, and the missing dataset is named."""
+    del file[key]
+    layout = resolve(file)
+    stream = DATASETS[key].stream
+    assert only_problem(layout) == ("missing_stream", "missing_stream", stream, key)
+    assert stream not in layout.streams
+    assert not any(DATASETS[bound].stream == stream for bound in layout.bindings)
+
+
+def narrow_orientation(file: h5py.File) -> None:
+    replace(file, "path/pose/orientation", np.zeros((21, 3)))
+
+
+def drop_channels(file: h5py.File) -> None:
+    replace(file, "path/rgb", np.zeros((6, 27, 36), dtype=np.uint8))
+
+
+def shorten_t(file: h5py.File) -> None:
+    replace(file, "path/events/t", file["path/events/t"][:-1])
+
+
+def flow_of_another_size(file: h5py.File) -> None:
+    replace(file, "path/flow/50hz", np.zeros((5, 20, 36, 2), dtype=np.float32))
+
+
+def group_for_dataset(file: h5py.File) -> None:
+    del file["path/depth"]
+    file.create_group("path/depth")
+
+
+def empty_images(file: h5py.File) -> None:
+    replace(file, "path/rgb", np.zeros((6, 0, 36, 3), dtype=np.uint8))
+
+
+def scalar_stamps(file: h5py.File) -> None:
+    del file["path/imu/ts"]
+    file["path/imu/ts"] = 7
+
+
+def long_map(file: h5py.File) -> None:
+    replace(file, "metadata/rgb_to_event", np.zeros(9, dtype=np.int64))
+
+
+@pytest.mark.parametrize(
+    ("edit", "stream", "key"),
+    [
+        (narrow_orientation, "pose", "path/pose/orientation"),
+        (drop_channels, "rgb", "path/rgb"),
+        (shorten_t, "events", "path/events/t"),
+        (flow_of_another_size, "flow/50hz", "path/flow/50hz"),
+        (group_for_dataset, "depth", "path/depth"),
+        (empty_images, "rgb", "path/rgb"),
+        (scalar_stamps, "imu", "path/imu/ts"),
+        (long_map, "rgb_to_event", "metadata/rgb_to_event"),
+    ],
+    ids=lambda value: value.__name__ if callable(value) else "",
+)
+def test_wrong_shapes(file: h5py.File, edit: Edit, stream: str, key: str) -> None:
+    """A shape that contradicts the layout or another dataset takes its stream away, and no other."""
+    edit(file)
+    layout = resolve(file)
+    rule, cause, found_stream, found_key = only_problem(layout)
+    assert (cause, found_stream, found_key) == ("wrong_shape", stream, key)
+    assert rule in {"wrong_shape", "not_a_dataset"}
+    assert set(STREAMS) - layout.streams == {stream}
+
+
+def test_short_index_map_is_truncated(file: h5py.File) -> None:
+    """A map with fewer entries than frames was cut off; the problem says by how much."""
+    replace(file, "metadata/rgb_to_event", file["metadata/rgb_to_event"][:3])
+    (problem,) = resolve(file).problems
+    assert (problem.cause, problem.stream, problem.magnitude) == ("truncated", "rgb_to_event", 50.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "dtype", "readable"),
+    [
+        ("path/events/t", "float64", True),
+        ("path/events/t", ">i8", None),
+        ("path/imu/angular_velocity", "float32", True),
+        ("path/depth", "float64", True),
+        ("path/depth", "uint16", True),
+        ("path/rgb", "uint16", False),
+        ("path/rgb", "float32", False),
+        ("path/pose/position", "complex128", False),
+        ("path/pose/position", "S8", False),
+    ],
+)
+def test_types(file: h5py.File, key: str, dtype: str, readable: bool | None) -> None:
+    """Another type is a problem; it is still read where a safe conversion exists. Byte order is nobody's business."""
+    values = np.zeros(file[key].shape) if key == "path/depth" else file[key][()]
+    replace(file, key, values.astype(dtype))
+    layout = resolve(file)
+    if readable is None:
+        assert not layout.problems
+        return
+    assert only_problem(layout) == ("wrong_dtype", "wrong_dtype", DATASETS[key].stream, key)
+    assert (key in layout.bindings) is readable
+
+
+@pytest.mark.parametrize("dtype", [h5py.string_dtype(), h5py.vlen_dtype(np.int64), np.dtype([("t", "i8")])])
+def test_types_that_are_no_numbers_are_refused(file: h5py.File, dtype: np.dtype) -> None:
+    """Strings, ragged arrays and compounds are never read as stamps."""
+    del file["path/pose/ts"]
+    file.create_dataset("path/pose/ts", (21,), dtype=dtype)
+    layout = resolve(file)
+    assert only_problem(layout)[:3] == ("wrong_dtype", "wrong_dtype", "pose")
+    assert "pose" not in layout.streams
+
+
+def test_chunks_that_were_never_written(file: h5py.File) -> None:
+    """A writer that was stopped leaves chunks without bytes, which HDF5 reads as zeros without a word."""
+    del file["path/depth"]
+    depth = file.create_dataset("path/depth", (6, 27, 36), "float32", chunks=(1, 27, 36))
+    depth[:4] = 5000.0
+    (problem,) = resolve(file).problems
+    assert (problem.cause, problem.stream) == ("truncated", "depth")
+    assert problem.magnitude == pytest.approx(100 * 2 / 6)
+
+
+def test_no_events_at_all_is_legal(file: h5py.File) -> None:
+    """A still scene gives no events: empty datasets are whole."""
+    for name in "xytp":
+        dtype = file[f"path/events/{name}"].dtype
+        replace(file, f"path/events/{name}", np.zeros(0, dtype=dtype))
+    assert not resolve(file).problems
+
+
+def test_malformed_depth_range_is_of_the_metadata(file: h5py.File) -> None:
+    """The depth range is a declaration, not a stream."""
+    replace(file, "metadata/depth_range", np.zeros(3))
+    assert only_problem(resolve(file)) == ("wrong_shape", "wrong_shape", "metadata", "metadata/depth_range")

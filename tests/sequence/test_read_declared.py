@@ -1,0 +1,187 @@
+"""Declarations are read as typed values; whatever cannot be used is a problem, never an exception."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from fedora_qa.causes import allowed
+from fedora_qa.layout.canonical import ATTRIBUTES, AttributeSpec
+from fedora_qa.layout.resolve import resolve
+from fedora_qa.sequence.attributes import MalformedError, read_attribute
+from fedora_qa.sequence.declared import Declared
+from fedora_qa.sequence.read_declared import read_declared
+from tests.support.handmade import write_handmade
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Iterator[h5py.File]:
+    """The handmade file, open for changes."""
+    with h5py.File(write_handmade(tmp_path / "hand.h5"), "r+") as opened:
+        yield opened
+
+
+def declared_in(file: h5py.File) -> Declared:
+    declared = read_declared(file, resolve(file))
+    assert all(allowed(problem.cause, "metadata") for problem in declared.problems)
+    return declared
+
+
+def test_handmade_file(file: h5py.File) -> None:
+    """Every declaration of the file written by hand comes out as it went in."""
+    declared = declared_in(file)
+    assert declared.problems == ()
+    assert set(declared.cameras) == {"rgb", "depth", "events"}
+    events = declared.cameras["events"]
+    assert (events.width, events.height, events.model, events.exposure_us) == (16, 12, "pinhole", 0.0)
+    assert events.K[0, 0] == pytest.approx(8 / np.tan(np.pi / 6))
+    assert declared.events is not None
+    assert (declared.events.model, declared.events.threshold_on) == ("log", 0.2)
+    assert (declared.events.shot_rate_hz, declared.events.hot_pixels) == (4.0, ())
+    assert declared.imu is not None
+    assert (declared.imu.gravity, declared.imu.sampling) == (9.81, "instant")
+    assert declared.pose is not None
+    assert declared.flow_model == "rigid"
+    assert declared.depth_range_m == (0.1, 30.0)
+    assert declared.transfer == "linear"
+    assert declared.profile is None
+    assert declared.units["path/depth"] == "mm"
+
+
+def test_hot_pixels(file: h5py.File) -> None:
+    """Hot pixels are columns and rows."""
+    file["metadata/events"].attrs["hot_pixels"] = np.array([[3, 4], [5, 6]])
+    events = declared_in(file).events
+    assert events is not None
+    assert events.hot_pixels == ((3, 4), (5, 6))
+
+
+def test_bytes_and_arrays_of_one_are_read(file: h5py.File) -> None:
+    """Text as bytes and scalars as arrays of one, as other languages write them, are what they say."""
+    file["metadata/events"].attrs["model"] = np.bytes_(b"linear")
+    file["metadata/imu"].attrs["gravity"] = np.array([9.8])
+    declared = declared_in(file)
+    assert declared.problems == ()
+    assert declared.events is not None
+    assert declared.events.model == "linear"
+    assert declared.imu is not None
+    assert declared.imu.gravity == 9.8
+
+
+@pytest.mark.parametrize(
+    ("owner", "name", "value", "cause"),
+    [
+        ("", "format_version", "2.0", "unknown"),
+        ("metadata/cameras/rgb", "width", "36", "wrong_dtype"),
+        ("metadata/cameras/rgb", "width", 36.5, "wrong_dtype"),
+        ("metadata/cameras/rgb", "width", 0, "unknown"),
+        ("metadata/cameras/rgb", "K", np.ones(9), "wrong_shape"),
+        ("metadata/cameras/rgb", "K", np.full((3, 3), np.nan), "unknown"),
+        ("metadata/cameras/rgb", "T_body_camera", np.eye(3), "wrong_shape"),
+        ("metadata/events", "model", "cubic", "unknown"),
+        ("metadata/events", "model", 3, "wrong_dtype"),
+        ("metadata/events", "threshold_on", np.nan, "unknown"),
+        ("metadata/events", "threshold_on", -0.2, "unknown"),
+        ("metadata/events", "hot_pixels", np.ones((2, 3), dtype=int), "wrong_shape"),
+        ("metadata/imu", "gravity", [9.8, 9.8], "wrong_dtype"),
+        ("metadata/pose", "position_sigma", -1.0, "unknown"),
+        ("path/rgb", "transfer", "log", "unknown"),
+    ],
+)
+def test_malformed(file: h5py.File, owner: str, name: str, value: Any, cause: str) -> None:
+    """One malformed attribute is one problem, which names it."""
+    (file[owner] if owner else file).attrs[name] = value
+    (problem,) = declared_in(file).problems
+    assert (problem.owner, problem.name) == (owner, name)
+    assert problem.cause == cause
+
+
+def test_camera_without_k_is_not_declared(file: h5py.File) -> None:
+    """A camera that misses what the format requires is None for who needs it, and named."""
+    del file["metadata/cameras/depth"].attrs["K"]
+    declared = declared_in(file)
+    assert set(declared.cameras) == {"rgb", "events"}
+    assert [(problem.owner, problem.name) for problem in declared.problems] == [("metadata/cameras/depth", "K")]
+
+
+def test_missing_group_is_one_problem(file: h5py.File) -> None:
+    """A group that is absent is named once, not once an attribute."""
+    del file["metadata/imu"]
+    declared = declared_in(file)
+    assert declared.imu is None
+    assert [(problem.owner, problem.name) for problem in declared.problems] == [("metadata/imu", "")]
+
+
+def test_dataset_in_place_of_a_group(file: h5py.File) -> None:
+    """A dataset where a group of attributes belongs carries none of them."""
+    del file["metadata/pose"]
+    file["metadata/pose"] = [1, 2]
+    assert {problem.name for problem in declared_in(file).problems} == {"position_sigma", "rotation_sigma"}
+
+
+@pytest.mark.parametrize("bounds", [(0.0, 30.0), (30.0, 0.1), (np.nan, 3.0), (0.1, np.inf)])
+def test_impossible_depth_range(file: h5py.File, bounds: tuple[float, float]) -> None:
+    """A range that is empty, reaches zero or does not end is no range."""
+    file["metadata/depth_range"][...] = bounds
+    declared = declared_in(file)
+    assert declared.depth_range_m is None
+    assert [problem.name for problem in declared.problems] == ["depth_range"]
+
+
+def test_external_group_is_not_followed(file: h5py.File) -> None:
+    """Declarations are not taken from another file."""
+    del file["metadata/imu"]
+    file["metadata/imu"] = h5py.ExternalLink("other.h5", "/")
+    assert any("other.h5" in problem.message for problem in declared_in(file).problems)
+
+
+ANY_VALUE = st.one_of(
+    st.text(st.characters(codec="ascii", exclude_characters="\0"), max_size=8),
+    st.integers(-(2**63), 2**63 - 1),
+    st.floats(),
+    st.booleans(),
+    hnp.arrays(
+        st.sampled_from([np.float32, np.float64, np.int64, np.uint8, np.bool_]),
+        hnp.array_shapes(max_dims=3, max_side=4, min_side=0),
+    ),
+)
+
+
+def read_or_refuse(file: h5py.File, spec: AttributeSpec) -> Any:
+    try:
+        return read_attribute(file, spec)
+    except MalformedError as malformed:
+        return malformed
+
+
+@given(spec=st.sampled_from(list(ATTRIBUTES.values())), value=ANY_VALUE)
+def test_any_value_is_read_or_malformed(spec: AttributeSpec, value: Any) -> None:
+    """Whatever an attribute holds, it is a value of the right kind, or malformed for a cause that metadata can have."""
+    with h5py.File("any.h5", "w", driver="core", backing_store=False) as file:
+        file.attrs[spec.name] = value
+        read = read_or_refuse(file, spec)
+    if isinstance(read, MalformedError):
+        assert str(read).startswith("Expected")
+        assert allowed(read.cause, "metadata")
+        return
+    assert isinstance(read, {"text": str, "int": int, "float": float, "pixels": tuple}.get(spec.kind, np.ndarray))
+    assert not spec.choices or read in spec.choices
+
+
+@pytest.mark.parametrize("dtype", [h5py.vlen_dtype(np.int64), h5py.ref_dtype, np.dtype([("a", "i8")])], ids=str)
+def test_types_of_no_attribute_are_never_read(file: h5py.File, dtype: np.dtype[Any]) -> None:
+    """Ragged arrays, references and compounds are malformed before a single value of them is read."""
+    del file["metadata/events"].attrs["model"]
+    file["metadata/events"].attrs.create("model", None, shape=(1,), dtype=dtype)
+    file["path/depth"].attrs.create("units", None, shape=(1,), dtype=dtype)
+    declared = declared_in(file)
+    assert [(problem.name, problem.message[:23]) for problem in declared.problems] == [
+        ("model", "Expected a readable val")
+    ]
+    assert "path/depth" not in declared.units
