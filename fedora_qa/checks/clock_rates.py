@@ -24,6 +24,9 @@ _UNIT_FACTORS: Final = {
 _UNIT_WITHIN: Final = 0.2
 """A duration farther than this from every factor is a matter of streams that end early (clocks.span)."""
 
+_NTSC_HZ: Final = (24, 30, 48, 60, 120)
+"""Rates of video that are also used divided by 1.001."""
+
 _NOMINAL_WITHIN: Final = 0.01
 """A rate nearer than this to a nominal one is meant to be that."""
 
@@ -32,8 +35,8 @@ class Unit(FactsCheck):
     """Are all stamps in microseconds of one clock?
 
     A stream's duration is held against the median duration of all streams, and the length of flow intervals against
-    the rate in their name. Only gross factors are told apart here (1000, 10^6, and the 32 of wall-clock stamps):
-    the value is the factor nearest in logarithm. Blind where a file has a single stream and no flow.
+    the rate in their name. Only gross factors are told apart here (1000, 10^6, and the 32 of wall-clock stamps): the
+    value is the factor that is right within 20%, or 1. Blind where a file has a single stream and no flow.
     """
 
     name = "clocks.unit"
@@ -48,9 +51,7 @@ class Unit(FactsCheck):
         return Observation(all_stamps(facts), measured)
 
     def _factor(self, stream: str, ratio: float) -> Measured:
-        factor = min(_UNIT_FACTORS, key=lambda known: abs(np.log(ratio / known)))
-        if abs(ratio / factor - 1) > _UNIT_WITHIN:
-            factor = 1.0
+        factor = next((known for known in _UNIT_FACTORS if abs(ratio / known - 1) <= _UNIT_WITHIN), 1.0)
         return Measured(
             name=f"{stream}.unit_factor",
             value=factor,
@@ -88,10 +89,12 @@ class Rate(FactsCheck):
             return Observation(all_stamps(facts), unobservable="no stream has three stamps in order")
         measured = {stream: self._error(facts, stream, fit) for stream, fit in fits.items()}
         exact = [m for m in measured.values() if m is not None and abs(m.value) <= m.allowance + 3 * m.standard_error]
-        if not exact and not facts.flow_streams:
-            notices = tuple(self._odd(stream, fit) for stream, fit in fits.items())
-            return Observation(all_stamps(facts), notices=notices)
-        return Observation(all_stamps(facts), tuple(m for m in measured.values() if m is not None))
+        held = {stream for stream in fits if exact or stream.startswith("flow/")}
+        return Observation(
+            all_stamps(facts),
+            tuple(m for stream, m in measured.items() if m is not None and stream in held),
+            tuple(self._odd(stream, fit) for stream, fit in fits.items() if stream not in held),
+        )
 
     def _error(self, facts: Facts, stream: str, fit: RegularClock) -> Measured | None:
         nominal_ns = _nominal_period_ns(stream, fit.period_ns)
@@ -126,6 +129,8 @@ def _durations_ns(facts: Facts) -> Iterator[tuple[str, float]]:
     for stream, _ in fits_of(facts):
         start, stop = extent_ns(facts.clocks[stream])
         yield stream, float(stop - start)
+    if facts.events is not None and facts.events.count > 1:
+        yield "events", float(facts.events.last_ns - facts.events.first_ns)
 
 
 def _reference_duration_ns(facts: Facts, durations: dict[str, float]) -> float | None:
@@ -142,8 +147,15 @@ def _reference_duration_ns(facts: Facts, durations: dict[str, float]) -> float |
 
 
 def _nominal_period_ns(stream: str, period_ns: float) -> float:
-    """Return the nearest period of whole microseconds or of a whole number of Hz; of flow the one in its name."""
+    """Return the nominal period that is nearest; of flow the one in its name.
+
+    Nominal is a whole number of Hz, exactly or with its period rounded to whole microseconds as many recorders do, and
+    its 1000/1001 (29.97 Hz and the like).
+    """
     if stream.startswith("flow/"):
         return NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
-    candidates = [max(round(period_ns / NS_PER_US), 1) * NS_PER_US, NS_PER_S / max(round(NS_PER_S / period_ns), 1)]
+    exact_ns = NS_PER_S / max(round(NS_PER_S / period_ns), 1)
+    candidates = [exact_ns, max(round(exact_ns / NS_PER_US), 1) * NS_PER_US]
+    if round(NS_PER_S / exact_ns) in _NTSC_HZ:
+        candidates.append(exact_ns * 1.001)
     return min(candidates, key=lambda nominal: abs(nominal - period_ns))

@@ -64,15 +64,13 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Violations:
-    """Pixels (h, w) that broke the law in stretches that nothing can be joined to any more.
+    """Pixels (h, w) that broke the law.
 
-    ``through[i]`` counts the violations that frame interval i may hold; ``lost`` is the balance of those that look
-    like lost events (+1) and like superfluous ones (-1).
+    ``through[i]`` counts the violations that frame interval i may hold.
     """
 
     pixels: Bool
     through: NDArray[np.int64]
-    lost: int
 
 
 class Conservation(Check[list[Stretch]]):
@@ -138,10 +136,6 @@ class Conservation(Check[list[Stretch]]):
         count, pixels = int(np.count_nonzero(violations.pixels)), violations.pixels.size
         interval = int(np.argmax(violations.through))
         times_ns = facts.clocks["rgb"].times_ns
-        cause, other = "dropped_samples", "duplicated_samples"
-        if violations.lost < 0:
-            cause, other = other, cause
-        said = "events are missing" if cause == "dropped_samples" else "there are events too many"
         return Measured(
             name="violating_pixels",
             value=count / pixels,
@@ -151,8 +145,8 @@ class Conservation(Check[list[Stretch]]):
             side="upper",
             resolution=1 / pixels,
             matters=self._MATTERS,
-            statement=f"In {count} of {pixels} pixels events do not add up to what the frames show ({said}), most of "
-            f"them through frame {interval}.",
+            statement=f"In {count} of {pixels} pixels events do not add up to what the frames show, most of them "
+            f"across frame {interval}.",
             code="event_response.conservation.pixels",
             where=Where(
                 stream="events",
@@ -161,8 +155,8 @@ class Conservation(Check[list[Stretch]]):
                 frame=interval,
             ),
             suspects=(
-                Suspect(cause, "events", 0.6, float(count), "samples"),
-                Suspect(other, "events", 0.3, float(count), "samples"),
+                Suspect("dropped_samples", "events", 0.5, float(count), "samples"),
+                Suspect("duplicated_samples", "events", 0.4, float(count), "samples"),
                 *_WHATEVER_BREAKS_THE_LAW,
             ),
         )
@@ -197,13 +191,13 @@ class Conservation(Check[list[Stretch]]):
 
 _WHATEVER_BREAKS_THE_LAW: Final = (
     *(
-        Suspect(cause, "events", 0.45)
+        Suspect(cause, "events", 0.3)
         for cause in ("time_offset", "clock_rate", "polarity_inverted", "mirrored", "axes_swapped", "other_sequence",
                       "threshold_misdeclared", "event_model_misdeclared", "spatial_offset", "hot_pixels", "time_unit")
     ),
     *(
-        Suspect(cause, "rgb", 0.4)
-        for cause in ("time_offset", "swapped_frames", "frozen_frames", "exposure_or_gamma", "channel_order",
+        Suspect(cause, "rgb", 0.3)
+        for cause in ("swapped_frames", "frozen_frames", "exposure_or_gamma", "channel_order", "time_offset",
                       "mirrored", "other_sequence", "spatial_offset")
     ),
 )  # fmt: skip
@@ -262,17 +256,14 @@ def _join(stretches: list[Stretch], later: Stretch) -> None:
 def _violations(state: Sequence[Stretch], declared: EventModel, frames: int) -> Violations:
     pixels = np.zeros(state[0].excused.shape, np.bool_)
     changes = np.zeros(frames + 1, np.int64)
-    lost = 0
     for stretch in state:
         broken = _broken(stretch, declared) & ~stretch.excused
         pixels |= broken
         if isinstance(stretch.bounds, Excursions):
-            highest, lowest = (bounds[1:, broken] for bounds in (stretch.bounds.highest, stretch.bounds.lowest))
-            np.add.at(changes, np.minimum(highest[0], lowest[0]), 1)
-            np.add.at(changes, np.maximum(highest[0], lowest[0]), -1)
-            rose = np.sign(highest[0] - lowest[0])
-            lost += int(np.sum(rose * np.sign((highest[1] - lowest[1]) * rose)))
-    return Violations(pixels, np.cumsum(changes)[:frames], lost)
+            highest, lowest = stretch.bounds.highest[1, broken], stretch.bounds.lowest[1, broken]
+            np.add.at(changes, np.minimum(highest, lowest), 1)
+            np.add.at(changes, np.maximum(highest, lowest), -1)
+    return Violations(pixels, np.cumsum(changes)[:frames])
 
 
 def _broken(stretch: Stretch, declared: EventModel) -> Bool:

@@ -85,8 +85,10 @@ def _level_sums(window: Window) -> LevelSums | None:
     rows, columns = np.divmod(pairs.pixels, width)
     block = 2 * (2 * rows // height) + 2 * columns // width
 
+    middle_ns = (seen.times_ns[pairs.earlier] + seen.times_ns[pairs.later]) / 2
+
     def sums(levels: NDArray[np.float64]) -> NormalBlocks:
-        return accumulate(pairs, pairs.change_of(levels), block, 4)
+        return accumulate(pairs, pairs.change_of(levels), block, 4, middle_ns * 1e-9)
 
     log_sharp, log_even = (_log(luma, declared) for luma in (seen.sharp_dn, seen.even_dn))
     return LevelSums(

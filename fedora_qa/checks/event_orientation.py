@@ -11,12 +11,14 @@ from fedora_qa.checks.event_view import (
     all_events,
     seen_frames,
     sensor_shape,
+    signal,
     why_frames_and_events_do_not_meet,
 )
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.estimators.event_kernels import count_between_frames
-from fedora_qa.estimators.event_orientation import BLOCK_PX, SYMMETRIES, Moments, moments, undone
+from fedora_qa.estimators.event_orientation import BLOCK_PX, SYMMETRIES, Moments, block_means, moments, undone
 from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
 
@@ -65,23 +67,16 @@ class Orientation(WindowCheck[Agreement]):
         seen, declared = seen_frames(window), window.facts.declared.events
         if declared is None or len(seen) < 2:
             return None
-        levels = seen.even_dn
-        if declared.model == "log":
-            levels = np.log(np.maximum(levels + declared.log_eps_dn, 1e-3))
-        lit = np.isfinite(seen.error_dn) & (seen.even_dn > 2 * seen.error_dn)
+        levels, lit = signal(seen, declared)
         counts = _square_counts(window, seen.times_ns)
         signed = declared.threshold_on * counts[:, 1] - declared.threshold_off * counts[:, 0]
         shape = sensor_shape(window.facts.declared)
-        intervals = range(len(signed))
+        oriented = [undone(image, shape) for image in signed]
         steps = sum(
-            moments(
-                levels[i + 1] - levels[i],
-                undone(signed[i], shape) + [_lagged(signed, i, lag, shape) for lag in LAGS],
-                lit[i] & lit[i + 1],
-            ).sums
-            for i in intervals
+            _moments(levels, lit, i, i + 1, oriented[i] + [_lagged(oriented, i + lag) for lag in LAGS]).sums
+            for i in range(len(signed))
         )
-        span = moments(levels[-1] - levels[0], undone(signed.sum(axis=0), shape), lit[0] & lit[-1])
+        span = _moments(levels, lit, 0, -1, undone(signed.sum(axis=0), shape))
         interval_ms = float(np.diff(seen.times_ns).mean()) / 1e6
         return Agreement(Moments(np.asarray(steps)), span, interval_ms)
 
@@ -100,7 +95,9 @@ class Orientation(WindowCheck[Agreement]):
                 coverage,
                 unobservable=f"too little changes between frames: a correlation of only {predicted[best]:.2g} is due",
             )
-        return Observation(coverage, _state(kinds[best], state, predicted[best]))
+        lag = _lag(state, declared) if predicted[0] >= LEAST_PREDICTED else None
+        measured = _state(kinds[best], state, predicted[best])
+        return Observation(coverage, measured if lag is None else (*measured, lag))
 
 
 def _state(kind: Sequence[Moments], state: Sequence[Agreement], predicted: float) -> tuple[Measured, ...]:
@@ -156,11 +153,18 @@ def _square_counts(window: Window, times_ns: NDArray[np.int64]) -> NDArray[np.in
     return counts
 
 
-def _lagged(signed: Float64, interval: int, lag: int, shape: tuple[int, int]) -> Float64:
-    """Return the events of a later interval (an earlier one, for negative lags); none beyond the window."""
-    height, width = shape
-    at = interval + lag
-    return signed[at][:height, :width] if 0 <= at < len(signed) else np.zeros(shape)
+def _moments(levels: Float64, lit: NDArray[np.bool_], earlier: int, later: int, events: Sequence[Float64]) -> Moments:
+    """Return the moments of the change between two frames, over blocks that are lit in both."""
+    usable = lit[earlier] & lit[later]
+    whole = block_means(usable.astype(np.float64)) > 1 - 1e-9
+    return moments(block_means(np.where(usable, levels[later] - levels[earlier], 0.0)), list(events), whole)
+
+
+def _lagged(oriented: Sequence[Sequence[Float64]], interval: int) -> Float64:
+    """Return the events of another interval as declared; none beyond the window."""
+    if 0 <= interval < len(oriented):
+        return oriented[interval][0]
+    return np.zeros_like(oriented[0][0])
 
 
 def _predicted(kind: Sequence[Moments], noise: float) -> float:
@@ -217,16 +221,68 @@ def _unrelated(state: Sequence[Agreement], correlation: float) -> tuple[Suspect,
     """Name a time offset where a lag of whole frame intervals agrees clearly better, else another sequence."""
     lagged = _pooled([one.steps for one in state])[len(SYMMETRIES) :]
     best = int(np.argmax(lagged))
-    interval_ms = float(np.mean([one.interval_ms for one in state]))
     if lagged[best] > max(2 * correlation, 0.1):
-        late_ms = LAGS[best] * interval_ms
-        return (
-            Suspect("time_offset", "events", 0.9, late_ms, "ms", interval_ms / 2),
-            Suspect("time_offset", "rgb", 0.8, -late_ms, "ms", interval_ms / 2),
-            Suspect("other_sequence", "events", 0.3),
-        )
+        return _late(LAGS[best] * _interval_ms(state), _interval_ms(state) / 2)
     return (
         Suspect("other_sequence", "events", 0.9),
         Suspect("other_sequence", "rgb", 0.7),
         Suspect("time_offset", "events", 0.5),
     )
+
+
+def _lag(state: Sequence[Agreement], declared: EventModel) -> Measured | None:
+    """Measure the lag at which events and frames agree best; None where none stands out.
+
+    Far coarser than ``event_response.timing``, and not limited to small offsets. A parabola through lags of whole
+    frame intervals is good to a quarter of one. A level that has risen lies above its reference, by C/2 on average, so
+    that events honestly lag by up to C/2 mean|d| / mean d^2 intervals, d the change in one, which is at most C/2 over
+    the root mean square of d.
+    """
+    sums = np.array([one.steps.sums for one in state])
+    value = _best_lag(Moments(sums.sum(axis=0)).correlations())
+    if value is None or len(sums) < FEWEST_WINDOWS:
+        return None
+    left_out = [_best_lag(Moments(sums.sum(axis=0) - one).correlations()) for one in sums]
+    known = [lag for lag in left_out if lag is not None]
+    if len(known) < len(left_out):
+        return None
+    interval_ms = _interval_ms(state)
+    change = Moments(sums.sum(axis=0)).frame_variance() ** 0.5
+    late_by_rule = max(declared.threshold_on, declared.threshold_off) / 2 / max(change, 1e-12)
+    error_ms = interval_ms * float(np.sqrt((len(known) - 1) * np.var(known)))
+    late_ms = interval_ms * value
+    return Measured(
+        name="lag",
+        value=late_ms,
+        unit="ms",
+        standard_error=error_ms,
+        allowance=interval_ms * (0.25 + late_by_rule),
+        statement=f"Events agree best with what frames showed {late_ms:.3g} ms earlier.",
+        code="event_response.orientation.lag",
+        where=Where(stream="events"),
+        suspects=_late(late_ms, interval_ms / 4),
+    )
+
+
+def _best_lag(correlations: Float64) -> float | None:
+    """Return the lag of the highest correlation, frame intervals, to a fraction; None at the end of those tried."""
+    lagged = correlations[len(SYMMETRIES) :]
+    curve = np.concatenate([lagged[: len(LAGS) // 2], correlations[:1], lagged[len(LAGS) // 2 :]])
+    top = int(np.argmax(curve))
+    if not 0 < top < len(curve) - 1:
+        return None
+    bend = curve[top - 1] - 2 * curve[top] + curve[top + 1]
+    vertex = 0.5 * (curve[top - 1] - curve[top + 1]) / bend if bend < 0 else 0.0
+    return float(top - len(LAGS) // 2 + vertex)
+
+
+def _late(late_ms: float, error_ms: float) -> tuple[Suspect, ...]:
+    return (
+        Suspect("time_offset", "events", 0.8, late_ms, "ms", error_ms),
+        Suspect("time_offset", "rgb", 0.7, -late_ms, "ms", error_ms),
+        Suspect("other_sequence", "events", 0.3),
+    )
+
+
+def _interval_ms(state: Sequence[Agreement]) -> float:
+    return float(np.mean([one.interval_ms for one in state]))

@@ -20,6 +20,9 @@ EXPOSURE_BIAS: Final = 0.05
 EXPOSURE_OF_BIAS_US: Final = 5_000.0
 """A frame exposed for 5 ms takes 5% off the threshold; the loss of contrast grows with the square of the time."""
 
+DRIFT_KNOWN: Final = 5.0
+"""Standard errors of the clock rate beyond which an offset is suspected to be part of it (after an alarm only)."""
+
 DOMAIN_PREFERRED: Final = 3.0
 """Standard errors by which the other domain must fit better to be suspected (after an alarm only)."""
 
@@ -77,8 +80,9 @@ class Threshold(_Levels):
         plain = (found.even.threshold_on, found.even.threshold_off)[side]
         expected, model_error = _expected_step(declared, nominal, found.overshoot)
         unit = "DN" if declared.model == "linear" else "nat"
-        error = found.sharp.standard_errors[side]
-        bound = abs(fitted - plain) + found.sharp.attenuation[side] + model_error
+        errors, bounds = found.sharp.standard_errors, found.sharp.attenuation
+        error = (errors.threshold_on, errors.threshold_off)[side]
+        bound = abs(fitted - plain) + (bounds.threshold_on, bounds.threshold_off)[side] + model_error
         bound += _relative_bound(declared, facts) * expected
         percent = 100 / expected
         return Measured(
@@ -137,37 +141,61 @@ class Timing(_Levels):
     The coefficient of the level's slope in the regression of ``event_response.threshold`` is the time by which events
     are stamped late. Expected is the mean lateness that is declared: half a tick of the stamps (a stamp is the first
     tick not before the crossing; a sensor that takes its reference at the tick is not late), and the delay of a
-    declared low-pass. Allowance: what the frames' pixels do not tell of the footprint. Offsets of more than about a
-    frame interval leave no agreement at all (``event_response.orientation``).
+    declared low-pass. Allowance: what the frames' pixels do not tell of the footprint. The offset is that at the middle
+    of the sequence; its growth is the difference of the clocks' rates. Offsets of more than about half a frame interval
+    are read too small, and leave no agreement at all beyond (``event_response.orientation``).
     """
 
     name = "event_response.timing"
     _MATTERS_MS: Final = 2.0
+    _MATTERS_PPM: Final = 1_000.0
 
     def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
-        """State the offset in ms."""
+        """State the offset in ms, and the rate in ppm."""
+        return (self._offset(found, declared, facts), self._rate(found))
+
+    def _offset(self, found: Answer, declared: EventModel, facts: Facts) -> Measured:
         expected, tick_error = _expected_delay_ms(declared, facts)
-        late = 1e3 * found.sharp.delay_s
-        error = 1e3 * found.sharp.standard_errors[2]
-        bound = 1e3 * (abs(found.sharp.delay_s - found.even.delay_s) + found.sharp.attenuation[2]) + tick_error
+        late, error = 1e3 * found.sharp.delay_s, 1e3 * found.sharp.standard_errors.delay_s
+        bound = 1e3 * (abs(found.sharp.delay_s - found.even.delay_s) + found.sharp.attenuation.delay_s) + tick_error
         offset = late - expected
-        return (
-            Measured(
-                name="time_offset",
-                value=late,
-                unit="ms",
-                standard_error=error,
-                expected=expected,
-                allowance=bound,
-                matters=self._MATTERS_MS,
-                statement=f"Events are {abs(offset):.3g} +/- {hypot(error, bound):.2g} ms "
-                f"{'late' if offset > 0 else 'early'} against the colour frames.",
-                code="event_response.timing.offset",
-                where=EVENTS,
-                suspects=(
-                    Suspect("time_offset", "events", 0.9, offset, "ms", error),
-                    Suspect("time_offset", "rgb", 0.8, -offset, "ms", error),
-                ),
+        drift = found.sharp.delay_rate / found.sharp.standard_errors.delay_rate
+        return Measured(
+            name="time_offset",
+            value=late,
+            unit="ms",
+            standard_error=error,
+            expected=expected,
+            allowance=bound,
+            matters=self._MATTERS_MS,
+            statement=f"Events are {abs(offset):.3g} +/- {hypot(error, bound):.2g} ms "
+            f"{'late' if offset > 0 else 'early'} against the colour frames.",
+            code="event_response.timing.offset",
+            where=EVENTS,
+            suspects=(
+                Suspect("time_offset", "events", 0.9, offset, "ms", error),
+                Suspect("time_offset", "rgb", 0.8, -offset, "ms", error),
+                Suspect("clock_rate", "events", 0.85 if abs(drift) > DRIFT_KNOWN else 0.1),
+            ),
+        )
+
+    def _rate(self, found: Answer) -> Measured:
+        ppm, error = 1e6 * found.sharp.delay_rate, 1e6 * found.sharp.standard_errors.delay_rate
+        bound = 1e6 * abs(found.sharp.delay_rate - found.even.delay_rate)
+        return Measured(
+            name="clock_rate",
+            value=ppm,
+            unit="ppm",
+            standard_error=error,
+            allowance=bound,
+            matters=self._MATTERS_PPM,
+            statement=f"The clock of the events runs {abs(ppm):.3g} +/- {error:.2g} ppm too "
+            f"{'fast' if ppm > 0 else 'slow'} against that of the colour frames.",
+            code="event_response.timing.rate",
+            where=EVENTS,
+            suspects=(
+                Suspect("clock_rate", "events", 0.9, ppm, "ppm", error),
+                Suspect("clock_rate", "rgb", 0.8, -ppm, "ppm", error),
             ),
         )
 

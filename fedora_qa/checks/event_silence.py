@@ -55,9 +55,7 @@ class Gaps(WindowCheck[SilenceCount]):
         seen = sum(count.seen for count in state)
         found = [count.strangest for count in state if count.strangest is not None]
         if not found:
-            return Observation(
-                event_coverage(facts, seen), unobservable="too few events to tell a gap from a quiet scene"
-            )
+            return self._no_silence(state, facts, seen)
         worst = max(found, key=lambda silence: silence.z)
         length_ms = worst.length_ns / 1e6
         lost = max(round(worst.expected), 1)
@@ -76,3 +74,21 @@ class Gaps(WindowCheck[SilenceCount]):
             suspects=(Suspect("dropped_samples", "events", 0.95, float(lost), "samples", float(np.sqrt(lost))),),
         )
         return Observation(event_coverage(facts, seen), (measured,))
+
+    def _no_silence(self, state: Sequence[SilenceCount], facts: Facts, seen: int) -> Observation:
+        """State that every tick holds events, or that there are too few of them."""
+        if not any(count.silences for count in state):
+            reason = "too few events to tell a gap from a quiet scene"
+            return Observation(event_coverage(facts, seen), unobservable=reason)
+        tick_ms = tick_ns(facts) / 1e6
+        none = Measured(
+            name="gap",
+            value=0.0,
+            unit="ms",
+            standard_error=0.0,
+            resolution=tick_ms,
+            matters=self._MATTERS_MS,
+            statement="",
+            code="event_stream.gaps.silence",
+        )
+        return Observation(event_coverage(facts, seen), (none,))

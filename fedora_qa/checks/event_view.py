@@ -11,7 +11,7 @@ from fedora_qa.checks.intermediates import luma_dn
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Footprints, footprints
 from fedora_qa.estimators.event_kernels import count_between_frames
-from fedora_qa.sequence.declared import Camera, Declared
+from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
 
@@ -99,6 +99,14 @@ class SeenFrames:
 def seen_frames(window: Window) -> SeenFrames:
     """Return the frames that a window owns and the next one, and the events between them."""
     return window.once("seen_frames", lambda: _seen_frames(window))
+
+
+def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the signal of the declared model (n, h, w), and where it is lit: known to better than half of itself."""
+    lit = np.isfinite(seen.error_dn) & (seen.even_dn > 2 * seen.error_dn)
+    if declared.model == "linear":
+        return seen.even_dn, lit
+    return np.log(np.maximum(seen.even_dn + declared.log_eps_dn, 1e-3)), lit
 
 
 def why_frames_and_events_do_not_meet(facts: Facts) -> str:

@@ -121,8 +121,12 @@ def _of_the_frames(window: Window, tiles: Tiles, frames: FramePair) -> Iterator[
             late_ms = float(times_ns[before] - times_ns[frames.before]) * 1e3 / NS_PER_S
             moved = replace(frames, before=before, after=after)
             yield _Candidate("time_offset", "rgb", tiles.flow_px, moved, late_ms)
-    reversed_ = replace(frames, before=frames.after, after=frames.before)
-    yield _Candidate("swapped_frames", "rgb", tiles.flow_px, reversed_)
+    for before, after in ((frames.after, frames.before), (frames.before, frames.after + 1),
+                          (frames.before, frames.after - 1), (frames.before + 1, frames.after),
+                          (frames.before - 1, frames.after)):  # fmt: skip
+        if min(before, after) >= 0 and max(before, after) < len(times_ns):
+            exchanged = replace(frames, before=before, after=after)
+            yield _Candidate("swapped_frames", "rgb", tiles.flow_px, exchanged, 1.0)
     yield _Candidate("frozen_frames", "rgb", np.zeros_like(tiles.flow_px), frames)
     camera = frames.window.facts.declared.cameras.get("rgb")
     if camera is not None:

@@ -1,7 +1,7 @@
 """Compare one stored field of flow with the one recomputed from depth and pose."""
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +51,7 @@ class FieldError:
     free_shift_m
         Length of that correction's translation.
     repeats
-        Whether an off field equals the one before it bit for bit.
+        ``flow`` or ``depth`` where an off field, or the depth at its start, equals the one before it bit for bit.
     evidence
         Normal equations of the small faults; None where nothing called for them.
     """
@@ -69,7 +69,7 @@ class FieldError:
     free_squares: float = float("nan")
     free_pixels: int = 0
     free_shift_m: float = float("nan")
-    repeats: bool = False
+    repeats: Literal["", "flow", "depth"] = ""
     evidence: Evidence | None = None
 
     @property
@@ -94,7 +94,9 @@ def compare_field(
     if lattice is None or sample is None:
         return None
     columns, rows, depths_m, flow = lattice.columns, lattice.rows, lattice.depths_m, lattice.flow_px
-    bound = rounding_px(K, motion, columns, rows, depths_m, flow) + _interpolation_px(
+    bound = rounding_px(K, motion, columns, rows, depths_m, flow)
+    if not is_noisy(noise):
+        bound = bound + _interpolation_px(
         K, track, interval, motion, sample
     )
     sample = replace(sample, sigma_px=float(np.sqrt(np.nanmean(bound**2))))
@@ -120,7 +122,7 @@ def compare_field(
         result = _held_to_noise(result, track, fit, noise)
     if result.suspicion <= 1 and result.twist_chi2 <= _ORDINARY * result.twist_dof:
         return result
-    result = replace(result, repeats=_repeats_the_last(window, interval))
+    result = replace(result, repeats=_repeats(window, interval, frame))
     return _examined(result, track, motion, sample, fit, noise)
 
 
@@ -149,7 +151,7 @@ def _lattice_of(window: Window, interval: Interval, frame: int) -> _Lattice | No
     first_row, first_column = divmod(interval.row % stride**2, stride)
     pixels = (slice(first_row, None, stride), slice(first_column, None, stride))
     depths_m, flow = depth_m[pixels].astype(np.float64), flow_px[pixels].astype(np.float64)
-    valid = (depths_m > 0) & np.isfinite(depths_m) & np.isfinite(flow).all(axis=-1)
+    valid = (depths_m > 0) & np.isfinite(depths_m) & np.isfinite(flow[..., 0]) & np.isfinite(flow[..., 1])
     return _Lattice(
         np.arange(first_column, depth_m.shape[1], stride, dtype=np.float64)[None, :],
         np.arange(first_row, depth_m.shape[0], stride, dtype=np.float64)[:, None],
@@ -194,12 +196,17 @@ def templates_of(track: PoseTrack, interval: Interval, motion: RigidMotion, samp
     return small_fault_templates(track.camera.K, motion, sample, remounted, delayed)
 
 
-def _repeats_the_last(window: Window, interval: Interval) -> bool:
-    """Whether the field equals the one before it, bit for bit, and is not zero throughout."""
-    if interval.row == 0:
-        return False
-    stored, last = (window.flow_px(interval.stream, row) for row in (interval.row, interval.row - 1))
-    return np.array_equal(stored, last, equal_nan=True) and bool(np.any(np.nan_to_num(stored)))
+def _repeats(window: Window, interval: Interval, frame: int) -> Literal["", "flow", "depth"]:
+    """Say which equals the one before it, bit for bit, without being empty or zero throughout."""
+    if interval.row and _same(*(window.flow_px(interval.stream, row) for row in (interval.row, interval.row - 1))):
+        return "flow"
+    if frame and _same(window.depth_m(frame), window.depth_m(frame - 1)):
+        return "depth"
+    return ""
+
+
+def _same(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+    return np.array_equal(one, other, equal_nan=True) and bool(np.any(np.nan_to_num(one)))
 
 
 def _held_to_noise(result: FieldError, track: PoseTrack, fit: MotionFit, noise: PoseModel) -> FieldError:

@@ -31,9 +31,11 @@ def geometry_suspects(
     fields_off = [field for field in fields if field.suspicion > 1]
     local = 2 * len(fields_off) <= len(fields)
     gross = gross_suspects(stream, weighed, flow, local=local)
-    repeated = sum(field.repeats for field in fields_off)
-    if repeated:
-        gross.append(Suspect("frozen_frames", flow, 1.0 if local else 0.9, float(repeated), "samples"))
+    for repeating in ("flow", "depth"):
+        repeated = sum(field.repeats == repeating for field in fields_off)
+        if repeated:
+            where = flow if repeating == "flow" else repeating
+            gross.append(Suspect("frozen_frames", where, 1.0 if local else 0.9, float(repeated), "samples"))
     small = _small(fields, flow)
     if max((suspect.weight for suspect in gross), default=0.0) > _CERTAIN:
         small = weakened(small, 0.8)

@@ -13,13 +13,16 @@ from fedora_qa.conventions import MM_PER_M, NS_PER_S, R_BODY_OPTICAL
 from fedora_qa.estimators.flow_motion_fit import FlowSample, fit_motion, weigh_templates
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import rigid_flow
-from fedora_qa.geometry.so3 import compose
+from fedora_qa.geometry.so3 import compose, log
 from fedora_qa.sequence.facts import Clock
 from fedora_qa.sequence.window import PoseSamples, Window
 
 Float64 = NDArray[np.float64]
 
 _SHIFTS_PX: Final = (-8, -4, -3, -2, -1, 1, 2, 3, 4, 8)
+_ANOTHER_CONVENTION_RAD: Final = 0.7
+"""Mountings that lie closer to straight ahead are turned, not written in another convention."""
+
 _NEIGHBOURS: Final = (-2, -1, 1, 2)
 
 
@@ -141,7 +144,7 @@ def _of_the_depth(
     yield undone("unit_mm_m", sample.depths_m / MM_PER_M, MM_PER_M)
     column, row = sample.columns.astype(int), sample.rows.astype(int)
     stored = window.depth_m(frame)
-    height, width = stored.shape
+    width = stored.shape[1]
     yield undone("mirrored", _at(stored, width - 1 - column, row))
     for shift in _SHIFTS_PX:
         for dx, dy in ((shift, 0), (0, shift), (shift, shift)):
@@ -152,8 +155,6 @@ def _of_the_depth(
             depths_m = _at(window.depth_m(frame + frames), column, row)
             yield undone("time_offset", depths_m, frames * step_ns * 1e3 / NS_PER_S)
             yield undone("swapped_frames", depths_m, float(abs(frames)))
-            if frames > 0 and np.array_equal(window.depth_m(frame - 1), stored, equal_nan=True):
-                yield undone("frozen_frames", depths_m)
 
 
 def _of_the_pose(track: PoseTrack, interval: Interval, sample: FlowSample) -> Iterator[_Hypothesis]:
@@ -171,6 +172,7 @@ def _of_the_pose(track: PoseTrack, interval: Interval, sample: FlowSample) -> It
     inverse = np.asarray(np.linalg.inv(T_body_camera), dtype=np.float64)
     straight = np.eye(4)
     straight[:3, :3], straight[:3, 3] = R_BODY_OPTICAL, T_body_camera[:3, 3]
+    turned_far = np.linalg.norm(log(straight[:3, :3].T @ T_body_camera[:3, :3])) > _ANOTHER_CONVENTION_RAD
     for cause, stream, corrected, magnitude in (
         ("quaternion_inverted", "pose", turned((0, 1, 2, 3), (-1, -1, -1, 1)), None),
         ("quaternion_order", "pose", turned((1, 2, 3, 0), (1, 1, 1, 1)), None),
@@ -178,8 +180,10 @@ def _of_the_pose(track: PoseTrack, interval: Interval, sample: FlowSample) -> It
         ("axes_swapped", "pose", moved(np.eye(3)[[1, 0, 2]]), None),
         ("frame_convention", "pose", _from_north_east_down(track), None),
         ("frame_convention", "metadata", track.mounted(inverse), None),
-        ("frame_convention", "metadata", track.mounted(straight), None),
+        ("frame_convention", "metadata", track.mounted(straight) if turned_far else None, None),
     ):
+        if corrected is None:
+            continue
         motion = corrected.motion(interval.start_ns, interval.end_ns)
         yield _Hypothesis(cause, stream, sample, motion, magnitude)
 

@@ -14,7 +14,7 @@ from fedora_qa.checks.flow_intervals import owned_intervals, place
 from fedora_qa.checks.flow_photometric_suspects import photometric_suspects
 from fedora_qa.checks.flow_residuals import FieldResidual, measure_field
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
-from fedora_qa.estimators.flow_field_fit import GAIN, MEAN, robust_errors
+from fedora_qa.estimators.flow_field_fit import GAIN, MEAN, gain_of_true, robust_errors
 from fedora_qa.estimators.flow_motion_fit import Evidence, sum_of
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -174,10 +174,11 @@ def _estimate(fields: Sequence[FieldResidual]) -> _RateEstimate | None:
         return None
     total = sum_of(evidences)
     mean_px, mean_errors_px = _solved(evidences, total, MEAN)
-    gain, gain_error = _solved(evidences, total, GAIN)
+    of_stored, error = _solved(evidences, total, GAIN)
     largest = float(np.linalg.eigvalsh(total.matrix[MEAN, MEAN])[-1])
     gain_bias = _BIAS_PX * float(np.sqrt(largest / max(total.matrix[GAIN, GAIN][0, 0], 1e-300)))
-    return _RateEstimate(mean_px, mean_errors_px, float(gain[0]), float(gain_error[0]), gain_bias)
+    gain, slope = gain_of_true(float(of_stored[0]))
+    return _RateEstimate(mean_px, mean_errors_px, gain, slope * float(error[0]), slope * gain_bias)
 
 
 def _solved(
@@ -310,11 +311,20 @@ def _mean_px(one: FieldResidual) -> float:
 
 
 def _suspicion(one: FieldResidual) -> float:
-    """Return a number above 1 for a field that is surely off."""
-    by_mean = 0.0
+    """Return a number above 1 for a field that is surely off: unmatched tiles, or a mean or gain beyond its error."""
+    worst = one.unmatched_share / _UNMATCHED_SHARE
     if one.evidence is not None:
-        by_mean = _mean_px(one) / (_FIELD_BIAS_PX + _SURELY * max(one.mean_error_px))
-    return max(one.unmatched_share / _UNMATCHED_SHARE, by_mean)
+        matrix, vector = one.evidence.matrix, one.evidence.vector
+        information = matrix[GAIN, GAIN][0, 0]
+        typical_flow_px = float(np.sqrt(2 * information / np.trace(matrix[MEAN, MEAN])))
+        by_gain_px = typical_flow_px * abs(float(vector[GAIN][0])) / max(information, 1e-300)
+        gain_error_px = max(typical_flow_px / max(float(np.sqrt(information)), 1e-150), max(one.mean_error_px))
+        worst = max(
+            worst,
+            _mean_px(one) / (_FIELD_BIAS_PX + _SURELY * max(one.mean_error_px)),
+            by_gain_px / (_FIELD_BIAS_PX + _SURELY * gain_error_px),
+        )
+    return worst
 
 
 def _is_off(rate: _RateEstimate | None, fields: Sequence[FieldResidual]) -> bool:

@@ -9,7 +9,7 @@ from fedora_qa.checks.flow_hypotheses import Weighed
 from fedora_qa.checks.flow_residuals import FieldResidual
 from fedora_qa.checks.flow_suspects import gain_suspect, gross_suspects, most_probable, spreads_over, weakened
 from fedora_qa.checks.protocol import Suspect
-from fedora_qa.estimators.flow_field_fit import GAIN, MEAN, SHIFT
+from fedora_qa.estimators.flow_field_fit import GAIN, MEAN, SHIFT, gain_of_true
 from fedora_qa.estimators.flow_motion_fit import sum_of
 
 _SAME_GAIN: Final = 0.1
@@ -28,20 +28,37 @@ def photometric_suspects(
     local = 2 * len(fields_off) <= len(fields)
     gross = gross_suspects(stream, weighed, flow, local=local) if fields_off else []
     small = _small(fields, flow)
-    if fields_off:
-        small = weakened(small, 0.8)
-    found = most_probable([*gross, *small])
     if not fields_off:
-        return found or (Suspect("unknown", flow, 0.1),)
-    if local:
-        return found + tuple(Suspect(cause, "rgb", 0.3) for cause in ("frozen_frames", "swapped_frames"))
-    return found or (Suspect("other_sequence", "rgb", 0.3), Suspect("other_sequence", flow, 0.3))
+        return most_probable(small) or (Suspect("unknown", flow, 0.1),)
+    unmatched = sum(one.unmatched for one in fields) / max(sum(one.textured for one in fields), 1)
+    small = weakened(small, 0.4 if local else 0.8 * (1 - unmatched))
+    others = tuple(Suspect(cause, flow if stream == "flow" else stream, _WEAK) for cause, stream in _OTHERS)
+    return most_probable([*gross, *small]) + others
+
+
+_LARGEST_SHIFT_PX: Final = 10.0
+"""Beyond it a flow's slopes say little about its values."""
+
+_WEAK: Final = 0.02
+"""Joins a finding to a cause for which there is stronger evidence elsewhere."""
+
+_OTHERS: Final = tuple(
+    (cause, stream)
+    for stream, causes in (
+        ("flow", ("flow_gain", "flow_unit", "flow_sign", "flow_interval_shifted", "flow_rate_mixed", "axes_swapped",
+                  "frame_convention", "mirrored", "spatial_offset", "swapped_frames", "frozen_frames",
+                  "other_sequence")),
+        ("rgb", ("mirrored", "spatial_offset", "time_offset", "swapped_frames", "frozen_frames", "other_sequence")),
+    )
+    for cause in causes
+)  # fmt: skip
+"""What leads the flow to other places than the frames."""
 
 
 def _small(fields: Sequence[FieldResidual], flow: str) -> list[Suspect]:
     """Weigh gain, shift of an image, and a constant, by the share of what all templates together explain.
 
-    A wrong focal length is almost a gain, a wrong principal point or mounting almost a constant.
+    A wrong focal length is almost a gain, a wrong principal point a shift of the flow, a turned camera a constant.
     """
     evidences = [one.evidence for one in fields if one.evidence]
     if not evidences:
@@ -54,13 +71,16 @@ def _small(fields: Sequence[FieldResidual], flow: str) -> list[Suspect]:
     shift, by_shift = total.explained_by(SHIFT)
     _, by_mean = total.explained_by(MEAN)
     error = float(total.matrix[GAIN, GAIN][0, 0]) ** -0.5
+    of_true, slope = gain_of_true(float(gain[0]))
     size = float(np.copysign(np.linalg.norm(shift), shift[np.argmax(np.abs(shift))]))
     by_gain, by_shift, by_mean = (share / everything for share in (by_gain, by_shift, by_mean))
+    if abs(size) > _LARGEST_SHIFT_PX:
+        by_shift = 0.0
     return [
-        gain_suspect(flow, float(gain[0]), error, by_gain, fields[0].interval.duration_s, _SAME_GAIN),
+        gain_suspect(flow, of_true, slope * error, by_gain, fields[0].interval.duration_s, _SAME_GAIN),
         Suspect("intrinsics_focal", flow, 0.9 * by_gain),
         Suspect("spatial_offset", "rgb", by_shift, size, "px"),
         Suspect("spatial_offset", flow, 0.9 * by_shift, -size, "px"),
         Suspect("extrinsic_rotation", flow, 0.7 * by_mean),
-        Suspect("intrinsics_centre", flow, 0.7 * by_mean),
+        Suspect("intrinsics_centre", flow, 0.9 * by_shift),
     ]

@@ -107,7 +107,7 @@ def sample_tiles(frames: FramePair, interval: Interval, share: float) -> Tiles |
     origins = grid.sample(share, rate_hz, interval.row)
     flow_px = patches_of(stored, origins)
     with np.errstate(invalid="ignore"):
-        finite = (np.abs(flow_px) < LARGEST_FLOW_PX).all(axis=-1)
+        finite = (np.abs(flow_px[..., 0]) < LARGEST_FLOW_PX) & (np.abs(flow_px[..., 1]) < LARGEST_FLOW_PX)
     usable = finite[:, HALO_PX:-HALO_PX, HALO_PX:-HALO_PX] & visible(frames.window, interval, origins)
     return Tiles(origins, np.where(finite[..., None], flow_px, np.float32(0)), usable)
 

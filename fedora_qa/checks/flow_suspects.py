@@ -20,7 +20,7 @@ _LOCAL: Final = ("swapped_frames", "frozen_frames", "dropped_samples", "teleport
 
 
 DISPLACEMENTS: Final = tuple(
-    (cause, stream, 0.3)
+    (cause, stream, 0.1)
     for stream, causes in (
         ("flow", ("flow_interval_shifted", "flow_rate_mixed", "mirrored", "spatial_offset", "frozen_frames",
                   "swapped_frames")),

@@ -15,8 +15,7 @@ from fedora_qa.checks.imu_agreement import (
     motion_of,
     streams_of,
 )
-from fedora_qa.checks.imu_parameters import ROTATION_SHOWN, TRANSLATION_SHOWN, Shown, parameter_measured
-from fedora_qa.checks.imu_suspects import group_of
+from fedora_qa.checks.imu_parameters import ROTATION_SHOWN, TRANSLATION_SHOWN, Shown, parameters_measured
 from fedora_qa.checks.motion_defects import frozen_imu, frozen_poses, pose_defects
 from fedora_qa.checks.motion_samples import place
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
@@ -89,18 +88,10 @@ def _agreement(
     if gross is not None:
         return Observation(seen, (disagreement(kind, gross),))
     defects = pose_defects(streams.poses, facts.declared.pose or PoseModel())
-    return Observation(
-        seen,
-        (
-            _residual(found, kind, unit, factor, defects),
-            _worst(facts, streams, found, kind, unit, factor, defects),
-            *(
-                parameter_measured(kind, f"imu.{kind}", name, one, shown[group_of(name)], defects)
-                for name, one in found.parameters.items()
-                if group_of(name) in shown
-            ),
-        ),
-    )
+    residual = _residual(found, kind, unit, factor, defects)
+    worst = _worst(facts, streams, found, kind, unit, factor, defects)
+    parameters = parameters_measured(kind, f"imu.{kind}", found.parameters, shown, defects) if found.settled else ()
+    return Observation(seen, (residual, worst, *parameters))
 
 
 def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects: tuple[Suspect, ...]) -> Measured:

@@ -18,6 +18,7 @@ from fedora_qa.checks.motion_samples import (
 )
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.grouped_fit import group_of
 from fedora_qa.estimators.inertial_fit import ROTATION, TRANSLATION, InertialFit, fit_inertial
 from fedora_qa.estimators.inertial_hypotheses import Hypothesis, explain_forces, explain_rates
 from fedora_qa.estimators.inertial_samples import InertialNoise, InertialSamples
@@ -30,7 +31,17 @@ Kind = Literal["rotation", "translation"]
 
 _FEWEST_POSES: Final = 16
 _FAR_OFF: Final = 6.0
-_LARGE: Final = {"tilt": 0.1, "scale": 0.1, "bias": 1.0, "gravity": 1.0, "slope": 1.0, "lever": 1.0}
+_LARGE: Final = {
+    "time_offset": 0.1,
+    "clock_rate": 0.02,
+    "pose_clock_rate": 0.02,
+    "tilt": 0.1,
+    "scale": 0.1,
+    "bias": 1.0,
+    "gravity": 1.0,
+    "slope": 1.0,
+    "lever": 1.0,
+}
 """Beyond these a parameter is no small fault any more: its cause is looked for among gross ones."""
 
 
@@ -99,9 +110,8 @@ def fit(streams: Streams, kind: Kind) -> InertialFit | None:
 
 def gross_cause(streams: Streams, kind: Kind, found: InertialFit) -> Hypothesis | None:
     """Return the odd reading under which the streams agree, where they disagree by more than a small fault."""
-    sizes = {name: abs(one.value) for name, one in found.parameters.items() if one.free}
-    large = any(size > _LARGE.get(name.split("_")[0], np.inf) for name, size in sizes.items())
-    if not large and found.rms - found.model_rms - found.expected_rms < _FAR_OFF * found.rms_error:
+    large = any(one.free and abs(one.value) > _LARGE[group_of(name)] for name, one in found.parameters.items())
+    if found.settled and not large and found.rms - found.model_rms - found.expected_rms < _FAR_OFF * found.rms_error:
         return None
     position_m, rotation_rad = measured_pose_sigmas(streams.poses)
     if kind == "rotation":

@@ -1,6 +1,7 @@
 """The noise of the IMU against its declaration."""
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, Window
 
 Float64 = NDArray[np.float64]
+
+_DEGREES: Final = float(np.degrees(1.0))
 
 
 class Noise(WindowCheck[ImuSamples]):
@@ -50,17 +53,24 @@ class Noise(WindowCheck[ImuSamples]):
         root_rate = float(np.sqrt(NS_PER_S / np.median(np.diff(imu.times_ns))))
         rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
         sensors = (
-            ("gyro", "rad/s", gyro, model.gyro_noise_density, rates),
-            ("accelerometer", "m/s^2", accel, model.accel_noise_density, forces),
+            ("gyro", "rad/s", gyro, model.gyro_noise_density, rates, {"unit_deg_rad": _DEGREES}),
+            ("accelerometer", "m/s^2", accel, model.accel_noise_density, forces, {}),
         )
         return Observation(
             seen,
             (
                 *(
                     noise_against_declared(
-                        name, unit, level, density * root_rate, _floor(imu.times_ns, values), "imu.noise", "imu"
+                        name,
+                        unit,
+                        level,
+                        density * root_rate,
+                        _floor(imu.times_ns, values),
+                        "imu.noise",
+                        "imu",
+                        units=units,
                     )
-                    for name, unit, level, density, values in sensors
+                    for name, unit, level, density, values, units in sensors
                 ),
                 _stops(facts, imu),
             ),

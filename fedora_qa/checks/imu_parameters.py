@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.imu_agreement import Kind
-from fedora_qa.checks.imu_suspects import group_of, suspects_for
+from fedora_qa.checks.imu_suspects import suspects_for
 from fedora_qa.checks.protocol import Measured, Suspect
-from fedora_qa.estimators.grouped_fit import Fitted
+from fedora_qa.estimators.grouped_fit import Fitted, group_of
 from fedora_qa.record.types import Where
 
 _DEGREES: Final = float(np.degrees(1.0))
@@ -63,10 +63,29 @@ TIMING_SHOWN: Final[Mapping[str, Shown]] = {
 }
 
 
-def parameter_measured(
-    kind: Kind, check: str, name: str, found: Fitted, shown: Shown, besides: tuple[Suspect, ...] = ()
+def parameters_measured(
+    kind: Kind,
+    check: str,
+    found: Mapping[str, Fitted],
+    shown: Mapping[str, Shown],
+    besides: tuple[Suspect, ...] = (),
+) -> tuple[Measured, ...]:
+    """State the fitted parameters that are to be shown; ``besides`` are causes that are known to disturb the fit."""
+    chosen = {name: one for name, one in found.items() if group_of(name) in shown}
+    sizes: dict[str, float] = {}
+    for name, one in chosen.items():
+        sizes[group_of(name)] = max(abs(one.value), sizes.get(group_of(name), 0.0))
+    return tuple(
+        _measured(
+            kind, check, name, one, shown[group_of(name)], abs(one.value) / (sizes[group_of(name)] or 1.0), besides
+        )
+        for name, one in chosen.items()
+    )
+
+
+def _measured(
+    kind: Kind, check: str, name: str, found: Fitted, shown: Shown, share: float, besides: tuple[Suspect, ...]
 ) -> Measured:
-    """State one fitted parameter; ``besides`` are causes that are known to disturb the fit."""
     value, error = shown.factor * found.value, shown.factor * found.standard_error
     sentence = shown.says.format(size=f"{abs(value):.4g}", axis=name[-1], sense=shown.senses[int(value < 0)])
     return Measured(
@@ -79,5 +98,5 @@ def parameter_measured(
         statement=f"{sentence} (+- {error:.2g}).",
         code=f"{check}.{group_of(name)}",
         where=Where(stream="imu"),
-        suspects=(*besides, *suspects_for(kind, name, found)),
+        suspects=(*besides, *suspects_for(kind, name, found, share)),
     )

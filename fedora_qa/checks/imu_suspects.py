@@ -5,32 +5,28 @@ from typing import Final
 
 from fedora_qa.checks.imu_agreement import Kind
 from fedora_qa.checks.protocol import Suspect
-from fedora_qa.estimators.grouped_fit import Fitted
+from fedora_qa.estimators.grouped_fit import Fitted, group_of
 
 _ENOUGH: Final = 0.5
 _MS, _PPM = 1e3, 1e6
 
 
-def suspects_for(kind: Kind, name: str, found: Fitted) -> tuple[Suspect, ...]:
+def suspects_for(kind: Kind, name: str, found: Fitted, share: float) -> tuple[Suspect, ...]:
     """Return the causes behind a parameter that is off: its own, and those of groups that explain the data as well.
 
-    Weights are shares of what can be explained at all that the group explains alone.
+    Weights are shares of what can be explained at all that the group explains alone, times the ``share`` that this
+    component has in its group's vector: the largest component tells the size of the fault.
     """
     group = group_of(name)
-    own_weight = max(0.5, found.explained.get(group, 0.9))
+    own_weight = (0.5 + 0.5 * share) * max(0.5, found.explained.get(group, 0.9))
     own = _CAUSES[kind, group](found.value, found.standard_error, own_weight)
     others = [
         Suspect(suspect.cause, suspect.stream, suspect.weight)
-        for other, share in found.explained.items()
-        if other != group and share > _ENOUGH
-        for suspect in _CAUSES[kind, other](0.0, 0.0, 0.9 * share)
+        for other, explained in found.explained.items()
+        if other != group and explained > _ENOUGH
+        for suspect in _CAUSES[kind, other](0.0, 0.0, 0.9 * explained)
     ]
     return (*own, *others)
-
-
-def group_of(name: str) -> str:
-    """Return the group that a parameter belongs to: ``bias_x`` to ``bias``."""
-    return name.removesuffix("_x").removesuffix("_y").removesuffix("_z")
 
 
 def _time_offset(value: float, error: float, weight: float) -> tuple[Suspect, ...]:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.imu_agreement import Kind, Motion, Streams, coverage_of, fit, gross_cause, motion_of, streams_of
-from fedora_qa.checks.imu_parameters import TIMING_SHOWN, parameter_measured
+from fedora_qa.checks.imu_parameters import TIMING_SHOWN, parameters_measured
 from fedora_qa.checks.protocol import Measured, Notice, Observation, WindowCheck
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.grouped_fit import Fitted
@@ -61,7 +61,7 @@ def _sound_fits(streams: Streams) -> dict[Kind, dict[str, Fitted]]:
     fits: dict[Kind, dict[str, Fitted]] = {}
     for kind in kinds:
         found = fit(streams, kind)
-        if found is not None and gross_cause(streams, kind, found) is None:
+        if found is not None and found.settled and gross_cause(streams, kind, found) is None:
             fits[kind] = dict(found.parameters)
     return fits
 
@@ -78,7 +78,7 @@ def _measured(fits: dict[Kind, dict[str, Fitted]], name: str) -> Measured:
         standard_error=float(information.sum() ** -0.5),
         model_error=float(shares @ [one.model_error for one in found.values()]),
     )
-    return parameter_measured(surest, "imu.timing", name, average, TIMING_SHOWN[name])
+    return parameters_measured(surest, "imu.timing", {name: average}, TIMING_SHOWN)[0]
 
 
 def _without_averaging(offset: Measured, streams: Streams, facts: Facts) -> tuple[Measured, tuple[Notice, ...]]:

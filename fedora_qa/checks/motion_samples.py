@@ -95,7 +95,7 @@ def measured_pose_sigmas(poses: PoseSamples) -> tuple[float, float]:
         noise_level(poses.times_ns, curve, order=NOISE_ORDER)
         for curve in (Vectors(poses.positions_world_m), Orientations(poses.orientations_xyzw))
     )
-    position_m, rotation_rad = (0.0 if level is None else level.robust for level in levels)
+    position_m, rotation_rad = (0.0 if level is None else level.sigma for level in levels)
     return position_m, rotation_rad
 
 

@@ -1,8 +1,14 @@
 """Measured noise against its declaration, for any sampled stream."""
 
+from collections.abc import Mapping
+from typing import Final
+
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.estimators.local_motion import NoiseLevel
 from fedora_qa.record.types import Where
+
+_SAME_FACTOR: Final = 0.2
+"""Noise is measured to some percent: a ratio this close to a unit's factor is that unit."""
 
 
 def noise_against_declared(
@@ -13,10 +19,13 @@ def noise_against_declared(
     floor: float,
     check: str,
     stream: str,
+    *,
+    units: Mapping[str, float],
     besides: tuple[Suspect, ...] = (),
 ) -> Measured:
     """State the ratio of measured to declared noise, or the noise itself where none is declared.
 
+    ``units`` are causes that would multiply all values by a factor: noise that is too large by just that is none.
     ``besides`` are defects of the samples that are known to look like noise.
     """
     if declared > 0:
@@ -35,6 +44,7 @@ def noise_against_declared(
             where=Where(stream=stream),
             suspects=(
                 *besides,
+                *_mistaken_units(stream, ratio, units),
                 Suspect("noise_misdeclared", stream, 0.9, error, "percent",
                         100.0 * level.standard_error / level.sigma / ratio if ratio > 0 else None),
             ),
@@ -50,4 +60,12 @@ def noise_against_declared(
         code=f"{check}.{name}",
         where=Where(stream=stream),
         suspects=(*besides, Suspect("noise_misdeclared", stream, 0.5 if besides else 0.9, -100.0, "percent")),
+    )
+
+
+def _mistaken_units(stream: str, ratio: float, units: Mapping[str, float]) -> tuple[Suspect, ...]:
+    return tuple(
+        Suspect(cause, stream, 0.95, factor, "1")
+        for cause, factor in units.items()
+        if abs(ratio / factor - 1.0) < _SAME_FACTOR
     )

@@ -19,6 +19,7 @@ from fedora_qa.checks.motion_samples import (
 )
 from fedora_qa.checks.noise_measured import noise_against_declared
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.conventions import MM_PER_M
 from fedora_qa.estimators.local_motion import Orientations, Vectors, noise_level
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import PoseModel
@@ -135,7 +136,12 @@ class Noise(WindowCheck[PoseSamples]):
             ("rotation", "rad", rotation, model.rotation_sigma_rad, rotation_floor_rad(poses)),
         )
         defects = tuple(one for one in pose_defects(poses, model) if one.cause != "noise_misdeclared")
-        found = (noise_against_declared(*kind, check="pose.noise", stream="pose", besides=defects) for kind in kinds)
+        found = (
+            noise_against_declared(
+                *kind, check="pose.noise", stream="pose", units={"unit_mm_m": MM_PER_M}, besides=defects
+            )
+            for kind in kinds
+        )
         return Observation(seen, tuple(found))
 
 

@@ -83,7 +83,7 @@ class Continuity(WindowCheck[PoseSamples]):
 
 def _steps(poses: PoseSamples, curve: Curve, least_sigma: float) -> tuple[Steps, float]:
     level = noise_level(poses.times_ns, curve, order=NOISE_ORDER)
-    sigma = max(least_sigma, 0.0 if level is None else level.robust)
+    sigma = max(least_sigma, 0.0 if level is None else level.sigma)
     found = [
         find_steps(poses.times_ns, curve, half_width=width, degree=degree, sigma=sigma)
         for width, degree in _STEP_FILTERS

@@ -14,9 +14,9 @@ Statistics = Mapping[str, Group]
 _ABSENT: Final = "-"
 
 NOTES: Final = (
-    "T from the first to the last pose (or frame). D, v max and w max from a least-squares quintic spline through the "
-    "poses, its knots chosen by cross-validation; the excess that noise leaves is subtracted by a parametric "
-    "bootstrap, and the error holds it. Flow, depth and brightness from every fourth column and row of every frame. "
+    "T from the first to the last pose (or frame). D, v max and w max from least-squares quintic splines through the "
+    "poses, their knots chosen by cross-validation; the excess that noise leaves is told by a parametric bootstrap and "
+    "subtracted, and the error holds it. Flow, depth and brightness from every fourth column and row of every frame. "
     "Flow is its magnitude in px over the interval of its rate."
 )
 

@@ -19,6 +19,7 @@ from fedora_qa.record.wording import (
     identity,
     number,
     place,
+    reasons,
     tally,
     why_incomplete,
 )
@@ -77,6 +78,8 @@ def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
         yield Text("Checks", style="bold")
         yield _checks_table(file.results) if width >= _WIDE else _checks_list(file.results)
         yield Text()
+    if reasons(file.results):
+        yield from _section("Reasons", [text(reason) for reason in reasons(file.results)])
     if file.inferred:
         inferred = (f"{name} {number(v) if isinstance(v, float) else v}" for name, v in file.inferred.items())
         yield Text.assemble(("Inferred  ", "bold"), text("; ".join(inferred)))
@@ -131,13 +134,14 @@ def _checks_table(results: Sequence[Result]) -> Table:
 
 
 def _checks_list(results: Sequence[Result]) -> RenderableType:
-    """Return the same as the table, two or three short lines a check."""
+    """Return the same as the table, a few short lines a check."""
     blocks: list[RenderableType] = []
     for result in results:
         measured, expected, least, coverage = check_cells(result)
         parts = [measured, f"expected {expected}" if expected else "", f"sees from {least}" if least else "", coverage]
         blocks.append(Text.assemble(_outcome(result), "  ", text(result.check)))
-        blocks.append(Padding(text("; ".join(part for part in parts if part), "dim"), (0, 0, 0, 4), expand=False))
+        if any(parts):
+            blocks.append(Padding(text("; ".join(filter(None, parts)), "dim"), (0, 0, 0, 4), expand=False))
     return Group(*blocks)
 
 

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from fedora_qa.record.wording import printable
 
-_PIPED_WIDTH: Final = 120
+_PIPED_WIDTH: Final = 132
 
 
 class _PipedConsole(Console):

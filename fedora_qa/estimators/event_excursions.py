@@ -18,7 +18,6 @@ from fedora_qa.estimators.event_kernels import bound_excursions
 Int64 = NDArray[np.int64]
 
 UNITS_PER_NAT: Final = 2.0**40
-UNKNOWN: Final = np.iinfo(np.int64).max
 _FARTHEST: Final = 2**61
 
 
@@ -33,8 +32,8 @@ class Excursions:
     total
         (h, w) what the events between the first and the last frame sum to.
     highest, lowest
-        (3, h, w) the largest lower bound and the smallest upper bound of E, counted from the first frame; the frame of
-        each; the sum of events there.
+        (2, h, w) the largest lower bound and the smallest upper bound of E, counted from the first frame, and the frame
+        of each.
     """
 
     first_frame: int
@@ -48,7 +47,6 @@ class Excursions:
         highest, lowest = later.highest.copy(), later.lowest.copy()
         for bounds in (highest, lowest):
             bounds[0] -= self.total
-            bounds[2] += self.total
         return Excursions(
             self.first_frame,
             later.last_frame,
@@ -86,13 +84,9 @@ def bound(
     frames
         (n,) numbers of the frames.
     """
-    known = np.isfinite(lower) & np.isfinite(upper)
-    low = np.floor(np.where(known, lower, 0.0) * UNITS_PER_NAT).astype(np.int64)
-    high = np.where(known, np.ceil(np.where(known, upper, 0.0) * UNITS_PER_NAT).astype(np.int64), UNKNOWN)
-    shape = lower.shape[1:]
-    highest, lowest = np.zeros((2, 3, *shape), np.int64)
+    highest, lowest = np.zeros((2, 2, *lower.shape[1:]), np.int64)
     highest[0], lowest[0] = -_FARTHEST, _FARTHEST
     on, off = (round(threshold * UNITS_PER_NAT) for threshold in (threshold_on, threshold_off))
     moved = np.rint(drift * UNITS_PER_NAT).astype(np.int64)
-    total = bound_excursions(low, high, counts, on, off, moved, frames, highest, lowest)
+    total = bound_excursions(lower, upper, counts, UNITS_PER_NAT, on, off, moved, frames, highest, lowest)
     return Excursions(int(frames[0]), int(frames[-1]), total, highest, lowest)

@@ -1,4 +1,4 @@
-"""Thresholds and delay of an event sensor from the normal equations of bracketed level samples."""
+"""Thresholds, delay and clock rate of an event sensor from the normal equations of bracketed level samples."""
 
 from dataclasses import dataclass
 
@@ -13,6 +13,18 @@ FEWEST_PAIRS = 100
 """Below, a scale of residuals is not known to 10%."""
 FEWEST_BLOCKS = 4
 """Below, the spread between blocks says nothing."""
+FEWEST_TIMES = 4
+"""Below, a rate cannot be told from chance."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """An error of each estimate: of both thresholds, of the delay (s) and of its rate (s/s)."""
+
+    threshold_on: float
+    threshold_off: float
+    delay_s: float
+    delay_rate: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,24 +36,27 @@ class ResponseFit:
     threshold_on, threshold_off
         Change of the level by one event, in the unit of the levels.
     delay_s
-        Time by which events are stamped late (negative: early).
+        Time by which events are stamped late (negative: early), at ``middle_s``.
+    delay_rate
+        How that grows, s/s; 0 where the blocks are of fewer than four times.
+    middle_s
+        Mean time of the pairs.
     standard_errors
-        (3,) of the above: the larger of the formal ones and the spread between blocks (delete-one jackknife).
+        The larger of the formal ones and the spread between blocks (delete-one jackknife); infinite where not fitted.
     attenuation
-        (3,) bound on the bias that errors of the regressors cause.
+        Bounds on the bias that errors of the regressors cause.
     sigma
         Standard deviation of a pair's residual, in the unit of the levels.
-    pairs
-        Number of pairs.
     """
 
     threshold_on: float
     threshold_off: float
     delay_s: float
-    standard_errors: tuple[float, float, float]
-    attenuation: tuple[float, float, float]
+    delay_rate: float
+    middle_s: float
+    standard_errors: Errors
+    attenuation: Errors
     sigma: float
-    pairs: int
 
     @property
     def threshold(self) -> float:
@@ -55,59 +70,84 @@ class ResponseFit:
 
     def block_sigmas(self, blocks: NormalBlocks) -> Float64:
         """Return the residual of each block (b,) under this fit."""
-        rates = self.delay_s * np.array([self.threshold_on, self.threshold_off])
-        theta = np.concatenate([[self.threshold_on, self.threshold_off], rates])
-        squares = blocks.squares - 2 * blocks.vectors @ theta + np.einsum("i,bij,j->b", theta, blocks.matrices, theta)
+        delays_s = self.delay_s + self.delay_rate * (blocks.times_s - self.middle_s)
+        steps = np.array([self.threshold_on, self.threshold_off])
+        theta = np.concatenate([np.tile(steps, (len(blocks), 1)), delays_s[:, np.newaxis] * steps], axis=1)
+        squares = blocks.squares - 2 * np.einsum("bi,bi->b", blocks.vectors, theta)
+        squares += np.einsum("bi,bij,bj->b", theta, blocks.matrices, theta)
         sigmas: Float64 = np.sqrt(np.maximum(squares / blocks.weights, 1e-300))
         return sigmas
 
 
 def fit_response(blocks: NormalBlocks) -> ResponseFit | None:
-    """Fit thresholds and delay; None where there are too few pairs or blocks, or one polarity is missing."""
-    pairs = int(blocks.counts.sum())
-    if pairs < FEWEST_PAIRS or len(blocks) < FEWEST_BLOCKS:
+    """Fit thresholds, delay and rate; None where there are too few pairs or blocks, or one polarity is missing."""
+    if blocks.counts.sum() < FEWEST_PAIRS or len(blocks) < FEWEST_BLOCKS:
         return None
     matrix, vector = blocks.matrices.sum(axis=0), blocks.vectors.sum(axis=0)
     if np.linalg.cond(_scaled(matrix)) > 1e8:
         return None
-    reduction = _reduction(matrix, vector)
-    normal, theta = _solve(matrix, vector, reduction)
+    middle_s = float(np.average(blocks.times_s, weights=blocks.weights))
+    steps = np.linalg.solve(matrix, vector)[:2]
+    normals, sides = _reduced(blocks, steps, blocks.times_s - middle_s)
+    normal, side = normals.sum(axis=0), sides.sum(axis=0)
+    if np.linalg.cond(_scaled(normal)) > 1e8:
+        return None
+    theta = np.asarray(np.linalg.solve(normal, side), dtype=np.float64)
     weight = float(blocks.weights.sum())
-    variance = max(float(blocks.squares.sum() - theta @ (reduction.T @ vector)), 0.0) / weight
+    variance = max(float(blocks.squares.sum() - theta @ side), 0.0) / weight
     formal = np.sqrt(np.diag(np.linalg.inv(normal)) * variance)
-    errors = np.maximum(formal, _jackknife(blocks, matrix, vector, reduction))
-    bias = np.abs(np.linalg.solve(normal, weight * variance / np.where(theta == 0, np.inf, theta) * [1, 1, 0]))
+    errors = np.maximum(formal, _jackknife(normal - normals, side - sides))
     return ResponseFit(
         threshold_on=float(theta[0]),
         threshold_off=float(theta[1]),
         delay_s=float(theta[2]),
-        standard_errors=(float(errors[0]), float(errors[1]), float(errors[2])),
-        attenuation=(float(bias[0]), float(bias[1]), float(bias[2])),
+        delay_rate=float(theta[3]) if len(theta) > 3 else 0.0,
+        middle_s=middle_s,
+        standard_errors=_named(errors),
+        attenuation=_named(_attenuation(normal, theta, weight * variance)),
         sigma=float(np.sqrt(variance)),
-        pairs=pairs,
     )
 
 
-def _reduction(matrix: Float64, vector: Float64) -> Float64:
-    """Return (4, 3): the two columns of rates as one, C+ d rate+ - C- d rate-, with the thresholds of a first fit."""
-    on, off = np.linalg.solve(matrix, vector)[:2]
-    return np.array([[1, 0, 0], [0, 1, 0], [0, 0, on], [0, 0, off]])
+def _reduced(blocks: NormalBlocks, steps: Float64, times_s: Float64) -> tuple[Float64, Float64]:
+    """Return normal equations (b, k, k), (b, k) in which both columns of rates are one, C+ d rate+ - C- d rate-.
+
+    The thresholds are those of a first fit, ``steps``. Where there are times enough, the same column times the time
+    of the block fits the growth of the delay.
+    """
+    reductions = np.zeros((len(blocks), 4, 4 if len(np.unique(times_s.round(3))) >= FEWEST_TIMES else 3))
+    reductions[:, 0, 0] = reductions[:, 1, 1] = 1.0
+    reductions[:, 2:, 2] = steps
+    if reductions.shape[2] > 3:
+        reductions[:, 2:, 3] = times_s[:, np.newaxis] * steps
+    normals: Float64 = np.einsum("bij,bik,bkl->bjl", reductions, blocks.matrices, reductions)
+    sides: Float64 = np.einsum("bij,bi->bj", reductions, blocks.vectors)
+    return normals, sides
 
 
-def _solve(matrix: Float64, vector: Float64, reduction: Float64) -> tuple[Float64, Float64]:
-    normal: Float64 = reduction.T @ matrix @ reduction
-    theta = np.asarray(np.linalg.solve(normal, reduction.T @ vector), dtype=np.float64)
-    return normal, theta
-
-
-def _jackknife(blocks: NormalBlocks, matrix: Float64, vector: Float64, reduction: Float64) -> Float64:
-    """Return the spread (3,) of the estimate when each block in turn is left out (Efron and Stein 1981)."""
-    normals = reduction.T @ (matrix - blocks.matrices) @ reduction
-    sides = (vector - blocks.vectors) @ reduction
+def _jackknife(normals: Float64, sides: Float64) -> Float64:
+    """Return the spread (k,) of the estimates that leave out one block each (Efron and Stein 1981)."""
     left_out = np.linalg.solve(normals, sides[..., np.newaxis])[..., 0]
     n = len(left_out)
-    spread: Float64 = np.sqrt((n - 1) / n * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))
+    spread: Float64 = np.sqrt((n - 1) * left_out.var(axis=0))
     return spread
+
+
+def _attenuation(normal: Float64, theta: Float64, squares: float) -> Float64:
+    """Bound the bias (k,) if all of the residual squares were errors of the counts of events.
+
+    Errors of variance s^2 / C^2 a pair in the counts add as much to the normal matrix, and take
+    ``N^-1 diag(squares / C^2) C`` from the estimate (Fuller 1987, eq. 1.1.12).
+    """
+    added = np.zeros_like(theta)
+    added[:2] = squares / np.where(theta[:2] == 0, np.inf, theta[:2])
+    bias: Float64 = np.abs(np.linalg.solve(normal, added))
+    return bias
+
+
+def _named(values: Float64) -> Errors:
+    rate = float(values[3]) if len(values) > 3 else float("inf")
+    return Errors(float(values[0]), float(values[1]), float(values[2]), rate)
 
 
 def _scaled(matrix: Float64) -> Float64:

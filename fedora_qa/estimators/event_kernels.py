@@ -176,9 +176,10 @@ def mark_bursts(x: Columns, y: Columns, t: Int64, least_gap: int, marked: Bool) 
 
 @njit(cache=True)
 def bound_excursions(
-    lower: Int64,
-    upper: Int64,
+    lower: Float64,
+    upper: Float64,
     counts: Int32,
+    units: float,
     step_on: int,
     step_off: int,
     drift: Int64,
@@ -188,12 +189,11 @@ def bound_excursions(
 ) -> Int64:
     """Follow signal minus events of every pixel over the frames; return what the events sum to, (h, w).
 
-    ``lower`` and ``upper`` (n, h, w) bound the signal, ``counts`` (n - 1, 2, h, w) holds darker and brighter events
-    between the frames, ``drift`` (n - 1,) what the signal gains besides, ``frames`` (n,) their numbers. ``highest``
-    (3, h, w) receives the largest lower bound of the difference, its frame, and the sum of events there; ``lowest``
-    the smallest upper bound. Pixels whose upper bound is the largest integer are unknown.
+    ``lower`` and ``upper`` (n, h, w) bound the signal, which counts ``units`` times; ``counts`` (n - 1, 2, h, w) holds
+    darker and brighter events between the frames, ``drift`` (n - 1,) what the signal gains besides, ``frames`` (n,)
+    their numbers. ``highest`` (2, h, w) receives the largest lower bound of the difference and its frame; ``lowest``
+    the smallest upper bound. Bounds that are not finite tell nothing.
     """
-    unknown = np.iinfo(np.int64).max
     total = np.zeros(lower.shape[1:], np.int64)
     for frame in range(len(lower)):
         for row in range(lower.shape[1]):
@@ -201,14 +201,13 @@ def bound_excursions(
                 if frame > 0:
                     on, off = counts[frame - 1, 1, row, column], counts[frame - 1, 0, row, column]
                     total[row, column] += on * step_on - off * step_off - drift[frame - 1]
-                moved = total[row, column]
-                if upper[frame, row, column] == unknown:
+                low, high = lower[frame, row, column], upper[frame, row, column]
+                if not (np.isfinite(low) and np.isfinite(high)):
                     continue
-                low, high = lower[frame, row, column] - moved, upper[frame, row, column] - moved
-                if low > highest[0, row, column]:
-                    highest[0, row, column], highest[1, row, column] = low, frames[frame]
-                    highest[2, row, column] = moved
-                if high < lowest[0, row, column]:
-                    lowest[0, row, column], lowest[1, row, column] = high, frames[frame]
-                    lowest[2, row, column] = moved
+                least = int(np.floor(low * units)) - total[row, column]
+                most = int(np.ceil(high * units)) - total[row, column]
+                if least > highest[0, row, column]:
+                    highest[0, row, column], highest[1, row, column] = least, frames[frame]
+                if most < lowest[0, row, column]:
+                    lowest[0, row, column], lowest[1, row, column] = most, frames[frame]
     return total

@@ -119,6 +119,8 @@ class NormalBlocks:
         (b, 4, 4) and (b, 4): X'WX and X'Wy.
     squares, weights, counts
         (b,): y'Wy, the sum of weights, and the number of pairs.
+    times_s
+        (b,) mean time of the pairs.
     """
 
     matrices: Float64
@@ -126,15 +128,19 @@ class NormalBlocks:
     squares: Float64
     weights: Float64
     counts: Float64
+    times_s: Float64
 
     def __len__(self) -> int:
         return len(self.counts)
 
 
-def accumulate(pairs: LevelPairs, change: Float64, block_of_pair: NDArray[np.intp], blocks: int) -> NormalBlocks:
+def accumulate(
+    pairs: LevelPairs, change: Float64, block_of_pair: NDArray[np.intp], blocks: int, times_s: Float64
+) -> NormalBlocks:
     """Return robust normal equations of ``change`` (m,) on the pairs' regressors, summed by block.
 
-    Weights are Huber's about a fit of these pairs alone, its scale from the median absolute residual.
+    ``times_s`` (m,) are the times of the pairs. Weights are Huber's about a fit of these pairs alone, its scale from
+    the median absolute residual.
     """
     weights = huber_weights(pairs.regressors, change)
     X, Xw = pairs.regressors, pairs.regressors * weights[:, np.newaxis]
@@ -148,7 +154,15 @@ def accumulate(pairs: LevelPairs, change: Float64, block_of_pair: NDArray[np.int
     def total(values: Float64) -> Float64:
         return np.bincount(block_of_pair, values, minlength=blocks).astype(np.float64)
 
-    return NormalBlocks(matrices, vectors, total(weights * change**2), total(weights), total(np.ones(len(pairs))))
+    counts = total(np.ones(len(pairs)))
+    return NormalBlocks(
+        matrices,
+        vectors,
+        total(weights * change**2),
+        total(weights),
+        counts,
+        total(times_s) / np.maximum(counts, 1.0),
+    )
 
 
 def huber_weights(X: Float64, y: Float64) -> Float64:
@@ -168,5 +182,5 @@ def huber_weights(X: Float64, y: Float64) -> Float64:
 def concatenate(blocks: list[NormalBlocks]) -> NormalBlocks:
     """Return all blocks, in order, those without pairs left out."""
     together = [np.concatenate([getattr(b, name) for b in blocks]) for name in NormalBlocks.__slots__]
-    present = together[-1] > 0
+    present = together[NormalBlocks.__slots__.index("counts")] > 0
     return NormalBlocks(*(part[present] for part in together))

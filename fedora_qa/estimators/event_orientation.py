@@ -40,30 +40,31 @@ class Moments:
         return max(float(dd - d * d / max(n, 1.0)), 0.0) / max(float(n), 1.0)
 
 
-def moments(change: Float64, events: list[Float64], usable: NDArray[np.bool_]) -> Moments:
-    """Return the moments of one frame change (h, w) with each of the event changes (h, w), over usable blocks."""
-    whole = _block_means(usable.astype(np.float64)) > 1.0 - 1e-9
-    d = _block_means(np.where(usable, change, 0.0))[whole]
+def moments(change: Float64, events: list[Float64], whole: NDArray[np.bool_]) -> Moments:
+    """Return the moments of one frame change with each of the event changes, block means all, over whole blocks."""
+    d = change[whole]
     rows = []
     for event_change in events:
-        e = _block_means(event_change)[whole]
+        e = event_change[whole]
         rows.append([d.size, d.sum(), e.sum(), d @ d, e @ e, d @ e])
     return Moments(np.array(rows, dtype=np.float64))
 
 
 def undone(square: Float64, shape: tuple[int, int]) -> list[Float64]:
-    """Return an event image on a square as it would be on the sensor (h, w), each of ``SYMMETRIES`` undone."""
+    """Return block means of an event image on a square, each of ``SYMMETRIES`` undone on the sensor (h, w).
+
+    The grid of blocks lies in the middle of the sensor, so that mirroring maps it onto itself (to half a pixel).
+    """
     height, width = shape
-    images = []
-    for swap, left, up in SYMMETRIES:
-        image = square[:width, :height].T if swap else square[:height, :width]
-        images.append(image[:: -1 if up else 1, :: -1 if left else 1])
-    return images
+    upright, swapped = block_means(square[:height, :width]), block_means(square[:width, :height].T)
+    return [(swapped if swap else upright)[:: -1 if up else 1, :: -1 if left else 1] for swap, left, up in SYMMETRIES]
 
 
-def _block_means(image: Float64) -> Float64:
+def block_means(image: Float64) -> Float64:
+    """Return the means over blocks of ``BLOCK_PX`` that fit into an image (h, w), centred."""
     side = min(BLOCK_PX, *image.shape)
     rows, columns = image.shape[0] // side, image.shape[1] // side
-    blocks = image[: rows * side, : columns * side].reshape(rows, side, columns, side)
-    means: Float64 = blocks.mean(axis=(1, 3))
+    top, left = (image.shape[0] - rows * side) // 2, (image.shape[1] - columns * side) // 2
+    blocks = image[top : top + rows * side, left : left + columns * side].reshape(rows, side, columns, side)
+    means: Float64 = np.einsum("risj->rs", blocks) / side**2
     return means

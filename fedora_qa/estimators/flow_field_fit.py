@@ -19,6 +19,9 @@ TEMPLATES: Final = 5
 
 _HUBER: Final = 2.0
 _ITERATIONS: Final = 5
+_SMALLEST_TRUE: Final = 1e-3
+"""Share of the stored flow below which the true one is as good as zero."""
+
 _TAIL: Final = 1e-6
 """Probability at which Student's and the normal distribution are matched, near where judgement draws its line."""
 
@@ -46,8 +49,8 @@ class FieldFit:
 def fit_field(errors_px: Float64, covariances_px2: Float64, flows_px: Float64, slopes: Float64) -> FieldFit:
     """Fit tiles with residual flow (n, 2) of covariance (n, 2, 2), flow (n, 2) and its slopes (n, 2, 2), n > 1.
 
-    ``slopes[:, i, j]`` is the derivative of component i along column (j = 0) or row (j = 1). Tiles far from the mean are
-    weighted down after Huber; the standard error is the larger of the formal and the empirical one.
+    ``slopes[:, i, j]`` is the derivative of component i along column (j = 0) or row (j = 1). Tiles far from the mean
+    are weighted down after Huber; the standard error is the larger of the formal and the empirical one.
     """
     information = np.linalg.inv(covariances_px2)
     mean_px = np.median(errors_px, axis=0)
@@ -80,6 +83,16 @@ def robust_errors(matrix: Float64, scores: Float64) -> Float64:
     widening = float(stats.t.isf(_TAIL, freedom) / stats.norm.isf(_TAIL))
     errors: Float64 = np.sqrt(np.maximum(np.diag(formal), widening**2 * np.diag(empirical)))
     return errors
+
+
+def gain_of_true(share_of_stored: float) -> tuple[float, float]:
+    """Turn an error that is a share g of the stored flow into a gain on the true flow, and return its slope too.
+
+    Stored = (1 + G) true and error = G true give G = g / (1 - g).
+    """
+    rest = 1.0 - share_of_stored
+    rest = rest if abs(rest) > _SMALLEST_TRUE else np.copysign(_SMALLEST_TRUE, rest)
+    return share_of_stored / rest, rest**-2
 
 
 def _evidence(errors_px: Float64, information: Float64, flows_px: Float64, slopes: Float64) -> Evidence:

@@ -19,13 +19,16 @@ Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 EDGE: Final = 0.01
-"""Relative Laplacian of inverse depth that makes an edge, and relative mismatch of inverse depth that makes occlusion.
+"""Relative Laplacian of inverse depth that makes an edge, and relative mismatch of it that makes an occlusion.
 
-At such a step the flow of two neighbouring surfaces differs by 1% of their parallax: less than 0.1 px where it is 10 px.
+At such a step the flow of two neighbouring surfaces differs by 1% of their parallax: by 0.1 px where that is 10 px.
 """
 
-_BREAK_PX: Final = 0.5
-"""Second difference of a flow that makes a break."""
+BREAK_PX: Final = 0.1
+"""Second difference of a flow that makes a break: across lesser ones the mixing of two surfaces errs by less."""
+
+_CROWDED_PX: Final = 0.25
+"""Spread of the flows that lead to one pixel from which on they must belong to different surfaces."""
 
 _WIDENED_PX: Final = 7
 _BORDER_PX: Final = 4
@@ -40,7 +43,7 @@ def inverse_depth(depth_m: Float32) -> Float32:
 
 def edges(inverse_depth_per_m: Float32) -> NDArray[np.uint8]:
     """Return 1 within 3 px of an edge of the depth, of an invalid pixel or of the border, else 0; (H, W)."""
-    laplacian = cv2.Laplacian(inverse_depth_per_m, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)
+    laplacian: Float32 = cv2.Laplacian(inverse_depth_per_m, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)
     edge = (np.abs(laplacian) > np.float32(EDGE) * inverse_depth_per_m) | (inverse_depth_per_m <= 0)
     return _widened(edge)
 
@@ -88,27 +91,34 @@ def seen_in_both(
 
 
 def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return where a flow alone (H, W, 2) tells of edges, (H, W), in the first frame and in the second; 1 there, else 0.
+    """Return where a flow (H, W, 2) itself tells of edges, 1 there, else 0: maps (H, W) of the first and second frame.
 
     First frame: within 3 px of a break of the flow, of a missing value or of the border. Second frame: within 3 px of a
     pixel to which points of different flow lead, one of which must be occluded.
     """
-    known = np.isfinite(flow_px).all(axis=-1)
-    filled = np.where(known[..., None], flow_px, np.float32(0))
-    bend = cv2.Laplacian(filled, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)
-    breaks = (np.abs(bend).max(axis=-1) > _BREAK_PX) | ~known
+    u, v = (np.ascontiguousarray(flow_px[..., i]) for i in range(2))
+    known = np.logical_and(np.isfinite(u), np.isfinite(v))
+    u, v = np.where(known, u, np.float32(0)), np.where(known, v, np.float32(0))
+    breaks = ~known
+    for component in (u, v):
+        breaks |= np.abs(cv2.Laplacian(component, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)) > BREAK_PX
+    return _widened(breaks), _widened(_crowded(u, v, known))
+
+
+def _crowded(u: Float32, v: Float32, known: Mask) -> Mask:
     height, width = known.shape
-    columns = np.rint(np.arange(width)[None, :] + filled[..., 0])
-    rows = np.rint(np.arange(height)[:, None] + filled[..., 1])
+    columns = np.rint(np.arange(width, dtype=np.float32)[None, :] + u)
+    rows = np.rint(np.arange(height, dtype=np.float32)[:, None] + v)
     inside = known & (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
     targets = (rows[inside] * width + columns[inside]).astype(np.int64)
-    crowded = np.zeros(height * width, dtype=np.bool_)
     count = np.maximum(np.bincount(targets, minlength=height * width), 1)
-    for values in (filled[inside, 0].astype(np.float64), filled[inside, 1].astype(np.float64)):
+    crowded = np.zeros(height * width, dtype=np.bool_)
+    for component in (u, v):
+        values = component[inside].astype(np.float64)
         mean = np.bincount(targets, values, minlength=height * width) / count
         square = np.bincount(targets, values**2, minlength=height * width) / count
-        crowded |= square - mean**2 > (0.5 * _BREAK_PX) ** 2
-    return _widened(breaks), _widened(crowded.reshape(height, width))
+        crowded |= square - mean**2 > _CROWDED_PX**2
+    return crowded.reshape(height, width)
 
 
 def _widened(edge: Mask) -> NDArray[np.uint8]:

@@ -79,6 +79,11 @@ class Fitted:
     explained: Mapping[str, float]
 
 
+def group_of(name: str) -> str:
+    """Return the group that a parameter belongs to: ``bias_x`` to ``bias``."""
+    return name[:-2] if name.endswith(("_x", "_y", "_z")) else name
+
+
 def block_equations(
     residuals: Float64, jacobians: Float64, covariance_bands: Float64, model_errors: Float64
 ) -> BlockEquations:

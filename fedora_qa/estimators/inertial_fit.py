@@ -45,8 +45,9 @@ class InertialFit:
     ----------
     parameters
         By name.
-    free
-        Names of the groups that were freed, the one that explains most first.
+    settled
+        Whether the freed parameters settled. If not the two streams disagree in another way than these parameters
+        describe, and residuals are stated with none of them taken out.
     misfit
         Root mean square of whitened residuals with all parameters fitted, each in units of its expected sigma.
     rms, expected_rms, rms_error
@@ -60,7 +61,7 @@ class InertialFit:
     """
 
     parameters: Mapping[str, Fitted]
-    free: tuple[str, ...]
+    settled: bool
     misfit: float
     rms: float
     expected_rms: float
@@ -118,9 +119,9 @@ def fit_inertial(
             return first
         fit, kept = _robust_fit(stretches, comparison.parameters, at, bias_walk)
         moved = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
-        first = first or _summarise(fit, stretches, kept, at)
+        first = first or _summarise(fit, stretches, kept, fit.values_of_free(), settled=False)
         if _settled(moved - at, fit):
-            return _summarise(fit, stretches, kept, at)
+            return _summarise(fit, stretches, kept, at, settled=True)
         if np.any(np.abs(moved) > _REACH * np.array(comparison.parameters.largest)):
             return first
         at = moved
@@ -205,7 +206,10 @@ def _settled(step: Float64, fit: GroupedFit) -> bool:
     return bool(np.all(np.abs(step) <= 0.01 * errors))
 
 
-def _summarise(fit: GroupedFit, stretches: list[Rows], kept: list[NDArray[np.bool_]], at: Float64) -> InertialFit:
+def _summarise(
+    fit: GroupedFit, stretches: list[Rows], kept: list[NDArray[np.bool_]], at: Float64, *, settled: bool
+) -> InertialFit:
+    """Describe the fit; residuals are those of the freed parameters beyond ``at``."""
     values = fit.values_of_free() - at
     left = [rows.residuals - rows.jacobians @ values for rows in stretches]
     sigmas = np.concatenate([rows.sigmas[keep] for rows, keep in zip(stretches, kept, strict=True)])
@@ -214,7 +218,7 @@ def _summarise(fit: GroupedFit, stretches: list[Rows], kept: list[NDArray[np.boo
     rms = float(np.sqrt(np.mean(squares)))
     return InertialFit(
         parameters=fit.fitted(),
-        free=fit.free,
+        settled=settled,
         misfit=fit.misfit,
         rms=rms,
         expected_rms=expected,

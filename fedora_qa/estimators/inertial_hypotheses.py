@@ -28,8 +28,12 @@ _DEGREES: Final = float(np.degrees(1.0))
 _MILLIMETRES: Final = 1e3
 _GRAVITIES: Final[dict[Gravity, float]] = {"declared": 1.0, "missing": 0.0, "reversed": -1.0}
 
-_RATE_SPAN_S: Final = 0.05
-_FORCE_SPAN_S: Final = 0.1
+_RATE_SPANS_S: Final = (0.05, 0.1, 0.2)
+_FORCE_SPANS_S: Final = (0.1, 0.2, 0.3)
+"""Spans over which motion is averaged: the shortest at which noise is small beside it, or the longest."""
+
+_SMALL_NOISE: Final = 0.05
+
 _LONGEST_S: Final = 20.0
 """As much of a sequence is enough to tell candidates apart that differ grossly."""
 
@@ -102,12 +106,14 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> Hypothesis | No
     ``sigma_rad`` is the noise of the orientations, as measured.
     """
     samples = samples.between(-np.inf, samples.pose_times_s[0] + _LONGEST_S)
-    edges = _edges(samples, _RATE_SPAN_S)
+    rates = samples.angular_velocities_body_rad_s
+    span_s = _span(_RATE_SPANS_S, np.sqrt(2) * sigma_rad / np.array(_RATE_SPANS_S), rates)
+    edges = _edges(samples, span_s)
     if len(edges) < 4:
         return None
     times_s = samples.pose_times_s[edges]
     spans_s = np.diff(times_s)[:, None]
-    angle = CubicSpline(samples.imu_times_s, samples.angular_velocities_body_rad_s).antiderivative()
+    angle = CubicSpline(samples.imu_times_s, rates).antiderivative()
     by_gyro = np.diff(angle(times_s), axis=0) / spans_s
     noise = 2 * (sigma_rad / float(np.median(spans_s))) ** 2
     candidates = []
@@ -126,7 +132,9 @@ def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float
     ``sigma_m`` is the noise of the positions, as measured, in the file's own unit.
     """
     samples = samples.between(-np.inf, samples.pose_times_s[0] + _LONGEST_S)
-    edges = _edges(samples, _FORCE_SPAN_S)
+    forces = samples.specific_forces_body_m_s2
+    noises = np.sqrt(6) * sigma_m / np.square(_FORCE_SPANS_S)
+    edges = _edges(samples, _span(_FORCE_SPANS_S, noises, forces - forces.mean(axis=0)))
     if len(edges) < 4:
         return None
     at_s = samples.pose_times_s[edges]
@@ -139,6 +147,13 @@ def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float
         if np.count_nonzero(known) >= 2:
             candidates += list(_force_candidates(by_position[known], turned[known], reading, gravity_m_s2, noise))
     return _simplest(candidates)
+
+
+def _span(spans_s: tuple[float, ...], noises: Float64, motion: Float64) -> float:
+    """Return the shortest span at which noise is small beside the motion, or the longest."""
+    size = float(np.sqrt(np.mean(np.square(motion)))) if motion.size else 0.0
+    quiet = (span_s for span_s, noise in zip(spans_s, noises, strict=True) if noise <= _SMALL_NOISE * size)
+    return next(quiet, spans_s[-1])
 
 
 def _force_candidates(

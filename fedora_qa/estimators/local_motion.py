@@ -23,9 +23,11 @@ _WIDEST_STEP: Final = 1.5
 """Stencils with a step wider than so many median steps are left out: something is missing there."""
 
 _NS_PER_US: Final = 1_000
-_MEDIAN_OF_NORMAL: Final = 0.6745
-"""Median size of a standard normal value."""
-_OUTLIER: Final = 8.0
+_SHARE_BELOW: Final = 0.9
+_SIGMAS_BELOW: Final = 1.644854
+"""Nine in ten normal values are smaller. One in ten may be spoilt by jumps without moving the estimate far."""
+_QUANTILE_COST: Final = 1.25
+"""Standard error of a sigma from this quantile over that from the mean square, for normal values."""
 _FAR_OUT: Final = 5.0
 _TYPICAL_SHARE: Final = 0.1
 _FEWEST_PERIODS: Final = 16
@@ -71,8 +73,6 @@ class NoiseLevel:
     ----------
     sigma, standard_error
         As measured, and its error if it is noise.
-    robust
-        The same from the median: a few bad samples do not move it.
     motion
         What the motion may have added to sigma.
     count
@@ -81,7 +81,6 @@ class NoiseLevel:
 
     sigma: float
     standard_error: float
-    robust: float
     motion: float
     count: int
 
@@ -113,19 +112,19 @@ def noise_level(times_ns: NDArray[np.int64], curve: Curve, *, order: int) -> Noi
 
     Neighbouring differences correlate; for even stamps the variance of their mean square is
     ``sum_j (C(2d, d + j) / C(2d, d))^2 = C(4d, 2d) / C(2d, d)^2`` times that of independent ones. The motion's share
-    is what two orders more take away. None where there are too few samples.
+    is what two orders more take away.
+    Sigma comes from the 90% quantile, so that a few jumps do not raise it. None where there are too few samples.
     """
     found = _differences(times_ns, curve, order)
     higher = _differences(times_ns, curve, order + 2)
     if len(found) < order or len(higher) < order:
         return None
-    sigma = _robust_rms(found)
+    sigma = _sigma(found)
     correlation = comb(4 * order, 2 * order) / comb(2 * order, order) ** 2
     return NoiseLevel(
         sigma=sigma,
-        standard_error=sigma * float(np.sqrt(correlation / (2 * found.size))),
-        robust=float(np.median(np.abs(found))) / _MEDIAN_OF_NORMAL,
-        motion=max(0.0, sigma - _robust_rms(higher)),
+        standard_error=sigma * _QUANTILE_COST * float(np.sqrt(correlation / (2 * found.size))),
+        motion=max(0.0, sigma - _sigma(higher)),
         count=len(found),
     )
 
@@ -149,10 +148,8 @@ def find_steps(times_ns: NDArray[np.int64], curve: Curve, *, half_width: int, de
 def _step_sizes(
     times_ns: NDArray[np.int64], stencils: Indices, seen: Float64, degree: int
 ) -> tuple[Float64, Float64, Float64, Float64]:
-    offsets_us = _offsets_us(times_ns, stencils)
-    patterns, which = np.unique(offsets_us, axis=0, return_inverse=True)
+    patterns, which = _patterns(times_ns, stencils)
     tight, loose = _step_weights(patterns, degree), _step_weights(patterns, degree - 2)
-    which = which.reshape(-1)
     sizes = np.einsum("nm,nmi->ni", tight[which], seen)
     looser = np.einsum("nm,nmi->ni", loose[which], seen)
     gains = np.linalg.norm(tight, axis=-1)[which]
@@ -162,25 +159,33 @@ def _step_sizes(
 def _step_weights(offsets_us: NDArray[np.int64], degree: int) -> Float64:
     """Return the weights (n, m) of the least-squares size of a step in the middle, beside a polynomial."""
     count, samples = offsets_us.shape
-    middle = (offsets_us[:, samples // 2 - 1] + offsets_us[:, samples // 2]) / 2
-    scaled = (offsets_us - middle[:, None]) / max(1.0, float(np.abs(offsets_us).max(initial=1)))
+    middle = (offsets_us[:, samples // 2 - 1, None] + offsets_us[:, samples // 2, None]) / 2
+    scaled = (offsets_us - middle) / max(1.0, float(np.abs(offsets_us).max(initial=1)))
     step = np.broadcast_to(np.arange(samples) >= samples // 2, (count, samples)).astype(np.float64)
     design = np.concatenate((scaled[..., None] ** np.arange(degree + 1), step[..., None]), axis=-1)
-    weights: Float64 = np.linalg.pinv(design)[:, -1, :]
+    weights: Float64 = np.linalg.pinv(design).astype(np.float64)[:, -1, :]
     return weights
 
 
 def _differences(times_ns: NDArray[np.int64], curve: Curve, order: int) -> Float64:
     """Return the divided differences (n, 3) of an order, scaled such that unit white noise comes out as unit noise."""
     stencils = _stencils(times_ns, order + 1)
-    offsets = _offsets_us(times_ns, stencils).astype(np.float64)
-    gaps = offsets[:, :, None] - offsets[:, None, :]
-    gaps[:, np.arange(order + 1), np.arange(order + 1)] = 1.0
-    step = max(float(np.median(np.diff(times_ns))) / _NS_PER_US, 1e-3) if len(times_ns) > 1 else 1.0
-    products = 1.0 / np.prod(gaps / step, axis=-1)
-    weights = products / np.linalg.norm(products, axis=-1, keepdims=True)
-    found: Float64 = np.einsum("nm,nmi->ni", weights, curve.seen(stencils, order // 2))
+    patterns, which = _patterns(times_ns, stencils)
+    found: Float64 = np.einsum("nm,nmi->ni", _difference_weights(patterns)[which], curve.seen(stencils, order // 2))
     return found
+
+
+def _difference_weights(offsets_us: NDArray[np.int64]) -> Float64:
+    """Return the weights (n, m) of divided differences, 1 / prod_j (t_i - t_j), of unit length."""
+    reach = np.maximum(offsets_us.max(axis=-1, keepdims=True), 1) / 2  # keeps products near 1
+    offsets = offsets_us / reach
+    weights = np.ones_like(offsets)
+    for node in range(offsets.shape[-1]):
+        gaps = offsets[:, node, None] - offsets
+        gaps[:, node] = 1.0
+        weights[:, node] = 1.0 / np.prod(gaps, axis=-1)
+    unit: Float64 = weights / np.linalg.norm(weights, axis=-1, keepdims=True)
+    return unit
 
 
 def _stencils(times_ns: NDArray[np.int64], size: int) -> Indices:
@@ -195,17 +200,18 @@ def _stencils(times_ns: NDArray[np.int64], size: int) -> Indices:
     return chosen
 
 
-def _offsets_us(times_ns: NDArray[np.int64], stencils: Indices) -> NDArray[np.int64]:
-    offsets: NDArray[np.int64] = (times_ns[stencils] - times_ns[stencils[:, :1]] + _NS_PER_US // 2) // _NS_PER_US
-    return offsets
+def _patterns(times_ns: NDArray[np.int64], stencils: Indices) -> tuple[NDArray[np.int64], Indices]:
+    """Return the distinct patterns of offsets (p, m), whole microseconds, and which one each stencil has."""
+    offsets_us = (times_ns[stencils] - times_ns[stencils[:, :1]] + _NS_PER_US // 2) // _NS_PER_US
+    if len(offsets_us) and np.array_equal(offsets_us.min(axis=0), offsets_us.max(axis=0)):
+        return offsets_us[:1], np.zeros(len(stencils), dtype=np.intp)
+    patterns, which = np.unique(offsets_us, axis=0, return_inverse=True)
+    return patterns, which.reshape(-1)
 
 
-def _robust_rms(values: Float64) -> float:
-    """Return the root mean square without what lies far out, unless that is much: then it is no outlier."""
-    size = np.abs(values)
-    kept: NDArray[np.bool_] = size <= _OUTLIER * float(np.median(size)) / _MEDIAN_OF_NORMAL
-    chosen = values[kept] if np.count_nonzero(~kept) <= _MOST_OUTLIERS * kept.size else values
-    return float(np.sqrt(np.mean(np.square(chosen)))) if chosen.size else 0.0
+def _sigma(values: Float64) -> float:
+    """Return the standard deviation of normal values from the size that nine in ten stay below."""
+    return float(np.quantile(np.abs(values), _SHARE_BELOW)) / _SIGMAS_BELOW if values.size else 0.0
 
 
 def sharpest(candidates: Sequence[Steps], sigma: float) -> Steps:

@@ -14,7 +14,6 @@ from scipy.interpolate import CubicSpline
 from fedora_qa.estimators.grouped_fit import Parameters
 from fedora_qa.estimators.inertial_samples import (
     RICHARDSON,
-    SMOOTHING_S,
     InertialNoise,
     InertialSamples,
     Rows,
@@ -91,7 +90,7 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     sparse = every_second(len(imu_times_s))
     coarse = rotation_increments(imu_times_s[sparse], gyro[sparse], starts_s, stops_s, substeps=substeps)
     by_pose = so3.compose(so3.inverse(samples.orientations_xyzw[:-1]), samples.orientations_xyzw[1:])
-    jacobians = _jacobians(imu_times_s, gyro, starts_s, stops_s)
+    jacobians = _jacobians(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s), starts_s, stops_s)
     return Rows(
         poses=poses,
         times_s=starts_s,
@@ -110,7 +109,7 @@ def _jacobians(imu_times_s: Float64, gyro: Float64, starts_s: Float64, stops_s: 
     A measured rate ``(1 + scale) Exp(tilt) w(t - late - drift t) + bias`` changes an increment by the integral of
     its change; the residual moves against it, seen from the end of the interval.
     """
-    spline = CubicSpline(imu_times_s, smoothed(imu_times_s, gyro, SMOOTHING_S))
+    spline = CubicSpline(imu_times_s, gyro)
     w0, w1 = spline(starts_s), spline(stops_s)
     integral = spline.antiderivative()
     turned = integral(stops_s) - integral(starts_s)

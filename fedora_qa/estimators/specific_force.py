@@ -15,7 +15,6 @@ from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.grouped_fit import Parameters
 from fedora_qa.estimators.inertial_samples import (
     RICHARDSON,
-    SMOOTHING_S,
     InertialNoise,
     InertialSamples,
     Rows,
@@ -58,7 +57,7 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     """
     times_s, imu_times_s = samples.pose_times_s, samples.imu_times_s
     accelerations, known = _in_world(samples, noise.gravity_m_s2)
-    derivatives = _derivatives(samples, accelerations)
+    derivatives = _derivatives(samples, accelerations, noise.smoothing_s)
     stacked = np.concatenate((accelerations[..., None], derivatives), axis=-1)[known]
     imu_times_s = imu_times_s[known]
     poses = np.empty(0, np.intp)
@@ -98,7 +97,7 @@ def _orientations(samples: InertialSamples) -> Float64:
     return R
 
 
-def _derivatives(samples: InertialSamples, accelerations: Float64) -> Float64:
+def _derivatives(samples: InertialSamples, accelerations: Float64, smoothing_s: float) -> Float64:
     """Return the second time derivative (M, 3, P) of the residual's derivative by TRANSLATION_PARAMETERS.
 
     With measured force ``f(t - late - drift t) + bias`` and true gravity ``g + gravity`` the curve of the positions
@@ -106,8 +105,8 @@ def _derivatives(samples: InertialSamples, accelerations: Float64) -> Float64:
     ``alpha x lever + w x (w x lever)`` besides. Poses whose clock runs fast by d seem slower: p'' by 2 d.
     """
     times_s = samples.imu_times_s
-    force = CubicSpline(times_s, smoothed(times_s, samples.specific_forces_body_m_s2, SMOOTHING_S))
-    rate = CubicSpline(times_s, smoothed(times_s, samples.angular_velocities_body_rad_s, SMOOTHING_S))
+    force = CubicSpline(times_s, smoothed(times_s, samples.specific_forces_body_m_s2, smoothing_s))
+    rate = CubicSpline(times_s, smoothed(times_s, samples.angular_velocities_body_rad_s, smoothing_s))
     R = _orientations(samples)
     jerk = np.einsum("nij,nj->ni", R, force(times_s, 1))[..., None]
     drifting = times_s[:, None, None] * jerk

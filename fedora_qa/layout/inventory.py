@@ -40,12 +40,13 @@ class Item:
 def dataset_paths(file: h5py.File) -> tuple[str, ...]:
     """Return the paths of all datasets that can be reached without following links out of their group.
 
-    Damaged groups end the walk early; what was found until then is returned.
+    Damaged groups end the walk early; what was found until then is returned. Names that cannot be printed are left
+    out: neither a terminal nor a dialect should hold them.
     """
     paths: list[str] = []
 
-    def note(path: str, found: h5py.Group | h5py.Dataset) -> None:
-        if isinstance(found, h5py.Dataset):
+    def note(path: str | bytes, found: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(path, str) and path.isprintable() and isinstance(found, h5py.Dataset):
             paths.append(path)
 
     with suppress(*READ_ERRORS):

@@ -1,10 +1,14 @@
 """Read an attribute as it is stored, if it is of a plain type."""
 
-from typing import Any
+from math import prod
+from typing import Any, Final
 
 import h5py
 
 from fedora_qa.layout.links import READ_ERRORS
+
+LARGEST_BYTES: Final = 16 << 20
+"""A list of a million hot pixels; a damaged or hostile header can claim anything."""
 
 
 def stored_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> Any:
@@ -21,9 +25,13 @@ def stored_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> Any:
     try:
         if name not in holder.attrs:
             return None
-        dtype = holder.attrs.get_id(name).dtype
+        attribute = holder.attrs.get_id(name)
+        dtype = attribute.dtype
         if dtype.kind in "OV" and h5py.check_string_dtype(dtype) is None:
             raise ValueError(f"a type that is neither numbers nor text ({dtype})")
+        stored_bytes = prod(attribute.shape or ()) * dtype.itemsize
+        if stored_bytes > LARGEST_BYTES:
+            raise ValueError(f"{stored_bytes} bytes, more than the {LARGEST_BYTES} that are read")
         return holder.attrs[name]
     except READ_ERRORS as error:
         raise ValueError(str(error)) from error

@@ -14,6 +14,7 @@ from fedora_qa.record.wording import (
     identity,
     place,
     printable,
+    reasons,
     why_incomplete,
 )
 
@@ -56,10 +57,10 @@ def _file_section(file: FileRecord) -> str:
         lines = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in found]
         parts += ["### Findings", table(("id", "severity", "rule", "finding", "where"), lines)]
     columns = ("check", "outcome", "measured", "expected", "sees from", "coverage")
-    parts += [
-        "### Checks",
-        table(columns, [(r.check, OUTCOME_WORDS[r.outcome], *check_cells(r)) for r in file.results]),
-    ]
+    rows = [(result.check, OUTCOME_WORDS[result.outcome], *check_cells(result)) for result in file.results]
+    parts += ["### Checks", table(columns, rows)]
+    if reasons(file.results):
+        parts.append("\n".join(f"- {escape(reason)}" for reason in reasons(file.results)))
     return "\n\n".join(parts)
 
 

@@ -60,7 +60,7 @@ def with_error(value: float | None, standard_error: float | None, unit: str) -> 
     largest = max(abs(value), standard_error)
     if decimals > 6 or largest >= 1e7:
         return f"{value:.4g} ± {standard_error:.{digits}g}{suffix}"
-    rounded, error = round(value, decimals), round(standard_error, decimals)
+    rounded, error = round(value, decimals) + 0.0, round(standard_error, decimals)  # + 0.0: no minus zero
     return f"{rounded:.{max(decimals, 0)}f} ± {error:.{max(decimals, 0)}f}{suffix}"
 
 
@@ -143,11 +143,11 @@ def principal(result: Result) -> Measurement | None:
 def check_cells(result: Result) -> tuple[str, str, str, str]:
     """Return what was measured, what is expected, the least deviation that would have been seen, and the coverage.
 
-    A check that could not tell, or failed itself, gives its reason in the first place.
+    Of a check that could not tell, or failed itself, there is only the coverage; its reason says why.
     """
     main, coverage = principal(result), coverage_words(result.coverage)
     if main is None or result.outcome in {"not_observable", "not_applicable", "crashed"}:
-        return result.reason, "", "", coverage
+        return "", "", "", coverage
     more = f" (+{len(result.measurements) - 1})" if len(result.measurements) > 1 else ""
     return (
         f"{main.name} {with_error(main.value, main.standard_error, main.unit)}{more}",
@@ -155,6 +155,18 @@ def check_cells(result: Result) -> tuple[str, str, str, str]:
         "" if main.least_detectable is None else number(main.least_detectable),
         coverage,
     )
+
+
+def reasons(results: Sequence[Result]) -> tuple[str, ...]:
+    """Return why checks did not tell, or saw less than all, checks with one reason together.
+
+    What a check warns of stands among its findings.
+    """
+    together: dict[tuple[str, str], list[str]] = {}
+    for result in results:
+        if result.reason and result.outcome != "warned":
+            together.setdefault((OUTCOME_WORDS[result.outcome], result.reason), []).append(result.check)
+    return tuple(f"{', '.join(checks)} ({outcome}): {reason}" for (outcome, reason), checks in together.items())
 
 
 def coverage_words(coverage: Coverage | None) -> str:

@@ -38,9 +38,9 @@ _EVALUATION_ERROR: Final = 1e-5
 _GAUSS_NODES: Final = np.array([-1.0, 1.0]) / np.sqrt(3.0)
 
 _Speeds = Callable[[Float64, Float64], Float64]
-"""Turns values and rates of change (n, d) into speeds (n,)."""
+"""Turns values and rates of change (..., d) into speeds (...)."""
 _Noise = Callable[[Float64, np.random.Generator], Float64]
-"""Draws noise of unit size about fitted values (n, d)."""
+"""Draws noise of unit size about fitted values (n, r, d), independent in each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class Motion:
 
 def translation(times_s: Float64, positions_m: Float64) -> Motion | None:
     """Measure positions (n, 3): metres and m/s. None where there are too few samples."""
-    return _measure(times_s, positions_m, speeds=lambda _, rates: np.linalg.norm(rates, axis=1), noise=_isotropic)
+    return _measure(times_s, positions_m, speeds=lambda _, rates: np.linalg.norm(rates, axis=-1), noise=_isotropic)
 
 
 def rotation(times_s: Float64, orientations_xyzw: Float64) -> Motion | None:
@@ -131,10 +131,11 @@ class _Fit:
         return self.to(self.stretch, 2 * self.segments) if _allowed(self.stretch, 2 * self.segments) else self
 
     def repeated(self, noise: _Noise, random: np.random.Generator) -> BSpline:
-        """Return the curve as fitted with other noise; the fit is linear in the data."""
+        """Return the curves (repetitions, d) as fitted with other noise; the fit is linear in the data."""
         times_s = self.stretch.times_s
-        drawn = self.sigma * noise(self.curve(times_s), random)
-        return BSpline(self.curve.t, self.curve.c + make_lsq_spline(times_s, drawn, self.curve.t, _DEGREE).c, _DEGREE)
+        fitted = np.repeat(self.curve(times_s)[:, None], _REPETITIONS, axis=1)
+        of_noise = make_lsq_spline(times_s, self.sigma * noise(fitted, random), self.curve.t, _DEGREE)
+        return BSpline(self.curve.t, self.curve.c[:, None] + of_noise.c, _DEGREE)
 
 
 def _allowed(stretch: _Stretch, segments: int) -> bool:
@@ -172,30 +173,31 @@ def _without_noise(fits: Sequence[_Fit], speeds: _Speeds, noise: _Noise) -> tupl
     """Return length and maximum (2,) less the excess that noise leaves, and their errors (2,)."""
     measured = _length_and_maximum(fits, [fit.curve for fit in fits], speeds)
     random = np.random.default_rng(0)
-    repeated = np.array(
-        [_length_and_maximum(fits, [fit.repeated(noise, random) for fit in fits], speeds) for _ in range(_REPETITIONS)]
-    )
-    excess = repeated.mean(axis=0) - measured
-    return np.maximum(measured - excess, 0.0), np.sqrt(repeated.var(axis=0, ddof=1) + excess**2)
+    repeated = _length_and_maximum(fits, [fit.repeated(noise, random) for fit in fits], speeds)
+    excess = repeated.mean(axis=1) - measured
+    return np.maximum(measured - excess, 0.0), np.sqrt(repeated.var(axis=1, ddof=1) + excess**2)
 
 
 def _length_and_maximum(fits: Sequence[_Fit], curves: Sequence[BSpline], speeds: _Speeds) -> Float64:
-    """Integrate by Gauss's two-point rule on each interval; the maximum is over its points and the samples."""
-    length = maximum = 0.0
+    """Return length and greatest speed, (2,), or (2, repetitions) where the curves are repeated.
+
+    Integrates by Gauss's two-point rule on each interval; the maximum is over its points and the samples.
+    """
+    lengths, maxima = [], []
     for fit, curve in zip(fits, curves, strict=True):
         times_s, rates = fit.stretch.core_times_s, curve.derivative()
         half = np.diff(times_s)[:, None] / 2
         points = ((times_s[1:] + times_s[:-1])[:, None] / 2 + half * _GAUSS_NODES).ravel()
         between, at_samples = (speeds(curve(at), rates(at)) for at in (points, times_s))
-        length += float(np.sum(between.reshape(-1, 2) * half))
-        maximum = max(maximum, float(np.max(between)), float(np.max(at_samples)))
-    return np.array([length, maximum])
+        lengths.append(np.tensordot(np.repeat(half, 2), between, axes=1))
+        maxima.append(np.maximum(between.max(axis=0), at_samples.max(axis=0)))
+    return np.array([np.sum(lengths, axis=0), np.max(maxima, axis=0)])
 
 
 def _angular_speeds(q: Float64, rates: Float64) -> Float64:
-    squared = np.sum(q**2, axis=1)
-    across = rates - q * (np.sum(q * rates, axis=1) / squared)[:, None]
-    return cast(Float64, 2.0 * np.linalg.norm(across, axis=1) / np.sqrt(squared))
+    squared = np.sum(q**2, axis=-1)
+    across = rates - q * (np.sum(q * rates, axis=-1) / squared)[..., None]
+    return cast(Float64, 2.0 * np.linalg.norm(across, axis=-1) / np.sqrt(squared))
 
 
 def _of_one_sign(orientations_xyzw: Float64) -> Float64:
@@ -212,6 +214,6 @@ def _isotropic(fitted: Float64, random: np.random.Generator) -> Float64:
 
 def _tangential(fitted: Float64, random: np.random.Generator) -> Float64:
     """Noise of a rotation moves a quaternion on its sphere, never along itself."""
-    unit = fitted / np.linalg.norm(fitted, axis=1, keepdims=True)
+    unit = fitted / np.linalg.norm(fitted, axis=-1, keepdims=True)
     noise = random.standard_normal(fitted.shape)
-    return cast(Float64, noise - unit * np.sum(unit * noise, axis=1, keepdims=True))
+    return cast(Float64, noise - unit * np.sum(unit * noise, axis=-1, keepdims=True))

@@ -101,7 +101,8 @@ def test_layout_in_a_narrow_terminal(fedora_qa: Command, sequence: Path, monkeyp
 def test_layout_shows_hostile_names_as_they_are(fedora_qa: Command, tmp_path: Path) -> None:
     """The name of a dataset is neither markup nor an escape sequence."""
     with h5py.File(tmp_path / "odd.h5", "w") as file:
-        file["[bold]odd\x1b[31m"] = [1, 2]
+        file["[bold]odd"] = [1, 2]
+        file["turns\x1b[31mred"] = [1, 2]
     done = fedora_qa("layout", tmp_path / "odd.h5")
     assert done.code == 0
     assert "[bold]odd" in done.out

@@ -60,7 +60,7 @@ def test_the_average_of_waves_is_the_integral(
         amplitude * np.cos(2 * np.pi * (k_u * uu + k_v * vv + phase)) for amplitude, k_u, k_v, phase in band.rows()
     )
     expected = weights @ values @ weights / 4
-    assert waves_average(texture_table([texture]), 0, u, v, *a, *b) == pytest.approx(expected, abs=1e-9)
+    assert waves_average(texture_table([texture]), 0, u, v, *a, *b, np.empty(8)) == pytest.approx(expected, abs=1e-9)
 
 
 @settings(deadline=None)

@@ -88,18 +88,16 @@ def test_every_guess_has_a_reason(tmp_path: Path) -> None:
 
 @given(st.text(st.characters(codec="utf-8", exclude_characters="/\0"), min_size=1).filter(lambda name: name != "."))
 def test_any_name_survives(name: str) -> None:
-    """Names in HDF5 hold quotes, newlines and control characters; none of them breaks the draft."""
+    """Names in HDF5 hold quotes, newlines and control characters: none breaks the draft, and none that cannot be shown
+    on a terminal gets into it."""
     with h5py.File("draft.h5", "w", driver="core", backing_store=False) as file:
-        file.create_group(name)["x"] = np.arange(3)
-        for other in "ytp":
-            file[name][other] = np.arange(3) % 2 if other == "p" else np.arange(3)
-        text = draft_dialect(file, name)
-        target = Path(file.filename)
-        assert target.name == "draft.h5"
-
-    read = tomllib.loads(text)
+        group = file.create_group(name)
+        for member in "xytp":
+            group[member] = np.arange(3) % 2 if member == "p" else np.arange(3)
+        read = tomllib.loads(draft_dialect(file, name))
     assert read["name"] == name
-    assert read["datasets"]["path/events/x"]["path"] == f"{name}/x"
+    places = read["datasets"]
+    assert places["path/events/x"]["path"] == f"{name}/x" if name.isprintable() else not places
 
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])

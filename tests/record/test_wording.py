@@ -18,6 +18,7 @@ from fedora_qa.record.wording import (
     place,
     principal,
     printable,
+    reasons,
     why_incomplete,
     with_error,
 )
@@ -146,6 +147,16 @@ COVERAGES = {
 def test_coverage(coverage: Coverage | None, words: str) -> None:
     """Coverage says what was seen, and the share where it is not all."""
     assert coverage_words(coverage) == words
+
+
+def test_checks_with_one_reason_stand_together() -> None:
+    """What is missing is said once, with the checks that it concerns; what a check warns of is said elsewhere."""
+    blind = not_observable()
+    warned = Result("a.b", "warned", "?", reason="unusual")
+    assert reasons((blind, passed(), warned, crashed(), replace(blind, check="imu.rotation"))) == (
+        "imu.timing, imu.rotation (not observable): the vehicle hovers",
+        "imu.noise (crashed): the check itself failed: ZeroDivisionError: division by zero",
+    )
 
 
 def test_incomplete_says_why() -> None:

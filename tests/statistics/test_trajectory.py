@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from scipy.special import erf
 
 from fedora_qa.statistics.trajectory import Estimate, rotation, translation
 
@@ -123,6 +124,18 @@ def test_noisy_rotation(seed: int) -> None:
     assert deviation(motion.speed_max, 4.0) < Z_LIMIT
     assert deviation(motion.length, 8 * (2 - np.sin(2.0))) < Z_LIMIT
     assert motion.noise == pytest.approx(POSE_NOISE_RAD, rel=0.15)
+
+
+def test_a_fast_turn_in_a_quiet_flight() -> None:
+    """Ten seconds of noise at rest do not smooth away one turn of half a second."""
+    times_s = instants(10.0)
+    yaw = np.pi / 2 * erf((times_s - 7.3) / (0.2 * np.sqrt(2)))
+    turning = Rotation.from_rotvec(yaw[:, None] * np.array([0.0, 0.0, 1.0]))
+    noise = Rotation.from_rotvec(np.random.default_rng(5).normal(0, POSE_NOISE_RAD, (len(times_s), 3)))
+    motion = rotation(times_s, (turning * noise).as_quat())
+    assert motion is not None
+    assert deviation(motion.speed_max, np.pi / (0.2 * np.sqrt(2 * np.pi))) < Z_LIMIT
+    assert motion.speed_max.standard_error < 0.03 * motion.speed_max.value
 
 
 @settings(max_examples=20, deadline=None)

@@ -27,7 +27,7 @@ class Pieces(NamedTuple):
     corners: NDArray[np.int64]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def room_for_pieces() -> Pieces:
     """Empty buffers."""
     return Pieces(
@@ -35,7 +35,7 @@ def room_for_pieces() -> Pieces:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cut_pixel(
     lines: NDArray[np.float64], faces: NDArray[np.int64], count: int, x: float, y: float, pieces: Pieces
 ) -> int:
@@ -63,7 +63,7 @@ def cut_pixel(
     return number
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _cut_all(pieces: Pieces, number: int, l_x: float, l_y: float, center: float) -> int:
     """Cut every piece by the line ``l_x x + l_y y + center = 0``."""
     sliver = SLIVER * (abs(l_x) + abs(l_y))
@@ -81,7 +81,7 @@ def _cut_all(pieces: Pieces, number: int, l_x: float, l_y: float, center: float)
     return number
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _cut(pieces: Pieces, piece: int, new: int, l_x: float, l_y: float, center: float) -> None:
     """Leave the positive side of a convex polygon in ``piece``, put the other into ``new``."""
     corners = pieces.corners[piece]
@@ -107,7 +107,7 @@ def _cut(pieces: Pieces, piece: int, new: int, l_x: float, l_y: float, center: f
     pieces.corners[piece], pieces.corners[new] = kept, cut
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def piece_footprint(pieces: Pieces, piece: int) -> tuple[float, float, float, float, float, float]:
     """Area, centroid (x, y), and sides a = (a_x, a_y), b = (0, b_y) of a parallelogram with equal second moments.
 

@@ -14,19 +14,19 @@ from fedora_generator.surfaces.visibility_kernels import W, nearest_face, possib
 TILE: Final = 16
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _tile_origin(tile: int, width: int) -> tuple[int, int]:
     """First column and row of a tile."""
     across = (width + TILE - 1) // TILE
     return tile % across * TILE, tile // across * TILE
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _tile_count(height: int, width: int) -> int:
     return ((width + TILE - 1) // TILE) * ((height + TILE - 1) // TILE)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _faces_in_tile(view: View, column: int, row: int, found: NDArray[np.int64]) -> tuple[int, bool]:
     """Faces that the tile whose first pixel is (column, row) can show."""
     half = 0.5 * TILE
@@ -34,7 +34,7 @@ def _faces_in_tile(view: View, column: int, row: int, found: NDArray[np.int64]) 
     return possible_faces(view.lines, every, len(every), column + half - 0.5, row + half - 0.5, half, found)
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, cache=True, error_model="numpy")
 def render_radiance(textures: TextureTable, surfaces: Surfaces, view: View, radiance_dn: NDArray[np.float64]) -> None:
     """Fill ``radiance_dn`` (height, width, channels) with linear DN averaged over each pixel."""
     height, width = radiance_dn.shape[:2]
@@ -44,6 +44,7 @@ def render_radiance(textures: TextureTable, surfaces: Surfaces, view: View, radi
         in_pixel = np.empty(len(view.front), np.int64)
         count, uniform = _faces_in_tile(view, column, row, in_tile)
         pieces = room_for_pieces()
+        terms = np.empty(textures.waves.shape[1])
         for y in range(row, min(row + TILE, height)):
             for x in range(column, min(column + TILE, width)):
                 pixel_dn = radiance_dn[y, x]
@@ -54,14 +55,14 @@ def render_radiance(textures: TextureTable, surfaces: Surfaces, view: View, radi
                 else:
                     number, filled = possible_faces(view.lines, in_tile, count, x, y, 0.5, in_pixel)
                 if filled:
-                    add_face(textures, surfaces, view, in_pixel[0], x, y, 1.0, 0.0, 0.0, 1.0, 1.0, pixel_dn)
+                    add_face(textures, surfaces, view, in_pixel[0], x, y, 1.0, 0.0, 0.0, 1.0, 1.0, terms, pixel_dn)
                 elif number == 0:
                     add_sky(surfaces, view, x, y, 1.0, pixel_dn)
                 else:
-                    _add_pieces(textures, surfaces, view, in_pixel, number, x, y, pieces, pixel_dn)
+                    _add_pieces(textures, surfaces, view, in_pixel, number, x, y, pieces, terms, pixel_dn)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _add_pieces(
     textures: TextureTable,
     surfaces: Surfaces,
@@ -71,6 +72,7 @@ def _add_pieces(
     x: int,
     y: int,
     pieces: Pieces,
+    terms: NDArray[np.float64],
     pixel_dn: NDArray[np.float64],
 ) -> None:
     """Radiance of a pixel that several faces, or a face and the sky, share."""
@@ -80,10 +82,10 @@ def _add_pieces(
         if face < 0:
             add_sky(surfaces, view, x + dx, y + dy, area, pixel_dn)
         elif area > 0.0:
-            add_face(textures, surfaces, view, face, x + dx, y + dy, a_x, a_y, 0.0, b_y, area, pixel_dn)
+            add_face(textures, surfaces, view, face, x + dx, y + dy, a_x, a_y, 0.0, b_y, area, terms, pixel_dn)
 
 
-@njit(parallel=True, cache=True)
+@njit(parallel=True, cache=True, error_model="numpy")
 def render_inverse_depth(view: View, inverse_depth: NDArray[np.float64]) -> None:
     """Fill ``inverse_depth`` (height, width) with 1 / z at the pixel centres, 1/m; 0 for the sky."""
     height, width = inverse_depth.shape

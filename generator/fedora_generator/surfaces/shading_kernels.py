@@ -39,7 +39,8 @@ class View(NamedTuple):
     rays: NDArray[np.float64]
 
 
-@njit(cache=True)
+# These two are inlined: a call would copy the hundred words of their array arguments for every pixel.
+@njit(cache=True, error_model="numpy", inline="always")
 def irradiance(surfaces: Surfaces, face: int, u: float, v: float) -> float:
     """Irradiance at a point of a face: Lambert's cosine law, inverse square, softened (see ``lamps_over_faces``)."""
     total = float(surfaces.even_irradiance[face])
@@ -52,7 +53,7 @@ def irradiance(surfaces: Surfaces, face: int, u: float, v: float) -> float:
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", inline="always")
 def add_face(
     textures: TextureTable,
     surfaces: Surfaces,
@@ -65,9 +66,13 @@ def add_face(
     b_x: float,
     b_y: float,
     weight: float,
+    terms: NDArray[np.float64],
     radiance_dn: NDArray[np.float64],
 ) -> None:
-    """Add the weighted radiance of a face, averaged over the parallelogram a, b (px) of the image around (x, y)."""
+    """Add the weighted radiance of a face, averaged over the parallelogram a, b (px) of the image around (x, y).
+
+    ``terms`` is scratch space for the waves of a texture.
+    """
     lines = view.lines
     z = 1.0 / value(lines, face, W, x, y)
     u, v = z * value(lines, face, U, x, y), z * value(lines, face, V, x, y)
@@ -79,7 +84,7 @@ def add_face(
     au, av = u_x * a_x + u_y * a_y, v_x * a_x + v_y * a_y
     bu, bv = u_x * b_x + u_y * b_y, v_x * b_x + v_y * b_y
     shift_u, shift_v = surfaces.wave_offsets_m[row, 0], surfaces.wave_offsets_m[row, 1]
-    s = 0.5 + waves_average(textures, texture, u + shift_u, v + shift_v, au, av, bu, bv)
+    s = 0.5 + waves_average(textures, texture, u + shift_u, v + shift_v, au, av, bu, bv, terms)
     s += steps_average(textures, texture, u, v, au, av, bu, bv)
     light = weight * irradiance(surfaces, row, u, v)
     for channel in range(radiance_dn.shape[0]):
@@ -87,7 +92,7 @@ def add_face(
         radiance_dn[channel] += light * (dark + s * (surfaces.light_dn[texture, channel] - dark))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def add_sky(
     surfaces: Surfaces, view: View, x: float, y: float, weight: float, radiance_dn: NDArray[np.float64]
 ) -> None:

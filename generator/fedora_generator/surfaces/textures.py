@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator.surfaces.texture_kernels import CHECKER, DASHES, STRIPES, TextureTable
+from fedora_generator.surfaces.texture_kernels import CHECKER, DASHES, LANES, STRIPES, TextureTable
 
 Rgb = tuple[float, float, float]
 StepKind = Literal["stripes", "checker", "dashes"]
@@ -107,14 +107,21 @@ class Texture:
 
 def texture_table(textures: Sequence[Texture]) -> TextureTable:
     """Terms of all textures in order, as the kernels read them."""
-    waves = [np.concatenate([np.empty((0, 4)), *(band.rows() for band in texture.waves)]) for texture in textures]
+    waves = [
+        _filled_up(np.concatenate([np.empty((0, 4)), *(band.rows() for band in texture.waves)])) for texture in textures
+    ]
     steps = [np.array([step.row() for step in texture.steps]).reshape(-1, 10) for texture in textures]
     return TextureTable(
         wave_ranges=_starts(len(rows) for rows in waves),
-        waves=np.concatenate(waves),
+        waves=np.ascontiguousarray(np.concatenate(waves).T),
         step_ranges=_starts(len(rows) for rows in steps),
         steps=np.concatenate(steps),
     )
+
+
+def _filled_up(waves: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Waves (n, 4) with as many of amplitude 0 as make n a multiple of ``LANES``."""
+    return np.pad(waves, ((0, -len(waves) % LANES), (0, 0)))
 
 
 def _starts(lengths: Iterable[int]) -> NDArray[np.int64]:

@@ -21,19 +21,19 @@ PARTLY: Final = 1
 COVERING: Final = 2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def value(lines: NDArray[np.float64], face: int, line: int, x: float, y: float) -> float:
     """Value of a linear function at a point of the image."""
     return float(lines[face, line, 0] * x + lines[face, line, 1] * y + lines[face, line, 2])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def spread(lines: NDArray[np.float64], face: int, line: int, half: float) -> float:
     """Most that a linear function differs from its centre value on a square."""
     return half * float(abs(lines[face, line, 0]) + abs(lines[face, line, 1]))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def coverage(lines: NDArray[np.float64], face: int, x: float, y: float, half: float) -> int:
     """Whether a face, were it alone, would miss, share or fill a square. Sharing may be claimed falsely."""
     state = COVERING
@@ -47,7 +47,7 @@ def coverage(lines: NDArray[np.float64], face: int, x: float, y: float, half: fl
     return state
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def possible_faces(
     lines: NDArray[np.float64],
     given: NDArray[np.int64],
@@ -87,7 +87,7 @@ def possible_faces(
     return number, number == 1 and nearest_filling > 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def nearest_face(lines: NDArray[np.float64], given: NDArray[np.int64], count: int, x: float, y: float) -> int:
     """Face that a ray meets first, -1 for the sky."""
     nearest, inverse_depth = -1, 0.0

@@ -1,0 +1,52 @@
+"""Clean sequences of every scene are clean, whole or with any stream left out."""
+
+from pathlib import Path
+
+import pytest
+
+from fedora_generator.generate import STREAMS, Request, generate_sequence
+from fedora_generator.scene import list_scenes
+from fedora_qa.checks import CHECKS
+from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.record.types import FileRecord
+from tests.support.sequences import make_sequence, small_scene
+
+SCENES = [scene.name for scene in list_scenes()]
+
+
+def outcomes(record: FileRecord) -> dict[str, str]:
+    return {result.check: result.outcome for result in record.results}
+
+
+def alarms(record: FileRecord) -> list[str]:
+    return [f"{r.check}: {r.outcome} {[f.message for f in r.findings]} {r.traceback}" for r in record.results
+            if r.outcome in {"failed", "crashed"}]  # fmt: skip
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_clean_scene_is_clean(scene: str, tmp_path: Path) -> None:
+    """Day and night, fast and still, with every noise and without: no check fails, and some hold streams together."""
+    record = check_file(make_sequence(tmp_path / "clean.h5", scene), CheckOptions()).record
+    assert not alarms(record)
+    assert record.verdict == "clean"
+    assert record.diagnoses == ()
+
+
+@pytest.mark.parametrize("stream", STREAMS)
+def test_a_stream_left_out_costs_only_what_needs_it(stream: str, park_day: Path, tmp_path: Path) -> None:
+    """What needs the stream is not applicable; everything else gives the outcome that it gives for the whole file."""
+    path = tmp_path / "without.h5"
+    kept = frozenset(STREAMS) - {stream}
+    generate_sequence(small_scene("park-day"), path, Request(duration_s=1.0, quality="draft", streams=kept))
+    record, whole = check_file(path, CheckOptions()).record, outcomes(check_file(park_day, CheckOptions()).record)
+    assert not alarms(record)
+    assert record.verdict == "clean"
+    for check in CHECKS:
+        expected = "not_applicable" if needs(check.needs, stream) else whole[check.name]
+        assert outcomes(record)[check.name] == expected, check.name
+
+
+def needs(needed: tuple[str, ...], stream: str) -> bool:
+    """Whether a check needs a stream, or an index map that falls away with it."""
+    maps = {"rgb": {"rgb_to_event"}, "depth": {"depth_to_event"}, "events": {"rgb_to_event", "depth_to_event"}}
+    return bool(set(needed) & ({stream} | maps.get(stream, set())))
