@@ -92,6 +92,8 @@ class Conservation(Check[list[Stretch]]):
     _MATTERS: Final = 0.05
     _TILE_ALLOWANCE: Final = 0.25
     """One thin structure may run through a quarter of a tile."""
+    _ONE_REGION: Final = 0.8
+    """Share of the violating pixels that lie together where a region is dead (in the diagnosis, after an alarm)."""
 
     def not_applicable(self, facts: Facts) -> str:
         """Need both cameras at one place, and declared thresholds."""
@@ -124,7 +126,7 @@ class Conservation(Check[list[Stretch]]):
             return Observation(coverage, unobservable="no two frames with events around them")
         violations = _violations(state, declared, rgb_count)
         allowance = self._ANTIALIASING + _excused_share(state, declared, facts)
-        measured = (self._share(violations, allowance, facts), self._tile(violations, facts))
+        measured = (self._share(violations, allowance, facts), self._tile(violations))
         return Observation(
             coverage,
             measured,
@@ -161,12 +163,12 @@ class Conservation(Check[list[Stretch]]):
             ),
         )
 
-    def _tile(self, violations: Violations, facts: Facts) -> Measured:
+    def _tile(self, violations: Violations) -> Measured:
         share, row, column, tiles = _worst_tile(violations.pixels)
         everywhere = float(violations.pixels.mean())
         side = min(TILE_PX, *violations.pixels.shape)
         region = sqrt(float(np.count_nonzero(violations.pixels)))
-        del facts
+        weight = 0.8 if _gathered(violations.pixels, row, column, region) > self._ONE_REGION else 0.1
         return Measured(
             name="worst_tile",
             value=share,
@@ -178,11 +180,11 @@ class Conservation(Check[list[Stretch]]):
             matters=1.0,
             tests=tiles,
             statement=f"In {share:.0%} of the pixels of the tile at ({column}, {row}) events do not add up; "
-            f"{everywhere:.2%} elsewhere.",
+            f"{everywhere:.2%} of all.",
             code="event_response.conservation.region",
             where=Where(stream="events", tile=(column, row, column + side, row + side)),
             suspects=(
-                Suspect("dead_region", "events", 0.8, region, "px"),
+                Suspect("dead_region", "events", weight, region, "px"),
                 Suspect("hot_pixels", "events", 0.2),
                 *_WHATEVER_BREAKS_THE_LAW,
             ),
@@ -301,3 +303,10 @@ def _worst_tile(pixels: Bool) -> tuple[float, int, int, int]:
     shares = pixels[: rows * side, : columns * side].reshape(rows, side, columns, side).mean(axis=(1, 3))
     row, column = (int(i) for i in np.unravel_index(int(np.argmax(shares)), shares.shape))
     return float(shares[row, column]), row * side, column * side, shares.size
+
+
+def _gathered(pixels: Bool, row: int, column: int, region: float) -> float:
+    """Return the share of the marked pixels around a tile, as near to it as a square of their number reaches."""
+    reach = int(region) + TILE_PX
+    near = pixels[max(row - reach, 0) : row + TILE_PX + reach, max(column - reach, 0) : column + TILE_PX + reach]
+    return float(np.count_nonzero(near)) / max(int(np.count_nonzero(pixels)), 1)

@@ -1,6 +1,5 @@
-"""How events answer to frames: what the checks of threshold, model and timing measure together."""
+"""How events answer to frames: what a window shows to the checks of threshold, model and timing."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -8,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.event_stream import tick_ns
-from fedora_qa.checks.event_view import ROUNDING_DN, SeenFrames, seen_frames, sensor_events
+from fedora_qa.checks.event_view import HALO_NS, ROUNDING_DN, SeenFrames, events_around, seen_frames, sensor_events
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.event_fit import ResponseFit, fit_response
-from fedora_qa.estimators.event_levels import LevelPairs, NormalBlocks, accumulate, concatenate, find_level_pairs
+from fedora_qa.estimators.event_levels import LevelPairs, NormalBlocks, accumulate, find_level_pairs
 from fedora_qa.sequence.declared import EventModel
-from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.window import Window
+from fedora_qa.sequence.window import Events, Window
 
 LONGEST_GAP_NS: Final = 20_000_000
 """Events farther apart do not tell a level: between them a pixel may go anywhere within its thresholds."""
@@ -27,6 +25,14 @@ FEWEST_PAIRS: Final = 20
 LINEAR_LEAST_TICKS: Final = 4
 """One event a rendered step hides how far the step went; pixels that fire every few steps are left out."""
 
+FARTHEST_OFFSET_NS: Final = 100_000_000
+OFFSET_STEP_NS: Final = 5_000_000
+REFINEMENTS: Final = 3
+"""Offsets that are tried where events do not follow the frames as they stand."""
+
+FOLLOWS: Final = 1.0
+"""Residual, in thresholds, beyond which events do not follow the frames."""
+
 ROUNDING_SHARE: Final = 0.1
 """Pixels so dark that rounding of the frame exceeds this share of the threshold are left out."""
 
@@ -36,6 +42,7 @@ class LevelSums:
     """Normal equations of a window in both domains and by both reconstructions, four blocks of the image each.
 
     ``overshoot`` is the mean of tick over gap: the share of a threshold that a pixel moves in a rendered step.
+    ``window`` is the window's number.
     """
 
     log_sharp: NormalBlocks
@@ -44,29 +51,16 @@ class LevelSums:
     linear_even: NormalBlocks
     overshoot: float
     pairs: int
+    window: int
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
-    """The fits of a file.
+class FoundOffset:
+    """An offset at which events follow the frames: how late events are, and the residual left, in thresholds."""
 
-    Attributes
-    ----------
-    sharp, even
-        In the declared domain, by the two reconstructions; the truth lies between them.
-    other
-        In the other domain.
-    preference
-        Mean and standard error of ln(residual / threshold) in the declared domain less that in the other, over blocks.
-    overshoot
-        As in ``LevelSums``.
-    """
-
-    sharp: ResponseFit
-    even: ResponseFit
-    other: ResponseFit | None
-    preference: tuple[float, float]
-    overshoot: float
+    late_s: float
+    standard_error_s: float
+    relative_sigma: float
 
 
 def level_sums(window: Window) -> LevelSums | None:
@@ -78,31 +72,58 @@ def _level_sums(window: Window) -> LevelSums | None:
     seen, declared = seen_frames(window), window.facts.declared.events
     if declared is None or len(seen) < 2:
         return None
-    pairs = _pairs(window, seen, declared)
+    pairs = _pairs(window, seen, declared, sensor_events(window))
     if len(pairs) < FEWEST_PAIRS:
         return None
-    height, width = seen.sharp_dn.shape[1:]
-    rows, columns = np.divmod(pairs.pixels, width)
-    block = 2 * (2 * rows // height) + 2 * columns // width
-
-    middle_ns = (seen.times_ns[pairs.earlier] + seen.times_ns[pairs.later]) / 2
-
-    def sums(levels: NDArray[np.float64]) -> NormalBlocks:
-        return accumulate(pairs, pairs.change_of(levels), block, 4, middle_ns * 1e-9)
-
     log_sharp, log_even = (_log(luma, declared) for luma in (seen.sharp_dn, seen.even_dn))
     return LevelSums(
-        sums(log_sharp),
-        sums(log_even),
-        sums(seen.sharp_dn),
-        sums(seen.even_dn),
+        _sums(pairs, seen, log_sharp),
+        _sums(pairs, seen, log_even),
+        _sums(pairs, seen, seen.sharp_dn),
+        _sums(pairs, seen, seen.even_dn),
         float(np.mean(tick_ns(window.facts) * 1e-9 / pairs.gaps_s)),
         len(pairs),
+        window.span.index,
     )
 
 
-def _pairs(window: Window, seen: SeenFrames, declared: EventModel) -> LevelPairs:
-    events = sensor_events(window)
+def search_offset(window: Window) -> FoundOffset | None:
+    """Look for the offset at which the events of a window follow its frames, up to 100 ms either way.
+
+    A fit draws towards the right offset from several ms away; it is repeated from the best of a ladder of offsets.
+    """
+    seen, declared = seen_frames(window), window.facts.declared.events
+    if declared is None or len(seen) < 2:
+        return None
+    events = events_around(window, FARTHEST_OFFSET_NS + HALO_NS)
+    ladder = range(-FARTHEST_OFFSET_NS, FARTHEST_OFFSET_NS + 1, OFFSET_STEP_NS)
+    fits = [(late_ns, _fit_at(window, seen, declared, events, late_ns)) for late_ns in ladder]
+    known = [(late_ns, fit) for late_ns, fit in fits if fit is not None]
+    if not known:
+        return None
+    late_ns, fit = min(known, key=lambda found: found[1].relative_sigma)
+    for _ in range(REFINEMENTS):
+        late_ns += round(fit.delay_s * 1e9)
+        again = _fit_at(window, seen, declared, events, late_ns)
+        if again is None:
+            return None
+        fit = again
+    if fit.relative_sigma > FOLLOWS or min(fit.threshold_on, fit.threshold_off) < 0:
+        return None
+    return FoundOffset(late_ns * 1e-9 + fit.delay_s, fit.standard_errors.delay_s, fit.relative_sigma)
+
+
+def _fit_at(window: Window, seen: SeenFrames, declared: EventModel, events: Events, late_ns: int) -> ResponseFit | None:
+    """Fit one window with events taken to be late by so much."""
+    moved = Events(events.x, events.y, events.times_ns - late_ns, events.p)
+    pairs = _pairs(window, seen, declared, moved)
+    if len(pairs) < FEWEST_PAIRS:
+        return None
+    levels = seen.sharp_dn if declared.model == "linear" else _log(seen.sharp_dn, declared)
+    return fit_response(_sums(pairs, seen, levels))
+
+
+def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Events) -> LevelPairs:
     burst_ns = 2 * declared.refractory_us * NS_PER_US
     pairs = find_level_pairs(
         events.x,
@@ -120,6 +141,15 @@ def _pairs(window: Window, seen: SeenFrames, declared: EventModel) -> LevelPairs
         elapsed_s = (seen.times_ns[pairs.later] - seen.times_ns[pairs.earlier]) * 1e-9
         pairs.regressors[:, 0] -= declared.leak_rate_hz * elapsed_s
     return pairs
+
+
+def _sums(pairs: LevelPairs, seen: SeenFrames, levels: NDArray[np.float64]) -> NormalBlocks:
+    """Return the normal equations of four blocks, the quarters of the image."""
+    height, width = levels.shape[1:]
+    rows, columns = np.divmod(pairs.pixels, width)
+    quarter = 2 * (2 * rows // height) + 2 * columns // width
+    middle_ns = (seen.times_ns[pairs.earlier] + seen.times_ns[pairs.later]) / 2
+    return accumulate(pairs, pairs.change_of(levels), quarter, 4, middle_ns * 1e-9)
 
 
 def _usable(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> NDArray[np.bool_]:
@@ -140,46 +170,3 @@ def _usable(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> NDArr
 def _log(luma_dn: NDArray[np.float64], declared: EventModel) -> NDArray[np.float64]:
     level: NDArray[np.float64] = np.log(np.maximum(luma_dn + declared.log_eps_dn, 1e-3))
     return level
-
-
-def answer(state: Sequence[LevelSums], facts: Facts) -> Answer | str:
-    """Fit the file, or say why it cannot be."""
-    declared = facts.declared.events
-    pairs = sum(sums.pairs for sums in state)
-    too_few = (
-        f"only {pairs} pairs of frames at which events tell a pixel's level (slow motion, little texture, or dark)"
-    )
-    if declared is None or not state:
-        return too_few
-    linear = declared.model == "linear"
-    sharp, even = _concatenated(state, linear, "sharp"), _concatenated(state, linear, "even")
-    other = _concatenated(state, not linear, "sharp")
-    fits = fit_response(sharp), fit_response(even), fit_response(other)
-    if fits[0] is None or fits[1] is None:
-        return too_few
-    least = min(fit.relative_sigma for fit in (fits[0], fits[2]) if fit is not None)
-    if least > 1.0:
-        return (
-            f"events do not follow the frames at all: what is left is {least:.3g} thresholds "
-            "(see event_response.orientation)"
-        )
-    overshoot = sum(sums.overshoot * sums.pairs for sums in state) / pairs
-    return Answer(fits[0], fits[1], fits[2], _preference(sharp, other, fits[0], fits[2]), overshoot)
-
-
-def _concatenated(state: Sequence[LevelSums], linear: bool, kind: str) -> NormalBlocks:
-    return concatenate([getattr(sums, f"{'linear' if linear else 'log'}_{kind}") for sums in state])
-
-
-def _preference(
-    declared: NormalBlocks, other: NormalBlocks, fit: ResponseFit, other_fit: ResponseFit | None
-) -> tuple[float, float]:
-    """Compare residuals over thresholds, block by block."""
-    if other_fit is None:
-        return 0.0, float("inf")
-    enough = (declared.counts >= FEWEST_PAIRS) & (other.counts >= FEWEST_PAIRS)
-    if np.count_nonzero(enough) < 2:
-        return float(np.log(fit.relative_sigma / other_fit.relative_sigma)), float("inf")
-    difference = (np.log(fit.block_sigmas(declared)) - np.log(other_fit.block_sigmas(other)))[enough]
-    scale = np.log(fit.threshold / other_fit.threshold)
-    return float(difference.mean() - scale), float(difference.std(ddof=1) / np.sqrt(len(difference)))

@@ -18,14 +18,10 @@ from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowChec
 from fedora_qa.estimators.event_kernels import count_between_frames
 from fedora_qa.estimators.event_orientation import BLOCK_PX, SYMMETRIES, Moments, block_means, moments, undone
 from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
 
 Float64 = NDArray[np.float64]
-
-LAGS: Final = (-3, -2, -1, 1, 2, 3)
-"""Frame intervals by which events are tried against frames besides, in the declared orientation."""
 
 LEAST_PREDICTED: Final = 0.3
 """Below this correlation the noise model of the prediction itself is in doubt."""
@@ -35,14 +31,10 @@ FEWEST_WINDOWS: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Moments of one window: between successive frames, and over the whole window.
-
-    The rows are the eight symmetries, then (between frames only) the lags.
-    """
+    """Moments of one window under the eight symmetries: between successive frames, and over the whole window."""
 
     steps: Moments
     span: Moments
-    interval_ms: float
 
 
 class Orientation(WindowCheck[Agreement]):
@@ -52,7 +44,7 @@ class Orientation(WindowCheck[Agreement]):
     the eight symmetries of the square and both signs. The declared orientation must correlate best, and by at least
     half of what is predicted: events leave each pixel's level open by C+ and C-, a variance of 2/3 C^2, averaged over
     a block. Where the frames change by less than that between them, the change over the window is taken; where that
-    is too little as well, the scene is too quiet to tell. Lags of whole frame intervals are tried besides.
+    is too little as well, the scene is too quiet to tell.
     """
 
     name = "event_response.orientation"
@@ -71,14 +63,9 @@ class Orientation(WindowCheck[Agreement]):
         counts = _square_counts(window, seen.times_ns)
         signed = declared.threshold_on * counts[:, 1] - declared.threshold_off * counts[:, 0]
         shape = sensor_shape(window.facts.declared)
-        oriented = [undone(image, shape) for image in signed]
-        steps = sum(
-            _moments(levels, lit, i, i + 1, oriented[i] + [_lagged(oriented, i + lag) for lag in LAGS]).sums
-            for i in range(len(signed))
-        )
+        steps = [_moments(levels, lit, i, i + 1, undone(image, shape)).sums for i, image in enumerate(signed)]
         span = _moments(levels, lit, 0, -1, undone(signed.sum(axis=0), shape))
-        interval_ms = float(np.diff(seen.times_ns).mean()) / 1e6
-        return Agreement(Moments(np.asarray(steps)), span, interval_ms)
+        return Agreement(Moments(np.sum(steps, axis=0)), span)
 
     def conclude(self, state: Sequence[Agreement], facts: Facts) -> Observation:
         """Compare the orientations over all windows."""
@@ -95,18 +82,16 @@ class Orientation(WindowCheck[Agreement]):
                 coverage,
                 unobservable=f"too little changes between frames: a correlation of only {predicted[best]:.2g} is due",
             )
-        lag = _lag(state, declared) if predicted[0] >= LEAST_PREDICTED else None
-        measured = _state(kinds[best], state, predicted[best])
-        return Observation(coverage, measured if lag is None else (*measured, lag))
+        return Observation(coverage, _state(kinds[best], predicted[best]))
 
 
-def _state(kind: Sequence[Moments], state: Sequence[Agreement], predicted: float) -> tuple[Measured, ...]:
+def _state(kind: Sequence[Moments], predicted: float) -> tuple[Measured, ...]:
     correlations = _pooled(kind)
     others = _others(correlations)
     rival = int(np.argmax(others))
     advantage = float(others[rival] - correlations[0])
     errors = _errors(kind, rival)
-    found = _named(rival) if others[rival] > max(predicted / 2, correlations[0]) else _unrelated(state, correlations[0])
+    found = _named(rival) if others[rival] > max(predicted / 2, correlations[0]) else _UNRELATED
     agreement = Measured(
         name="correlation",
         value=float(correlations[0]),
@@ -153,18 +138,11 @@ def _square_counts(window: Window, times_ns: NDArray[np.int64]) -> NDArray[np.in
     return counts
 
 
-def _moments(levels: Float64, lit: NDArray[np.bool_], earlier: int, later: int, events: Sequence[Float64]) -> Moments:
+def _moments(levels: Float64, lit: NDArray[np.bool_], earlier: int, later: int, events: list[Float64]) -> Moments:
     """Return the moments of the change between two frames, over blocks that are lit in both."""
     usable = lit[earlier] & lit[later]
     whole = block_means(usable.astype(np.float64)) > 1 - 1e-9
-    return moments(block_means(np.where(usable, levels[later] - levels[earlier], 0.0)), list(events), whole)
-
-
-def _lagged(oriented: Sequence[Sequence[Float64]], interval: int) -> Float64:
-    """Return the events of another interval as declared; none beyond the window."""
-    if 0 <= interval < len(oriented):
-        return oriented[interval][0]
-    return np.zeros_like(oriented[0][0])
+    return moments(block_means(np.where(usable, levels[later] - levels[earlier], 0.0)), events, whole)
 
 
 def _predicted(kind: Sequence[Moments], noise: float) -> float:
@@ -217,72 +195,11 @@ def _named(rival: int) -> tuple[Suspect, ...]:
     return tuple(Suspect(cause, "events", 0.95) for cause, true in causes if true)
 
 
-def _unrelated(state: Sequence[Agreement], correlation: float) -> tuple[Suspect, ...]:
-    """Name a time offset where a lag of whole frame intervals agrees clearly better, else another sequence."""
-    lagged = _pooled([one.steps for one in state])[len(SYMMETRIES) :]
-    best = int(np.argmax(lagged))
-    if lagged[best] > max(2 * correlation, 0.1):
-        return _late(LAGS[best] * _interval_ms(state), _interval_ms(state) / 2)
-    return (
-        Suspect("other_sequence", "events", 0.9),
-        Suspect("other_sequence", "rgb", 0.7),
-        Suspect("time_offset", "events", 0.5),
-    )
-
-
-def _lag(state: Sequence[Agreement], declared: EventModel) -> Measured | None:
-    """Measure the lag at which events and frames agree best; None where none stands out.
-
-    Far coarser than ``event_response.timing``, and not limited to small offsets. A parabola through lags of whole
-    frame intervals is good to a quarter of one. A level that has risen lies above its reference, by C/2 on average, so
-    that events honestly lag by up to C/2 mean|d| / mean d^2 intervals, d the change in one, which is at most C/2 over
-    the root mean square of d.
-    """
-    sums = np.array([one.steps.sums for one in state])
-    value = _best_lag(Moments(sums.sum(axis=0)).correlations())
-    if value is None or len(sums) < FEWEST_WINDOWS:
-        return None
-    left_out = [_best_lag(Moments(sums.sum(axis=0) - one).correlations()) for one in sums]
-    known = [lag for lag in left_out if lag is not None]
-    if len(known) < len(left_out):
-        return None
-    interval_ms = _interval_ms(state)
-    change = Moments(sums.sum(axis=0)).frame_variance() ** 0.5
-    late_by_rule = max(declared.threshold_on, declared.threshold_off) / 2 / max(change, 1e-12)
-    error_ms = interval_ms * float(np.sqrt((len(known) - 1) * np.var(known)))
-    late_ms = interval_ms * value
-    return Measured(
-        name="lag",
-        value=late_ms,
-        unit="ms",
-        standard_error=error_ms,
-        allowance=interval_ms * (0.25 + late_by_rule),
-        statement=f"Events agree best with what frames showed {late_ms:.3g} ms earlier.",
-        code="event_response.orientation.lag",
-        where=Where(stream="events"),
-        suspects=_late(late_ms, interval_ms / 4),
-    )
-
-
-def _best_lag(correlations: Float64) -> float | None:
-    """Return the lag of the highest correlation, frame intervals, to a fraction; None at the end of those tried."""
-    lagged = correlations[len(SYMMETRIES) :]
-    curve = np.concatenate([lagged[: len(LAGS) // 2], correlations[:1], lagged[len(LAGS) // 2 :]])
-    top = int(np.argmax(curve))
-    if not 0 < top < len(curve) - 1:
-        return None
-    bend = curve[top - 1] - 2 * curve[top] + curve[top + 1]
-    vertex = 0.5 * (curve[top - 1] - curve[top + 1]) / bend if bend < 0 else 0.0
-    return float(top - len(LAGS) // 2 + vertex)
-
-
-def _late(late_ms: float, error_ms: float) -> tuple[Suspect, ...]:
-    return (
-        Suspect("time_offset", "events", 0.8, late_ms, "ms", error_ms),
-        Suspect("time_offset", "rgb", 0.7, -late_ms, "ms", error_ms),
-        Suspect("other_sequence", "events", 0.3),
-    )
-
-
-def _interval_ms(state: Sequence[Agreement]) -> float:
-    return float(np.mean([one.interval_ms for one in state]))
+_UNRELATED: Final = (
+    Suspect("other_sequence", "events", 0.9),
+    Suspect("other_sequence", "rgb", 0.7),
+    Suspect("time_offset", "events", 0.6),
+    Suspect("time_offset", "rgb", 0.5),
+    Suspect("time_unit", "events", 0.4),
+)
+"""What leaves no correlation in any orientation; ``event_response.timing`` looks for an offset."""

@@ -1,18 +1,12 @@
-"""Events against log intensity: thresholds, sensor model, time."""
+"""Events against log intensity: thresholds and sensor model."""
 
-from collections.abc import Sequence
-from math import hypot, pi
 from typing import Final
 
-from fedora_qa.checks.event_levels import Answer, LevelSums, answer, level_sums
-from fedora_qa.checks.event_stream import tick_ns
-from fedora_qa.checks.event_view import why_frames_and_events_do_not_meet
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
-from fedora_qa.conventions import NS_PER_US
-from fedora_qa.record.types import Coverage, Where
+from fedora_qa.checks.event_answer import Answer, LevelCheck
+from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.window import Window
 
 EVENTS: Final = Where(stream="events")
 
@@ -20,41 +14,11 @@ EXPOSURE_BIAS: Final = 0.05
 EXPOSURE_OF_BIAS_US: Final = 5_000.0
 """A frame exposed for 5 ms takes 5% off the threshold; the loss of contrast grows with the square of the time."""
 
-DRIFT_KNOWN: Final = 5.0
-"""Standard errors of the clock rate beyond which an offset is suspected to be part of it (after an alarm only)."""
-
 DOMAIN_PREFERRED: Final = 3.0
 """Standard errors by which the other domain must fit better to be suspected (after an alarm only)."""
 
 
-class _Levels(WindowCheck[LevelSums]):
-    """A check of the levels that events tell at frame times."""
-
-    needs = ("events", "rgb")
-
-    def not_applicable(self, facts: Facts) -> str:
-        """Need both cameras at one place, and declared thresholds."""
-        return why_frames_and_events_do_not_meet(facts)
-
-    def measure(self, window: Window) -> LevelSums | None:
-        """Sum the window's level samples."""
-        return level_sums(window)
-
-    def conclude(self, state: Sequence[LevelSums], facts: Facts) -> Observation:
-        """Fit, and state."""
-        coverage = _coverage(state, facts)
-        declared = facts.declared.events
-        found = answer(state, facts)
-        if isinstance(found, str) or declared is None:
-            return Observation(coverage, unobservable=str(found))
-        return Observation(coverage, self.state(found, declared, facts))
-
-    def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
-        """Turn the fits into measurements."""
-        raise NotImplementedError
-
-
-class Threshold(_Levels):
+class Threshold(LevelCheck):
     """Do events step by the declared thresholds?
 
     The change of L (of rint(luma) for the linear model) between two frame times at which the events themselves tell
@@ -100,7 +64,7 @@ class Threshold(_Levels):
         )
 
 
-class Model(_Levels):
+class Model(LevelCheck):
     """Do events follow the declared sensor model, of log intensity or of grey values?
 
     The same level samples are fitted in L and in luma. The domain in which events follow leaves the smaller residual
@@ -133,77 +97,6 @@ class Model(_Levels):
                 ),
             ),
         )
-
-
-class Timing(_Levels):
-    """Are events and frames stamped by one clock?
-
-    The coefficient of the level's slope in the regression of ``event_response.threshold`` is the time by which events
-    are stamped late. Expected is the mean lateness that is declared: half a tick of the stamps (a stamp is the first
-    tick not before the crossing; a sensor that takes its reference at the tick is not late), and the delay of a
-    declared low-pass. Allowance: what the frames' pixels do not tell of the footprint. The offset is that at the middle
-    of the sequence; its growth is the difference of the clocks' rates. Offsets of more than about half a frame interval
-    are read too small, and leave no agreement at all beyond (``event_response.orientation``).
-    """
-
-    name = "event_response.timing"
-    _MATTERS_MS: Final = 2.0
-    _MATTERS_PPM: Final = 1_000.0
-
-    def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
-        """State the offset in ms, and the rate in ppm."""
-        return (self._offset(found, declared, facts), self._rate(found))
-
-    def _offset(self, found: Answer, declared: EventModel, facts: Facts) -> Measured:
-        expected, tick_error = _expected_delay_ms(declared, facts)
-        late, error = 1e3 * found.sharp.delay_s, 1e3 * found.sharp.standard_errors.delay_s
-        bound = 1e3 * (abs(found.sharp.delay_s - found.even.delay_s) + found.sharp.attenuation.delay_s) + tick_error
-        offset = late - expected
-        drift = found.sharp.delay_rate / found.sharp.standard_errors.delay_rate
-        return Measured(
-            name="time_offset",
-            value=late,
-            unit="ms",
-            standard_error=error,
-            expected=expected,
-            allowance=bound,
-            matters=self._MATTERS_MS,
-            statement=f"Events are {abs(offset):.3g} +/- {hypot(error, bound):.2g} ms "
-            f"{'late' if offset > 0 else 'early'} against the colour frames.",
-            code="event_response.timing.offset",
-            where=EVENTS,
-            suspects=(
-                Suspect("time_offset", "events", 0.9, offset, "ms", error),
-                Suspect("time_offset", "rgb", 0.8, -offset, "ms", error),
-                Suspect("clock_rate", "events", 0.85 if abs(drift) > DRIFT_KNOWN else 0.1),
-            ),
-        )
-
-    def _rate(self, found: Answer) -> Measured:
-        ppm, error = 1e6 * found.sharp.delay_rate, 1e6 * found.sharp.standard_errors.delay_rate
-        bound = 1e6 * abs(found.sharp.delay_rate - found.even.delay_rate)
-        return Measured(
-            name="clock_rate",
-            value=ppm,
-            unit="ppm",
-            standard_error=error,
-            allowance=bound,
-            matters=self._MATTERS_PPM,
-            statement=f"The clock of the events runs {abs(ppm):.3g} +/- {error:.2g} ppm too "
-            f"{'fast' if ppm > 0 else 'slow'} against that of the colour frames.",
-            code="event_response.timing.rate",
-            where=EVENTS,
-            suspects=(
-                Suspect("clock_rate", "events", 0.9, ppm, "ppm", error),
-                Suspect("clock_rate", "rgb", 0.8, -ppm, "ppm", error),
-            ),
-        )
-
-
-def _coverage(state: Sequence[LevelSums], facts: Facts) -> Coverage:
-    del facts
-    pairs = sum(sums.pairs for sums in state)
-    return Coverage(pairs, pairs, "level samples")
 
 
 def _expected_step(declared: EventModel, nominal: float, overshoot: float) -> tuple[float, float]:
@@ -242,14 +135,3 @@ def _threshold_suspects(found: Answer, expected: float, fitted: float, error: fl
         Suspect("dropped_samples", "events", 0.2),
         Suspect("duplicated_samples", "events", 0.2),
     )
-
-
-def _expected_delay_ms(declared: EventModel, facts: Facts) -> tuple[float, float]:
-    """Return the mean lateness of events, and the error of that expectation."""
-    low_pass_ms = 1e3 / (2 * pi * declared.bandwidth_hz) if declared.bandwidth_hz > 0 else 0.0
-    tick_ms = tick_ns(facts) / 1e6
-    if declared.model == "linear":
-        return low_pass_ms, 0.0
-    declared_ms = max(declared.packet_interval_us, 1) * NS_PER_US / 1e6
-    # A grid that nobody declared may come from rounding up, down or to the nearest tick.
-    return declared_ms / 2 + low_pass_ms, max(tick_ms - declared_ms, 0.0)

@@ -46,6 +46,11 @@ def sensor_events(window: Window) -> Events:
     return window.once("sensor_events", lambda: _on_sensor(all_events(window), window.facts.declared))
 
 
+def events_around(window: Window, margin_ns: int) -> Events:
+    """Return the events on the sensor within a margin of a window, for a second look."""
+    return _on_sensor(window.events(margin_ns, margin_ns), window.facts.declared)
+
+
 def own(window: Window, events: Events) -> Events:
     """Return the events that the window owns, without the halo."""
     start, stop = np.searchsorted(events.times_ns, [window.span.start_ns, window.span.stop_ns])

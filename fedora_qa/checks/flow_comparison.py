@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow_intervals import Interval, PoseTrack
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_motion_fit import (
     Evidence,
     FlowSample,
@@ -96,9 +97,7 @@ def compare_field(
     columns, rows, depths_m, flow = lattice.columns, lattice.rows, lattice.depths_m, lattice.flow_px
     bound = rounding_px(K, motion, columns, rows, depths_m, flow)
     if not is_noisy(noise):
-        bound = bound + _interpolation_px(
-        K, track, interval, motion, sample
-    )
+        bound = bound + _interpolation_px(K, track, interval, motion, sample)
     sample = replace(sample, sigma_px=float(np.sqrt(np.nanmean(bound**2))))
     fit = fit_motion(K, motion, sample) if is_noisy(noise) else None
     predicted = rigid_flow(K, fit.motion if fit else motion, columns, rows, depths_m)
@@ -180,20 +179,24 @@ def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | No
     return track.covariance(interval.start_ns, interval.end_ns, sigma_m, sigma_rad)
 
 
-def templates_of(track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample) -> Float64:
-    """Return the templates of the small faults for one field."""
+def templates_of(
+    track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample, correction: Float64
+) -> Float64:
+    """Return the templates of the small faults for one field, about a corrected motion."""
 
     def remounted(rotation_rad: Float64, shift_m: Float64) -> RigidMotion:
         T_body_camera = track.camera.T_body_camera.copy()
         T_body_camera[:3, :3] = T_body_camera[:3, :3] @ exp(-rotation_rad)
         T_body_camera[:3, 3] -= shift_m
-        return track.mounted(T_body_camera).motion(interval.start_ns, interval.end_ns) or motion
+        remounted_motion = track.mounted(T_body_camera).motion(interval.start_ns, interval.end_ns) or motion
+        return remounted_motion.corrected(correction)
 
     def delayed(seconds: float) -> RigidMotion | None:
-        shift_ns = round(seconds * 1e9)
-        return track.motion(interval.start_ns + shift_ns, interval.end_ns + shift_ns)
+        shift_ns = round(seconds * NS_PER_S)
+        delayed_motion = track.motion(interval.start_ns + shift_ns, interval.end_ns + shift_ns)
+        return None if delayed_motion is None else delayed_motion.corrected(correction)
 
-    return small_fault_templates(track.camera.K, motion, sample, remounted, delayed)
+    return small_fault_templates(track.camera.K, motion.corrected(correction), sample, remounted, delayed)
 
 
 def _repeats(window: Window, interval: Interval, frame: int) -> Literal["", "flow", "depth"]:
@@ -229,7 +232,7 @@ def _examined(
 ) -> FieldError:
     """Add what diagnosis needs: the small faults' evidence, and the best correction whatever the noise."""
     covariance = field_covariance(track, result.interval, noise)
-    templates = templates_of(track, result.interval, motion, sample)
+    templates = templates_of(track, result.interval, motion, sample, fit.twist if fit else np.zeros(6))
     evidence = weigh_templates(track.camera.K, motion, sample, templates, fit, covariance)
     free = fit or fit_motion(track.camera.K, motion, sample)
     if free is None:

@@ -159,7 +159,7 @@ def _geometry(window: Window, interval: Interval) -> tuple[Float64, RigidMotion,
 def _best_motion(
     window: Window, track: PoseTrack, interval: Interval, frame: int, motion: RigidMotion
 ) -> tuple[RigidMotion, float]:
-    """Correct a noisy motion by the flow where the correction is no larger than the noise; six numbers hide no fault."""
+    """Correct a noisy motion by the flow, where that takes no more than the noise; six numbers hide no local fault."""
     noise = window.facts.declared.pose
     if noise is None or not is_noisy(noise):
         return motion, 0.0

@@ -10,12 +10,16 @@ from fedora_qa.checks.flow_comparison import FieldError, compare_field, is_noisy
 from fedora_qa.checks.flow_geometry_suspects import geometry_suspects
 from fedora_qa.checks.flow_hypotheses import Weighed, weigh_hypotheses
 from fedora_qa.checks.flow_intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
+from fedora_qa.checks.flow_suspects import spreads_over
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 
 _CLOSER_LOOKS: Final = 8
+
+_UNMOVED: Final = 0.01
+"""Squared corrections below this share of their expectation are none: the flow knows the noise."""
 
 _MATTERS_PX: Final = 0.1
 """An endpoint error that no use of the flow would notice."""
@@ -120,12 +124,13 @@ class Endpoint(WindowCheck[WindowErrors]):
         by_stream = {s: [f for f in fields if f.interval.stream == s] for s in facts.flow_streams}
         by_stream = {stream: group for stream, group in by_stream.items() if group}
         off = {stream: _suspicion(group) > 1 for stream, group in by_stream.items()}
+        unmoved = {stream: _squares_ratio(group) < _UNMOVED for stream, group in by_stream.items()}
         measurements: list[Measured] = []
         for stream, group in by_stream.items():
             suspects = geometry_suspects(stream, group, weighed, off, noise)
             measurements += [_typical(stream, group, facts, suspects), _worst(stream, group, facts, suspects)]
             if noise and is_noisy(noise):
-                measurements += _correction(stream, group, facts, suspects)
+                measurements += _correction(stream, group, facts, suspects, unmoved)
         notices = () if noise else (_noise_not_declared(),)
         return Observation(coverage, tuple(measurements), notices)
 
@@ -171,21 +176,30 @@ def _worst(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: tu
 
 
 def _correction(
-    stream: str, fields: Sequence[FieldError], facts: Facts, suspects: tuple[Suspect, ...]
+    stream: str,
+    fields: Sequence[FieldError],
+    facts: Facts,
+    suspects: tuple[Suspect, ...],
+    unmoved: Mapping[str, bool],
 ) -> list[Measured]:
     """Hold the corrections of every second field (no pose in common) to the declared noise.
 
     With Q chi-square of n degrees of freedom, (Q/n)^(1/3) is normal about 1 - 2/(9n) with variance 2/(9n) (Wilson and
     Hilferty, PNAS 17 (1931) 684; at n = 6 its five-sigma tails are right within a factor of three).
     """
-    tested = [field for field in fields if field.twist_dof > 0 and field.interval.row % 2 == 0]
-    dof = sum(field.twist_dof for field in tested)
+    tested = _independent(fields)
     if not tested:
         return []
-    spread = 2 / (9 * dof)
-    ratio = float(np.cbrt(sum(field.twist_chi2 for field in tested) / dof))
+    spread = 2 / (9 * sum(field.twist_dof for field in tested))
+    ratio = float(np.cbrt(_squares_ratio(fields)))
     if ratio < 1 - spread:
-        suspects = (Suspect("flow_from_noisy_pose", stream, 0.95), Suspect("noise_misdeclared", "pose", 0.5))
+        from_noisy = 0.95 if unmoved[stream] else 0.3
+        suspects = (
+            Suspect("flow_from_noisy_pose", spreads_over(stream, unmoved), from_noisy),
+            Suspect("noise_misdeclared", "pose", 0.9 - from_noisy / 2, 100 * (1 / ratio**1.5 - 1) if ratio else None),
+        )
+    elif not suspects or suspects[0].cause in ("unknown", "noise_misdeclared"):
+        suspects = (Suspect("noise_misdeclared", "pose", 0.9, 100 * (1 / ratio**1.5 - 1), "percent"), *suspects)
     return [
         Measured(
             name=f"{stream} pose_correction",
@@ -200,6 +214,18 @@ def _correction(
             suspects=suspects,
         )
     ]
+
+
+def _independent(fields: Sequence[FieldError]) -> list[FieldError]:
+    """Return every second field of those that were held to the noise: their intervals share no pose."""
+    return [field for field in fields if field.twist_dof > 0 and field.interval.row % 2 == 0]
+
+
+def _squares_ratio(fields: Sequence[FieldError]) -> float:
+    """Return the squared corrections over their expectation; 1 where none was tested."""
+    tested = _independent(fields)
+    dof = sum(field.twist_dof for field in tested)
+    return sum(field.twist_chi2 for field in tested) / dof if dof > 0 else 1.0
 
 
 def _where(fields: Sequence[FieldError], facts: Facts) -> Where:

@@ -20,6 +20,9 @@ from fedora_qa.sequence.window import PoseSamples, Window
 Float64 = NDArray[np.float64]
 
 _SHIFTS_PX: Final = (-8, -4, -3, -2, -1, 1, 2, 3, 4, 8)
+_DEPTH_RANGE_M: Final = (0.05, 1000.0)
+"""Where depths lie in metres when nothing is declared."""
+
 _ANOTHER_CONVENTION_RAD: Final = 0.7
 """Mountings that lie closer to straight ahead are turned, not written in another convention."""
 
@@ -77,14 +80,14 @@ def weigh_hypotheses(window: Window, track: PoseTrack, interval: Interval, frame
 def _hypotheses(
     window: Window, track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, frame: int
 ) -> Iterator[_Hypothesis]:
-    yield from _of_the_values(window, interval, sample, motion)
+    yield from _of_the_values(window, track, interval, sample, motion)
     yield from _of_the_interval(window, track, interval)
     yield from _of_the_depth(window, track, sample, motion, frame)
-    yield from _of_the_pose(track, interval, sample)
+    yield from _of_the_pose(window, track, interval, sample)
 
 
 def _of_the_values(
-    window: Window, interval: Interval, sample: FlowSample, motion: RigidMotion
+    window: Window, track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion
 ) -> Iterator[_Hypothesis]:
     """Undo what may have happened to the stored numbers, and to the grid that they lie on."""
     flow, seconds = sample.flow_px, interval.duration_s
@@ -102,6 +105,11 @@ def _of_the_values(
         yield undone("flow_unit", flow * seconds, 1 / seconds)
         yield undone("flow_unit", flow / seconds, seconds)
     yield undone("flow_unit", flow * (width, height), 1 / width)
+    recomputed = rigid_flow(track.camera.K, motion, sample.columns, sample.rows, sample.depths_m)
+    ratio = float(np.nansum(flow * recomputed) / max(float(np.nansum(recomputed**2)), 1e-300))
+    for factor in (ratio, 2.0, 0.5):
+        if factor > 0:
+            yield undone("flow_gain", flow / factor, 100 * (factor - 1))
     for mirrored in (stored[row, width - 1 - column], stored[height - 1 - row, column]):
         for signs in ((1, 1), (-1, 1), (1, -1)):
             yield undone("mirrored", mirrored * np.array(signs))
@@ -140,8 +148,9 @@ def _of_the_depth(
     K = track.camera.K
     slopes = ((sample.columns - K[0, 2]) / K[0, 0], (sample.rows - K[1, 2]) / K[1, 1])
     yield undone("depth_ray_not_z", sample.depths_m / np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2))
-    yield undone("unit_mm_m", sample.depths_m * MM_PER_M, 1 / MM_PER_M)
-    yield undone("unit_mm_m", sample.depths_m / MM_PER_M, MM_PER_M)
+    if not _plausible(window, sample):
+        yield undone("unit_mm_m", sample.depths_m * MM_PER_M, 1 / MM_PER_M)
+        yield undone("unit_mm_m", sample.depths_m / MM_PER_M, MM_PER_M)
     column, row = sample.columns.astype(int), sample.rows.astype(int)
     stored = window.depth_m(frame)
     width = stored.shape[1]
@@ -157,7 +166,13 @@ def _of_the_depth(
             yield undone("swapped_frames", depths_m, float(abs(frames)))
 
 
-def _of_the_pose(track: PoseTrack, interval: Interval, sample: FlowSample) -> Iterator[_Hypothesis]:
+def _plausible(window: Window, sample: FlowSample) -> bool:
+    """Whether depths lie about where they are declared: flow alone cannot tell small depths from large positions."""
+    nearest_m, farthest_m = window.facts.declared.depth_range_m or _DEPTH_RANGE_M
+    return 0.5 * nearest_m <= float(np.median(sample.depths_m)) <= 2 * farthest_m
+
+
+def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: FlowSample) -> Iterator[_Hypothesis]:
     """Undo what may have happened to the pose and to the camera's mounting."""
 
     def turned(order: tuple[int, ...], signs: tuple[int, ...]) -> PoseTrack:
@@ -176,7 +191,7 @@ def _of_the_pose(track: PoseTrack, interval: Interval, sample: FlowSample) -> It
     for cause, stream, corrected, magnitude in (
         ("quaternion_inverted", "pose", turned((0, 1, 2, 3), (-1, -1, -1, 1)), None),
         ("quaternion_order", "pose", turned((1, 2, 3, 0), (1, 1, 1, 1)), None),
-        ("unit_mm_m", "pose", moved(np.eye(3) / MM_PER_M), MM_PER_M),
+        ("unit_mm_m", "pose", moved(np.eye(3) / MM_PER_M) if _plausible(window, sample) else None, MM_PER_M),
         ("axes_swapped", "pose", moved(np.eye(3)[[1, 0, 2]]), None),
         ("frame_convention", "pose", _from_north_east_down(track), None),
         ("frame_convention", "metadata", track.mounted(inverse), None),
@@ -204,8 +219,8 @@ def _from_north_east_down(track: PoseTrack) -> PoseTrack:
 
 
 def _step_ns(clock: Clock) -> float:
-    steps_ns = np.diff(clock.times_ns[clock.advancing])
-    return float(np.median(steps_ns)) if len(steps_ns) else 0.0
+    times_ns = clock.times_ns[clock.advancing]
+    return float(np.median(np.diff(times_ns))) if len(times_ns) > 1 else 0.0
 
 
 def _at(depth_m: NDArray[np.float32], columns: NDArray[np.int_], rows: NDArray[np.int_]) -> Float64:

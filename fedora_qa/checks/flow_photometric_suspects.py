@@ -5,12 +5,14 @@ from typing import Final
 
 import numpy as np
 
+from fedora_qa.checks.flow_comparison import is_noisy
 from fedora_qa.checks.flow_hypotheses import Weighed
 from fedora_qa.checks.flow_residuals import FieldResidual
 from fedora_qa.checks.flow_suspects import gain_suspect, gross_suspects, most_probable, spreads_over, weakened
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.estimators.flow_field_fit import GAIN, MEAN, SHIFT, gain_of_true
 from fedora_qa.estimators.flow_motion_fit import sum_of
+from fedora_qa.sequence.declared import PoseModel
 
 _SAME_GAIN: Final = 0.1
 """Gains near the capture range are known no better."""
@@ -22,6 +24,7 @@ def photometric_suspects(
     weighed: Sequence[Weighed],
     off: Mapping[str, bool],
     fields_off: Sequence[FieldResidual],
+    noise: PoseModel | None,
 ) -> tuple[Suspect, ...]:
     """Return the suspects for one rate against the frames, most probable first."""
     flow = spreads_over(stream, off)
@@ -32,6 +35,8 @@ def photometric_suspects(
         return most_probable(small) or (Suspect("unknown", flow, 0.1),)
     unmatched = sum(one.unmatched for one in fields) / max(sum(one.textured for one in fields), 1)
     small = weakened(small, 0.4 if local else 0.8 * (1 - unmatched))
+    if noise and is_noisy(noise):
+        small.append(Suspect("flow_from_noisy_pose", flow, 0.9 * _by_own_mean(fields)))
     others = tuple(Suspect(cause, flow if stream == "flow" else stream, _WEAK) for cause, stream in _OTHERS)
     return most_probable([*gross, *small]) + others
 
@@ -53,6 +58,17 @@ _OTHERS: Final = tuple(
     for cause in causes
 )  # fmt: skip
 """What leads the flow to other places than the frames."""
+
+
+def _by_own_mean(fields: Sequence[FieldResidual]) -> float:
+    """Return how much of what is explained falls to each field's own mean and no common one, as pose noise makes it."""
+    evidences = [one.evidence for one in fields if one.evidence]
+    if not evidences:
+        return 0.0
+    own = sum(one.explained_by(MEAN)[1] * one.total for one in evidences)
+    common = sum_of(evidences).explained_by(MEAN)[1] * sum(one.total for one in evidences)
+    everything = sum(one.explained_by(slice(None))[1] * one.total for one in evidences)
+    return max(own - common, 0.0) / everything if everything > 0 else 0.0
 
 
 def _small(fields: Sequence[FieldResidual], flow: str) -> list[Suspect]:

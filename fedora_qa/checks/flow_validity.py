@@ -25,10 +25,10 @@ _SIGMAS: Final = 8.0
 
 @dataclass(frozen=True, slots=True)
 class FieldPattern:
-    """Wrong pixels of one field: values where there can be none (zero among them, or behind the camera), infinite ones,
-    and values missing.
+    """Wrong pixels of one field; ``pixel`` is the first, (column, row).
 
-    ``pixel`` is the first wrong one, (column, row).
+    ``unfounded`` values stand where there can be none: ``unfounded_zero`` of them are zero, ``behind`` of them belong to
+    points that fall behind the camera.
     """
 
     interval: Interval

@@ -52,29 +52,27 @@ class Noise(WindowCheck[ImuSamples]):
         model = facts.declared.imu or ImuModel()
         root_rate = float(np.sqrt(NS_PER_S / np.median(np.diff(imu.times_ns))))
         rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
-        sensors = (
-            ("gyro", "rad/s", gyro, model.gyro_noise_density, rates, {"unit_deg_rad": _DEGREES}),
-            ("accelerometer", "m/s^2", accel, model.accel_noise_density, forces, {}),
+        gyro_noise = noise_against_declared(
+            "gyro",
+            "rad/s",
+            gyro,
+            root_rate * model.gyro_noise_density,
+            _floor(imu.times_ns, rates),
+            "imu.noise",
+            "imu",
+            units={"unit_deg_rad": _DEGREES},
         )
-        return Observation(
-            seen,
-            (
-                *(
-                    noise_against_declared(
-                        name,
-                        unit,
-                        level,
-                        density * root_rate,
-                        _floor(imu.times_ns, values),
-                        "imu.noise",
-                        "imu",
-                        units=units,
-                    )
-                    for name, unit, level, density, values, units in sensors
-                ),
-                _stops(facts, imu),
-            ),
+        accel_noise = noise_against_declared(
+            "accelerometer",
+            "m/s^2",
+            accel,
+            root_rate * model.accel_noise_density,
+            _floor(imu.times_ns, forces),
+            "imu.noise",
+            "imu",
+            units={},
         )
+        return Observation(seen, (gyro_noise, accel_noise, _stops(facts, imu)))
 
 
 def _floor(times_ns: NDArray[np.int64], values: Float64) -> float:

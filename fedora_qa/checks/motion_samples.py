@@ -5,6 +5,7 @@ then sees exactly what the file holds, and cuts between windows change nothing.
 """
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,11 @@ from fedora_qa.sequence.window import ImuSamples, PoseSamples, Window
 
 Float64 = NDArray[np.float64]
 
-NOISE_ORDER = 8
+NOISE_ORDER: Final = 8
 """Order of differences that tell noise from motion: a motion of 3 Hz and 1 rad leaves 5e-11 rad at 200 samples/s."""
+
+_RADIANS_PER_COMPONENT: Final = 2.0
+"""A quaternion holds half angles: an error of a component turns by twice as much."""
 
 
 def owned_poses(window: Window) -> PoseSamples | None:
@@ -35,12 +39,12 @@ def owned_imu(window: Window) -> ImuSamples | None:
 
 
 def join_poses(parts: Sequence[PoseSamples]) -> PoseSamples:
-    """Return the poses of all windows that are finite and have a direction, normalised."""
+    """Return the poses of all windows that are finite, quaternions of nonzero length as they are stored."""
     if not parts:
         return PoseSamples(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 4)))
     positions_m = np.concatenate([part.positions_world_m for part in parts])
-    q = so3.normalise(np.concatenate([part.orientations_xyzw for part in parts]))
-    good = np.isfinite(positions_m).all(axis=1) & np.isfinite(q).all(axis=1)
+    q = np.concatenate([part.orientations_xyzw for part in parts])
+    good = np.isfinite(positions_m).all(axis=1) & np.isfinite(so3.normalise(q)).all(axis=1)
     return PoseSamples(np.concatenate([part.times_ns for part in parts])[good], positions_m[good], q[good])
 
 
@@ -76,8 +80,8 @@ def inertial_samples(imu: ImuSamples, poses: PoseSamples, model: ImuModel) -> In
     )
 
 
-def inertial_noise(imu: ImuModel, pose: PoseModel) -> InertialNoise:
-    """Return the declared noise of both streams."""
+def inertial_noise(imu: ImuModel, pose: PoseModel, poses: PoseSamples) -> InertialNoise:
+    """Return the declared noise of both streams, and how coarsely the poses are stored."""
     return InertialNoise(
         gyro_density=imu.gyro_noise_density,
         accel_density=imu.accel_noise_density,
@@ -85,6 +89,8 @@ def inertial_noise(imu: ImuModel, pose: PoseModel) -> InertialNoise:
         accel_walk=imu.accel_bias_walk,
         position_sigma_m=pose.position_sigma_m,
         rotation_sigma_rad=pose.rotation_sigma_rad,
+        position_rounding_m=stored_resolution(poses.positions_world_m),
+        rotation_rounding_rad=_RADIANS_PER_COMPONENT * stored_resolution(poses.orientations_xyzw),
         gravity_m_s2=imu.gravity,
     )
 
@@ -122,7 +128,7 @@ def rotation_floor_rad(poses: PoseSamples) -> float:
     steps_s = np.diff(poses.times_ns) / NS_PER_S
     pairs = np.arange(len(steps_s))[:, None] + np.arange(2)
     turns_rad = np.linalg.norm(Orientations(poses.orientations_xyzw).seen(pairs, 0)[:, 1], axis=1)
-    return _scatter(turns_rad / steps_s, 2.0 * stored_resolution(poses.orientations_xyzw))
+    return _scatter(turns_rad / steps_s, _RADIANS_PER_COMPONENT * stored_resolution(poses.orientations_xyzw))
 
 
 def _scatter(speeds: Float64, resolution: float) -> float:

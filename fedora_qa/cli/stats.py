@@ -15,18 +15,11 @@ from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.stats_tables import NOTES, StatsTable, tables_of
 from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.config import parse_bytes
-from fedora_qa.engine.decode import BlockDecoder
-from fedora_qa.engine.stream import measure
-from fedora_qa.engine.windows import cut_windows, window_length_ns
+from fedora_qa.engine.statistics import collect_statistics
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
-from fedora_qa.sequence.scan import scan
-from fedora_qa.sequence.sequence import open_sequence
-from fedora_qa.sequence.window import Sampling
-from fedora_qa.statistics.collector import Statistics, StatisticsCollector
-
-_CACHE_SHARE = 0.4
+from fedora_qa.statistics.collector import Statistics
 
 
 @click.command(short_help="Print the sequence and flow tables of files.")
@@ -54,16 +47,8 @@ def stats(
 
 
 def _statistics_of(path: Path, dialect: Dialect | None, memory_bytes: int) -> Statistics:
-    """Hand every window of a file to the collector alone."""
-    collector = StatisticsCollector()
-    with open_sequence(path, dialect) as sequence, progress_bar(path.name) as report:
-        scanned = scan(sequence, window_length_ns(sequence))
-        decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * memory_bytes))
-        spans = cut_windows(scanned)
-        states = measure([collector], spans, scanned.facts, decoder, Sampling(), report)
-    if collector.name in states.crashes:
-        raise RuntimeError(states.crashes[collector.name].strip().splitlines()[-1])
-    return collector.conclude(states.states[collector.name], scanned.facts)
+    with progress_bar(path.name) as report:
+        return collect_statistics(path, dialect, memory_bytes, report)
 
 
 def _as_json(found: Mapping[str, Statistics]) -> str:

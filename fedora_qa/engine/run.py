@@ -11,26 +11,22 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks import CHECKS
 from fedora_qa.checks.protocol import Check, Observation
-from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.digest import Digest, file_digest
 from fedora_qa.engine.outcomes import crashed, crossing_streams, not_applicable, why_not_applicable
 from fedora_qa.engine.plan import Effort, make_plan
-from fedora_qa.engine.stream import Progress, States, conclude, look_again, measure
+from fedora_qa.engine.prepare import prepare
+from fedora_qa.engine.stream import Progress, States, attempt, conclude, look_again, measure
 from fedora_qa.engine.unreadable import unreadable_record
-from fedora_qa.engine.windows import cut_windows, window_length_ns
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.judgement.diagnosis import diagnose
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.judgement.tolerances import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.record.types import FileRecord, Result, Scalar, Verdict
-from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 from fedora_qa.statistics.collector import StatisticsCollector
 
 _MEBIBYTE = 1 << 20
-_CACHE_SHARE = 0.4
-"""Share of the memory limit that decoded blocks may fill; the rest is for what the checks compute."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,25 +126,24 @@ def _check_open(
 ) -> FileRun:
     with watch.stage("stamps"):
         progress("reading stamps", 0, 1)
-        scanned = scan(sequence, window_length_ns(sequence))
-        facts = scanned.facts
-        spans = cut_windows(scanned)
-    plan = make_plan(options.effort, len(spans))
+        ready = prepare(sequence, options.memory_bytes)
+    facts = ready.facts
+    plan = make_plan(options.effort, len(ready.spans))
     reasons = {check.name: why_not_applicable(check, facts) for check in checks}
     asked = [check for check in checks if not reasons[check.name]]
-    decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * options.memory_bytes))
-    chosen = [spans[number] for number in plan.chosen]
-    statistics = StatisticsCollector()
+    chosen = [ready.spans[number] for number in plan.chosen]
+    collector = StatisticsCollector()
     with watch.stage("measuring"):
-        states = measure([*asked, statistics], chosen, facts, decoder, plan.sampling, progress)
+        states = measure([*asked, collector], chosen, facts, ready.decoder, plan.sampling, progress)
     with watch.stage("second look"):
-        look_again(asked, states, chosen, facts, decoder, plan.sampling, progress)
+        look_again(asked, states, chosen, facts, ready.decoder, plan.sampling, progress)
     with watch.stage("judgement"):
         observations = conclude(asked, states, facts)
         judged = judge(observations, asked, options.false_alarm_rate)
         diagnoses = diagnose([alarm for one in judged for alarm in one.alarms])
+    with watch.stage("statistics"):
+        tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
     results = _in_order(checks, judged, states, reasons)
-    tables = {} if statistics.name in states.crashes else statistics.conclude(states.states[statistics.name], facts)
     record = FileRecord(
         path=str(sequence.path),
         size=sequence.path.stat().st_size,
@@ -156,7 +151,7 @@ def _check_open(
         digest_kind=digest.kind,
         dialect=sequence.layout.dialect_name,
         inferred=_inferred(sequence, observations),
-        statistics=tables,
+        statistics=tables or {},
         verdict=verdict_of(results, crossing_streams(checks)),
         results=results,
         diagnoses=diagnoses,
@@ -164,7 +159,7 @@ def _check_open(
     )
     arrays = {name: array for one in observations.values() for name, array in one.evidence.items()}
     seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
-    return FileRun(record, arrays, seconds, decoder.decoded_bytes)
+    return FileRun(record, arrays, seconds, ready.decoder.decoded_bytes)
 
 
 def _in_order(

@@ -8,13 +8,16 @@ import time
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from functools import partial
+from typing import Any, Protocol, TypeVar
 
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import RowSource, Sampling, Span, Window
+
+T = TypeVar("T")
 
 Progress = Callable[[str, int, int], None]
 """Called with what is going on, how much is done, and of how much."""
@@ -56,11 +59,19 @@ def start(checks: Iterable[Accumulator], facts: Facts) -> States:
     """Return the states that have seen nothing."""
     states = States({})
     for check in checks:
-        try:
-            states.states[check.name] = check.start(facts)
-        except Exception:  # noqa: BLE001 - a check that fails becomes an outcome, never the end of the run
-            states.crashes[check.name] = traceback.format_exc()
+        states.states[check.name] = attempt(states, check.name, partial(check.start, facts))
     return states
+
+
+def attempt(states: States, name: str, call: Callable[[], T]) -> T | None:
+    """Return what a call into a check gives, or None after noting its crash, or where it has crashed before."""
+    if name in states.crashes:
+        return None
+    try:
+        return call()
+    except Exception:  # noqa: BLE001 - a check that fails becomes an outcome, never the end of the run
+        states.crashes[name] = traceback.format_exc()
+        return None
 
 
 def measure(
@@ -114,36 +125,30 @@ def conclude(checks: Iterable[Check[Any]], states: States, facts: Facts) -> dict
     """Let each check that did not crash state what it measured."""
     observations: dict[str, Observation] = {}
     for check in checks:
-        if check.name not in states.crashes:
-            try:
-                observations[check.name] = check.conclude(states.states[check.name], facts)
-            except Exception:  # noqa: BLE001 - a check that fails becomes an outcome, never the end of the run
-                states.crashes[check.name] = traceback.format_exc()
+        state = states.states.get(check.name)
+        observation = attempt(states, check.name, partial(check.conclude, state, facts))
+        if observation is not None:
+            observations[check.name] = observation
     return observations
 
 
 def _show(window: Window, tasks: Iterable[tuple[str, Callable[[Any, Window], None]]], states: States) -> None:
     for name, see in tasks:
-        if name in states.crashes:
-            continue
         began = time.perf_counter()
-        try:
-            see(states.states[name], window)
-        except UnreadableRowsError:
-            states.missed[name] = states.missed.get(name, 0) + 1
-        except Exception:  # noqa: BLE001 - a check that fails becomes an outcome, never the end of the run
-            states.crashes[name] = traceback.format_exc()
+        attempt(states, name, partial(_see, states, name, see, window))
         states.seconds[name] = states.seconds.get(name, 0.0) + time.perf_counter() - began
 
 
-def _wanted(check: Check[Any], states: States, facts: Facts) -> tuple[int, ...]:
-    if check.name in states.crashes:
-        return ()
+def _see(states: States, name: str, see: Callable[[Any, Window], None], window: Window) -> None:
     try:
-        return check.look_again_at(states.states[check.name], facts)
-    except Exception:  # noqa: BLE001 - a check that fails becomes an outcome, never the end of the run
-        states.crashes[check.name] = traceback.format_exc()
-        return ()
+        see(states.states[name], window)
+    except UnreadableRowsError:
+        states.missed[name] = states.missed.get(name, 0) + 1
+
+
+def _wanted(check: Check[Any], states: States, facts: Facts) -> tuple[int, ...]:
+    state = states.states.get(check.name)
+    return attempt(states, check.name, partial(check.look_again_at, state, facts)) or ()
 
 
 def _in_turn(wanted: dict[str, tuple[int, ...]], budget: int) -> set[int]:

@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
 from fedora_qa.sequence.scan import Scan
 from fedora_qa.sequence.sequence import Sequence
@@ -54,18 +55,22 @@ def cut_windows(scan: Scan) -> tuple[Span, ...]:
 
 
 def _image_bytes_per_s(sequence: Sequence) -> float:
-    """Estimate decoded image bytes per second from the median step of each stream's stamps."""
-    total = 0.0
-    for stream in sequence.layout.streams & set(STAMPS_OF) - {"events"}:
-        images = [spec for spec in DATASETS.values() if spec.stream == stream and spec.is_image]
-        stamps_key = STAMPS_OF[stream]
-        rows = sequence.layout.bindings[stamps_key].rows
-        if not images or rows < 2:
-            continue
-        stamps = sequence.rows(stamps_key, 0, min(rows, 1000))
-        step_ns = float(np.median(np.diff(stamps.reshape(len(stamps), -1)[:, 0])))
-        if step_ns > 0:
-            shape = sequence.layout.bindings[images[0].key].shape
-            row_bytes = int(np.prod(shape[1:], dtype=np.int64)) * np.dtype(images[0].dtype).itemsize
-            total += row_bytes * min(NS_PER_S / step_ns, rows)
-    return total
+    """Estimate decoded image bytes per second from the median step of each stream's first stamps."""
+    return sum(_stream_bytes_per_s(sequence, stream) for stream in sorted(sequence.layout.streams & set(STAMPS_OF)))
+
+
+def _stream_bytes_per_s(sequence: Sequence, stream: str) -> float:
+    images = [spec for spec in DATASETS.values() if spec.stream == stream and spec.is_image]
+    rows = sequence.layout.bindings[STAMPS_OF[stream]].rows
+    if not images or rows < 2:
+        return 0.0
+    try:
+        stamps = sequence.rows(STAMPS_OF[stream], 0, min(rows, 1000))
+    except UnreadableRowsError:
+        return 0.0
+    step_ns = float(np.median(np.diff(stamps.reshape(len(stamps), -1)[:, 0])))
+    if step_ns <= 0:
+        return 0.0
+    shape = sequence.layout.bindings[images[0].key].shape
+    row_bytes = int(np.prod(shape[1:], dtype=np.int64)) * np.dtype(images[0].dtype).itemsize
+    return row_bytes * min(NS_PER_S / step_ns, rows)

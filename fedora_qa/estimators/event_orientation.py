@@ -36,7 +36,7 @@ class Moments:
 
     def frame_variance(self) -> float:
         """Return the variance of d (of the first row)."""
-        n, d, _, dd, _, _ = self.sums[0]
+        n, d, _, dd, *_ = self.sums[0]
         return max(float(dd - d * d / max(n, 1.0)), 0.0) / max(float(n), 1.0)
 
 

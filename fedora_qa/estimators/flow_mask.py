@@ -43,7 +43,7 @@ def inverse_depth(depth_m: Float32) -> Float32:
 
 def edges(inverse_depth_per_m: Float32) -> NDArray[np.uint8]:
     """Return 1 within 3 px of an edge of the depth, of an invalid pixel or of the border, else 0; (H, W)."""
-    laplacian: Float32 = cv2.Laplacian(inverse_depth_per_m, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)
+    laplacian = np.asarray(cv2.Laplacian(inverse_depth_per_m, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE))
     edge = (np.abs(laplacian) > np.float32(EDGE) * inverse_depth_per_m) | (inverse_depth_per_m <= 0)
     return _widened(edge)
 
@@ -70,7 +70,8 @@ def seen_in_both(
         How far the motion may misplace a pixel. Where the inverse depth slopes, so much is its value uncertain.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        X1, Y1, Z1 = moved_points(K, motion, columns, rows, 1.0 / inverse_depth0)
+        pixels = (values.astype(np.float64) for values in (columns, rows, 1.0 / inverse_depth0))
+        X1, Y1, Z1 = moved_points(K, motion, *pixels)
         x1 = ((K[0, 0] * X1 + K[0, 1] * Y1) / Z1 + K[0, 2]).astype(np.float32)
         y1 = (K[1, 1] * Y1 / Z1 + K[1, 2]).astype(np.float32)
     height, width = inverse_depth1.shape
@@ -125,5 +126,5 @@ def _widened(edge: Mask) -> NDArray[np.uint8]:
     border = slice(_BORDER_PX - _WIDENED_PX // 2, _WIDENED_PX // 2 - _BORDER_PX)
     framed = np.ones_like(edge)
     framed[border, border] = edge[border, border]
-    widened: NDArray[np.uint8] = cv2.dilate(framed.astype(np.uint8), np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8))
-    return widened
+    kernel = np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8)
+    return np.asarray(cv2.dilate(framed.astype(np.uint8), kernel), dtype=np.uint8)

@@ -114,7 +114,7 @@ class Evidence:
     def explained_by(self, columns: slice) -> tuple[Float64, float]:
         """Return the fitted sizes of some faults taken alone, and the share of the residuals they explain."""
         matrix, vector = self.matrix[columns, columns], self.vector[columns]
-        sizes = np.linalg.lstsq(matrix, vector, rcond=1e-9)[0]
+        sizes: Float64 = np.asarray(np.linalg.lstsq(matrix, vector, rcond=1e-9)[0], dtype=np.float64)
         share = float(vector @ sizes) / self.total if self.total > 0 else 0.0
         return sizes, share
 

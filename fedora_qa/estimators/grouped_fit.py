@@ -19,6 +19,9 @@ Float64 = NDArray[np.float64]
 SELECTION_TAIL: Final = 1e-9
 """Probability that chance alone frees a group: that of six standard errors, below a file's false-alarm rate."""
 
+_LEAST_INFORMATION: Final = 1e-12
+"""Of a direction, in units of the best known one, after scaling to unit diagonal."""
+
 FEWEST_BLOCKS: Final = 4
 """Fewer blocks say nothing about their spread."""
 
@@ -77,6 +80,15 @@ class Fitted:
     model_error: float
     free: bool
     explained: Mapping[str, float]
+
+
+def _inverse(normal: Float64) -> Float64:
+    """Invert normal equations. Directions that rounding cannot tell from unknown get the least information it can."""
+    scale = np.sqrt(np.diag(normal))
+    information, directions = np.linalg.eigh(normal / np.outer(scale, scale))
+    kept = np.maximum(information, _LEAST_INFORMATION * information[-1])
+    inverse: Float64 = (directions / kept) @ directions.T / np.outer(scale, scale)
+    return inverse
 
 
 def group_of(name: str) -> str:
@@ -148,7 +160,7 @@ class GroupedFit:
         self._normal = normal + np.diag(1.0 / np.square(parameters.largest))
         right = rights.sum(axis=0)
         self._right = right + normal @ linearised_at
-        misfit = squares - right @ np.linalg.solve(self._normal, right)
+        misfit = squares - right @ _inverse(self._normal) @ right
         rows = sum(block.count for block in blocks)
         self.misfit = float(np.sqrt(max(misfit, 0.0) / max(rows - count, 1)))
         """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
@@ -159,7 +171,7 @@ class GroupedFit:
         found: dict[str, Fitted] = {}
         for group in self.parameters.groups:
             columns = self._columns((*self.free, group) if group not in self.free else self.free)
-            inverse = np.linalg.inv(self._normal[np.ix_(columns, columns)])
+            inverse = _inverse(self._normal[np.ix_(columns, columns)])
             values = inverse @ self._right[columns]
             model_errors = np.abs(inverse @ self._model_right[columns])
             errors = self._standard_errors(columns, inverse, values)
@@ -176,12 +188,12 @@ class GroupedFit:
         values = np.zeros(len(self.parameters.names))
         columns = self._columns(self.free)
         if columns:
-            values[columns] = np.linalg.solve(self._normal[np.ix_(columns, columns)], self._right[columns])
+            values[columns] = _inverse(self._normal[np.ix_(columns, columns)]) @ self._right[columns]
         return values
 
     def values_of_all(self) -> Float64:
         """Return (P,) the values of all parameters fitted together."""
-        values: Float64 = np.linalg.solve(self._normal, self._right)
+        values: Float64 = _inverse(self._normal) @ self._right
         return values
 
     def _columns(self, groups: Sequence[str]) -> list[int]:
@@ -193,7 +205,7 @@ class GroupedFit:
         if not columns:
             return 0.0
         right = self._right[columns]
-        return float(right @ np.linalg.solve(self._normal[np.ix_(columns, columns)], right))
+        return float(right @ _inverse(self._normal[np.ix_(columns, columns)]) @ right)
 
     def _select(self) -> tuple[tuple[str, ...], dict[str, dict[str, float]]]:
         """Free groups, the one that explains most first, while that is far beyond chance.

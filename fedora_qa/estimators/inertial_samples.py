@@ -31,7 +31,8 @@ _BLOCKS: Final = 8
 class InertialNoise:
     """Noise as declared, in the units of the file's metadata, and gravity.
 
-    Densities are rad/s/sqrt(Hz) and m/s^2/sqrt(Hz), walks rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz).
+    Densities are rad/s/sqrt(Hz) and m/s^2/sqrt(Hz), walks rad/s^2/sqrt(Hz) and m/s^3/sqrt(Hz). Rounding is the step
+    of the numbers in which poses are stored.
     """
 
     gyro_density: float = 0.0
@@ -40,6 +41,8 @@ class InertialNoise:
     accel_walk: float = 0.0
     position_sigma_m: float = 0.0
     rotation_sigma_rad: float = 0.0
+    position_rounding_m: float = 0.0
+    rotation_rounding_rad: float = 0.0
     gravity_m_s2: float = STANDARD_GRAVITY_M_S2
 
     @property
@@ -60,7 +63,7 @@ class InertialSamples:
     imu_times_s, angular_velocities_body_rad_s, specific_forces_body_m_s2
         (M,), (M, 3), (M, 3).
     pose_times_s, positions_world_m, orientations_xyzw
-        (P,), (P, 3), (P, 4) unit, body to world.
+        (P,), (P, 3), (P, 4) body to world, of any nonzero length.
     """
 
     imu_times_s: Float64

@@ -55,7 +55,7 @@ class Vectors:
 
 @dataclass(frozen=True, slots=True)
 class Orientations:
-    """Unit quaternions (N, 4) x, y, z, w."""
+    """Quaternions (N, 4) x, y, z, w, of any nonzero length."""
 
     orientations_xyzw: Float64
 

@@ -88,7 +88,7 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     substeps = _substeps(imu_times_s, stops_s - starts_s)
     fine = rotation_increments(imu_times_s, gyro, starts_s, stops_s, substeps=substeps)
     sparse = every_second(len(imu_times_s))
-    coarse = rotation_increments(imu_times_s[sparse], gyro[sparse], starts_s, stops_s, substeps=substeps)
+    coarse = rotation_increments(imu_times_s[sparse], gyro[sparse], starts_s, stops_s, substeps=substeps // 2)
     by_pose = so3.compose(so3.inverse(samples.orientations_xyzw[:-1]), samples.orientations_xyzw[1:])
     jacobians = _jacobians(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s), starts_s, stops_s)
     return Rows(
@@ -135,7 +135,9 @@ def _covariance(times_s: Float64, by_pose: Float64, noise: InertialNoise, poses:
     steps_s = np.diff(times_s)
     rates = np.linalg.norm(so3.log_quaternion(by_pose), axis=-1) / steps_s
     rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
-    variances = noise.rotation_sigma_rad**2 + stamp_scatter(rates) ** 2 + _ROUNDING_RAD**2
+    variances = (
+        noise.rotation_sigma_rad**2 + stamp_scatter(rates) ** 2 + noise.rotation_rounding_rad**2 + _ROUNDING_RAD**2
+    )
     own = variances[poses] + variances[poses + 1] + noise.gyro_density**2 * steps_s[poses]
     shared = np.zeros(len(poses))
     shared[1:] = np.where(np.diff(poses) == 1, -variances[poses[1:]], 0.0)
@@ -143,7 +145,8 @@ def _covariance(times_s: Float64, by_pose: Float64, noise: InertialNoise, poses:
 
 
 def _substeps(imu_times_s: Float64, steps_s: Float64) -> int:
-    """One substep a sample; at least two, so that the coning term sees the rate change."""
+    """One substep a sample, and an even number, so that twice as coarse ones estimate the error."""
     if not len(steps_s):
         return 2
-    return int(np.clip(np.ceil(np.median(steps_s) / np.median(np.diff(imu_times_s)) - 1e-6), 2, 64))
+    samples = float(np.median(steps_s)) / float(np.median(np.diff(imu_times_s)))
+    return 2 * int(np.clip(np.ceil(samples / 2 - 1e-6), 1, 32))

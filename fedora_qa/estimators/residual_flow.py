@@ -88,7 +88,7 @@ def tile_residuals(
     spread = np.maximum(_CORRELATED_PIXELS * left / np.maximum(count - 4, 1), floor)
     return TileResiduals(
         flow_errors_px=solution[:, :2],
-        noise_covariances_px2=floor * inverse[:, :2, :2],
+        noise_covariances_px2=np.asarray(floor * inverse[:, :2, :2], dtype=np.float64),
         covariances_px2=spread[:, None, None] * inverse[:, :2, :2],
         mismatch=squares / contrast,
         unexplained=left / contrast,
@@ -105,9 +105,11 @@ def _slope(patches: Float32, axis: int) -> Float32:
         inner[axis] = slice(HALO_PX + by, HALO_PX + by + size)
         return patches[tuple(inner)]
 
-    return (8 * (shifted(1) - shifted(-1)) - (shifted(2) - shifted(-2))) / np.float32(12)
+    slope = (8 * (shifted(1) - shifted(-1)) - (shifted(2) - shifted(-2))) / 12
+    return np.asarray(slope, dtype=np.float32)
 
 
 def _ridge(matrix: Float64) -> Float64:
     """Return a diagonal that keeps tiles without texture invertible; their covariance then tells that they are."""
-    return np.eye(4) * (1e-9 * np.trace(matrix, axis1=1, axis2=2) + 1e-9)[:, None, None]
+    ridge: Float64 = np.eye(4) * (1e-9 * np.trace(matrix, axis1=1, axis2=2) + 1e-9)[:, None, None]
+    return ridge

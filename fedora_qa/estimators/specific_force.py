@@ -153,7 +153,7 @@ def _covariance(samples: InertialSamples, noise: InertialNoise, poses: NDArray[n
     steps_s = np.diff(times_s)
     speeds = np.linalg.norm(np.gradient(positions_m, times_s, axis=0), axis=-1)
     rounding_m = _ROUNDING * np.spacing(np.maximum(np.abs(positions_m).max(axis=-1), 1e-3))
-    variances = noise.position_sigma_m**2 + stamp_scatter(speeds) ** 2 + rounding_m**2
+    variances = noise.position_sigma_m**2 + stamp_scatter(speeds) ** 2 + rounding_m**2 + noise.position_rounding_m**2
     force = float(np.median(np.linalg.norm(samples.specific_forces_body_m_s2, axis=-1)))
     turned_density_squared = (force * noise.rotation_sigma_rad) ** 2 * float(np.median(steps_s))
     density_squared = noise.accel_density**2 + turned_density_squared

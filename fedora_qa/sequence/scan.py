@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
+from fedora_qa.layout.canonical import STAMPS_OF
 from fedora_qa.sequence.facts import Clock, EventScan, Facts, IndexMap
 from fedora_qa.sequence.sequence import Sequence
 
@@ -230,9 +230,3 @@ def _spread_evenly(count: int, cells: Int64) -> Runs:
 
 def _exact_us(origin_ns: int) -> float:
     return origin_ns // 1000 if origin_ns % 1000 == 0 else origin_ns / 1000
-
-
-def row_bytes(sequence: Sequence, key: str) -> int:
-    """Return the bytes of one decoded row of a dataset."""
-    binding = sequence.layout.bindings[key]
-    return int(np.prod(binding.shape[1:], dtype=np.int64)) * np.dtype(DATASETS[key].dtype).itemsize

@@ -1,0 +1,30 @@
+"""What comes before the pass: stamps scanned, windows cut, decoding ready."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.engine.windows import cut_windows, window_length_ns
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.scan import scan
+from fedora_qa.sequence.sequence import Sequence
+from fedora_qa.sequence.window import Span
+
+_CACHE_SHARE: Final = 0.4
+"""Share of the memory limit that decoded blocks may fill; the rest is for what the checks compute."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A sequence ready to be measured."""
+
+    facts: Facts
+    spans: tuple[Span, ...]
+    decoder: BlockDecoder
+
+
+def prepare(sequence: Sequence, memory_bytes: int) -> Prepared:
+    """Scan the stamps of an open sequence and cut its windows."""
+    scanned = scan(sequence, window_length_ns(sequence))
+    decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * memory_bytes))
+    return Prepared(scanned.facts, cut_windows(scanned), decoder)

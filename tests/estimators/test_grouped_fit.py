@@ -1,0 +1,143 @@
+"""Grouped fits against dense generalised least squares."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.grouped_fit import BlockEquations, GroupedFit, Parameters, block_equations, group_of
+
+NAMES = ("offset", "slope_x", "slope_y", "slope_z")
+PARAMETERS = Parameters(NAMES, {"offset": (0,), "slope": (1, 2, 3)}, (1e3,) * 4)
+AT_ZERO = np.zeros(4)
+
+
+def banded(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The covariance of differences of white noise, as bands and dense."""
+    bands = np.array([np.full(count, -1.0), np.full(count, 2.5)])
+    dense = np.diag(bands[1]) + np.diag(bands[0, 1:], 1) + np.diag(bands[0, 1:], -1)
+    return bands, dense
+
+
+def rows(values: NDArray[np.float64], seed: int, count: int = 60) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Jacobians, and residuals with noise of the banded covariance."""
+    random = np.random.default_rng(seed)
+    jacobians = random.standard_normal((count, 3, len(values)))
+    noise = np.linalg.cholesky(banded(count)[1]) @ random.standard_normal((count, 3))
+    return jacobians, jacobians @ values + noise
+
+
+def blocks(values: NDArray[np.float64], number: int = 8, first_seed: int = 0) -> list[BlockEquations]:
+    made = []
+    for seed in range(first_seed, first_seed + number):
+        jacobians, residuals = rows(values, seed)
+        made.append(block_equations(residuals, jacobians, banded(60)[0], np.zeros_like(residuals)))
+    return made
+
+
+def test_all_parameters_together_are_generalised_least_squares() -> None:
+    """The joint solution is that of dense linear algebra."""
+    values = np.array([0.3, -0.2, 0.1, 0.5])
+    information, right = np.zeros((4, 4)), np.zeros(4)
+    weight = np.linalg.inv(banded(60)[1])
+    for seed in range(8):
+        jacobians, residuals = rows(values, seed)
+        for axis in range(3):
+            information += jacobians[:, axis].T @ weight @ jacobians[:, axis]
+            right += jacobians[:, axis].T @ weight @ residuals[:, axis]
+    fit = GroupedFit(blocks(values), PARAMETERS, AT_ZERO)
+    np.testing.assert_allclose(fit.values_of_all(), np.linalg.solve(information, right), rtol=1e-6)
+
+
+def test_noise_frees_nothing_and_its_errors_hold() -> None:
+    """Without a fault no group is freed, and values lie about as far from 0 as their errors say."""
+    deviations = []
+    for seed in range(0, 400, 8):
+        fit = GroupedFit(blocks(AT_ZERO, first_seed=seed), PARAMETERS, AT_ZERO)
+        assert fit.free == ()
+        deviations += [one.value / one.standard_error for one in fit.fitted().values()]
+    assert 0.7 < np.std(deviations) < 1.1
+    assert np.max(np.abs(deviations)) < 4.5
+
+
+def test_a_fault_frees_its_own_group_only() -> None:
+    """A group that is off is freed and found to size; the other is tested beside it and stays at 0."""
+    values = np.array([0.0, 2.0, 0.0, -1.0])
+    fit = GroupedFit(blocks(values), PARAMETERS, AT_ZERO)
+    fitted = fit.fitted()
+    assert fit.free == ("slope",)
+    assert not fitted["offset"].free
+    assert abs(fitted["offset"].value) < 5 * fitted["offset"].standard_error
+    for name, value in zip(NAMES, values, strict=True):
+        assert fitted[name].value == pytest.approx(value, abs=5 * fitted[name].standard_error)
+    assert fitted["slope_x"].explained["slope"] > 0.99
+    assert fitted["slope_x"].explained["offset"] < 0.1
+
+
+def test_values_count_from_zero_wherever_it_was_linearised() -> None:
+    """What was taken out of the samples is part of the value."""
+    values = np.array([0.0, 2.0, 0.0, -1.0])
+    whole = GroupedFit(blocks(values), PARAMETERS, AT_ZERO)
+    rest = GroupedFit(blocks(values - [0.0, 1.5, 0.0, 0.0]), PARAMETERS, np.array([0.0, 1.5, 0.0, 0.0]))
+    np.testing.assert_allclose(rest.values_of_free(), whole.values_of_free(), rtol=1e-9)
+    assert rest.misfit == pytest.approx(whole.misfit, rel=1e-6)
+
+
+def test_excess_noise_widens_the_errors_and_frees_nothing() -> None:
+    """Noise of five times the declared size frees no group, and all errors grow fivefold."""
+    quiet = GroupedFit(blocks(AT_ZERO), PARAMETERS, AT_ZERO).fitted()
+    loud_blocks = []
+    for seed in range(8):
+        jacobians, residuals = rows(AT_ZERO, seed)
+        loud_blocks.append(block_equations(5 * residuals, jacobians, banded(60)[0], np.zeros_like(residuals)))
+    loud = GroupedFit(loud_blocks, PARAMETERS, AT_ZERO)
+    assert loud.free == ()
+    assert loud.misfit == pytest.approx(5, rel=0.1)
+    for name, one in loud.fitted().items():
+        assert one.standard_error > 4 * quiet[name].standard_error
+
+
+def test_what_the_data_do_not_show_is_as_uncertain_as_it_can_be() -> None:
+    """A parameter without influence has the error of its largest conceivable value."""
+    jacobians, residuals = rows(AT_ZERO, 0)
+    jacobians[..., 0] = 0.0
+    fit = GroupedFit(
+        [block_equations(residuals, jacobians, banded(60)[0], np.zeros_like(residuals))], PARAMETERS, AT_ZERO
+    )
+    assert fit.fitted()["offset"].standard_error == pytest.approx(1e3, rel=0.2)
+
+
+def test_known_error_of_the_model_is_carried_to_the_parameters() -> None:
+    """A model error along a column moves that parameter by just its size."""
+    made = []
+    for seed in range(4):
+        jacobians, residuals = rows(AT_ZERO, seed)
+        made.append(block_equations(residuals, jacobians, banded(60)[0], 0.01 * jacobians[..., 0]))
+    assert GroupedFit(made, PARAMETERS, AT_ZERO).fitted()["offset"].model_error == pytest.approx(0.01, rel=1e-6)
+
+
+def test_nuisances_are_eliminated_as_in_a_joint_solution() -> None:
+    """Eliminating nuisances that walk from stretch to stretch equals solving for all unknowns with their prior."""
+    number, random = 5, np.random.default_rng(3)
+    covariance = np.minimum.outer(np.arange(1.0, 6), np.arange(1.0, 6))
+    made = []
+    joint, right = np.zeros((4 + number, 4 + number)), np.zeros(4 + number)
+    joint[4:, 4:] = np.linalg.inv(covariance)
+    weight = np.linalg.inv(banded(60)[1])
+    for place in range(number):
+        jacobians, residuals = rows(AT_ZERO, place)
+        nuisance = random.standard_normal((60, 3, 1))
+        made.append(block_equations(residuals, np.concatenate((jacobians, nuisance), axis=-1), banded(60)[0],
+                                    np.zeros_like(residuals)))  # fmt: skip
+        unknowns = [*range(4), 4 + place]
+        for axis in range(3):
+            columns = np.concatenate((jacobians[:, axis], nuisance[:, axis]), axis=-1)
+            joint[np.ix_(unknowns, unknowns)] += columns.T @ weight @ columns
+            right[unknowns] += columns.T @ weight @ residuals[:, axis]
+    fit = GroupedFit(made, PARAMETERS, AT_ZERO, covariance)
+    np.testing.assert_allclose(fit.values_of_all(), np.linalg.solve(joint, right)[:4], rtol=1e-5)
+
+
+@pytest.mark.parametrize(("name", "group"), [("bias_x", "bias"), ("time_offset", "time_offset"), ("slope_z", "slope")])
+def test_groups_by_name(name: str, group: str) -> None:
+    """An axis at the end of a name is not part of the group's."""
+    assert group_of(name) == group

@@ -1,0 +1,63 @@
+"""Second differences of position against specific force, on motions in closed form."""
+
+import numpy as np
+import pytest
+
+from fedora_qa.estimators.inertial_samples import InertialNoise
+from fedora_qa.estimators.specific_force import (
+    TRANSLATION_PARAMETERS,
+    translation_rows,
+    without_translation_faults,
+)
+from tests.support.motion_world import EXACT, GRAVITY_M_S2, sample_motion
+
+
+def test_exact_samples_leave_no_residual() -> None:
+    """The residual of exact streams is below 1e-9 m/s, and below twice the error that the estimator states."""
+    rows = translation_rows(sample_motion(), EXACT)
+    inner = slice(5, -5)
+    size = np.abs(rows.residuals[inner]).max()
+    assert size < 1e-9
+    assert size < 2 * np.abs(rows.model_errors[inner]).max()
+
+
+def test_another_gravity_shows_as_that_times_the_time() -> None:
+    """Declared gravity that is too small by 0.1 leaves -0.1 m/s^2 times the span of each row along Z."""
+    declared = InertialNoise(gravity_m_s2=GRAVITY_M_S2 - 0.1)
+    rows = translation_rows(sample_motion(), declared)
+    np.testing.assert_allclose(rows.residuals[:, 2], -0.1 * rows.spans_s, rtol=1e-6)
+    column = TRANSLATION_PARAMETERS.names.index("gravity")
+    np.testing.assert_allclose(rows.jacobians[:, 2, column], -rows.spans_s, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["time_offset", "clock_rate", "pose_clock_rate"])
+def test_derivatives_by_the_clocks_are_those_of_the_residuals(name: str) -> None:
+    """The columns of the clocks are the differences that small faults make, by taking them out of the stamps."""
+    samples, step = sample_motion(), 1e-6
+    column = TRANSLATION_PARAMETERS.names.index(name)
+    faults = np.zeros(len(TRANSLATION_PARAMETERS.names))
+    faults[column] = step
+    rows = translation_rows(samples, EXACT)
+    altered = translation_rows(without_translation_faults(samples, faults), EXACT)
+    left, right = np.intersect1d(rows.poses, altered.poses, return_indices=True)[1:]
+    change = -(altered.residuals[right] - rows.residuals[left]) / step
+    expected = rows.jacobians[left, :, column]
+    np.testing.assert_allclose(change[5:-5], expected[5:-5], atol=5e-3 * np.abs(expected).max())
+
+
+def test_covariance_of_position_noise_is_that_of_second_differences() -> None:
+    """For even stamps the bands are sigma^2 / T^2 times 6, -4 and 1, the autocorrelation of 1, -2, 1."""
+    noise = InertialNoise(position_sigma_m=0.01, gravity_m_s2=GRAVITY_M_S2)
+    bands = translation_rows(sample_motion(), noise).covariance_bands / (0.01 / 0.005) ** 2
+    np.testing.assert_allclose(bands[:, 10], [1.0, -4.0, 6.0], rtol=1e-6)
+
+
+def test_covariance_is_that_of_the_residuals() -> None:
+    """Over many draws, variances and covariances match the stated ones, with the accelerometer's noise too."""
+    noise = InertialNoise(accel_density=0.05, position_sigma_m=1e-5, gravity_m_s2=GRAVITY_M_S2)
+    draws = [translation_rows(sample_motion(noise=noise, duration_s=1.0, seed=seed), noise) for seed in range(40)]
+    residuals = np.array([rows.residuals for rows in draws])
+    bands = draws[0].covariance_bands
+    for lag in range(3):
+        found = np.mean(residuals[:, lag:] * residuals[:, : residuals.shape[1] - lag])
+        assert found == pytest.approx(bands[2 - lag, lag:].mean(), rel=0.06, abs=0.03 * bands[2].mean())
