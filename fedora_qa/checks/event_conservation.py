@@ -185,7 +185,8 @@ class Conservation(Check[list[Stretch]]):
             where=Where(stream="events", tile=(column, row, column + side, row + side)),
             suspects=(
                 Suspect("dead_region", "events", weight, region, "px"),
-                Suspect("hot_pixels", "events", 0.2),
+                Suspect("dropped_samples", "events", 0.4),
+                Suspect("duplicated_samples", "events", 0.35),
                 *_WHATEVER_BREAKS_THE_LAW,
             ),
         )

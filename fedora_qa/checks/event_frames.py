@@ -16,8 +16,8 @@ from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
 
-CLEARLY: Final = 4.0
-"""A frame interval counts where its events say more than so many times what they leave open."""
+LARGEST_NOISE: Final = 0.1
+"""An interval counts where what events leave open moves its coefficient by less: a fifth of what is allowed for."""
 
 FEWEST_INTERVALS: Final = 5
 
@@ -71,15 +71,14 @@ class Frames(WindowCheck[IntervalMoments]):
         frames = np.concatenate([one.frames for one in state])
         n, _, _, dd, ee, de = np.concatenate([one.sums for one in state]).T
         open_squares = n * 2 / 3 * declared.threshold_on * declared.threshold_off / BLOCK_PX**2
-        clear = ee > CLEARLY * open_squares
+        noise = np.sqrt(open_squares / np.maximum(n * ee, 1e-300))
+        clear = (n > 0) & (noise < LARGEST_NOISE)
         coverage = Coverage(int(np.count_nonzero(clear)), intervals, "frame intervals")
         if coverage.seen < FEWEST_INTERVALS:
             return Observation(coverage, unobservable="too little changes between frames")
         gains = de[clear] / ee[clear]
         middle = float(np.median(gains))
-        spread = max(
-            1.4826 * float(np.median(np.abs(gains - middle))), float(np.median(np.sqrt(open_squares / n / ee)[clear]))
-        )
+        spread = max(1.4826 * float(np.median(np.abs(gains - middle))), float(np.median(noise[clear])))
         worst = int(np.argmax(np.abs(gains - middle)))
         repeated = int(np.count_nonzero(dd[clear] == 0))
         return Observation(coverage, (self._one(gains, middle, spread, worst, frames[clear][worst], repeated, facts),))

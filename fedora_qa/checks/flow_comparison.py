@@ -28,6 +28,12 @@ Float64 = NDArray[np.float64]
 FIT_PIXELS: Final = 800
 """Pixels that a motion is fitted to: plenty for six numbers, since what remains is rounding."""
 
+_GROSS_PX: Final = 0.01
+"""Weight of residuals where no rounding bound is known: fine against any gross fault."""
+
+_COARSE_PX: Final = 1.0
+"""Pixels whose rounding bound is larger end so near the camera's plane that their flow is not compared."""
+
 _ORDINARY: Final = 2.0
 """Corrections of up to this multiple of the expected square are not examined further: 93% of honest ones."""
 
@@ -98,12 +104,12 @@ def compare_field(
     bound = rounding_px(K, motion, columns, rows, depths_m, flow)
     if not is_noisy(noise):
         bound = bound + _interpolation_px(K, track, interval, motion, sample)
-    sample = replace(sample, sigma_px=float(np.sqrt(np.nanmean(bound**2))))
+    sample = replace(sample, sigma_px=float(np.nanmedian(bound)))
     fit = fit_motion(K, motion, sample) if is_noisy(noise) else None
     predicted = rigid_flow(K, fit.motion if fit else motion, columns, rows, depths_m)
     error = np.linalg.norm(flow - predicted, axis=-1)
     bound = np.linalg.norm(bound, axis=-1)
-    known = np.isfinite(error) & np.isfinite(bound)
+    known = np.isfinite(error) & (bound < _COARSE_PX)
     if np.count_nonzero(known) < FEWEST_PIXELS:
         return None
     worst = np.unravel_index(np.argmax(np.where(known, error / bound, -1.0)), error.shape)
@@ -165,7 +171,7 @@ def _thinned(lattice: _Lattice) -> FlowSample | None:
         return None
     row, column = np.unravel_index(valid[:: max(1, len(valid) // FIT_PIXELS)], lattice.depths_m.shape)
     depths_m, flow_px = lattice.depths_m[row, column], lattice.flow_px[row, column]
-    return FlowSample(lattice.columns[0, column], lattice.rows[row, 0], depths_m, flow_px, sigma_px=1.0)
+    return FlowSample(lattice.columns[0, column], lattice.rows[row, 0], depths_m, flow_px, _GROSS_PX)
 
 
 def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | None) -> Float64 | None:

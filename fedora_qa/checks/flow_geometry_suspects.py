@@ -18,6 +18,9 @@ _CERTAIN: Final = 0.98
 
 _SAME_GAIN: Final = 0.02
 
+_LINEAR_GAIN: Final = 0.1
+"""Where the pose may be corrected it follows a larger gain, and the template no longer tells its size."""
+
 
 def geometry_suspects(
     stream: str,
@@ -36,16 +39,14 @@ def geometry_suspects(
         if repeated:
             where = flow if repeating == "flow" else repeating
             gross.append(Suspect("frozen_frames", where, 1.0 if local else 0.9, float(repeated), "samples"))
-    small = _small(fields, flow)
+    small = _small(fields, flow, noise)
     if max((suspect.weight for suspect in gross), default=0.0) > _CERTAIN:
         small = weakened(small, 0.8)
-    best = max((suspect.weight for suspect in (*gross, *small)), default=0.0)
-    return most_probable([*gross, *small, *_of_the_pose(fields_off, noise, best, local=local)]) or (
-        Suspect("unknown", flow, 0.1),
-    )
+    by_pose = [] if is_noisy(noise) else _of_the_pose(fields_off, local=local)
+    return most_probable([*gross, *small, *by_pose]) or (Suspect("unknown", flow, 0.1),)
 
 
-def _small(fields: Sequence[FieldError], flow: str) -> list[Suspect]:
+def _small(fields: Sequence[FieldError], flow: str, noise: PoseModel | None) -> list[Suspect]:
     """Fit each small fault alone to all fields together; weigh it by the share of the deviation in px it removes."""
     evidences = [field.evidence for field in fields if field.evidence]
     if not evidences:
@@ -55,9 +56,13 @@ def _small(fields: Sequence[FieldError], flow: str) -> list[Suspect]:
     for fault in SMALL_FAULTS:
         sizes, share = total.explained_by(fault.columns)
         weight = 1.0 - float(np.sqrt(np.clip(1.0 - share, 0.0, 1.0)))
-        error = _error(total, fault.columns)
+        if np.abs(sizes).max() > fault.largest:
+            continue
+        error = _error(total, fault.columns) * max(1.0, float(np.sqrt((1 - share) * total.total / total.count)))
         if fault.cause == "flow_gain":
             gain, seconds = 0.01 * float(sizes[0]), fields[0].interval.duration_s
+            if is_noisy(noise) and abs(gain) > _LINEAR_GAIN:
+                continue
             suspects.append(gain_suspect(flow, gain, 0.01 * error, weight, seconds, _SAME_GAIN))
             continue
         for stream, likeliness in fault.streams:
@@ -67,15 +72,13 @@ def _small(fields: Sequence[FieldError], flow: str) -> list[Suspect]:
 
 
 def _error(total: Evidence, columns: slice) -> float:
-    """Return the standard error of a fault's size when rounding is the only error: the largest of its components'."""
+    """Return the standard error of a fault's size from rounding alone: the largest of its components'."""
     information = np.diag(total.matrix[columns, columns])
     return float(np.max(1.0 / np.sqrt(np.maximum(information, 1e-300))))
 
 
-def _of_the_pose(off: Sequence[FieldError], noise: PoseModel | None, best: float, *, local: bool) -> list[Suspect]:
-    """Suspect single poses, or their noise, where a rigid correction makes the fields agree."""
-    if noise and is_noisy(noise):
-        return [Suspect("noise_misdeclared", "pose", 0.6 * (1 - best))]
+def _of_the_pose(off: Sequence[FieldError], *, local: bool) -> list[Suspect]:
+    """Suspect single poses, or noise that is not declared, where a rigid correction makes the fields agree."""
     known = [field for field in off if field.free_pixels]
     if not known:
         return []

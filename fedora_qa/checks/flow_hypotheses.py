@@ -219,7 +219,7 @@ def _from_north_east_down(track: PoseTrack) -> PoseTrack:
 
 
 def _step_ns(clock: Clock) -> float:
-    times_ns = clock.times_ns[clock.advancing]
+    times_ns: NDArray[np.int64] = np.compress(clock.advancing, clock.times_ns)
     return float(np.median(np.diff(times_ns))) if len(times_ns) > 1 else 0.0
 
 
@@ -247,12 +247,14 @@ def _deviation(track: PoseTrack, interval: Interval, sample: FlowSample, motion:
     Pixels whose points fall behind the camera do not count; infinite where they are the most.
     """
     recomputed = rigid_flow(track.camera.K, motion, sample.columns, sample.rows, sample.depths_m)
-    seen = np.isfinite(recomputed).all(axis=1)
+    seen = np.logical_and(*np.isfinite(recomputed).T)
     if 2 * np.count_nonzero(seen) < len(seen):
         return float("inf")
     noise = window.facts.declared.pose
     covariance = field_covariance(track, interval, noise)
     fit = None if covariance is None else fit_motion(track.camera.K, motion, sample)
+    if covariance is not None and fit is None:
+        return float("inf")
     nothing = np.zeros((len(sample.columns), 2, 0))
     evidence = weigh_templates(track.camera.K, motion, sample, nothing, fit, covariance)
     return float(np.sqrt(evidence.total / np.count_nonzero(seen)) * sample.sigma_px)

@@ -10,8 +10,8 @@ from fedora_qa.causes import CAUSES
 from fedora_qa.checks.flow_hypotheses import Weighed
 from fedora_qa.checks.protocol import Suspect
 
-_ENOUGH: Final = 0.5
-"""Causes that leave more than half of the deviation standing are not named."""
+_ENOUGH: Final = 0.3
+"""Causes that remove less than this share of the deviation are not named."""
 
 _MOST: Final = 6
 

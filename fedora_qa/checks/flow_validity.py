@@ -27,8 +27,8 @@ _SIGMAS: Final = 8.0
 class FieldPattern:
     """Wrong pixels of one field; ``pixel`` is the first, (column, row).
 
-    ``unfounded`` values stand where there can be none: ``unfounded_zero`` of them are zero, ``behind`` of them belong to
-    points that fall behind the camera.
+    ``unfounded`` values stand where there can be none: ``unfounded_zero`` of them are zero, ``behind`` of them belong
+    to points behind the camera.
     """
 
     interval: Interval

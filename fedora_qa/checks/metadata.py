@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
+from fedora_qa.checks.families import over_all_rates
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
 from fedora_qa.conventions import FORMAT_NAME
 from fedora_qa.layout.binding import Binding
@@ -93,9 +94,8 @@ class Units(FactsCheck):
         bindings, labels = facts.layout.bindings, facts.declared.units
         wrong = [key for key, label in labels.items() if not label_agrees(bindings[key], label)]
         missing = [key for key in bindings if key not in labels]
-        measured = tuple(self._measured(key, labels[key]) for key in wrong) or (
-            no_faults("wrong_labels", "labels", self.name),
-        )
+        measured = over_all_rates((self._measured(key, labels[key]) for key in wrong), set(facts.flow_streams))
+        measured = measured or (no_faults("wrong_labels", "labels", self.name),)
         notices: tuple[Notice, ...] = ()
         if missing:
             message = f"{len(missing)} datasets carry no attribute 'units', first {missing[0]}"
@@ -135,7 +135,6 @@ def _suspects_of_label(key: str, label: str) -> Iterator[Suspect]:
         yield Suspect(cause, spec.stream, 0.5, 1 / factor, "1")
     if spec.stream in FLOW_STREAMS and label == "px/s":
         yield Suspect("flow_unit", spec.stream, 0.5)
-    yield Suspect("unknown", "metadata", 0.3)
 
 
 def _normalised(label: str) -> str:

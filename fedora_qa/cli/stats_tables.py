@@ -45,7 +45,7 @@ def _short(path: str, found: Mapping[str, Statistics]) -> str:
 
 
 def _sequences(found: Mapping[str, Statistics]) -> StatsTable:
-    head = ("sequence", "T [s]", "D [m]", "v max [m/s]", "w max [deg/s]", "events", "MER [M/s]", "brighter [%]")
+    head = ("sequence", "T [s]", "D [m]", "v max [m/s]", "w max [rad/s]", "events", "MER [M/s]", "brighter [%]")
     rows = []
     for name, statistics in found.items():
         sequence, motion, events = (statistics.get(group, {}) for group in ("sequence", "motion", "events"))
@@ -55,7 +55,7 @@ def _sequences(found: Mapping[str, Statistics]) -> StatsTable:
                 _value(sequence, "duration_s"),
                 _measured(motion, "distance", "m"),
                 _measured(motion, "speed_max", "m_s"),
-                _measured(motion, "angular_speed_max", "deg_s"),
+                _measured(motion, "angular_speed_max", "rad_s"),
                 _value(events, "count"),
                 _value(sequence, "event_rate_mean_per_s", scale=1e-6),
                 _value(events, "brighter_share", scale=100.0),

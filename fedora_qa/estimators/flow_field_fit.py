@@ -102,4 +102,5 @@ def _evidence(errors_px: Float64, information: Float64, flows_px: Float64, slope
         matrix=np.einsum("nia,nij,njb->ab", templates, information, templates),
         vector=np.einsum("nia,nij,nj->a", templates, information, errors_px),
         total=float(np.einsum("ni,nij,nj->", errors_px, information, errors_px)),
+        count=errors_px.size,
     )

@@ -62,7 +62,7 @@ class MotionFit:
 
 
 def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit | None:
-    """Correct the motion by Gauss-Newton until the flow fits best; None where that leads nowhere.
+    """Correct the motion by Gauss-Newton until the flow fits best; None where that leads nowhere, or past most points.
 
     Directions that the sample does not determine (far or few points) are left as they are.
     """
@@ -82,6 +82,8 @@ def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit
     if np.linalg.norm(twist[:3]) > _LARGEST_TURN_RAD:
         return None
     residual_px = sample.flow_px - rigid_flow(K, fitted, sample.columns, sample.rows, sample.depths_m)
+    if 2 * np.count_nonzero(np.isfinite(residual_px[:, 0])) < len(residual_px):
+        return None
     return MotionFit(fitted, twist, information / sample.sigma_px**2, residual_px)
 
 
@@ -101,15 +103,18 @@ class Evidence:
     """Normal equations of small faults against the residuals of fields, the pose correction eliminated.
 
     Additive over fields: ``matrix`` (m, m), ``vector`` (m,) and ``total``, the squared residuals that are to be
-    explained, all weighted.
+    explained, all weighted; ``count`` of them.
     """
 
     matrix: Float64
     vector: Float64
     total: float
+    count: int
 
     def __add__(self, other: "Evidence") -> "Evidence":
-        return Evidence(self.matrix + other.matrix, self.vector + other.vector, self.total + other.total)
+        return Evidence(
+            self.matrix + other.matrix, self.vector + other.vector, self.total + other.total, self.count + other.count
+        )
 
     def explained_by(self, columns: slice) -> tuple[Float64, float]:
         """Return the fitted sizes of some faults taken alone, and the share of the residuals they explain."""
@@ -156,6 +161,7 @@ def weigh_templates(
         plain.matrix - cross.T @ solved[:, :-1],
         plain.vector - cross.T @ solved[:, -1],
         max(plain.total - float(pull @ solved[:, -1]), 0.0),
+        plain.count,
     )
 
 
@@ -174,4 +180,4 @@ def _normal_equations(residual: Float64, templates: Float64, sigma_px: float) ->
     weight = 1.0 / sigma_px**2
     flat = np.nan_to_num(templates.reshape(residual.size, -1))
     r = residual.reshape(-1)
-    return Evidence(weight * flat.T @ flat, weight * flat.T @ r, weight * float(r @ r))
+    return Evidence(weight * flat.T @ flat, weight * flat.T @ r, weight * float(r @ r), len(r))

@@ -19,13 +19,14 @@ class SmallFault:
     """A cause, the unit of its size, and the columns of its templates.
 
     ``streams`` are those that it can befall with the same effect here, each with the weight that it is given: where
-    nothing else tells them apart the first is meant.
+    nothing else tells them apart the first is meant. Beyond ``largest`` the template, a derivative, says nothing.
     """
 
     cause: str
     streams: tuple[tuple[str, float], ...]
     unit: str
     columns: slice
+    largest: float
 
     def size(self, fitted: Float64) -> float:
         """Return one signed number for a fault of several components: their norm, with the largest one's sign."""
@@ -35,12 +36,12 @@ class SmallFault:
 _DECLARED: Final = (("metadata", 1.0), ("flow", 0.95))
 
 SMALL_FAULTS: Final = (
-    SmallFault("flow_gain", (("flow", 1.0),), "percent", slice(0, 1)),
-    SmallFault("intrinsics_focal", _DECLARED, "percent", slice(1, 2)),
-    SmallFault("intrinsics_centre", _DECLARED, "px", slice(2, 4)),
-    SmallFault("extrinsic_rotation", _DECLARED, "deg", slice(4, 7)),
-    SmallFault("lever_arm", (("metadata", 1.0), ("pose", 0.95)), "m", slice(7, 10)),
-    SmallFault("time_offset", (("pose", 1.0),), "ms", slice(10, 11)),
+    SmallFault("flow_gain", (("flow", 1.0),), "percent", slice(0, 1), np.inf),
+    SmallFault("intrinsics_focal", _DECLARED, "percent", slice(1, 2), 30.0),
+    SmallFault("intrinsics_centre", _DECLARED, "px", slice(2, 4), 100.0),
+    SmallFault("extrinsic_rotation", _DECLARED, "deg", slice(4, 7), 15.0),
+    SmallFault("lever_arm", (("metadata", 1.0), ("pose", 0.95)), "m", slice(7, 10), 3.0),
+    SmallFault("time_offset", (("pose", 1.0),), "ms", slice(10, 11), 50.0),
 )
 
 _PERCENT, _DEG, _MS = 0.01, np.pi / 180, 1e-3

@@ -6,7 +6,7 @@ smallest errors, nothing is diluted by parameters that the motion cannot tell ap
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -45,6 +45,12 @@ class BlockEquations:
     model_right: Float64
     squares: float
     count: int
+
+    def linearised_at(self, parameters: Float64) -> "BlockEquations":
+        """Return the equations for unknowns that count from 0, where residuals had ``parameters`` (P,) taken out."""
+        taken = self.normal[:, : len(parameters)] @ parameters
+        squares = self.squares + parameters @ (2 * self.right + taken)[: len(parameters)]
+        return replace(self, right=self.right + taken, squares=float(squares))
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,21 +153,21 @@ class GroupedFit:
     ) -> None:
         self.parameters = parameters
         count = len(parameters.names)
-        self._normals = np.array([block.normal[:count, :count] for block in blocks])
-        rights = np.array([block.right[:count] for block in blocks])
-        model_rights = np.array([block.model_right[:count] for block in blocks])
-        normal, squares = self._normals.sum(axis=0), sum(block.squares for block in blocks)
-        if nuisance_covariance is not None:
-            lost = _eliminated(blocks, count, nuisance_covariance)
-            normal, squares = normal - lost.normal, squares - lost.squares
-            rights, model_rights = rights - lost.rights, model_rights - lost.model_rights
-        self._rights = rights + self._normals @ linearised_at
-        self._model_right = model_rights.sum(axis=0)
-        self._normal = normal + np.diag(1.0 / np.square(parameters.largest))
-        right = rights.sum(axis=0)
-        self._right = right + normal @ linearised_at
-        misfit = squares - right @ _inverse(self._normal) @ right
-        rows = sum(block.count for block in blocks)
+        shifted = [block.linearised_at(linearised_at) for block in blocks]
+        self._normals = np.array([block.normal[:count, :count] for block in shifted])
+        self._rights = np.array([block.right[:count] for block in shifted])
+        self._nuisances = None if nuisance_covariance is None else _Nuisances(shifted, count, nuisance_covariance)
+        self._right = self._rights.sum(axis=0)
+        self._model_right = np.sum([block.model_right[:count] for block in shifted], axis=0)
+        self._normal = self._normals.sum(axis=0) + np.diag(1.0 / np.square(parameters.largest))
+        squares = sum(block.squares for block in shifted)
+        if self._nuisances is not None:
+            self._right = self._right - self._nuisances.right
+            self._model_right = self._model_right - self._nuisances.model_right
+            self._normal = self._normal - self._nuisances.normal
+            squares -= self._nuisances.squares
+        misfit = squares - self._right @ _inverse(self._normal) @ self._right
+        rows = sum(block.count for block in shifted)
         self.misfit = float(np.sqrt(max(misfit, 0.0) / max(rows - count, 1)))
         """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
         self.free, self._explained = self._select()
@@ -229,41 +235,56 @@ class GroupedFit:
         return free, explained
 
     def _standard_errors(self, columns: list[int], inverse: Float64, values: Float64) -> Float64:
-        formal = np.sqrt(np.diag(inverse)) * max(1.0, self.misfit)
-        blocks = len(self._rights)
-        if blocks < FEWEST_BLOCKS:
-            return formal
-        scores = self._rights[:, columns] - self._normals[:, columns][:, :, columns] @ values
-        scores = scores - scores.mean(axis=0)
-        spread = inverse @ (scores.T @ scores) @ inverse * blocks / (blocks - 1)
-        return np.maximum(formal, np.sqrt(np.maximum(np.diag(spread), 0.0)))
+        """Return the formal error scaled by the misfit, plus what the spread over stretches exceeds it by.
+
+        The spread is that about the nuisances as fitted: their own uncertainty is in the formal error alone.
+        """
+        formal = np.diag(inverse) * max(1.0, self.misfit) ** 2
+        stretches = len(self._rights)
+        if stretches < FEWEST_BLOCKS:
+            return np.sqrt(formal)
+        every = np.zeros(len(self.parameters.names))
+        every[columns] = values
+        scores = self._rights - self._normals @ every
+        if self._nuisances is not None:
+            scores = scores - self._nuisances.scores(every)
+        scores = (scores - scores.mean(axis=0))[:, columns]
+        own_normal = self._normals.sum(axis=0) + np.diag(1.0 / np.square(self.parameters.largest))
+        own = _inverse(own_normal[np.ix_(columns, columns)])
+        spread = np.diag(own @ (scores.T @ scores) @ own) * stretches / (stretches - 1)
+        excess = np.maximum(spread - np.diag(own) * max(1.0, self.misfit) ** 2, 0.0)
+        errors: Float64 = np.sqrt(formal + excess)
+        return errors
 
 
-@dataclass(frozen=True, slots=True)
-class _Eliminated:
-    """What the nuisances take from the parameters' equations; rights by stretch."""
+class _Nuisances:
+    """Unknowns of single stretches, correlated between stretches by their prior, eliminated from the equations.
 
-    normal: Float64
-    rights: Float64
-    model_rights: Float64
-    squares: float
+    Attributes
+    ----------
+    normal, right, model_right, squares
+        What their elimination takes from the parameters' equations (Schur complement).
+    """
 
+    def __init__(self, blocks: Sequence[BlockEquations], count: int, covariance: Float64) -> None:
+        stretches, nuisances = len(blocks), len(blocks[0].right) - count
+        own = np.kron(np.linalg.inv(covariance), np.eye(nuisances))
+        for place, block in enumerate(blocks):
+            here = slice(place * nuisances, (place + 1) * nuisances)
+            own[here, here] += block.normal[count:, count:]
+        self._inverse = _inverse(own)
+        self._mixed = np.array([block.normal[:count, count:] for block in blocks])
+        self._joined = np.concatenate(tuple(self._mixed), axis=-1)
+        self._right = np.concatenate([block.right[count:] for block in blocks])
+        self._shape = (stretches, nuisances)
+        model_right = np.concatenate([block.model_right[count:] for block in blocks])
+        self.normal = self._joined @ self._inverse @ self._joined.T
+        self.right = self._joined @ self._inverse @ self._right
+        self.model_right = self._joined @ self._inverse @ model_right
+        self.squares = float(self._right @ self._inverse @ self._right)
 
-def _eliminated(blocks: Sequence[BlockEquations], count: int, covariance: Float64) -> _Eliminated:
-    """Return the Schur complement's share of the nuisances, which are correlated between stretches."""
-    stretches, nuisances = len(blocks), len(blocks[0].right) - count
-    own = np.kron(np.linalg.inv(covariance), np.eye(nuisances))
-    for place, block in enumerate(blocks):
-        here = slice(place * nuisances, (place + 1) * nuisances)
-        own[here, here] += block.normal[count:, count:]
-    mixed = np.array([block.normal[:count, count:] for block in blocks])
-    right = np.concatenate([block.right[count:] for block in blocks])
-    model_right = np.concatenate([block.model_right[count:] for block in blocks])
-    solved = np.linalg.solve(own, np.stack((right, model_right), axis=-1)).reshape(stretches, nuisances, 2)
-    joined = np.concatenate(tuple(mixed), axis=-1)
-    return _Eliminated(
-        normal=joined @ np.linalg.solve(own, joined.T),
-        rights=np.einsum("bpq,bq->bp", mixed, solved[..., 0]),
-        model_rights=np.einsum("bpq,bq->bp", mixed, solved[..., 1]),
-        squares=float(right @ solved[..., 0].ravel()),
-    )
+    def scores(self, parameters: Float64) -> Float64:
+        """Return (B, P) what the nuisances, fitted beside ``parameters``, take from each stretch's right sides."""
+        fitted = (self._inverse @ (self._right - self._joined.T @ parameters)).reshape(self._shape)
+        taken: Float64 = np.einsum("bpq,bq->bp", self._mixed, fitted)
+        return taken

@@ -88,11 +88,11 @@ class InertialSamples:
 
     def with_imu_earlier(self, late_s: float, drift: float) -> "InertialSamples":
         """Return the samples with an offset, and one that grows by ``drift`` seconds a second, out of IMU stamps."""
-        return replace(self, imu_times_s=self.imu_times_s - late_s - drift * self.imu_times_s)
+        return replace(self, imu_times_s=(self.imu_times_s - late_s) / (1.0 + drift))
 
     def with_poses_earlier(self, drift: float) -> "InertialSamples":
         """Return the samples with a growing offset out of the stamps of the poses."""
-        return replace(self, pose_times_s=self.pose_times_s * (1.0 - drift))
+        return replace(self, pose_times_s=self.pose_times_s / (1.0 + drift))
 
     def with_rates_mapped(self, mapping: Float64) -> "InertialSamples":
         """Return the samples with angular velocities multiplied by a (3, 3) matrix."""
@@ -185,7 +185,8 @@ def stamp_scatter(speeds: Float64) -> Float64:
 
 def smoothed(times_s: Float64, values: Float64, width_s: float) -> Float64:
     """Return values averaged over a width, or as they are where the width is 0 or samples are rarer."""
-    size = int(width_s / float(np.median(np.diff(times_s)))) if len(times_s) > 1 else 1
+    half = int(width_s / float(np.median(np.diff(times_s))) / 2) if len(times_s) > 1 else 0
+    size = 2 * half + 1  # odd: an even one would shift by half a sample
     mean: Float64 = uniform_filter1d(values, size, axis=0, mode="nearest") if size > 1 else values
     return mean
 

@@ -15,6 +15,9 @@ from fedora_qa.checks.protocol import Suspect
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis, Where
 
+_UNKNOWN = "unknown"
+"""No cause at all: it explains nothing, and stands where nothing else does."""
+
 _ENOUGH = 0.05
 """Weight that a further cause must newly explain to be named at all."""
 
@@ -46,8 +49,9 @@ def diagnose(alarms: Sequence[Alarm]) -> tuple[Diagnosis, ...]:
     explained = {finding for candidate, _ in chosen for finding in candidate.evidence}
     rest = [alarm for alarm in alarms if alarm.finding.id not in explained]
     diagnoses = [_as_diagnosis(f"D{i}", candidate, share, places) for i, (candidate, share) in enumerate(chosen, 1)]
-    if rest:
-        diagnoses.append(_unknown(f"D{len(diagnoses) + 1}", rest))
+    for stream in dict.fromkeys(alarm.finding.where.stream for alarm in rest):
+        of_stream = [alarm for alarm in rest if alarm.finding.where.stream == stream]
+        diagnoses.append(_unknown(f"D{len(diagnoses) + 1}", of_stream))
     return tuple(diagnoses)
 
 
@@ -56,6 +60,8 @@ def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
     evidence: dict[tuple[str, str], dict[str, Suspect]] = defaultdict(dict)
     for alarm in alarms:
         for suspect in alarm.suspects:
+            if suspect.cause == _UNKNOWN:
+                continue
             known = evidence[suspect.cause, suspect.stream]
             if alarm.finding.id not in known or known[alarm.finding.id].weight < suspect.weight:
                 known[alarm.finding.id] = suspect
@@ -105,13 +111,13 @@ def _unknown(name: str, alarms: Sequence[Alarm]) -> Diagnosis:
     where = alarms[0].finding.where
     return Diagnosis(
         id=name,
-        cause="unknown",
+        cause=_UNKNOWN,
         stream=where.stream or "unknown",
         magnitude=None,
         unit="",
         standard_error=None,
         confidence=0.0,
         where=where,
-        remedy=CAUSES["unknown"].remedy,
+        remedy=CAUSES[_UNKNOWN].remedy,
         explains=tuple(alarm.finding.id for alarm in alarms),
     )

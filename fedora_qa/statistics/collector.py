@@ -188,25 +188,23 @@ def _motion(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar
         moved = translation(times_s, np.concatenate([one.positions_world_m for one in state]))
         turned = rotation(times_s, np.concatenate([one.orientations_xyzw for one in state]))
     return {
-        **_moved("distance", "m", "speed_max", "m_s", moved, scale=1.0),
-        **_moved("angle", "deg", "angular_speed_max", "deg_s", turned, scale=float(np.degrees(1.0))),
+        **_moved("distance", "m", "speed_max", "m_s", moved),
+        **_moved("angle", "rad", "angular_speed_max", "rad_s", turned),
         "position_noise_m": moved.noise if moved else None,
-        "rotation_noise_deg": float(np.degrees(turned.noise)) if turned else None,
+        "rotation_noise_rad": turned.noise if turned else None,
         "position_knot_spacing_s": moved.knot_spacing_s if moved else None,
         "rotation_knot_spacing_s": turned.knot_spacing_s if turned else None,
         "poses_seen": seen,
     }
 
 
-def _moved(
-    length: str, unit: str, speed: str, speed_unit: str, motion: Motion | None, scale: float
-) -> dict[str, Scalar]:
+def _moved(length: str, unit: str, speed: str, speed_unit: str, motion: Motion | None) -> dict[str, Scalar]:
     named = {(length, unit): motion.length, (speed, speed_unit): motion.speed_max} if motion else {}
     values: dict[str, Scalar] = {}
     for name in ((length, unit), (speed, speed_unit)):
         found = named.get(name)
-        values["_".join(name)] = scale * found.value if found else None
-        values[f"{name[0]}_standard_error_{name[1]}"] = scale * found.standard_error if found else None
+        values["_".join(name)] = found.value if found else None
+        values[f"{name[0]}_standard_error_{name[1]}"] = found.standard_error if found else None
     return values
 
 

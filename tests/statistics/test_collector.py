@@ -90,7 +90,7 @@ def test_closed_forms() -> None:
     assert found["sequence"]["event_rate_mean_per_s"] == 1000.0
     assert found["motion"]["distance_m"] == pytest.approx(3.0, rel=1e-6)
     assert found["motion"]["speed_max_m_s"] == pytest.approx(3.0, rel=1e-6)
-    assert found["motion"]["angular_speed_max_deg_s"] == pytest.approx(0.0, abs=1e-9)
+    assert found["motion"]["angular_speed_max_rad_s"] == pytest.approx(0.0, abs=1e-9)
     assert found["events"]["brighter_share"] == 0.25
     for stream in ("flow/10hz", "flow/25hz", "flow/50hz"):
         assert found[stream]["mean_px"] == pytest.approx(3.0)

@@ -1,0 +1,197 @@
+"""Orientation, continuity and noise of poses, on files of a motion in closed form."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fedora_qa.record.types import Measurement, Result
+from tests.support.checked import diagnoses_of, rules, run_check
+from tests.support.motion_world import EXACT, HOVER, NOISY, RESTLESS, MotionFile, sample_motion
+
+CHECKS = ("pose.orientation", "pose.continuity", "pose.noise")
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Where a file goes."""
+    return tmp_path / "motion.h5"
+
+
+def measured(result: Result, name: str) -> Measurement:
+    return next(one for one in result.measurements if one.name == name)
+
+
+CLEAN = {
+    "restless": MotionFile(),
+    "hover": MotionFile(sample_motion(HOVER)),
+    "one second": MotionFile(sample_motion(duration_s=1.0)),
+    "50 Hz": MotionFile(sample_motion(pose_rate_hz=50.0)),
+    "300 Hz": MotionFile(sample_motion(pose_rate_hz=300.0)),
+    "noisy": MotionFile(sample_motion(noise=NOISY), NOISY),
+    "noisy hover": MotionFile(sample_motion(HOVER, NOISY), NOISY),
+    "at rest": MotionFile(sample_motion(replace(RESTLESS, amplitudes=(0.0,) * 6))),
+}
+
+
+@pytest.mark.parametrize("check", CHECKS)
+@pytest.mark.parametrize("clean", CLEAN.values(), ids=CLEAN)
+def test_clean_poses_pass(path: Path, clean: MotionFile, check: str) -> None:
+    """Fast, slow, sparse, noisy and motionless poses all pass every check."""
+    result = run_check(clean.write(path), check)
+    assert (result.outcome, rules(result)) == ("passed", [])
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_single_precision_is_no_fault(path: Path, check: str) -> None:
+    """Poses stored as float32, a kilometre out, are held to what float32 can hold."""
+    samples = sample_motion(HOVER)
+    coarse = MotionFile(samples).altered(
+        positions_world_m=(samples.positions_world_m + 1000).astype(np.float32),
+        orientations_xyzw=samples.orientations_xyzw.astype(np.float32),
+    )
+    assert run_check(coarse.write(path), check).outcome == "passed"
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_signs_of_quaternions_mean_nothing(path: Path, check: str) -> None:
+    """Signs that flip at random change no outcome."""
+    signs = np.where(np.random.default_rng(2).random(401) < 0.5, -1.0, 1.0)
+    q = sample_motion().orientations_xyzw * signs[:, None]
+    assert run_check(MotionFile().altered(orientations_xyzw=q).write(path), check).outcome == "passed"
+
+
+@pytest.mark.parametrize("excess", [1e-3, -1e-3, 1e-9, 3e-15])
+def test_quaternions_that_are_too_long_are_found_to_size(path: Path, excess: float) -> None:
+    """One quaternion whose length is off by far more than rounding, or by little more, is named with row and size."""
+    q = sample_motion().orientations_xyzw.copy()
+    q[123] *= 1 + excess
+    result = run_check(MotionFile().altered(orientations_xyzw=q).write(path), "pose.orientation")
+    assert rules(result) == ["length"]
+    assert result.findings[0].where.index_start == 123
+    (diagnosis,) = diagnoses_of(path, "pose")
+    assert (diagnosis.cause, diagnosis.stream) == ("quaternion_not_unit", "pose")
+    assert diagnosis.magnitude == pytest.approx(excess, rel=0.2)
+
+
+def test_orientations_that_are_no_numbers_are_counted(path: Path) -> None:
+    """NaN is counted and located, and the other checks go on without these rows."""
+    q = sample_motion().orientations_xyzw.copy()
+    q[40:43] = np.nan
+    result = run_check(MotionFile().altered(orientations_xyzw=q).write(path), "pose.orientation")
+    assert rules(result) == ["finite"]
+    assert result.findings[0].where.index_start == 40
+    assert run_check(path, "pose.continuity").outcome == "passed"
+
+
+@pytest.mark.parametrize(
+    ("noise", "jump_m"), [(EXACT, 1e-4), (EXACT, -0.5), (NOISY, 0.06)], ids=["small", "large", "in noise"]
+)
+def test_a_jump_is_found_to_size_and_place(path: Path, noise: object, jump_m: float) -> None:
+    """Positions that jump and stay are found between the two poses, with the size of the jump."""
+    file = MotionFile(sample_motion(noise=noise), noise)  # type: ignore[arg-type]
+    positions = file.samples.positions_world_m.copy()
+    positions[200:, 1] += jump_m
+    result = run_check(file.altered(positions_world_m=positions).write(path), "pose.continuity")
+    assert rules(result) == ["position"]
+    where = result.findings[0].where
+    assert abs((where.index_start or 0) - 199) <= (2 if noise is NOISY else 0)
+    diagnosis = diagnoses_of(path, "pose.continuity")[0]
+    assert (diagnosis.cause, diagnosis.stream) == ("teleport", "pose")
+    assert diagnosis.magnitude == pytest.approx(jump_m, rel=0.25 if noise is NOISY else 1e-3)
+
+
+def test_what_is_below_the_noise_is_not_seen_and_said(path: Path) -> None:
+    """A jump of 2 mm in 5 mm of noise passes, and the least detectable jump says why."""
+    file = MotionFile(sample_motion(noise=NOISY), NOISY)
+    positions = file.samples.positions_world_m.copy()
+    positions[200:] += 0.002
+    result = run_check(file.altered(positions_world_m=positions).write(path), "pose.continuity")
+    assert result.outcome == "passed"
+    least = measured(result, "position_jump").least_detectable
+    assert least is not None
+    assert 0.01 < least < 0.06
+
+
+def test_frozen_poses_are_counted_and_the_diagnosis_is_one(path: Path) -> None:
+    """Poses held for four samples are counted; the jumps beside them are explained by the same cause."""
+    samples = sample_motion()
+    positions, q = samples.positions_world_m.copy(), samples.orientations_xyzw.copy()
+    positions[200:204], q[200:204] = positions[199], q[199]
+    file = MotionFile().altered(positions_world_m=positions, orientations_xyzw=q)
+    result = run_check(file.write(path), "pose.continuity")
+    assert "frozen" in rules(result)
+    frozen = next(one for one in result.findings if one.code.endswith("frozen"))
+    assert frozen.where.index_start == 200
+    assert measured(result, "frozen").value == 4
+    (diagnosis,) = diagnoses_of(path, "pose.continuity")
+    assert (diagnosis.cause, diagnosis.stream, diagnosis.magnitude) == ("frozen_frames", "pose", 4)
+
+
+@pytest.mark.parametrize("rate_hz", [100, 50, 20])
+def test_interpolated_poses_are_named_with_their_rate(path: Path, rate_hz: int) -> None:
+    """Positions on straight lines between poses of a lower rate are found, and explain what else is odd of them."""
+    samples, stride = sample_motion(), 200 // rate_hz
+    knots = samples.pose_times_s[::stride]
+    lines = [np.interp(samples.pose_times_s, knots, column[::stride]) for column in samples.positions_world_m.T]
+    file = MotionFile().altered(positions_world_m=np.stack(lines, axis=-1))
+    assert "interpolated" in rules(run_check(file.write(path), "pose.continuity"))
+    diagnosis = diagnoses_of(path, "pose")[0]
+    assert (diagnosis.cause, diagnosis.magnitude) == ("interpolated_pose", pytest.approx(rate_hz))
+
+
+def test_noise_that_is_not_declared_is_found(path: Path) -> None:
+    """A tenth of a millimetre of noise where none is declared fails; the value is the noise."""
+    samples = sample_motion(noise=replace(EXACT, position_sigma_m=1e-4))
+    result = run_check(MotionFile(samples).write(path), "pose.noise")
+    assert rules(result) == ["position"]
+    assert measured(result, "position_noise").value == pytest.approx(1e-4, rel=0.2)
+
+
+@pytest.mark.parametrize("excess", [0.5, -0.3])
+def test_noise_that_is_declared_wrongly_is_found_to_size(path: Path, excess: float) -> None:
+    """Declared sigmas that are too large or small by a share are found, with that share."""
+    declared = replace(
+        NOISY,
+        position_sigma_m=NOISY.position_sigma_m * (1 + excess),
+        rotation_sigma_rad=NOISY.rotation_sigma_rad * (1 + excess),
+    )
+    file = MotionFile(sample_motion(noise=NOISY, duration_s=4.0), declared)
+    assert rules(run_check(file.write(path), "pose.noise")) == ["position", "rotation"]
+    (diagnosis,) = diagnoses_of(path, "pose")
+    assert (diagnosis.cause, diagnosis.stream) == ("noise_misdeclared", "pose")
+    assert diagnosis.magnitude is not None
+    assert diagnosis.standard_error is not None
+    assert abs(diagnosis.magnitude - 100 * excess) < 4 * diagnosis.standard_error
+
+
+def test_noise_a_thousandfold_is_a_unit(path: Path) -> None:
+    """Noisy positions in millimetres are named as that, not as noise."""
+    samples = sample_motion(noise=NOISY)
+    file = MotionFile(samples, NOISY).altered(positions_world_m=1000 * samples.positions_world_m)
+    run_check(file.write(path), "pose.noise")
+    assert diagnoses_of(path, "pose.noise")[0].cause == "unit_mm_m"
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 10])
+def test_a_handful_of_poses_shows_nothing_and_breaks_nothing(path: Path, count: int) -> None:
+    """With few poses continuity and noise cannot be observed; orientation still can where there is one."""
+    samples = sample_motion()
+    few = MotionFile().altered(
+        pose_times_s=samples.pose_times_s[:count],
+        positions_world_m=samples.positions_world_m[:count],
+        orientations_xyzw=samples.orientations_xyzw[:count],
+    )
+    few.write(path)
+    assert run_check(path, "pose.continuity").outcome == "not_observable"
+    assert run_check(path, "pose.noise").outcome == "not_observable"
+    assert run_check(path, "pose.orientation").outcome == ("passed" if count else "not_observable")
+
+
+def test_stamps_that_do_not_advance_are_said(path: Path) -> None:
+    """Without a usable clock there is no motion to judge."""
+    file = MotionFile().altered(pose_times_s=np.zeros(401))
+    result = run_check(file.write(path), "pose.continuity")
+    assert result.outcome == "not_observable"
+    assert "do not advance" in result.reason

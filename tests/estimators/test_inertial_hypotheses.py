@@ -1,0 +1,111 @@
+"""Odd readings of both streams are recognised, and clean ones are left alone."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.estimators.inertial_hypotheses import Hypothesis, explain_forces, explain_rates
+from fedora_qa.estimators.inertial_samples import InertialSamples
+from tests.support.motion_world import GRAVITY_M_S2, NOISY, RESTLESS, sample_motion
+
+Plant = Callable[[InertialSamples], InertialSamples]
+
+IDENTITY = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+SWAP_XY = ((0, 1, 0), (1, 0, 0), (0, 0, 1))
+Y_Z_REVERSED = ((1, 0, 0), (0, -1, 0), (0, 0, -1))
+FRD = np.array([1.0, -1.0, -1.0])
+NED_ENU = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+
+
+def rates(change: Callable[[np.ndarray], np.ndarray]) -> Plant:
+    return lambda s: replace(s, angular_velocities_body_rad_s=change(s.angular_velocities_body_rad_s))
+
+
+def quaternions(change: Callable[[np.ndarray], np.ndarray]) -> Plant:
+    return lambda s: replace(s, orientations_xyzw=change(s.orientations_xyzw))
+
+
+def positions(change: Callable[[np.ndarray], np.ndarray]) -> Plant:
+    return lambda s: replace(s, positions_world_m=change(s.positions_world_m))
+
+
+def gravity(share: float) -> Plant:
+    return lambda s: replace(s, specific_forces_body_m_s2=RESTLESS.specific_forces(s.imu_times_s, share * GRAVITY_M_S2))
+
+
+def both_sensors(change: Callable[[np.ndarray], np.ndarray]) -> Plant:
+    return lambda s: replace(
+        s,
+        angular_velocities_body_rad_s=change(s.angular_velocities_body_rad_s),
+        specific_forces_body_m_s2=change(s.specific_forces_body_m_s2),
+    )
+
+
+def north_east_down(s: InertialSamples) -> InertialSamples:
+    turned = NED_ENU * Rotation.from_quat(s.orientations_xyzw) * Rotation.from_matrix(np.diag(FRD))
+    return replace(s, positions_world_m=NED_ENU.apply(s.positions_world_m), orientations_xyzw=turned.as_quat())
+
+
+RATE_CASES = {
+    "clean": (lambda s: s, Hypothesis()),
+    "degrees": (rates(np.degrees), Hypothesis(rate_unit=float(np.degrees(1.0)))),
+    "wxyz": (quaternions(lambda q: q[:, [3, 0, 1, 2]]), Hypothesis(reading="wxyz")),
+    "inverse": (quaternions(lambda q: q * [-1, -1, -1, 1]), Hypothesis(reading="inverse")),
+    "swapped": (both_sensors(lambda v: v[:, [1, 0, 2]]), Hypothesis(sensor_axes=SWAP_XY)),
+    "right-down": (both_sensors(lambda v: v * FRD), Hypothesis(sensor_axes=Y_Z_REVERSED)),
+    "ned": (north_east_down, Hypothesis(sensor_axes=Y_Z_REVERSED)),
+}
+
+FORCE_CASES = {
+    "clean": (lambda s: s, Hypothesis()),
+    "wxyz": (quaternions(lambda q: q[:, [3, 0, 1, 2]]), Hypothesis(reading="wxyz")),
+    "inverse": (quaternions(lambda q: q * [-1, -1, -1, 1]), Hypothesis(reading="inverse")),
+    "swapped sensor": (both_sensors(lambda v: v[:, [1, 0, 2]]), Hypothesis(sensor_axes=SWAP_XY)),
+    "right-down": (both_sensors(lambda v: v * FRD), Hypothesis(sensor_axes=Y_Z_REVERSED)),
+    "swapped world": (positions(lambda p: p[:, [1, 0, 2]]), Hypothesis(world_axes=SWAP_XY)),
+    "millimetres": (positions(lambda p: 1000 * p), Hypothesis(length_unit=1000.0)),
+    "ned": (north_east_down, Hypothesis(sensor_axes=Y_Z_REVERSED, gravity="reversed")),
+    "no gravity": (gravity(0.0), Hypothesis(gravity="missing")),
+    "gravity up": (gravity(-1.0), Hypothesis(gravity="reversed")),
+}
+
+
+def is_like(found: Hypothesis | None, expected: Hypothesis) -> bool:
+    return found is not None and replace(found, left=0.0, declared_left=0.0, rows=0) == expected
+
+
+@pytest.mark.parametrize("noise", [None, NOISY], ids=["exact", "noisy"])
+@pytest.mark.parametrize(("plant", "expected"), RATE_CASES.values(), ids=RATE_CASES)
+def test_rates_tell_how_the_file_must_be_read(plant: Plant, expected: Hypothesis, noise: object) -> None:
+    """Every odd reading of rotations is named, and none is invented, with and without noise."""
+    samples = plant(sample_motion(noise=noise))  # type: ignore[arg-type]
+    assert is_like(explain_rates(samples, NOISY.rotation_sigma_rad if noise else 1e-9), expected)
+
+
+@pytest.mark.parametrize("noise", [None, NOISY], ids=["exact", "noisy"])
+@pytest.mark.parametrize(("plant", "expected"), FORCE_CASES.values(), ids=FORCE_CASES)
+def test_forces_tell_how_the_file_must_be_read(plant: Plant, expected: Hypothesis, noise: object) -> None:
+    """Every odd reading of translations is named, and none is invented, with and without noise."""
+    sigma_m = (NOISY.position_sigma_m if noise else 1e-9) * expected.length_unit
+    samples = plant(sample_motion(noise=noise))  # type: ignore[arg-type]
+    if noise and plant in (FORCE_CASES["no gravity"][0], FORCE_CASES["gravity up"][0]):
+        sigma_m = NOISY.position_sigma_m
+    assert is_like(explain_forces(samples, GRAVITY_M_S2, sigma_m), expected)
+
+
+def test_streams_that_nothing_reconciles_are_left_unexplained() -> None:
+    """Another flight's gyro fits no reading."""
+    samples = sample_motion()
+    other = sample_motion(replace(RESTLESS, frequencies_hz=(0.5, 0.7, 1.3, 0.5, 0.7, 0.9)))
+    mixed = replace(samples, angular_velocities_body_rad_s=other.angular_velocities_body_rad_s)
+    assert explain_rates(mixed, 1e-9) is None
+
+
+def test_too_few_samples_explain_nothing() -> None:
+    """A tenth of a second is not enough to choose among hundreds of readings."""
+    samples = sample_motion(duration_s=0.1)
+    assert explain_rates(samples, 1e-9) is None
+    assert explain_forces(samples, GRAVITY_M_S2, 1e-9) is None

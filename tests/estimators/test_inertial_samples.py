@@ -1,0 +1,73 @@
+"""Bookkeeping of samples, stretches and rows."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fedora_qa.estimators.inertial_samples import Rows, blocks_of, covered, every_second, smoothed, stamp_scatter
+from tests.support.motion_world import sample_motion
+
+
+def rows_of(count: int) -> Rows:
+    zeros = np.zeros((count, 3))
+    bands = np.array([np.full(count, 1.0), np.full(count, -4.0), np.full(count, 6.0)])
+    return Rows(np.arange(count), np.arange(count) * 0.005, np.full(count, 0.005), zeros, zeros,
+                np.zeros((count, 3, 2)), np.zeros((count, 3, 3)), bands)  # fmt: skip
+
+
+def test_intervals_outside_or_across_a_gap_are_not_covered() -> None:
+    """An interval counts only where IMU samples follow each other from its start to its stop."""
+    imu_s = np.array([0.0, 1, 2, 3, 4, 8, 9, 10])
+    starts = np.array([-0.5, 0.0, 2.5, 3.9, 5.0, 8.0, 9.5])
+    stops = np.array([0.5, 4.0, 3.5, 8.5, 6.0, 10.0, 10.5])
+    assert covered(imu_s, starts, stops).tolist() == [False, True, True, False, False, True, False]
+
+
+@given(st.floats(0.05, 300.0), st.integers(2, 400))
+def test_blocks_cut_rows_without_loss(span_s: float, count: int) -> None:
+    """Every row lies in just one stretch, and none of them is shorter than half a second but for a whole that is."""
+    times_s = np.linspace(3.0, 3.0 + span_s, count)
+    blocks = blocks_of(times_s)
+    assert [row for block in blocks for row in range(block.start, block.stop)] == list(range(count))
+    assert len(blocks) <= max(1, round(span_s / min(max(span_s / 8, 0.5), 5.0)))
+
+
+def test_rows_left_out_tear_the_covariance() -> None:
+    """Rows that become neighbours because one between them is left out share no noise."""
+    keep = np.ones(6, dtype=bool)
+    keep[3] = False
+    bands = rows_of(6).select(keep).covariance_bands
+    assert bands[2].tolist() == [6.0] * 5
+    assert bands[1, 1:].tolist() == [-4.0, -4.0, 0.0, -4.0]  # 0-1, 1-2, 2-4, 4-5
+    assert bands[0, 2:].tolist() == [1.0, 0.0, 0.0]  # 0-2, 1-4, 2-5
+
+
+def test_samples_between_two_instants_include_both() -> None:
+    """The cut keeps what lies on its ends, and the origin of time."""
+    part = sample_motion().between(0.5, 0.6)
+    assert (part.pose_times_s[0], part.pose_times_s[-1]) == (0.5, 0.6)
+    assert len(part.imu_times_s) == 101
+    assert len(part.specific_forces_body_m_s2) == 101
+
+
+def test_a_sample_that_does_not_move_is_scattered_like_the_rest() -> None:
+    """Rounded stamps scatter by 0.29 us times the speed, never less than at the rms speed."""
+    scatter = stamp_scatter(np.array([0.0, 3.0, 4.0, 0.0]))
+    np.testing.assert_allclose(scatter * 1e6 * np.sqrt(12), [2.5, 3.0, 4.0, 2.5])
+
+
+def test_averages_keep_lines_and_width_nought_keeps_all() -> None:
+    """A straight line is its own average away from the ends; no width, no average."""
+    times_s = np.arange(100) * 0.001
+    line = np.outer(times_s, [1.0, -2.0, 0.5])
+    np.testing.assert_allclose(smoothed(times_s, line, 0.021)[20:-20], line[20:-20], atol=1e-12)
+    np.testing.assert_array_equal(smoothed(times_s, line**2, 0.0), line**2)
+
+
+@given(st.integers(1, 50))
+def test_every_second_keeps_both_ends(count: int) -> None:
+    """Both ends are kept, and no two neighbours but the last two."""
+    chosen = every_second(count)
+    assert chosen[0] == 0
+    assert chosen[-1] == count - 1
+    assert np.all(np.diff(chosen)[:-1] == 2)

@@ -1,0 +1,168 @@
+"""Noise, jumps, stops and straight lines of smooth motions."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.estimators.local_motion import (
+    Orientations,
+    Vectors,
+    find_interpolation,
+    find_steps,
+    noise_level,
+    sharpest,
+    unmoved,
+)
+from tests.support.motion_world import RESTLESS
+
+TIMES_NS = np.arange(601) * 5_000_000
+TIMES_S = TIMES_NS * 1e-9
+
+
+def uneven_ns(count: int, seed: int = 0) -> NDArray[np.int64]:
+    """Stamps that scatter by a fifth of a step."""
+    return np.arange(count) * 5_000_000 + np.random.default_rng(seed).integers(-1000, 1000, count) * 1000
+
+
+def polynomial(times_ns: NDArray[np.int64], coefficients: list[float]) -> NDArray[np.float64]:
+    return np.polyval(coefficients, times_ns * 1e-9 - 1.5)[:, None] * [1.0, -0.5, 2.0]
+
+
+@given(st.lists(st.floats(-5, 5), min_size=8, max_size=8))
+def test_polynomials_have_no_noise(coefficients: list[float]) -> None:
+    """A polynomial of degree 7 vanishes under differences of order 8, for even and uneven stamps, to rounding."""
+    for times_ns in (TIMES_NS, uneven_ns(601)):
+        level = noise_level(times_ns, Vectors(polynomial(times_ns, coefficients)), order=8)
+        assert level is not None
+        assert level.sigma < 1e-12
+
+
+@pytest.mark.parametrize("times_ns", [TIMES_NS, uneven_ns(601)], ids=["even", "uneven"])
+def test_white_noise_is_measured_within_its_error(times_ns: NDArray[np.int64]) -> None:
+    """On a fast motion the noise comes out as it was put in; over many draws the stated error is the real one."""
+    motion = RESTLESS.positions_m(times_ns * 1e-9)
+    found = []
+    for seed in range(100):
+        noisy = motion + 0.003 * np.random.default_rng(seed).standard_normal(motion.shape)
+        level = noise_level(times_ns, Vectors(noisy), order=8)
+        assert level is not None
+        found.append((level.sigma / 0.003 - 1) / (level.standard_error / level.sigma))
+    assert abs(np.mean(found)) < 0.4
+    assert 0.8 < np.std(found) < 1.25
+
+
+def test_noise_of_orientations_is_that_of_each_axis() -> None:
+    """Rotations shaken by 2 mrad an axis have 2 mrad of noise, while the body turns at up to 5 rad/s."""
+    random = np.random.default_rng(5)
+    shaken = RESTLESS.orientations(TIMES_S) * Rotation.from_rotvec(0.002 * random.standard_normal((601, 3)))
+    level = noise_level(TIMES_NS, Orientations(shaken.as_quat()), order=8)
+    assert level is not None
+    assert level.sigma == pytest.approx(0.002, abs=4 * level.standard_error)
+
+
+def test_fast_motion_is_not_taken_for_noise() -> None:
+    """What a motion of 1 Hz and 5 rad/s leaves is below the stated share of the motion and 1e-12 rad."""
+    level = noise_level(TIMES_NS, Orientations(RESTLESS.orientations(TIMES_S).as_quat()), order=8)
+    assert level is not None
+    assert level.sigma < level.motion + 1e-12
+
+
+def test_a_gap_is_not_bridged_by_differences() -> None:
+    """Samples on either side of a gap are never compared."""
+    kept = np.r_[0:300, 310:601]
+    level = noise_level(TIMES_NS[kept], Vectors(RESTLESS.positions_m(TIMES_S)[kept]), order=8)
+    assert level is not None
+    assert level.count == 292 + 283
+
+
+@pytest.mark.parametrize("times_ns", [TIMES_NS, uneven_ns(601)], ids=["even", "uneven"])
+@pytest.mark.parametrize(("half_width", "degree"), [(4, 5), (6, 7), (12, 3)])
+def test_a_jump_is_found_to_size_and_place(times_ns: NDArray[np.int64], half_width: int, degree: int) -> None:
+    """On a motion of the filter's degree the jump is exact, and nothing else is seen."""
+    values = polynomial(times_ns, [0.3] * (degree - 1))
+    values[300:] += [0.002, 0.0, -0.01]
+    steps = find_steps(times_ns, Vectors(values), half_width=half_width, degree=degree, sigma=1e-9)
+    place = int(np.argmax(np.abs(steps.sizes).max(axis=1)))
+    assert steps.before[place] == 299
+    np.testing.assert_allclose(steps.sizes[place], [0.002, 0.0, -0.01], atol=1e-9)
+    far = np.abs(steps.before - 299) > 2 * half_width
+    assert np.abs(steps.sizes[far]).max() < 1e-9
+
+
+def test_the_gain_is_that_of_the_noise() -> None:
+    """White noise comes out with the stated gain."""
+    noise = np.random.default_rng(1).standard_normal((601, 3))
+    steps = find_steps(TIMES_NS, Vectors(noise), half_width=8, degree=5, sigma=1.0)
+    assert np.std(steps.sizes) == pytest.approx(steps.gains[0], rel=0.1)
+
+
+def test_smooth_motion_stays_below_its_own_bound() -> None:
+    """On a fast motion every filter's answer lies below what it states the motion may add."""
+    curve = Orientations(RESTLESS.orientations(TIMES_S).as_quat())
+    for half_width, degree in ((4, 5), (8, 5), (24, 5), (12, 3), (24, 3)):
+        steps = find_steps(TIMES_NS, curve, half_width=half_width, degree=degree, sigma=1e-12)
+        assert np.all(np.abs(steps.sizes).max(axis=1) <= steps.motion + 1e-11)
+
+
+def test_noisy_poses_are_searched_by_long_filters_and_exact_ones_by_short() -> None:
+    """The filter with the least error depends on the noise."""
+    curve = Vectors(RESTLESS.positions_m(TIMES_S))
+    found = {
+        sigma: [find_steps(TIMES_NS, curve, half_width=w, degree=d, sigma=sigma) for w, d in ((6, 7), (24, 3))]
+        for sigma in (1e-9, 0.05)
+    }
+    assert sharpest(found[1e-9], 1e-9) is found[1e-9][0]
+    assert sharpest(found[0.05], 0.05) is found[0.05][1]
+
+
+def test_repeats_in_motion_are_stops_and_rest_is_not() -> None:
+    """Values held for three samples are found; a body that slows down and rests holds none."""
+    positions = RESTLESS.positions_m(TIMES_S)
+    held = positions.copy()
+    held[200:203] = held[199]
+    assert unmoved(held, held).tolist() == [200, 201, 202]
+    resting = np.where(TIMES_S[:, None] < 1.0, (1.0 - TIMES_S[:, None]) ** 3 * positions[0], 0.0)
+    assert unmoved(resting, resting).tolist() == []
+    assert unmoved(np.ones((50, 3))).tolist() == []
+
+
+def test_a_repeat_of_one_array_alone_is_no_stop() -> None:
+    """A body that turns on the spot repeats its position."""
+    turning = np.outer(TIMES_S, [0.0, 0.0, 1.0])
+    assert unmoved(np.zeros((601, 3)), turning).tolist() == []
+
+
+@pytest.mark.parametrize("stride", [2, 4, 10])
+def test_straight_lines_betray_the_rate_they_were_made_from(stride: int) -> None:
+    """Linear interpolation from every n-th sample is found with its n; the motion itself is even."""
+    positions = RESTLESS.positions_m(TIMES_S)
+    even = find_interpolation(TIMES_NS, Vectors(positions), resolution=1e-16)
+    assert even is not None
+    assert even.evenness > 0.5
+    lines = np.stack([np.interp(TIMES_S, TIMES_S[::stride], column[::stride]) for column in positions.T], axis=-1)
+    found = find_interpolation(TIMES_NS, Vectors(lines), resolution=1e-16)
+    assert found is not None
+    assert found.evenness < 0.01
+    assert found.stride == stride
+
+
+@given(st.integers(0, 200))
+def test_noise_does_not_look_interpolated(seed: int) -> None:
+    """White noise is even to every stride."""
+    noise = np.random.default_rng(seed).standard_normal((201, 3))
+    found = find_interpolation(TIMES_NS[:201], Vectors(noise), resolution=1e-16)
+    assert found is not None
+    assert found.evenness > 0.3
+
+
+@pytest.mark.parametrize("count", [0, 1, 5, 11])
+def test_too_few_samples_say_nothing(count: int) -> None:
+    """No noise, no steps and no lines come of a handful of samples, and nothing breaks."""
+    curve = Vectors(np.zeros((count, 3)))
+    assert noise_level(TIMES_NS[:count], curve, order=8) is None
+    assert len(find_steps(TIMES_NS[:count], curve, half_width=6, degree=5, sigma=1.0).before) == 0
+    assert find_interpolation(TIMES_NS[:count], curve, resolution=0.0) is None
+    assert unmoved(curve.values).tolist() == []
