@@ -19,6 +19,9 @@ Float64 = NDArray[np.float64]
 LARGEST_NOISE: Final = 0.1
 """An interval counts where what events leave open moves its coefficient by less: a fifth of what is allowed for."""
 
+LEAST_GAIN: Final = 0.3
+"""Below, the frames do not show what the events say in most intervals, and none of them can be told from the rest."""
+
 FEWEST_INTERVALS: Final = 5
 
 
@@ -78,6 +81,11 @@ class Frames(WindowCheck[IntervalMoments]):
             return Observation(coverage, unobservable="too little changes between frames")
         gains = de[clear] / ee[clear]
         middle = float(np.median(gains))
+        if middle < LEAST_GAIN:
+            reason = (
+                f"events do not follow the frames at all: {middle:.2g} of what they say (event_response.orientation)"
+            )
+            return Observation(coverage, unobservable=reason)
         spread = max(1.4826 * float(np.median(np.abs(gains - middle))), float(np.median(noise[clear])))
         worst = int(np.argmax(np.abs(gains - middle)))
         repeated = int(np.count_nonzero(dd[clear] == 0))
@@ -99,13 +107,13 @@ class Frames(WindowCheck[IntervalMoments]):
         turned = int(np.count_nonzero(gains < -0.5 * middle))
         return Measured(
             name="change_shown",
-            value=gain / middle if middle else gain,
+            value=gain / middle,
             unit="1",
-            standard_error=spread / abs(middle) if middle else spread,
+            standard_error=spread / middle,
             expected=1.0,
             allowance=0.5,
             tests=len(gains),
-            matters=1.0,
+            matters=1.5,
             statement=f"Between the colour frames {earlier} and {later} the image changes by {gain:.2f} of what events "
             f"say; {middle:.2f} is usual.",
             code="event_response.frames.change",

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.event_stream import tick_ns
+from fedora_qa.checks.event_stream import local_tick_ns
 from fedora_qa.checks.event_view import HALO_NS, ROUNDING_DN, SeenFrames, events_around, seen_frames, sensor_events
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.event_fit import ResponseFit, fit_response
@@ -81,7 +81,7 @@ def _level_sums(window: Window) -> LevelSums | None:
         _sums(pairs, seen, log_even),
         _sums(pairs, seen, seen.sharp_dn),
         _sums(pairs, seen, seen.even_dn),
-        float(np.mean(tick_ns(window.facts) * 1e-9 / pairs.gaps_s)),
+        float(np.mean(local_tick_ns(window) * 1e-9 / pairs.gaps_s)),
         len(pairs),
         window.span.index,
     )
@@ -133,7 +133,7 @@ def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Event
         seen.times_ns,
         _usable(seen, declared, ROUNDING_DN[window.facts.declared.transfer]),
         longest_gap_ns=LONGEST_GAP_NS,
-        least_gap_ns=LINEAR_LEAST_TICKS * tick_ns(window.facts) if declared.model == "linear" else int(burst_ns),
+        least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else int(burst_ns),
         off_over_on=declared.threshold_off / declared.threshold_on,
     ).tightest(ENOUGH_PAIRS)
     if declared.leak_rate_hz > 0:

@@ -1,5 +1,6 @@
 """Events against log intensity: thresholds and sensor model."""
 
+from math import hypot
 from typing import Final
 
 from fedora_qa.checks.event_answer import Answer, LevelCheck
@@ -60,7 +61,7 @@ class Threshold(LevelCheck):
             f"the declared threshold of {nominal:.4g} {unit}.",
             code="event_response.threshold.size",
             where=EVENTS,
-            suspects=_threshold_suspects(found, expected, fitted, error),
+            suspects=_threshold_suspects(found, expected, fitted, hypot(error, bound)),
         )
 
 

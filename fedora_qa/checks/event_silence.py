@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.event_stream import event_coverage, tick_ns
+from fedora_qa.checks.event_stream import event_coverage, local_tick_ns, tick_ns
 from fedora_qa.checks.event_view import all_events, own
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.estimators.event_gaps import Silence, strangest_silence
@@ -47,7 +47,7 @@ class Gaps(WindowCheck[SilenceCount]):
         if len(times_ns) and times_ns[0] >= start_ns > first_ns:
             # The silence began before the halo: take it as long as the halo shows.
             times_ns = np.concatenate([[min(2 * start_ns - stop_ns, int(times_ns[0]) - 1)], times_ns])
-        strangest, silences = strangest_silence(times_ns, start_ns, stop_ns, tick_ns(window.facts))
+        strangest, silences = strangest_silence(times_ns, start_ns, stop_ns, local_tick_ns(window))
         return SilenceCount(len(own(window, events)), silences, strangest)
 
     def conclude(self, state: Sequence[SilenceCount], facts: Facts) -> Observation:

@@ -103,8 +103,8 @@ class Timing(LevelCheck):
             code="event_response.timing.offset",
             where=EVENTS,
             suspects=(
-                Suspect("time_offset", "events", 0.9, offset, "ms", error),
-                Suspect("time_offset", "rgb", 0.8, -offset, "ms", error),
+                Suspect("time_offset", "events", 0.9, offset, "ms", hypot(error, bound)),
+                Suspect("time_offset", "rgb", 0.8, -offset, "ms", hypot(error, bound)),
                 Suspect("clock_rate", "events", drift_weight),
             ),
         )
@@ -124,8 +124,8 @@ class Timing(LevelCheck):
             code="event_response.timing.rate",
             where=EVENTS,
             suspects=(
-                Suspect("clock_rate", "events", 0.9, ppm, "ppm", error),
-                Suspect("clock_rate", "rgb", 0.8, -ppm, "ppm", error),
+                Suspect("clock_rate", "events", 0.9, ppm, "ppm", hypot(error, bound)),
+                Suspect("clock_rate", "rgb", 0.8, -ppm, "ppm", hypot(error, bound)),
             ),
         )
 

@@ -18,6 +18,9 @@ from fedora_qa.sequence.window import Window
 Float32 = NDArray[np.float32]
 
 _TILE_SHARE: Final = 0.25
+_LESS_LIKELY: Final = 0.95
+"""A flow that is mirrored with its sign is to the frames what mirrored frames are to the flow: frames come first."""
+
 _LATE_FRAMES: Final = (-2, -1, 1, 2)
 
 
@@ -30,6 +33,7 @@ class _Candidate:
     flow_px: Float32 | None
     frames: FramePair | None
     magnitude: float | None = None
+    likeliness: float = 1.0
 
 
 def weigh_candidates(window: Window, optics: Optics, interval: Interval) -> list[Weighed]:
@@ -41,14 +45,14 @@ def weigh_candidates(window: Window, optics: Optics, interval: Interval) -> list
     can_tell = textured(tiles.read(frames))
     if np.count_nonzero(can_tell) < FEWEST_TILES:
         return []
-    tiles = Tiles(tiles.origins[can_tell], tiles.flow_px[can_tell], tiles.usable[can_tell])
+    tiles = Tiles(tiles.origins[can_tell], tiles.flow_px[can_tell], tiles.usable[can_tell], tiles.by_depth)
     as_stored = _mismatch(tiles, frames)
     best: dict[tuple[str, str], Weighed] = {}
     for candidate in _candidates(window, optics, interval, tiles, frames):
         if candidate.flow_px is None or candidate.frames is None:
             continue
         left = _mismatch(replace(tiles, flow_px=candidate.flow_px), candidate.frames)
-        weight = max(1.0 - left / as_stored, 0.0) if as_stored > 0 else 0.0
+        weight = candidate.likeliness * max(1.0 - left / as_stored, 0.0) if as_stored > 0 else 0.0
         key = (candidate.cause, candidate.stream)
         if key not in best or best[key].weight < weight:
             best[key] = Weighed(interval.stream, *key, weight, candidate.magnitude)
@@ -94,7 +98,8 @@ def _of_the_grid(window: Window, interval: Interval, tiles: Tiles, frames: Frame
         with np.errstate(invalid="ignore"):
             patches = np.where(np.abs(patches) < LARGEST_FLOW_PX, patches, np.float32(0))
         for signs in ((1, 1), (-1, 1), (1, -1)):
-            yield _Candidate("mirrored", "flow", patches * np.array(signs, dtype=np.float32), frames)
+            mirrored = patches * np.array(signs, dtype=np.float32)
+            yield _Candidate("mirrored", "flow", mirrored, frames, likeliness=1.0 if signs == (1, 1) else _LESS_LIKELY)
 
 
 def _of_the_interval(window: Window, optics: Optics, interval: Interval, tiles: Tiles) -> Iterator[_Candidate]:

@@ -109,14 +109,14 @@ def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair 
     return None if before is None or after is None else FramePair(window, optics, before, after)
 
 
-def visible(window: Window, interval: Interval, origins: Int64) -> Mask:
-    """Return which pixels of tiles (n, 32, 32) both frames show.
+def visible(window: Window, interval: Interval, origins: Int64) -> tuple[Mask, bool]:
+    """Return which pixels of tiles (n, 32, 32) both frames show, and whether depth and motion told.
 
     From depth and motion where both are there; otherwise from the flow itself, which is weaker.
     """
     geometry = _geometry(window, interval)
     if geometry is None:
-        return _visible_by_flow(window, interval, origins)
+        return _visible_by_flow(window, interval, origins), False
     K, motion, frame0, frame1, uncertainty_px = geometry
     near_edge = patches_of(_edges(window, frame0), origins, halo_px=0) > 0
     columns, rows = pixels_of(origins, halo_px=0)
@@ -126,7 +126,7 @@ def visible(window: Window, interval: Interval, origins: Int64) -> Mask:
         K, motion, columns.reshape(flat).astype(np.float32), rows.reshape(flat).astype(np.float32),
         inverse0.reshape(flat), _inverse_depth(window, frame1), _edges(window, frame1), uncertainty_px,
     )  # fmt: skip
-    return np.asarray(seen.reshape(columns.shape) & ~near_edge)
+    return np.asarray(seen.reshape(columns.shape) & ~near_edge), True
 
 
 def _visible_by_flow(window: Window, interval: Interval, origins: Int64) -> Mask:

@@ -55,10 +55,11 @@ def _small(fields: Sequence[FieldError], flow: str, noise: PoseModel | None) -> 
     suspects = []
     for fault in SMALL_FAULTS:
         sizes, share = total.explained_by(fault.columns)
-        weight = 1.0 - float(np.sqrt(np.clip(1.0 - share, 0.0, 1.0)))
+        left = float(np.clip(1.0 - share, 0.0, 1.0))
+        weight = 1.0 - float(np.sqrt(left))
         if np.abs(sizes).max() > fault.largest:
             continue
-        error = _error(total, fault.columns) * max(1.0, float(np.sqrt((1 - share) * total.total / total.count)))
+        error = _error(total, fault.columns) * max(1.0, float(np.sqrt(left * total.total / total.count)))
         if fault.cause == "flow_gain":
             gain, seconds = 0.01 * float(sizes[0]), fields[0].interval.duration_s
             if is_noisy(noise) and abs(gain) > _LINEAR_GAIN:

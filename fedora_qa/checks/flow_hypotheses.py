@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow_comparison import FEWEST_PIXELS, field_covariance, sample_field
-from fedora_qa.checks.flow_intervals import Interval, PoseTrack, frame_at, interval_at
+from fedora_qa.checks.flow_intervals import Interval, PoseTrack, depths_plausible, frame_at, interval_at
 from fedora_qa.conventions import MM_PER_M, NS_PER_S, R_BODY_OPTICAL
 from fedora_qa.estimators.flow_motion_fit import FlowSample, fit_motion, weigh_templates
 from fedora_qa.geometry.camera import RigidMotion
@@ -20,8 +20,8 @@ from fedora_qa.sequence.window import PoseSamples, Window
 Float64 = NDArray[np.float64]
 
 _SHIFTS_PX: Final = (-8, -4, -3, -2, -1, 1, 2, 3, 4, 8)
-_DEPTH_RANGE_M: Final = (0.05, 1000.0)
-"""Where depths lie in metres when nothing is declared."""
+_ANOTHER_GAIN: Final = 0.02
+"""Gains that lie closer to a change of unit are one."""
 
 _ANOTHER_CONVENTION_RAD: Final = 0.7
 """Mountings that lie closer to straight ahead are turned, not written in another convention."""
@@ -107,8 +107,9 @@ def _of_the_values(
     yield undone("flow_unit", flow * (width, height), 1 / width)
     recomputed = rigid_flow(track.camera.K, motion, sample.columns, sample.rows, sample.depths_m)
     ratio = float(np.nansum(flow * recomputed) / max(float(np.nansum(recomputed**2)), 1e-300))
+    units = (seconds, 1 / seconds) if seconds > 0 else ()
     for factor in (ratio, 2.0, 0.5):
-        if factor > 0:
+        if factor > 0 and all(abs(factor / unit - 1) > _ANOTHER_GAIN for unit in units):
             yield undone("flow_gain", flow / factor, 100 * (factor - 1))
     for mirrored in (stored[row, width - 1 - column], stored[height - 1 - row, column]):
         for signs in ((1, 1), (-1, 1), (1, -1)):
@@ -148,7 +149,7 @@ def _of_the_depth(
     K = track.camera.K
     slopes = ((sample.columns - K[0, 2]) / K[0, 0], (sample.rows - K[1, 2]) / K[1, 1])
     yield undone("depth_ray_not_z", sample.depths_m / np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2))
-    if not _plausible(window, sample):
+    if not depths_plausible(window.facts, sample.depths_m):
         yield undone("unit_mm_m", sample.depths_m * MM_PER_M, 1 / MM_PER_M)
         yield undone("unit_mm_m", sample.depths_m / MM_PER_M, MM_PER_M)
     column, row = sample.columns.astype(int), sample.rows.astype(int)
@@ -164,12 +165,6 @@ def _of_the_depth(
             depths_m = _at(window.depth_m(frame + frames), column, row)
             yield undone("time_offset", depths_m, frames * step_ns * 1e3 / NS_PER_S)
             yield undone("swapped_frames", depths_m, float(abs(frames)))
-
-
-def _plausible(window: Window, sample: FlowSample) -> bool:
-    """Whether depths lie about where they are declared: flow alone cannot tell small depths from large positions."""
-    nearest_m, farthest_m = window.facts.declared.depth_range_m or _DEPTH_RANGE_M
-    return 0.5 * nearest_m <= float(np.median(sample.depths_m)) <= 2 * farthest_m
 
 
 def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: FlowSample) -> Iterator[_Hypothesis]:
@@ -191,7 +186,12 @@ def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: F
     for cause, stream, corrected, magnitude in (
         ("quaternion_inverted", "pose", turned((0, 1, 2, 3), (-1, -1, -1, 1)), None),
         ("quaternion_order", "pose", turned((1, 2, 3, 0), (1, 1, 1, 1)), None),
-        ("unit_mm_m", "pose", moved(np.eye(3) / MM_PER_M) if _plausible(window, sample) else None, MM_PER_M),
+        (
+            "unit_mm_m",
+            "pose",
+            moved(np.eye(3) / MM_PER_M) if depths_plausible(window.facts, sample.depths_m) else None,
+            MM_PER_M,
+        ),
         ("axes_swapped", "pose", moved(np.eye(3)[[1, 0, 2]]), None),
         ("frame_convention", "pose", _from_north_east_down(track), None),
         ("frame_convention", "metadata", track.mounted(inverse), None),

@@ -17,6 +17,9 @@ from fedora_qa.sequence.window import PoseSamples, Window
 
 Float64 = NDArray[np.float64]
 
+_DEPTH_RANGE_M: Final = (0.05, 1000.0)
+"""Where depths lie in metres when nothing is declared."""
+
 _POSE_MARGIN_NS: Final = NS_PER_S // 10
 """Room for the interpolation's stencil and for the neighbours of the last interval."""
 
@@ -66,6 +69,12 @@ def frame_at(clock: Clock, time_ns: int) -> int | None:
     if place == len(rows) or clock.times_ns[rows[place]] != time_ns:
         return None
     return int(rows[place])
+
+
+def depths_plausible(facts: Facts, depths_m: NDArray[np.floating]) -> bool:
+    """Whether depths lie about where they are declared: flow alone cannot tell small depths from large positions."""
+    nearest_m, farthest_m = facts.declared.depth_range_m or _DEPTH_RANGE_M
+    return 0.5 * nearest_m <= float(np.median(depths_m)) <= 2 * farthest_m
 
 
 def ends_on_frame(facts: Facts, interval: Interval) -> bool:

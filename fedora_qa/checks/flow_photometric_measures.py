@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.flow_hypotheses import Weighed
 from fedora_qa.checks.flow_intervals import place
-from fedora_qa.checks.flow_residuals import FieldResidual
+from fedora_qa.checks.flow_residuals import UNMATCHED, FieldResidual
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.estimators.flow_field_fit import GAIN, MEAN, gain_of_true, robust_errors
 from fedora_qa.estimators.flow_motion_fit import Evidence, sum_of
@@ -134,46 +134,71 @@ def rate_measurements(
 def place_measurements(
     stream: str, fields: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]
 ) -> list[Measured]:
-    """State the worst of a rate: the share of tiles that do not match, the worst field, the worst tile."""
+    """State the worst of a rate: tiles that do not match, the worst field, the worst tile."""
     measured = [_unmatched(stream, fields, facts, suspects)]
+    masked_by_depth = [one for one in fields if one.least_matched_tile is not None]
+    if masked_by_depth:
+        measured.append(_least_matched(stream, masked_by_depth, facts, suspects))
     known = [one for one in fields if one.worst_tile is not None]
-    if not known:
-        return measured
-    field_off = max(known, key=lambda one: _mean_px(one) / (_FIELD_BIAS_PX + max(one.mean_error_px)))
-    tile_off = max(known, key=lambda one: (one.worst_px - _TILE_BIAS_PX) / one.worst_error_px)
-    measured.append(
-        Measured(
-            name=f"{stream} worst_field",
-            value=_mean_px(field_off),
-            unit="px",
-            standard_error=max(field_off.mean_error_px),
-            allowance=_FIELD_BIAS_PX,
-            side="upper",
-            matters=_MATTERS_PX,
-            tests=len(known),
-            statement=f"Field {field_off.interval.row} of {stream} carries frame {field_off.frame} "
-            f"{_mean_px(field_off):.3g} px past the frame at its end.",
-            code="flow_photometric.residual.field",
-            where=place(facts, (field_off.interval, field_off.interval), frame=field_off.frame),
-            suspects=suspects,
-        )
-    )
-    measured.append(
-        Measured(
-            name=f"{stream} worst_tile",
-            value=tile_off.worst_px,
-            unit="px",
-            standard_error=tile_off.worst_error_px,
-            allowance=_TILE_BIAS_PX,
-            side="upper",
-            tests=sum(one.textured for one in known),
-            statement=f"Field {tile_off.interval.row} of {stream} is off by {tile_off.worst_px:.3g} px in one tile.",
-            code="flow_photometric.residual.tile",
-            where=place(facts, (tile_off.interval, tile_off.interval), frame=tile_off.frame, tile=tile_off.worst_tile),
-            suspects=suspects,
-        )
-    )
+    if known:
+        measured += [_worst_field(stream, known, facts, suspects), _worst_tile(stream, known, facts, suspects)]
     return measured
+
+
+def _worst_field(stream: str, known: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
+    worst = max(known, key=lambda one: _mean_px(one) / (_FIELD_BIAS_PX + max(one.mean_error_px)))
+    return Measured(
+        name=f"{stream} worst_field",
+        value=_mean_px(worst),
+        unit="px",
+        standard_error=max(worst.mean_error_px),
+        allowance=_FIELD_BIAS_PX,
+        side="upper",
+        matters=_MATTERS_PX,
+        tests=len(known),
+        statement=f"Field {worst.interval.row} of {stream} carries frame {worst.frame} "
+        f"{_mean_px(worst):.3g} px past the frame at its end.",
+        code="flow_photometric.residual.field",
+        where=place(facts, (worst.interval, worst.interval), frame=worst.frame),
+        suspects=suspects,
+    )
+
+
+def _worst_tile(stream: str, known: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
+    worst = max(known, key=lambda one: (one.worst_px - _TILE_BIAS_PX) / one.worst_error_px)
+    return Measured(
+        name=f"{stream} worst_tile",
+        value=worst.worst_px,
+        unit="px",
+        standard_error=worst.worst_error_px,
+        allowance=_TILE_BIAS_PX,
+        side="upper",
+        tests=sum(one.textured for one in known),
+        statement=f"Field {worst.interval.row} of {stream} is off by {worst.worst_px:.3g} px in one tile.",
+        code="flow_photometric.residual.tile",
+        where=place(facts, (worst.interval, worst.interval), frame=worst.frame, tile=worst.worst_tile),
+        suspects=suspects,
+    )
+
+
+def _least_matched(
+    stream: str, fields: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]
+) -> Measured:
+    """State the tile that matches least: the worst tile in px is sought among those that match."""
+    worst = max(fields, key=lambda one: one.least_matched)
+    return Measured(
+        name=f"{stream} least_matched_tile",
+        value=100 * worst.least_matched,
+        unit="percent",
+        standard_error=0.0,
+        allowance=100 * UNMATCHED,
+        side="upper",
+        statement=f"In field {worst.interval.row} of {stream} the flow leads one tile to another place: "
+        f"{100 * worst.least_matched:.0f}% of its contrast is left unexplained.",
+        code="flow_photometric.residual.tile_match",
+        where=place(facts, (worst.interval, worst.interval), frame=worst.frame, tile=worst.least_matched_tile),
+        suspects=suspects,
+    )
 
 
 def _unmatched(stream: str, fields: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
@@ -208,7 +233,7 @@ def _mean_px(one: FieldResidual) -> float:
 
 def suspicion(one: FieldResidual) -> float:
     """Return a number above 1 for a field that is surely off: unmatched tiles, or a mean or gain beyond its error."""
-    unmatched = one.unmatched_share / _UNMATCHED_SHARE
+    unmatched = max(one.unmatched_share / _UNMATCHED_SHARE, one.least_matched / UNMATCHED)
     if one.evidence is None:
         return unmatched
     error_px = max(one.mean_error_px)

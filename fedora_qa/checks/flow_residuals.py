@@ -1,6 +1,6 @@
 """Measure one field of flow against the frames at both ends of its interval."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -47,11 +47,15 @@ _SECOND_STEP_PX: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Tiles:
-    """Sampled tiles of one field: origins (n, 2), flow patches (n, 36, 36, 2), finite; and the pixels to use."""
+    """Sampled tiles of one field: origins (n, 2), flow patches (n, 36, 36, 2), finite; and the pixels to use.
+
+    ``by_depth`` says that depth and motion told which pixels both frames show, so that every tile must match.
+    """
 
     origins: Int64
     flow_px: Float32
     usable: Mask
+    by_depth: bool
 
     def read(self, frames: FramePair, extra_px: Float64 | None = None) -> TileResiduals:
         """Warp the second frame back by the flow, less ``extra_px`` (n, 2), and estimate what is left."""
@@ -75,6 +79,8 @@ class FieldResidual:
         Mean residual flow (u, v) and its standard error; NaN where too few tiles match.
     evidence
         Normal equations of the templates; None where too few tiles match.
+    least_matched, least_matched_tile
+        Largest unexplained share of a textured tile, and that tile; only where depth told what both frames show.
     worst_tile, worst_px, worst_error_px
         The matched tile (column, row, width, height) whose residual lies furthest from the field's mean for its error.
     """
@@ -87,6 +93,8 @@ class FieldResidual:
     mean_px: tuple[float, float] = (float("nan"), float("nan"))
     mean_error_px: tuple[float, float] = (float("nan"), float("nan"))
     evidence: Evidence | None = None
+    least_matched: float = 0.0
+    least_matched_tile: tuple[int, int, int, int] | None = None
     worst_tile: tuple[int, int, int, int] | None = None
     worst_px: float = 0.0
     worst_error_px: float = 0.0
@@ -108,8 +116,9 @@ def sample_tiles(frames: FramePair, interval: Interval, share: float) -> Tiles |
     flow_px = patches_of(stored, origins)
     with np.errstate(invalid="ignore"):
         finite = (np.abs(flow_px[..., 0]) < LARGEST_FLOW_PX) & (np.abs(flow_px[..., 1]) < LARGEST_FLOW_PX)
-    usable = finite[:, HALO_PX:-HALO_PX, HALO_PX:-HALO_PX] & visible(frames.window, interval, origins)
-    return Tiles(origins, np.where(finite[..., None], flow_px, np.float32(0)), usable)
+    shown, by_depth = visible(frames.window, interval, origins)
+    usable = finite[:, HALO_PX:-HALO_PX, HALO_PX:-HALO_PX] & shown
+    return Tiles(origins, np.where(finite[..., None], flow_px, np.float32(0)), usable, by_depth)
 
 
 def textured(residuals: TileResiduals) -> Mask:
@@ -137,6 +146,13 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
         interval, frames.before, len(tiles.origins), int(np.count_nonzero(can_tell)),
         int(np.count_nonzero(can_tell & ~matched)),
     )  # fmt: skip
+    if tiles.by_depth and can_tell.any():
+        least = int(np.argmax(np.where(can_tell, residuals.unexplained, -1.0)))
+        counts = replace(
+            counts,
+            least_matched=float(residuals.unexplained[least]),
+            least_matched_tile=_tile_at(tiles.origins[least]),
+        )
     if np.count_nonzero(matched) < FEWEST_TILES:
         return counts
     covariances_px2 = covariances_px2[matched] + np.eye(2) * REMAP_ROUNDING_PX**2
@@ -155,25 +171,32 @@ def _summary(
     fit = fit_field(errors_px, covariances_px2, flows_px, slopes)
     worst = int(np.argmax(fit.deviations))
     worst_px = float(np.linalg.norm(errors_px[worst] - fit.mean_px))
-    return FieldResidual(
-        counts.interval, counts.frame, counts.tiles, counts.textured, counts.unmatched,
+    return replace(
+        counts,
         mean_px=(float(fit.mean_px[0]), float(fit.mean_px[1])),
         mean_error_px=(float(fit.mean_error_px[0]), float(fit.mean_error_px[1])),
         evidence=fit.evidence,
-        worst_tile=(int(origins[worst, 0]), int(origins[worst, 1]), TILE_PX, TILE_PX),
+        worst_tile=_tile_at(origins[worst]),
         worst_px=worst_px,
         worst_error_px=worst_px / max(float(fit.deviations[worst]), 1e-12),
-    )  # fmt: skip
+    )
+
+
+def _tile_at(origin: Int64) -> tuple[int, int, int, int]:
+    return int(origin[0]), int(origin[1]), TILE_PX, TILE_PX
 
 
 def _flow_and_slopes(flow_px: Float32, usable: Mask) -> tuple[Float64, Float64]:
-    """Return each tile's mean flow (n, 2) and its slopes (n, 2, 2) along columns and rows, over usable pixels."""
-    inner = flow_px[:, HALO_PX:-HALO_PX, HALO_PX:-HALO_PX].astype(np.float64)
-    weight = usable[..., None].astype(np.float64)
-    count = weight.sum(axis=(1, 2))
+    """Return each tile's mean flow (n, 2) and its slopes (n, 2, 2) along columns and rows, over usable pixels.
+
+    Every other pixel of every other row will do: flow is smooth within a surface.
+    """
+    inner = flow_px[:, HALO_PX:-HALO_PX:2, HALO_PX:-HALO_PX:2].astype(np.float64)
+    weight = usable[:, ::2, ::2, None].astype(np.float64)
+    count = np.maximum(weight.sum(axis=(1, 2)), 1.0)
     mean = (inner * weight).sum(axis=(1, 2)) / count
     slopes = []
-    offsets = np.arange(TILE_PX, dtype=np.float64)
+    offsets = np.arange(0, TILE_PX, 2, dtype=np.float64)
     for place in (offsets[None, None, :, None], offsets[None, :, None, None]):
         from_centre = (place - ((place * weight).sum(axis=(1, 2)) / count)[:, None, None, :]) * weight
         slopes.append((from_centre * inner).sum(axis=(1, 2)) / np.maximum((from_centre**2).sum(axis=(1, 2)), 1.0))

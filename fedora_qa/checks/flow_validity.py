@@ -7,7 +7,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow_intervals import Interval, PoseTrack, frame_at, owned_intervals, place, pose_track
+from fedora_qa.checks.flow_intervals import (
+    Interval,
+    PoseTrack,
+    depths_plausible,
+    frame_at,
+    owned_intervals,
+    place,
+    pose_track,
+)
 from fedora_qa.checks.flow_stamps import stamp_measurements
 from fedora_qa.checks.flow_suspects import DISPLACEMENTS, spreads_over
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
@@ -28,7 +36,7 @@ class FieldPattern:
     """Wrong pixels of one field; ``pixel`` is the first, (column, row).
 
     ``unfounded`` values stand where there can be none: ``unfounded_zero`` of them are zero, ``behind`` of them belong
-    to points behind the camera.
+    to points behind the camera. ``deep`` says that the depths are plausible.
     """
 
     interval: Interval
@@ -36,6 +44,7 @@ class FieldPattern:
     unfounded: int
     unfounded_zero: int
     behind: int
+    deep: bool
     infinite: int
     missing: int
     pixel: tuple[int, int] | None
@@ -102,6 +111,7 @@ def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame:
         unfounded=int(np.count_nonzero(unfounded)),
         unfounded_zero=int(np.count_nonzero(unfounded & (u == 0) & (v == 0))),
         behind=int(np.count_nonzero(present & behind)),
+        deep=not valid.any() or depths_plausible(window.facts, depth_m[valid]),
         infinite=int(np.count_nonzero(np.isinf(u) | np.isinf(v))),
         missing=int(np.count_nonzero(missing)),
         pixel=None if first is None else (first % width, first // width),
@@ -148,7 +158,7 @@ def _pixel_measurements(patterns: Sequence[FieldPattern], facts: Facts) -> list[
         ("invalid_encoding", "depth", 0.4),
     )
     if mostly_behind:
-        misplaced = (("unit_mm_m", "depth", 0.4), ("unit_mm_m", "pose", 0.4))
+        misplaced = (("unit_mm_m", "pose" if all(pattern.deep for pattern in unfounded) else "depth", 0.6),)
     absent: tuple[tuple[str, str, float], ...] = (("nan_in_stream", "flow", 0.8), ("invalid_encoding", "depth", 0.4))
     if unfounded and missing:
         misplaced = absent = DISPLACEMENTS

@@ -32,7 +32,7 @@ class Rotation(WindowCheck[Motion]):
     Increments between consecutive poses from a cubic spline through the gyro with coning, against the poses' own.
     Residuals are whitened with the declared noise (pose noise couples neighbours) and a microsecond's rounding of
     stamps. Bias, axes, gain and the clock are fitted; each is freed only where it explains the residuals far beyond
-    chance, all others are tested alone. Errors are the largest of the formal, the misfit's and the blocks' spread.
+    chance, all others are tested alone. Errors are formal ones, widened by the misfit and by the spread over stretches.
     Biases may walk from zero as declared. Where the streams disagree grossly, readings with exchanged axes, degrees,
     and other orders of the quaternion are tried instead.
 

@@ -100,6 +100,7 @@ def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> RenderableType:
     details = Table.grid(padding=(0, 2))
     details.add_column(style="dim", no_wrap=True)
     details.add_column(overflow="fold")
+    details.add_row("cause", text(f"{diagnosis.stream}:{diagnosis.cause}"))
     if place(diagnosis.where):
         details.add_row("where", text(place(diagnosis.where)))
     details.add_row("remedy", text(diagnosis.remedy))

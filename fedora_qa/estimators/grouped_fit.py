@@ -72,7 +72,7 @@ class Fitted:
     Attributes
     ----------
     standard_error
-        The largest of the formal error, the formal error scaled by the misfit, and the spread over blocks.
+        The formal error, scaled by a misfit above 1, and widened where the spread over stretches exceeds it.
     model_error
         What the known error of the model can have added.
     free

@@ -23,6 +23,7 @@ from fedora_qa.estimators.inertial_samples import (
     stamp_scatter,
 )
 from fedora_qa.geometry import so3
+from fedora_qa.geometry.motion import WIDEST_GAP_STEPS
 
 Float64 = NDArray[np.float64]
 
@@ -83,7 +84,8 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     """
     imu_times_s, gyro = samples.imu_times_s, samples.angular_velocities_body_rad_s
     starts_s, stops_s = samples.pose_times_s[:-1], samples.pose_times_s[1:]
-    poses = np.flatnonzero(covered(imu_times_s, starts_s, stops_s))
+    steps_s = stops_s - starts_s
+    poses = np.flatnonzero(covered(imu_times_s, starts_s, stops_s) & (steps_s <= _widest_s(steps_s)))
     starts_s, stops_s = starts_s[poses], stops_s[poses]
     substeps = _substeps(imu_times_s, stops_s - starts_s)
     fine = rotation_increments(imu_times_s, gyro, starts_s, stops_s, substeps=substeps)
@@ -142,6 +144,11 @@ def _covariance(times_s: Float64, by_pose: Float64, noise: InertialNoise, poses:
     shared = np.zeros(len(poses))
     shared[1:] = np.where(np.diff(poses) == 1, -variances[poses[1:]], 0.0)
     return np.array([shared, own])
+
+
+def _widest_s(steps_s: Float64) -> float:
+    """Across wider gaps between poses a few substeps are too coarse."""
+    return WIDEST_GAP_STEPS * float(np.median(steps_s)) if len(steps_s) else 0.0
 
 
 def _substeps(imu_times_s: Float64, steps_s: Float64) -> int:

@@ -69,6 +69,7 @@ def _diagnosis(diagnosis: Diagnosis, file: FileRecord) -> str:
     explains = ", ".join((*explained_checks(diagnosis, file), *diagnosis.explains))
     lines = [
         f"- **{escape(cause_sentence(diagnosis))}**{confidence}",
+        f"  - cause: {escape(f'{diagnosis.stream}:{diagnosis.cause}')}",
         f"  - where: {escape(place(diagnosis.where))}" if place(diagnosis.where) else "",
         f"  - remedy: {escape(diagnosis.remedy)}",
         f"  - explains: {escape(explains)}",

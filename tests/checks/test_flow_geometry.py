@@ -1,0 +1,223 @@
+"""Flow is held against depth and pose: clean files pass to rounding, faults are found, placed, sized and named."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.checks.flow_geometry import Endpoint
+from fedora_qa.checks.protocol import Suspect
+from fedora_qa.judgement.judge import Judged
+from fedora_qa.sequence.declared import PoseModel
+from tests.support.flow_world import K, T_BODY_CAMERA, FlowWorld, judged, make_world, observe
+
+NOISE = PoseModel(position_sigma_m=0.005, rotation_sigma_rad=np.radians(0.2))
+
+
+@cache
+def clean() -> FlowWorld:
+    return make_world()
+
+
+@cache
+def noisy() -> FlowWorld:
+    return make_world((25, 50), noise=NOISE)
+
+
+def with_camera(world: FlowWorld, K_declared: np.ndarray = K, T: np.ndarray = T_BODY_CAMERA) -> FlowWorld:
+    cameras = {
+        name: replace(camera, K=K_declared, T_body_camera=T) for name, camera in world.facts.declared.cameras.items()
+    }
+    return world.declaring(cameras=cameras)
+
+
+def first_suspect(result: Judged) -> Suspect:
+    assert result.result.outcome == "failed"
+    return result.alarms[0].suspects[0]
+
+
+@pytest.mark.parametrize("world", [clean, noisy], ids=["exact pose", "noisy pose"])
+def test_clean_file_passes_to_rounding(world: object) -> None:
+    """Nothing but rounding remains, whether the pose is exact or its declared noise has to be corrected."""
+    result = judged(Endpoint(), world())  # type: ignore[operator]
+    assert result.result.outcome == "passed"
+    errors = [m.value for m in result.result.measurements if m.name.endswith("endpoint_error")]
+    assert max(errors) < 1e-5
+
+
+@pytest.mark.parametrize("share", [0.05, 0.25])
+def test_sampled_efforts_agree(share: float) -> None:
+    """A coarser lattice passes the clean file and still finds a gain of 0.1%."""
+    assert judged(Endpoint(), clean(), tile_share=share).result.outcome == "passed"
+    off = clean().with_flow(lambda _, flow: flow * 1.001)
+    suspect = first_suspect(judged(Endpoint(), off, tile_share=share))
+    assert suspect.magnitude == pytest.approx(0.1, rel=1e-2)
+
+
+VALUE_FAULTS = {
+    "gain": (lambda _, flow: flow * 1.02, "flow_gain", 2.0),
+    "doubled": (lambda _, flow: flow * 2, "flow_gain", 100.0),
+    "sign": (lambda _, flow: -flow, "flow_sign", None),
+    "px/s": (lambda stream, flow: flow * float(stream.split("/")[1][:-2]), "flow_unit", 10.0),
+    "px s": (lambda stream, flow: flow / float(stream.split("/")[1][:-2]), "flow_unit", 0.1),
+    "axes": (lambda _, flow: flow[..., ::-1], "axes_swapped", None),
+    "v up": (lambda _, flow: flow * np.array([1, -1]), "frame_convention", None),
+    "mirrored": (lambda _, flow: flow[:, :, ::-1], "mirrored", None),
+    "shifted": (lambda _, flow: np.roll(flow, 3, axis=2), "spatial_offset", 3.0),
+    "late": (lambda _, flow: np.concatenate([flow[:1], flow[:-1]]), "flow_interval_shifted", 1.0),
+}
+
+
+@pytest.mark.parametrize(("change", "cause", "magnitude"), VALUE_FAULTS.values(), ids=VALUE_FAULTS)
+def test_fault_of_the_values_is_named(change: object, cause: str, magnitude: float | None) -> None:
+    """The first suspect is what was done to the fields, with its size; all rates are off, so it is flow as a whole."""
+    suspect = first_suspect(judged(Endpoint(), clean().with_flow(change)))  # type: ignore[arg-type]
+    assert (suspect.cause, suspect.stream) == (cause, "flow")
+    if magnitude is not None:
+        assert suspect.magnitude == pytest.approx(magnitude, rel=1e-3)
+
+
+def test_one_rate_alone_is_named() -> None:
+    """A gain in one rate is that rate's, and the other rates pass."""
+    off = clean().with_flow(lambda stream, flow: flow * (1.01 if stream == "flow/25hz" else 1.0))
+    result = judged(Endpoint(), off)
+    assert {alarm.finding.where.stream for alarm in result.alarms} == {"flow/25hz"}
+    assert first_suspect(result).stream == "flow/25hz"
+
+
+def test_rate_mixed_up_is_named() -> None:
+    """10 Hz fields that hold the 50 Hz ones that begin with them belong to another rate."""
+    fast = clean().rows_by_key["path/flow/50hz"][::5]
+    suspect = first_suspect(judged(Endpoint(), clean().with_rows(path_flow_10hz=fast)))
+    assert (suspect.cause, suspect.stream) == ("flow_rate_mixed", "flow/10hz")
+
+
+LONGER_K = K * np.array([[1.005, 1.0, 1.0], [1.0, 1.005, 1.0], [1.0, 1.0, 1.0]])
+SHIFTED_K = K + np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+ROLLED_T = T_BODY_CAMERA.copy()
+ROLLED_T[:3, :3] = T_BODY_CAMERA[:3, :3] @ Rotation.from_rotvec([0, 0, 0.5], degrees=True).as_matrix()
+FORWARD_T = T_BODY_CAMERA.copy()
+FORWARD_T[0, 3] += 0.1
+
+METADATA_FAULTS = {
+    "focal": (LONGER_K, T_BODY_CAMERA, "intrinsics_focal", 0.5),
+    "centre": (SHIFTED_K, T_BODY_CAMERA, "intrinsics_centre", 1.5),
+    "roll": (K, ROLLED_T, "extrinsic_rotation", 0.5),
+    "arm": (K, FORWARD_T, "lever_arm", 0.1),
+}
+
+
+@pytest.mark.parametrize(("K_declared", "T", "cause", "size"), METADATA_FAULTS.values(), ids=METADATA_FAULTS)
+@pytest.mark.parametrize("world", [clean, noisy], ids=["exact pose", "noisy pose"])
+def test_fault_of_the_declared_camera_is_named(
+    world: object, K_declared: np.ndarray, T: np.ndarray, cause: str, size: float
+) -> None:
+    """Wrong intrinsics show whatever the pose's noise; a wrong mounting looks like a motion, and needs an exact pose."""
+    base: FlowWorld = world()  # type: ignore[operator]
+    result = judged(Endpoint(), with_camera(base, K_declared, T))
+    if base is noisy() and cause in ("extrinsic_rotation", "lever_arm"):
+        assert result.result.outcome == "passed"
+        return
+    suspect = first_suspect(result)
+    assert (suspect.cause, suspect.stream) == (cause, "metadata")
+    assert suspect.magnitude == pytest.approx(size, rel=0.02)
+
+
+def test_late_poses_are_measured() -> None:
+    """Poses stamped 2 ms late are found, with sign and size."""
+    world = clean()
+    late = world.facts.clocks["pose"]
+    clocks = {**world.facts.clocks, "pose": replace(late, times_ns=late.times_ns + 2_000_000)}
+    suspect = first_suspect(judged(Endpoint(), replace(world, facts=replace(world.facts, clocks=clocks))))
+    assert (suspect.cause, suspect.stream) == ("time_offset", "pose")
+    assert suspect.magnitude == pytest.approx(2.0, rel=0.02)
+
+
+def test_mirrored_depth_is_named() -> None:
+    """Undoing the fault of the depth makes flow agree, so the depth is suspected and not the flow."""
+    mirrored = clean().rows_by_key["path/depth"][:, :, ::-1]
+    suspect = first_suspect(judged(Endpoint(), clean().with_rows(path_depth=mirrored)))
+    assert (suspect.cause, suspect.stream) == ("mirrored", "depth")
+
+
+def test_ray_length_is_told_from_depth() -> None:
+    """Depth along the ray instead of the axis is named."""
+    columns, rows = np.meshgrid(np.arange(192), np.arange(144))
+    stretch = np.sqrt(1 + ((columns - K[0, 2]) / K[0, 0]) ** 2 + ((rows - K[1, 2]) / K[1, 1]) ** 2)
+    depth = (clean().rows_by_key["path/depth"] * stretch).astype(np.float32)
+    suspect = first_suspect(judged(Endpoint(), clean().with_rows(path_depth=depth)))
+    assert (suspect.cause, suspect.stream) == ("depth_ray_not_z", "depth")
+
+
+POSE_FAULTS = {
+    "order": ([3, 0, 1, 2], [1, 1, 1, 1], "quaternion_order"),
+    "inverse": ([0, 1, 2, 3], [-1, -1, -1, 1], "quaternion_inverted"),
+}
+
+
+@pytest.mark.parametrize(("order", "signs", "cause"), POSE_FAULTS.values(), ids=POSE_FAULTS)
+def test_quaternion_convention_is_named(order: list[int], signs: list[int], cause: str) -> None:
+    """Undoing another order or direction of the quaternion makes flow agree."""
+    orientations = clean().rows_by_key["path/pose/orientation"][:, order] * signs
+    suspect = first_suspect(judged(Endpoint(), clean().with_rows(path_pose_orientation=orientations)))
+    assert (suspect.cause, suspect.stream) == (cause, "pose")
+
+
+def test_single_pixel_is_found_and_placed() -> None:
+    """At full density one pixel that is off by 0.01 px in one field is an alarm, at its place."""
+    flow = clean().rows_by_key["path/flow/25hz"].copy()
+    flow[3, 50, 70, 0] += 0.01
+    result = judged(Endpoint(), clean().with_rows(path_flow_25hz=flow))
+    place = next(a.finding.where for a in result.alarms if a.finding.code.endswith("worst_pixel"))
+    assert (place.stream, place.index_start, place.frame, place.pixel) == ("flow/25hz", 3, 6, (70, 50))
+
+
+def test_flow_from_the_noisy_pose_is_named() -> None:
+    """Declared noise that flow knows nothing of is expected; a flow that follows the noise is an alarm."""
+    world = noisy()
+    exact = world.rows_by_key | dict(zip(
+        ("path/pose/position", "path/pose/orientation"),
+        (make_world((50,)).rows_by_key[key] for key in ("path/pose/position", "path/pose/orientation")),
+        strict=True,
+    ))  # fmt: skip
+    result = judged(Endpoint(), replace(world, rows_by_key=exact))
+    suspect = first_suspect(result)
+    assert (suspect.cause, suspect.stream) == ("flow_from_noisy_pose", "flow")
+
+
+def test_noise_that_is_larger_than_declared_is_measured() -> None:
+    """Twice the declared noise shows in the size of the corrections, not in what remains."""
+    world = noisy().declaring(pose=PoseModel(NOISE.position_sigma_m / 2, NOISE.rotation_sigma_rad / 2))
+    result = judged(Endpoint(), world)
+    assert {alarm.finding.code for alarm in result.alarms} == {"flow_geometry.endpoint.pose_correction"}
+    assert first_suspect(result).cause == "noise_misdeclared"
+    assert first_suspect(result).magnitude == pytest.approx(-50, abs=15)
+
+
+def test_what_cannot_be_asked_or_seen_is_said() -> None:
+    """A moving scene and a missing camera are not applicable; intervals off the frames are not observable."""
+    check = Endpoint()
+    assert "scene" in check.not_applicable(clean().declaring(flow_model="scene").facts)
+    assert "depth camera" in check.not_applicable(clean().declaring(cameras={}).facts)
+    facts = clean().facts
+    clocks = {
+        name: replace(c, times_ns=c.times_ns + 3, ends_ns=c.ends_ns + 3) if c.ends_ns is not None else c
+        for name, c in facts.clocks.items()
+    }
+    observation = observe(check, replace(clean(), facts=replace(facts, clocks=clocks)))
+    assert "no frame" in observation.unobservable
+
+
+def test_undeclared_noise_weakens_the_check() -> None:
+    """Without declared pose noise any rigid correction is allowed, and a notice says so; a gain is still found."""
+    world = clean().declaring(pose=None)
+    assert judged(Endpoint(), world).result.outcome == "warned"
+    assert judged(Endpoint(), world.with_flow(lambda _, flow: flow * 1.05)).result.outcome == "failed"
+
+
+def test_empty_fields_do_not_crash() -> None:
+    """Fields without a single value say that they share too few pixels with the depth."""
+    empty = clean().with_flow(lambda _, flow: np.full_like(flow, np.nan))
+    assert "too few" in observe(Endpoint(), empty).unobservable

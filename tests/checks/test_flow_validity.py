@@ -1,0 +1,157 @@
+"""Flow has values exactly where it must, over intervals that lie on frames: every pixel and every stamp is counted."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from fedora_qa.checks.flow_validity import Validity
+from fedora_qa.judgement.judge import Alarm, Judged
+from fedora_qa.sequence.facts import Clock, Facts
+from tests.support.facts import MS
+from tests.support.flow_world import FlowWorld, judged, make_world, observe
+
+HOLE = (slice(None), slice(20, 30), slice(40, 60))
+
+
+@cache
+def clean() -> FlowWorld:
+    """A file with a hole in the depth, 200 pixels of each frame, and the same hole in every field."""
+    world = make_world((25, 50))
+    depth = world.rows_by_key["path/depth"].copy()
+    depth[HOLE] = np.nan
+
+    def pierced(_: str, flow: np.ndarray) -> np.ndarray:
+        flow = flow.copy()
+        flow[HOLE] = np.nan
+        return flow
+
+    return world.with_rows(path_depth=depth).with_flow(pierced)
+
+
+def alarm_of(result: Judged, rule: str) -> Alarm:
+    return next(a for a in result.alarms if a.finding.code == f"flow_geometry.validity.{rule}")
+
+
+def value_of(result: Judged, name: str) -> float | None:
+    return next(m.value for m in result.result.measurements if m.name == name)
+
+
+def with_stamps(world: FlowWorld, change: object) -> FlowWorld:
+    clocks = {
+        name: change(c) if c.ends_ns is not None else c  # type: ignore[operator]
+        for name, c in world.facts.clocks.items()
+    }
+    return replace(world, facts=replace(world.facts, clocks=clocks))
+
+
+def test_clean_file_passes() -> None:
+    """Holes that flow and depth share are no fault."""
+    assert judged(Validity(), clean()).result.outcome == "passed"
+
+
+def test_values_in_holes_are_counted_and_placed() -> None:
+    """Zeros instead of NaN: 200 pixels a field, the first at its place, the encoding named."""
+    filled = clean().with_flow(lambda _, flow: np.nan_to_num(flow))
+    result = judged(Validity(), filled)
+    assert value_of(result, "values_without_depth") == 200 * 30
+    alarm = alarm_of(result, "unfounded")
+    assert alarm.finding.where.pixel == (40, 20)
+    assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("invalid_encoding", "flow")
+
+
+def test_missing_values_are_counted() -> None:
+    """NaN over valid depth in two fields of one rate."""
+
+    def spoilt(stream: str, flow: np.ndarray) -> np.ndarray:
+        flow = flow.copy()
+        if stream == "flow/25hz":
+            flow[2:4, :5, :7] = np.nan
+        return flow
+
+    result = judged(Validity(), clean().with_flow(spoilt))
+    assert value_of(result, "missing_values") == 2 * 5 * 7
+    alarm = alarm_of(result, "missing")
+    assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("nan_in_stream", "flow/25hz")
+    assert (alarm.finding.where.index_start, alarm.finding.where.index_stop) == (2, 4)
+
+
+def test_infinite_values_are_counted() -> None:
+    """Infinity is no way to say that there is no value."""
+    result = judged(Validity(), clean().with_flow(lambda _, flow: np.nan_to_num(flow, nan=np.inf)))
+    assert value_of(result, "infinite_values") == 200 * 30
+
+
+def test_points_behind_the_camera_must_have_no_value() -> None:
+    """Depth a thousand times too small puts all points behind the moving camera; the depth is suspected."""
+    shallow = clean().with_rows(path_depth=clean().rows_by_key["path/depth"] / np.float32(1000))
+    alarm = alarm_of(judged(Validity(), shallow), "unfounded")
+    assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("unit_mm_m", "depth")
+
+
+def test_without_poses_missing_values_are_left_open() -> None:
+    """Only a pose tells whether a point stays before the camera."""
+    world = clean().without("pose").with_flow(lambda _, flow: np.full_like(flow, np.nan))
+    assert judged(Validity(), world).result.outcome == "passed"
+
+
+def late(c: Clock) -> Clock:
+    assert c.ends_ns is not None
+    return replace(c, times_ns=c.times_ns + 5 * MS, ends_ns=c.ends_ns + 5 * MS)
+
+
+def fast(c: Clock) -> Clock:
+    assert c.ends_ns is not None
+    return replace(c, times_ns=c.times_ns + c.times_ns // 1000, ends_ns=c.ends_ns + c.ends_ns // 1000)
+
+
+def one_dropped(c: Clock) -> Clock:
+    assert c.ends_ns is not None
+    kept = np.arange(len(c.times_ns)) != 4
+    return Clock(c.times_ns[kept], c.ends_ns[kept], c.advancing[kept])
+
+
+def slow_for_50_hz(c: Clock) -> Clock:
+    assert c.ends_ns is not None
+    return replace(c, ends_ns=np.maximum(c.ends_ns, c.times_ns + 40 * MS))
+
+
+STAMP_FAULTS = {
+    "late": (late, "off_frames", "time_offset", 5.0),
+    "fast": (fast, "off_frames", "clock_rate", 1000.0),
+    "dropped": (one_dropped, "not_abutting", "dropped_samples", 1.0),
+    "too long": (slow_for_50_hz, "wrong_length", "flow_rate_mixed", None),
+}
+
+
+@pytest.mark.parametrize(("change", "rule", "cause", "size"), STAMP_FAULTS.values(), ids=STAMP_FAULTS)
+def test_fault_of_the_stamps_is_named(change: object, rule: str, cause: str, size: float | None) -> None:
+    """Intervals off frames, gaps and wrong lengths are named and sized; what befalls all rates befalls flow."""
+    suspect = alarm_of(judged(Validity(), with_stamps(clean(), change)), rule).suspects[0]
+    assert (suspect.cause, suspect.stream) == (cause, "flow/50hz" if cause == "flow_rate_mixed" else "flow")
+    if size is not None:
+        assert suspect.magnitude == pytest.approx(size, rel=0.02)
+
+
+def test_late_depth_is_told_from_late_flow() -> None:
+    """Where flow begins on colour frames and not on depth frames, depth is late."""
+    facts = clean().facts
+    depth = facts.clocks["depth"]
+    clocks = {**facts.clocks, "depth": replace(depth, times_ns=depth.times_ns + 3 * MS)}
+    result = judged(Validity(), replace(clean(), facts=replace(facts, clocks=clocks)))
+    suspect = max(alarm_of(result, "off_frames").suspects, key=lambda one: one.weight)
+    assert (suspect.cause, suspect.stream) == ("time_offset", "depth")
+    assert suspect.magnitude == pytest.approx(3.0)
+
+
+def broken(facts: Facts) -> Facts:
+    depth = facts.clocks["depth"]
+    stopped = Clock(np.zeros_like(depth.times_ns), None, np.arange(len(depth.times_ns)) == 0)
+    return replace(facts, clocks={**facts.clocks, "depth": stopped})
+
+
+def test_broken_depth_clock_is_not_observable() -> None:
+    """Frames that share one stamp cannot be placed."""
+    observation = observe(Validity(), replace(clean(), facts=broken(clean().facts)))
+    assert "do not advance" in observation.unobservable

@@ -1,0 +1,111 @@
+"""The motion behind a flow field is recovered, and small faults are told from it and sized."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.estimators.flow_motion_fit import FlowSample, fit_motion, sum_of, twist_statistic, weigh_templates
+from fedora_qa.estimators.flow_templates import SMALL_FAULTS, small_fault_templates
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.rigid_flow import rigid_flow
+
+K = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
+MOTION = RigidMotion(Rotation.from_rotvec([0.02, -0.03, 0.01]).as_matrix(), np.array([0.1, -0.05, -0.4]))
+SIGMA_PX = 1e-4
+SPREAD = np.diag([0.003, 0.003, 0.003, 0.01, 0.01, 0.01]) ** 2
+
+
+def sample(motion: RigidMotion = MOTION, K_made: np.ndarray = K, gain: float = 1.0, seed: int = 0) -> FlowSample:
+    rng = np.random.default_rng(seed)
+    columns, rows, depths_m = rng.uniform(0, 640, 300), rng.uniform(0, 480, 300), rng.uniform(1.0, 20.0, 300)
+    flow_px = gain * rigid_flow(K_made, motion, columns, rows, depths_m)
+    return FlowSample(columns, rows, depths_m, flow_px, SIGMA_PX)
+
+
+def test_motion_is_recovered_exactly() -> None:
+    """From a start that is off by a degree and 5 cm, to rounding: three-dimensional scenes leave nothing open."""
+    twist = np.array([0.01, -0.015, 0.02, 0.05, -0.02, 0.03])
+    fit = fit_motion(K, MOTION, sample(MOTION.corrected(twist)))
+    assert fit is not None
+    np.testing.assert_allclose(fit.twist, twist, atol=1e-9)
+    assert np.abs(fit.residual_px).max() < 1e-8
+
+
+def test_nonsense_is_refused() -> None:
+    """A field that no motion explains, hundreds of pixels off, gives no fit rather than a wild one."""
+    garbage = sample()
+    rng = np.random.default_rng(1)
+    wild = FlowSample(garbage.columns, garbage.rows, garbage.depths_m, 5000 * rng.standard_normal((300, 2)), SIGMA_PX)
+    assert fit_motion(K, MOTION, wild) is None
+
+
+def test_correction_is_chi_square_under_its_noise() -> None:
+    """Over 400 draws of the declared noise the statistic has mean 6 and variance 12, the moments of chi-square(6)."""
+    rng = np.random.default_rng(2)
+    statistics = []
+    for _ in range(400):
+        twist = np.sqrt(np.diag(SPREAD)) * rng.standard_normal(6)
+        fit = fit_motion(K, MOTION, sample(MOTION.corrected(twist)))
+        assert fit is not None
+        statistic, expected = twist_statistic(fit, SPREAD)
+        assert expected == pytest.approx(6.0, abs=1e-3)
+        statistics.append(statistic)
+    assert np.mean(statistics) == pytest.approx(6.0, abs=5 * np.sqrt(12 / 400))
+    assert np.var(statistics) == pytest.approx(12.0, rel=0.4)
+
+
+def templates_for(fields: FlowSample, motion: RigidMotion) -> np.ndarray:
+    """Templates of a camera that sits at the body's origin, whose axes are the body's, while the body moves steadily."""
+
+    def remounted(rotation_rad: np.ndarray, shift_m: np.ndarray) -> RigidMotion:
+        turned = Rotation.from_rotvec(-rotation_rad).as_matrix()
+        return RigidMotion(
+            turned.T @ MOTION.R @ turned, turned.T @ (MOTION.R @ -shift_m + MOTION.t_m + shift_m)
+        ).corrected(motion.twist_from(MOTION))
+
+    def delayed(seconds: float) -> RigidMotion:
+        return motion.corrected(seconds * np.array([0.1, 0.3, -0.2, 0.5, 0.4, -0.3]))
+
+    return small_fault_templates(K, motion, fields, remounted, delayed)
+
+
+K_LONG, K_RIGHT = K.copy(), K.copy()
+K_LONG[[0, 1], [0, 1]] *= 1 / 1.002
+K_RIGHT[0, 2] -= 0.3
+FAULTS = {
+    "gain": (sample(gain=1.002), "flow_gain", 0.2),
+    "focal": (sample(K_made=K_LONG), "intrinsics_focal", 0.2),
+    "centre": (sample(K_made=K_RIGHT), "intrinsics_centre", 0.3),
+    "late": (sample(MOTION.corrected(0.001 * np.array([0.1, 0.3, -0.2, 0.5, 0.4, -0.3]))), "time_offset", 1.0),
+}
+
+
+@pytest.mark.parametrize(("fields", "cause", "size"), FAULTS.values(), ids=FAULTS)
+def test_small_fault_is_explained_by_its_own_template(fields: FlowSample, cause: str, size: float) -> None:
+    """Its template explains all but 0.01% of the squares and gives the size; no other explains as much."""
+    evidence = weigh_templates(K, MOTION, fields, templates_for(fields, MOTION), None, None)
+    explained = {fault.cause: evidence.explained_by(fault.columns) for fault in SMALL_FAULTS}
+    own = next(fault for fault in SMALL_FAULTS if fault.cause == cause)
+    assert explained[cause][1] > 0.9999
+    assert own.size(explained[cause][0]) == pytest.approx(size, rel=0.01)
+    assert max(share for other, (_, share) in explained.items() if other != cause) < explained[cause][1]
+
+
+@pytest.mark.parametrize("cause", ["gain", "focal", "centre"])
+def test_small_fault_is_found_under_pose_noise(cause: str) -> None:
+    """With the correction of the pose eliminated, ten noisy fields still give the size to 2%."""
+    _, name, size = FAULTS[cause]
+    gain, K_made = (1.002 if cause == "gain" else 1.0), {"focal": K_LONG, "centre": K_RIGHT}.get(cause, K)
+    rng = np.random.default_rng(4)
+    evidences = []
+    for seed in range(10):
+        true = MOTION.corrected(np.sqrt(np.diag(SPREAD)) * rng.standard_normal(6))
+        fields = sample(true, K_made, gain, seed)
+        fit = fit_motion(K, MOTION, fields)
+        assert fit is not None
+        templates = templates_for(fields, fit.motion)
+        evidences.append(weigh_templates(K, MOTION, fields, templates, fit, SPREAD))
+    own = next(fault for fault in SMALL_FAULTS if fault.cause == name)
+    sizes, share = sum_of(evidences).explained_by(own.columns)
+    assert own.size(sizes) == pytest.approx(size, rel=0.02)
+    assert share > 0.99
