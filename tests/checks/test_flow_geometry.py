@@ -11,7 +11,7 @@ from fedora_qa.checks.flow_geometry import Endpoint
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
-from tests.support.flow_world import K, T_BODY_CAMERA, FlowWorld, judged, make_world, observe
+from tests.support.flow_world import T_BODY_CAMERA, FlowWorld, K, judged, make_world, observe
 
 NOISE = PoseModel(position_sigma_m=0.005, rotation_sigma_rad=np.radians(0.2))
 

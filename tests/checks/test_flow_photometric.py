@@ -8,7 +8,7 @@ import pytest
 
 from fedora_qa.checks.flow_photometric import Residual
 from fedora_qa.judgement.judge import Judged
-from tests.support.flow_world import K, FlowWorld, judged, make_world, observe
+from tests.support.flow_world import FlowWorld, K, judged, make_world, observe
 
 
 @cache

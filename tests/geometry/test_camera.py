@@ -22,7 +22,11 @@ def test_motion_carries_points_from_one_camera_to_the_other(
     turn0: np.ndarray, place0: np.ndarray, turn1: np.ndarray, place1: np.ndarray, mount: np.ndarray, arm: np.ndarray
 ) -> None:
     """X1 = R X0 + t equals the way through the world, for any mounting off the body's axes and origin."""
-    T_world_body0, T_world_body1, T_body_camera = transform(turn0, place0), transform(turn1, place1), transform(mount, arm)
+    T_world_body0, T_world_body1, T_body_camera = (
+        transform(turn0, place0),
+        transform(turn1, place1),
+        transform(mount, arm),
+    )
     motion = camera_motion(T_world_body0[:3, :3], place0, T_world_body1[:3, :3], place1, T_body_camera)
     T_1_0 = np.linalg.inv(T_world_body1 @ T_body_camera) @ T_world_body0 @ T_body_camera
     point = np.array([0.3, -0.7, 2.0])

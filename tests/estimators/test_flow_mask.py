@@ -1,0 +1,81 @@
+"""Masks: planes have no edges, edges are widened, occluded and departed points are left out."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both
+from fedora_qa.geometry.camera import RigidMotion
+
+HEIGHT, WIDTH = 60, 80
+K = np.array([[70.0, 0.0, 39.5], [0.0, 70.0, 29.5], [0.0, 0.0, 1.0]])
+COLUMNS, ROWS = (a.astype(np.float32) for a in np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT)))
+
+
+def plane(normal: tuple[float, float, float] = (0.1, 0.9, 0.3), distance_m: float = 2.0) -> np.ndarray:
+    rays = np.stack(((COLUMNS - 39.5) / 70, (ROWS - 29.5) / 70, np.ones_like(ROWS)), axis=-1)
+    slopes = rays @ np.array(normal, dtype=np.float32)
+    return np.where(slopes > 0.05, distance_m / slopes, np.nan).astype(np.float32)
+
+
+def inner(mask: np.ndarray) -> np.ndarray:
+    return mask[5:-5, 5:-5]
+
+
+def test_plane_has_no_edge_but_its_end() -> None:
+    """Also at a grazing angle, inverse depth of a plane bends nowhere; the pixels without depth do count."""
+    assert not inner(edges(inverse_depth(plane((0.1, 0.05, 1.0))))).any()
+    marked = edges(inverse_depth(plane()))
+    no_depth = ~np.isfinite(plane())
+    assert marked[no_depth].all()
+    assert not marked[35:-5, 5:-5].any()
+
+
+def test_step_is_widened_by_three_pixels() -> None:
+    """A nearer box marks 3 px on either side of the pixels at its edge, and no more."""
+    depth = np.full((HEIGHT, WIDTH), 5.0, dtype=np.float32)
+    depth[:, 40:] = 3.0
+    marked = np.flatnonzero(inner(edges(inverse_depth(depth)))[20])
+    assert (marked.min() + 5, marked.max() + 5) == (39 - 3, 40 + 3)
+
+
+def seen(depth0: np.ndarray, depth1: np.ndarray, motion: RigidMotion, uncertainty_px: float = 0.0) -> np.ndarray:
+    inverse0, inverse1 = inverse_depth(depth0), inverse_depth(depth1)
+    return seen_in_both(K, motion, COLUMNS, ROWS, inverse0, inverse1, edges(inverse1), uncertainty_px)
+
+
+def test_whole_plane_is_seen_from_where_the_camera_goes() -> None:
+    """A sideways step of 0.2 m along a wall: all points that stay in view and off the border are seen."""
+    wall = np.full((HEIGHT, WIDTH), 4.0, dtype=np.float32)
+    visible = seen(wall, wall, RigidMotion(np.eye(3), np.array([-0.2, 0.0, 0.0])))
+    assert visible[6:-6, 10:-6].all()
+    assert not visible[:, :3].any()
+
+
+def test_covered_strip_is_left_out() -> None:
+    """A post in front of a wall moves 10 px over it: the strip that it covers is not seen in both."""
+    wall0 = np.full((HEIGHT, WIDTH), 8.0, dtype=np.float32)
+    wall1 = wall0.copy()
+    wall0[:, 40:50], wall1[:, 26:36] = 1.0, 1.0  # 0.2 m to the left is 14 px at 1 m and 1.75 px at 8 m
+    visible = seen(wall0, wall1, RigidMotion(np.eye(3), np.array([-0.2, 0.0, 0.0])))
+    covered = slice(28, 36)  # wall pixels that end at 26.25 to 34.25
+    assert not visible[10:-10, covered].any()
+    assert visible[10:-10, 8:20].all()
+
+
+@pytest.mark.parametrize(("uncertainty_px", "kept"), [(0.0, False), (2.0, True)])
+def test_uncertain_motion_widens_the_tolerance_where_depth_slopes(uncertainty_px: float, kept: bool) -> None:
+    """A motion that is off by a pixel rejects steep ground unless it is known to be uncertain."""
+    ground = plane((0.0, 1.0, 0.2), 2.0)
+    off = RigidMotion(Rotation.from_rotvec([1.5 / 70, 0.0, 0.0]).as_matrix(), np.zeros(3))
+    visible = seen(ground, ground, off, uncertainty_px)
+    assert bool(visible[35:40, 20:60].all()) is kept
+
+
+def test_flow_tells_of_breaks_and_of_crowding() -> None:
+    """Without depth: a break of the flow marks the first frame, the pixels where two flows meet the second."""
+    flow = np.zeros((HEIGHT, WIDTH, 2), dtype=np.float32)
+    flow[:, :40, 0] = 8.0
+    breaks, crowded = flow_conflicts(flow)
+    assert set(np.flatnonzero(inner(breaks)[20]) + 5) == set(range(36, 44))
+    assert set(np.flatnonzero(inner(crowded)[20]) + 5) == set(range(37, 51))

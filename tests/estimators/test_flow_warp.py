@@ -1,0 +1,65 @@
+"""Frames are read between pixels exactly enough: remap itself, and the spline read against closed-form textures."""
+
+import cv2
+import numpy as np
+import pytest
+
+from fedora_qa.estimators.flow_warp import REMAP_ROUNDING_PX, read_at_pixels, read_between, smooth
+
+SIZE = 96
+
+
+def wave(frequency_rad_px: float, shift_px: float = 0.0, angle: float = 0.3) -> np.ndarray:
+    columns, rows = np.meshgrid(np.arange(SIZE, dtype=float), np.arange(SIZE, dtype=float))
+    along = (columns - shift_px) * np.cos(angle) + rows * np.sin(angle)
+    return np.asarray(100 + 50 * np.cos(frequency_rad_px * along), dtype=np.float32)
+
+
+def test_bilinear_remap_is_exact_or_declared() -> None:
+    """cv2.remap reads linearly to 1e-4 of the contrast, or the version's rounding of 1/32 px is declared."""
+    rng = np.random.default_rng(0)
+    image = rng.random((60, 70), dtype=np.float32)
+    columns, rows = rng.uniform(1, 68, (50, 40)).astype(np.float32), rng.uniform(1, 58, (50, 40)).astype(np.float32)
+    left, above = np.floor(columns).astype(int), np.floor(rows).astype(int)
+    right, below = columns - left, rows - above
+    expected = (
+        (1 - below) * ((1 - right) * image[above, left] + right * image[above, left + 1])
+        + below * ((1 - right) * image[above + 1, left] + right * image[above + 1, left + 1])
+    )  # fmt: skip
+    read = cv2.remap(image, columns, rows, cv2.INTER_LINEAR)
+    assert np.abs(read - expected).max() < 1e-4 + 2 * REMAP_ROUNDING_PX
+
+
+def test_reading_at_pixels_and_between_agree() -> None:
+    """At whole coordinates both reads are the same spline."""
+    smoothed = smooth(np.random.default_rng(1).random((SIZE, SIZE), dtype=np.float32))
+    columns, rows = np.meshgrid(np.arange(8, 80, dtype=np.float32), np.arange(8, 80, dtype=np.float32))
+    np.testing.assert_allclose(read_between(smoothed, columns, rows), read_at_pixels(smoothed)[8:80, 8:80], atol=1e-5)
+
+
+def test_both_kernels_together_have_the_variance_asked_for() -> None:
+    """A single bright pixel spreads with a variance of 1 px^2 along each axis, and keeps its sum."""
+    dot = np.zeros((41, 41), dtype=np.float32)
+    dot[20, 20] = 1.0
+    spread = read_at_pixels(smooth(dot)).astype(float)
+    offsets = np.arange(41) - 20.0
+    assert spread.sum() == pytest.approx(1.0, abs=1e-5)
+    assert (spread.sum(axis=0) * offsets**2).sum() == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("wavelength_px", [5.0, 8.0, 20.0])
+@pytest.mark.parametrize("fraction_px", [0.1, 0.25, 0.5, 0.9])
+def test_shifted_wave_is_read_back(wavelength_px: float, fraction_px: float) -> None:
+    """Moved by a fraction of a pixel and read back there, a wave differs by no more than the spline's aliases.
+
+    The alias of frequency w is weakened by (w / (2 pi - w))^4 along each axis; it can add to itself at both reads.
+    """
+    frequency = 2 * np.pi / wavelength_px
+    before = read_at_pixels(smooth(wave(frequency)))
+    columns, rows = np.meshgrid(np.arange(10, 86, dtype=np.float32), np.arange(10, 86, dtype=np.float32))
+    after = read_between(smooth(wave(frequency, fraction_px)), columns + np.float32(fraction_px), rows)
+    along = frequency * np.array([np.cos(0.3), np.sin(0.3)])
+    aliases = float(np.sum((along / (2 * np.pi - along)) ** 4))
+    contrast = float(np.ptp(before)) / 2
+    rounding = 1e-4 + REMAP_ROUNDING_PX * frequency
+    assert np.abs(after - before[10:86, 10:86]).max() / contrast < 2.5 * aliases + rounding
