@@ -82,16 +82,19 @@ class Orientation(WindowCheck[Agreement]):
                 coverage,
                 unobservable=f"too little changes between frames: a correlation of only {predicted[best]:.2g} is due",
             )
-        return Observation(coverage, _state(kinds[best], predicted[best]))
+        events = facts.events.count if facts.events is not None else 0
+        return Observation(coverage, _state(kinds[best], predicted[best], events))
 
 
-def _state(kind: Sequence[Moments], predicted: float) -> tuple[Measured, ...]:
+def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Measured, ...]:
     correlations = _pooled(kind)
     others = _others(correlations)
     rival = int(np.argmax(others))
     advantage = float(others[rival] - correlations[0])
     errors = _errors(kind, rival)
     found = _named(rival) if others[rival] > max(predicted / 2, correlations[0]) else _UNRELATED
+    if not events:
+        found = _NONE_LEFT
     agreement = Measured(
         name="correlation",
         value=float(correlations[0]),
@@ -194,6 +197,8 @@ def _named(rival: int) -> tuple[Suspect, ...]:
     causes = (("polarity_inverted", inverted), ("axes_swapped", swap), ("mirrored", left or up))
     return tuple(Suspect(cause, "events", 0.95) for cause, true in causes if true)
 
+
+_NONE_LEFT: Final = (Suspect("dropped_samples", "events", 0.95),)
 
 _UNRELATED: Final = (
     Suspect("other_sequence", "events", 0.9),

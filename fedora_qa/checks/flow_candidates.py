@@ -48,6 +48,8 @@ def weigh_candidates(window: Window, optics: Optics, interval: Interval) -> list
     tiles = Tiles(tiles.origins[can_tell], tiles.flow_px[can_tell], tiles.usable[can_tell], tiles.by_depth)
     as_stored = _mismatch(tiles, frames)
     best: dict[tuple[str, str], Weighed] = {}
+    if frozen := _repeated_frames(window, frames):
+        best["frozen_frames", "rgb"] = Weighed(interval.stream, "frozen_frames", "rgb", 1.0, float(frozen))
     for candidate in _candidates(window, optics, interval, tiles, frames):
         if candidate.flow_px is None or candidate.frames is None:
             continue
@@ -57,6 +59,12 @@ def weigh_candidates(window: Window, optics: Optics, interval: Interval) -> list
         if key not in best or best[key].weight < weight:
             best[key] = Weighed(interval.stream, *key, weight, candidate.magnitude)
     return list(best.values())
+
+
+def _repeated_frames(window: Window, frames: FramePair) -> int:
+    """Return how many frames of the pair equal the one before them, bit for bit."""
+    rows = [row for row in {frames.before, frames.after} if row > 0]
+    return sum(np.array_equal(window.rgb(row), window.rgb(row - 1)) for row in rows)
 
 
 def _mismatch(tiles: Tiles, frames: FramePair) -> float:

@@ -48,7 +48,7 @@ class Residual(WindowCheck[WindowResiduals]):
     pixels, are gathered by field and by rate: their mean (u, v), the gain of the flow, the worst field, the worst tile;
     and the share of tiles that do not match at all, which is how errors beyond the capture range of 3 to 4 px show.
 
-    Pixels are used where depth and pose (never the flow under test) say that both frames show the same point, 3 px away
+    Pixels are used where depth and pose (never the flow under test) say that both frames show the same point, 4 px away
     from edges of the depth; without depth or pose, away from breaks of the flow. Tiles count where the noise floor of
     8-bit frames alone would let their flow be known to 0.1 px: night and plain walls do not, and are reported as such.
 

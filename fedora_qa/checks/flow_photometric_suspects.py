@@ -41,6 +41,9 @@ def photometric_suspects(
     return most_probable([*gross, *small]) + others
 
 
+_GAIN_ERROR: Final = 0.05
+"""Share of a gain by which linearisation and the derivative's taps misjudge it."""
+
 _LARGEST_SHIFT_PX: Final = 10.0
 """Beyond it a flow's slopes say little about its values."""
 
@@ -92,8 +95,9 @@ def _small(fields: Sequence[FieldResidual], flow: str) -> list[Suspect]:
     by_gain, by_shift, by_mean = (share / everything for share in (by_gain, by_shift, by_mean))
     if abs(size) > _LARGEST_SHIFT_PX:
         by_shift = 0.0
+    error = float(np.hypot(slope * error, _GAIN_ERROR * of_true))
     return [
-        gain_suspect(flow, of_true, slope * error, by_gain, fields[0].interval.duration_s, _SAME_GAIN),
+        gain_suspect(flow, of_true, error, 0.95 * by_gain, fields[0].interval.duration_s, _SAME_GAIN),
         Suspect("intrinsics_focal", flow, 0.9 * by_gain),
         Suspect("spatial_offset", "rgb", by_shift, size, "px"),
         Suspect("spatial_offset", flow, 0.9 * by_shift, -size, "px"),

@@ -13,6 +13,9 @@ from fedora_qa.checks.protocol import Suspect
 _ENOUGH: Final = 0.3
 """Causes that remove less than this share of the deviation are not named."""
 
+_COMPARABLE: Final = 0.6
+"""Causes that explain less than this share of what the best one does are not rivals."""
+
 _MOST: Final = 6
 
 _LOCAL: Final = ("swapped_frames", "frozen_frames", "dropped_samples", "teleport")
@@ -69,9 +72,10 @@ def gain_suspect(
     return Suspect("flow_gain", flow, weight, 100 * gain, "percent", None if error is None else 100 * error)
 
 
-def most_probable(suspects: Iterable[Suspect]) -> tuple[Suspect, ...]:
+def most_probable(suspects: Sequence[Suspect]) -> tuple[Suspect, ...]:
     """Return the suspects that explain enough, most probable first."""
-    enough = [suspect for suspect in suspects if suspect.weight >= _ENOUGH]
+    best = max((suspect.weight for suspect in suspects), default=0.0)
+    enough = [suspect for suspect in suspects if suspect.weight >= max(_ENOUGH, _COMPARABLE * best)]
     return tuple(sorted(enough, key=lambda suspect: -suspect.weight)[:_MOST])
 
 

@@ -11,7 +11,7 @@ samples, and delta the time by which events are stamped late: a level read from 
 Naive regression on whole counts is biased by their rounding; here it is gone.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,8 @@ class LevelPairs:
         (m, 4): dP, -dM (counts), d rate+, -d rate- (1/s).
     gaps_s
         (m,) time between the two events of a sample, the longer of both.
+    straightened
+        (m, 2): what straight lines between events, instead of cubics, would add to dP and -dM.
     """
 
     pixels: NDArray[np.int32]
@@ -48,9 +50,16 @@ class LevelPairs:
     later: NDArray[np.int32]
     regressors: Float64
     gaps_s: Float64
+    straightened: Float64
 
     def __len__(self) -> int:
         return len(self.pixels)
+
+    def with_straight_lines(self) -> "LevelPairs":
+        """Return the pairs as straight lines between events would have them."""
+        regressors = self.regressors.copy()
+        regressors[:, :2] += self.straightened
+        return replace(self, regressors=regressors)
 
     def take(self, chosen: NDArray[np.bool_]) -> "LevelPairs":
         """Return the pairs of a mask."""
@@ -91,7 +100,7 @@ def find_level_pairs(
     thresholds; it only bends the cubic.
     """
     places = np.empty((len(times_ns), 3), np.int32)
-    regressors = np.empty((len(times_ns), _PARAMETERS + 1))
+    regressors = np.empty((len(times_ns), _PARAMETERS + 3))
     count = sample_levels(
         x,
         y,
@@ -106,7 +115,8 @@ def find_level_pairs(
         regressors,
     )
     pixels, earlier, later = places[:count].T.copy()
-    return LevelPairs(pixels, earlier, later, regressors[:count, :_PARAMETERS].copy(), regressors[:count, -1].copy())
+    own, gaps_s, straightened = regressors[:count, :4], regressors[:count, 4], regressors[:count, 5:]
+    return LevelPairs(pixels, earlier, later, own.copy(), gaps_s.copy(), straightened.copy())
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,7 +114,7 @@ METADATA_FAULTS = {
 def test_fault_of_the_declared_camera_is_named(
     world: object, K_declared: np.ndarray, T: np.ndarray, cause: str, size: float
 ) -> None:
-    """Wrong intrinsics show whatever the pose's noise; a wrong mounting looks like a motion, and needs an exact pose."""
+    """Wrong intrinsics show whatever the pose's noise; a wrong mounting needs an exact pose."""
     base: FlowWorld = world()  # type: ignore[operator]
     result = judged(Endpoint(), with_camera(base, K_declared, T))
     if base is noisy() and cause in ("extrinsic_rotation", "lever_arm"):

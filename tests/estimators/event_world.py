@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 MS = 1_000_000  # ns
-STEP_NS = 100_000
+STEP_NS = 200_000
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,8 @@ class Waves:
     velocity_px_s: tuple[float, float] = (40.0, 15.0)
     seed: int = 0
     count: int = 12
+    leak_nat_s: float = 0.0
+    """By what a sensor's signal appears to rise besides."""
 
     def luma(self, t_s: float, shape: tuple[int, int], scale: float = 1.0) -> Floats:
         """Mean luma of every pixel of a camera with ``scale`` times the resolution."""
@@ -59,14 +61,21 @@ class Stream:
         return replace(self, times_ns=self.times_ns + offset_ns)
 
 
+def camera_matrix(width: int, height: int) -> Floats:
+    """K of a camera of 60 degrees with its principal point in the middle."""
+    focal = width / (2 * np.tan(np.pi / 6))
+    return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+
+
 def log_events(world: Waves, shape: tuple[int, int], stop_ns: int, on: float = 0.2, off: float = 0.2) -> Stream:
-    """Crossings of L = ln Y, a straight line within 0.1 ms, stamped with the first microsecond not before them."""
+    """Crossings of L = ln Y, a straight line within 0.2 ms, stamped with the first microsecond not before them."""
     rng = np.random.default_rng(1)
     signal = np.log(world.luma(0.0, shape)).ravel()
     reference = signal - rng.uniform(-off, on, signal.size)
     found: list[Floats] = []
     for start_ns in range(0, stop_ns, STEP_NS):
-        following = np.log(world.luma((start_ns + STEP_NS) * 1e-9, shape)).ravel()
+        stop_s = (start_ns + STEP_NS) * 1e-9
+        following = np.log(world.luma(stop_s, shape)).ravel() + world.leak_nat_s * stop_s
         while True:
             up, down = following >= reference + on, following <= reference - off
             hit = np.flatnonzero(up | down)

@@ -20,7 +20,7 @@ def noise(seed: int) -> np.ndarray:
 
 def test_mean_resists_bad_tiles() -> None:
     """Three of sixty tiles that are off by pixels move the mean by less than its error times three."""
-    errors = noise(1) + (0.05, -0.03)
+    errors = noise(1) + np.array([0.05, -0.03])
     errors[:3] += 4.0
     fit = fit_field(errors, COVARIANCES, FLOWS, SLOPES)
     assert (np.abs(fit.mean_px - (0.05, -0.03)) < 3 * fit.mean_error_px + 0.002).all()

@@ -55,7 +55,7 @@ def test_correction_is_chi_square_under_its_noise() -> None:
 
 
 def templates_for(fields: FlowSample, motion: RigidMotion) -> np.ndarray:
-    """Templates of a camera that sits at the body's origin, whose axes are the body's, while the body moves steadily."""
+    """Templates of a camera at the body's origin, with the body's axes, while the body moves steadily."""
 
     def remounted(rotation_rad: np.ndarray, shift_m: np.ndarray) -> RigidMotion:
         turned = Rotation.from_rotvec(-rotation_rad).as_matrix()

@@ -1,4 +1,4 @@
-"""Recomputed flow against points that are carried through the world by scipy, its derivative, and its rounding bound."""
+"""Recomputed flow against points carried through the world by scipy; its derivative; its rounding bound."""
 
 import numpy as np
 import pytest

@@ -1,0 +1,219 @@
+"""Events against log intensity, on files of a closed-form world."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.record.types import Diagnosis, Measurement, Result
+from tests.checks.event_file import (
+    DURATION_MS,
+    FRAME_SHAPE,
+    FRAMES_NS,
+    LOG_WORLD,
+    SHAPE,
+    EventFile,
+    frames_of,
+    linear_file,
+    log_file,
+)
+from tests.estimators.event_world import MS, Stream, Waves, log_events
+from tests.support.checked import diagnoses_of, run_check
+
+Change = Callable[[EventFile], EventFile]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Where a file goes."""
+    return tmp_path / "events.h5"
+
+
+def outcomes(path: Path) -> dict[str, str]:
+    results = check_file(path, CheckOptions(select=("event_response",))).record.results
+    crashes = [result.traceback for result in results if result.outcome == "crashed"]
+    if crashes:
+        raise RuntimeError(crashes[0])
+    return {result.check.removeprefix("event_response."): result.outcome for result in results}
+
+
+def first_diagnosis(path: Path) -> Diagnosis:
+    return diagnoses_of(path, "event_response")[0]
+
+
+def measured(result: Result, name: str) -> Measurement:
+    return next(one for one in result.measurements if one.name == name)
+
+
+def events(change: Callable[[Stream], Stream]) -> Change:
+    return lambda file: file.altered(events=change(file.events))
+
+
+def frames(change: Callable[[np.ndarray], np.ndarray]) -> Change:
+    return lambda file: file.altered(frames=change(file.frames.copy()))
+
+
+def declaring(**attributes: Any) -> Change:
+    return lambda file: file.declaring(**attributes)
+
+
+def exchanged(images: np.ndarray) -> np.ndarray:
+    images[[20, 21]] = images[[21, 20]]
+    return images
+
+
+def repeated(images: np.ndarray) -> np.ndarray:
+    images[20] = images[19]
+    return images
+
+
+def dead(events: Stream) -> Stream:
+    inside = (events.x >= 16) & (events.x < 32) & (events.y >= 8) & (events.y < 24)
+    return events.keep(~inside)
+
+
+def moved_down(events: Stream) -> Stream:
+    kept = events.keep(events.y < SHAPE[0] - 3)
+    return replace(kept, y=(kept.y + 3).astype(np.uint16))
+
+
+def test_ideal_log_events_pass(path: Path) -> None:
+    """No check fails, nearly all can tell, and their values are what was put in."""
+    log_file().write(path)
+    assert set(outcomes(path).values()) <= {"passed", "not_observable"}
+    assert list(outcomes(path).values()).count("passed") >= 6
+    threshold = run_check(path, "event_response.threshold")
+    assert abs(measured(threshold, "threshold_on").value) < 2
+    assert abs(measured(threshold, "threshold_off").value) < 2
+    assert abs(measured(run_check(path, "event_response.timing"), "time_offset").value) < 0.15
+    assert measured(run_check(path, "event_response.conservation"), "violating_pixels").value == 0
+
+
+def test_ideal_linear_events_pass(path: Path) -> None:
+    """A sensor that fires on grey values, one event a step, passes as such."""
+    linear_file().write(path)
+    assert set(outcomes(path).values()) == {"passed"}
+
+
+@pytest.mark.parametrize(
+    ("change", "stream", "cause", "size", "within"),
+    [
+        (events(lambda e: e.shifted(2 * MS)), "events", "time_offset", 2.0, 0.1),
+        (events(lambda e: e.shifted(-7 * MS)), "events", "time_offset", -7.0, 0.05),
+        (events(lambda e: e.shifted(30 * MS)), "events", "time_offset", 30.0, 0.02),
+        (events(lambda e: replace(e, p=1 - e.p)), "events", "polarity_inverted", None, 0),
+        (events(lambda e: replace(e, x=SHAPE[1] - 1 - e.x)), "events", "mirrored", None, 0),
+        (events(lambda e: replace(e, x=e.y, y=e.x)), "events", "axes_swapped", None, 0),
+        (events(moved_down), "events", "spatial_offset", None, 0),
+        (declaring(threshold_on=0.25, threshold_off=0.25), "events", "threshold_misdeclared", 25.0, 0.1),
+        (declaring(model="linear"), "events", "event_model_misdeclared", None, 0),
+        (events(dead), "events", "dead_region", 16.0, 0.2),
+        (frames(repeated), "rgb", "frozen_frames", 1.0, 0),
+        (frames(exchanged), "rgb", "swapped_frames", 1.0, 0),
+    ],
+    ids=["late", "early", "very-late", "inverted", "mirrored", "swapped", "moved", "threshold", "model", "dead",
+         "repeated", "exchanged"],
+)  # fmt: skip
+def test_fault_is_named_with_its_size(
+    change: Change, stream: str, cause: str, size: float | None, within: float, path: Path
+) -> None:
+    """The first diagnosis has the stream and cause that were planted, and their size."""
+    change(log_file()).write(path)
+    diagnosis = first_diagnosis(path)
+    assert (diagnosis.stream, diagnosis.cause) == (stream, cause)
+    if size is not None:
+        assert diagnosis.magnitude == pytest.approx(size, rel=within)
+
+
+def test_each_threshold_is_held_to_its_own(path: Path) -> None:
+    """With only C- declared too small by a third, only C- fails, and by +50 percent."""
+    declaring(threshold_off=0.2 / 1.5)(log_file()).write(path)
+    result = run_check(path, "event_response.threshold")
+    assert abs(measured(result, "threshold_on").value) < 5
+    assert measured(result, "threshold_off").value == pytest.approx(50, abs=5)
+    assert len(result.findings) == 1
+
+
+def test_clock_rate_is_told_from_an_offset(path: Path) -> None:
+    """A clock that runs 4000 ppm fast is that, not an offset."""
+    fast = events(lambda e: replace(e, times_ns=np.rint(e.times_ns * 1.004).astype(np.int64)))
+    fast(log_file()).write(path)
+    diagnosis = first_diagnosis(path)
+    assert (diagnosis.stream, diagnosis.cause) == ("events", "clock_rate")
+    assert diagnosis.magnitude == pytest.approx(4000, rel=0.2)
+
+
+def test_another_sequence_is_named(path: Path) -> None:
+    """Frames of another world leave no agreement at all."""
+    other = frames_of(replace(LOG_WORLD, seed=8))
+    log_file().altered(frames=other).write(path)
+    assert first_diagnosis(path).cause == "other_sequence"
+    assert outcomes(path)["threshold"] == "not_observable"
+
+
+@pytest.mark.parametrize("share", [0.002, 0.01])
+def test_conservation_sees_scattered_losses(share: float, path: Path) -> None:
+    """One event in five hundred lost here and there breaks the law in some pixels, where all else is silent."""
+    keep = lambda e: e.keep(np.random.default_rng(0).uniform(size=len(e)) >= share)  # noqa: E731
+    events(keep)(log_file()).write(path)
+    failed = {name for name, outcome in outcomes(path).items() if outcome == "failed"}
+    assert failed == {"conservation"}
+
+
+def test_frozen_frame_is_placed(path: Path) -> None:
+    """The frame that repeats the one before is named."""
+    frames(repeated)(log_file()).write(path)
+    assert run_check(path, "event_response.frames").findings[0].where.frame in {20, 21}
+
+
+def test_declared_delays_are_expected(path: Path) -> None:
+    """Packets of 2 ms make events a millisecond late on average, which is no fault where they are declared."""
+    on_packets = events(lambda e: replace(e, times_ns=-(-e.times_ns // (2 * MS)) * 2 * MS))
+    on_packets(log_file()).declaring(packet_interval_us=2000).write(path)
+    timing = measured(run_check(path, "event_response.timing"), "time_offset")
+    assert timing.expected == pytest.approx(1.0)
+    assert timing.value == pytest.approx(1.0, abs=0.15)
+
+
+def test_declared_leak_is_taken_into_account(path: Path) -> None:
+    """Brighter events that leak adds change neither threshold nor conservation where they are declared."""
+    leaky = replace(LOG_WORLD, leak_nat_s=0.2 * 2.0)
+    leaking = log_events(leaky, SHAPE, DURATION_MS * MS)
+    log_file().altered(events=leaking).declaring(leak_rate_hz=2.0).write(path)
+    assert set(outcomes(path).values()) <= {"passed", "not_observable"}
+    log_file().altered(events=leaking).write(path)
+    assert "failed" in outcomes(path).values()
+
+
+def test_hover_and_night_cannot_be_judged(path: Path) -> None:
+    """A scene that hardly moves, or is nearly black, shows no threshold; nothing fails."""
+    for world in (replace(LOG_WORLD, velocity_px_s=(2.0, 1.0)), Waves(mean_dn=3.0, amplitude_dn=0.2)):
+        still = EventFile(log_events(world, SHAPE, DURATION_MS * MS), frames_of(world))
+        found = outcomes(still.write(path))
+        assert found["threshold"] == found["timing"] == "not_observable"
+        assert "failed" not in found.values()
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_few_frames_are_no_crash(count: int, path: Path) -> None:
+    """With one or two frames nothing fails."""
+    log_file().altered(frames=log_file().frames[:count], frames_ns=FRAMES_NS[:count]).write(path)
+    assert set(outcomes(path).values()) <= {"passed", "not_observable"}
+
+
+def test_cameras_apart_are_not_applicable(path: Path) -> None:
+    """A colour camera that sits elsewhere would have to be reprojected; the reason says so."""
+    log_file().altered(rgb_moved_m=0.1).write(path)
+    assert set(outcomes(path).values()) == {"not_applicable"}
+    assert "one centre" in run_check(path, "event_response.threshold").reason
+
+
+def test_saturated_frames_tell_nothing(path: Path) -> None:
+    """Where frames are clipped to white, no pixel violates anything."""
+    white = frames(lambda images: np.full((len(images), *FRAME_SHAPE, 3), 255, np.uint8))
+    white(log_file()).write(path)
+    assert set(outcomes(path).values()) <= {"passed", "not_observable"}

@@ -1,0 +1,167 @@
+"""The event stream by itself, on files of a closed-form world."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fedora_qa.engine.run import CheckOptions, check_file
+from tests.checks.event_file import EventFile, inserted, linear_file, log_file
+from tests.estimators.event_world import MS, Stream
+from tests.support.checked import diagnoses_of, rules, run_check
+
+Change = Callable[[Stream], Stream]
+CHECKS = ("event_stream.bounds", "event_stream.duplicates", "event_stream.gaps", "event_stream.rates")
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Where a file goes."""
+    return tmp_path / "events.h5"
+
+
+def altered(change: Change, file: EventFile | None = None) -> EventFile:
+    file = file or log_file()
+    return file.altered(events=change(file.events))
+
+
+def between(start_ms: float, stop_ms: float) -> Callable[[Stream], np.ndarray]:
+    return lambda e: (e.times_ns >= start_ms * MS) & (e.times_ns < stop_ms * MS)
+
+
+def lost(start_ms: float, stop_ms: float) -> Change:
+    return lambda e: e.keep(~between(start_ms, stop_ms)(e))
+
+
+def doubled(start_ms: float, stop_ms: float) -> Change:
+    return lambda e: inserted(e, e.keep(between(start_ms, stop_ms)(e)))
+
+
+def hot(column: int, row: int, rate_hz: float) -> Change:
+    def add(events: Stream) -> Stream:
+        count = int(rate_hz * 0.8)
+        times_ns = np.sort(np.random.default_rng(0).integers(0, 800_000, count)) * 1000
+        x, y = np.full(count, column, np.uint16), np.full(count, row, np.uint16)
+        return inserted(events, Stream(x, y, times_ns, (np.arange(count) % 2).astype(np.uint8)))
+
+    return add
+
+
+def on_packets(events: Stream) -> Stream:
+    """Stamps moved up to multiples of 0.2 ms."""
+    return replace(events, times_ns=-(-events.times_ns // 200_000) * 200_000)
+
+
+@pytest.mark.parametrize(
+    "file",
+    [log_file, linear_file, lambda: altered(on_packets).declaring(packet_interval_us=200)],
+    ids=["log", "linear", "packets"],
+)
+def test_ideal_events_pass(file: Callable[[], EventFile], path: Path) -> None:
+    """Nothing is found in the streams of ideal sensors, asynchronous, stepped or in packets."""
+    file().write(path)
+    assert {name: run_check(path, name).outcome for name in CHECKS} == dict.fromkeys(CHECKS, "passed")
+
+
+@pytest.mark.parametrize(
+    ("change", "check", "rule", "cause", "size"),
+    [
+        (lambda e: replace(e, x=e.y, y=e.x), "bounds", "outside", "axes_swapped", None),
+        (lambda e: replace(e, p=e.p + 1), "bounds", "polarity", "nan_in_stream", None),
+        (doubled(300, 300.6), "duplicates", "event", "duplicated_samples", 35),
+        (lost(400, 402), "gaps", "silence", "dropped_samples", 110),
+        (lost(199, 201), "gaps", "silence", "dropped_samples", 110),
+        (hot(20, 10, 400.0), "rates", "hot_pixel", "hot_pixels", 1),
+    ],
+    ids=["axes", "polarity", "doubled", "lost", "lost-across-windows", "hot"],
+)
+def test_fault_is_found_and_named(
+    change: Change, check: str, rule: str, cause: str, size: float | None, path: Path
+) -> None:
+    """Each fault breaks its rule, and the diagnosis has its cause and about its size."""
+    altered(change).write(path)
+    assert rule in rules(run_check(path, f"event_stream.{check}"))
+    diagnosis = diagnoses_of(path, "event_stream")[0]
+    assert (diagnosis.stream, diagnosis.cause) == ("events", cause)
+    if size is not None:
+        assert diagnosis.magnitude == pytest.approx(size, rel=0.5)
+
+
+def test_places_are_named(path: Path) -> None:
+    """A gap is placed in time, a hot pixel and the first event outside in the image."""
+    altered(lost(400, 402)).write(path)
+    gap = run_check(path, "event_stream.gaps").findings[0].where
+    assert gap.start_us == pytest.approx(400_000, abs=500)
+    assert gap.stop_us == pytest.approx(402_000, abs=500)
+    altered(hot(20, 10, 400.0)).write(path)
+    assert run_check(path, "event_stream.rates").findings[0].where.pixel == (20, 10)
+    stray = lambda e: replace(e, x=np.where(np.arange(len(e)) == 1234, 56, e.x).astype(np.uint16))  # noqa: E731
+    altered(stray).write(path)
+    outside = run_check(path, "event_stream.bounds").findings[0].where
+    assert outside.pixel is not None
+    assert (outside.index_start, outside.pixel[0]) == (1234, 56)
+
+
+@pytest.mark.parametrize("check", ["event_stream.rates", "event_stream.duplicates"])
+def test_declared_hot_pixel_is_excused(check: str, path: Path) -> None:
+    """A hot pixel that is declared with its rate alarms nobody."""
+    altered(hot(20, 10, 400.0)).declaring(hot_pixels=[[20, 10]], hot_pixel_rate_hz=400.0).write(path)
+    assert run_check(path, check).outcome == "passed"
+
+
+def test_declared_hot_pixel_is_held_to_its_rate(path: Path) -> None:
+    """A declared hot pixel that fires at half of its declared rate is noise misdeclared, by -50 percent."""
+    altered(hot(20, 10, 400.0)).declaring(hot_pixels=[[20, 10]], hot_pixel_rate_hz=800.0).write(path)
+    assert rules(run_check(path, "event_stream.rates")) == ["declared_hot_pixels"]
+    diagnosis = diagnoses_of(path, "event_stream")[0]
+    assert diagnosis.cause == "noise_misdeclared"
+    assert diagnosis.magnitude == pytest.approx(-50, abs=10)
+
+
+def test_packet_written_twice_is_found_on_a_grid(path: Path) -> None:
+    """On packets a pixel may fire twice a tick; ticks in which every event is doubled are a fault all the same."""
+    altered(lambda e: doubled(300.1, 301.1)(on_packets(e))).declaring(packet_interval_us=200).write(path)
+    assert rules(run_check(path, "event_stream.duplicates")) == ["packet"]
+
+
+def test_steps_of_a_linear_sensor_are_its_tick(path: Path) -> None:
+    """A stray event off the grid of rendered steps makes no silence of every step; three lost steps are one."""
+    altered(hot(20, 10, 5.0), linear_file()).write(path)
+    assert run_check(path, "event_stream.gaps").outcome == "passed"
+    altered(lost(400, 403), linear_file()).write(path)
+    assert rules(run_check(path, "event_stream.gaps")) == ["silence"]
+
+
+def test_one_sided_polarity_is_noticed(path: Path) -> None:
+    """A stream of brighter events only is legal and unusual."""
+    altered(lambda e: e.keep(e.p == 1)).write(path)
+    assert run_check(path, "event_stream.bounds").outcome == "warned"
+
+
+def test_quiet_stream_cannot_show_a_lost_packet(path: Path) -> None:
+    """One event in five hundred left: silences of 2 ms are usual."""
+    altered(lambda e: e.keep(np.arange(len(e)) % 500 == 0)).write(path)
+    assert run_check(path, "event_stream.gaps").outcome == "not_observable"
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_almost_no_events_are_no_crash(count: int, path: Path) -> None:
+    """With none, one or two events the stream itself shows no fault, and only conservation misses the others."""
+    altered(lambda e: e.keep(np.arange(len(e)) < count)).write(path)
+    results = check_file(path, CheckOptions(select=("event_stream", "event_response"))).record.results
+    assert {r.outcome for r in results if "conservation" not in r.check} <= {"passed", "not_observable"}
+    assert run_check(path, "event_response.conservation").outcome == "failed"
+    if count == 0:
+        assert run_check(path, "event_stream.bounds").outcome == "not_observable"
+
+
+def test_events_outside_the_sensor_leave_the_rest_alone(path: Path) -> None:
+    """Columns that no sensor has are counted, and nobody else stumbles over them."""
+    wild = lambda e: replace(e, x=np.where(np.arange(len(e)) % 100 == 0, 60_000, e.x).astype(np.uint16))  # noqa: E731
+    altered(wild).write(path)
+    results = check_file(path, CheckOptions(select=("event_stream",))).record.results
+    assert {r.check: r.outcome for r in results} == {
+        **dict.fromkeys(CHECKS, "passed"), "event_stream.bounds": "failed"
+    }  # fmt: skip

@@ -1,0 +1,94 @@
+"""Orientation, shift and loudness of event images."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter, shift
+
+from fedora_qa.estimators.event_orientation import SYMMETRIES, Moments, block_means, moments, undone
+from fedora_qa.estimators.event_rates import loudness
+from fedora_qa.estimators.event_shift import cross_correlation, peak
+
+SHAPE = (24, 36)
+TEXTURE = gaussian_filter(np.random.default_rng(0).normal(0, 1, SHAPE), 1.5)
+ALL = np.ones(SHAPE, np.bool_)
+
+
+def as_written(image: np.ndarray, swap: bool, left: bool, up: bool) -> np.ndarray:
+    """What a writer that mirrors, then exchanges axes, leaves on a square that holds any of it."""
+    done = image[:: -1 if up else 1, :: -1 if left else 1]
+    square = np.zeros((max(SHAPE), max(SHAPE)))
+    done = done.T if swap else done
+    square[: done.shape[0], : done.shape[1]] = done
+    return square
+
+
+@pytest.mark.parametrize("done", SYMMETRIES)
+def test_each_symmetry_is_undone_by_its_own(done: tuple[bool, bool, bool]) -> None:
+    """Among the eight candidates the one that undoes what was done correlates fully, the others hardly."""
+    candidates = undone(as_written(TEXTURE, *done), SHAPE)
+    means = block_means(TEXTURE)
+    correlations = moments(means, candidates, np.ones(means.shape, np.bool_)).correlations()
+    assert correlations[SYMMETRIES.index(done)] == pytest.approx(1.0)
+    assert np.sum(np.abs(correlations) > 0.6) == 1
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_correlation_is_that_of_numpy(seed: int) -> None:
+    """Moments over the usable blocks give the coefficient of np.corrcoef, and add."""
+    rng = np.random.default_rng(seed)
+    d, e, whole = rng.normal(2, 1, (5, 7)), rng.normal(0, 3, (5, 7)), rng.uniform(0, 1, (5, 7)) < 0.7
+    whole[0, :3] = True
+    found = moments(d, [e], whole)
+    expected = np.corrcoef(d[whole], e[whole])[0, 1]
+    assert found.correlations()[0] == pytest.approx(expected, abs=1e-9)
+    left, right = (moments(d[:, part], [e[:, part]], whole[:, part]) for part in (slice(3), slice(3, 7)))
+    assert np.allclose(left.sums + right.sums, found.sums)
+    assert Moments(np.zeros((1, 6))).correlations()[0] == 0
+
+
+@pytest.mark.parametrize(("right", "down"), [(0, 0), (3, -2), (-7, 5)])
+def test_whole_shifts_are_read_exactly(right: int, down: int) -> None:
+    """A pattern in the middle, moved by whole pixels, is found there; its negative as well, with its own sign."""
+    image = np.zeros((40, 50))
+    image[12:28, 15:35] = TEXTURE[:16, :20]
+    moved = np.roll(image, (down, right), axis=(0, 1))
+    found = peak(cross_correlation(image, moved, np.ones(image.shape, np.bool_)))
+    assert found is not None
+    assert found.right_px == pytest.approx(right, abs=0.1)
+    assert found.down_px == pytest.approx(down, abs=0.1)
+
+
+def test_fractions_of_a_pixel_are_read_to_a_twentieth() -> None:
+    """A smooth pattern moved by (0.4, -0.25) px by splines is read to 0.05 px."""
+    image = gaussian_filter(np.pad(TEXTURE, 12), 1.0)
+    moved = shift(image, (-0.25, 0.4), order=5)
+    found = peak(cross_correlation(image, moved, np.ones(image.shape, np.bool_)))
+    assert found is not None
+    assert (found.right_px, found.down_px) == pytest.approx((0.4, -0.25), abs=0.05)
+
+
+def test_no_peak_where_nothing_agrees() -> None:
+    """Blank images, or opposite ones, have none within reach."""
+    assert peak(cross_correlation(0 * TEXTURE, TEXTURE, ALL)) is None
+    assert peak(cross_correlation(TEXTURE, TEXTURE, ~ALL)) is None
+
+
+@pytest.mark.parametrize("hot", [[(10, 12)], [(10, 12), (10, 13)], [(0, 0)]], ids=["one", "pair", "corner"])
+def test_hot_pixels_are_loud(hot: list[tuple[int, int]]) -> None:
+    """A pixel that fires 200 times beside ones that fire 20 times stands out by more than 10 sigma, pairs as well."""
+    counts = np.random.default_rng(0).poisson(20, SHAPE)
+    for place in hot:
+        counts[place] += 200
+    found = loudness(counts)
+    z = found.excess / found.error
+    assert {(int(row), int(column)) for row, column in zip(*np.nonzero(z > 10), strict=True)} == set(hot)
+
+
+def test_edges_and_textures_are_not_loud() -> None:
+    """Counts that follow a texture or step at an edge stay below 5 sigma."""
+    rate = 20 + 15 * np.abs(gaussian_filter(np.random.default_rng(1).normal(0, 6, SHAPE), 1.0))
+    rate[:, 18:] *= 6
+    found = loudness(np.random.default_rng(2).poisson(rate))
+    assert np.max(found.excess / found.error) < 5

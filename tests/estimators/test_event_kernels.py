@@ -1,0 +1,95 @@
+"""Compiled loops against plain NumPy."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fedora_qa.estimators.event_kernels import count_between_frames, count_by_pixel, find_repeats, mark_bursts
+from tests.estimators.event_world import Stream
+
+SHAPE = (3, 4)
+
+
+@st.composite
+def streams(draw: st.DrawFn) -> Stream:
+    """Some events on a small sensor, many of them at one instant."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    count = draw(st.integers(0, 60))
+    times_ns = np.sort(rng.integers(0, 30, count)) * 1000
+    x, y = rng.integers(0, SHAPE[1], count), rng.integers(0, SHAPE[0], count)
+    return Stream(x.astype(np.uint16), y.astype(np.uint16), times_ns, rng.integers(0, 2, count).astype(np.uint8))
+
+
+@given(streams())
+@settings(deadline=None)
+def test_events_between_frames_are_counted_once(events: Stream) -> None:
+    """Interval i holds the events later than frame i and not later than frame i + 1, by pixel and polarity."""
+    frames_ns = np.array([5_000, 10_000, 22_000])
+    counts = np.zeros((2, 2, *SHAPE), np.int32)
+    count_between_frames(events.x, events.y, events.times_ns, events.p, frames_ns, counts)
+    for i in range(2):
+        within = (events.times_ns > frames_ns[i]) & (events.times_ns <= frames_ns[i + 1])
+        expected = np.zeros((2, *SHAPE))
+        np.add.at(expected, (events.p[within], events.y[within], events.x[within]), 1)
+        assert np.array_equal(counts[i], expected)
+
+
+@given(streams())
+@settings(deadline=None)
+def test_pixel_counts_are_a_histogram(events: Stream) -> None:
+    """Every event is counted at its pixel and polarity."""
+    counts = np.zeros((2, *SHAPE), np.int64)
+    count_by_pixel(events.x, events.y, events.p, counts)
+    expected = np.zeros((2, *SHAPE))
+    np.add.at(expected, (events.p, events.y, events.x), 1)
+    assert np.array_equal(counts, expected)
+
+
+@given(streams())
+@settings(deadline=None)
+def test_repeats_are_events_of_a_pixel_at_one_stamp(events: Stream) -> None:
+    """The number of repeats is events less different (pixel, stamp); the first one is the first seen again."""
+    places = list(zip(events.x.tolist(), events.y.tolist(), events.times_ns.tolist(), strict=True))
+    repeats, first, _, _ = find_repeats(events.x, events.y, events.times_ns, events.p, SHAPE)
+    assert repeats == len(places) - len(set(places))
+    again = [i for i, place in enumerate(places) if place in places[:i]]
+    assert first == (again[0] if again else -1)
+
+
+@given(streams(), st.integers(0, 20))
+@settings(deadline=None)
+def test_doubled_ticks_hold_only_pairs(events: Stream, doubled_at: int) -> None:
+    """A tick counts when eight or more events of it all occur an even number of times."""
+    twice = events.keep(np.sort(np.concatenate([
+        np.arange(len(events)), np.flatnonzero(events.times_ns == doubled_at * 1000)
+    ])))  # fmt: skip
+    expected = 0
+    for tick in np.unique(twice.times_ns):
+        at = twice.times_ns == tick
+        counts = Counter(zip(twice.x[at].tolist(), twice.y[at].tolist(), twice.p[at].tolist(), strict=True))
+        expected += at.sum() >= 8 and all(count % 2 == 0 for count in counts.values())
+    assert find_repeats(twice.x, twice.y, twice.times_ns, twice.p, SHAPE)[2] == expected
+
+
+@given(streams(), st.integers(1, 5_000))
+@settings(deadline=None)
+def test_bursts_are_pixels_with_close_events(events: Stream, least_gap_ns: int) -> None:
+    """A pixel is marked when any two events of it lie closer than the dead time."""
+    marked = np.zeros(SHAPE, np.bool_)
+    mark_bursts(events.x, events.y, events.times_ns, least_gap_ns, marked)
+    for row, column in np.ndindex(SHAPE):
+        gaps = np.diff(events.times_ns[(events.x == column) & (events.y == row)])
+        assert marked[row, column] == bool(np.any(gaps < least_gap_ns))
+
+
+@pytest.mark.parametrize("stamp_ns", [20_000, 20_001])
+def test_an_event_at_a_frame_belongs_before_it(stamp_ns: int) -> None:
+    """The stamp is the first tick not before the crossing: at the frame's own time the level was reached already."""
+    counts = np.zeros((2, 2, 1, 1), np.int32)
+    zero = np.zeros(1, np.uint16)
+    frames_ns = np.array([0, 20_000, 40_000])
+    count_between_frames(zero, zero, np.array([stamp_ns]), np.ones(1, np.uint8), frames_ns, counts)
+    assert counts[:, 1, 0, 0].tolist() == ([1, 0] if stamp_ns == 20_000 else [0, 1])

@@ -1,0 +1,146 @@
+"""Laws of conservation: never broken by an ideal sensor, broken by lost and superfluous events, exact to join."""
+
+from functools import reduce
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fedora_qa.estimators.event_excursions import Excursions, bound
+from fedora_qa.estimators.event_runs import Runs, follow_runs
+
+ON, OFF = 0.2, 0.3
+STEP_ON, STEP_OFF = 6.0, 8.0
+seeds = st.integers(0, 2**32 - 1)
+
+
+def ideal_log(rng: np.random.Generator, frames: int = 30, pixels: int = 6) -> tuple[np.ndarray, np.ndarray]:
+    """A random level (n, 1, pixels) and the events (n - 1, 2, 1, pixels) of an ideal sensor between the frames."""
+    level = np.cumsum(rng.normal(0, 0.3, (frames, pixels)), axis=0)
+    reference = level[0] - rng.uniform(-OFF, ON, pixels)
+    counts = np.zeros((frames - 1, 2, 1, pixels), np.int32)
+    for i, target in enumerate(level[1:]):
+        for pixel in range(pixels):
+            while target[pixel] >= reference[pixel] + ON:
+                reference[pixel] += ON
+                counts[i, 1, 0, pixel] += 1
+            while target[pixel] <= reference[pixel] - OFF:
+                reference[pixel] -= OFF
+                counts[i, 0, 0, pixel] += 1
+    return level[:, np.newaxis], counts
+
+
+def ideal_linear(rng: np.random.Generator, frames: int = 30, pixels: int = 6) -> tuple[np.ndarray, np.ndarray]:
+    """Whole values seen every fourth step, and events of a sensor that takes its reference from the value."""
+    values = 100 + np.rint(np.cumsum(rng.normal(0, 4, (4 * frames, pixels)), axis=0))
+    reference, counts = values[0].copy(), np.zeros((frames - 1, 2, 1, pixels), np.int32)
+    for step in range(1, 4 * (frames - 1) + 1):
+        up, down = values[step] - reference > STEP_ON, reference - values[step] > STEP_OFF
+        counts[(step - 1) // 4, 1, 0] += up
+        counts[(step - 1) // 4, 0, 0] += down
+        reference = np.where(up | down, values[step], reference)
+    return values[::4, np.newaxis], counts
+
+
+def excursions(level: np.ndarray, counts: np.ndarray, error: float = 0.0, first: int = 0) -> Excursions:
+    drift, frames = np.zeros(len(counts)), np.arange(first, first + len(level))
+    return bound(level - error, level + error, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
+
+
+def runs(values: np.ndarray, counts: np.ndarray, error: float = 0.0, first: int = 0) -> Runs:
+    frames = np.arange(first, first + len(values))
+    return follow_runs(
+        values - error, values + error, counts, threshold_on=STEP_ON, threshold_off=STEP_OFF, frames=frames
+    )
+
+
+@given(seeds)
+@settings(max_examples=50, deadline=None)
+def test_ideal_log_events_keep_the_law(seed: int) -> None:
+    """Whatever the level does, it never strays from its events by the sum of the thresholds."""
+    assert np.all(excursions(*ideal_log(np.random.default_rng(seed))).excess() < ON + OFF)
+
+
+@given(seeds)
+@settings(max_examples=50, deadline=None)
+def test_ideal_linear_events_keep_the_law(seed: int) -> None:
+    """Whatever the values do, no run is too wide and no rise too small."""
+    assert not runs(*ideal_linear(np.random.default_rng(seed))).broken.any()
+
+
+@given(seeds, st.lists(st.integers(1, 28), max_size=5, unique=True), st.booleans())
+@settings(max_examples=50, deadline=None)
+def test_stretches_join_exactly(seed: int, cuts: list[int], from_the_right: bool) -> None:
+    """Cut at any frames and joined in any order, the bounds are those of the whole, bit for bit."""
+    rng = np.random.default_rng(seed)
+    edges = [0, *sorted(cuts), 29]
+    for made, ideal in ((excursions, ideal_log), (runs, ideal_linear)):
+        signal, counts = ideal(rng)
+        parts = [made(signal[a : b + 1], counts[a:b], 0.01, a) for a, b in pairwise(edges)]
+        if from_the_right:
+            joined = reduce(lambda later, earlier: earlier.then(later), reversed(parts))
+        else:
+            joined = reduce(lambda earlier, later: earlier.then(later), parts)
+        whole = made(signal, counts, 0.01)
+        for name in type(whole).__slots__:
+            assert np.array_equal(getattr(joined, name), getattr(whole, name)), name
+
+
+def zigzag(lost: int, superfluous: int) -> tuple[np.ndarray, np.ndarray]:
+    """A level that falls, rises and falls by five thresholds; brighter events lost or superfluous at the top."""
+    sweep = np.linspace(0, 1.0, 21)
+    level = np.concatenate([sweep[::-1], sweep[1:], sweep[-2::-1]])[:, np.newaxis, np.newaxis] + 1e-6
+    counts = np.zeros((len(level) - 1, 2, 1, 1), np.int32)
+    reference = 1.0
+    for i, target in enumerate(level[1:, 0, 0]):
+        while target >= reference + ON:
+            reference, counts[i, 1] = reference + ON, counts[i, 1] + 1
+        while target <= reference - OFF:
+            reference, counts[i, 0] = reference - OFF, counts[i, 0] + 1
+    counts[counts[:, 1].nonzero()[0][-1], 1] += superfluous - lost
+    return level, counts
+
+
+@pytest.mark.parametrize(("lost", "superfluous", "broken"), [(0, 0, False), (1, 0, True), (0, 1, True)])
+def test_lost_and_superfluous_events_break_the_law(lost: int, superfluous: int, broken: bool) -> None:
+    """Between two falls, one event lost or superfluous on a rise cannot be explained by any level."""
+    assert bool(excursions(*zigzag(lost, superfluous)).excess() > ON + OFF) == broken
+
+
+def test_wide_bounds_excuse_everything() -> None:
+    """Where frames tell nothing of the level, no loss is sure."""
+    level, counts = zigzag(3, 0)
+    unknown = np.full(level.shape, np.inf)
+    drift, frames = np.zeros(len(counts)), np.arange(len(level))
+    free = bound(-unknown, unknown, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
+    assert np.all(free.excess() < 0)
+
+
+def test_leak_is_taken_off() -> None:
+    """A pixel at rest that leaks one brighter event an interval keeps the law only with its drift declared."""
+    level, counts = np.zeros((21, 1, 1)), np.zeros((20, 2, 1, 1), np.int32)
+    counts[:, 1] = 1
+    frames = np.arange(21)
+    for drift, broken in ((np.full(20, ON), False), (np.zeros(20), True)):
+        found = bound(level, level, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
+        assert bool(found.excess() > ON + OFF) == broken
+
+
+@pytest.mark.parametrize(
+    ("values", "on", "broken"),
+    [
+        ([100, 105, 110], [0, 0], False),
+        ([100, 108, 116], [0, 0], True),
+        ([100, 108, 116], [0, 1], False),
+        ([100, 114, 116], [2, 0], False),
+        ([100, 105, 106], [3, 0], True),
+    ],
+    ids=["still", "dead", "fired", "twice", "too-often"],
+)
+def test_linear_law_cases(values: list[int], on: list[int], broken: bool) -> None:
+    """With thresholds 6 and 8 a silent run spans at most 14; three brighter events mean a rise of 7 at least."""
+    counts = np.zeros((2, 2, 1, 1), np.int32)
+    counts[:, 1, 0, 0] = on
+    assert runs(np.array(values, float).reshape(3, 1, 1), counts).broken.item() == broken

@@ -1,0 +1,176 @@
+"""Bracketed level samples and their regression, on a closed-form world."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fedora_qa.estimators.event_fit import ResponseFit, fit_response
+from fedora_qa.estimators.event_levels import (
+    LevelPairs,
+    NormalBlocks,
+    accumulate,
+    concatenate,
+    find_level_pairs,
+    huber_weights,
+)
+from tests.estimators.event_world import MS, Stream, Waves, log_events
+
+SHAPE = (40, 56)
+FRAMES_NS = np.arange(0, 401, 20) * MS
+WORLD = Waves(amplitude_dn=10.0, mean_dn=140.0, velocity_px_s=(200.0, 40.0), seed=3)
+LEVELS = np.log([WORLD.luma(time_ns * 1e-9, SHAPE) for time_ns in FRAMES_NS])
+
+
+@pytest.fixture(scope="module")
+def events() -> Stream:
+    return log_events(WORLD, SHAPE, 400 * MS, on=0.15, off=0.2)
+
+
+def pairs_of(events: Stream, **options: int) -> LevelPairs:
+    return find_level_pairs(
+        events.x, events.y, events.times_ns, events.p, FRAMES_NS, np.ones(LEVELS.shape, np.bool_),
+        **{"longest_gap_ns": 20 * MS, "off_over_on": 4 / 3, **options},
+    )  # fmt: skip
+
+
+def blocks_of(pairs: LevelPairs) -> NormalBlocks:
+    """Halves of the image, five frames at a time, each with outlier weights of its own."""
+    times_s = FRAMES_NS[pairs.earlier] * 1e-9
+    return blocks_at(pairs, pairs.change_of(LEVELS), (pairs.pixels % SHAPE[1]) // (SHAPE[1] // 2), times_s, 0.1)
+
+
+def blocks_at(
+    pairs: LevelPairs, y: np.ndarray, halves: np.ndarray, times_s: np.ndarray, window_s: float
+) -> NormalBlocks:
+    windows = (times_s / window_s).astype(int)
+    return concatenate([
+        accumulate(pairs.take(windows == w), y[windows == w], halves[windows == w], 2, times_s[windows == w])
+        for w in np.unique(windows)
+    ])  # fmt: skip
+
+
+def fit(events: Stream) -> ResponseFit:
+    found = fit_response(blocks_of(pairs_of(events)))
+    assert found is not None
+    return found
+
+
+def test_steady_ramp_is_read_exactly() -> None:
+    """A level that rises by 0.2 every 5 ms is known at frame times to a fraction of the threshold."""
+    times_ns = np.arange(3, 100, 5) * MS
+    count = len(times_ns)
+    pairs = find_level_pairs(
+        np.zeros(count, np.uint16), np.zeros(count, np.uint16), times_ns, np.ones(count, np.uint8),
+        np.arange(0, 81, 20) * MS, np.ones((5, 1, 1), np.bool_), longest_gap_ns=20 * MS,
+    )  # fmt: skip
+    assert pairs.earlier.tolist() == [1, 2, 3]
+    assert np.allclose(pairs.regressors, [[4.0, 0.0, 0.0, 0.0]] * 3, atol=1e-9)
+    assert np.allclose(pairs.gaps_s, 0.005)
+
+
+def test_thresholds_and_delay_are_recovered(events: Stream) -> None:
+    """C+ = 0.15 and C- = 0.2 come out apart to 1%, and events are not late by more than 0.1 ms."""
+    found = fit(events)
+    assert found.threshold_on == pytest.approx(0.15, rel=0.01)
+    assert found.threshold_off == pytest.approx(0.2, rel=0.01)
+    assert abs(found.delay_s) < 100e-6
+    assert found.relative_sigma < 0.06
+
+
+@pytest.mark.parametrize("late_us", [-1000, -300, 300, 1000])
+def test_delay_is_read_off_the_slope(events: Stream, late_us: int) -> None:
+    """Events stamped late by 0.3 to 1 ms shift the delay by as much, to 5% and 20 us."""
+    shift_s = fit(events.shifted(late_us * 1000)).delay_s - fit(events).delay_s
+    assert shift_s == pytest.approx(late_us * 1e-6, rel=0.05, abs=20e-6)
+
+
+def test_clock_rate_is_the_growth_of_the_delay(events: Stream) -> None:
+    """A clock that runs 2000 ppm fast is read to 10%, and does not spoil the thresholds."""
+    fast = Stream(events.x, events.y, np.rint(events.times_ns * 1.002).astype(np.int64), events.p)
+    found = fit(fast)
+    assert found.delay_rate == pytest.approx(0.002, rel=0.1)
+    assert found.threshold_on == pytest.approx(0.15, rel=0.01)
+
+
+def test_events_too_close_break_the_chain(events: Stream) -> None:
+    """With a dead time longer than every gap no pair is left; with none, all are."""
+    assert len(pairs_of(events, least_gap_ns=1_000 * MS)) == 0
+    assert 0 < len(pairs_of(events, least_gap_ns=12 * MS)) < len(pairs_of(events))
+
+
+def test_straight_lines_lie_near_cubics(events: Stream) -> None:
+    """Both readings of a level differ by less than a quarter of a threshold, and by something."""
+    straightened = pairs_of(events).straightened
+    assert np.abs(straightened).max() < 0.5  # of two samples
+    assert 0.01 < np.std(straightened) < 0.1
+
+
+def test_unusable_pixels_give_no_sample(events: Stream) -> None:
+    """Pixels that are masked never appear."""
+    usable = np.ones(LEVELS.shape, np.bool_)
+    usable[:, :, ::2] = False
+    pairs = find_level_pairs(
+        events.x, events.y, events.times_ns, events.p, FRAMES_NS, usable, longest_gap_ns=20 * MS
+    )  # fmt: skip
+    assert len(pairs) > 100
+    assert np.all(pairs.pixels % SHAPE[1] % 2 == 1)
+
+
+def test_tightest_keeps_the_shortest_gaps(events: Stream) -> None:
+    """At least as many as wanted, none longer than one that was left out."""
+    pairs = pairs_of(events)
+    tight = pairs.tightest(200)
+    assert 200 <= len(tight) < len(pairs)
+    assert tight.gaps_s.max() <= np.sort(pairs.gaps_s)[len(tight)]
+    assert len(pairs.tightest(10**9)) == len(pairs)
+
+
+def test_blocks_sum_to_the_whole(events: Stream) -> None:
+    """The fit of blocks that were concatenated in two lists is that of all of them."""
+    pairs = pairs_of(events)
+    blocks = blocks_of(pairs)
+    halves = [NormalBlocks(*(getattr(blocks, name)[part] for name in NormalBlocks.__slots__))
+              for part in (slice(0, 4), slice(4, None))]  # fmt: skip
+    assert fit_response(concatenate(halves)) == fit_response(concatenate([blocks]))
+
+
+def test_too_little_is_no_fit(events: Stream) -> None:
+    """A handful of pairs, or one polarity only, gives no fit."""
+    pairs = pairs_of(events)
+    assert fit_response(blocks_of(pairs.take(np.arange(len(pairs)) < 30))) is None
+    rising = pairs.take(np.all(pairs.regressors[:, [1, 3]] == 0, axis=1))
+    assert fit_response(blocks_of(rising)) is None
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=25, deadline=None)
+def test_standard_errors_are_honest(seed: int) -> None:
+    """With independent noise of known size all four estimates lie within six standard errors of the truth."""
+    rng = np.random.default_rng(seed)
+    X = np.concatenate([rng.normal(0, 1, (4000, 2)), rng.normal(0, 50, (4000, 2))], axis=1)
+    times_s = rng.uniform(0, 2, 4000)
+    delay_s = 1e-3 + 2e-3 * (times_s - 1)
+    y = X @ [0.2, 0.25, 0, 0] + delay_s * (X[:, 2:] @ [0.2, 0.25]) + rng.normal(0, 0.01, 4000)
+    pixels = np.zeros(4000, np.int32)
+    pairs = LevelPairs(pixels, pixels, pixels, X, np.ones(4000), np.zeros((4000, 2)))
+    found = fit_response(blocks_at(pairs, y, rng.integers(0, 2, 4000), times_s, 0.1))
+    assert found is not None
+    errors = found.standard_errors
+    assert abs(found.threshold_on - 0.2) < 6 * errors.threshold_on
+    assert abs(found.threshold_off - 0.25) < 6 * errors.threshold_off
+    assert abs(found.delay_s - 1e-3 - 2e-3 * (found.middle_s - 1)) < 6 * errors.delay_s
+    assert abs(found.delay_rate - 2e-3) < 6 * errors.delay_rate
+    assert errors.threshold_on < 0.001
+
+
+def test_huber_weights_discount_outliers() -> None:
+    """A fifth of gross outliers moves the weighted fit by less than a tenth of what it moves a plain one."""
+    rng = np.random.default_rng(0)
+    X = rng.normal(0, 1, (1000, 1))
+    y = X[:, 0] + rng.normal(0, 0.01, 1000)
+    y[:200] += 5.0 * np.sign(X[:200, 0])
+    weights = huber_weights(X, y)
+    plain = float(X[:, 0] @ y / (X[:, 0] @ X[:, 0])) - 1
+    robust = float((weights * X[:, 0]) @ y / ((weights * X[:, 0]) @ X[:, 0])) - 1
+    assert abs(robust) < abs(plain) / 10
