@@ -2,18 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
+from typing import Final
 
 import numpy as np
 
 from fedora_qa.checks.event_levels import FEWEST_PAIRS, FOLLOWS, FoundOffset, LevelSums, level_sums
 from fedora_qa.checks.event_view import why_frames_and_events_do_not_meet
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
-from fedora_qa.estimators.event_fit import ResponseFit, fit_response
+from fedora_qa.estimators.event_fit import Errors, ResponseFit, fit_response
 from fedora_qa.estimators.event_levels import NormalBlocks, concatenate
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+
+TOLD_WITHIN_S: Final = 3e-3
+"""Offsets beyond this are read too small by one fit, and spoil thresholds."""
 
 Seen = LevelSums | FoundOffset
 """What a window shows, and what a second look at it shows."""
@@ -25,18 +30,21 @@ class Answer:
 
     Attributes
     ----------
-    sharp, even
-        In the declared domain, by the two reconstructions; the truth lies between them.
+    fit
+        In the declared domain.
+    model_errors
+        Bounds on what the fit does not know: of footprints (how far the other reconstruction of frames moves it), of
+        levels between events (how far straight lines move it), of regressors (attenuation).
     other
-        In the other domain.
+        The fit in the other domain.
     preference
         Mean and standard error of ln(residual / threshold) in the declared domain less that in the other, over blocks.
     overshoot
         As in ``LevelSums``.
     """
 
-    sharp: ResponseFit
-    even: ResponseFit
+    fit: ResponseFit
+    model_errors: Errors
     other: ResponseFit | None
     preference: tuple[float, float]
     overshoot: float
@@ -85,23 +93,35 @@ def answer(seen: Sequence[Seen], facts: Facts) -> Answer | str:
     if declared is None or not state:
         return too_few
     linear = declared.model == "linear"
-    sharp, even = _concatenated(state, linear, "sharp"), _concatenated(state, linear, "even")
-    other = _concatenated(state, not linear, "sharp")
-    fits = fit_response(sharp), fit_response(even), fit_response(other)
-    if fits[0] is None or fits[1] is None:
+    ours, theirs = ("linear", "log") if linear else ("log", "linear")
+    blocks, other_blocks = _concatenated(state, f"{ours}_sharp"), _concatenated(state, f"{theirs}_sharp")
+    fit, other = fit_response(blocks), fit_response(other_blocks)
+    even, straight = (fit_response(_concatenated(state, name)) for name in (f"{ours}_even", "straight"))
+    if fit is None or even is None or straight is None:
         return too_few
-    least = min(fit.relative_sigma for fit in (fits[0], fits[2]) if fit is not None)
+    least = min(fit.relative_sigma, other.relative_sigma if other is not None else fit.relative_sigma)
     if least > FOLLOWS:
         return (
             f"events do not follow the frames at all: what is left is {least:.3g} thresholds "
             "(see event_response.orientation)"
         )
     overshoot = sum(sums.overshoot * sums.pairs for sums in state) / pairs
-    return Answer(fits[0], fits[1], fits[2], _preference(sharp, other, fits[0], fits[2]), overshoot)
+    preference = _preference(blocks, other_blocks, fit, other)
+    return Answer(fit, _model_errors(fit, even, straight), other, preference, overshoot)
 
 
-def _concatenated(state: Sequence[LevelSums], linear: bool, kind: str) -> NormalBlocks:
-    return concatenate([getattr(sums, f"{'linear' if linear else 'log'}_{kind}") for sums in state])
+def _concatenated(state: Sequence[LevelSums], name: str) -> NormalBlocks:
+    return concatenate([getattr(sums, name) for sums in state])
+
+
+def _model_errors(fit: ResponseFit, even: ResponseFit, straight: ResponseFit) -> Errors:
+    def bound(name: str) -> float:
+        own = getattr(fit, name)
+        moved = abs(own - getattr(even, name)) + abs(own - getattr(straight, name))
+        return float(moved + getattr(fit.attenuation, name))
+
+    rate_bound = bound("delay_rate") if isfinite(fit.attenuation.delay_rate) else float("inf")
+    return Errors(bound("threshold_on"), bound("threshold_off"), bound("delay_s"), rate_bound)
 
 
 def _preference(

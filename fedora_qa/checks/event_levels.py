@@ -41,6 +41,7 @@ ROUNDING_SHARE: Final = 0.1
 class LevelSums:
     """Normal equations of a window in both domains and by both reconstructions, four blocks of the image each.
 
+    ``straight`` is in the declared domain, with straight lines between events in place of cubics.
     ``overshoot`` is the mean of tick over gap: the share of a threshold that a pixel moves in a rendered step.
     ``window`` is the window's number.
     """
@@ -49,6 +50,7 @@ class LevelSums:
     log_even: NormalBlocks
     linear_sharp: NormalBlocks
     linear_even: NormalBlocks
+    straight: NormalBlocks
     overshoot: float
     pairs: int
     window: int
@@ -81,6 +83,7 @@ def _level_sums(window: Window) -> LevelSums | None:
         _sums(pairs, seen, log_even),
         _sums(pairs, seen, seen.sharp_dn),
         _sums(pairs, seen, seen.even_dn),
+        _sums(pairs.with_straight_lines(), seen, seen.sharp_dn if declared.model == "linear" else log_sharp),
         float(np.mean(local_tick_ns(window) * 1e-9 / pairs.gaps_s)),
         len(pairs),
         window.span.index,

@@ -77,6 +77,8 @@ class Orientation(WindowCheck[Agreement]):
         kinds = [[one.steps for one in state], [one.span for one in state]]
         predicted = [_predicted(kind, noise) for kind in kinds]
         best = int(np.argmax(predicted))
+        if not np.any([one.sums[:, 4] for one in kinds[best]]):
+            return Observation(coverage, unobservable="no events between the frames (see event_response.conservation)")
         if predicted[best] < LEAST_PREDICTED:
             return Observation(
                 coverage,

@@ -3,7 +3,7 @@
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.event_answer import Answer, LevelCheck
+from fedora_qa.checks.event_answer import TOLD_WITHIN_S, Answer, LevelCheck
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
@@ -26,7 +26,8 @@ class Threshold(LevelCheck):
     a pixel's level is regressed on the events in between, robustly, C+ and C- apart, with the time offset as a
     nuisance (``event_levels``). Standard errors are the larger of the formal and the spread between quarters of the
     image and windows. Allowances: what the frames' pixels do not tell of the footprint (two reconstructions bracket
-    it), attenuation by errors of the regressors, declared spread of thresholds (pixels of low threshold fire more,
+    it), what events do not tell of the level between them (cubics against straight lines), attenuation by errors of
+    the regressors, declared spread of thresholds (pixels of low threshold fire more,
     by up to six times the squared relative spread), exposure. For the linear model a step goes beyond the threshold
     by half of what the signal moves in a rendered step. Gamma cannot be told from the threshold: it must be declared.
     """
@@ -41,13 +42,12 @@ class Threshold(LevelCheck):
     def _one(self, found: Answer, declared: EventModel, facts: Facts, side: int) -> Measured:
         name, word = (("threshold_on", "Brighter"), ("threshold_off", "Darker"))[side]
         nominal = (declared.threshold_on, declared.threshold_off)[side]
-        fitted = (found.sharp.threshold_on, found.sharp.threshold_off)[side]
-        plain = (found.even.threshold_on, found.even.threshold_off)[side]
+        fitted = (found.fit.threshold_on, found.fit.threshold_off)[side]
         expected, model_error = _expected_step(declared, nominal, found.overshoot)
         unit = "DN" if declared.model == "linear" else "nat"
-        errors, bounds = found.sharp.standard_errors, found.sharp.attenuation
+        errors, bounds = found.fit.standard_errors, found.model_errors
         error = (errors.threshold_on, errors.threshold_off)[side]
-        bound = abs(fitted - plain) + (bounds.threshold_on, bounds.threshold_off)[side] + model_error
+        bound = (bounds.threshold_on, bounds.threshold_off)[side] + model_error
         bound += _relative_bound(declared, facts) * expected
         percent = 100 / expected
         return Measured(
@@ -79,7 +79,7 @@ class Model(LevelCheck):
         """State how much better the other domain fits."""
         value, error = found.preference
         other = "linear" if declared.model == "log" else "log"
-        ours, theirs = found.sharp.relative_sigma, found.other.relative_sigma if found.other else float("inf")
+        ours, theirs = found.fit.relative_sigma, found.other.relative_sigma if found.other else float("inf")
         return (
             Measured(
                 name="log_residual_ratio",
@@ -127,11 +127,14 @@ def _threshold_suspects(found: Answer, expected: float, fitted: float, error: fl
         return (Suspect("polarity_inverted", "events", 0.95),)
     preference, spread = found.preference
     other_model = preference > DOMAIN_PREFERRED * spread
+    late = abs(found.fit.delay_s) > TOLD_WITHIN_S
     percent = 100 * (expected / fitted - 1) if ratio > 0 else None
     uncertainty = 100 * expected / fitted**2 * error if ratio > 0 else None
     return (
         Suspect("threshold_misdeclared", "events", 0.3 if other_model else 0.9, percent, "percent", uncertainty),
         Suspect("event_model_misdeclared", "events", 0.9 if other_model else 0.1),
+        Suspect("time_offset", "events", 0.85 if late else 0.1),
+        Suspect("time_offset", "rgb", 0.75 if late else 0.1),
         Suspect("exposure_or_gamma", "rgb", 0.3),
         Suspect("dropped_samples", "events", 0.2),
         Suspect("duplicated_samples", "events", 0.2),

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.event_answer import Answer, LevelCheck, Seen, answer, level_coverage
+from fedora_qa.checks.event_answer import TOLD_WITHIN_S, Answer, LevelCheck, Seen, answer, level_coverage
 from fedora_qa.checks.event_levels import FoundOffset, LevelSums, search_offset
 from fedora_qa.checks.event_stream import tick_ns
 from fedora_qa.checks.protocol import Measured, Observation, Suspect
@@ -21,8 +21,6 @@ EVENTS: Final = Where(stream="events")
 DRIFT_KNOWN: Final = 5.0
 """Standard errors of the clock rate beyond which an offset is suspected to be part of it (after an alarm only)."""
 
-LINEAR_WITHIN_S: Final = 3e-3
-"""Offsets beyond this are read too small by one fit, and looked at again."""
 
 WINDOWS_SEARCHED: Final = 2
 
@@ -33,9 +31,9 @@ class Timing(LevelCheck):
     The coefficient of the level's slope in the regression of ``event_response.threshold`` is the time by which events
     are stamped late. Expected is the mean lateness that is declared: half a tick of the stamps (a stamp is the first
     tick not before the crossing; a sensor that takes its reference at the tick is not late), and the delay of a
-    declared low-pass. Allowance: what the frames' pixels do not tell of the footprint. The offset is that at the middle
-    of the sequence; its growth is the difference of the clocks' rates. Where the offset is large, or events do not
-    follow the frames at all, offsets up to 100 ms are tried on two windows in a second look.
+    declared low-pass. Allowances are those of the thresholds. The offset is that at the middle of the sequence; its
+    growth is the difference of the clocks' rates. Where the offset is large, or events do not follow the frames at
+    all, offsets up to 100 ms are tried on two windows in a second look.
     """
 
     name = "event_response.timing"
@@ -46,7 +44,7 @@ class Timing(LevelCheck):
         """Name the windows with most samples where one fit does not tell the offset."""
         sums = [one for one in state if isinstance(one, LevelSums)]
         found = answer(sums, facts)
-        if not sums or (isinstance(found, Answer) and abs(found.sharp.delay_s) < LINEAR_WITHIN_S):
+        if not sums or (isinstance(found, Answer) and abs(found.fit.delay_s) < TOLD_WITHIN_S):
             return ()
         richest = sorted(sums, key=lambda one: -one.pairs)[:WINDOWS_SEARCHED]
         return tuple(one.window for one in richest)
@@ -69,11 +67,15 @@ class Timing(LevelCheck):
 
     def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
         """State the offset in ms, and the rate in ppm."""
-        fit, other = found.sharp, found.even
-        bound_s = abs(fit.delay_s - other.delay_s) + fit.attenuation.delay_s
+        fit = found.fit
         drifting = abs(fit.delay_rate) > DRIFT_KNOWN * fit.standard_errors.delay_rate
         offset = self._offset(
-            fit.delay_s, fit.standard_errors.delay_s, bound_s, declared, facts, drift_weight=0.85 if drifting else 0.1
+            fit.delay_s,
+            fit.standard_errors.delay_s,
+            found.model_errors.delay_s,
+            declared,
+            facts,
+            drift_weight=0.85 if drifting else 0.1,
         )
         return offset, self._rate(found)
 
@@ -110,8 +112,8 @@ class Timing(LevelCheck):
         )
 
     def _rate(self, found: Answer) -> Measured:
-        ppm, error = 1e6 * found.sharp.delay_rate, 1e6 * found.sharp.standard_errors.delay_rate
-        bound = 1e6 * abs(found.sharp.delay_rate - found.even.delay_rate)
+        ppm, error = 1e6 * found.fit.delay_rate, 1e6 * found.fit.standard_errors.delay_rate
+        bound = 1e6 * found.model_errors.delay_rate
         return Measured(
             name="clock_rate",
             value=ppm,

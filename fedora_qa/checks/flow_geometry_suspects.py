@@ -40,7 +40,7 @@ def geometry_suspects(
             where = flow if repeating == "flow" else repeating
             gross.append(Suspect("frozen_frames", where, 1.0 if local else 0.9, float(repeated), "samples"))
     small = _small(fields, flow, noise)
-    if max((suspect.weight for suspect in gross), default=0.0) > _CERTAIN:
+    if max((suspect.weight for suspect in gross if suspect.cause != "flow_gain"), default=0.0) > _CERTAIN:
         small = weakened(small, 0.8)
     by_pose = [] if is_noisy(noise) else _of_the_pose(fields_off, local=local)
     return most_probable([*gross, *small, *by_pose]) or (Suspect("unknown", flow, 0.1),)

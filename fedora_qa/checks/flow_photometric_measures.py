@@ -267,21 +267,20 @@ def inferred_unit(
     rates: Mapping[str, RateEstimate | None], groups: Mapping[str, Sequence[FieldResidual]], weighed: Sequence[Weighed]
 ) -> str:
     """Return the unit that the frames give the flow: px, px/s, px s; unknown where they give none, or several."""
-    units = {_unit_of(stream, rates[stream], groups[stream], weighed) for stream in groups}
-    return units.pop() if len(units) == 1 else "unknown"
+    units = {_unit_of(stream, rates[stream], groups[stream], weighed) for stream in groups} - {None}
+    return units.pop() or "unknown" if len(units) == 1 else "unknown"
 
 
 def _unit_of(
     stream: str, rate: RateEstimate | None, fields: Sequence[FieldResidual], weighed: Sequence[Weighed]
-) -> str:
-    unmatched = sum(one.unmatched for one in fields) / sum(one.textured for one in fields)
-    if (
-        rate is not None
-        and unmatched <= _UNMATCHED_SHARE
-        and abs(rate.gain) < _ANOTHER_UNIT > _SURELY * rate.gain_error
-    ):
-        return "px"
+) -> str | None:
+    """Return the unit of one rate; None where its gain is not known well enough to tell."""
     best = max((one for one in weighed if one.rate == stream), key=lambda one: one.weight, default=None)
-    if best is None or best.cause != "flow_unit" or best.magnitude is None:
+    if best is not None and best.cause == "flow_unit" and best.magnitude is not None:
+        return "px/s" if best.magnitude > 1 else "px s"
+    unmatched = sum(one.unmatched for one in fields) / sum(one.textured for one in fields)
+    if rate is None or unmatched > _UNMATCHED_SHARE:
         return "unknown"
-    return "px/s" if best.magnitude > 1 else "px s"
+    if _SURELY * rate.gain_error > _ANOTHER_UNIT:
+        return None
+    return "px" if abs(rate.gain) < _ANOTHER_UNIT else "unknown"

@@ -28,7 +28,7 @@ def photometric_suspects(
 ) -> tuple[Suspect, ...]:
     """Return the suspects for one rate against the frames, most probable first."""
     flow = spreads_over(stream, off)
-    local = 2 * len(fields_off) <= len(fields)
+    local = 2 * len(fields_off) <= len(fields) and not _share_a_gain(fields)
     gross = gross_suspects(stream, weighed, flow, local=local) if fields_off else []
     small = _small(fields, flow)
     if not fields_off:
@@ -40,6 +40,9 @@ def photometric_suspects(
     others = tuple(Suspect(cause, flow if stream == "flow" else stream, _WEAK) for cause, stream in _OTHERS)
     return most_probable([*gross, *small]) + others
 
+
+_LEAST_GAIN: Final = 0.005
+"""Gains that fields may have in common without it telling anything."""
 
 _GAIN_ERROR: Final = 0.05
 """Share of a gain by which linearisation and the derivative's taps misjudge it."""
@@ -61,6 +64,17 @@ _OTHERS: Final = tuple(
     for cause in causes
 )  # fmt: skip
 """What leads the flow to other places than the frames."""
+
+
+def _share_a_gain(fields: Sequence[FieldResidual]) -> bool:
+    """Whether most fields have a gain in common, which single frames cannot give them."""
+    evidences = [one.evidence for one in fields if one.evidence]
+    gains = np.array([one.vector[GAIN][0] / max(one.matrix[GAIN, GAIN][0, 0], 1e-300) for one in evidences])
+    if len(gains) < 2:
+        return False
+    middle = float(np.median(gains))
+    error = 1.5 * float(np.median(np.abs(gains - middle))) * 1.25 / float(np.sqrt(len(gains)))
+    return abs(middle) > max(_LEAST_GAIN, 5 * error)
 
 
 def _by_own_mean(fields: Sequence[FieldResidual]) -> float:
@@ -89,7 +103,7 @@ def _small(fields: Sequence[FieldResidual], flow: str) -> list[Suspect]:
     gain, by_gain = total.explained_by(GAIN)
     shift, by_shift = total.explained_by(SHIFT)
     _, by_mean = total.explained_by(MEAN)
-    error = float(total.matrix[GAIN, GAIN][0, 0]) ** -0.5
+    error = max(float(total.matrix[GAIN, GAIN][0, 0]), 1e-300) ** -0.5
     of_true, slope = gain_of_true(float(gain[0]))
     size = float(np.copysign(np.linalg.norm(shift), shift[np.argmax(np.abs(shift))]))
     by_gain, by_shift, by_mean = (share / everything for share in (by_gain, by_shift, by_mean))

@@ -16,9 +16,11 @@ Bool = NDArray[np.bool_]
 Columns = NDArray[np.uint16]
 Polarities = NDArray[np.uint8]
 
-_T2, _T1, _T0, _SIGN2, _SIGN1, _ON, _OFF, _BEFORE, _FRAME, _LEVEL_ON, _LEVEL_OFF, _SLOPE, _GAP = range(13)
-"""What is remembered of a pixel: the times of its last three events, the signs of the last two, its counts so far, the
-frame before its last event, and the frame, levels, slope and gap of its last sample."""
+_T2, _T1, _T0, _SIGN2, _SIGN1, _ON, _OFF, _BEFORE = range(8)
+_FRAME, _LEVEL_ON, _LEVEL_OFF, _SLOPE, _GAP, _MORE_ON, _MORE_OFF = range(8, 15)
+"""What is remembered of a pixel: the times of its last three events, the signs of the last two, its counts so far and
+the frame before its last event; of its last sample the frame, levels, slope and gap, and what a straight line between
+the events would add to the levels."""
 
 
 @njit(cache=True)
@@ -43,11 +45,12 @@ def sample_levels(
     Events closer than ``least_gap`` ns break the chain of a pixel: between them events may be lost.
 
     ``off_over_on`` is the ratio of the thresholds, good to first order. ``places`` (m, 3) receives pixel, earlier and
-    later frame; ``regressors`` (m, 5) the brighter and darker events between the samples, fractions included (darker
-    ones count negative), the change of their rates, 1/s, and the longer of the two gaps, s.
+    later frame; ``regressors`` (m, 7) the brighter and darker events between the samples, fractions included (darker
+    ones count negative), the change of their rates, 1/s, the longer of the two gaps, s, and what straight lines would
+    add to the first two.
     """
     width = usable.shape[2]
-    pixels = np.full((usable.shape[1] * width, 13), -np.inf)
+    pixels = np.full((usable.shape[1] * width, 15), -np.inf)
     pixels[:, _ON : _OFF + 1] = 0.0
     pixels[:, _BEFORE : _FRAME + 1] = -1.0
     frame, rows = 0, 0
@@ -76,6 +79,8 @@ def sample_levels(
                 level_on = pixel[_ON] + (share - 1.0 if brighter else 0.0)
                 level_off = pixel[_OFF] + (0.0 if brighter else share - 1.0)
                 slope = rate if brighter else -rate
+                straight = (at_frame - pixel[_T1]) / gap - share
+                more_on, more_off = (straight, 0.0) if brighter else (0.0, straight)
                 if pixel[_FRAME] >= 0.0:
                     places[rows, 0], places[rows, 1], places[rows, 2] = at, int(pixel[_FRAME]), sample
                     regressors[rows, 0] = level_on - pixel[_LEVEL_ON]
@@ -83,8 +88,11 @@ def sample_levels(
                     regressors[rows, 2] = max(slope, 0.0) - max(pixel[_SLOPE], 0.0)
                     regressors[rows, 3] = min(slope, 0.0) - min(pixel[_SLOPE], 0.0)
                     regressors[rows, 4] = max(gap, pixel[_GAP])
+                    regressors[rows, 5] = more_on - pixel[_MORE_ON]
+                    regressors[rows, 6] = pixel[_MORE_OFF] - more_off
                     rows += 1
                 pixel[_FRAME], pixel[_GAP] = sample, gap
+                pixel[_MORE_ON], pixel[_MORE_OFF] = more_on, more_off
                 pixel[_LEVEL_ON], pixel[_LEVEL_OFF], pixel[_SLOPE] = level_on, level_off, slope
         pixel[_T0], pixel[_T1], pixel[_T2] = pixel[_T1], pixel[_T2], now
         pixel[_SIGN1], pixel[_SIGN2] = pixel[_SIGN2], sign
