@@ -73,7 +73,7 @@ class Conservation(Check[Ledger]):
             return Observation(coverage, unobservable="no two frames with events around them")
         shape = sensor_shape(facts.declared)
         pixels = np.any([one.unpacked(shape) for one in closed], axis=0)
-        tile, gathered = self._tile(pixels)
+        tile, gathered = self._tile(pixels, silent=facts.events is None or not facts.events.count)
         return Observation(
             coverage,
             (self._share(closed, state.model, facts, gathered), tile),
@@ -123,13 +123,13 @@ class Conservation(Check[Ledger]):
             ),
         )
 
-    def _tile(self, pixels: Bool) -> tuple[Measured, bool]:
-        """Return the worst tile, and whether the violations lie together around it."""
+    def _tile(self, pixels: Bool, *, silent: bool) -> tuple[Measured, bool]:
+        """Return the worst tile, and whether the violations lie together around it while other regions give events."""
         share, row, column, tiles = _worst_tile(pixels)
         everywhere = float(pixels.mean())
         side = min(TILE_PX, *pixels.shape)
         region = sqrt(float(np.count_nonzero(pixels)))
-        gathered = _gathered(pixels, row, column, region) > self._ONE_REGION
+        gathered = _gathered(pixels, row, column, region) > self._ONE_REGION and not silent
         measured = Measured(
             name="worst_tile",
             value=share,

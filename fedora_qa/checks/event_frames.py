@@ -16,11 +16,14 @@ from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
 
-LARGEST_NOISE: Final = 0.1
-"""An interval counts where what events leave open moves its coefficient by less: a fifth of what is allowed for."""
+LARGEST_NOISE: Final = 0.05
+"""An interval counts where what events leave open moves its coefficient by less: a tenth of what is allowed for."""
 
 LEAST_GAIN: Final = 0.3
 """Below, the frames do not show what the events say in most intervals, and none of them can be told from the rest."""
+
+ALLOWED: Final = 0.5
+"""Halfway between a frame in its place and one that repeats the frame before."""
 
 FEWEST_INTERVALS: Final = 5
 
@@ -39,7 +42,7 @@ class Frames(WindowCheck[IntervalMoments]):
     The change of L between two successive frames is regressed on the signed events in between, averaged over 4x4
     blocks. The coefficient is near 1 in every interval of an honest file. A frame that repeats the one before gives
     0 and the next one 2; exchanged frames give 2, -1, 2. The interval farthest from the median is judged by the spread
-    of all (median absolute deviation) and by what events leave open, 2/3 C^2 a pixel; half a frame's change is
+    of all (median absolute deviation) and by what events leave open in it, 2/3 C^2 a pixel; half a frame's change is
     allowed for. Intervals in which little changes are left out.
     """
 
@@ -86,16 +89,19 @@ class Frames(WindowCheck[IntervalMoments]):
                 f"events do not follow the frames at all: {middle:.2g} of what they say (event_response.orientation)"
             )
             return Observation(coverage, unobservable=reason)
-        spread = max(1.4826 * float(np.median(np.abs(gains - middle))), float(np.median(noise[clear])))
-        worst = int(np.argmax(np.abs(gains - middle)))
+        spread = 1.4826 * float(np.median(np.abs(gains - middle)))
+        errors = np.hypot(spread, noise[clear])
+        worst = int(np.argmax((np.abs(gains - middle) - ALLOWED * middle) / errors))
         repeated = int(np.count_nonzero(dd[clear] == 0))
-        return Observation(coverage, (self._one(gains, middle, spread, worst, frames[clear][worst], repeated, facts),))
+        return Observation(
+            coverage, (self._one(gains, middle, float(errors[worst]), worst, frames[clear][worst], repeated, facts),)
+        )
 
     def _one(
         self,
         gains: Float64,
         middle: float,
-        spread: float,
+        error: float,
         worst: int,
         frames: NDArray[np.int64],
         repeated: int,
@@ -109,9 +115,9 @@ class Frames(WindowCheck[IntervalMoments]):
             name="change_shown",
             value=gain / middle,
             unit="1",
-            standard_error=spread / middle,
+            standard_error=error / middle,
             expected=1.0,
-            allowance=0.5,
+            allowance=ALLOWED,
             tests=len(gains),
             matters=1.5,
             statement=f"Between the colour frames {earlier} and {later} the image changes by {gain:.2f} of what events "

@@ -58,46 +58,45 @@ def sample_levels(
         while frame < len(frame_times) and frame_times[frame] < t[i]:
             frame += 1
         at = y[i] * width + x[i]
-        pixel = pixels[at]
         now, sign = (t[i] - frame_times[0]) * 1e-9, (1.0 if p[i] == 1 else -1.0)
-        sample = int(pixel[_BEFORE])
-        if now - pixel[_T2] < least_gap * 1e-9:
-            pixel[_FRAME] = -1.0
-        elif sample >= 0 and pixel[_SIGN1] == pixel[_SIGN2] and usable[sample, y[i], x[i]]:
+        sample = int(pixels[at, _BEFORE])
+        if now - pixels[at, _T2] < least_gap * 1e-9:
+            pixels[at, _FRAME] = -1.0
+        elif sample >= 0 and pixels[at, _SIGN1] == pixels[at, _SIGN2] and usable[sample, y[i], x[i]]:
             at_frame = (frame_times[sample] - frame_times[0]) * 1e-9
-            gap = pixel[_T2] - pixel[_T1]
+            gap = pixels[at, _T2] - pixels[at, _T1]
             if (
-                pixel[_T1] <= at_frame
+                pixels[at, _T1] <= at_frame
                 and 0.0 < gap <= longest_gap * 1e-9
-                and gap <= 3.0 * (pixel[_T1] - pixel[_T0]) <= 9.0 * gap
-                and gap <= 3.0 * (now - pixel[_T2]) <= 9.0 * gap
+                and gap <= 3.0 * (pixels[at, _T1] - pixels[at, _T0]) <= 9.0 * gap
+                and gap <= 3.0 * (now - pixels[at, _T2]) <= 9.0 * gap
             ):
-                brighter = pixel[_SIGN2] > 0.0
-                step = 1.0 if sign == pixel[_SIGN2] else -(off_over_on if brighter else 1.0 / off_over_on)
-                share, rate = _between(pixel[_T0], pixel[_T1], pixel[_T2], now, step, at_frame)
+                brighter = pixels[at, _SIGN2] > 0.0
+                step = 1.0 if sign == pixels[at, _SIGN2] else -(off_over_on if brighter else 1.0 / off_over_on)
+                share, rate = _between(pixels[at, _T0], pixels[at, _T1], pixels[at, _T2], now, step, at_frame)
                 # The last event has been counted; the sample lies before it.
-                level_on = pixel[_ON] + (share - 1.0 if brighter else 0.0)
-                level_off = pixel[_OFF] + (0.0 if brighter else share - 1.0)
+                level_on = pixels[at, _ON] + (share - 1.0 if brighter else 0.0)
+                level_off = pixels[at, _OFF] + (0.0 if brighter else share - 1.0)
                 slope = rate if brighter else -rate
-                straight = (at_frame - pixel[_T1]) / gap - share
+                straight = (at_frame - pixels[at, _T1]) / gap - share
                 more_on, more_off = (straight, 0.0) if brighter else (0.0, straight)
-                if pixel[_FRAME] >= 0.0:
-                    places[rows, 0], places[rows, 1], places[rows, 2] = at, int(pixel[_FRAME]), sample
-                    regressors[rows, 0] = level_on - pixel[_LEVEL_ON]
-                    regressors[rows, 1] = pixel[_LEVEL_OFF] - level_off
-                    regressors[rows, 2] = max(slope, 0.0) - max(pixel[_SLOPE], 0.0)
-                    regressors[rows, 3] = min(slope, 0.0) - min(pixel[_SLOPE], 0.0)
-                    regressors[rows, 4] = max(gap, pixel[_GAP])
-                    regressors[rows, 5] = more_on - pixel[_MORE_ON]
-                    regressors[rows, 6] = pixel[_MORE_OFF] - more_off
+                if pixels[at, _FRAME] >= 0.0:
+                    places[rows, 0], places[rows, 1], places[rows, 2] = at, int(pixels[at, _FRAME]), sample
+                    regressors[rows, 0] = level_on - pixels[at, _LEVEL_ON]
+                    regressors[rows, 1] = pixels[at, _LEVEL_OFF] - level_off
+                    regressors[rows, 2] = max(slope, 0.0) - max(pixels[at, _SLOPE], 0.0)
+                    regressors[rows, 3] = min(slope, 0.0) - min(pixels[at, _SLOPE], 0.0)
+                    regressors[rows, 4] = max(gap, pixels[at, _GAP])
+                    regressors[rows, 5] = more_on - pixels[at, _MORE_ON]
+                    regressors[rows, 6] = pixels[at, _MORE_OFF] - more_off
                     rows += 1
-                pixel[_FRAME], pixel[_GAP] = sample, gap
-                pixel[_MORE_ON], pixel[_MORE_OFF] = more_on, more_off
-                pixel[_LEVEL_ON], pixel[_LEVEL_OFF], pixel[_SLOPE] = level_on, level_off, slope
-        pixel[_T0], pixel[_T1], pixel[_T2] = pixel[_T1], pixel[_T2], now
-        pixel[_SIGN1], pixel[_SIGN2] = pixel[_SIGN2], sign
-        pixel[_BEFORE] = frame - 1
-        pixel[_ON if sign > 0.0 else _OFF] += 1.0
+                pixels[at, _FRAME], pixels[at, _GAP] = sample, gap
+                pixels[at, _MORE_ON], pixels[at, _MORE_OFF] = more_on, more_off
+                pixels[at, _LEVEL_ON], pixels[at, _LEVEL_OFF], pixels[at, _SLOPE] = level_on, level_off, slope
+        pixels[at, _T0], pixels[at, _T1], pixels[at, _T2] = pixels[at, _T1], pixels[at, _T2], now
+        pixels[at, _SIGN1], pixels[at, _SIGN2] = pixels[at, _SIGN2], sign
+        pixels[at, _BEFORE] = frame - 1
+        pixels[at, _ON if sign > 0.0 else _OFF] += 1.0
     return rows
 
 
