@@ -1,4 +1,4 @@
-"""The checks, one file a subject, in the order in which they are run and shown."""
+"""The checks, in files named by their subject, and the order in which they are run and shown."""
 
 from typing import Any, Final
 

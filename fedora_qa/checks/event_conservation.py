@@ -29,11 +29,11 @@ class Conservation(Check[Ledger]):
 
     Each frame bounds the value, certainly: rounding by half a step, and the pixels that a footprint cuts by the
     contrast they may hold; so no dark or curved region has to be left out, it only shows less. What remains is the
-    antialiasing of the frames themselves: where edges are supersampled 4x4, 7.5 pixels in 100 000 were found beyond
-    their bound, by a few percent of a threshold; as many of their excursions lie as near to their end, which makes
-    2 in a million a frame. Declared spurious events excuse as many pixels as they may have hit, a low-pass those that
-    fire around frame times; spread of thresholds widens the law by five sigma on every event. Blind to events lost in
-    pairs of opposite polarity, and to whatever keeps within the thresholds: a dead region without contrast, say.
+    antialiasing of the frames themselves. It is allowed 2 pixels in a million a frame, which is an estimate and no
+    noise model: in one clean file 7.5 in 100 000 were found beyond their bound. Declared spurious events excuse as
+    many pixels as they may have hit, a low-pass those that fire around frame times; spread of thresholds widens the
+    law by five sigma on every event. Blind to events lost in pairs of opposite polarity, and to whatever keeps within
+    the thresholds: a dead region without contrast, say.
     """
 
     name = "event_response.conservation"
@@ -41,7 +41,7 @@ class Conservation(Check[Ledger]):
     _ANTIALIASING_PER_FRAME: Final = 2e-6
     _MATTERS: Final = 0.05
     _TILE_ALLOWANCE: Final = 0.25
-    """One thin structure may run through a quarter of a tile."""
+    """One thin structure may run through a quarter of a tile: a judgement, not derived."""
     _ONE_REGION: Final = 0.8
     """Share of the violating pixels that lie together where a region is dead (in the diagnosis, after an alarm)."""
 

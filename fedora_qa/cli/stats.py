@@ -25,7 +25,7 @@ from fedora_qa.statistics.collector import Statistics
 @click.command(short_help="Print the sequence and flow tables of files.")
 @click.argument("files", nargs=-1, required=True, type=PATH)
 @click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
-@click.option("--memory", metavar="AMOUNT", default="1GB", show_default=True, help="Memory to use.")
+@click.option("--memory", metavar="AMOUNT", default="1GB", show_default=True, help="Memory to aim at.")
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write the numbers.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
 def stats(

@@ -39,6 +39,8 @@ class CheckOptions:
         Names of checks (``subject`` or ``subject.property``) to run, all where empty, and to leave out.
     dialect
         How the file names and scales things; recognised from the file when None.
+    memory_bytes
+        What to aim at: a share of it bounds the decoded blocks, while what checks compute follows the frames' size.
     """
 
     effort: Effort = "full"
