@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fedora_qa.checks.flow_photometric import Residual
+from fedora_qa.checks.flow.photometric import Residual
 from fedora_qa.judgement.judge import Judged
 from tests.support.flow_world import FlowWorld, K, judged, make_world, observe
 

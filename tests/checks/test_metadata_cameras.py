@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.checks.metadata_cameras import Cameras
+from fedora_qa.checks.metadata.cameras import Cameras
 from fedora_qa.judgement.judge import out_of_order
 from fedora_qa.judgement.tolerances import tolerance_for
 from fedora_qa.layout.resolve import Layout

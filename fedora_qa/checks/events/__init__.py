@@ -1,0 +1,1 @@
+"""Checks of events: their stream by itself, and against the frames."""

@@ -1,0 +1,140 @@
+"""Events against log intensity: single frames."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.events.view import seen_frames, signal, why_frames_and_events_do_not_meet
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.event_orientation import BLOCK_PX, block_means, moments
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+Float64 = NDArray[np.float64]
+
+LARGEST_NOISE: Final = 0.05
+"""An interval counts where what events leave open moves its coefficient by less: a tenth of what is allowed for."""
+
+LEAST_GAIN: Final = 0.3
+"""Below, the frames do not show what the events say in most intervals, and none of them can be told from the rest."""
+
+ALLOWED: Final = 0.5
+"""Halfway between a frame in its place and one that repeats the frame before."""
+
+FEWEST_INTERVALS: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalMoments:
+    """Frames (k, 2) at both ends of each interval, and the moments (k, 6) of ``event_orientation``."""
+
+    frames: NDArray[np.int64]
+    sums: Float64
+
+
+class Frames(WindowCheck[IntervalMoments]):
+    """Does each frame show what the events since the frame before it say?
+
+    The change of L between two successive frames is regressed on the signed events in between, averaged over 4x4
+    blocks. The coefficient is near 1 in every interval of an honest file. A frame that repeats the one before gives
+    0 and the next one 2; exchanged frames give 2, -1, 2. The interval farthest from the median is judged by the spread
+    of all (median absolute deviation) and by what events leave open in it, 2/3 C^2 a pixel; half a frame's change is
+    allowed for. Intervals in which little changes are left out.
+    """
+
+    name = "event_response.frames"
+    needs = ("events", "rgb")
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Need both cameras at one place, and declared thresholds."""
+        return why_frames_and_events_do_not_meet(facts)
+
+    def measure(self, window: Window) -> IntervalMoments | None:
+        """Sum over the blocks of each interval."""
+        seen, declared = seen_frames(window), window.facts.declared.events
+        if declared is None or len(seen) < 2:
+            return None
+        levels, lit = signal(seen, declared)
+        sums = []
+        for i, (off, on) in enumerate(seen.counts):
+            usable = lit[i] & lit[i + 1]
+            events = block_means(declared.threshold_on * on - declared.threshold_off * off)
+            change = block_means(np.where(usable, levels[i + 1] - levels[i], 0.0))
+            whole = block_means(usable.astype(np.float64)) > 1 - 1e-9
+            sums.append(moments(change, [events], whole).sums[0])
+        return IntervalMoments(np.stack([seen.frames[:-1], seen.frames[1:]], axis=1), np.array(sums))
+
+    def conclude(self, state: Sequence[IntervalMoments], facts: Facts) -> Observation:
+        """Find the interval that is farthest from all others."""
+        declared = facts.declared.events
+        intervals = max(len(facts.clocks["rgb"].times_ns) - 1, 0)
+        if not state or declared is None:
+            return Observation(Coverage(0, intervals, "frame intervals"), unobservable="no two frames with events")
+        frames = np.concatenate([one.frames for one in state])
+        n, _, _, dd, ee, de = np.concatenate([one.sums for one in state]).T
+        open_squares = n * 2 / 3 * declared.threshold_on * declared.threshold_off / BLOCK_PX**2
+        noise = np.sqrt(open_squares / np.maximum(n * ee, 1e-300))
+        clear = (n > 0) & (noise < LARGEST_NOISE)
+        coverage = Coverage(int(np.count_nonzero(clear)), intervals, "frame intervals")
+        if coverage.seen < FEWEST_INTERVALS:
+            return Observation(coverage, unobservable="too little changes between frames")
+        gains = de[clear] / ee[clear]
+        middle = float(np.median(gains))
+        if middle < LEAST_GAIN:
+            reason = (
+                f"events do not follow the frames at all: {middle:.2g} of what they say (event_response.orientation)"
+            )
+            return Observation(coverage, unobservable=reason)
+        spread = 1.4826 * float(np.median(np.abs(gains - middle)))
+        errors = np.hypot(spread, noise[clear])
+        worst = int(np.argmax((np.abs(gains - middle) - ALLOWED * middle) / errors))
+        repeated = int(np.count_nonzero(dd[clear] == 0))
+        return Observation(
+            coverage, (self._one(gains, middle, float(errors[worst]), worst, frames[clear][worst], repeated, facts),)
+        )
+
+    def _one(
+        self,
+        gains: Float64,
+        middle: float,
+        error: float,
+        worst: int,
+        frames: NDArray[np.int64],
+        repeated: int,
+        facts: Facts,
+    ) -> Measured:
+        earlier, later = (int(frame) for frame in frames)
+        times_ns = facts.clocks["rgb"].times_ns
+        gain = float(gains[worst])
+        turned = int(np.count_nonzero(gains < -0.5 * middle))
+        return Measured(
+            name="change_shown",
+            value=gain / middle,
+            unit="1",
+            standard_error=error / middle,
+            expected=1.0,
+            allowance=ALLOWED,
+            tests=len(gains),
+            matters=1.5,
+            statement=f"Between the colour frames {earlier} and {later} the image changes by {gain:.2f} of what events "
+            f"say; {middle:.2f} is usual.",
+            code="event_response.frames.change",
+            where=Where(
+                stream="rgb",
+                start_us=facts.to_file_us(int(times_ns[earlier])),
+                stop_us=facts.to_file_us(int(times_ns[later])),
+                frame=later,
+            ),
+            suspects=(
+                Suspect("frozen_frames", "rgb", 0.9 if repeated else 0.2, float(max(repeated, 1)), "samples"),
+                Suspect(
+                    "swapped_frames", "rgb", 0.9 if turned and not repeated else 0.2, float(max(turned, 1)), "samples"
+                ),
+                Suspect("duplicated_samples", "events", 0.3),
+                Suspect("dropped_samples", "events", 0.3),
+            ),
+        )

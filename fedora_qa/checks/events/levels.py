@@ -1,0 +1,175 @@
+"""How events answer to frames: what a window shows to the checks of threshold, model and timing."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.events.rows import local_tick_ns
+from fedora_qa.checks.events.view import HALO_NS, ROUNDING_DN, SeenFrames, events_around, seen_frames, sensor_events
+from fedora_qa.conventions import NS_PER_US
+from fedora_qa.estimators.event_fit import ResponseFit, fit_response
+from fedora_qa.estimators.event_levels import LevelPairs, NormalBlocks, accumulate, find_level_pairs
+from fedora_qa.sequence.declared import EventModel
+from fedora_qa.sequence.window import Events, Window
+
+LONGEST_GAP_NS: Final = 20_000_000
+"""Events farther apart do not tell a level: between them a pixel may go anywhere within its thresholds."""
+
+ENOUGH_PAIRS: Final = 400
+"""Where a window has more, those of the shortest gaps are taken."""
+FEWEST_PAIRS: Final = 20
+"""A window with fewer has no scale of its own for outliers."""
+
+LINEAR_LEAST_TICKS: Final = 4
+"""One event a rendered step hides how far the step went; pixels that fire every few steps are left out."""
+
+FARTHEST_OFFSET_NS: Final = 100_000_000
+OFFSET_STEP_NS: Final = 5_000_000
+REFINEMENTS: Final = 3
+"""Offsets that are tried where events do not follow the frames as they stand."""
+
+FOLLOWS: Final = 1.0
+"""Residual, in thresholds, beyond which events do not follow the frames."""
+
+ROUNDING_SHARE: Final = 0.1
+"""Pixels so dark that rounding of the frame exceeds this share of the threshold are left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class LevelSums:
+    """Normal equations of a window in both domains and by both reconstructions, four blocks of the image each.
+
+    ``straight`` is in the declared domain, with straight lines between events in place of cubics.
+    ``overshoot`` is the mean of tick over gap: the share of a threshold that a pixel moves in a rendered step.
+    ``window`` is the window's number.
+    """
+
+    log_sharp: NormalBlocks
+    log_even: NormalBlocks
+    linear_sharp: NormalBlocks
+    linear_even: NormalBlocks
+    straight: NormalBlocks
+    overshoot: float
+    pairs: int
+    window: int
+
+
+@dataclass(frozen=True, slots=True)
+class FoundOffset:
+    """An offset at which events follow the frames: how late events are, and the residual left, in thresholds."""
+
+    late_s: float
+    standard_error_s: float
+    relative_sigma: float
+
+
+def level_sums(window: Window) -> LevelSums | None:
+    """Return the sums of a window; None where it shows too few levels."""
+    return window.once("level_sums", lambda: _level_sums(window))
+
+
+def _level_sums(window: Window) -> LevelSums | None:
+    seen, declared = seen_frames(window), window.facts.declared.events
+    if declared is None or len(seen) < 2:
+        return None
+    pairs = _pairs(window, seen, declared, sensor_events(window))
+    if len(pairs) < FEWEST_PAIRS:
+        return None
+    log_sharp, log_even = (_log(luma, declared) for luma in (seen.sharp_dn, seen.even_dn))
+    return LevelSums(
+        _sums(pairs, seen, log_sharp),
+        _sums(pairs, seen, log_even),
+        _sums(pairs, seen, seen.sharp_dn),
+        _sums(pairs, seen, seen.even_dn),
+        _sums(pairs.with_straight_lines(), seen, seen.sharp_dn if declared.model == "linear" else log_sharp),
+        float(np.mean(local_tick_ns(window) * 1e-9 / pairs.gaps_s)),
+        len(pairs),
+        window.span.index,
+    )
+
+
+def search_offset(window: Window) -> FoundOffset | None:
+    """Look for the offset at which the events of a window follow its frames, up to 100 ms either way.
+
+    A fit draws towards the right offset from several ms away; it is repeated from the best of a ladder of offsets.
+    """
+    seen, declared = seen_frames(window), window.facts.declared.events
+    if declared is None or len(seen) < 2:
+        return None
+    events = events_around(window, FARTHEST_OFFSET_NS + HALO_NS)
+    ladder = range(-FARTHEST_OFFSET_NS, FARTHEST_OFFSET_NS + 1, OFFSET_STEP_NS)
+    fits = [(late_ns, _fit_at(window, seen, declared, events, late_ns)) for late_ns in ladder]
+    known = [(late_ns, fit) for late_ns, fit in fits if fit is not None]
+    if not known:
+        return None
+    late_ns, fit = min(known, key=lambda found: found[1].relative_sigma)
+    for _ in range(REFINEMENTS):
+        late_ns += round(fit.delay_s * 1e9)
+        again = _fit_at(window, seen, declared, events, late_ns)
+        if again is None:
+            return None
+        fit = again
+    if fit.relative_sigma > FOLLOWS or min(fit.threshold_on, fit.threshold_off) < 0:
+        return None
+    return FoundOffset(late_ns * 1e-9 + fit.delay_s, fit.standard_errors.delay_s, fit.relative_sigma)
+
+
+def _fit_at(window: Window, seen: SeenFrames, declared: EventModel, events: Events, late_ns: int) -> ResponseFit | None:
+    """Fit one window with events taken to be late by so much."""
+    moved = Events(events.x, events.y, events.times_ns - late_ns, events.p)
+    pairs = _pairs(window, seen, declared, moved)
+    if len(pairs) < FEWEST_PAIRS:
+        return None
+    levels = seen.sharp_dn if declared.model == "linear" else _log(seen.sharp_dn, declared)
+    return fit_response(_sums(pairs, seen, levels))
+
+
+def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Events) -> LevelPairs:
+    burst_ns = 2 * declared.refractory_us * NS_PER_US
+    pairs = find_level_pairs(
+        events.x,
+        events.y,
+        events.times_ns,
+        events.p,
+        seen.times_ns,
+        _usable(seen, declared, ROUNDING_DN[window.facts.declared.transfer]),
+        longest_gap_ns=LONGEST_GAP_NS,
+        least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else int(burst_ns),
+        off_over_on=declared.threshold_off / declared.threshold_on,
+    ).tightest(ENOUGH_PAIRS)
+    if declared.leak_rate_hz > 0:
+        # Leak gives brighter events that the level does not rise by: so many thresholds in the time between.
+        elapsed_s = (seen.times_ns[pairs.later] - seen.times_ns[pairs.earlier]) * 1e-9
+        pairs.regressors[:, 0] -= declared.leak_rate_hz * elapsed_s
+    return pairs
+
+
+def _sums(pairs: LevelPairs, seen: SeenFrames, levels: NDArray[np.float64]) -> NormalBlocks:
+    """Return the normal equations of four blocks, the quarters of the image."""
+    height, width = levels.shape[1:]
+    rows, columns = np.divmod(pairs.pixels, width)
+    quarter = 2 * (2 * rows // height) + 2 * columns // width
+    middle_ns = (seen.times_ns[pairs.earlier] + seen.times_ns[pairs.later]) / 2
+    return accumulate(pairs, pairs.change_of(levels), quarter, 4, middle_ns * 1e-9)
+
+
+def _usable(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> NDArray[np.bool_]:
+    """Return the pixels (n, h, w) bright enough, not saturated, and not declared hot."""
+    least_dn = 4.0
+    if declared.model == "log":
+        # The standard deviation of rounding, uniform over a step, over the level is that of its logarithm.
+        sigma_dn = 2 * rounding_dn / np.sqrt(12.0)
+        contrast = ROUNDING_SHARE * min(declared.threshold_on, declared.threshold_off)
+        least_dn = max(sigma_dn / contrast - declared.log_eps_dn, 0.5)
+    usable: NDArray[np.bool_] = (np.minimum(seen.sharp_dn, seen.even_dn) >= least_dn) & np.isfinite(seen.error_dn)
+    for column, row in declared.hot_pixels:
+        if 0 <= row < usable.shape[1] and 0 <= column < usable.shape[2]:
+            usable[:, row, column] = False
+    return usable
+
+
+def _log(luma_dn: NDArray[np.float64], declared: EventModel) -> NDArray[np.float64]:
+    level: NDArray[np.float64] = np.log(np.maximum(luma_dn + declared.log_eps_dn, 1e-3))
+    return level

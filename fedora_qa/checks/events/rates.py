@@ -1,0 +1,134 @@
+"""The event stream by itself: pixels that fire without cause."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.events.rows import event_coverage, why_no_sensor
+from fedora_qa.checks.events.view import own, sensor_events, sensor_shape
+from fedora_qa.checks.protocol import Check, Measured, Observation, Suspect
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.event_kernels import count_by_pixel
+from fedora_qa.estimators.event_rates import loudness
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.declared import EventModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+
+class Rates(Check[NDArray[np.int64]]):
+    """Does any pixel fire without cause?
+
+    Events of every pixel are counted (by polarity) and held against the 24 neighbours: what moves over a sensor moves
+    over them as well. The excess over the third largest neighbour is judged by Poisson's spread and that of the
+    neighbours. Declared hot pixels are excused, and their declared rate is held to. Dead regions show in
+    ``event_response.conservation``, where frames say what should have fired.
+    """
+
+    name = "event_stream.rates"
+    needs = ("events",)
+    _SURELY: Final = 7.0
+    """Standard deviations above which a pixel is counted as hot in the diagnosis (after an alarm only)."""
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Need the size of the sensor."""
+        return why_no_sensor(facts)
+
+    def start(self, facts: Facts) -> NDArray[np.int64]:
+        """Return counts (2, h, w) of nothing."""
+        return np.zeros((2, *sensor_shape(facts.declared)), np.int64)
+
+    def update(self, state: NDArray[np.int64], window: Window) -> None:
+        """Count the window's events."""
+        events = own(window, sensor_events(window))
+        count_by_pixel(events.x, events.y, events.p, state)
+
+    def merge(self, state: NDArray[np.int64], later: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Add."""
+        return state + later
+
+    def conclude(self, state: NDArray[np.int64], facts: Facts) -> Observation:
+        """Compare pixels with their neighbours."""
+        counts = state.sum(axis=0)
+        coverage = event_coverage(facts, int(counts.sum()))
+        span_s = _span_s(facts)
+        if not counts.any() or min(counts.shape) < 3 or span_s <= 0:
+            return Observation(coverage, unobservable="too few events or pixels to compare neighbours")
+        loud = loudness(counts)
+        hot = np.zeros(counts.shape, np.bool_)
+        for column, row in facts.declared.events.hot_pixels if facts.declared.events is not None else ():
+            if 0 <= row < hot.shape[0] and 0 <= column < hot.shape[1]:
+                hot[row, column] = True
+        z = np.where(hot, -np.inf, loud.excess / loud.error)
+        seen_share = coverage.share
+        measured = [self._loudest(counts, z, loud.excess, loud.error, span_s * seen_share, facts)]
+        if hot.any() and facts.declared.events is not None and facts.declared.events.hot_pixel_rate_hz > 0:
+            over = (counts - loud.median)[hot]
+            measured.append(self._declared_rate(over, loud.error[hot], facts.declared.events, span_s * seen_share))
+        return Observation(
+            coverage,
+            tuple(measured),
+            evidence={"event_counts": np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)},
+            titles={"event_counts": "Events of each pixel"},
+        )
+
+    def _loudest(
+        self,
+        counts: NDArray[np.int64],
+        z: NDArray[np.float64],
+        excess: NDArray[np.float64],
+        error: NDArray[np.float64],
+        seconds: float,
+        facts: Facts,
+    ) -> Measured:
+        row, column = (int(i) for i in np.unravel_index(int(np.argmax(z)), z.shape))
+        many = int(np.count_nonzero(z > self._SURELY))
+        rate_hz = counts[row, column] / seconds
+        return Measured(
+            name="loudest_pixel_excess",
+            value=float(excess[row, column]) / seconds,
+            unit="Hz",
+            standard_error=float(error[row, column]) / seconds,
+            # A pixel whose threshold is low by five declared sigma fires so much more often than its neighbours.
+            allowance=rate_hz * _mismatch(facts.declared.events),
+            side="upper",
+            tests=counts.size,
+            statement=f"{max(many, 1)} pixels fire without cause: ({column}, {row}) at {rate_hz:.4g} Hz, "
+            f"{excess[row, column] / seconds:.4g} Hz more than its neighbours.",
+            code="event_stream.rates.hot_pixel",
+            where=Where(stream="events", pixel=(column, row)),
+            suspects=(Suspect("hot_pixels", "events", 0.95, float(max(many, 1)), "pixels"),),
+        )
+
+    def _declared_rate(
+        self, over: NDArray[np.float64], error: NDArray[np.float64], declared: EventModel, seconds: float
+    ) -> Measured:
+        expected = declared.hot_pixel_rate_hz
+        rate_hz = float(over.mean()) / seconds
+        variance = expected * seconds / len(over) + float(np.sum(error**2)) / len(over) ** 2
+        percent = 100 * (rate_hz / expected - 1)
+        return Measured(
+            name="declared_hot_pixel_rate",
+            value=rate_hz,
+            unit="Hz",
+            expected=expected,
+            standard_error=float(np.sqrt(variance)) / seconds,
+            # Events within the refractory period of another are lost: of Poisson events at most this rate.
+            allowance=expected * declared.refractory_us * 1e-6 * (rate_hz + expected),
+            statement=f"Declared hot pixels fire at {rate_hz:.4g} Hz; {expected:.4g} Hz is declared.",
+            code="event_stream.rates.declared_hot_pixels",
+            where=Where(stream="events"),
+            suspects=(Suspect("noise_misdeclared", "events", 0.8, percent, "percent"),),
+        )
+
+
+def _mismatch(declared: EventModel | None) -> float:
+    if declared is None or declared.threshold_sigma <= 0:
+        return 0.0
+    spread = declared.threshold_sigma / max(min(declared.threshold_on, declared.threshold_off), 1e-12)
+    return min(5 * spread, 1.0)
+
+
+def _span_s(facts: Facts) -> float:
+    return (facts.events.last_ns - facts.events.first_ns) / NS_PER_S if facts.events is not None else 0.0

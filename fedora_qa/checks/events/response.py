@@ -1,0 +1,141 @@
+"""Events against log intensity: thresholds and sensor model."""
+
+from math import hypot
+from typing import Final
+
+from fedora_qa.checks.events.answer import TOLD_WITHIN_S, Answer, LevelCheck
+from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.declared import EventModel
+from fedora_qa.sequence.facts import Facts
+
+EVENTS: Final = Where(stream="events")
+
+EXPOSURE_BIAS: Final = 0.05
+EXPOSURE_OF_BIAS_US: Final = 5_000.0
+"""A frame exposed for 5 ms takes 5% off the threshold; the loss of contrast grows with the square of the time."""
+
+DOMAIN_PREFERRED: Final = 3.0
+"""Standard errors by which the other domain must fit better to be suspected (after an alarm only)."""
+
+
+class Threshold(LevelCheck):
+    """Do events step by the declared thresholds?
+
+    The change of L (of rint(luma) for the linear model) between two frame times at which the events themselves tell
+    a pixel's level is regressed on the events in between, robustly, C+ and C- apart, with the time offset as a
+    nuisance (``event_levels``). Standard errors are the larger of the formal and the spread between quarters of the
+    image and windows. Allowances: what the frames' pixels do not tell of the footprint (two reconstructions bracket
+    it), what events do not tell of the level between them (cubics against straight lines), attenuation by errors of
+    the regressors, declared spread of thresholds (pixels of low threshold fire more,
+    by up to six times the squared relative spread), exposure. For the linear model a step goes beyond the threshold
+    by half of what the signal moves in a rendered step. Gamma cannot be told from the threshold: it must be declared.
+    """
+
+    name = "event_response.threshold"
+    _MATTERS_PERCENT: Final = 25.0
+
+    def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
+        """State both thresholds in percent of what is declared."""
+        return tuple(self._one(found, declared, facts, side) for side in (0, 1))
+
+    def _one(self, found: Answer, declared: EventModel, facts: Facts, side: int) -> Measured:
+        name, word = (("threshold_on", "Brighter"), ("threshold_off", "Darker"))[side]
+        nominal = (declared.threshold_on, declared.threshold_off)[side]
+        fitted = (found.fit.threshold_on, found.fit.threshold_off)[side]
+        expected, model_error = _expected_step(declared, nominal, found.overshoot)
+        unit = "DN" if declared.model == "linear" else "nat"
+        errors, bounds = found.fit.standard_errors, found.model_errors
+        error = (errors.threshold_on, errors.threshold_off)[side]
+        bound = (bounds.threshold_on, bounds.threshold_off)[side] + model_error
+        bound += _relative_bound(declared, facts) * expected
+        percent = 100 / expected
+        return Measured(
+            name=name,
+            value=percent * (fitted - expected),
+            unit="%",
+            standard_error=percent * error,
+            allowance=percent * bound,
+            matters=self._MATTERS_PERCENT,
+            statement=f"{word} events step by {fitted:.4g} +/- {error:.2g} {unit}; {expected:.4g} {unit} is due with "
+            f"the declared threshold of {nominal:.4g} {unit}.",
+            code="event_response.threshold.size",
+            where=EVENTS,
+            suspects=_threshold_suspects(found, expected, fitted, hypot(error, bound)),
+        )
+
+
+class Model(LevelCheck):
+    """Do events follow the declared sensor model, of log intensity or of grey values?
+
+    The same level samples are fitted in L and in luma. The domain in which events follow leaves the smaller residual
+    in thresholds. The value is the logarithm of the ratio, declared over other, its standard error the spread between
+    quarters of the image and windows. A scene of one brightness cannot tell the domains apart.
+    """
+
+    name = "event_response.model"
+
+    def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
+        """State how much better the other domain fits."""
+        value, error = found.preference
+        other = "linear" if declared.model == "log" else "log"
+        ours, theirs = found.fit.relative_sigma, found.other.relative_sigma if found.other else float("inf")
+        return (
+            Measured(
+                name="log_residual_ratio",
+                value=value,
+                unit="1",
+                standard_error=error,
+                side="upper",
+                matters=1.0,
+                statement=f"Events follow the {other} model: its residual is {theirs:.3g} thresholds, that of the "
+                f"declared {declared.model} model {ours:.3g}.",
+                code="event_response.model.domain",
+                where=EVENTS,
+                suspects=(
+                    Suspect("event_model_misdeclared", "events", 0.95),
+                    Suspect("exposure_or_gamma", "rgb", 0.3),
+                ),
+            ),
+        )
+
+
+def _expected_step(declared: EventModel, nominal: float, overshoot: float) -> tuple[float, float]:
+    """Return the mean step of an event, and the error of that expectation.
+
+    Linear model: whole values exceed the threshold strictly, so a slow signal steps by C + 1. A signal that moves r
+    in a rendered step goes beyond the crossing at C + 1/2 by r / 2 on average. With r = overshoot times the step,
+    ``step = (C + 1/2) (1 + overshoot / 2)``, at most half a value less than what rounding makes of it. The mean of
+    tick over gap stands for the overshoot of all events to half its size.
+    """
+    if declared.model == "log":
+        return nominal, 0.0
+    beyond = 0.5 * overshoot * (nominal + 0.5)
+    return nominal + 0.5 + beyond, 0.5 + 0.5 * beyond
+
+
+def _relative_bound(declared: EventModel, facts: Facts) -> float:
+    """Return the relative error of a threshold that declared effects cause."""
+    spread = declared.threshold_sigma / min(declared.threshold_on, declared.threshold_off)
+    exposure_us = facts.declared.cameras["rgb"].exposure_us
+    return 6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2
+
+
+def _threshold_suspects(found: Answer, expected: float, fitted: float, error: float) -> tuple[Suspect, ...]:
+    ratio = fitted / expected
+    if ratio < -0.5:
+        return (Suspect("polarity_inverted", "events", 0.95),)
+    preference, spread = found.preference
+    other_model = preference > DOMAIN_PREFERRED * spread
+    late = abs(found.fit.delay_s) > TOLD_WITHIN_S
+    percent = 100 * (expected / fitted - 1) if ratio > 0 else None
+    uncertainty = 100 * expected / fitted**2 * error if ratio > 0 else None
+    return (
+        Suspect("threshold_misdeclared", "events", 0.3 if other_model else 0.9, percent, "percent", uncertainty),
+        Suspect("event_model_misdeclared", "events", 0.9 if other_model else 0.1),
+        Suspect("time_offset", "events", 0.85 if late else 0.1),
+        Suspect("time_offset", "rgb", 0.75 if late else 0.1),
+        Suspect("exposure_or_gamma", "rgb", 0.3),
+        Suspect("dropped_samples", "events", 0.2),
+        Suspect("duplicated_samples", "events", 0.2),
+    )

@@ -1,0 +1,272 @@
+"""The event stream by itself: places and repeats."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.events.view import all_events, own, sensor_events, sensor_shape
+from fedora_qa.checks.exact import count_of_faults
+from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.estimators.event_kernels import find_repeats
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import EventModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Events, Window
+
+_CROWD: Final = 8
+"""Events at one stamp, and such stamps in a window, from which on they are no coincidence."""
+
+NO_EVENTS: Final = "there are no events"
+
+
+def event_coverage(facts: Facts, seen: int) -> Coverage:
+    """Return how many of the file's events were seen."""
+    return Coverage(seen, facts.events.count if facts.events is not None else 0, "events")
+
+
+def why_no_sensor(facts: Facts) -> str:
+    """Say that the event camera is not declared; empty where it is."""
+    return "" if "events" in facts.declared.cameras else "the size of the event camera is not declared"
+
+
+def tick_ns(facts: Facts) -> int:
+    """Return the step of the event stamps: the grid on which all of them lie, a microsecond at least."""
+    declared = facts.declared.events
+    packet_ns = declared.packet_interval_us * NS_PER_US if declared is not None else 0
+    grid_ns = facts.events.grid_ns if facts.events is not None else 0
+    return max(NS_PER_US, packet_ns, grid_ns)
+
+
+def local_tick_ns(window: Window) -> int:
+    """Return the step of the event stamps in a window, though a few events lie off the grid.
+
+    Where nine events of ten share their stamp with many others, the usual distance of those stamps is the tick.
+    """
+    return window.once("local_tick_ns", lambda: max(tick_ns(window.facts), _crowded_step_ns(all_events(window))))
+
+
+def _crowded_step_ns(events: Events) -> int:
+    times_ns = events.times_ns
+    first = np.flatnonzero(np.diff(times_ns, prepend=times_ns[:1] - 1))
+    counts = np.diff(first, append=len(times_ns))
+    crowded = counts >= max(_CROWD, 0.1 * float(counts.max(initial=0)))
+    if np.count_nonzero(crowded) < _CROWD or counts[crowded].sum() < 0.9 * len(times_ns):
+        return 0
+    return int(np.median(np.diff(times_ns[first[crowded]])))
+
+
+@dataclass(frozen=True, slots=True)
+class BoundsCount:
+    """Events of one window beyond the sensor or with an unknown polarity.
+
+    ``outside`` and ``bad_polarity`` count; ``first`` is (row, ns, x, y, p) of the first offender; ``farthest`` the
+    largest column and row; ``polarities`` the events with p = 0 and p = 1.
+    """
+
+    seen: int
+    outside: int
+    bad_polarity: int
+    first: tuple[int, int, int, int, int] | None
+    farthest: tuple[int, int]
+    polarities: tuple[int, int]
+
+
+class Bounds(WindowCheck[BoundsCount]):
+    """Does every event lie on the sensor, with a polarity of 0 or 1?
+
+    x < width and y < height of the declared event camera, p one of the declared code. Exact counts over every event
+    of the windows seen; the first offender is named. Events that would all fit with x and y exchanged are named so.
+    """
+
+    name = "event_stream.bounds"
+    needs = ("events",)
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Need the size of the sensor."""
+        return why_no_sensor(facts)
+
+    def measure(self, window: Window) -> BoundsCount:
+        """Count offenders."""
+        events = own(window, all_events(window))
+        height, width = sensor_shape(window.facts.declared)
+        outside = (events.x >= width) | (events.y >= height)
+        if events.x.dtype.kind == "i" or events.y.dtype.kind == "i":
+            outside |= (events.x < 0) | (events.y < 0)
+        unknown = events.p > 1
+        rows = np.flatnonzero(outside | unknown)
+        return BoundsCount(
+            seen=len(events),
+            outside=int(np.count_nonzero(outside)),
+            bad_polarity=int(np.count_nonzero(unknown)),
+            first=_event_at(events, int(rows[0]), window.owned("events").start) if len(rows) else None,
+            farthest=(int(events.x.max()), int(events.y.max())) if len(events) else (0, 0),
+            polarities=(int(np.count_nonzero(events.p == 0)), int(np.count_nonzero(events.p == 1))),
+        )
+
+    def conclude(self, state: Sequence[BoundsCount], facts: Facts) -> Observation:
+        """Sum over the windows."""
+        seen = sum(count.seen for count in state)
+        if not seen:
+            return Observation(event_coverage(facts, 0), unobservable=NO_EVENTS)
+        first = next((count.first for count in state if count.first is not None), None)
+        outside, unknown = sum(count.outside for count in state), sum(count.bad_polarity for count in state)
+        return Observation(
+            event_coverage(facts, seen),
+            (self._outside(state, facts, outside, first), self._polarity(facts, unknown, first)),
+            self._one_sided(state, seen),
+        )
+
+    def _outside(
+        self, state: Sequence[BoundsCount], facts: Facts, outside: int, first: tuple[int, int, int, int, int] | None
+    ) -> Measured:
+        height, width = sensor_shape(facts.declared)
+        columns, rows = (1 + max(count.farthest[axis] for count in state) for axis in (0, 1))
+        swapped = columns <= height and rows <= width
+        suspects = [Suspect("intrinsics_centre", "metadata", 0.2), Suspect("wrong_shape", "metadata", 0.4)]
+        suspects.insert(0, Suspect("axes_swapped", "events", 0.9 if swapped else 0.1))
+        hint = "; with x and y exchanged all of them would fit" if swapped else ""
+        return count_of_faults(
+            name="outside",
+            value=outside,
+            unit="events",
+            statement=f"{outside} events lie outside the declared {width} x {height} px (largest column {columns - 1}, "
+            f"largest row {rows - 1}){hint}.",
+            code="event_stream.bounds.outside",
+            where=_where(facts, first),
+            severity="critical",
+            suspects=tuple(suspects),
+        )
+
+    def _polarity(self, facts: Facts, unknown: int, first: tuple[int, int, int, int, int] | None) -> Measured:
+        return count_of_faults(
+            name="unknown_polarity",
+            value=unknown,
+            unit="events",
+            statement=f"{unknown} events have a polarity that is neither 0 nor 1.",
+            code="event_stream.bounds.polarity",
+            where=_where(facts, first),
+            severity="critical",
+            suspects=(Suspect("nan_in_stream", "events", 0.4, float(unknown), "samples"),),
+        )
+
+    def _one_sided(self, state: Sequence[BoundsCount], seen: int) -> tuple[Notice, ...]:
+        off, on = (sum(count.polarities[p] for count in state) for p in (0, 1))
+        if seen < 1000 or (off and on):
+            return ()
+        said = "brighter" if on else "darker"
+        return (Notice("event_stream.bounds.one_polarity", f"every event is {said}", Where(stream="events")),)
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatCount:
+    """Events of one window with the pixel and stamp of another, and ticks in which all events come in pairs."""
+
+    seen: int
+    repeats: int
+    doubled_ticks: int
+    first: tuple[int, int, int, int, int] | None
+    first_doubled: tuple[int, int, int, int, int] | None
+
+
+class Repeats(WindowCheck[RepeatCount]):
+    """Does every event occur once?
+
+    A pixel of a sensor that stamps to the microsecond fires at most once in it: twice would be a slope of a threshold
+    a microsecond. A sensor that gives one event a rendered step does so once a stamp as well. On a grid of packets a
+    pixel may honestly fire several times a tick; there a tick counts in which every pixel fires an even number of
+    times with each polarity, eight events at least: a packet that was written twice. Declared spurious events fall on
+    a true one with the chance of their rate times the tick.
+    """
+
+    name = "event_stream.duplicates"
+    needs = ("events",)
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Need the size of the sensor."""
+        return why_no_sensor(facts)
+
+    def measure(self, window: Window) -> RepeatCount:
+        """Count repeats."""
+        events = own(window, sensor_events(window))
+        shape = sensor_shape(window.facts.declared)
+        repeats, first, doubled, first_doubled = find_repeats(events.x, events.y, events.times_ns, events.p, shape)
+        start = window.owned("events").start
+        return RepeatCount(
+            len(events),
+            repeats,
+            doubled,
+            _event_at(events, first, start) if repeats else None,
+            _event_at(events, first_doubled, start) if doubled else None,
+        )
+
+    def conclude(self, state: Sequence[RepeatCount], facts: Facts) -> Observation:
+        """Sum over the windows; on a grid only doubled ticks count."""
+        seen = sum(count.seen for count in state)
+        if not seen:
+            return Observation(event_coverage(facts, 0), unobservable=NO_EVENTS)
+        repeats = sum(count.repeats for count in state)
+        doubled = sum(count.doubled_ticks for count in state)
+        first_doubled = next((count.first_doubled for count in state if count.first_doubled is not None), None)
+        measured = [
+            count_of_faults(
+                name="doubled_ticks",
+                value=doubled,
+                unit="ticks",
+                statement=f"In {doubled} instants every event occurs twice: packets were written twice.",
+                code="event_stream.duplicates.packet",
+                where=_where(facts, first_doubled),
+                suspects=(Suspect("duplicated_samples", "events", 0.95, float(repeats), "samples"),),
+            )
+        ]
+        if self._once_a_tick(facts):
+            first = next((count.first for count in state if count.first is not None), None)
+            measured.append(self._repeats(facts, repeats, seen, first))
+        return Observation(event_coverage(facts, seen), tuple(measured))
+
+    def _once_a_tick(self, facts: Facts) -> bool:
+        declared = facts.declared.events
+        linear = declared is not None and declared.model == "linear"
+        packets = declared is not None and declared.packet_interval_us > 0
+        return not packets and (linear or tick_ns(facts) == NS_PER_US)
+
+    def _repeats(self, facts: Facts, repeats: int, seen: int, first: tuple[int, int, int, int, int] | None) -> Measured:
+        chance = _spurious_per_pixel_hz(facts.declared.events) * tick_ns(facts) / NS_PER_S * seen
+        return Measured(
+            name="repeats",
+            value=float(repeats),
+            unit="events",
+            expected=chance,
+            # A count of rare coincidences; where none is declared even one is out of order.
+            standard_error=float(np.sqrt(chance)),
+            allowance=1.0 if chance > 0 else 0.0,
+            side="upper",
+            resolution=1.0,
+            statement=f"{repeats} events repeat pixel and stamp of another.",
+            code="event_stream.duplicates.event",
+            where=_where(facts, first),
+            suspects=(Suspect("duplicated_samples", "events", 0.95, float(repeats), "samples"),),
+        )
+
+
+def _spurious_per_pixel_hz(declared: EventModel | None) -> float:
+    """Return the declared rate of events that no brightness explains, averaged over the events that they may meet."""
+    if declared is None:
+        return 0.0
+    # An event of a hot pixel meets others at the hot rate; take all events as if they did.
+    return declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)
+
+
+def _event_at(events: Events, i: int, first_row: int) -> tuple[int, int, int, int, int]:
+    return first_row + i, int(events.times_ns[i]), int(events.x[i]), int(events.y[i]), int(events.p[i])
+
+
+def _where(facts: Facts, first: tuple[int, int, int, int, int] | None) -> Where:
+    if first is None:
+        return Where(stream="events")
+    row, time_ns, x, y, _ = first
+    in_order = facts.events is not None and not facts.events.decreases
+    start_us = facts.to_file_us(time_ns)
+    return Where(stream="events", start_us=start_us, index_start=row if in_order else None, pixel=(x, y))

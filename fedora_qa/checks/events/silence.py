@@ -1,0 +1,94 @@
+"""The event stream by itself: silences of the whole sensor."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.events.rows import event_coverage, local_tick_ns, tick_ns
+from fedora_qa.checks.events.view import all_events, own
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.event_gaps import Silence, strangest_silence
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+
+@dataclass(frozen=True, slots=True)
+class SilenceCount:
+    """The strangest silence that ends in a window, and of how many."""
+
+    seen: int
+    silences: int
+    strangest: Silence | None
+
+
+class Gaps(WindowCheck[SilenceCount]):
+    """Does the stream of all pixels together fall silent where its neighbourhood does not?
+
+    Each silence is held against the counts in sixteen bins of its own length on both sides (``event_gaps``): the
+    chance of an empty one under a rate that fluctuates as those bins do. Motion that comes to rest excuses a silence;
+    a packet that was lost stands out. The value is the length of the least probable silence; its standard error is
+    the length at which a silence of its neighbourhood becomes a one sigma event. Quiet scenes cannot show it.
+    """
+
+    name = "event_stream.gaps"
+    needs = ("events",)
+    _MATTERS_MS: Final = 2.0
+    """One packet of the recorder (0.2 ms at least, 2 ms usual) is what is lost in practice."""
+
+    def measure(self, window: Window) -> SilenceCount:
+        """Find the strangest silence that ends here, whatever window it began in."""
+        events = all_events(window)
+        times_ns = events.times_ns
+        start_ns, stop_ns = window.span.start_ns, window.span.stop_ns
+        first_ns = window.facts.events.first_ns if window.facts.events is not None else 0
+        if len(times_ns) and times_ns[0] >= start_ns > first_ns:
+            # The silence began before the halo: take it as long as the halo shows.
+            times_ns = np.concatenate([[min(2 * start_ns - stop_ns, int(times_ns[0]) - 1)], times_ns])
+        strangest, silences = strangest_silence(times_ns, start_ns, stop_ns, local_tick_ns(window))
+        return SilenceCount(len(own(window, events)), silences, strangest)
+
+    def conclude(self, state: Sequence[SilenceCount], facts: Facts) -> Observation:
+        """Take the strangest of all."""
+        seen = sum(count.seen for count in state)
+        found = [count.strangest for count in state if count.strangest is not None]
+        if not found:
+            return self._no_silence(state, facts, seen)
+        worst = max(found, key=lambda silence: silence.z)
+        length_ms = worst.length_ns / 1e6
+        lost = max(round(worst.expected), 1)
+        start_us, stop_us = (facts.to_file_us(time) for time in (worst.start_ns, worst.stop_ns))
+        measured = Measured(
+            name="gap",
+            value=length_ms,
+            unit="ms",
+            standard_error=length_ms / max(worst.z, 0.5),
+            side="upper",
+            matters=self._MATTERS_MS,
+            tests=sum(count.silences for count in state),
+            statement=f"No event for {length_ms:.4g} ms from {start_us:.0f} us, where about {lost} are due.",
+            code="event_stream.gaps.silence",
+            where=Where(stream="events", start_us=start_us, stop_us=stop_us),
+            suspects=(Suspect("dropped_samples", "events", 0.95, float(lost), "samples", float(np.sqrt(lost))),),
+        )
+        return Observation(event_coverage(facts, seen), (measured,))
+
+    def _no_silence(self, state: Sequence[SilenceCount], facts: Facts, seen: int) -> Observation:
+        """State that every tick holds events, or that there are too few of them."""
+        if not any(count.silences for count in state):
+            reason = "too few events to tell a gap from a quiet scene"
+            return Observation(event_coverage(facts, seen), unobservable=reason)
+        tick_ms = tick_ns(facts) / 1e6
+        none = Measured(
+            name="gap",
+            value=0.0,
+            unit="ms",
+            standard_error=0.0,
+            resolution=tick_ms,
+            matters=self._MATTERS_MS,
+            statement="",
+            code="event_stream.gaps.silence",
+        )
+        return Observation(event_coverage(facts, seen), (none,))

@@ -1,0 +1,1 @@
+"""Checks of optical flow: against frames, against depth and pose, and rate against rate."""

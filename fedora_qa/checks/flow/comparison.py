@@ -1,0 +1,264 @@
+"""Compare one stored field of flow with the one recomputed from depth and pose."""
+
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.flow.intervals import Interval, PoseTrack
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.flow_motion_fit import (
+    Evidence,
+    FlowSample,
+    MotionFit,
+    fit_motion,
+    twist_statistic,
+    weigh_templates,
+)
+from fedora_qa.estimators.flow_templates import small_fault_templates
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, rounding_px, twist_jacobian
+from fedora_qa.geometry.so3 import exp
+from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.window import Window
+
+Float64 = NDArray[np.float64]
+
+FIT_PIXELS: Final = 800
+"""Pixels that a motion is fitted to: plenty for six numbers, since what remains is rounding."""
+
+_GROSS_PX: Final = 0.01
+"""Weight of residuals where no rounding bound is known: fine against any gross fault."""
+
+_COARSE_PX: Final = 1.0
+"""Pixels whose rounding bound is larger end so near the camera's plane that their flow is not compared."""
+
+_ORDINARY: Final = 2.0
+"""Corrections of up to this multiple of the expected square are not examined further: 93% of honest ones."""
+
+FEWEST_PIXELS: Final = 20
+"""Pixels below which a field is not compared."""
+
+
+@dataclass(frozen=True, slots=True)
+class FieldError:
+    """How far one field lies from the recomputed one, after the correction that declared pose noise permits.
+
+    Attributes
+    ----------
+    squares, bound_squares
+        Sums over pixels of the squared endpoint error and of the square of its rounding bound, px^2.
+    worst_px, worst_bound_px, worst_pixel
+        Endpoint error, bound, and (column, row) where the error exceeds its bound most.
+    twist_chi2, twist_dof
+        The correction against the declared noise; 0 where no noise is declared or stamps fall between poses.
+    free_squares
+        As ``squares``, over the pixels of the fit only, after the best correction whatever the noise; NaN if not asked.
+    free_shift_m
+        Length of that correction's translation.
+    repeats
+        ``flow`` or ``depth`` where an off field, or the depth at its start, equals the one before it bit for bit.
+    evidence
+        Normal equations of the small faults; None where nothing called for them.
+    """
+
+    interval: Interval
+    frame: int
+    pixels: int
+    squares: float
+    bound_squares: float
+    worst_px: float
+    worst_bound_px: float
+    worst_pixel: tuple[int, int]
+    twist_chi2: float = 0.0
+    twist_dof: float = 0.0
+    free_squares: float = float("nan")
+    free_pixels: int = 0
+    free_shift_m: float = float("nan")
+    repeats: Literal["", "flow", "depth"] = ""
+    evidence: Evidence | None = None
+
+    @property
+    def suspicion(self) -> float:
+        """Above 1 where the field lies further off than rounding, or than ten times the variance of the noise."""
+        by_noise = self.twist_chi2 / (10 * self.twist_dof) if self.twist_dof > 0 else 0.0
+        return max(self.worst_px / self.worst_bound_px, by_noise)
+
+
+def is_noisy(noise: PoseModel | None) -> bool:
+    """Whether the relative pose of a field may be corrected: noise is declared, or nothing is declared about it."""
+    return noise is None or noise.position_sigma_m > 0 or noise.rotation_sigma_rad > 0
+
+
+def compare_field(
+    window: Window, track: PoseTrack, interval: Interval, frame: int, motion: RigidMotion
+) -> FieldError | None:
+    """Compare a field on a lattice of pixels; None where too few pixels are valid or the shapes differ."""
+    K, noise = track.camera.K, window.facts.declared.pose
+    lattice = _lattice_of(window, interval, frame)
+    sample = None if lattice is None else _thinned(lattice)
+    if lattice is None or sample is None:
+        return None
+    columns, rows, depths_m, flow = lattice.columns, lattice.rows, lattice.depths_m, lattice.flow_px
+    bound = rounding_px(K, motion, columns, rows, depths_m, flow)
+    if not is_noisy(noise):
+        bound = bound + _interpolation_px(K, track, interval, motion, sample)
+    sample = replace(sample, sigma_px=float(np.nanmedian(bound)))
+    fit = fit_motion(K, motion, sample) if is_noisy(noise) else None
+    predicted = rigid_flow(K, fit.motion if fit else motion, columns, rows, depths_m)
+    error = np.linalg.norm(flow - predicted, axis=-1)
+    bound = np.linalg.norm(bound, axis=-1)
+    known = np.isfinite(error) & (bound < _COARSE_PX)
+    if np.count_nonzero(known) < FEWEST_PIXELS:
+        return None
+    worst = np.unravel_index(np.argmax(np.where(known, error / bound, -1.0)), error.shape)
+    result = FieldError(
+        interval=interval,
+        frame=frame,
+        pixels=int(np.count_nonzero(known)),
+        squares=float(np.sum(error[known] ** 2)),
+        bound_squares=float(np.sum(bound[known] ** 2)),
+        worst_px=float(error[worst]),
+        worst_bound_px=float(bound[worst]),
+        worst_pixel=(int(columns[0, worst[1]]), int(rows[worst[0], 0])),
+    )
+    if fit and noise:
+        result = _held_to_noise(result, track, fit, noise)
+    if result.suspicion <= 1 and result.twist_chi2 <= _ORDINARY * result.twist_dof:
+        return result
+    result = replace(result, repeats=_repeats(window, interval, frame))
+    return _examined(result, track, motion, sample, fit, noise)
+
+
+def sample_field(window: Window, interval: Interval, frame: int) -> FlowSample | None:
+    """Return pixels of a field that are valid in the depth frame too, evenly thinned; None where there are too few."""
+    lattice = _lattice_of(window, interval, frame)
+    return None if lattice is None else _thinned(lattice)
+
+
+@dataclass(frozen=True, slots=True)
+class _Lattice:
+    """Regular pixels: columns (1, w), rows (h, 1), depths (h, w) with NaN where a value is missing, flow (h, w, 2)."""
+
+    columns: Float64
+    rows: Float64
+    depths_m: Float64
+    flow_px: Float64
+
+
+def _lattice_of(window: Window, interval: Interval, frame: int) -> _Lattice | None:
+    """Return the lattice that the effort asks for; its phase steps from field to field until every pixel was seen."""
+    depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
+    if depth_m.shape != flow_px.shape[:2]:
+        return None
+    stride = max(1, round(1 / window.sampling.tile_share))
+    first_row, first_column = divmod(interval.row % stride**2, stride)
+    pixels = (slice(first_row, None, stride), slice(first_column, None, stride))
+    depths_m, flow = depth_m[pixels].astype(np.float64), flow_px[pixels].astype(np.float64)
+    valid = (depths_m > 0) & np.isfinite(depths_m) & np.isfinite(flow[..., 0]) & np.isfinite(flow[..., 1])
+    return _Lattice(
+        np.arange(first_column, depth_m.shape[1], stride, dtype=np.float64)[None, :],
+        np.arange(first_row, depth_m.shape[0], stride, dtype=np.float64)[:, None],
+        np.where(valid, depths_m, np.nan),
+        flow,
+    )
+
+
+def _thinned(lattice: _Lattice) -> FlowSample | None:
+    valid = np.flatnonzero(np.isfinite(lattice.depths_m))
+    if len(valid) < FEWEST_PIXELS:
+        return None
+    row, column = np.unravel_index(valid[:: max(1, len(valid) // FIT_PIXELS)], lattice.depths_m.shape)
+    depths_m, flow_px = lattice.depths_m[row, column], lattice.flow_px[row, column]
+    return FlowSample(lattice.columns[0, column], lattice.rows[row, 0], depths_m, flow_px, _GROSS_PX)
+
+
+def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | None) -> Float64 | None:
+    """Return the covariance of the motion's twist under declared noise; None where the pose is declared exact.
+
+    Where nothing is declared, a metre and a radian stand for anything.
+    """
+    if not is_noisy(noise):
+        return None
+    sigma_m, sigma_rad = (noise.position_sigma_m, noise.rotation_sigma_rad) if noise else (1.0, 1.0)
+    return track.covariance(interval.start_ns, interval.end_ns, sigma_m, sigma_rad)
+
+
+def templates_of(
+    track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample, correction: Float64
+) -> Float64:
+    """Return the templates of the small faults for one field, about a corrected motion."""
+
+    def remounted(rotation_rad: Float64, shift_m: Float64) -> RigidMotion:
+        T_body_camera = track.camera.T_body_camera.copy()
+        T_body_camera[:3, :3] = T_body_camera[:3, :3] @ exp(-rotation_rad)
+        T_body_camera[:3, 3] -= shift_m
+        remounted_motion = track.mounted(T_body_camera).motion(interval.start_ns, interval.end_ns) or motion
+        return remounted_motion.corrected(correction)
+
+    def delayed(seconds: float) -> RigidMotion | None:
+        shift_ns = round(seconds * NS_PER_S)
+        delayed_motion = track.motion(interval.start_ns + shift_ns, interval.end_ns + shift_ns)
+        return None if delayed_motion is None else delayed_motion.corrected(correction)
+
+    return small_fault_templates(track.camera.K, motion.corrected(correction), sample, remounted, delayed)
+
+
+def _repeats(window: Window, interval: Interval, frame: int) -> Literal["", "flow", "depth"]:
+    """Say which equals the one before it, bit for bit, without being empty or zero throughout."""
+    if interval.row and _same(*(window.flow_px(interval.stream, row) for row in (interval.row, interval.row - 1))):
+        return "flow"
+    if frame and _same(window.depth_m(frame), window.depth_m(frame - 1)):
+        return "depth"
+    return ""
+
+
+def _same(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+    return np.array_equal(one, other, equal_nan=True) and bool(np.any(np.nan_to_num(one)))
+
+
+def _held_to_noise(result: FieldError, track: PoseTrack, fit: MotionFit, noise: PoseModel) -> FieldError:
+    """Add the correction's statistic; not between poses, where interpolation makes the noise smaller."""
+    interval = result.interval
+    covariance = field_covariance(track, interval, noise)
+    if covariance is None or not track.on_samples(interval.start_ns, interval.end_ns):
+        return result
+    chi2, dof = twist_statistic(fit, covariance)
+    return replace(result, twist_chi2=chi2, twist_dof=dof)
+
+
+def _examined(
+    result: FieldError,
+    track: PoseTrack,
+    motion: RigidMotion,
+    sample: FlowSample,
+    fit: MotionFit | None,
+    noise: PoseModel | None,
+) -> FieldError:
+    """Add what diagnosis needs: the small faults' evidence, and the best correction whatever the noise."""
+    covariance = field_covariance(track, result.interval, noise)
+    templates = templates_of(track, result.interval, motion, sample, fit.twist if fit else np.zeros(6))
+    evidence = weigh_templates(track.camera.K, motion, sample, templates, fit, covariance)
+    free = fit or fit_motion(track.camera.K, motion, sample)
+    if free is None:
+        return replace(result, evidence=evidence)
+    return replace(
+        result,
+        evidence=evidence,
+        free_squares=float(np.nansum(free.residual_px**2)),
+        free_pixels=len(sample.columns),
+        free_shift_m=float(np.linalg.norm(free.twist[3:])),
+    )
+
+
+def _interpolation_px(
+    K: Float64, track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample
+) -> float:
+    """Return how far interpolating the pose between its samples can move a pixel; 0 where nothing is interpolated."""
+    twist = track.interpolation_twist(interval.start_ns, interval.end_ns)
+    if not twist.any():
+        return 0.0
+    points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
+    before = points1_m[points1_m[:, 2] > 0]
+    return float(np.max(np.abs(twist_jacobian(K, before)) @ twist, initial=0.0))

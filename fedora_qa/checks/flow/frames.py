@@ -1,0 +1,181 @@
+"""What a field of flow is held against: two smoothed frames on the flow's own grid, and the pixels that both show."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.flow.comparison import is_noisy, sample_field
+from fedora_qa.checks.flow.intervals import Interval, PoseTrack, frame_at, pose_track
+from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both
+from fedora_qa.estimators.flow_motion_fit import fit_motion, twist_statistic
+from fedora_qa.estimators.flow_tiles import patches_of, pixels_of
+from fedora_qa.estimators.flow_warp import read_at_pixels, read_between, smooth
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_SAME: Final = 1e-6
+"""Pixels, or metres, by which two cameras may differ and still be one."""
+
+_PLAUSIBLE: Final = 10.0
+"""A correction of the pose of up to so many times its expected square is believed when pixels are masked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Optics:
+    """How the colour camera sees the flow's grid: ``H_rgb_flow`` (3, 3) maps pixels; None where they are the same.
+
+    ``sigma_px`` is the smoothing in colour pixels that is 1 px on the coarser of the two grids.
+    """
+
+    H_rgb_flow: Float64 | None
+    sigma_px: float
+
+
+def optics_of(facts: Facts) -> Optics | str:
+    """Return how colour frames map onto the flow's grid, or why they cannot be mapped."""
+    cameras = facts.declared.cameras
+    rgb, depth = cameras.get("rgb"), cameras.get("depth")
+    for camera in (rgb, depth):
+        if camera is not None and camera.model != "pinhole":
+            return f"a camera is declared as {camera.model}, and only a pinhole is modelled"
+    if rgb is None or depth is None:
+        return Optics(None, 1.0)
+    if np.abs(rgb.T_body_camera[:3, 3] - depth.T_body_camera[:3, 3]).max() > _SAME:
+        return "the colour camera sits elsewhere than the depth camera, on whose grid flow lies"
+    R_rgb_depth = rgb.T_body_camera[:3, :3].T @ depth.T_body_camera[:3, :3]
+    H = rgb.K @ R_rgb_depth @ np.linalg.inv(depth.K)
+    if (rgb.width, rgb.height) == (depth.width, depth.height) and _moves_nothing(H / H[2, 2], depth):
+        return Optics(None, 1.0)
+    return Optics(H / H[2, 2], max(1.0, rgb.K[0, 0] / depth.K[0, 0]))
+
+
+def _moves_nothing(H: Float64, camera: Camera) -> bool:
+    corners = np.array([[0, 0, 1], [camera.width, 0, 1], [0, camera.height, 1]], dtype=np.float64).T
+    moved = H @ corners
+    return bool(np.abs(moved[:2] / moved[2] - corners[:2]).max() < _SAME * camera.width)
+
+
+@dataclass(frozen=True, slots=True)
+class FramePair:
+    """The frames at both ends of an interval, by row, seen through the optics."""
+
+    window: Window
+    optics: Optics
+    before: int
+    after: int
+
+    def first(self, origins: Int64) -> Float32:
+        """Return patches of the first frame on tiles of the flow's grid with their halo, (n, s, s)."""
+        if self.optics.H_rgb_flow is None:
+            smoothed = self._smoothed(self.before)
+            at_pixels = self.window.once(("smooth at pixels", self.before), lambda: read_at_pixels(smoothed))
+            return np.asarray(patches_of(at_pixels, origins), dtype=np.float32)
+        columns, rows = pixels_of(origins)
+        return self._read(self.before, columns.astype(np.float32), rows.astype(np.float32))
+
+    def second(self, columns: Float32, rows: Float32) -> Float32:
+        """Return the second frame at positions (n, s, s) on the flow's grid; NaN positions read anything."""
+        return self._read(self.after, columns, rows)
+
+    def _read(self, frame: int, columns: Float32, rows: Float32) -> Float32:
+        H = self.optics.H_rgb_flow
+        if H is not None:
+            scale = H[2, 0] * columns + H[2, 1] * rows + H[2, 2]
+            columns, rows = (
+                ((H[i, 0] * columns + H[i, 1] * rows + H[i, 2]) / scale).astype(np.float32) for i in range(2)
+            )
+        flat = (-1, columns.shape[-1])
+        return read_between(self._smoothed(frame), columns.reshape(flat), rows.reshape(flat)).reshape(columns.shape)
+
+    def _smoothed(self, frame: int) -> Float32:
+        sigma_px = self.optics.sigma_px
+        return self.window.once(("smooth", frame), lambda: smooth(luma_dn(self.window, frame), sigma_px))
+
+
+def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair | None:
+    """Return the frames at both ends of an interval; None where either end has none."""
+    clock = window.facts.clocks["rgb"]
+    before, after = frame_at(clock, interval.start_ns), frame_at(clock, interval.end_ns)
+    return None if before is None or after is None else FramePair(window, optics, before, after)
+
+
+def visible(window: Window, interval: Interval, origins: Int64) -> tuple[Mask, bool]:
+    """Return which pixels of tiles (n, 32, 32) both frames show, and whether depth and motion told.
+
+    From depth and motion where both are there; otherwise from the flow itself, which is weaker.
+    """
+    geometry = _geometry(window, interval)
+    if geometry is None:
+        return _visible_by_flow(window, interval, origins), False
+    K, motion, frame0, frame1, uncertainty_px = geometry
+    near_edge = patches_of(_edges(window, frame0), origins, halo_px=0) > 0
+    columns, rows = pixels_of(origins, halo_px=0)
+    inverse0 = patches_of(_inverse_depth(window, frame0), origins, halo_px=0)
+    flat = (-1, columns.shape[-1])
+    seen = seen_in_both(
+        K, motion, columns.reshape(flat).astype(np.float32), rows.reshape(flat).astype(np.float32),
+        inverse0.reshape(flat), _inverse_depth(window, frame1), _edges(window, frame1), uncertainty_px,
+    )  # fmt: skip
+    return np.asarray(seen.reshape(columns.shape) & ~near_edge), True
+
+
+def _visible_by_flow(window: Window, interval: Interval, origins: Int64) -> Mask:
+    stored = window.flow_px(interval.stream, interval.row)
+    breaks, crowded = flow_conflicts(stored)
+    columns, rows = pixels_of(origins, halo_px=0)
+    flow_px = patches_of(stored, origins, halo_px=0)
+    height, width = breaks.shape
+    with np.errstate(invalid="ignore"):
+        at_columns, at_rows = np.rint(columns + flow_px[..., 0]), np.rint(rows + flow_px[..., 1])
+        inside = (at_columns >= 0) & (at_columns < width) & (at_rows >= 0) & (at_rows < height)
+    there = crowded[np.where(inside, at_rows, 0).astype(np.int64), np.where(inside, at_columns, 0).astype(np.int64)]
+    return np.asarray(inside & (there == 0) & (patches_of(breaks, origins, halo_px=0) == 0))
+
+
+def _geometry(window: Window, interval: Interval) -> tuple[Float64, RigidMotion, int, int, float] | None:
+    """Return intrinsics, motion, the depth frames at both ends, and how far the motion may misplace a pixel."""
+    facts, camera = window.facts, window.facts.declared.cameras.get("depth")
+    if camera is None or not {"depth", "pose"} <= facts.streams:
+        return None
+    frames = [frame_at(facts.clocks["depth"], time_ns) for time_ns in (interval.start_ns, interval.end_ns)]
+    track = pose_track(window, camera)
+    motion = track.motion(interval.start_ns, interval.end_ns)
+    if frames[0] is None or frames[1] is None or motion is None:
+        return None
+    motion, uncertainty_px = _best_motion(window, track, interval, frames[0], motion)
+    return camera.K, motion, frames[0], frames[1], uncertainty_px
+
+
+def _best_motion(
+    window: Window, track: PoseTrack, interval: Interval, frame: int, motion: RigidMotion
+) -> tuple[RigidMotion, float]:
+    """Correct a noisy motion by the flow, where that takes no more than the noise; six numbers hide no local fault."""
+    noise = window.facts.declared.pose
+    if noise is None or not is_noisy(noise):
+        return motion, 0.0
+    covariance = track.covariance(interval.start_ns, interval.end_ns, noise.position_sigma_m, noise.rotation_sigma_rad)
+    sample = sample_field(window, interval, frame)
+    fit = None if sample is None else fit_motion(track.camera.K, motion, sample)
+    if fit is not None:
+        chi2, dof = twist_statistic(fit, covariance)
+        if chi2 <= _PLAUSIBLE * dof:
+            return fit.motion, 0.0
+    return motion, float(track.camera.K[0, 0] * np.sqrt(np.trace(covariance[:3, :3])))
+
+
+def _inverse_depth(window: Window, frame: int) -> Float32:
+    return window.once(("inverse depth", frame), lambda: inverse_depth(window.depth_m(frame)))
+
+
+def _edges(window: Window, frame: int) -> NDArray[np.uint8]:
+    return window.once(("depth edges", frame), lambda: edges(_inverse_depth(window, frame)))

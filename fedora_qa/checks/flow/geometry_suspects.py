@@ -1,0 +1,92 @@
+"""Which causes would explain that flow disagrees with depth and pose, and of what size they would be."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.flow.comparison import FieldError, is_noisy
+from fedora_qa.checks.flow.hypotheses import Weighed
+from fedora_qa.checks.flow.suspects import gain_suspect, gross_suspects, most_probable, spreads_over, weakened
+from fedora_qa.checks.protocol import Suspect
+from fedora_qa.estimators.flow_motion_fit import Evidence, sum_of
+from fedora_qa.estimators.flow_templates import SMALL_FAULTS
+from fedora_qa.sequence.declared import PoseModel
+
+_CERTAIN: Final = 0.98
+"""An inverse transform that leaves less than 2% of the deviation is believed before a fitted small fault is."""
+
+_SAME_GAIN: Final = 0.02
+
+_LINEAR_GAIN: Final = 0.1
+"""Where the pose may be corrected it follows a larger gain, and the template no longer tells its size."""
+
+
+def geometry_suspects(
+    stream: str,
+    fields: Sequence[FieldError],
+    weighed: Sequence[Weighed],
+    off: Mapping[str, bool],
+    noise: PoseModel | None,
+) -> tuple[Suspect, ...]:
+    """Return the suspects for one rate, most probable first."""
+    flow = spreads_over(stream, off)
+    fields_off = [field for field in fields if field.suspicion > 1]
+    local = 2 * len(fields_off) <= len(fields)
+    gross = gross_suspects(stream, weighed, flow, local=local)
+    for repeating in ("flow", "depth"):
+        repeated = sum(field.repeats == repeating for field in fields_off)
+        if repeated:
+            where = flow if repeating == "flow" else repeating
+            gross.append(Suspect("frozen_frames", where, 1.0 if local else 0.9, float(repeated), "samples"))
+    small = _small(fields, flow, noise)
+    if max((suspect.weight for suspect in gross if suspect.cause != "flow_gain"), default=0.0) > _CERTAIN:
+        small = weakened(small, 0.8)
+    by_pose = [] if is_noisy(noise) else _of_the_pose(fields_off, local=local)
+    return most_probable([*gross, *small, *by_pose]) or (Suspect("unknown", flow, 0.1),)
+
+
+def _small(fields: Sequence[FieldError], flow: str, noise: PoseModel | None) -> list[Suspect]:
+    """Fit each small fault alone to all fields together; weigh it by the share of the deviation in px it removes."""
+    evidences = [field.evidence for field in fields if field.evidence]
+    if not evidences:
+        return []
+    total = sum_of(evidences)
+    suspects = []
+    for fault in SMALL_FAULTS:
+        sizes, share = total.explained_by(fault.columns)
+        left = float(np.clip(1.0 - share, 0.0, 1.0))
+        weight = 1.0 - float(np.sqrt(left))
+        if np.abs(sizes).max() > fault.largest:
+            continue
+        error = _error(total, fault.columns) * max(1.0, float(np.sqrt(left * total.total / total.count)))
+        if fault.cause == "flow_gain":
+            gain, seconds = 0.01 * float(sizes[0]), fields[0].interval.duration_s
+            if is_noisy(noise) and abs(gain) > _LINEAR_GAIN:
+                continue
+            suspects.append(gain_suspect(flow, gain, 0.01 * error, weight, seconds, _SAME_GAIN))
+            continue
+        for stream, likeliness in fault.streams:
+            where = flow if stream == "flow" else stream
+            suspects.append(Suspect(fault.cause, where, likeliness * weight, fault.size(sizes), fault.unit, error))
+    return suspects
+
+
+def _error(total: Evidence, columns: slice) -> float:
+    """Return the standard error of a fault's size from rounding alone: the largest of its components'."""
+    information = np.diag(total.matrix[columns, columns])
+    return float(np.max(1.0 / np.sqrt(np.maximum(information, 1e-300))))
+
+
+def _of_the_pose(off: Sequence[FieldError], *, local: bool) -> list[Suspect]:
+    """Suspect single poses, or noise that is not declared, where a rigid correction makes the fields agree."""
+    known = [field for field in off if field.free_pixels]
+    if not known:
+        return []
+    left = np.median([np.sqrt(field.free_squares / field.free_pixels) for field in known])
+    before = np.median([np.sqrt(field.squares / field.pixels) for field in known])
+    weight = max(1.0 - float(left / before), 0.0)
+    if not local:
+        return [Suspect("noise_misdeclared", "pose", 0.9 * weight)]
+    shift_m = float(np.median([field.free_shift_m for field in known]))
+    return [Suspect("teleport", "pose", 0.95 * weight, shift_m, "m"), Suspect("frozen_frames", "pose", 0.9 * weight)]

@@ -1,0 +1,120 @@
+"""Which causes would explain that flow disagrees with the frames, and of what size they would be."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.flow.comparison import is_noisy
+from fedora_qa.checks.flow.hypotheses import Weighed
+from fedora_qa.checks.flow.residuals import FieldResidual
+from fedora_qa.checks.flow.suspects import gain_suspect, gross_suspects, most_probable, spreads_over, weakened
+from fedora_qa.checks.protocol import Suspect
+from fedora_qa.estimators.flow_field_fit import GAIN, MEAN, SHIFT, gain_of_true
+from fedora_qa.estimators.flow_motion_fit import sum_of
+from fedora_qa.sequence.declared import PoseModel
+
+_SAME_GAIN: Final = 0.1
+"""Gains near the capture range are known no better."""
+
+
+def photometric_suspects(
+    stream: str,
+    fields: Sequence[FieldResidual],
+    weighed: Sequence[Weighed],
+    off: Mapping[str, bool],
+    fields_off: Sequence[FieldResidual],
+    noise: PoseModel | None,
+) -> tuple[Suspect, ...]:
+    """Return the suspects for one rate against the frames, most probable first."""
+    flow = spreads_over(stream, off)
+    local = 2 * len(fields_off) <= len(fields) and not _share_a_gain(fields)
+    gross = gross_suspects(stream, weighed, flow, local=local) if fields_off else []
+    small = _small(fields, flow)
+    if not fields_off:
+        return most_probable(small) or (Suspect("unknown", flow, 0.1),)
+    unmatched = sum(one.unmatched for one in fields) / max(sum(one.textured for one in fields), 1)
+    small = weakened(small, 0.4 if local else 0.8 * (1 - unmatched))
+    if noise and is_noisy(noise):
+        small.append(Suspect("flow_from_noisy_pose", flow, 0.9 * _by_own_mean(fields)))
+    others = tuple(Suspect(cause, flow if stream == "flow" else stream, _WEAK) for cause, stream in _OTHERS)
+    return most_probable([*gross, *small]) + others
+
+
+_LEAST_GAIN: Final = 0.005
+"""Gains that fields may have in common without it telling anything."""
+
+_GAIN_ERROR: Final = 0.05
+"""Share of a gain by which linearisation and the derivative's taps misjudge it."""
+
+_LARGEST_SHIFT_PX: Final = 10.0
+"""Beyond it a flow's slopes say little about its values."""
+
+_WEAK: Final = 0.02
+"""Joins a finding to a cause for which there is stronger evidence elsewhere."""
+
+_OTHERS: Final = tuple(
+    (cause, stream)
+    for stream, causes in (
+        ("flow", ("flow_gain", "flow_unit", "flow_sign", "flow_interval_shifted", "flow_rate_mixed", "axes_swapped",
+                  "frame_convention", "mirrored", "spatial_offset", "swapped_frames", "frozen_frames",
+                  "other_sequence")),
+        ("rgb", ("mirrored", "spatial_offset", "time_offset", "swapped_frames", "frozen_frames", "other_sequence")),
+    )
+    for cause in causes
+)  # fmt: skip
+"""What leads the flow to other places than the frames."""
+
+
+def _share_a_gain(fields: Sequence[FieldResidual]) -> bool:
+    """Whether most fields have a gain in common, which single frames cannot give them."""
+    evidences = [one.evidence for one in fields if one.evidence]
+    gains = np.array([one.vector[GAIN][0] / max(one.matrix[GAIN, GAIN][0, 0], 1e-300) for one in evidences])
+    if len(gains) < 2:
+        return False
+    middle = float(np.median(gains))
+    error = 1.5 * float(np.median(np.abs(gains - middle))) * 1.25 / float(np.sqrt(len(gains)))
+    return abs(middle) > max(_LEAST_GAIN, 5 * error)
+
+
+def _by_own_mean(fields: Sequence[FieldResidual]) -> float:
+    """Return how much of what is explained falls to each field's own mean and no common one, as pose noise makes it."""
+    evidences = [one.evidence for one in fields if one.evidence]
+    if not evidences:
+        return 0.0
+    own = sum(one.explained_by(MEAN)[1] * one.total for one in evidences)
+    common = sum_of(evidences).explained_by(MEAN)[1] * sum(one.total for one in evidences)
+    everything = sum(one.explained_by(slice(None))[1] * one.total for one in evidences)
+    return max(own - common, 0.0) / everything if everything > 0 else 0.0
+
+
+def _small(fields: Sequence[FieldResidual], flow: str) -> list[Suspect]:
+    """Weigh gain, shift of an image, and a constant, by the share of what all templates together explain.
+
+    A wrong focal length is almost a gain, a wrong principal point a shift of the flow, a turned camera a constant.
+    """
+    evidences = [one.evidence for one in fields if one.evidence]
+    if not evidences:
+        return []
+    total = sum_of(evidences)
+    _, everything = total.explained_by(slice(None))
+    if everything <= 0:
+        return []
+    gain, by_gain = total.explained_by(GAIN)
+    shift, by_shift = total.explained_by(SHIFT)
+    _, by_mean = total.explained_by(MEAN)
+    error = max(float(total.matrix[GAIN, GAIN][0, 0]), 1e-300) ** -0.5
+    of_true, slope = gain_of_true(float(gain[0]))
+    size = float(np.copysign(np.linalg.norm(shift), shift[np.argmax(np.abs(shift))]))
+    by_gain, by_shift, by_mean = (share / everything for share in (by_gain, by_shift, by_mean))
+    if abs(size) > _LARGEST_SHIFT_PX:
+        by_shift = 0.0
+    error = float(np.hypot(slope * error, _GAIN_ERROR * of_true))
+    return [
+        gain_suspect(flow, of_true, error, 0.95 * by_gain, fields[0].interval.duration_s, _SAME_GAIN),
+        Suspect("intrinsics_focal", flow, 0.9 * by_gain),
+        Suspect("spatial_offset", "rgb", by_shift, size, "px"),
+        Suspect("spatial_offset", flow, 0.9 * by_shift, -size, "px"),
+        Suspect("extrinsic_rotation", flow, 0.7 * by_mean),
+        Suspect("intrinsics_centre", flow, 0.9 * by_shift),
+    ]

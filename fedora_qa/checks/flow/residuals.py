@@ -1,0 +1,203 @@
+"""Measure one field of flow against the frames at both ends of its interval."""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.flow.frames import FramePair, visible
+from fedora_qa.checks.flow.intervals import Interval
+from fedora_qa.estimators.flow_field_fit import fit_field
+from fedora_qa.estimators.flow_motion_fit import Evidence
+from fedora_qa.estimators.flow_tiles import TileGrid, patches_of, pixels_of
+from fedora_qa.estimators.flow_warp import REMAP_ROUNDING_PX
+from fedora_qa.estimators.residual_flow import (
+    HALO_PX,
+    LUMA_ROUNDING_VARIANCE_DN2,
+    TILE_PX,
+    TileResiduals,
+    tile_residuals,
+)
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+LARGEST_FLOW_PX: Final = 1e4
+"""Larger values are no flow."""
+
+TEXTURED_PX: Final = 0.1
+"""A tile counts where the noise floor alone lets its flow be known to this standard error."""
+
+FEWEST_VALID: Final = 0.4
+"""Share of a tile's pixels that both frames must show."""
+
+FEWEST_TILES: Final = 4
+
+UNMATCHED: Final = 0.5
+"""Unexplained share above which a tile's frames do not show the same thing: half of its contrast is left.
+
+Honest tiles leave up to 1%, of detail that the pixels do not resolve; unrelated ones leave 1 to 4."""
+
+_SECOND_STEP_PX: Final = 0.5
+"""Beyond so much of an error the linearisation is taken again about the corrected flow."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tiles:
+    """Sampled tiles of one field: origins (n, 2), flow patches (n, 36, 36, 2), finite; and the pixels to use.
+
+    ``by_depth`` says that depth and motion told which pixels both frames show, so that every tile must match.
+    """
+
+    origins: Int64
+    flow_px: Float32
+    usable: Mask
+    by_depth: bool
+
+    def read(self, frames: FramePair, extra_px: Float64 | None = None) -> TileResiduals:
+        """Warp the second frame back by the flow, less ``extra_px`` (n, 2), and estimate what is left."""
+        columns, rows = pixels_of(self.origins)
+        flow_px = self.flow_px if extra_px is None else self.flow_px - extra_px[:, None, None, :].astype(np.float32)
+        warped = frames.second(
+            (columns + flow_px[..., 0]).astype(np.float32), (rows + flow_px[..., 1]).astype(np.float32)
+        )
+        return tile_residuals(frames.first(self.origins), warped, self.usable, LUMA_ROUNDING_VARIANCE_DN2)
+
+
+@dataclass(frozen=True, slots=True)
+class FieldResidual:
+    """What one field's tiles show.
+
+    Attributes
+    ----------
+    tiles, textured, unmatched
+        Tiles looked at, those that can tell, and those of them whose frames do not show the same thing.
+    mean_px, mean_error_px
+        Mean residual flow (u, v) and its standard error; NaN where too few tiles match.
+    evidence
+        Normal equations of the templates; None where too few tiles match.
+    least_matched, least_matched_tile
+        Largest unexplained share of a textured tile, and that tile; only where depth told what both frames show.
+    worst_tile, worst_px, worst_error_px
+        The matched tile (column, row, width, height) whose residual lies furthest from the field's mean for its error.
+    """
+
+    interval: Interval
+    frame: int
+    tiles: int
+    textured: int
+    unmatched: int
+    mean_px: tuple[float, float] = (float("nan"), float("nan"))
+    mean_error_px: tuple[float, float] = (float("nan"), float("nan"))
+    evidence: Evidence | None = None
+    least_matched: float = 0.0
+    least_matched_tile: tuple[int, int, int, int] | None = None
+    worst_tile: tuple[int, int, int, int] | None = None
+    worst_px: float = 0.0
+    worst_error_px: float = 0.0
+
+    @property
+    def unmatched_share(self) -> float:
+        """Share of the textured tiles whose frames do not show the same thing."""
+        return self.unmatched / self.textured if self.textured else 0.0
+
+
+def sample_tiles(frames: FramePair, interval: Interval, share: float) -> Tiles | None:
+    """Choose tiles of a field and the pixels of them that may be compared; None where the image has no tile."""
+    stored = frames.window.flow_px(interval.stream, interval.row)
+    grid = TileGrid.of(*stored.shape[:2])
+    if not len(grid.origins):
+        return None
+    rate_hz = int(interval.stream.removeprefix("flow/").removesuffix("hz"))
+    origins = grid.sample(share, rate_hz, interval.row)
+    flow_px = patches_of(stored, origins)
+    with np.errstate(invalid="ignore"):
+        finite = (np.abs(flow_px[..., 0]) < LARGEST_FLOW_PX) & (np.abs(flow_px[..., 1]) < LARGEST_FLOW_PX)
+    shown, by_depth = visible(frames.window, interval, origins)
+    usable = finite[:, HALO_PX:-HALO_PX, HALO_PX:-HALO_PX] & shown
+    return Tiles(origins, np.where(finite[..., None], flow_px, np.float32(0)), usable, by_depth)
+
+
+def textured(residuals: TileResiduals) -> Mask:
+    """Return which tiles can tell their flow: enough pixels, and enough texture for the assumed noise floor."""
+    worst_variance = np.linalg.eigvalsh(residuals.noise_covariances_px2)[:, 1]
+    return np.asarray((worst_variance < TEXTURED_PX**2) & (residuals.valid_share >= FEWEST_VALID))
+
+
+def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldResidual | None:
+    """Measure the residual flow of a share of a field's tiles."""
+    tiles = sample_tiles(frames, interval, share)
+    if tiles is None:
+        return None
+    residuals = tiles.read(frames)
+    can_tell = textured(residuals)
+    matched = can_tell & (residuals.unexplained < UNMATCHED)
+    errors_px, covariances_px2 = residuals.flow_errors_px, residuals.covariances_px2
+    far = matched & (np.abs(errors_px).max(axis=1) > _SECOND_STEP_PX)
+    if far.any():
+        again = tiles.read(frames, np.where(far[:, None], errors_px, 0.0))
+        better = far & (again.unexplained < residuals.unexplained)
+        errors_px = errors_px + np.where(better[:, None], again.flow_errors_px, 0.0)
+        covariances_px2 = np.where(better[:, None, None], again.covariances_px2, covariances_px2)
+    counts = FieldResidual(
+        interval, frames.before, len(tiles.origins), int(np.count_nonzero(can_tell)),
+        int(np.count_nonzero(can_tell & ~matched)),
+    )  # fmt: skip
+    if tiles.by_depth and can_tell.any():
+        least = int(np.argmax(np.where(can_tell, residuals.unexplained, -1.0)))
+        counts = replace(
+            counts,
+            least_matched=float(residuals.unexplained[least]),
+            least_matched_tile=_tile_at(tiles.origins[least]),
+        )
+    if np.count_nonzero(matched) < FEWEST_TILES:
+        return counts
+    covariances_px2 = covariances_px2[matched] + np.eye(2) * REMAP_ROUNDING_PX**2
+    flows_px, slopes = _flow_and_slopes(tiles.flow_px[matched], tiles.usable[matched])
+    return _summary(counts, tiles.origins[matched], errors_px[matched], covariances_px2, flows_px, slopes)
+
+
+def _summary(
+    counts: FieldResidual,
+    origins: Int64,
+    errors_px: Float64,
+    covariances_px2: Float64,
+    flows_px: Float64,
+    slopes: Float64,
+) -> FieldResidual:
+    fit = fit_field(errors_px, covariances_px2, flows_px, slopes)
+    worst = int(np.argmax(fit.deviations))
+    worst_px = float(np.linalg.norm(errors_px[worst] - fit.mean_px))
+    return replace(
+        counts,
+        mean_px=(float(fit.mean_px[0]), float(fit.mean_px[1])),
+        mean_error_px=(float(fit.mean_error_px[0]), float(fit.mean_error_px[1])),
+        evidence=fit.evidence,
+        worst_tile=_tile_at(origins[worst]),
+        worst_px=worst_px,
+        worst_error_px=worst_px / max(float(fit.deviations[worst]), 1e-12),
+    )
+
+
+def _tile_at(origin: Int64) -> tuple[int, int, int, int]:
+    return int(origin[0]), int(origin[1]), TILE_PX, TILE_PX
+
+
+def _flow_and_slopes(flow_px: Float32, usable: Mask) -> tuple[Float64, Float64]:
+    """Return each tile's mean flow (n, 2) and its slopes (n, 2, 2) along columns and rows, over usable pixels.
+
+    Every other pixel of every other row will do: flow is smooth within a surface.
+    """
+    inner = flow_px[:, HALO_PX:-HALO_PX:2, HALO_PX:-HALO_PX:2].astype(np.float64)
+    weight = usable[:, ::2, ::2, None].astype(np.float64)
+    count = np.maximum(weight.sum(axis=(1, 2)), 1.0)
+    mean = (inner * weight).sum(axis=(1, 2)) / count
+    slopes = []
+    offsets = np.arange(0, TILE_PX, 2, dtype=np.float64)
+    for place in (offsets[None, None, :, None], offsets[None, :, None, None]):
+        from_centre = (place - ((place * weight).sum(axis=(1, 2)) / count)[:, None, None, :]) * weight
+        slopes.append((from_centre * inner).sum(axis=(1, 2)) / np.maximum((from_centre**2).sum(axis=(1, 2)), 1.0))
+    return mean, np.stack(slopes, axis=-1)

@@ -1,0 +1,203 @@
+"""Where flow has values and where it has none, and which intervals it belongs to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.flow.intervals import (
+    Interval,
+    PoseTrack,
+    depths_plausible,
+    frame_at,
+    owned_intervals,
+    place,
+    pose_track,
+)
+from fedora_qa.checks.flow.stamps import stamp_measurements
+from fedora_qa.checks.flow.suspects import DISPLACEMENTS, spreads_over
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.geometry.rigid_flow import moved_points
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+Mask = NDArray[np.bool_]
+
+_SIGMAS: Final = 8.0
+"""Points nearer to the camera's plane than so many sigma of declared pose noise count as neither before nor behind."""
+
+
+@dataclass(frozen=True, slots=True)
+class FieldPattern:
+    """Wrong pixels of one field; ``pixel`` is the first, (column, row).
+
+    ``unfounded`` values stand where there can be none: ``unfounded_zero`` of them are zero, ``behind`` of them belong
+    to points behind the camera. ``deep`` says that the depths are plausible.
+    """
+
+    interval: Interval
+    frame: int
+    unfounded: int
+    unfounded_zero: int
+    behind: int
+    deep: bool
+    infinite: int
+    missing: int
+    pixel: tuple[int, int] | None
+
+
+class Validity(WindowCheck[tuple[FieldPattern, ...]]):
+    """Has flow values exactly where it must, over intervals from frame to frame?
+
+    Every pixel of every field: a value where the depth at the interval's start is valid and the point stays before the
+    camera, NaN elsewhere. Counts must be zero; only points within eight sigma of declared pose noise of the camera's
+    plane are left out. Without poses, or where no pose covers an interval, missing values are not counted.
+
+    The intervals, from their stamps: each starts and ends on a depth frame, begins where the last one ended, and lasts
+    as long as its rate says, to half a frame. It cannot see intervals that are shifted by whole frames in step with
+    their fields' stamps: `flow_geometry.endpoint` does.
+    """
+
+    name = "flow_geometry.validity"
+    needs = ("flow", "depth")
+
+    def measure(self, window: Window) -> tuple[FieldPattern, ...] | None:
+        """Compare patterns of every field that the window owns."""
+        camera = window.facts.declared.cameras.get("depth")
+        track = pose_track(window, camera) if camera and "pose" in window.facts.streams else None
+        patterns = []
+        for stream in window.facts.flow_streams:
+            for interval in owned_intervals(window, stream):
+                frame = frame_at(window.facts.clocks["depth"], interval.start_ns)
+                pattern = None if frame is None else _compare(window, track, interval, frame)
+                patterns += [pattern] if pattern else []
+        return tuple(patterns)
+
+    def conclude(self, state: Sequence[tuple[FieldPattern, ...]], facts: Facts) -> Observation:
+        """State how many pixels are wrong, of which kind, and how many intervals."""
+        patterns = [pattern for patterns in state for pattern in patterns]
+        total = sum(facts.sizes.get(f"path/{stream}", 0) for stream in facts.flow_streams)
+        coverage = Coverage(len(patterns), total, "flow fields")
+        if not facts.clocks["depth"].usable:
+            return Observation(coverage, unobservable="the stamps of depth do not advance")
+        return Observation(coverage, (*_pixel_measurements(patterns, facts), *stamp_measurements(facts)))
+
+
+def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame: int) -> FieldPattern | None:
+    depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
+    if depth_m.shape != flow_px.shape[:2]:
+        return None
+    u, v = flow_px[..., 0], flow_px[..., 1]
+    present = np.isfinite(u) & np.isfinite(v)
+    valid = np.isfinite(depth_m) & (depth_m > 0)
+    unfounded, missing = present & ~valid, valid & ~present
+    behind = np.zeros_like(valid)
+    if track is not None:
+        before, behind = _before_and_behind(track, interval, depth_m, valid, window.facts.declared.pose)
+        unfounded |= present & behind
+        missing &= before
+    else:
+        missing[:] = False
+    wrong = unfounded | missing
+    first = int(np.argmax(wrong)) if wrong.any() else None
+    width = depth_m.shape[1]
+    return FieldPattern(
+        interval,
+        frame,
+        unfounded=int(np.count_nonzero(unfounded)),
+        unfounded_zero=int(np.count_nonzero(unfounded & (u == 0) & (v == 0))),
+        behind=int(np.count_nonzero(present & behind)),
+        deep=not valid.any() or depths_plausible(window.facts, depth_m[valid]),
+        infinite=int(np.count_nonzero(np.isinf(u) | np.isinf(v))),
+        missing=int(np.count_nonzero(missing)),
+        pixel=None if first is None else (first % width, first // width),
+    )
+
+
+def _before_and_behind(
+    track: PoseTrack, interval: Interval, depth_m: NDArray[np.float32], valid: Mask, noise: PoseModel | None
+) -> tuple[Mask, Mask]:
+    """Return which pixels' points end surely before the camera's plane, and which surely behind it."""
+    motion = track.motion(interval.start_ns, interval.end_ns)
+    if motion is None or not valid.any():
+        return np.zeros_like(valid), np.zeros_like(valid)
+    height, width = depth_m.shape
+    corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=np.float64)
+    turned = moved_points(track.camera.K, motion, corners[:, 0], corners[:, 1], np.ones(4))[2] - motion.t_m[2]
+    nearest_m, farthest_m = float(depth_m[valid].min()), float(depth_m[valid].max())
+    margin_m = _margin_m(noise, farthest_m)
+    if turned.min() > 0 and nearest_m * turned.min() + motion.t_m[2] > margin_m:
+        return valid, np.zeros_like(valid)  # the usual case: nothing comes near the camera's plane
+    columns, rows = np.arange(width, dtype=np.float64)[None, :], np.arange(height, dtype=np.float64)[:, None]
+    Z1_m = moved_points(track.camera.K, motion, columns, rows, depth_m.astype(np.float64))[2]
+    return valid & (Z1_m > margin_m), valid & (Z1_m < -margin_m)
+
+
+def _margin_m(noise: PoseModel | None, distance_m: float) -> float:
+    """Return how far pose noise, or rounding where there is none, can move a point along the optical axis."""
+    rounding_m = 1e-5 * distance_m
+    if noise is None:
+        return distance_m
+    return _SIGMAS * float(np.hypot(noise.position_sigma_m, noise.rotation_sigma_rad * distance_m)) + rounding_m
+
+
+def _pixel_measurements(patterns: Sequence[FieldPattern], facts: Facts) -> list[Measured]:
+    unfounded = [pattern for pattern in patterns if pattern.unfounded]
+    missing = [pattern for pattern in patterns if pattern.missing]
+    infinite = [pattern for pattern in patterns if pattern.infinite]
+    wrong = max(sum(p.unfounded for p in unfounded), 1)
+    mostly_zero = 2 * sum(p.unfounded_zero for p in unfounded) > wrong
+    mostly_behind = 2 * sum(p.behind for p in unfounded) > wrong
+    where = "stand where the point falls behind the camera" if mostly_behind else "stand where depth is invalid"
+    misplaced: tuple[tuple[str, str, float], ...] = (
+        ("invalid_encoding", "flow", 0.9),
+        ("invalid_encoding", "depth", 0.4),
+    )
+    if mostly_behind:
+        misplaced = (("unit_mm_m", "pose" if all(pattern.deep for pattern in unfounded) else "depth", 0.6),)
+    absent: tuple[tuple[str, str, float], ...] = (("nan_in_stream", "flow", 0.8), ("invalid_encoding", "depth", 0.4))
+    if unfounded and missing:
+        misplaced = absent = DISPLACEMENTS
+    return [
+        _count("values_without_depth", "unfounded", sum(p.unfounded for p in patterns), unfounded, facts,
+               where + (", most of them 0" if mostly_zero else ""), misplaced),
+        _count("missing_values", "missing", sum(p.missing for p in patterns), missing, facts,
+               "are absent where depth is valid", absent),
+        _count("infinite_values", "infinite", sum(p.infinite for p in patterns), infinite, facts,
+               "are infinite", (("invalid_encoding", "flow", 0.9),)),
+    ]  # fmt: skip
+
+
+def _count(
+    name: str,
+    rule: str,
+    count: int,
+    wrong: Sequence[FieldPattern],
+    facts: Facts,
+    what: str,
+    causes: Sequence[tuple[str, str, float]],
+) -> Measured:
+    where, suspects = Where(), tuple[Suspect, ...]()
+    if wrong:
+        first, last = wrong[0], wrong[-1]
+        streams = {pattern.interval.stream for pattern in wrong}
+        off = {stream: stream in streams for stream in facts.flow_streams}
+        flow = spreads_over(first.interval.stream, off)
+        where = place(facts, (first.interval, last.interval), frame=first.frame, pixel=first.pixel)
+        suspects = tuple(Suspect(cause, flow if stream == "flow" else stream, w) for cause, stream, w in causes)
+    return Measured(
+        name=name,
+        value=float(count),
+        unit="pixels",
+        standard_error=0.0,
+        resolution=1.0,
+        side="upper",
+        statement=f"{count} values of flow, in {len(wrong)} fields, {what}.",
+        code=f"flow_geometry.validity.{rule}",
+        where=where,
+        suspects=suspects,
+    )

@@ -1,0 +1,1 @@
+"""Checks that everything stored can be read and is finite."""

@@ -1,0 +1,61 @@
+"""Defects of the samples themselves that disturb whatever is computed from them: looked for wherever that is done."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.motion.samples import measured_pose_sigmas, stored_resolution
+from fedora_qa.checks.protocol import Suspect
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.local_motion import Interpolation, Vectors, find_interpolation, unmoved
+from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.window import ImuSamples, PoseSamples
+
+LEAST_EVENNESS: Final = 0.2
+"""Curvature of a smooth motion does not change fivefold within a step, nor does the median of noise."""
+
+_NOISIER: Final = 1.2
+
+
+def interpolation_of(poses: PoseSamples) -> Interpolation | None:
+    """Look for straight lines between every n-th position."""
+    resolution = stored_resolution(poses.positions_world_m)
+    return find_interpolation(poses.times_ns, Vectors(poses.positions_world_m), resolution=resolution)
+
+
+def is_interpolated(found: Interpolation | None) -> bool:
+    """Whether the curvature is too uneven for a motion that was sampled."""
+    return found is not None and found.evenness < LEAST_EVENNESS
+
+
+def rate_hz(poses: PoseSamples) -> float:
+    """Return the poses' own rate."""
+    return NS_PER_S / float(np.median(np.diff(poses.times_ns)))
+
+
+def frozen_poses(poses: PoseSamples) -> NDArray[np.intp]:
+    """Return poses that repeat the one before while the body moves."""
+    return unmoved(poses.positions_world_m, poses.orientations_xyzw)
+
+
+def frozen_imu(imu: ImuSamples) -> NDArray[np.intp]:
+    """Return IMU samples that repeat the one before while others change."""
+    return unmoved(imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2)
+
+
+def pose_defects(poses: PoseSamples, model: PoseModel) -> tuple[Suspect, ...]:
+    """Name what is wrong with the poses themselves and may show in all that is computed from them."""
+    suspects = []
+    found = interpolation_of(poses)
+    if found is not None and is_interpolated(found):
+        suspects.append(Suspect("interpolated_pose", "pose", 0.9, rate_hz(poses) / found.stride, "Hz"))
+    frozen = frozen_poses(poses)
+    if len(frozen):
+        suspects.append(Suspect("frozen_frames", "pose", 0.8, float(len(frozen)), "samples"))
+    if not suspects:
+        position_m, rotation_rad = measured_pose_sigmas(poses)
+        noisier = position_m > _NOISIER * model.position_sigma_m or rotation_rad > _NOISIER * model.rotation_sigma_rad
+        if noisier and max(model.position_sigma_m, model.rotation_sigma_rad) > 0:
+            suspects.append(Suspect("noise_misdeclared", "pose", 0.7))
+    return tuple(suspects)

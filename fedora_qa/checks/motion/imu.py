@@ -1,0 +1,161 @@
+"""The IMU against the poses: does integration of the one give the other?"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fedora_qa.checks.motion.defects import frozen_imu, frozen_poses, pose_defects
+from fedora_qa.checks.motion.imu_agreement import (
+    Kind,
+    Motion,
+    Streams,
+    coverage_of,
+    disagreement,
+    fit,
+    gross_cause,
+    motion_of,
+    streams_of,
+)
+from fedora_qa.checks.motion.imu_parameters import ROTATION_SHOWN, TRANSLATION_SHOWN, Shown, parameters_measured
+from fedora_qa.checks.motion.samples import place
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.inertial_fit import InertialFit
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+
+class Rotation(WindowCheck[Motion]):
+    """Does the gyro, integrated, give the rotation between poses?
+
+    Increments between consecutive poses from a cubic spline through the gyro with coning, against the poses' own.
+    Residuals are whitened with the declared noise (pose noise couples neighbours) and a microsecond's rounding of
+    stamps. Bias, axes, gain and the clock are fitted; each is freed only where it explains the residuals far beyond
+    chance, all others are tested alone. Errors are formal ones, widened by the misfit and by the spread over stretches.
+    Biases may walk from zero as declared. Where the streams disagree grossly, readings with exchanged axes, degrees,
+    and other orders of the quaternion are tried instead.
+
+    Cannot see faults that gyro and pose share, or turns about an axis about which the body never turns.
+    """
+
+    name = "imu.rotation"
+    needs = ("imu", "pose")
+
+    def measure(self, window: Window) -> Motion | None:
+        """Keep the window's own samples."""
+        return motion_of(window)
+
+    def conclude(self, state: Sequence[Motion], facts: Facts) -> Observation:
+        """Fit the whole sequence."""
+        return _agreement(state, facts, "rotation", ROTATION_SHOWN, "mrad", 1e3)
+
+
+class Translation(WindowCheck[Motion]):
+    """Does the specific force, integrated twice with gravity, give the path of the poses?
+
+    Second differences of consecutive positions against the double integral of ``R f + g``, R interpolated between the
+    poses: the gyro has no part in it. Whitening, fit and errors as in imu.rotation; fitted are the accelerometer's
+    bias, gravity's size and slope, the lever arm between IMU and poses, and the clock. In level flight gravity and
+    bias along Z are one and the same to these streams: both are then named.
+
+    Cannot see what stays below position noise over the time that it takes to average it.
+    """
+
+    name = "imu.translation"
+    needs = ("imu", "pose")
+
+    def measure(self, window: Window) -> Motion | None:
+        """Keep the window's own samples."""
+        return motion_of(window)
+
+    def conclude(self, state: Sequence[Motion], facts: Facts) -> Observation:
+        """Fit the whole sequence."""
+        return _agreement(state, facts, "translation", TRANSLATION_SHOWN, "m/s", 1.0)
+
+
+def _agreement(
+    state: Sequence[Motion], facts: Facts, kind: Kind, shown: Mapping[str, Shown], unit: str, factor: float
+) -> Observation:
+    streams = streams_of(state, facts)
+    seen = coverage_of(streams, facts)
+    if isinstance(streams, str):
+        return Observation(seen, unobservable=streams)
+    found = fit(streams, kind)
+    if found is None:
+        return Observation(seen, unobservable="too few poses with IMU samples all the way between them")
+    gross = gross_cause(streams, kind, found)
+    if gross is not None:
+        return Observation(seen, (disagreement(kind, gross),))
+    defects = pose_defects(streams.poses, facts.declared.pose or PoseModel())
+    residual = _residual(found, kind, unit, factor, defects)
+    worst = _worst(facts, streams, found, kind, unit, factor, defects)
+    parameters = parameters_measured(kind, f"imu.{kind}", found.parameters, shown, defects) if found.settled else ()
+    return Observation(seen, (residual, worst, *parameters))
+
+
+def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects: tuple[Suspect, ...]) -> Measured:
+    """State the scatter that is left after the freed parameters. The two streams may share the blame for noise."""
+    rms, expected = factor * found.rms, factor * found.expected_rms
+    return Measured(
+        name=f"{kind}_residual",
+        value=rms,
+        unit=unit,
+        standard_error=factor * found.rms_error,
+        expected=expected,
+        allowance=factor * found.model_rms,
+        side="upper",
+        statement=f"Between neighbouring poses IMU and pose differ in {kind} by {rms:.4g} {unit} rms; noise explains "
+        f"{expected:.4g}.",
+        code=f"imu.{kind}.residual",
+        where=Where(stream="imu"),
+        suspects=(
+            *defects,
+            Suspect("noise_misdeclared", "pose", 0.5),
+            Suspect("noise_misdeclared", "imu", 0.5),
+            Suspect("other_sequence", "imu", 0.3),
+        ),
+    )
+
+
+def _worst(
+    facts: Facts,
+    streams: Streams,
+    found: InertialFit,
+    kind: Kind,
+    unit: str,
+    factor: float,
+    defects: tuple[Suspect, ...],
+) -> Measured:
+    """State the comparison that fits least."""
+    worst = found.worst
+    time_ns = streams.time_ns(worst.time_s)
+    return Measured(
+        name=f"worst_{kind}",
+        value=factor * worst.value,
+        unit=unit,
+        standard_error=factor * worst.sigma,
+        allowance=factor * worst.model_error,
+        tests=3 * found.rows,
+        statement=f"At {facts.to_file_us(time_ns):.0f} us IMU and pose differ in {kind} by {factor * worst.value:.4g} "
+        f"{unit}; noise is {factor * worst.sigma:.2g}.",
+        code=f"imu.{kind}.worst",
+        where=place(facts, "pose", time_ns),
+        suspects=(*_local_suspects(streams, kind, time_ns), *defects),
+    )
+
+
+def _local_suspects(streams: Streams, kind: Kind, time_ns: int) -> tuple[Suspect, ...]:
+    """Causes at one instant: samples that do not move there, else a jump, else lost samples."""
+    imu, poses = streams.imu, streams.poses
+    reach_ns = 2 * int(np.median(np.diff(poses.times_ns)))
+    suspects = [
+        Suspect("teleport", "pose", 0.4 if kind == "translation" else 0.2),
+        Suspect("dropped_samples", "imu", 0.3),
+        Suspect("noise_misdeclared", "pose", 0.3),
+    ]
+    frozen = (("pose", poses.times_ns, frozen_poses(poses)), ("imu", imu.times_ns, frozen_imu(imu)))
+    for stream, times_ns, rows in frozen:
+        if len(rows) and int(np.min(np.abs(times_ns[rows] - time_ns))) <= reach_ns:
+            suspects.insert(0, Suspect("frozen_frames", stream, 0.9, float(len(rows)), "samples"))
+    return tuple(suspects)

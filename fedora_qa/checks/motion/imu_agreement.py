@@ -1,0 +1,199 @@
+"""What the checks of IMU against pose share: both streams, the fit, the search for gross causes, suspects."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from fedora_qa.checks.motion.samples import (
+    inertial_noise,
+    inertial_samples,
+    join_imu,
+    join_poses,
+    measured_pose_sigmas,
+    owned_imu,
+    owned_poses,
+    why_unusable,
+)
+from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.grouped_fit import group_of
+from fedora_qa.estimators.inertial_fit import ROTATION, TRANSLATION, InertialFit, fit_inertial
+from fedora_qa.estimators.inertial_hypotheses import Hypothesis, explain_forces, explain_rates
+from fedora_qa.estimators.inertial_samples import InertialNoise, InertialSamples
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import ImuModel, PoseModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import ImuSamples, PoseSamples, Window
+
+Kind = Literal["rotation", "translation"]
+
+_FEWEST_POSES: Final = 16
+_FAR_OFF: Final = 6.0
+_LARGE: Final = {
+    "time_offset": 0.1,
+    "clock_rate": 0.02,
+    "pose_clock_rate": 0.02,
+    "tilt": 0.1,
+    "scale": 0.1,
+    "bias": 1.0,
+    "gravity": 1.0,
+    "slope": 1.0,
+    "lever": 1.0,
+}
+"""Beyond these a parameter is no small fault any more: its cause is looked for among gross ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """The samples of one window."""
+
+    imu: ImuSamples | None
+    poses: PoseSamples | None
+
+
+@dataclass(frozen=True, slots=True)
+class Streams:
+    """Both streams of a sequence on one axis of time, which starts at ``origin_ns``."""
+
+    samples: InertialSamples
+    noise: InertialNoise
+    poses: PoseSamples
+    imu: ImuSamples
+    origin_ns: int
+
+    def time_ns(self, time_s: float) -> int:
+        """Return an instant as nanoseconds from the file's origin."""
+        return self.origin_ns + round(time_s * NS_PER_S)
+
+
+def motion_of(window: Window) -> Motion | None:
+    """Keep the window's own samples of both streams."""
+    imu, poses = owned_imu(window), owned_poses(window)
+    return None if imu is None and poses is None else Motion(imu, poses)
+
+
+def streams_of(state: Sequence[Motion], facts: Facts) -> Streams | str:
+    """Join all windows; a sentence where the two streams cannot be compared."""
+    unusable = why_unusable(facts, "imu", "pose")
+    if unusable:
+        return unusable
+    imu = join_imu([motion.imu for motion in state if motion.imu is not None])
+    poses = join_poses([motion.poses for motion in state if motion.poses is not None])
+    if len(poses.times_ns) < _FEWEST_POSES or len(imu.times_ns) < _FEWEST_POSES:
+        return f"fewer than {_FEWEST_POSES} finite samples of pose or IMU"
+    if poses.times_ns[0] >= imu.times_ns[-1] or imu.times_ns[0] >= poses.times_ns[-1]:
+        return "IMU and pose do not overlap in time"
+    model = facts.declared.imu or ImuModel()
+    return Streams(
+        samples=inertial_samples(imu, poses, model),
+        noise=inertial_noise(model, facts.declared.pose or PoseModel(), poses),
+        poses=poses,
+        imu=imu,
+        origin_ns=int(imu.times_ns[0]),
+    )
+
+
+def coverage_of(streams: Streams | str, facts: Facts) -> Coverage:
+    """Return how many poses were compared."""
+    seen = 0 if isinstance(streams, str) else len(streams.poses.times_ns)
+    return Coverage(seen, len(facts.clocks["pose"].times_ns), "poses")
+
+
+def fit(streams: Streams, kind: Kind) -> InertialFit | None:
+    """Fit one kind of comparison; None where there is too little in common."""
+    comparison = ROTATION if kind == "rotation" else TRANSLATION
+    walk = streams.noise.gyro_walk if kind == "rotation" else streams.noise.accel_walk
+    return fit_inertial(streams.samples, streams.noise, comparison, bias_walk=walk)
+
+
+def gross_cause(streams: Streams, kind: Kind, found: InertialFit) -> Hypothesis | None:
+    """Return the odd reading under which the streams agree, where they disagree by more than a small fault."""
+    large = any(one.free and abs(one.value) > _LARGE[group_of(name)] for name, one in found.parameters.items())
+    if found.settled and not large and found.rms - found.model_rms - found.expected_rms < _FAR_OFF * found.rms_error:
+        return None
+    position_m, rotation_rad = measured_pose_sigmas(streams.poses)
+    if kind == "rotation":
+        hypothesis = explain_rates(streams.samples, rotation_rad)
+    else:
+        hypothesis = explain_forces(streams.samples, streams.noise.gravity_m_s2, position_m)
+    return hypothesis if hypothesis is not None and hypothesis.oddness > 0 else None
+
+
+def disagreement(kind: Kind, hypothesis: Hypothesis) -> Measured:
+    """State how far the streams disagree as declared, and which reading reconciles them."""
+    return Measured(
+        name="disagreement",
+        value=float(np.sqrt(hypothesis.declared_left)),
+        unit="1",
+        standard_error=1.0 / float(np.sqrt(6 * hypothesis.rows)),
+        expected=1.0,
+        side="upper",
+        statement=f"Pose and IMU disagree in {kind} {np.sqrt(hypothesis.declared_left):.3g} times as much as noise "
+        f"allows; they agree if {_in_words(hypothesis)}.",
+        code=f"imu.{kind}.disagreement",
+        where=Where(stream="imu"),
+        severity="critical",
+        suspects=_suspects_of(kind, hypothesis),
+    )
+
+
+def _suspects_of(kind: Kind, hypothesis: Hypothesis) -> tuple[Suspect, ...]:
+    weight = 0.95 * hypothesis.explained
+    causes: list[Suspect] = []
+    if "wxyz" in hypothesis.reading:
+        causes.append(Suspect("quaternion_order", "pose", weight))
+    if "inverse" in hypothesis.reading:
+        causes.append(Suspect("quaternion_inverted", "pose", weight))
+    if hypothesis.rate_unit != 1.0:
+        causes.append(Suspect("unit_deg_rad", "imu", weight, hypothesis.rate_unit, "1"))
+    if hypothesis.length_unit != 1.0:
+        causes.append(Suspect("unit_mm_m", "pose", weight, hypothesis.length_unit, "1"))
+    if hypothesis.world_axes != Hypothesis().world_axes:
+        causes.append(Suspect(_axes_cause(hypothesis.world_axes), "pose", weight))
+    if hypothesis.sensor_axes != Hypothesis().sensor_axes:
+        causes.extend(_sensor_suspects(kind, hypothesis, weight))
+    elif hypothesis.gravity != "declared":
+        cause = "gravity_missing" if hypothesis.gravity == "missing" else "gravity_sign"
+        causes.append(Suspect(cause, "imu", weight))
+    return tuple(causes)
+
+
+def _sensor_suspects(kind: Kind, hypothesis: Hypothesis, weight: float) -> tuple[Suspect, ...]:
+    """Blame turned axes on the sensor, or on the pose: that turns gravity over in the world as well."""
+    cause = _axes_cause(hypothesis.sensor_axes)
+    of_imu, of_pose = Suspect(cause, "imu", weight), Suspect("frame_convention", "pose", weight)
+    if kind == "rotation":
+        return (of_imu, of_pose) if cause == "frame_convention" else (of_imu,)
+    return (of_pose,) if hypothesis.gravity == "reversed" else (of_imu,)
+
+
+def _axes_cause(axes: tuple[tuple[int, ...], ...]) -> str:
+    matrix = np.array(axes)
+    return "axes_swapped" if np.all(matrix >= 0) and int(np.trace(matrix)) == 1 else "frame_convention"
+
+
+def _in_words(hypothesis: Hypothesis) -> str:
+    said = []
+    if hypothesis.reading != "xyzw":
+        said.append(f"quaternions are read as {hypothesis.reading}")
+    if hypothesis.sensor_axes != Hypothesis().sensor_axes:
+        said.append(f"the sensor's axes are {_axes_in_words(hypothesis.sensor_axes)} of the body")
+    if hypothesis.world_axes != Hypothesis().world_axes:
+        said.append(f"positions are {_axes_in_words(hypothesis.world_axes)} of the world")
+    if hypothesis.rate_unit != 1.0:
+        said.append(f"angular velocity is divided by {hypothesis.rate_unit:.4g}")
+    if hypothesis.length_unit != 1.0:
+        said.append(f"positions are divided by {hypothesis.length_unit:g}")
+    if hypothesis.gravity != "declared":
+        said.append(f"gravity is {hypothesis.gravity} in the specific force")
+    return " and ".join(said)
+
+
+def _axes_in_words(axes: tuple[tuple[int, ...], ...]) -> str:
+    def named(row: tuple[int, ...]) -> str:
+        column = int(np.argmax(np.abs(row)))
+        return ("-" if row[column] < 0 else "") + "xyz"[column]
+
+    return "(" + ", ".join(named(row) for row in axes) + ")"

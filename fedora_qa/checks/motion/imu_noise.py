@@ -1,0 +1,94 @@
+"""The noise of the IMU against its declaration."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.exact import count_of_faults
+from fedora_qa.checks.motion.defects import frozen_imu
+from fedora_qa.checks.motion.noise_measured import noise_against_declared
+from fedora_qa.checks.motion.samples import NOISE_ORDER, join_imu, owned_imu, place, stored_resolution, why_unusable
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.inertial_samples import STAMP_SIGMA_S
+from fedora_qa.estimators.local_motion import Vectors, noise_level
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import ImuModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import ImuSamples, Window
+
+Float64 = NDArray[np.float64]
+
+_DEGREES: Final = float(np.degrees(1.0))
+
+
+class Noise(WindowCheck[ImuSamples]):
+    """Is the noise of the IMU what is declared?
+
+    Divided differences of order 8 of the samples, scaled to unit noise gain: the motion vanishes, white noise stays.
+    Its standard deviation is compared with ``density * sqrt(rate)``, or with 0; errors and allowances as in
+    pose.noise. Samples that repeat the one before in every bit while others move are counted as well. Biases and their
+    walks are slow and do not show here.
+    """
+
+    name = "imu.noise"
+    needs = ("imu",)
+
+    def measure(self, window: Window) -> ImuSamples | None:
+        """Keep the window's own samples."""
+        return owned_imu(window)
+
+    def conclude(self, state: Sequence[ImuSamples], facts: Facts) -> Observation:
+        """Compare both sensors with their declarations."""
+        imu = join_imu(state)
+        seen = Coverage(len(imu.times_ns), len(facts.clocks["imu"].times_ns), "samples")
+        gyro = noise_level(imu.times_ns, Vectors(imu.angular_velocities_body_rad_s), order=NOISE_ORDER)
+        accel = noise_level(imu.times_ns, Vectors(imu.specific_forces_body_m_s2), order=NOISE_ORDER)
+        unusable = why_unusable(facts, "imu")
+        if unusable or gyro is None or accel is None:
+            return Observation(seen, unobservable=unusable or "too few samples in a row to tell noise from motion")
+        model = facts.declared.imu or ImuModel()
+        root_rate = float(np.sqrt(NS_PER_S / np.median(np.diff(imu.times_ns))))
+        rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
+        gyro_noise = noise_against_declared(
+            "gyro",
+            "rad/s",
+            gyro,
+            root_rate * model.gyro_noise_density,
+            _floor(imu.times_ns, rates),
+            "imu.noise",
+            "imu",
+            units={"unit_deg_rad": _DEGREES},
+        )
+        accel_noise = noise_against_declared(
+            "accelerometer",
+            "m/s^2",
+            accel,
+            root_rate * model.accel_noise_density,
+            _floor(imu.times_ns, forces),
+            "imu.noise",
+            "imu",
+            units={},
+        )
+        return Observation(seen, (gyro_noise, accel_noise, _stops(facts, imu)))
+
+
+def _floor(times_ns: NDArray[np.int64], values: Float64) -> float:
+    """Return the scatter of exact samples: stored digits, and stamps rounded to a microsecond."""
+    changes = np.linalg.norm(np.diff(values, axis=0), axis=1) / (np.diff(times_ns) / NS_PER_S)
+    return float(np.hypot(np.sqrt(np.mean(np.square(changes))) * STAMP_SIGMA_S, stored_resolution(values)))
+
+
+def _stops(facts: Facts, imu: ImuSamples) -> Measured:
+    still = frozen_imu(imu)
+    return count_of_faults(
+        "frozen",
+        len(still),
+        "samples",
+        statement=f"{len(still)} IMU samples repeat the one before exactly while the body moves.",
+        code="imu.noise.frozen",
+        where=place(facts, "imu", int(imu.times_ns[still[0]])) if len(still) else Where(stream="imu"),
+        suspects=(Suspect("frozen_frames", "imu", 0.95, float(len(still)), "samples"),),
+    )

@@ -1,0 +1,105 @@
+"""The clock of the IMU against that of the poses."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.motion.imu_agreement import (
+    Kind,
+    Motion,
+    Streams,
+    coverage_of,
+    fit,
+    gross_cause,
+    motion_of,
+    streams_of,
+)
+from fedora_qa.checks.motion.imu_parameters import TIMING_SHOWN, parameters_measured
+from fedora_qa.checks.protocol import Measured, Notice, Observation, WindowCheck
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.grouped_fit import Fitted
+from fedora_qa.sequence.declared import ImuModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+_SURE: Final = 6.0
+_CLOSE: Final = 3.0
+_MS_PER_S: Final = 1e3
+
+
+class Timing(WindowCheck[Motion]):
+    """Do IMU and poses run on one clock?
+
+    The offset of the stamps at the IMU's first sample and the rates of both clocks, from the fits of imu.rotation and
+    imu.translation: independent data, averaged by their errors. Each is tested alone unless several are needed to
+    explain the data. Positive: the IMU is late, or a clock is fast. Which stream is late these two cannot say; which
+    clock runs wrong they can, since in a second that is too long a body seems to turn too far.
+
+    Samples that are means over the interval before their stamp read as half an interval late. Where that is what is
+    found it is said, not failed: such a mean is sound data that lacks its declaration.
+
+    Cannot see an offset where the motion is constant: hovering, straight flight at one speed.
+    """
+
+    name = "imu.timing"
+    needs = ("imu", "pose")
+
+    def measure(self, window: Window) -> Motion | None:
+        """Keep the window's own samples."""
+        return motion_of(window)
+
+    def conclude(self, state: Sequence[Motion], facts: Facts) -> Observation:
+        """Fit the whole sequence."""
+        streams = streams_of(state, facts)
+        seen = coverage_of(streams, facts)
+        if isinstance(streams, str):
+            return Observation(seen, unobservable=streams)
+        fits = _sound_fits(streams)
+        if not fits:
+            return Observation(seen, unobservable="IMU and pose cannot be compared: see imu.rotation, imu.translation")
+        offset, notices = _without_averaging(_measured(fits, "time_offset"), streams, facts)
+        rates = (_measured(fits, name) for name in ("clock_rate", "pose_clock_rate"))
+        return Observation(seen, (offset, *rates), notices)
+
+
+def _sound_fits(streams: Streams) -> dict[Kind, dict[str, Fitted]]:
+    """Return the parameters of each kind of comparison that does not disagree grossly."""
+    kinds: tuple[Kind, ...] = ("rotation", "translation")
+    fits: dict[Kind, dict[str, Fitted]] = {}
+    for kind in kinds:
+        found = fit(streams, kind)
+        if found is not None and found.settled and gross_cause(streams, kind, found) is None:
+            fits[kind] = dict(found.parameters)
+    return fits
+
+
+def _measured(fits: dict[Kind, dict[str, Fitted]], name: str) -> Measured:
+    """Average a parameter over the comparisons, by their errors; the surest one says what else would explain it."""
+    found = {kind: parameters[name] for kind, parameters in fits.items()}
+    information = np.array([one.standard_error**-2 for one in found.values()])
+    shares = information / information.sum()
+    surest = max(found, key=lambda kind: (found[kind].free, -found[kind].standard_error))
+    average = replace(
+        found[surest],
+        value=float(shares @ [one.value for one in found.values()]),
+        standard_error=float(information.sum() ** -0.5),
+        model_error=float(shares @ [one.model_error for one in found.values()]),
+    )
+    return parameters_measured(surest, "imu.timing", {name: average}, TIMING_SHOWN)[0]
+
+
+def _without_averaging(offset: Measured, streams: Streams, facts: Facts) -> tuple[Measured, tuple[Notice, ...]]:
+    """Expect half an interval where instants are declared and that is what is found."""
+    half_ms = _MS_PER_S * float(np.median(np.diff(streams.imu.times_ns))) / NS_PER_S / 2
+    limit = _CLOSE * offset.standard_error + offset.allowance
+    declared = (facts.declared.imu or ImuModel()).sampling
+    sure = half_ms > _SURE * offset.standard_error + offset.allowance
+    if declared != "instant" or not sure or abs(offset.value - half_ms) > limit:
+        return offset, ()
+    message = (
+        f"IMU samples are {offset.value:.3g} ms late, half their interval: they read like means over it; declare "
+        "sampling='interval_mean' if they are."
+    )
+    return replace(offset, expected=half_ms), (Notice("imu.timing.interval_mean", message),)

@@ -1,0 +1,1 @@
+"""Worlds of triangles, rendered through OpenGL."""

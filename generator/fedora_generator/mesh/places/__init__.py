@@ -1,0 +1,1 @@
+"""Places built in code: what stands where, as textured triangles."""
