@@ -1,6 +1,7 @@
 # Everything a fresh machine needs: Python 3.11 or newer and make.
-#   make demo   environment, a generated sequence, its check; says where things are
-#   make test   format, lint, types, contracts, tests
+#   make demo         environment, a generated sequence, its check and report; says where things are
+#   make test         format, lint, types, contracts, tests
+#   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
 
 PYTHON ?= python3
 VENV := .venv
@@ -8,16 +9,21 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint study-mesh clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
 	$(BIN)/fedora-generate sequence park-day -o $(OUT)/park-day.h5 --duration 2 --size 720x540 --force
-	$(BIN)/fedora-qa check $(OUT)/park-day.h5 --json $(OUT)/park-day.json --markdown $(OUT)/park-day.md
+	$(BIN)/fedora-qa check $(OUT)/park-day.h5 --json $(OUT)/park-day.json --markdown $(OUT)/park-day.md \
+	  --html $(OUT)/park-day.html
 	@echo
+	@echo "report    $(OUT)/park-day.html (opens in any browser, without a network)"
 	@echo "sequence  $(OUT)/park-day.h5"
 	@echo "record    $(OUT)/park-day.json (schema and meaning: docs/record.md)"
 	@echo "summary   $(OUT)/park-day.md"
+
+study-mesh: $(READY)
+	$(BIN)/python -m fedora_generator.mesh.study
 
 test: lint
 	$(BIN)/pytest

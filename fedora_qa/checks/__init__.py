@@ -2,10 +2,17 @@
 
 from typing import Any, Final
 
+from fedora_qa.checks.alignment import depth as alignment_depth
+from fedora_qa.checks.alignment import events as alignment_events
 from fedora_qa.checks.clocks import index_maps, rates, stamps
+from fedora_qa.checks.depth import consistency, projection, scale
+from fedora_qa.checks.depth import range as depth_range
 from fedora_qa.checks.events import alignment, conservation, frames, orientation, response, rows, silence, timing
 from fedora_qa.checks.events import rates as event_rates
+from fedora_qa.checks.flow import events as flow_events
 from fedora_qa.checks.flow import geometry, photometric, validity
+from fedora_qa.checks.flow import rates as flow_rates
+from fedora_qa.checks.images import channels, exposure, order, repeats, transfer
 from fedora_qa.checks.integrity import finite, readable
 from fedora_qa.checks.metadata import cameras, declarations, profile
 from fedora_qa.checks.motion import continuity, imu, imu_noise, imu_timing, pose
@@ -38,9 +45,22 @@ CHECKS: Final[tuple[Check[Any], ...]] = (
     alignment.Alignment(),
     frames.Frames(),
     conservation.Conservation(),
+    alignment_depth.Depth(),
+    alignment_events.Events(),
     photometric.Residual(),
     geometry.Endpoint(),
     validity.Validity(),
+    flow_rates.Composition(),
+    depth_range.Range(),
+    consistency.Consistency(),
+    scale.Scale(),
+    projection.Projection(),
+    repeats.Repeats(),
+    order.Order(),
+    exposure.Exposure(),
+    channels.Channels(),
+    transfer.Transfer(),
+    flow_events.Sharpness(),
     pose.Orientation(),
     continuity.Continuity(),
     pose.Noise(),

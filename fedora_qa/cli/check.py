@@ -19,6 +19,7 @@ from fedora_qa.cli.terminal import stdout_console
 from fedora_qa.config import RULESET_VERSION, CheckConfig, read_config
 from fedora_qa.engine.run import CheckOptions, FileRun, check_file, select_checks
 from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.types import RECORD_VERSION, Record, Run, Tool
 from fedora_qa.sequence.sequence import open_sequence
@@ -44,17 +45,23 @@ PATH = click.Path(path_type=Path)
 @click.option(
     "--json", "json_path", type=PATH, metavar="OUT", help="Write the record, and its evidence to OUT.arrays.npz."
 )
+@click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write a report with pictures, in one HTML file.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write a summary for a pull request.")
 def check(
-    files: tuple[Path, ...], config: Path | None, json_path: Path | None, markdown_path: Path | None, **given: Any
+    files: tuple[Path, ...],
+    config: Path | None,
+    json_path: Path | None,
+    html_path: Path | None,
+    markdown_path: Path | None,
+    **given: Any,
 ) -> int:
     """Check FILES: recompute what must hold between their streams, and say what does not.
 
     Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
     """
     settings = settings_from(config, given)
-    options = check_options(settings)
-    outputs = Outputs(json_path, markdown_path)
+    outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path)
+    options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
     outputs.require_writable(files)
     require_hdf5(files, options.dialect)
     started = datetime.now(UTC).isoformat(timespec="seconds")

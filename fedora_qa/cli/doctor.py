@@ -1,12 +1,11 @@
-"""``fedora-qa doctor``: say whether this machine can run the checks, and what later features would need."""
+"""``fedora-qa doctor``: say whether this machine can run the checks, and what pictures and mesh scenes lack."""
 
-import ctypes.util
 import io
+import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import click
 from rich.table import Table
@@ -14,13 +13,14 @@ from rich.text import Text
 
 from fedora_qa import __version__
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
+from fedora_qa.cli.graphics import REPORTS_INSTALL, Trial, try_pyrender, try_pyvista
 from fedora_qa.cli.host import PACKAGES, host_facts, memory_mib, package_version, usable_cores
 from fedora_qa.cli.terminal import stdout_console, text
 
 State = Literal["ok", "missing", "broken"]
 
 _STYLES = {"ok": "green", "missing": "yellow", "broken": "bold red"}
-_SWRAST_FOLDERS = ("/usr/lib", "/usr/lib64", "/usr/local/lib")
+_BROWSERS: Final = ("chromium", "chromium-browser", "google-chrome")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,10 @@ class Symptom:
 
 @click.command(short_help="Say whether this machine can run the checks.")
 def doctor() -> int:
-    """Look at versions, HDF5 filters, OpenCV, graphics libraries, cores and memory. Exit 0 when checks can run."""
+    """Look at versions, HDF5 filters, OpenCV, cores and memory, and draw through OpenGL. Exit 0 when checks can run.
+
+    No check needs graphics; mesh scenes and the report's picture of the trajectory do.
+    """
     symptoms = tuple(examine())
     console = stdout_console()
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
@@ -59,11 +62,13 @@ def examine() -> Iterator[Symptom]:
         yield Symptom(name, "ok" if found else "missing", found or f"install it: pip install {name}")
     yield _blosc()
     yield _remap()
-    yield _shared_library("libEGL", "EGL", "libegl1")
-    yield _mesa()
     yield Symptom("cores", "ok", f"{usable_cores()} usable")
     memory = memory_mib()
     yield Symptom("memory", "ok", f"{memory} MiB" if memory else "unknown", needed=False)
+    yield _report()
+    yield _drawn("trajectory render", try_pyvista(), "No check needs it.")
+    yield _drawn("mesh scenes", try_pyrender(), "No check needs it, and no scene of the exact world.")
+    yield _browser()
 
 
 def _blosc() -> Symptom:
@@ -95,16 +100,18 @@ def _remap() -> Symptom:
     return Symptom("OpenCV remap", "ok", f"OpenCV {cv2.__version__}, {precision}")
 
 
-def _shared_library(what: str, name: str, package: str) -> Symptom:
-    found = ctypes.util.find_library(name)
-    detail = found or f"only pictures and mesh worlds would need it, no check does: apt install {package}"
-    return Symptom(what, "ok" if found else "missing", detail, needed=False)
+def _report() -> Symptom:
+    version = package_version("jinja2")
+    detail = f"jinja2 {version}" if version else f"only `check --html` needs jinja2: {REPORTS_INSTALL}"
+    return Symptom("HTML report", "ok" if version else "missing", detail, needed=False)
 
 
-def _mesa() -> Symptom:
-    """Look for Mesa's software rasteriser, which lets EGL render without a graphics card."""
-    patterns = ("dri/swrast_dri.so", "libgallium-*.so")
-    folders = [Path(root) for root in _SWRAST_FOLDERS if Path(root).is_dir()]
-    found = next((path for root in folders for pattern in patterns for path in root.glob(f"**/{pattern}")), None)
-    detail = str(found) if found else "only pictures and mesh worlds would need it: apt install libgl1-mesa-dri"
-    return Symptom("Mesa software renderer", "ok" if found else "missing", detail, needed=False)
+def _drawn(what: str, trial: Trial, without: str) -> Symptom:
+    detail = trial.detail if trial.works else f"{trial.detail} {without}"
+    return Symptom(what, "ok" if trial.works else "missing", detail, needed=False)
+
+
+def _browser() -> Symptom:
+    found = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    detail = found or "only the tests of this project need it: apt install chromium"
+    return Symptom("Chromium", "ok" if found else "missing", detail, needed=False)

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.cli.arrays import arrays_beside, write_arrays
+from fedora_qa.cli.html import require_renderer, write_html
 from fedora_qa.errors import MisuseError
-from fedora_qa.record.atomic import replacing, write_text
+from fedora_qa.record.atomic import write_text
 from fedora_qa.record.json_io import write_record
 from fedora_qa.record.markdown import record_to_markdown
 from fedora_qa.record.types import Record
@@ -22,16 +23,22 @@ class Outputs:
 
     json: Path | None = None
     markdown: Path | None = None
+    html: Path | None = None
     draft: Path | None = None
 
     @property
     def arrays(self) -> Path | None:
         """Where the evidence arrays lie: beside the record."""
-        return self.json.with_name(self.json.name + ".arrays.npz") if self.json else None
+        return arrays_beside(self.json) if self.json else None
+
+    @property
+    def show_evidence(self) -> bool:
+        """Whether anything is written in which a person can see the evidence."""
+        return self.json is not None or self.html is not None
 
     def require_writable(self, inputs: Sequence[Path]) -> None:
         """Raise ``MisuseError`` where an output cannot be written, or would overwrite an input or another output."""
-        targets = [path for path in (self.json, self.arrays, self.markdown, self.draft) if path is not None]
+        targets = [p for p in (self.json, self.arrays, self.markdown, self.html, self.draft) if p is not None]
         places = [path.resolve() for path in targets]
         read = {path.resolve() for path in inputs}
         for target, place in zip(targets, places, strict=True):
@@ -43,6 +50,8 @@ class Outputs:
                 raise MisuseError(f"Expected the folder of {target} to exist; make it first")
             if not os.access(place.parent, os.W_OK):
                 raise MisuseError(f"Expected the folder of {target} to be writable")
+        if self.html:
+            require_renderer()
 
     def write(self, record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Write everything; the arrays first, so that no record refers to what is not there."""
@@ -51,12 +60,5 @@ class Outputs:
             write_record(record, self.json)
         if self.markdown:
             write_text(self.markdown, record_to_markdown(record))
-
-
-def write_arrays(target: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays by name into one compressed file, entirely or not at all; never as pickled objects."""
-    for name, array in arrays.items():
-        if array.dtype.hasobject:
-            raise TypeError(f"Expected numbers in the evidence {name!r}, got Python objects")
-    with replacing(target) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+        if self.html:
+            write_html(self.html, record, arrays)

@@ -1,12 +1,21 @@
-"""Results for checks that measured nothing: not asked, not applicable, or crashed."""
+"""From judgements to the file's results and verdict, with those of checks that measured nothing."""
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any, Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check
-from fedora_qa.record.types import Result
+from fedora_qa.engine.stream import States
+from fedora_qa.judgement.judge import Judged
+from fedora_qa.record.types import Result, Verdict
 from fedora_qa.sequence.facts import Facts
+
+_COLLECTORS: Final[Mapping[str, str]] = {
+    "statistics": "What do the streams hold?",
+    "evidence": "What would a person want to see?",
+}
+"""What accumulates beside the checks, and the question that it answers. Where one crashes, a result says so."""
 
 
 def why_not_applicable(check: Check[Any], facts: Facts) -> str:
@@ -25,18 +34,53 @@ def not_applicable(check: Check[Any], reason: str) -> Result:
     return Result(check=check.name, outcome="not_applicable", question=check.question, reason=reason)
 
 
-def crashed(check: Check[Any], traceback: str) -> Result:
-    """Return the result of a check that failed itself: never a silent pass."""
+def _crashed_result(name: str, question: str, traceback: str) -> Result:
+    """Return the result of what failed itself: never a silent pass."""
     last_line = traceback.strip().splitlines()[-1]
-    return Result(
-        check=check.name,
-        outcome="crashed",
-        question=check.question,
-        reason=f"the check itself failed: {last_line}",
-        traceback=traceback,
-    )
+    reason = f"the check itself failed: {last_line}"
+    return Result(name, "crashed", question, reason=reason, traceback=traceback)
 
 
 def crossing_streams(checks: Iterable[Check[Any]]) -> frozenset[str]:
     """Return the names of the checks that hold one stream against another."""
     return frozenset(check.name for check in checks if len(check.needs) > 1)
+
+
+def results_in_order(
+    checks: tuple[Check[Any], ...], judged: tuple[Judged, ...], states: States, reasons: Mapping[str, str]
+) -> tuple[Result, ...]:
+    """Return the result of every check in order, and of each collector that crashed."""
+    by_name = {one.result.check: _with_missed(one.result, states) for one in judged}
+    results: list[Result] = []
+    for check in checks:
+        if check.name in by_name:
+            results.append(by_name[check.name])
+        elif check.name in states.crashes:
+            results.append(_crashed_result(check.name, check.question, states.crashes[check.name]))
+        else:
+            results.append(not_applicable(check, reasons[check.name]))
+    results += [
+        _crashed_result(name, _COLLECTORS[name], states.crashes[name]) for name in _COLLECTORS if name in states.crashes
+    ]
+    return tuple(results)
+
+
+def _with_missed(result: Result, states: States) -> Result:
+    """Say how many windows a check could not see because they cannot be decoded."""
+    missed = states.missed.get(result.check, 0)
+    if not missed:
+        return result
+    note = f"{missed} windows were not seen because their rows cannot be decoded (see integrity.readable)"
+    return replace(result, reason="; ".join(filter(None, (result.reason, note))))
+
+
+def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict:
+    """Return the verdict: incomplete where a check crashed or no stream could be held against another."""
+    if any(result.outcome == "crashed" for result in results):
+        return "incomplete"
+    if any(result.outcome == "failed" for result in results):
+        return "findings"
+    told = {"passed", "warned"}
+    if crossing and not any(result.outcome in told and result.check in crossing for result in results):
+        return "incomplete"
+    return "clean"

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +12,21 @@ from numpy.typing import NDArray
 from fedora_qa.checks import CHECKS
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.digest import Digest, file_digest
-from fedora_qa.engine.outcomes import crashed, crossing_streams, not_applicable, why_not_applicable
+from fedora_qa.engine.evidence import evidence_of_checks, evidence_of_pass
+from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdict_of, why_not_applicable
 from fedora_qa.engine.plan import Effort, make_plan
 from fedora_qa.engine.prepare import prepare
-from fedora_qa.engine.stream import Progress, States, attempt, conclude, look_again, measure
+from fedora_qa.engine.stream import Accumulator, Progress, attempt, conclude, look_again, measure
 from fedora_qa.engine.unreadable import unreadable_record
 from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.evidence.collector import EvidenceCollector
+from fedora_qa.evidence.kept import together
+from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.judgement.diagnosis import diagnose
-from fedora_qa.judgement.judge import Judged, judge
+from fedora_qa.judgement.judge import judge
 from fedora_qa.judgement.tolerances import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.layout.dialect import Dialect
-from fedora_qa.record.types import FileRecord, Result, Scalar, Verdict
+from fedora_qa.record.types import FileRecord, Scalar
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 from fedora_qa.statistics.collector import StatisticsCollector
 
@@ -41,6 +45,8 @@ class CheckOptions:
         How the file names and scales things; recognised from the file when None.
     memory_bytes
         What to aim at: a share of it bounds the decoded blocks, while what checks compute follows the frames' size.
+    evidence
+        How much to keep for a person to see; None: only what checks keep themselves.
     """
 
     effort: Effort = "full"
@@ -49,6 +55,7 @@ class CheckOptions:
     dialect: Dialect | None = None
     memory_bytes: int = 1024 * _MEBIBYTE
     false_alarm_rate: float = DEFAULT_FALSE_ALARM_RATE
+    evidence: EvidenceOptions | None = field(default_factory=EvidenceOptions)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,18 +141,27 @@ def _check_open(
     reasons = {check.name: why_not_applicable(check, facts) for check in checks}
     asked = [check for check in checks if not reasons[check.name]]
     chosen = [ready.spans[number] for number in plan.chosen]
-    collector = StatisticsCollector()
+    statistics = StatisticsCollector()
+    keeper = EvidenceCollector(ready.spans, chosen, options.evidence) if options.evidence else None
+    accumulators: list[Accumulator] = [*asked, statistics, *([keeper] if keeper else [])]
     with watch.stage("measuring"):
-        states = measure([*asked, collector], chosen, facts, ready.decoder, plan.sampling, progress)
+        states = measure(accumulators, chosen, facts, ready.decoder, plan.sampling, progress)
     with watch.stage("second look"):
-        look_again(asked, states, chosen, facts, ready.decoder, plan.sampling, progress)
+        looked_again = look_again(asked, states, chosen, facts, ready.decoder, plan.sampling, progress)
     with watch.stage("judgement"):
         observations = conclude(asked, states, facts)
         judged = judge(observations, asked, options.false_alarm_rate)
-        diagnoses = diagnose([alarm for one in judged for alarm in one.alarms])
+        alarms = [alarm for one in judged for alarm in one.alarms]
+        diagnoses = diagnose(alarms)
     with watch.stage("statistics"):
-        tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
-    results = _in_order(checks, judged, states, reasons)
+        tables = attempt(states, statistics.name, lambda: statistics.conclude(states.states[statistics.name], facts))
+    with watch.stage("evidence"):
+        kept = evidence_of_checks(observations)
+        if keeper and options.evidence:
+            findings = [alarm.finding for alarm in alarms]
+            seen = evidence_of_pass(keeper, states, findings, ready, chosen, options.evidence, looked_again)
+            kept = together([seen, kept])
+    results = results_in_order(checks, judged, states, reasons)
     record = FileRecord(
         path=str(sequence.path),
         size=sequence.path.stat().st_size,
@@ -157,50 +173,10 @@ def _check_open(
         verdict=verdict_of(results, crossing_streams(checks)),
         results=results,
         diagnoses=diagnoses,
-        evidence={title: text for one in observations.values() for title, text in one.titles.items()},
+        evidence=kept.titles,
     )
-    arrays = {name: array for one in observations.values() for name, array in one.evidence.items()}
     seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
-    return FileRun(record, arrays, seconds, ready.decoder.decoded_bytes)
-
-
-def _in_order(
-    checks: tuple[Check[Any], ...], judged: tuple[Judged, ...], states: States, reasons: Mapping[str, str]
-) -> tuple[Result, ...]:
-    by_name = {one.result.check: _with_missed(one.result, states) for one in judged}
-    results: list[Result] = []
-    for check in checks:
-        if check.name in by_name:
-            results.append(by_name[check.name])
-        elif check.name in states.crashes:
-            results.append(crashed(check, states.crashes[check.name]))
-        else:
-            results.append(not_applicable(check, reasons[check.name]))
-    if StatisticsCollector.name in states.crashes:
-        trace = states.crashes[StatisticsCollector.name]
-        results.append(Result("statistics", "crashed", "What do the streams hold?", reason="", traceback=trace))
-    return tuple(results)
-
-
-def _with_missed(result: Result, states: States) -> Result:
-    """Say how many windows a check could not see because they cannot be decoded."""
-    missed = states.missed.get(result.check, 0)
-    if not missed:
-        return result
-    note = f"{missed} windows were not seen because their rows cannot be decoded (see integrity.readable)"
-    return replace(result, reason="; ".join(filter(None, (result.reason, note))))
-
-
-def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict:
-    """Return the verdict: incomplete where a check crashed or no stream could be held against another."""
-    if any(result.outcome == "crashed" for result in results):
-        return "incomplete"
-    if any(result.outcome == "failed" for result in results):
-        return "findings"
-    told = {"passed", "warned"}
-    if crossing and not any(result.outcome in told and result.check in crossing for result in results):
-        return "incomplete"
-    return "clean"
+    return FileRun(record, kept.arrays, seconds, ready.decoder.decoded_bytes)
 
 
 def _inferred(sequence: Sequence, observations: Mapping[str, Observation]) -> dict[str, Scalar]:

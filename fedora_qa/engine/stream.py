@@ -24,7 +24,7 @@ Progress = Callable[[str, int, int], None]
 
 
 class Accumulator(Protocol):
-    """What the pass feeds: a check, or the collector of statistics. See ``Check`` for the meaning of each call."""
+    """What the pass feeds: a check, or a collector of statistics or evidence. ``Check`` says what each call means."""
 
     name: str
 
@@ -99,8 +99,8 @@ def look_again(
     source: RowSource,
     sampling: Sampling,
     progress: Progress,
-) -> None:
-    """Give the checks one more look at the windows they name, a bounded share of all together."""
+) -> int:
+    """Give the checks one more look at the windows they name, a bounded share of all together; return how many."""
     wanted = {check.name: _wanted(check, states, facts) for check in checks}
     budget = max(1, int(FOLLOW_UP_SHARE * len(spans)))
     by_index = {span.index: span for span in spans}
@@ -109,6 +109,7 @@ def look_again(
         progress("looking again", done, len(numbers))
         asking = [(check.name, check.look_again) for check in checks if number in wanted[check.name]]
         _show(Window(by_index[number], facts, source, sampling), asking, states)
+    return len(numbers)
 
 
 def merge(checks: Iterable[Accumulator], earlier: States, later: States) -> States:

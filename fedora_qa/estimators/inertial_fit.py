@@ -22,6 +22,7 @@ _MOST_ITERATIONS: Final = 12
 _REACH: Final = 0.5
 """Share of its largest conceivable value beyond which a parameter is no longer followed."""
 
+_COURSE_POINTS: Final = 1000
 _OUTLIER: Final = 8.0
 _MOST_OUTLIERS: Final = 0.1
 """Where more rows than this share lie far out, it is the model that is wrong, and none is left out."""
@@ -58,6 +59,9 @@ class InertialFit:
         How many comparisons were made, and how many lie so far out that they were left out of the fit.
     worst
         Of all rows, after the freed parameters.
+    course
+        (n, 2) instant in s and length of the residual, after the freed parameters: the longest of each of at most 1000
+        runs of rows.
     """
 
     parameters: Mapping[str, Fitted]
@@ -70,6 +74,7 @@ class InertialFit:
     rows: int
     outliers: int
     worst: WorstRow
+    course: Float64
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,6 +232,7 @@ def _summarise(
         rows=sum(map(len, stretches)),
         outliers=sum(int(np.count_nonzero(~keep)) for keep in kept),
         worst=_worst(stretches, left),
+        course=_course(stretches, left),
     )
 
 
@@ -238,6 +244,14 @@ def _error_of_rms(expected: float, sigmas: Float64) -> float:
     """
     weights = np.square(sigmas) / np.mean(np.square(sigmas))
     return float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (6 * len(sigmas))))
+
+
+def _course(stretches: list[Rows], left: list[Float64]) -> Float64:
+    times_s = np.concatenate([rows.times_s for rows in stretches])
+    lengths = np.linalg.norm(np.concatenate(left), axis=1)
+    runs = np.array_split(np.arange(len(lengths)), min(len(lengths), _COURSE_POINTS))
+    longest = [run[np.argmax(lengths[run])] for run in runs]
+    return np.stack([times_s[longest], lengths[longest]], axis=1)
 
 
 def _worst(stretches: list[Rows], left: list[Float64]) -> WorstRow:

@@ -118,6 +118,7 @@ def _recorded(measured: Measured, tolerance: Tolerance) -> Measurement:
         expected=_finite(measured.expected),
         limit=_finite(tolerance.limit(measured.standard_error, measured.allowance)),
         least_detectable=_finite(_least_detectable(measured, tolerance)),
+        side=measured.side,
     )
 
 

@@ -1,28 +1,37 @@
 """The names of the arrays that lie beside a record, and what each holds: all that a report draws from.
 
 Names are paths. Streams that a file does not have leave their arrays out; what could not be decoded is NaN, or 0 in
-whole numbers. Pictures are made smaller by averaging, so they show values of the file's own units.
+whole numbers. Pictures are made smaller by averaging, so they show values of the file's own units. Every array has a
+title in the record that can serve as its caption. Times are on the file's clock.
 
 ``moments/...``
     A few instants, evenly spread. n moments; every picture of a stream has one size.
 
-    ``times_us`` (n,) float64 on the file's clock · ``rgb`` (n, h, w, 3) uint8 as stored · ``depth_m`` (n, h, w) float32
-    · ``flow_px`` (n, h, w, 2) float32, of the fastest rate whose interval begins there, in px of the *stored* image
-    over ``flow_interval_us`` (n, 2) float64 · ``brighter``, ``darker`` (n, h, w) uint16: events within
-    ``events_interval_us`` (n, 2) float64, summed over the pixels that one pixel of the picture stands for.
+    ``times_us`` (n,) float64 · ``rgb`` (n, h, w, 3) uint8 as stored, of ``rgb_times_us`` (n,) float64 · ``depth_m``
+    (n, h, w) float32, of ``depth_times_us`` (n,) float64 · ``flow_px`` (n, h, w, 2) float32, of the fastest rate whose
+    interval begins there, in px of the *stored* image over ``flow_interval_us`` (n, 2) float64 · ``brighter``,
+    ``darker`` (n, h, w) uint16: events within ``events_interval_us`` (n, 2) float64, summed over the pixels that one
+    pixel of the picture stands for. Where a moment lacks a picture of a stream, that stream's instants are NaN.
 ``places/<finding id>/...``
-    What the streams show where a finding is worst: the arrays of a moment without their first axis, and
-    ``box`` (4,) float64: left, top, right, bottom of the worst pixel or tile as shares of the picture, 0 to 1,
-    (0, 0, 1, 1) where the finding is of the whole picture.
+    What the streams show where a finding is worst: the arrays of a moment without their first axis, the flow of the
+    rate that the finding names, and ``box`` (4,) float64: left, top, right, bottom of the worst pixel or tile as shares
+    of the picture, 0 to 1, (0, 0, 1, 1) where the finding is of the whole picture. Findings at one place share the
+    pictures of the first of them.
 ``trajectory/...``
-    ``times_us`` (n,) float64 · ``positions_world_m`` (n, 3) float64 · ``speeds_m_s`` (n,) float64, smoothed as the
-    statistics are · ``forward_world`` (n, 3) float64: the body's X axis.
+    n poses: ``times_us`` (n,) float64 · ``positions_world_m`` (n, 3) float64 as stored · ``speeds_m_s`` (n,) float64,
+    smoothed as the statistics are, NaN where too few poses are there · ``forward_world`` (n, 3) float64: the body's X
+    axis.
 ``timeline/...``
-    ``edges_us`` (b + 1,) float64, and ``<stream>`` (b,) int64: samples of the stream within each bin.
+    ``edges_us`` (b + 1,) float64, and ``<stream>`` (b,) int64 (``timeline/flow/10hz``): samples of the stream within
+    each bin. Samples far outside the time that most streams share are in no bin. Events of windows that were not looked
+    at are spread evenly over them.
 ``histograms/<quantity>/...``
-    ``edges`` (b + 1,) float64 and ``counts`` (b,) int64. The title of ``counts`` says what is counted, and its unit.
+    ``edges`` (b + 1,) float64 and ``counts`` (b,) int64; bins of equal width from 0 on. The title of ``counts`` says
+    what is counted, its unit, and the share that lies above the last bin. Quantities: ``depth_m``, ``luma_dn``,
+    ``flow_10hz`` (px over its interval) and so on, ``event_rate_hz`` (of each pixel).
 ``<check>/<name>``
-    Arrays that a check keeps (``flow_geometry.endpoint/...``), each with a title of its own.
+    Arrays that a check keeps. An array (n, 2) of floats is a series of points whose title reads
+    ``TITLE; x LABEL [UNIT]; y LABEL [UNIT]``; an array (h, w) is a map whose title reads ``TITLE [UNIT]``.
 """
 
 from typing import Final

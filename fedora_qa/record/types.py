@@ -9,12 +9,17 @@ RECORD_VERSION: Final = "1.0"
 Outcome = Literal["passed", "failed", "warned", "not_applicable", "not_observable", "crashed"]
 Severity = Literal["critical", "error", "warning", "info"]
 Verdict = Literal["clean", "findings", "incomplete"]
+Side = Literal["both", "upper", "lower"]
 Scalar = str | int | float | bool | None
 
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """A place in a file; what does not apply is None. Times are on the file's own clock; ranges are half-open."""
+    """A place in a file; what does not apply is None. Times are on the file's own clock; ranges are half-open.
+
+    ``frame`` counts the images of the stream named, colour frames where that has none. ``pixel`` (column, row) and
+    ``tile`` (left, top, right, bottom) are in the stored pixels of the stream named.
+    """
 
     stream: str | None = None
     start_us: float | None = None
@@ -31,7 +36,8 @@ class Measurement:
     """A measured number beside what an honest file gives.
 
     ``limit`` is the largest deviation from ``expected`` that an honest file gives at the file's false-alarm rate;
-    ``least_detectable`` the least deviation that would have been seen with 95% probability.
+    ``least_detectable`` the least deviation that would have been seen with 95% probability. ``side`` says which
+    deviations count: a value below what is expected is fine where only the ``upper`` side does.
     """
 
     name: str
@@ -41,6 +47,7 @@ class Measurement:
     expected: float | None
     limit: float | None
     least_detectable: float | None
+    side: Side = "both"
 
 
 @dataclass(frozen=True, slots=True)

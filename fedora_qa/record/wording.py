@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from fedora_qa.causes import CAUSES
-from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Measurement, Outcome, Result, Where
+from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Measurement, Outcome, Result, Side, Where
 
 OUTCOME_WORDS: Final[dict[Outcome, str]] = {
     "failed": "failed",
@@ -131,13 +131,8 @@ def findings_of(file: FileRecord) -> tuple[tuple[Result, Finding], ...]:
 
 
 def principal(result: Result) -> Measurement | None:
-    """Return the measurement that lies farthest out, in units of what an honest file gives; the first among equals.
-
-    A measurement that may deviate to one side only can exceed its limit on the other in a check that did not fail;
-    it is then no farther out than the rest.
-    """
-    most = math.inf if result.outcome == "failed" else 1.0
-    return max(result.measurements, key=lambda one: excess if (excess := _excess(one)) <= most else 0.0, default=None)
+    """Return the measurement that lies farthest out, in units of what an honest file gives; the first among equals."""
+    return max(result.measurements, key=_excess, default=None)
 
 
 def check_cells(result: Result) -> tuple[str, str, str, str]:
@@ -181,10 +176,17 @@ def coverage_words(coverage: Coverage | None) -> str:
 def _excess(measurement: Measurement) -> float:
     if measurement.value is None or measurement.expected is None:
         return math.inf if measurement.value is None else 0.0
-    deviation = abs(measurement.value - measurement.expected)
+    deviation = _deviation(measurement.value - measurement.expected, measurement.side)
     if not measurement.limit:
         return math.inf if deviation else 0.0
     return deviation / measurement.limit
+
+
+def _deviation(difference: float, side: Side) -> float:
+    """Return how far a value lies out on the side that counts; 0 on the other."""
+    if side == "both":
+        return abs(difference)
+    return max(difference if side == "upper" else -difference, 0.0)
 
 
 def _times(where: Where) -> str | None:

@@ -88,6 +88,16 @@ def rotation(times_s: Float64, orientations_xyzw: Float64) -> Motion | None:
     return Motion(motion.length, motion.speed_max, 2.0 * motion.noise, motion.knot_spacing_s)  # half angles in q
 
 
+def velocities(times_s: Float64, positions_m: Float64) -> Float64 | None:
+    """Return the velocities (n, 3) in m/s of the smooth curve at each sample. None where there are too few samples."""
+    if len(times_s) < _FEWEST_SAMPLES:
+        return None
+    fits = [_Fit.best_to(stretch) for stretch in _stretches(times_s, positions_m)]
+    rates = [fit.curve.derivative()(fit.stretch.core_times_s) for fit in fits]
+    inner = [one[:-1] for one in rates[:-1]]  # stretches share the samples where they meet
+    return np.concatenate([*inner, rates[-1]])
+
+
 @dataclass(frozen=True, slots=True)
 class _Stretch:
     """Samples of one stretch with its margins, and the stamps of the stretch itself, both ends among them."""

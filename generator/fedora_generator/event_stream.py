@@ -8,7 +8,7 @@ from fedora_generator.camera import event_camera
 from fedora_generator.event_sensor import EventBatch, EventSensor
 from fedora_generator.flight import Flight
 from fedora_generator.metadata import write_camera, write_events
-from fedora_generator.render import ExactWorld
+from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.sampling import MOTION_BOUND_PX, FixedSteps, MotionSteps, Quality, Sampling
 from fedora_generator.scene import Scene
 from fedora_generator.write import EventColumns, IndexMap, write_dataset
@@ -25,7 +25,7 @@ class EventRecorder:
         self,
         file: h5py.File,
         scene: Scene,
-        world: ExactWorld,
+        world: RenderedWorld,
         quality: Quality,
         maps: dict[str, tuple[str, NDArray[np.int64]]],
         seed: np.random.SeedSequence,

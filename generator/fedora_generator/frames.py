@@ -13,7 +13,7 @@ from fedora_generator.flight import Flight
 from fedora_generator.flow import flow_px
 from fedora_generator.instants import FRAME_RATE_HZ, intervals_us, stamps_us
 from fedora_generator.metadata import write_camera, write_depth_range, write_flow
-from fedora_generator.render import ExactWorld
+from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.scene import Scene
 from fedora_generator.write import write_dataset
 from fedora_qa.conventions import FLOW_RATES_HZ
@@ -29,7 +29,7 @@ class FrameRenderer:
     """Renders the frames that were asked for into their datasets, in any order, each once."""
 
     scene: Scene
-    world: ExactWorld
+    world: RenderedWorld
     flight: Flight
     rgb: h5py.Dataset | None
     depth: h5py.Dataset | None
@@ -70,7 +70,7 @@ def as_8_bit(radiance_dn: Floats) -> NDArray[np.uint8]:
 
 
 def create_frames(
-    file: h5py.File, scene: Scene, world: ExactWorld, duration_us: int, streams: frozenset[str]
+    file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, streams: frozenset[str]
 ) -> FrameRenderer:
     """Create the datasets and metadata of the image streams among ``streams``."""
     camera, stamps = colour_camera(scene.camera), stamps_us(duration_us, FRAME_RATE_HZ)

@@ -18,9 +18,10 @@ from fedora_generator.imu import sample_imu
 from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, POSE_RATE_HZ, stamps_us, whole_us
 from fedora_generator.metadata import write_imu, write_pose, write_root
 from fedora_generator.pose import sample_pose
-from fedora_generator.render import ExactWorld
+from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import Scene
+from fedora_generator.surroundings import Surroundings, render_surroundings, surroundings_of
 from fedora_generator.write import atomic_file, write_dataset
 from fedora_qa.conventions import US_PER_S
 
@@ -74,25 +75,33 @@ def generate_sequence(
     ------
     SceneError
         The flight meets the world, or the size is too small.
+    GraphicsMissingError
+        The scene is drawn by OpenGL, and there is none.
     OutputError
         The target exists and ``overwrite`` is false, or cannot be written.
     """
     duration_us = whole_us(request.duration_s)
-    require_free_flight(scene, duration_us)
+    surroundings = surroundings_of(scene)
+    _require_free_flight(scene, surroundings, duration_us)
     with atomic_file(target, overwrite=overwrite) as file:
-        write_root(file, scene)
+        write_root(file, scene, surroundings.name)
         _write_samples(file, scene, duration_us, request.streams)
-        frames, events, renders = _walk(file, scene, duration_us, request, progress)
+        world = render_surroundings(scene, surroundings, request.quality, _path_world_m(scene, duration_us))
+        frames, events, renders = _walk(file, scene, world, duration_us, request, progress)
     return Summary(frames, events, renders, target.stat().st_size)
 
 
 def require_free_flight(scene: Scene, duration_us: int) -> None:
-    """Raise SceneError where the camera enters a box or the ground, looked at every millisecond."""
+    """Raise SceneError where the camera enters a solid or the ground, looked at every millisecond."""
+    _require_free_flight(scene, surroundings_of(scene), duration_us)
+
+
+def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: int) -> None:
     event_camera(scene.camera)  # raises where it would have no pixel
     camera, flight = colour_camera(scene.camera), Flight(scene.flight)
     for times_us in _pieces(stamps_us(duration_us, IMU_RATE_HZ)):
         positions_world_m = camera.poses_at(flight, times_us)[:, :3, 3]
-        collision = scene.world.collision(positions_world_m)
+        collision = surroundings.collision(positions_world_m)
         if collision is not None:
             index, what = collision
             raise SceneError(
@@ -101,16 +110,21 @@ def require_free_flight(scene: Scene, duration_us: int) -> None:
             )
 
 
+def _path_world_m(scene: Scene, duration_us: int) -> NDArray[np.float64]:
+    """Positions (n, 3) of the camera at every frame."""
+    poses = colour_camera(scene.camera).poses_at(Flight(scene.flight), stamps_us(duration_us, FRAME_RATE_HZ))
+    return np.asarray(poses[:, :3, 3])
+
+
 def _pieces(times_us: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     """Cut times into pieces of bounded size."""
     return np.split(times_us, range(CHECKED_AT_ONCE, len(times_us), CHECKED_AT_ONCE))
 
 
 def _walk(
-    file: h5py.File, scene: Scene, duration_us: int, request: Request, progress: Progress
+    file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, request: Request, progress: Progress
 ) -> tuple[int, int, int]:
     """Render frames and events in the order of time; return the numbers of frames, events and event renders."""
-    world = ExactWorld.of(scene.world, scene.light)
     stamps = stamps_us(duration_us, FRAME_RATE_HZ)
     frames = create_frames(file, scene, world, duration_us, request.streams)
     recorder = _event_recorder(file, scene, world, duration_us, request) if "events" in request.streams else None
@@ -127,7 +141,7 @@ def _walk(
 
 
 def _event_recorder(
-    file: h5py.File, scene: Scene, world: ExactWorld, duration_us: int, request: Request
+    file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, request: Request
 ) -> EventRecorder:
     stamps = stamps_us(duration_us, FRAME_RATE_HZ)
     sizes = {"rgb": "N", "depth": "D"}

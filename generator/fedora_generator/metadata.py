@@ -19,15 +19,15 @@ EVENT_ATTRIBUTES: Final = (
 )
 
 
-def write_root(file: h5py.File, scene: Scene) -> None:
-    """Format, and where the sequence comes from."""
+def write_root(file: h5py.File, scene: Scene, world: str) -> None:
+    """Format, and where the sequence comes from; ``world`` is the name of what stands around the flight."""
     _set(
         file,
         {
             "format": FORMAT_NAME,
             "format_version": FORMAT_VERSION,
             "sequence": scene.name,
-            "world": scene.world.name,
+            "world": world,
             "illumination": scene.light.name,
             "created_by": f"fedora-generate {_version()}",
             "scene_digest": scene.digest,
@@ -90,7 +90,7 @@ def write_pose(file: h5py.File, scene: Scene) -> None:
 
 
 def write_flow(file: h5py.File) -> None:
-    """Write unit and model of the flow: nothing in the exact world moves."""
+    """Write unit and model of the flow: nothing in either world moves."""
     _set(file.require_group("metadata/flow"), {"unit": "px", "model": "rigid"})
 
 

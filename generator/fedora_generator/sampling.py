@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fedora_generator.camera import Camera
 from fedora_generator.flight import Flight
 from fedora_generator.flow import flow_px
-from fedora_generator.render import ExactWorld
+from fedora_generator.rendered_world import RenderedWorld
 
 Quality = Literal["draft", "standard", "reference"]
 
@@ -50,7 +50,7 @@ class FixedSteps:
 class MotionSteps:
     """As many equal steps as keep the image motion of each under ``bound_px``."""
 
-    world: ExactWorld
+    world: RenderedWorld
     camera: Camera
     flight: Flight
     bound_px: float

@@ -2,6 +2,14 @@
 
 ``world`` names a world of the package, or a TOML file beside the scene, or is a table itself. ``base`` names a scene
 whose tables this one starts from.
+
+``renderer`` says who draws: ``"exact"`` (the default) casts rays in float64; ``"mesh"`` draws triangles through OpenGL,
+either the same ``world``, or a place built in code, which only it can draw::
+
+    renderer = "mesh"
+    place = { name = "park", seed = 3 }     # instead of world; seed is 0 if left out
+
+``[mesh]`` sets its precision and antialiasing (``mesh/detail.py``); without it the quality asked for does.
 """
 
 import hashlib
@@ -10,7 +18,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Literal
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
@@ -19,11 +27,23 @@ from fedora_generator.errors import SceneError
 from fedora_generator.event_sensor import EventSensorOptions
 from fedora_generator.flight import FlightOptions
 from fedora_generator.imu import ImuOptions
+from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.world import World
 
-SCENE_NAMES: Final = ("park-day", "park-night", "racetrack-day", "hover", "fast-turn", "park-noisy")
+SCENE_NAMES: Final = (
+    "park-day",
+    "park-night",
+    "racetrack-day",
+    "hover",
+    "fast-turn",
+    "park-noisy",
+    "park-mesh-day",
+    "park-mesh-night",
+    "racetrack-mesh-day",
+    "racetrack-mesh-night",
+)
 """Scenes of the package; the first has an exact world and every stream."""
 
 _SCENES: Final = Path(__file__).parent / "scenes"
@@ -35,18 +55,32 @@ _MISSING_KEY: Final = ("missing", "missing_argument", "missing_keyword_only_argu
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """A place built in code (``mesh/places``), the same for the same seed."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    name: str
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
     """Everything that a sequence follows from, but its duration.
 
-    ``event_step_us`` fixes the renders of the event camera to a grid, as a game engine has it; 0 lets image motion
-    decide. ``depth_range_m`` is the nearest and farthest valid z-depth.
+    It has either a ``world`` or a ``place``. ``mesh`` is None where the quality asked for decides. ``event_step_us``
+    fixes the renders of the event camera to a grid, as a game engine has it; 0 lets image motion decide.
+    ``depth_range_m`` is the nearest and farthest valid z-depth.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
     name: str
     description: str
-    world: World
+    world: World | None = None
+    place: Place | None = None
+    renderer: Literal["exact", "mesh"] = "exact"
+    mesh: MeshDetail | None = None
     light: Light
     flight: FlightOptions
     events: EventSensorOptions
@@ -58,6 +92,7 @@ class Scene:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        self._require_something_to_draw()
         near_m, far_m = self.depth_range_m
         if not 0 < near_m < far_m:
             raise ValueError(f"Expected depth_range_m to ascend from above 0, got {near_m} to {far_m}")
@@ -69,6 +104,16 @@ class Scene:
             )
         if self.seed < 0:
             raise ValueError(f"Expected seed >= 0, got {self.seed}")
+
+    def _require_something_to_draw(self) -> None:
+        if self.renderer not in ("exact", "mesh"):
+            raise ValueError(f"Expected renderer to be 'exact' or 'mesh', got {self.renderer!r}")
+        if (self.world is None) == (self.place is None):
+            raise ValueError(f"Expected either a world or a place, got {'neither' if self.world is None else 'both'}")
+        if self.renderer == "exact" and self.world is None:
+            raise ValueError("Expected a world with the exact renderer, got a place; set renderer = 'mesh'")
+        if self.renderer == "exact" and self.mesh is not None:
+            raise ValueError("Expected no table mesh with the exact renderer, got one; set renderer = 'mesh'")
 
     @property
     def digest(self) -> str:
@@ -122,7 +167,7 @@ def _read_scene(path: Path) -> dict[str, Any]:
     tables = _read_toml(path)
     base = tables.pop("base", None)
     if base is not None:
-        tables = _merged(_read_scene(_scene_path(str(base))), tables)
+        tables = _merged(_without_rivals(_read_scene(_scene_path(str(base))), tables), tables)
     if isinstance(tables.get("world"), str):
         tables["world"] = _read_toml(_world_path(tables["world"], beside=path))
     return tables
@@ -142,6 +187,12 @@ def _read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
         raise SceneError(f"Expected a readable TOML file, got {path}: {error}") from error
+
+
+def _without_rivals(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the base without its world where the changes bring a place, and the other way round."""
+    rivals = {"world": "place", "place": "world"}
+    return {key: value for key, value in base.items() if rivals.get(key) not in changes}
 
 
 def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -134,13 +134,15 @@ def test_crash_is_an_outcome(fedora_qa: Command, sequence: Path, tmp_path: Path)
 def test_evidence_lies_beside_the_record(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
     """Arrays are found under the names that the record gives, without unpickling, for one file and for several."""
     other = Path(shutil.copy(sequence, tmp_path / "other.h5"))
-    for files, names in (((sequence,), ["residual_px"]), ((sequence, other), ["0/residual_px", "1/residual_px"])):
+    for files, prefixes in (((sequence,), [""]), ((sequence, other), ["0/", "1/"])):
         fedora_qa("check", "--ignore", "test.crashes", *files, "--json", tmp_path / "out.json")
         record = read_record(tmp_path / "out.json")
-        assert [name for file in record.files for name in file.evidence] == names
         with np.load(tmp_path / "out.json.arrays.npz", allow_pickle=False) as arrays:
-            assert arrays.files == names
-            np.testing.assert_array_equal(arrays[names[-1]], np.arange(3.0))
+            assert arrays.files == [name for file in record.files for name in file.evidence]
+            for prefix, file in zip(prefixes, record.files, strict=True):
+                assert file.evidence[f"{prefix}test.answers/residual_px"] == "Residual by frame, px"
+                np.testing.assert_array_equal(arrays[f"{prefix}test.answers/residual_px"], np.arange(3.0))
+                assert arrays[f"{prefix}moments/rgb"].dtype == np.uint8
 
 
 @pytest.mark.usefixtures("test_checks")

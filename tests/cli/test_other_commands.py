@@ -2,6 +2,7 @@
 
 import io
 import json
+import sys
 import tomllib
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from fedora_qa.cli import doctor as doctor_module
 from fedora_qa.cli.doctor import Symptom
 from fedora_qa.cli.progress import progress_bar
 from tests.cli.conftest import Command
+from tests.support.graphics import without_opengl
 
 STAMPS = ("--select", "clocks")
 
@@ -109,17 +111,50 @@ def test_layout_shows_hostile_names_as_they_are(fedora_qa: Command, tmp_path: Pa
     assert "\x1b" not in done.out
 
 
-def test_doctor(fedora_qa: Command) -> None:
-    """On a machine that runs these tests the doctor finds the codec, OpenCV and every library."""
+def test_doctor(fedora_qa: Command, opengl: str) -> None:
+    """On a machine that draws the doctor finds the codec, OpenCV and every library, and says what drew."""
     done = fedora_qa("doctor")
     assert done.code == 0
-    for part in ("HDF5 Blosc-Zstd", "OpenCV remap", "libEGL", "Mesa", "numpy", "cores", "memory", "Checks can run."):
+    for part in ("HDF5 Blosc-Zstd", "OpenCV remap", "numpy", "cores", "memory", "HTML report", "Checks can run."):
         assert part in done.out
+    rows = {line.split("  ")[0]: line for line in done.out.splitlines()}
+    assert opengl in rows["mesh scenes"]
+    assert " ok " in rows["trajectory render"]
+
+
+def test_doctor_without_opengl(fedora_qa: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Where OpenGL cannot be loaded the doctor names the packages and what lacks them; checks can still run."""
+    for name, value in without_opengl(tmp_path).items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setenv("COLUMNS", "400")
+    done = fedora_qa("doctor")
+    assert done.code == 0
+    rows = {line.split("  ")[0]: line for line in done.out.splitlines()}
+    for row in ("trajectory render", "mesh scenes"):
+        assert " missing " in rows[row]
+        assert "libegl1" in rows[row]
+        assert "libgl1-mesa-dri" in rows[row]
+        assert "No check needs it" in rows[row]
+
+
+def test_doctor_without_the_extras(fedora_qa: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Where the libraries of the extras are missing the doctor names the extras, not packages of the system."""
+    (tmp_path / "pyrender.py").write_text("raise ModuleNotFoundError(\"No module named 'pyrender'\")\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "fedora_reports.trajectory", None)
+    monkeypatch.setattr(doctor_module, "package_version", lambda name: None if name == "jinja2" else "1.0")
+    monkeypatch.setenv("COLUMNS", "400")
+    done = fedora_qa("doctor")
+    assert done.code == 0
+    rows = {line.split("  ")[0]: line for line in done.out.splitlines()}
+    assert "fedora-qa[generator]" in rows["mesh scenes"]
+    assert "fedora-qa[reports]" in rows["trajectory render"]
+    assert "fedora-qa[reports]" in rows["HTML report"]
 
 
 def test_doctor_on_a_sick_machine(fedora_qa: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is needed and broken exits with 3; what only pictures need does not."""
-    symptoms = [Symptom("libEGL", "missing", "apt install libegl1", needed=False)]
+    symptoms = [Symptom("mesh scenes", "missing", "apt install libegl1", needed=False)]
     monkeypatch.setattr(doctor_module, "examine", lambda: iter(symptoms))
     assert fedora_qa("doctor").code == 0
     symptoms.append(Symptom("HDF5 Blosc-Zstd", "broken", "no filter"))

@@ -13,11 +13,14 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.outcomes import why_not_applicable
 from fedora_qa.engine.run import quiet
-from fedora_qa.engine.stream import States, conclude, measure, merge
+from fedora_qa.engine.stream import Accumulator, States, conclude, measure, merge
 from fedora_qa.engine.windows import cut_windows
+from fedora_qa.evidence.collector import EvidenceCollector
+from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.sequence.scan import Scan, scan
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 from fedora_qa.sequence.window import Sampling, Span
+from fedora_qa.statistics.collector import StatisticsCollector
 from tests.support.identical import identical
 
 CELL_NS = 100_000_000
@@ -31,14 +34,18 @@ class Bench:
         self.scanned: Scan = scan(sequence, CELL_NS)
         self.spans: tuple[Span, ...] = cut_windows(self.scanned)
         self.checks: list[Check[Any]] = [c for c in CHECKS if not why_not_applicable(c, self.scanned.facts)]
+        self.collectors = [StatisticsCollector(), EvidenceCollector(self.spans, self.spans, EvidenceOptions())]
+        self.accumulators: list[Accumulator] = [*self.checks, *self.collectors]
 
     def measure(self, start: int, stop: int, cache_bytes: int = 1 << 26) -> States:
         source = BlockDecoder(self.sequence, self.scanned, cache_bytes)
-        return measure(self.checks, self.spans[start:stop], self.scanned.facts, source, Sampling(), quiet)
+        return measure(self.accumulators, self.spans[start:stop], self.scanned.facts, source, Sampling(), quiet)
 
     def conclude(self, states: States) -> dict[str, Any]:
         assert not states.crashes, "\n".join(states.crashes.values())
-        return conclude(self.checks, states, self.scanned.facts)
+        facts = self.scanned.facts
+        kept = {one.name: one.conclude(states.states[one.name], facts) for one in self.collectors}
+        return {**conclude(self.checks, states, facts), **kept}
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +59,7 @@ def in_one_piece(bench: Bench) -> dict[str, Any]:
     return bench.conclude(bench.measure(0, len(bench.spans)))
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_random_cuts_and_merges_change_no_bit(data: st.DataObject, bench: Bench, in_one_piece: dict[str, Any]) -> None:
     """Cut anywhere, measure each stretch alone with any cache, merge neighbours in any order: the same bits."""
@@ -63,7 +70,7 @@ def test_random_cuts_and_merges_change_no_bit(data: st.DataObject, bench: Bench,
     parts = [bench.measure(start, stop, cache) for start, stop in pairwise(bounds)]
     while len(parts) > 1:
         i = data.draw(st.integers(0, len(parts) - 2))
-        parts[i : i + 2] = [merge(bench.checks, parts[i], parts[i + 1])]
+        parts[i : i + 2] = [merge(bench.accumulators, parts[i], parts[i + 1])]
     outcome = bench.conclude(parts[0])
     assert outcome.keys() == in_one_piece.keys()
     differing = [name for name in outcome if not identical(outcome[name], in_one_piece[name])]

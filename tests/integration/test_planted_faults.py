@@ -40,6 +40,13 @@ def stretch_camera_rotation(file: h5py.File) -> None:
     camera["T_body_camera"] = camera["T_body_camera"] @ np.diag([1.1, 1.0, 1.0, 1.0])
 
 
+def cut_depth_off(file: h5py.File) -> None:
+    depth = file["path/depth"]
+    farthest_mm = np.float32(1000 * file["metadata/depth_range"][1])
+    for frame in range(len(depth)):
+        depth[frame] = np.where(np.isnan(depth[frame]), farthest_mm, depth[frame])
+
+
 def promise_the_paper(file: h5py.File) -> None:
     file.attrs["profile"] = "fedora-paper"
 
@@ -71,9 +78,17 @@ PLANTED = {
     "event_response.alignment": Planted("spatial_offset", "events", 3, within=0.2),
     "event_response.frames": Planted("frozen_frames", "rgb", 3, scene="fast-turn", start_s=0.5),
     "event_response.conservation": Planted("mirrored", "events"),
+    "alignment.depth": Planted("spatial_offset", "depth", 3, within=0.1),
+    "alignment.events": Planted("spatial_offset", "rgb", -3, within=0.1),
+    "flow_events.sharpness": Planted("flow_gain", "flow", -30, scene="fast-turn", within=0.05),
     "flow_photometric.residual": Planted("flow_gain", "flow", 10, within=0.05),
     "flow_geometry.endpoint": Planted("flow_gain", "flow/25hz", -10, within=0.05),
     "flow_geometry.validity": Planted("invalid_encoding", "flow"),
+    "flow_rates.composition": Planted("flow_interval_shifted", "flow/10hz", 1, within=0.0),
+    "depth.range": Planted("invalid_encoding", "depth", edit=cut_depth_off),
+    "depth.consistency": Planted("swapped_frames", "depth", 1, start_s=0.5),
+    "depth.scale": Planted("unit_mm_m", "depth", 0.001, within=0.01),
+    "depth.projection": Planted("depth_ray_not_z", "depth"),
     "pose.orientation": Planted("quaternion_not_unit", "pose", 0.01, within=0.05),
     "pose.continuity": Planted("teleport", "pose", 0.1, within=0.05, start_s=0.5),
     "pose.noise": Planted("noise_misdeclared", "pose", 100, scene="park-noisy", within=0.2),

@@ -98,7 +98,7 @@ def test_principal_is_the_farthest_out() -> None:
 
 def test_principal_of_a_passed_check_is_within_its_limit() -> None:
     """A one-sided measurement that is far out on the harmless side is not the news."""
-    one_sided = Measurement("focal", 311.8, "px", 0.0, 0.0, 0.0, None)
+    one_sided = Measurement("focal", 311.8, "px", 0.0, 0.0, 0.0, None, side="lower")
     usual = Measurement("skew", 0.1, "px", 0.1, 0.0, 0.6, 0.8)
     assert principal(replace(passed(), measurements=(one_sided, usual))) == usual
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.events.view import SeenFrames, seen_frames, signal, why_frames_and_events_do_not_meet
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.estimators.event_shift import RADIUS_PX, Shift, cross_correlation, peak
+from fedora_qa.estimators.registration_errors import open_level_errors, slope_sums
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
@@ -98,9 +99,8 @@ class Alignment(WindowCheck[Correlations]):
             return Observation(coverage, unobservable="the peak depends on single frame intervals")
         threshold = max(facts.declared.events.threshold_on, facts.declared.events.threshold_off)
         slopes = np.concatenate([one.slopes for one in state])
-        level, level_squares, change_squares = slopes.mean(axis=0)
-        errors = np.maximum(spread, threshold * np.sqrt(2 / 3 / np.maximum(change_squares, 1e-300)))
-        lags = threshold / 2 * level / np.maximum(level_squares, 1e-300)
+        left_open, lags = open_level_errors(slopes.mean(axis=0), threshold)
+        errors = np.maximum(spread, left_open)
         return Observation(coverage, tuple(self._one(shift, errors, lags, axis) for axis in (0, 1)))
 
     def _one(self, shift: Shift, errors: Float64, lags: Float64, axis: int) -> Measured:
@@ -136,20 +136,7 @@ def _interval(
     change = np.where(usable, levels[i + 1] - levels[i], 0.0)
     events = declared.threshold_on * seen.counts[i, 1] - declared.threshold_off * seen.counts[i, 0]
     squares = np.array([np.sum(change[usable] ** 2), np.sum(events[usable] ** 2)])
-    slopes = np.zeros((3, 2))
-    for axis, (ahead, behind) in enumerate(_NEIGHBOURS):
-        both = usable[ahead] & usable[behind]
-        slope = (levels[i][ahead] - levels[i][behind])[both]
-        slopes[:2, axis] = np.abs(slope).sum(), np.sum(slope**2)
-        slopes[2, axis] = np.sum((change[ahead] - change[behind])[both] ** 2)
-    return cross_correlation(change, events, usable), squares, slopes
-
-
-_NEIGHBOURS: Final = (
-    ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
-    ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
-)
-"""Pixels and their neighbours to the left, and above."""
+    return cross_correlation(change, events, usable), squares, slope_sums(levels[i], change, usable)
 
 
 def _intervals(facts: Facts) -> int:

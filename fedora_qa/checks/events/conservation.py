@@ -78,7 +78,9 @@ class Conservation(Check[Ledger]):
             coverage,
             (self._share(closed, state.model, facts, gathered), tile),
             evidence={"conservation_violations": pixels.astype(np.uint8)},
-            titles={"conservation_violations": "Pixels whose events do not add up to what the frames show"},
+            titles={
+                "conservation_violations": "Pixels whose events do not add up to what the frames show [1: some do not]"
+            },
         )
 
     def _share(self, closed: list[Closed], declared: EventModel, facts: Facts, gathered: bool) -> Measured:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.events.view import seen_frames, signal, why_frames_and_events_do_not_meet
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.conventions import NS_PER_US, US_PER_S
 from fedora_qa.estimators.event_orientation import BLOCK_PX, block_means, moments
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -93,8 +94,12 @@ class Frames(WindowCheck[IntervalMoments]):
         errors = np.hypot(spread, noise[clear])
         worst = int(np.argmax((np.abs(gains - middle) - ALLOWED * middle) / errors))
         repeated = int(np.count_nonzero(dd[clear] == 0))
+        times_s = (facts.origin_us + facts.clocks["rgb"].times_ns[frames[clear][:, 1]] / NS_PER_US) / US_PER_S
         return Observation(
-            coverage, (self._one(gains, middle, float(errors[worst]), worst, frames[clear][worst], repeated, facts),)
+            coverage,
+            (self._one(gains, middle, float(errors[worst]), worst, frames[clear][worst], repeated, facts),),
+            evidence={"change_shown": np.stack([times_s, gains], axis=1)},
+            titles={"change_shown": "Change between frames over what events say; x time [s]; y change shown [1]"},
         )
 
     def _one(

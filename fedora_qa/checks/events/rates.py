@@ -70,7 +70,7 @@ class Rates(Check[NDArray[np.int64]]):
             coverage,
             tuple(measured),
             evidence={"event_counts": np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)},
-            titles={"event_counts": "Events of each pixel"},
+            titles={"event_counts": "Events of each pixel [events]"},
         )
 
     def _loudest(

@@ -150,8 +150,8 @@ def _of_the_frames(window: Window, tiles: Tiles, frames: FramePair) -> Iterator[
             yield _Candidate("mirrored", "rgb", tiles.flow_px, replace(frames, optics=optics))
 
 
-def residual_maps(window: Window, optics: Optics, interval: Interval) -> Mapping[str, NDArray[Any]]:
-    """Return pictures of one field: residual u and v in px and the unexplained share by tile, and the difference in DN.
+def residual_maps(window: Window, optics: Optics, interval: Interval) -> Mapping[str, tuple[NDArray[Any], str]]:
+    """Return maps of one field, each with its title: residual u and v in px, and the unexplained share, by tile.
 
     A tile's value is NaN where the tile cannot tell.
     """
@@ -163,13 +163,13 @@ def residual_maps(window: Window, optics: Optics, interval: Interval) -> Mapping
     stored = window.flow_px(interval.stream, interval.row)
     columns = len(np.unique(TileGrid.of(*stored.shape[:2]).origins[:, 0]))
     can_tell = textured(residuals)
-    name = f"{interval.stream.replace('/', '_')}_field_{interval.row}"
+    field = f"of tiles of 32 px, worst field (row {interval.row} of {interval.stream})"
     by_tile = {
-        "residual_u_px": residuals.flow_errors_px[:, 0],
-        "residual_v_px": residuals.flow_errors_px[:, 1],
-        "unexplained_share": residuals.unexplained,
+        "residual_u_px": (residuals.flow_errors_px[:, 0], f"Residual flow u (right) {field} [px]"),
+        "residual_v_px": (residuals.flow_errors_px[:, 1], f"Residual flow v (down) {field} [px]"),
+        "unexplained_share": (residuals.unexplained, f"Share of the contrast left unexplained {field} [1]"),
     }
     return {
-        f"{name}_{what}": np.where(can_tell, values, np.nan).reshape(-1, columns).astype(np.float32)
-        for what, values in by_tile.items()
+        name: (np.where(can_tell, values, np.nan).reshape(-1, columns).astype(np.float32), title)
+        for name, (values, title) in by_tile.items()
     }

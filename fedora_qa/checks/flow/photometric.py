@@ -36,7 +36,7 @@ class WindowResiduals:
     fields: tuple[FieldResidual, ...] = ()
     without_frames: int = 0
     weighed: tuple[Weighed, ...] = ()
-    maps: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    maps: Mapping[str, tuple[NDArray[Any], str]] = field(default_factory=dict)
 
 
 class Residual(WindowCheck[WindowResiduals]):
@@ -128,8 +128,8 @@ class Residual(WindowCheck[WindowResiduals]):
         return Observation(
             coverage,
             tuple(measurements),
-            evidence=maps,
-            titles={name: name.replace("_", " ") for name in maps},
+            evidence={name: values for name, (values, _) in maps.items()},
+            titles={name: title for name, (_, title) in maps.items()},
             inferred={"flow_unit": inferred_unit(rates, telling, weighed)},
         )
 

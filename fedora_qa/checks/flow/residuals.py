@@ -82,7 +82,7 @@ class FieldResidual:
     least_matched, least_matched_tile
         Largest unexplained share of a textured tile, and that tile; only where depth told what both frames show.
     worst_tile, worst_px, worst_error_px
-        The matched tile (column, row, width, height) whose residual lies furthest from the field's mean for its error.
+        The matched tile (left, top, right, bottom) whose residual lies furthest from the field's mean for its error.
     """
 
     interval: Interval
@@ -183,7 +183,8 @@ def _summary(
 
 
 def _tile_at(origin: Int64) -> tuple[int, int, int, int]:
-    return int(origin[0]), int(origin[1]), TILE_PX, TILE_PX
+    left, top = (int(side) for side in origin)
+    return left, top, left + TILE_PX, top + TILE_PX
 
 
 def _flow_and_slopes(flow_px: Float32, usable: Mask) -> tuple[Float64, Float64]:

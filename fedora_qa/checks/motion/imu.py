@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.checks.motion.defects import frozen_imu, frozen_poses, pose_defects
 from fedora_qa.checks.motion.imu_agreement import (
@@ -19,6 +20,7 @@ from fedora_qa.checks.motion.imu_agreement import (
 from fedora_qa.checks.motion.imu_parameters import ROTATION_SHOWN, TRANSLATION_SHOWN, Shown, parameters_measured
 from fedora_qa.checks.motion.samples import place
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.conventions import NS_PER_S, US_PER_S
 from fedora_qa.estimators.inertial_fit import InertialFit
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import PoseModel
@@ -91,7 +93,18 @@ def _agreement(
     residual = _residual(found, kind, unit, factor, defects)
     worst = _worst(facts, streams, found, kind, unit, factor, defects)
     parameters = parameters_measured(kind, f"imu.{kind}", found.parameters, shown, defects) if found.settled else ()
-    return Observation(seen, (residual, worst, *parameters))
+    return Observation(
+        seen,
+        (residual, worst, *parameters),
+        evidence={"residual": _course(facts, streams, found, factor)},
+        titles={"residual": f"Residuals of IMU and pose in {kind}; x time [s]; y length [{unit}]"},
+    )
+
+
+def _course(facts: Facts, streams: Streams, found: InertialFit, factor: float) -> NDArray[np.float64]:
+    """Return the residuals over time (n, 2): s on the file's clock, and their lengths."""
+    seconds = facts.origin_us / US_PER_S + streams.origin_ns / NS_PER_S
+    return found.course * [1.0, factor] + [seconds, 0.0]
 
 
 def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects: tuple[Suspect, ...]) -> Measured:

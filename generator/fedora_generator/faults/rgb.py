@@ -1,10 +1,14 @@
 """Faults of the colour frames."""
 
+from typing import Final
+
 import h5py
 import numpy as np
 
-from fedora_generator.faults.fault import Fault
-from fedora_generator.faults.rows import edit_values
+from fedora_generator.faults.fault import Fault, FaultError
+from fedora_generator.faults.rows import Array, edit_values
+
+_WHITE: Final = 255.0
 
 
 def channel_order(file: h5py.File, fault: Fault) -> None:
@@ -13,6 +17,22 @@ def channel_order(file: h5py.File, fault: Fault) -> None:
 
 
 def exposure_or_gamma(file: h5py.File, fault: Fault) -> None:
-    """Make the values too large by the magnitude, as a longer exposure would, clipped at 255."""
-    gain = 1 + fault.magnitude_in("percent") / 100
-    edit_values(file, fault, lambda frames: np.rint(np.clip(frames * gain, 0, 255)).astype(np.uint8))
+    """Make the values too large by a magnitude in percent, as a longer exposure would, or bend them by a gamma.
+
+    Values are clipped at 255; -100 percent makes frames black. With the unit ``gamma``, a magnitude of 2.2 writes what
+    a display of that gamma needs, white and black staying where they are; nothing is declared.
+    """
+    edit_values(file, fault, lambda frames: _curve(fault)[frames])
+
+
+def _curve(fault: Fault) -> Array:
+    """Return what each of the 256 codes becomes."""
+    codes = np.arange(256, dtype=np.float64)
+    if fault.unit == "gamma":
+        if not fault.magnitude > 0:
+            raise FaultError(f"Expected a gamma above 0, got {fault.magnitude:g}")
+        bent: Array = _WHITE * (codes / _WHITE) ** (1 / fault.magnitude)
+    else:
+        bent = codes * (1 + fault.magnitude_in("percent") / 100)
+    stored: Array = np.rint(np.clip(bent, 0, _WHITE)).astype(np.uint8)
+    return stored

@@ -14,7 +14,8 @@ class TexturedMesh:
 
     ``vertices_world_m`` (n, 3) and ``normals_world`` (n, 3, unit) are in the world frame (ENU); ``triangles`` (m, 3)
     index them, counter-clockwise as seen from the front. ``uv`` (n, 2) are texture coordinates; (0, 0) is the outer
-    corner of the first texel of the first row, (1, 1) that of the last of the last, and the texture repeats.
+    corner of the first texel of the first row, (1, 1) that of the last of the last. Beyond, the texture repeats, or
+    its outermost texels go on.
     ``reflectance_rgb`` (h, w, 3), float32, linear, 0 to 1. ``emission_rgb`` is radiance of its own, linear, added
     everywhere the same: 1 is white. A two-sided mesh is seen from behind too, with its normal turned around.
     """
@@ -27,6 +28,7 @@ class TexturedMesh:
     reflectance_rgb: NDArray[np.float32]
     emission_rgb: tuple[float, float, float] = (0.0, 0.0, 0.0)
     two_sided: bool = False
+    repeats: bool = True
 
     def __post_init__(self) -> None:
         vertices = len(self.vertices_world_m)
@@ -46,3 +48,8 @@ class MeshModel:
     meshes: tuple[TexturedMesh, ...]
     lamps: tuple[Lamp, ...] = ()
     solids: tuple[Box, ...] = ()
+
+    def collision(self, positions_world_m: NDArray[np.float64]) -> tuple[int, str] | None:
+        """First of the points (n, 3) that is inside a solid, and which; None if none is."""
+        inside = [(solid.contains(positions_world_m), f"inside {solid.name!r}") for solid in self.solids]
+        return min(((int(np.argmax(flags)), what) for flags, what in inside if flags.any()), default=None)

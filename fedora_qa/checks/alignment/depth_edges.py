@@ -1,0 +1,124 @@
+"""Edges of colour frames, and of events, around the steps of depth: what one window shows of them."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.alignment.cameras import seen_from, why_not_comparable
+from fedora_qa.checks.events.view import sensor_shape
+from fedora_qa.checks.flow.intervals import frame_at
+from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.estimators.edge_profiles import tile_profiles
+from fedora_qa.estimators.edge_steps import depth_steps
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+FRAMES: Final = 2
+"""Depth frames of a window that are looked at, evenly spread: edges move little in between."""
+
+VARIANTS: Final = ("as stored", "mirrored left to right", "mirrored top to bottom")
+
+DARK_DN: Final = 8.0
+"""Added before the logarithm: below it rounding to 8 bits is more than 6% of the signal."""
+
+_EVENTS_AROUND_NS: Final = 10_000_000
+"""Events from so long before to so long after a frame lie on both sides of its edges alike."""
+
+
+@dataclass(frozen=True, slots=True)
+class DepthEdges:
+    """Sums of edge profiles (see ``edge_profiles``) over the frames of a window.
+
+    Attributes
+    ----------
+    colour
+        (3, 2, 2, tiles, 2 R + 1): as stored and mirrored in two ways; to the right and down; far and near side first.
+    events
+        (2, 2, tiles, 2 R + 1): of event counts, in pixels of the event camera.
+    frames
+        Depth frames that went in.
+    """
+
+    colour: Float64
+    events: Float64
+    frames: int
+
+
+def why_depth_and_colour_do_not_meet(facts: Facts) -> str:
+    """Say why depth and colour frames cannot be compared; empty where they can."""
+    return why_not_comparable(facts, "depth", "rgb")
+
+
+def depth_edges(window: Window) -> DepthEdges | None:
+    """Return what the window shows, computed once for all checks; None where no frame of depth and colour meet."""
+    return window.once("depth edges against colour", lambda: _measure(window))
+
+
+def _measure(window: Window) -> DepthEdges | None:
+    clocks = window.facts.clocks
+    if not {"depth", "rgb"} <= clocks.keys() or why_depth_and_colour_do_not_meet(window.facts):
+        return None
+    times_ns = clocks["depth"].times_ns
+    pairs = [(row, frame_at(clocks["rgb"], int(times_ns[row]))) for row in window.owned("depth")]
+    meeting = [(row, frame) for row, frame in pairs if frame is not None]
+    chosen = np.unique(np.linspace(0, len(meeting) - 1, FRAMES).round().astype(int)) if meeting else ()
+    measured = [one for i in chosen if (one := _of_frame(window, *meeting[int(i)])) is not None]
+    if not measured:
+        return None
+    colour, events = (np.sum(part, axis=0) for part in zip(*measured, strict=True))
+    return DepthEdges(colour, events, len(measured))
+
+
+def _of_frame(window: Window, row: int, frame: int) -> tuple[Float64, Float64] | None:
+    try:
+        depth_m, luma = window.depth_m(row), luma_dn(window, frame)
+    except UnreadableRowsError:
+        return None
+    facts, cameras = window.facts, window.facts.declared.cameras
+    far_m = _farthest_m(facts, depth_m)
+    pictures = [_log(image) for image in (luma, luma[:, ::-1], luma[::-1])]
+    counts = _counts_around(window, int(facts.clocks["depth"].times_ns[row]))
+    colour, events = [], []
+    for axis in (0, 1):
+        steps = depth_steps(depth_m, axis, farthest_m=far_m)
+        places = seen_from(cameras["depth"], cameras["rgb"], steps)
+        differences = (np.abs(np.diff(picture, axis=1 - axis)) for picture in pictures)
+        colour.append([tile_profiles(one, steps, axis, places, first_px=0.5) for one in differences])
+        if counts is None:
+            events.append(np.zeros_like(colour[-1][0]))
+        else:
+            places = seen_from(cameras["depth"], cameras["events"], steps)
+            events.append(tile_profiles(counts, steps, axis, places, first_px=0.0))
+    return np.swapaxes(np.array(colour), 0, 1), np.array(events)
+
+
+def _log(luma: Float32) -> Float32:
+    return np.asarray(np.log(luma + np.float32(DARK_DN)), dtype=np.float32)
+
+
+def _farthest_m(facts: Facts, depth_m: Float32) -> float:
+    """Return the distance beyond which depth is missing: as declared, or else the farthest in the frame."""
+    if facts.declared.depth_range_m is not None:
+        return facts.declared.depth_range_m[1]
+    known = depth_m[np.isfinite(depth_m)]
+    return float(known.max()) if len(known) and known.max() > 0 else 1.0
+
+
+def _counts_around(window: Window, time_ns: int) -> Float32 | None:
+    """Return how many events each pixel has around an instant, as the square root, (h, w); None without the camera."""
+    facts = window.facts
+    if "events" not in facts.streams or why_not_comparable(facts, "depth", "events"):
+        return None
+    height, width = sensor_shape(facts.declared)
+    events = window.events(_EVENTS_AROUND_NS, _EVENTS_AROUND_NS)
+    start, stop = np.searchsorted(events.times_ns, [time_ns - _EVENTS_AROUND_NS, time_ns + _EVENTS_AROUND_NS])
+    x, y = (column[start:stop].astype(np.int64) for column in (events.x, events.y))
+    on_sensor = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    counts = np.bincount(y[on_sensor] * width + x[on_sensor], minlength=height * width)
+    return np.sqrt(counts.reshape(height, width)).astype(np.float32)

@@ -1,0 +1,181 @@
+"""Events against colour: place in the image, whatever their polarity and thresholds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.alignment.cameras import why_not_one_view
+from fedora_qa.checks.alignment.depth_edges import DARK_DN, DepthEdges, depth_edges
+from fedora_qa.checks.alignment.depth_pair import colour_edges, event_edges
+from fedora_qa.checks.alignment.odd_one_out import PairShift, shift_suspects
+from fedora_qa.checks.events.view import SeenFrames, seen_frames
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.event_shift import RADIUS_PX, cross_correlation
+from fedora_qa.estimators.registration import PEAK_RADIUS_PX, registered_shift
+from fedora_qa.estimators.registration_errors import open_level_errors, slope_sums
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+Float64 = NDArray[np.float64]
+
+INTERVALS: Final = 3
+"""Frame intervals of a window that are correlated, evenly spread."""
+
+FEWEST_INTERVALS: Final = 4
+
+_MOST_GROUPS: Final = 12
+"""Groups of successive intervals that are left out in turn."""
+
+LEAST_CORRELATION: Final = 0.1
+"""Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """Sums over the lit pixels of some frame intervals of a window.
+
+    Attributes
+    ----------
+    auto, cross
+        (k, s, s) correlation of the frames' absolute change with itself, and with the number of events.
+    sums
+        (k, 4) absolute change of the pixels that fire, their events, and squares of all pixels' beyond the means.
+    slopes
+        (k, 3, 2) as ``slope_sums`` gives them: slopes of the level where pixels fire, slopes of its change everywhere.
+    edges
+        The same window's depth against colour and events, which tells the odd one out.
+    """
+
+    auto: Float64
+    cross: Float64
+    sums: Float64
+    slopes: Float64
+    edges: DepthEdges | None
+
+
+class Events(WindowCheck[Registration]):
+    """Do events lie at the pixels where frames change, whatever their polarity, thresholds and sensor model?
+
+    The number of events between two frames is cross-correlated with the absolute change of log luma, and the sum over
+    intervals is registered on the autocorrelation of that change (Guizar-Sicairos et al., Opt. Lett. 33 (2008)). Shifts
+    of up to four pixels are found. It asks what ``event_response.alignment`` asks, without declared thresholds, and so
+    with less precision.
+
+    The size of a step is taken from the data: the change of all pixels that fire over their events. With it, standard
+    error and lag are those of ``event_response.alignment``; the spread when stretches of time are left out in turn
+    counts where it is larger.
+
+    A late stream appears shifted along the mean motion of the image as well. Depth, where it is there, tells which
+    camera is off: a shift must explain colour against depth and events against depth too.
+    """
+
+    name = "alignment.events"
+    needs = ("events", "rgb")
+    _MATTERS_PX: Final = 2.0
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Need both cameras at one place."""
+        return why_not_one_view(facts, "events", "rgb")
+
+    def measure(self, window: Window) -> Registration | None:
+        """Correlate some intervals of the window."""
+        seen = seen_frames(window)
+        if len(seen) < 2:
+            return None
+        chosen = np.unique(np.linspace(0, len(seen) - 2, INTERVALS).round().astype(int))
+        parts = [_interval(seen, int(i)) for i in chosen]
+        auto, cross, sums, slopes = (np.array(part) for part in zip(*parts, strict=True))
+        return Registration(auto, cross, sums, slopes, depth_edges(window))
+
+    def conclude(self, state: Sequence[Registration], facts: Facts) -> Observation:
+        """Register the sums of all intervals."""
+        intervals = max(len(facts.clocks["rgb"].times_ns) - 1, 0)
+        coverage = Coverage(sum(len(one.sums) for one in state), intervals, "frame intervals")
+        if coverage.seen < FEWEST_INTERVALS:
+            return Observation(coverage, unobservable="fewer than four frame intervals with events")
+        auto, cross, sums, slopes = (
+            np.concatenate([getattr(one, name) for one in state]) for name in ("auto", "cross", "sums", "slopes")
+        )
+        change, events, change_squares, event_squares = sums.sum(axis=0)
+        strength = float(cross.sum(axis=0).max() / max(np.sqrt(change_squares * event_squares), 1e-300))
+        found = registered_shift(auto.sum(axis=0), cross.sum(axis=0))
+        if strength < LEAST_CORRELATION or found is None or events == 0:
+            return Observation(
+                coverage,
+                unobservable=f"events and frames correlate by no more than {strength:.2g} within "
+                f"{RADIUS_PX - PEAK_RADIUS_PX} px",
+            )
+        spread = _jackknife(auto, cross)
+        if spread is None:
+            return Observation(coverage, unobservable="the peak depends on single stretches of time")
+        left_open, lags = open_level_errors(slopes.mean(axis=0), float(change / events))
+        shift_px, errors = np.array([found.right_px, found.down_px]), np.maximum(spread, left_open)
+        suspects = (*_suspects(state, shift_px, np.hypot(errors, lags), facts), *_OTHERS)
+        return Observation(coverage, tuple(self._one(axis, shift_px, errors, lags, suspects) for axis in (0, 1)))
+
+    def _one(
+        self, axis: int, shift_px: Float64, errors: Float64, lags: Float64, suspects: tuple[Suspect, ...]
+    ) -> Measured:
+        name, word = (("shift_right", "right"), ("shift_down", "down"))[axis]
+        value, error = float(shift_px[axis]), float(errors[axis])
+        return Measured(
+            name=name,
+            value=value,
+            unit="px",
+            standard_error=error,
+            allowance=float(lags[axis]),
+            matters=self._MATTERS_PX,
+            statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from where the frames change.",
+            code="alignment.events.shift",
+            where=Where(stream="events"),
+            suspects=suspects,
+        )
+
+
+_OTHERS: Final = (
+    Suspect("time_offset", "events", 0.5),
+    Suspect("time_offset", "rgb", 0.5),
+    Suspect("clock_rate", "events", 0.4),
+)
+"""What shifts events along the motion of the image."""
+
+
+def _interval(seen: SeenFrames, i: int) -> tuple[Float64, Float64, Float64, Float64]:
+    """Return the sums of one frame interval, as in ``Registration``."""
+    usable = np.isfinite(seen.error_dn[i]) & np.isfinite(seen.error_dn[i + 1])
+    before, after = (np.log(seen.even_dn[frame] + DARK_DN) for frame in (i, i + 1))
+    change = np.where(usable, np.abs(after - before), 0.0)
+    events = np.where(usable, seen.counts[i].sum(axis=0), 0.0)
+    lit = [image[usable] for image in (change, events)]
+    squares = [float(np.sum((image - image.mean()) ** 2)) if len(image) else 0.0 for image in lit]
+    sums = np.array([change[events > 0].sum(), events.sum(), *squares])
+    slopes = slope_sums(before, change, usable)
+    slopes[:2] = slope_sums(before, change, events > 0)[:2]
+    auto, cross = (cross_correlation(change, other, usable) for other in (change, events))
+    return auto, cross, sums, slopes
+
+
+def _jackknife(auto: Float64, cross: Float64) -> Float64 | None:
+    """Return the spread (2,) of the shift when groups of intervals are left out in turn; None where it is lost."""
+    groups = np.array_split(np.arange(len(auto)), min(len(auto), _MOST_GROUPS))
+    all_auto, all_cross = auto.sum(axis=0), cross.sum(axis=0)
+    found = [registered_shift(all_auto - auto[g].sum(axis=0), all_cross - cross[g].sum(axis=0)) for g in groups]
+    known = [(shift.right_px, shift.down_px) for shift in found if shift is not None]
+    if len(known) < len(found):
+        return None
+    spread: Float64 = np.sqrt((len(known) - 1) * np.var(known, axis=0))
+    return spread
+
+
+def _suspects(state: Sequence[Registration], shift_px: Float64, error_px: Float64, facts: Facts) -> tuple[Suspect, ...]:
+    """Weigh the cameras by all pairs that can be had."""
+    pairs = [PairShift("rgb", "events", shift_px, error_px)]
+    edges = [one.edges for one in state if one.edges is not None]
+    if edges:
+        against_depth = (colour_edges(edges)[0].pair("rgb"), event_edges(edges).pair("events"))
+        pairs += [pair for pair in against_depth if pair is not None]
+    return shift_suspects(pairs, facts.declared.cameras)

@@ -1,0 +1,1 @@
+"""Depth frames: their values, and each against the next by the camera's motion."""

@@ -1,0 +1,203 @@
+"""Gross faults, tried one by one on a pair of depth frames that is off: undo each and see whether they then agree."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.depth.pairs import DepthPair, step_share
+from fedora_qa.checks.flow.hypotheses import Weighed
+from fedora_qa.checks.flow.intervals import PoseTrack
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.depth_fit import Family, fit_depth, noise_directions
+from fedora_qa.estimators.depth_image import DepthImage, depth_image
+from fedora_qa.estimators.depth_warp import DepthModel, lattice_of
+from fedora_qa.geometry.so3 import compose
+
+Depth = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+_NEIGHBOURS: Final = (-2, -1, 1, 2)
+_DELAYS_MS: Final = (-80.0, -40.0, -20.0, -10.0, 0.0, 10.0, 20.0, 40.0, 80.0)
+"""Offsets of the stamps that the fit starts from: it converges from where the motion still is about the same."""
+
+_LESS_LIKELY: Final = 0.95
+"""Where two causes have the same effect on depth, the one that other streams would show is named second."""
+
+_STREAM: Final = "depth"
+_FREE_TWIST: Final = noise_directions(np.eye(6))
+
+
+@dataclass(frozen=True, slots=True)
+class _Hypothesis:
+    """The frames and how they hang together without the fault; ``family`` has a free parameter where ``step`` is set.
+
+    ``blames`` are the causes and streams that would have this effect, each with its likeliness and the size of the
+    fault for a value of the parameter.
+    """
+
+    blames: tuple[tuple[str, str, float, Callable[[float], float | None]], ...]
+    images: tuple[DepthImage, DepthImage]
+    family: Family
+    start: float = 0.0
+    step: float | None = None
+    noise: Float64 | None = None
+
+
+def weigh_hypotheses(pair: DepthPair, as_stored: float) -> list[Weighed]:
+    """Weigh every gross fault against one pair: the share of the typical residual that undoing it removes.
+
+    ``as_stored`` is that residual, infinite where the frames could not be compared as they stand.
+    """
+    best: dict[tuple[str, str], Weighed] = {}
+    for hypothesis in _hypotheses(pair):
+        noise = pair.noise if hypothesis.noise is None else hypothesis.noise
+        fit = fit_depth(
+            hypothesis.family, lattice_of(hypothesis.images[0], 1, 1000), hypothesis.images[1], noise,
+            start=hypothesis.start, step=hypothesis.step,
+        )  # fmt: skip
+        if fit is None:
+            continue
+        for cause, stream, likeliness, size in hypothesis.blames:
+            weight = likeliness * max(1.0 - fit.typical / as_stored, 0.0)
+            if (cause, stream) not in best or best[cause, stream].weight < weight:
+                best[cause, stream] = Weighed(_STREAM, cause, stream, weight, size(fit.value))
+    return list(best.values())
+
+
+def _hypotheses(pair: DepthPair) -> Iterator[_Hypothesis]:
+    yield from _of_the_values(pair)
+    yield from _of_the_grid(pair)
+    yield from _of_the_frames(pair)
+    yield from _of_the_stamps(pair)
+    yield from _of_the_pose(pair)
+
+
+def _sizeless(_: float) -> None:
+    return None
+
+
+def _always(size: float) -> Callable[[float], float]:
+    return lambda _: size
+
+
+def _only(model: DepthModel) -> Family:
+    return lambda _: model
+
+
+def _reciprocal(factor: float) -> float | None:
+    return 1 / factor if factor else None
+
+
+def _of_the_values(pair: DepthPair) -> Iterator[_Hypothesis]:
+    """Suppose another unit, or lengths of rays."""
+    longer = (("unit_mm_m", "depth", 1.0, float), ("unit_mm_m", "pose", _LESS_LIKELY, _reciprocal))
+    yield _Hypothesis(longer, pair.images, pair.scaled, step=1e-3)
+    rays = (("depth_ray_not_z", "depth", 1.0, _sizeless),)
+    yield _Hypothesis(rays, pair.images, _only(pair.as_rays(1.0)))
+
+
+def _of_the_grid(pair: DepthPair) -> Iterator[_Hypothesis]:
+    """Turn the images over, or move them: what moves all images alike is a principal point."""
+    for turn in (lambda d: d[:, ::-1], lambda d: d[::-1]):
+        yield _Hypothesis((("mirrored", "depth", 1.0, _sizeless),), _changed(pair, turn), _only(pair.model()))
+    for axis in (0, 1):
+        moved = (
+            ("spatial_offset", "depth", 1.0, float),
+            ("intrinsics_centre", "metadata", _LESS_LIKELY, lambda shift_px: -shift_px),
+        )
+        yield _Hypothesis(moved, pair.images, _family_of_centre(pair, axis), step=0.01)
+    longer = (("intrinsics_focal", "metadata", 1.0, lambda share: -100 * share),)
+    yield _Hypothesis(longer, pair.images, _family_of_focal(pair), step=1e-3)
+
+
+def _of_the_frames(pair: DepthPair) -> Iterator[_Hypothesis]:
+    """Suppose that either frame stands where a neighbour belongs."""
+    last = pair.window.facts.sizes["path/depth"] - 1
+    for distance in _NEIGHBOURS:
+        exchanged = (("swapped_frames", "depth", 1.0, _always(float(abs(distance)))),)
+        for rows in ((pair.first + distance, pair.second), (pair.first, pair.second + distance),
+                     (pair.second, pair.first)):  # fmt: skip
+            if min(rows) >= 0 and max(rows) <= last and rows[0] != rows[1]:
+                yield _Hypothesis(exchanged, _images_of(pair, *rows), _only(pair.model()))
+
+
+def _of_the_stamps(pair: DepthPair) -> Iterator[_Hypothesis]:
+    """Suppose that depth is stamped too late, or the pose too early."""
+    late = (("time_offset", "depth", 1.0, float), ("time_offset", "pose", _LESS_LIKELY, lambda late_ms: -late_ms))
+
+    def family(late_ms: float) -> DepthModel | None:
+        late_ns = round(late_ms * NS_PER_S / 1e3)
+        motion = pair.track.motion(pair.start_ns - late_ns, pair.end_ns - late_ns)
+        return None if motion is None else replace(pair.model(), motion=motion)
+
+    for start_ms in _DELAYS_MS:
+        yield _Hypothesis(late, pair.images, family, start=start_ms, step=0.1)
+
+
+def _of_the_pose(pair: DepthPair) -> Iterator[_Hypothesis]:
+    """Suppose other conventions of the pose, or one wrong pose."""
+    for cause, change in (
+        ("quaternion_inverted", _turned((0, 1, 2, 3), (-1, -1, -1, 1))),
+        ("quaternion_order", _turned((1, 2, 3, 0), (1, 1, 1, 1))),
+        ("axes_swapped", _moved((1, 0, 2), (1, 1, 1))),
+        ("frame_convention", _from_north_east_down),
+    ):
+        track = change(pair.track)
+        motion = track.motion(pair.start_ns, pair.end_ns)
+        if motion is not None:
+            yield _Hypothesis(
+                ((cause, "pose", 1.0, _sizeless),), pair.images, _only(replace(pair.model(), motion=motion))
+            )
+    any_pose = (("teleport", "pose", _LESS_LIKELY, _sizeless), ("frozen_frames", "pose", 0.9, _sizeless))
+    yield _Hypothesis(any_pose, pair.images, _only(pair.model()), noise=_FREE_TWIST)
+
+
+def _family_of_centre(pair: DepthPair, axis: int) -> Family:
+    def family(shift_px: float) -> DepthModel:
+        K = pair.model().K.copy()
+        K[axis, 2] += shift_px
+        return replace(pair.model(), K=K)
+
+    return family
+
+
+def _family_of_focal(pair: DepthPair) -> Family:
+    def family(share: float) -> DepthModel:
+        return replace(pair.model(), K=pair.model().K @ np.diag([1 + share, 1 + share, 1.0]))
+
+    return family
+
+
+def _changed(pair: DepthPair, change: Callable[[Depth], Depth]) -> tuple[DepthImage, DepthImage]:
+    share = step_share(pair.window)
+    first, second = (depth_image(change(pair.window.depth_m(row)), share) for row in (pair.first, pair.second))
+    return first, second
+
+
+def _images_of(pair: DepthPair, *rows: int) -> tuple[DepthImage, DepthImage]:
+    share = step_share(pair.window)
+    first, second = (depth_image(pair.window.depth_m(row), share) for row in rows)
+    return first, second
+
+
+def _turned(order: tuple[int, ...], signs: tuple[int, ...]) -> Callable[[PoseTrack], PoseTrack]:
+    return lambda track: track.transformed(
+        lambda poses: replace(poses, orientations_xyzw=poses.orientations_xyzw[:, order] * signs)
+    )
+
+
+def _moved(order: tuple[int, ...], signs: tuple[int, ...]) -> Callable[[PoseTrack], PoseTrack]:
+    return lambda track: track.transformed(
+        lambda poses: replace(poses, positions_world_m=poses.positions_world_m[:, order] * signs)
+    )
+
+
+def _from_north_east_down(track: PoseTrack) -> PoseTrack:
+    """Return the track of poses that were written for a world and a body with Z down."""
+    q_enu_ned, q_frd_flu = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
+    return _moved((1, 0, 2), (1, 1, -1))(track).transformed(
+        lambda poses: replace(poses, orientations_xyzw=compose(compose(q_enu_ned, poses.orientations_xyzw), q_frd_flu))
+    )

@@ -1,0 +1,148 @@
+"""Neighbouring depth frames and the camera's motion between them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.flow.intervals import PoseTrack, pose_track
+from fedora_qa.estimators.depth_fit import noise_directions
+from fedora_qa.estimators.depth_image import DepthImage, depth_image
+from fedora_qa.estimators.depth_step import DepthStep, depth_step
+from fedora_qa.estimators.depth_warp import DepthModel, Lattice, lattice_of
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+Float64 = NDArray[np.float64]
+
+FIT_PIXELS: Final = 2000
+"""Pixels that a parameter is fitted to: plenty for seven numbers, since what remains is rounding."""
+
+_ANYTHING_M, _ANYTHING_RAD = 1.0, 1.0
+"""Noise that stands for any, where nothing is declared about the pose."""
+
+
+@dataclass(frozen=True, slots=True)
+class DepthPair:
+    """A depth frame and the next one whose stamp advances.
+
+    Attributes
+    ----------
+    first, second
+        Rows of the depth stream.
+    start_ns, end_ns
+        Their stamps, from the file's origin.
+    motion
+        How points move in the camera from the first to the second.
+    noise
+        (6, k) independent directions of the motion's noise, one standard deviation long; k = 0 where it is exact.
+    """
+
+    window: Window
+    track: PoseTrack
+    first: int
+    second: int
+    start_ns: int
+    end_ns: int
+    motion: RigidMotion
+    noise: Float64
+
+    @property
+    def images(self) -> tuple[DepthImage, DepthImage]:
+        """Both frames, ready to be read."""
+        return image_of(self.window, self.first), image_of(self.window, self.second)
+
+    @property
+    def motion_error(self) -> Float64:
+        """Twist (6,) by which interpolating the pose between its samples may err."""
+        return self.track.interpolation_twist(self.start_ns, self.end_ns)
+
+    def model(self) -> DepthModel:
+        """Return how the frames hang together as the file declares."""
+        return DepthModel(self.track.camera.K, self.motion, motion_error=self.motion_error)
+
+    def scaled(self, factor: float) -> DepthModel:
+        """Return the same with depths that are too large by a factor."""
+        return replace(self.model(), scale=factor)
+
+    def as_rays(self, share: float) -> DepthModel:
+        """Return the same with depths that are lengths of the ray (1), z (0), or between."""
+        return replace(self.model(), ray=share)
+
+    def lattice(self, most: int | None = FIT_PIXELS) -> Lattice:
+        """Return pixels of the first frame, as dense as the effort asks for and at most so many."""
+        stride = max(1, round(self.window.sampling.tile_share**-0.5))
+        return lattice_of(self.images[0], stride, most)
+
+
+def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
+    """Yield the pairs whose first frame the window owns and the plan wants; None where no pose covers one."""
+    facts = window.facts
+    clock = facts.clocks["depth"]
+    rows = np.flatnonzero(clock.advancing)
+    track = pose_track(window, facts.declared.cameras["depth"])
+    for first, second in zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True):
+        if first in window.owned("depth") and first % window.sampling.field_stride == 0:
+            yield pair_between(window, track, first, second)
+
+
+def pair_between(window: Window, track: PoseTrack, first: int, second: int) -> DepthPair | None:
+    """Return a pair by its rows; None where no pose covers it or the frame's size is not the camera's."""
+    times_ns = window.facts.clocks["depth"].times_ns
+    start_ns, end_ns = int(times_ns[first]), int(times_ns[second])
+    motion = track.motion(start_ns, end_ns)
+    if motion is None:
+        return None
+    noise = window.facts.declared.pose
+    sigma_m, sigma_rad = (noise.position_sigma_m, noise.rotation_sigma_rad) if noise else (_ANYTHING_M, _ANYTHING_RAD)
+    directions = noise_directions(track.covariance(start_ns, end_ns, sigma_m, sigma_rad))
+    return DepthPair(window, track, first, second, start_ns, end_ns, motion, directions)
+
+
+def image_of(window: Window, frame: int) -> DepthImage:
+    """Return a depth frame ready to be read, made once a window."""
+    return window.once(("depth image", frame), lambda: depth_image(window.depth_m(frame), step_share(window)))
+
+
+def step_share(window: Window) -> float:
+    """Return the largest step of the window's depths as a share of the depth; 0 where they are as fine as float32."""
+    step = step_of(window)
+    return step.relative if step else 0.0
+
+
+def step_of(window: Window) -> DepthStep | None:
+    """Return the step of the first depth frame that the window owns: how depths were stored changes in no window."""
+    owned = window.owned("depth")
+    return window.once("depth step", lambda: depth_step(window.depth_m(owned[0])) if owned else None)
+
+
+def why_no_geometry(facts: Facts) -> str:
+    """Say what of the model does not hold: intrinsics, a pinhole, a rigid world."""
+    camera = facts.declared.cameras.get("depth")
+    if camera is None:
+        return "the depth camera's intrinsics and mounting are not declared"
+    if camera.model != "pinhole":
+        return f"the depth camera is declared as {camera.model}, and only a pinhole is modelled"
+    if facts.declared.flow_model == "scene":
+        return "objects move on their own (flow model 'scene'), which the camera's motion does not explain"
+    return ""
+
+
+def place(facts: Facts, first: int, last: int, pixel: tuple[int, int] | None = None,
+          tile: tuple[int, int, int, int] | None = None) -> Where:  # fmt: skip
+    """Return where depth frames from the first to the last row (both included) lie in the file."""
+    times_ns = facts.clocks["depth"].times_ns
+    return Where(
+        stream="depth",
+        start_us=facts.to_file_us(int(times_ns[first])),
+        stop_us=facts.to_file_us(int(times_ns[last])),
+        index_start=first,
+        index_stop=last + 1,
+        frame=first,
+        pixel=pixel,
+        tile=tile,
+    )

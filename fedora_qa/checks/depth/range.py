@@ -1,0 +1,190 @@
+"""The values of depth: between which ends they lie, whether they pile up there, and in which steps they come."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.depth.pairs import place, step_of
+from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.conventions import MM_PER_M
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.estimators.depth_step import DepthStep
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+_ROUNDING: Final = 2.0**-22
+"""Rounding to float32 (2^-24), of the depths and of the range, with two bits to spare; relative."""
+
+_NEIGHBOURHOOD: Final = 64 * _ROUNDING
+"""Depths between this and ``_ROUNDING`` of an end are its neighbourhood: 63 times as wide as the end itself."""
+
+_COARSE: Final = 1e-3
+"""Steps of this share of the depth move a parallax of 10 px by 0.01 px, which flow is held to."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRange:
+    """One depth frame: its ends in metres, and the pixels on each end of the range and close to it.
+
+    ``contour`` is its width and height together: as many pixels as a line of equal depth has.
+    """
+
+    frame: int
+    nearest_m: float
+    farthest_m: float
+    contour: int
+    on_end: tuple[int, int]
+    near_end: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class WindowRange:
+    """The frames of a window, and the step of their depths."""
+
+    frames: tuple[FrameRange, ...]
+    step: DepthStep | None
+
+
+class Range(WindowCheck[WindowRange]):
+    """Do depths keep to the declared range without being cut off at it?
+
+    The nearest and the farthest valid depth of all frames, against ``depth_range``. A sensor that cuts off instead of
+    writing NaN piles pixels up on an end of the range: pixels that equal an end, to the rounding of float32, are
+    counted against those in a neighbourhood of it that is 63 times as wide, where surfaces would leave one in 63. The
+    excess is held to its Poisson spread, and one frame is allowed one line of just that depth. How invalid pixels are
+    marked is for ``integrity.finite``.
+
+    Noted as unusual: depths in steps coarser than a thousandth of the depth (16-bit millimetres near by, half floats,
+    disparities, a z-buffer of few bits). Steps are told from second differences, which are multiples of one number
+    where depths were rounded.
+    """
+
+    name = "depth.range"
+    needs = ("depth",)
+
+    def measure(self, window: Window) -> WindowRange | None:
+        """Tally every frame that the window owns."""
+        range_m = window.facts.declared.depth_range_m
+        frames = []
+        for frame in window.owned("depth"):
+            with suppress(UnreadableRowsError):  # a finding of integrity.readable
+                frames += _tally(frame, window.depth_m(frame), range_m)
+        return WindowRange(tuple(frames), step_of(window)) if frames else None
+
+    def conclude(self, state: Sequence[WindowRange], facts: Facts) -> Observation:
+        """State the ends, and what lies on them."""
+        frames = sorted((frame for one in state for frame in one.frames), key=lambda frame: frame.frame)
+        coverage = Coverage(len(frames), facts.sizes.get("path/depth", 0), "depth frames")
+        range_m = facts.declared.depth_range_m
+        if not frames:
+            return Observation(coverage, unobservable="no depth frame has a valid pixel")
+        steps = [one.step for one in state if one.step]
+        notices = _coarse(max(steps, key=lambda step: step.relative)) if steps else ()
+        if range_m is None:
+            why = "the file declares no depth range"
+            return Observation(coverage, _ends(frames, facts, (0.0, np.inf)), notices, unobservable=why)
+        return Observation(coverage, (*_ends(frames, facts, range_m), *_piles(frames, facts, range_m)), notices)
+
+
+def _tally(frame: int, depth_m: NDArray[np.float32], range_m: tuple[float, float] | None) -> list[FrameRange]:
+    """Tally a frame; nothing where it has no valid pixel."""
+    valid = depth_m[np.isfinite(depth_m) & (depth_m > 0)]
+    if not len(valid):
+        return []
+    on_end, near_end = [0, 0], [0, 0]
+    for i, end_m in enumerate(range_m or ()):
+        distances = np.abs(valid.astype(np.float64) / end_m - 1.0)
+        on_end[i] = int(np.count_nonzero(distances <= _ROUNDING))
+        near_end[i] = int(np.count_nonzero(distances <= _NEIGHBOURHOOD)) - on_end[i]
+    ends_m = float(valid.min()), float(valid.max())
+    return [FrameRange(frame, *ends_m, sum(depth_m.shape), (on_end[0], on_end[1]), (near_end[0], near_end[1]))]
+
+
+def _ends(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, float]) -> tuple[Measured, ...]:
+    nearest, farthest = min(frames, key=lambda one: one.nearest_m), max(frames, key=lambda one: one.farthest_m)
+    suspects = _suspects(nearest.nearest_m, farthest.farthest_m, range_m)
+    low_m, high_m = range_m
+    return (
+        Measured(
+            name="nearest",
+            value=nearest.nearest_m,
+            unit="m",
+            standard_error=0.0,
+            expected=low_m,
+            allowance=_ROUNDING * low_m,
+            side="lower",
+            statement=f"The nearest depth is {nearest.nearest_m:.4g} m; {low_m:g} m or more is declared.",
+            code="depth.range.nearest",
+            where=place(facts, nearest.frame, nearest.frame),
+            suspects=suspects,
+        ),
+        Measured(
+            name="farthest",
+            value=farthest.farthest_m,
+            unit="m",
+            standard_error=0.0,
+            expected=high_m,
+            allowance=_ROUNDING * high_m,
+            side="upper",
+            statement=f"The farthest depth is {farthest.farthest_m:.4g} m; {high_m:g} m or less is declared.",
+            code="depth.range.farthest",
+            where=place(facts, farthest.frame, farthest.frame),
+            suspects=suspects,
+        ),
+    )
+
+
+def _suspects(nearest_m: float, farthest_m: float, range_m: tuple[float, float]) -> tuple[Suspect, ...]:
+    """Suspect the unit where another one would bring both ends within the range; otherwise values that are codes."""
+    for factor in (1 / MM_PER_M, MM_PER_M):
+        if range_m[0] <= nearest_m / factor * (1 + _ROUNDING) and farthest_m / factor * (1 - _ROUNDING) <= range_m[1]:
+            return (Suspect("unit_mm_m", "depth", 0.9, factor, "1"),)
+    return (
+        Suspect("invalid_encoding", "depth", 0.5),
+        Suspect("depth_ray_not_z", "depth", 0.3),
+        Suspect("unit_mm_m", "depth", 0.3),
+    )
+
+
+def _piles(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, float]) -> list[Measured]:
+    return [_pile(frames, facts, end, name, range_m[end]) for end, name in enumerate(("near", "far"))]
+
+
+def _pile(frames: Sequence[FrameRange], facts: Facts, end: int, name: str, end_m: float) -> Measured:
+    """State the excess of pixels on one end of the range over what the neighbourhood's density would put there."""
+    on_end = sum(frame.on_end[end] for frame in frames)
+    expected = sum(frame.near_end[end] for frame in frames) * _ROUNDING / (_NEIGHBOURHOOD - _ROUNDING)
+    worst = max(frames, key=lambda frame: frame.on_end[end])
+    return Measured(
+        name=f"on_{name}_end",
+        value=float(on_end),
+        unit="pixels",
+        standard_error=float(np.sqrt(expected + 1.0)),
+        expected=expected,
+        allowance=float(max(frame.contour for frame in frames)),
+        side="upper",
+        resolution=1.0,
+        statement=f"{on_end} pixels lie exactly on the {name} end of the range, {end_m:g} m: depth was cut off there "
+        "instead of being NaN.",
+        code=f"depth.range.{name}_end",
+        where=place(facts, worst.frame, worst.frame),
+        suspects=(Suspect("invalid_encoding", "depth", 0.95),),
+    )
+
+
+def _coarse(step: DepthStep) -> tuple[Notice, ...]:
+    if step.relative < _COARSE:
+        return ()
+    return (
+        Notice(
+            "depth.range.steps",
+            f"Depths come in steps of {MM_PER_M * step.size_m:.3g} mm at {step.depth_m:.3g} m, "
+            f"{100 * step.relative:.2g}% of the depth.",
+            Where(stream="depth"),
+        ),
+    )

@@ -1,0 +1,152 @@
+"""Fields of flow under which events are carried: what the sharpness of one field is, under all that it might be."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.events.view import sensor_shape
+from fedora_qa.checks.flow.intervals import Interval, owned_intervals
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.estimators.contrast import GAINS, sharpness_under
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Events, Window
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+FIELDS: Final = 2
+"""Fields of a rate that a window looks at, evenly spread."""
+
+SHORTEST_NS: Final = 60_000_000
+"""Events are taken over at least so long, around the middle of the interval: at 50 Hz edges cross few pixels."""
+
+LONGEST_NS: Final = 200_000_000
+"""Fields over longer intervals are left out: paths bend."""
+
+MOST_EVENTS: Final = 200_000
+"""Of more events of a field, evenly spread ones are carried."""
+
+FEWEST_EVENTS: Final = 500
+
+RIVALS: Final = ("flow_sign", "axes_swapped", "frame_convention", "flow_unit", "flow_unit", "mirrored", "mirrored")
+"""What the field might be instead: backwards, (v, u), v upwards, px/s, px s, mirrored in columns, mirrored in rows."""
+
+_UNIT: Final = np.eye(2)
+
+
+@dataclass(frozen=True, slots=True)
+class FieldSharpness:
+    """How sharp the events of one field are when they are carried by it.
+
+    Attributes
+    ----------
+    sharpness
+        (1 + gains,): not carried at all, and by the field times each of ``GAINS``.
+    rivals
+        (rivals, 2): by the field, and by each of ``RIVALS``, of events that have a flow in both.
+    carried
+        Events that were carried.
+    way_px
+        Root mean square of the way that events are carried, in pixels of the event camera.
+    way_rad
+        Root mean square of the displacement over the time that events are taken from, over the focal length.
+    """
+
+    interval: Interval
+    sharpness: Float64
+    rivals: Float64
+    carried: int
+    way_px: float
+    way_rad: float
+
+
+def measure_fields(window: Window) -> tuple[FieldSharpness, ...]:
+    """Measure some fields of every rate that the window owns."""
+    chosen = list(_chosen(window))
+    if not chosen:
+        return ()
+    last_ns = max(max(one.end_ns, _middle_ns(one) + SHORTEST_NS // 2) for one in chosen)
+    try:
+        events = _on_sensor(window.events(SHORTEST_NS, max(last_ns - window.span.stop_ns, 0)), window.facts)
+    except UnreadableRowsError:
+        return ()
+    measured = (_measure(window, interval, events) for interval in chosen)
+    return tuple(one for one in measured if one is not None)
+
+
+def _chosen(window: Window) -> Iterator[Interval]:
+    for stream in window.facts.flow_streams:
+        intervals = [one for one in owned_intervals(window, stream) if 0 < one.length_ns <= LONGEST_NS]
+        if intervals:
+            picked = np.unique(np.linspace(0, len(intervals) - 1, FIELDS).round().astype(int))
+            yield from (intervals[int(i)] for i in picked)
+
+
+def _middle_ns(interval: Interval) -> int:
+    return interval.start_ns + interval.length_ns // 2
+
+
+def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpness | None:
+    half_ns = max(interval.length_ns, SHORTEST_NS) // 2
+    middle_ns = _middle_ns(interval)
+    start, stop = np.searchsorted(events.times_ns, [middle_ns - half_ns, middle_ns + half_ns])
+    if stop - start < FEWEST_EVENTS:
+        return None
+    taken = slice(int(start), int(stop), 1 + int(stop - start) // MOST_EVENTS)
+    x, y = events.x[taken], events.y[taken]
+    tau = (events.times_ns[taken] - interval.start_ns) / interval.length_ns
+    try:
+        stored = window.flow_px(interval.stream, interval.row)
+    except UnreadableRowsError:
+        return None
+    seen, *mirrored = (_seen_by_events(window.facts, field) for field in (stored, stored[:, ::-1], stored[::-1]))
+    turns = [0.0 * _UNIT, *(gain * _UNIT for gain in GAINS), *_turns(interval.duration_s)]
+    as_stored = sharpness_under(x, y, tau, [(seen, turn) for turn in turns])
+    if as_stored.carried < FEWEST_EVENTS:
+        return None
+    own, turned = as_stored.sharpness[1 + GAINS.index(1.0)], as_stored.sharpness[1 + len(GAINS) :]
+    pairs = [sharpness_under(x, y, tau, [(seen, _UNIT), (field, _UNIT)]).sharpness for field in mirrored]
+    rivals = np.array([*((own, one) for one in turned), *pairs])
+    focal_px = float(window.facts.declared.cameras["events"].K[0, 0])
+    way_rad = as_stored.way_px / _RMS_OF_TIME / focal_px
+    return FieldSharpness(
+        interval, as_stored.sharpness[: 1 + len(GAINS)], rivals, as_stored.carried, as_stored.way_px, way_rad
+    )
+
+
+def _turns(seconds: float) -> tuple[Float64, ...]:
+    """Return the matrices of the rivals that keep their place, as in ``RIVALS``."""
+    return -_UNIT, _UNIT[::-1], np.diag([1.0, -1.0]), seconds * _UNIT, _UNIT / seconds
+
+
+_RMS_OF_TIME: Final = 12**-0.5
+"""Root mean square distance of an instant from the middle, over the length of the interval."""
+
+
+def _seen_by_events(facts: Facts, flow_px: Float32) -> Float32:
+    """Return the flow (h, w, 2) at the pixels of the event camera, in its pixels, NaN where there is none."""
+    cameras = facts.declared.cameras
+    K_flow, K_event = cameras["depth"].K, cameras["events"].K
+    height, width = sensor_shape(facts.declared)
+    scales = K_flow[[0, 1], [0, 1]] / K_event[[0, 1], [0, 1]]
+    columns = (np.arange(width) - K_event[0, 2]) * scales[0] + K_flow[0, 2]
+    rows = (np.arange(height) - K_event[1, 2]) * scales[1] + K_flow[1, 2]
+    at = [np.ascontiguousarray(one, dtype=np.float32) for one in np.meshgrid(columns, rows)]
+    components = []
+    for i in range(2):
+        component = np.ascontiguousarray(flow_px[..., i], dtype=np.float32)
+        nowhere = float("nan")
+        read = cv2.remap(component, at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=nowhere)
+        components.append(np.asarray(read, dtype=np.float32) / np.float32(scales[i]))
+    return np.stack(components, axis=-1)
+
+
+def _on_sensor(events: Events, facts: Facts) -> Events:
+    height, width = sensor_shape(facts.declared)
+    good = (events.x >= 0) & (events.x < width) & (events.y >= 0) & (events.y < height)
+    x, y = events.x[good].astype(np.uint16), events.y[good].astype(np.uint16)
+    return Events(x, y, events.times_ns[good], events.p[good])

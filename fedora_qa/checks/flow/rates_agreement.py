@@ -1,0 +1,152 @@
+"""How well two rates of flow agree over one common interval."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.flow.rates_chain import Composed, Segment, compose
+from fedora_qa.sequence.window import Window
+
+Float64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+FEWEST_PIXELS: Final = 50
+"""Pixels below which two rates are not compared."""
+
+_TILES: Final = (8, 6)
+_FEWEST_IN_TILE: Final = 20
+
+MOST_LOST: Final = 0.5
+"""Share of pixels that may leave the image by one rate only: at the border some do, most never."""
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """A median endpoint error in px, and the median of what it may honestly be."""
+
+    typical_px: float
+    bound_px: float
+
+    @property
+    def suspicion(self) -> float:
+        """Above 1 where most pixels are off by more than they may."""
+        return self.typical_px / self.bound_px
+
+
+@dataclass(frozen=True, slots=True)
+class RateAgreement:
+    """One segment.
+
+    Attributes
+    ----------
+    whole, worst_tile, tile
+        Over all compared pixels, in the tile that is off most, and that tile: left, top, right, bottom. The first two
+        are None where too few pixels could be compared.
+    lost
+        Share of pixels that one rate keeps within the image and the other does not.
+    """
+
+    segment: Segment
+    whole: Deviation | None
+    worst_tile: Deviation | None
+    tile: tuple[int, int, int, int] | None
+    lost: float
+
+    @property
+    def suspicion(self) -> float:
+        """Above 1 where the segment, or a tile of it, is off."""
+        found = (deviation.suspicion for deviation in (self.whole, self.worst_tile) if deviation)
+        return max(self.lost / MOST_LOST, *found)
+
+
+def compare(window: Window, segment: Segment) -> RateAgreement | None:
+    """Compare two rates over a segment; None where a field's size is not the other's, or no flow is known."""
+    if len(_shapes(window, segment)) != 1:
+        return None
+    columns, rows = lattice_of(window, segment)
+    slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
+    known = slow.clear & slow.stays
+    if np.count_nonzero(known | (fast.clear & fast.stays)) < FEWEST_PIXELS:
+        return None
+    staying = slow.stays | fast.stays
+    lost = float(np.count_nonzero(slow.stays != fast.stays) / max(np.count_nonzero(staying), 1))
+    compared = known & fast.clear & fast.stays
+    if np.count_nonzero(compared) < FEWEST_PIXELS:
+        return RateAgreement(segment, None, None, None, lost)
+    error_px = np.linalg.norm(slow.displacement_px - fast.displacement_px, axis=-1)
+    bound_px = slow.bound_px + fast.bound_px
+    whole = _deviation(error_px, bound_px, compared)
+    tiles = _tiles(columns, rows, *_shapes(window, segment).pop())
+    worst, tile = _worst_tile(error_px, bound_px, compared, tiles) or (whole, None)
+    return RateAgreement(segment, whole, worst, tile, lost)
+
+
+def median_error_px(slow: Composed, fast: Composed) -> float:
+    """Return the median endpoint error of two compositions; infinite where too few pixels can be compared."""
+    compared = slow.clear & slow.stays & fast.clear & fast.stays
+    if np.count_nonzero(compared) < FEWEST_PIXELS:
+        return np.inf
+    errors_px = np.linalg.norm(slow.displacement_px[compared] - fast.displacement_px[compared], axis=-1)
+    return float(np.median(errors_px))
+
+
+def lattice_of(window: Window, segment: Segment) -> tuple[Float64, Float64]:
+    """Return columns and rows (n,) of the pixels that the effort asks for: every second at ``full``."""
+    height, width = _shapes(window, segment).pop()
+    stride = max(1, round(window.sampling.tile_share**-0.5))
+    columns, rows = np.meshgrid(np.arange(0.0, width, stride), np.arange(0.0, height, stride))
+    return columns.ravel(), rows.ravel()
+
+
+def _shapes(window: Window, segment: Segment) -> set[tuple[int, int]]:
+    """Return the different heights and widths of the fields of a segment."""
+    chains = (segment.slow, segment.fast)
+    images = (window.flow_px(chain.stream, row) for chain in chains for row in chain.rows)
+    return {(image.shape[0], image.shape[1]) for image in images}
+
+
+@dataclass(frozen=True, slots=True)
+class _Tiles:
+    """The tile of each pixel, (n,), and the image's size."""
+
+    numbers: NDArray[np.intp]
+    width: int
+    height: int
+
+    def edges(self, tile: int) -> tuple[int, int, int, int]:
+        """Return left, top, right, bottom of a tile."""
+        (across, down), (top, left) = _TILES, divmod(tile, _TILES[0])
+        return (
+            left * self.width // across,
+            top * self.height // down,
+            (left + 1) * self.width // across,
+            (top + 1) * self.height // down,
+        )
+
+
+def _tiles(columns: Float64, rows: Float64, height: int, width: int) -> _Tiles:
+    across, down = _TILES
+    return _Tiles(
+        (rows * down / height).astype(np.intp) * across + (columns * across / width).astype(np.intp), width, height
+    )
+
+
+def _deviation(error_px: Float64, bound_px: Float64, chosen: Mask) -> Deviation:
+    return Deviation(float(np.median(error_px[chosen])), float(np.median(bound_px[chosen])))
+
+
+def _worst_tile(
+    error_px: Float64, bound_px: Float64, compared: Mask, tiles: _Tiles
+) -> tuple[Deviation, tuple[int, int, int, int]] | None:
+    """Return the tile that is off most; None where no tile holds enough pixels."""
+    counts = np.bincount(tiles.numbers[compared], minlength=_TILES[0] * _TILES[1])
+    found = [
+        (_deviation(error_px, bound_px, compared & (tiles.numbers == tile)), int(tile))
+        for tile in np.flatnonzero(counts >= _FEWEST_IN_TILE)
+    ]
+    if not found:
+        return None
+    worst, tile = max(found, key=lambda one: one[0].suspicion)
+    return worst, tiles.edges(tile)

@@ -1,0 +1,81 @@
+"""Colours against events: the order of the channels."""
+
+from itertools import permutations
+from math import hypot
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.images.colours import ColourAnswer, ColourCheck
+from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.conventions import LUMA_WEIGHTS_RGB
+from fedora_qa.estimators.image_levels import CONTRASTS, ColourFit, Estimate
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.declared import EventModel
+
+CONTRAST_NAMES: Final = ("first_less_third", "second_less_first", "second_less_third")
+CHANNELS: Final = ("RB", "GR", "GB")
+"""What the contrasts of ``image_levels`` are where channels are in order."""
+
+
+class Channels(ColourCheck):
+    """Are the channels of the frames R, G and B, in this order?
+
+    Events carry the luma 0.299 R + 0.587 G + 0.114 B of linear values. At frame times where a pixel's own events tell
+    its level, what the events say between two such times is regressed on the changes of the three channels, with the
+    time offset as a nuisance (``image_levels``). The weights of the channels are the
+    coefficients over their sum, which is the threshold's. Judged are the three differences of two weights: where two
+    channels are exchanged one of them changes its sign, and in any wrong order one does. The order that comes nearest
+    to the weights is named.
+
+    Standard errors are the larger of the formal and the spread between quarters of the image and windows. The allowance
+    bounds how errors of the frames, common to the channels, attenuate the coefficients. A scene without colours cannot
+    tell: the least that it would show then exceeds the change of sign.
+    """
+
+    name = "images.channels"
+
+    def state(self, found: ColourAnswer, declared: EventModel) -> tuple[Measured, ...]:
+        """State the weight of each stored channel."""
+        order = nearest_order(found.fit)
+        return tuple(self._one(i, contrast, found.fit, order) for i, contrast in enumerate(found.fit.contrasts))
+
+    def _one(self, number: int, contrast: Estimate, fit: ColourFit, order: str) -> Measured:
+        expected = float(CONTRASTS[number] @ LUMA_WEIGHTS_RGB)
+        error = hypot(contrast.standard_error, contrast.bound)
+        weights = ", ".join(f"{weight.value:.2f}" for weight in fit.weights)
+        return Measured(
+            name=f"weight_of_{CONTRAST_NAMES[number]}_channel",
+            value=contrast.value,
+            unit="1",
+            standard_error=contrast.standard_error,
+            expected=expected,
+            allowance=contrast.bound,
+            matters=2 * expected,
+            statement=f"In what events see the channels weigh {weights}, so that {' - '.join(CHANNELS[number])} would be "
+            f"{contrast.value:.2f} +/- {error:.2g}, and {expected:.2f} is due. They are best read as {order}.",
+            code="images.channels.order",
+            where=Where(stream="rgb"),
+            suspects=(Suspect("channel_order", "rgb", 0.3 if order == "RGB" else 0.95), *_WHATEVER_SPOILS_LEVELS),
+        )
+
+
+def nearest_order(fit: ColourFit) -> str:
+    """Return the order of channels whose weights come nearest to those that were found, for their errors."""
+    found = np.array([weight.value for weight in fit.weights])
+    errors = np.array([hypot(weight.standard_error, weight.bound) for weight in fit.weights])
+    luma = dict(zip("RGB", LUMA_WEIGHTS_RGB, strict=True))
+
+    def distance(order: str) -> float:
+        return float(np.sum(((found - [luma[name] for name in order]) / np.maximum(errors, 1e-12)) ** 2))
+
+    return min(("".join(order) for order in permutations("RGB")), key=distance)
+
+
+_WHATEVER_SPOILS_LEVELS: Final = (
+    *(Suspect(cause, "events", 0.2) for cause in ("spatial_offset", "time_offset", "threshold_misdeclared",
+                                                  "event_model_misdeclared", "other_sequence", "mirrored")),
+    *(Suspect(cause, "rgb", 0.2) for cause in ("spatial_offset", "time_offset", "exposure_or_gamma", "other_sequence",
+                                               "mirrored", "swapped_frames", "frozen_frames")),
+)  # fmt: skip
+"""Faults that other checks name better."""

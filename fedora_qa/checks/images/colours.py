@@ -1,0 +1,200 @@
+"""What events say of the colours of frames, window by window, and what the checks of it share."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.events.levels import FEWEST_PAIRS, LINEAR_LEAST_TICKS, LONGEST_GAP_NS, ROUNDING_SHARE
+from fedora_qa.checks.events.rows import local_tick_ns
+from fedora_qa.checks.events.view import (
+    ROUNDING_DN,
+    SeenFrames,
+    seen_frames,
+    sensor_events,
+    sensor_shape,
+    why_frames_and_events_do_not_meet,
+)
+from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.estimators.event_footprint import footprints
+from fedora_qa.estimators.event_levels import LevelPairs, find_level_pairs
+from fedora_qa.estimators.image_levels import (
+    ColourBlocks,
+    ColourFit,
+    colour_blocks,
+    colour_columns,
+    fit_colours,
+    joined,
+)
+from fedora_qa.estimators.image_transfer import TRANSFERS, to_code, to_linear
+from fedora_qa.record.types import Coverage
+from fedora_qa.sequence.declared import EventModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+Float64 = NDArray[np.float64]
+
+ENOUGH_PAIRS: Final = 800
+"""Where a window has more, those of the shortest gaps are taken."""
+
+_LINEAR_LEAST_DN: Final = 4.0
+_DARKEST_DN: Final = 0.5
+
+QUARTERS: Final = 4
+FEWEST_BLOCKS: Final = 8
+"""Quarters of the image in two windows: below, the spread between them says nothing."""
+
+UNRELATED: Final = 0.7
+"""Share of the events' variance that frames may leave: beyond, they show something else, or only rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class ColourSums:
+    """Normal equations of a window by curve, a block for each quarter of the image; how many samples they rest on.
+
+    The declared curve comes first. Others are applied to means over footprints, near enough to tell which one it is.
+    """
+
+    samples: int
+    by_curve: tuple[ColourBlocks, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ColourAnswer:
+    """The fit under the declared curve, and the curve under which events follow the frames best."""
+
+    fit: ColourFit
+    best_curve: str
+
+
+def curves(declared: str) -> tuple[str, ...]:
+    """Return the transfer curves to try, the declared one first."""
+    return (declared, *(one for one in TRANSFERS if one != declared))
+
+
+def colour_sums(window: Window) -> ColourSums | None:
+    """Return the sums of a window; None where it shows too little."""
+    return window.once("colour_sums", lambda: _colour_sums(window))
+
+
+def _colour_sums(window: Window) -> ColourSums | None:
+    seen, declared = seen_frames(window), window.facts.declared.events
+    if declared is None or len(seen) < 2:
+        return None
+    pairs = _level_pairs(window, seen, declared)
+    if len(pairs) < FEWEST_PAIRS:
+        return None
+    steps = np.array([declared.threshold_on, declared.threshold_off])
+    events, delay = pairs.regressors[:, :2] @ steps, pairs.regressors[:, 2:] @ steps
+    transfer, quarter = window.facts.declared.transfer, _quarter(pairs, seen)
+    colours = _colours(window, seen, pairs)
+    by_curve = []
+    for curve in curves(transfer):
+        earlier, later = (each if curve == transfer else to_linear(to_code(each, transfer), curve) for each in colours)
+        columns = colour_columns(earlier, later, declared.model, declared.log_eps_dn)
+        by_curve.append(colour_blocks(np.column_stack([columns, -delay]), events, quarter, QUARTERS))
+    return ColourSums(len(pairs), tuple(by_curve))
+
+
+def _level_pairs(window: Window, seen: SeenFrames, declared: EventModel) -> LevelPairs:
+    events = sensor_events(window)
+    refractory_ns = int(2 * declared.refractory_us * NS_PER_US)
+    pairs = find_level_pairs(
+        events.x, events.y, events.times_ns, events.p, seen.times_ns, _usable(window, seen, declared),
+        longest_gap_ns=LONGEST_GAP_NS,
+        least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else refractory_ns,
+        off_over_on=declared.threshold_off / declared.threshold_on,
+    ).tightest(ENOUGH_PAIRS)  # fmt: skip
+    # Leak gives brighter events that the level does not rise by.
+    elapsed_s = (seen.times_ns[pairs.later] - seen.times_ns[pairs.earlier]) / NS_PER_S
+    pairs.regressors[:, 0] -= declared.leak_rate_hz * elapsed_s
+    return pairs
+
+
+def _usable(window: Window, seen: SeenFrames, declared: EventModel) -> NDArray[np.bool_]:
+    """Return the pixels (n, h, w) where rounding is small against a threshold, not saturated, not declared hot."""
+    least_dn = _LINEAR_LEAST_DN
+    if declared.model == "log":
+        sigma_dn = 2 * ROUNDING_DN[window.facts.declared.transfer] / np.sqrt(12.0)
+        contrast = ROUNDING_SHARE * min(declared.threshold_on, declared.threshold_off)
+        least_dn = max(sigma_dn / contrast - declared.log_eps_dn, _DARKEST_DN)
+    usable: NDArray[np.bool_] = (seen.even_dn >= least_dn) & np.isfinite(seen.error_dn)
+    for column, row in declared.hot_pixels:
+        if 0 <= row < usable.shape[1] and 0 <= column < usable.shape[2]:
+            usable[:, row, column] = False
+    return usable
+
+
+def _colours(window: Window, seen: SeenFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
+    """Return linear R, G, B (m, 3) of each pair's pixel at its earlier and its later frame, in DN."""
+    cameras, shape = window.facts.declared.cameras, sensor_shape(window.facts.declared)
+    table = to_linear(np.arange(256.0), window.facts.declared.transfer)
+    earlier, later = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
+    for i, frame in enumerate(seen.frames):
+        at_start, at_end = pairs.earlier == i, pairs.later == i
+        if not (at_start.any() or at_end.any()):
+            continue
+        rgb = window.rgb(int(frame))
+        prints = footprints(cameras["rgb"].K, (rgb.shape[0], rgb.shape[1]), cameras["events"].K, shape)
+        for channel in range(3):
+            means = np.maximum(prints.sharp_average(table[rgb[..., channel]]).ravel(), 0.0)
+            earlier[at_start, channel] = means[pairs.pixels[at_start]]
+            later[at_end, channel] = means[pairs.pixels[at_end]]
+    return earlier, later
+
+
+def _quarter(pairs: LevelPairs, seen: SeenFrames) -> NDArray[np.intp]:
+    height, width = seen.even_dn.shape[1:]
+    rows, columns = np.divmod(pairs.pixels, width)
+    quarter: NDArray[np.intp] = (2 * (2 * rows // height) + 2 * columns // width).astype(np.intp)
+    return quarter
+
+
+_TOO_FEW: Final = "too few pairs of frames at which events tell a pixel's level (slow motion, little texture, or dark)"
+
+
+class ColourCheck(WindowCheck[ColourSums]):
+    """A check of what events say of the colours of frames."""
+
+    needs = ("events", "rgb")
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Need both cameras at one place, and declared thresholds."""
+        return why_frames_and_events_do_not_meet(facts)
+
+    def measure(self, window: Window) -> ColourSums | None:
+        """Sum what the window shows."""
+        return colour_sums(window)
+
+    def conclude(self, state: Sequence[ColourSums], facts: Facts) -> Observation:
+        """Fit, and state."""
+        samples = sum(one.samples for one in state)
+        coverage = Coverage(samples, samples, "level samples")
+        found = _answer(state, facts)
+        if isinstance(found, str) or facts.declared.events is None:
+            return Observation(coverage, unobservable=str(found))
+        return Observation(coverage, self.state(found, facts.declared.events))
+
+    def state(self, found: ColourAnswer, declared: EventModel) -> tuple[Measured, ...]:
+        """Turn the fit into measurements."""
+        raise NotImplementedError
+
+
+def _answer(state: Sequence[ColourSums], facts: Facts) -> ColourAnswer | str:
+    declared = facts.declared.events
+    tried = curves(facts.declared.transfer)
+    by_curve = [joined([one.by_curve[i] for one in state]) for i in range(len(tried))] if state else []
+    if not by_curve or len(by_curve[0]) < FEWEST_BLOCKS or declared is None:
+        return _TOO_FEW
+    linear = declared.model == "linear"
+    fits = [fit_colours(blocks, with_exponent=linear) for blocks in by_curve]
+    best = int(np.argmin([fit.variance for fit in fits]))
+    if not fits[best].unexplained < UNRELATED:
+        return (
+            f"frames leave {fits[best].unexplained:.0%} of what the events say unexplained: they do not belong "
+            "together (see event_response.orientation)"
+        )
+    return ColourAnswer(fit_colours(by_curve[0], with_exponent=linear, frame_variance=fits[best].variance), tried[best])

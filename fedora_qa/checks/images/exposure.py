@@ -1,0 +1,183 @@
+"""Frames against each other: exposure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import expm1
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.exact import count_of_faults, no_faults
+from fedora_qa.checks.images.pairs import flow_rate_of, neighbours, pairs_with_flow, same_points
+from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.image_gain import brightness_gain
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+Float64 = NDArray[np.float64]
+
+NEIGHBOURS: Final = 3
+"""Pairs on either side that tell what the brightness does by itself: light that changes slowly, the sky coming in."""
+
+FEWEST_PAIRS: Final = 4
+
+CLIPPED_DN: Final = 255
+CLIPPED_SHARE: Final = 0.25
+"""Share of pixels at 255 beyond which a file is said to be overexposed: a judgement, no more than a notice."""
+
+MATTERS_PERCENT: Final = 20.0
+
+_SAMPLED_EVERY_PX: Final = 4
+
+MOVED_ON_PERCENT: Final = 0.2
+"""What points of one place differ in brightness where the flow misses them by part of a pixel: bias, not noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class PairGain:
+    """Two frames, the logarithm of the later one's brightness over the earlier one's, and its error."""
+
+    before: int
+    after: int
+    log_gain: float
+    standard_error: float
+
+
+@dataclass(frozen=True, slots=True)
+class WindowExposure:
+    """Gains of the window's pairs, its frames of one value, the sum over frames of the share of pixels at 255."""
+
+    gains: tuple[PairGain, ...]
+    blank: tuple[int, ...]
+    clipped: float
+    frames: int
+
+
+class Exposure(WindowCheck[WindowExposure]):
+    """Is the exposure the same in all frames?
+
+    Points that both frames show, by the fastest flow where there is one, and else the same coarse pixels, are compared
+    tile by tile (``image_gain``). What the brightness does by itself, slowly, is the median of the pairs around; the
+    pair that departs from it most is judged by its own error and by the spread of all (median absolute deviation). A
+    frame that differs alone gives a jump up and one down. Frames of one value among others are counted.
+
+    Without flow, motion makes tiles differ, so that errors grow by ten; only jumps of many percent are then seen.
+    Exposure that is wrong in all frames alike is not seen here: to the log model of events it means nothing at all, and
+    to the linear model it is a threshold.
+    """
+
+    name = "images.exposure"
+    needs = ("rgb",)
+
+    def measure(self, window: Window) -> WindowExposure:
+        """Compare every pair that the window owns."""
+        gains = []
+        for pair in pairs_with_flow(window) if flow_rate_of(window.facts) else neighbours(window):
+            found = brightness_gain(*same_points(window, pair))
+            if found is not None:
+                gains.append(PairGain(pair.before, pair.after, found.log_gain, found.standard_error))
+        blank, clipped = [], []
+        for frame in window.owned("rgb"):
+            rgb = window.rgb(frame)
+            if rgb.size and rgb.min() == rgb.max():
+                blank.append(frame)
+            sampled = rgb[::_SAMPLED_EVERY_PX, ::_SAMPLED_EVERY_PX]
+            clipped.append(float(np.mean((sampled == CLIPPED_DN).any(axis=-1))))
+        return WindowExposure(tuple(gains), tuple(blank), float(np.sum(clipped)), len(clipped))
+
+    def conclude(self, state: Sequence[WindowExposure], facts: Facts) -> Observation:
+        """Find the largest jump, and count blank frames."""
+        gains = sorted((one for w in state for one in w.gains), key=lambda one: one.before)
+        blank = [frame for w in state for frame in w.blank]
+        frames = sum(w.frames for w in state)
+        coverage = Coverage(len(gains), max(facts.sizes.get("path/rgb", 0) - 1, 0), "frame intervals")
+        if frames and len(blank) == frames:
+            return Observation(coverage, unobservable="every frame is of one value throughout")
+        measured = [_blank(blank, facts)]
+        if len(gains) >= FEWEST_PAIRS:
+            measured.append(_jump(gains, facts))
+        clipped = sum(w.clipped for w in state) / max(frames, 1)
+        notices = (
+            (Notice("images.exposure.clipped", f"{clipped:.0%} of the pixels are at 255.", Where(stream="rgb")),)
+            if clipped > CLIPPED_SHARE
+            else ()
+        )
+        why = (
+            ""
+            if len(gains) >= FEWEST_PAIRS
+            else "too few frames at the ends of the flow, or too little lit and not clipped"
+        )
+        return Observation(coverage, tuple(measured), notices, why)
+
+
+def _jump(gains: Sequence[PairGain], facts: Facts) -> Measured:
+    jumps = departures(np.array([one.log_gain for one in gains]))
+    spread = 1.4826 * float(np.median(np.abs(jumps)))
+    errors = np.hypot(spread, [one.standard_error for one in gains])
+    allowance = MOVED_ON_PERCENT / 100
+    worst = int(np.argmax((np.abs(jumps) - allowance) / errors))
+    first = _first_of(jumps, worst, float(errors[worst]))
+    frame, percent = gains[first].after, 100 * expm1(float(jumps[first]))
+    times_ns = facts.clocks["rgb"].times_ns
+    error = 100 * float(errors[worst])
+    return Measured(
+        name="largest_jump",
+        value=100 * float(abs(jumps[worst])),
+        unit="percent",
+        standard_error=error,
+        allowance=100 * allowance,
+        side="upper",
+        tests=len(gains),
+        matters=MATTERS_PERCENT,
+        statement=f"Frame {frame} is {abs(percent):.3g} +/- {error:.2g}% {'brighter' if percent > 0 else 'darker'} "
+        f"than frame {gains[first].before} at the same points.",
+        code="images.exposure.jump",
+        where=Where(
+            stream="rgb",
+            start_us=facts.to_file_us(int(times_ns[frame])),
+            stop_us=facts.to_file_us(int(times_ns[min(frame + 1, len(times_ns) - 1)])),
+            frame=frame,
+        ),
+        suspects=(
+            Suspect("exposure_or_gamma", "rgb", 0.95, percent, "percent", error),
+            *(Suspect(cause, "rgb", 0.2) for cause in ("other_sequence", "swapped_frames", "frozen_frames")),
+        ),
+    )
+
+
+def departures(log_gains: Float64) -> Float64:
+    """Return by how much each gain (n,) departs from the median of those around it."""
+    around = [
+        np.concatenate([log_gains[max(i - NEIGHBOURS, 0) : i], log_gains[i + 1 : i + 1 + NEIGHBOURS]])
+        for i in range(len(log_gains))
+    ]
+    apart: Float64 = log_gains - np.array([np.median(values) for values in around])
+    return apart
+
+
+def _first_of(jumps: Float64, worst: int, error: float) -> int:
+    """Return the jump with which a departure of the worst size begins: up and down again is one frame, or several."""
+    like = np.flatnonzero(np.abs(np.abs(jumps) - abs(jumps[worst])) < max(5 * error, 0.2 * abs(jumps[worst])))
+    return int(like[0])
+
+
+def _blank(blank: Sequence[int], facts: Facts) -> Measured:
+    if not blank:
+        return no_faults("blank_frames", "frames", "images.exposure.blank")
+    times_ns = facts.clocks["rgb"].times_ns
+    return count_of_faults(
+        "blank_frames",
+        len(blank),
+        "frames",
+        statement=f"{len(blank)} frames are of one value throughout, the first of them frame {blank[0]}.",
+        code="images.exposure.blank",
+        where=Where(
+            stream="rgb",
+            start_us=facts.to_file_us(int(times_ns[blank[0]])),
+            stop_us=facts.to_file_us(int(times_ns[min(blank[-1] + 1, len(times_ns) - 1)])),
+            frame=blank[0],
+        ),
+        suspects=(Suspect("exposure_or_gamma", "rgb", 0.9), Suspect("dropped_samples", "rgb", 0.3)),
+    )

@@ -1,0 +1,143 @@
+"""Frames along the flow: order in time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.flow.frames import optics_of
+from fedora_qa.checks.images.pairs import luma_on_flow_grid, pairs_with_flow
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.image_motion import motion_share
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+Float64 = NDArray[np.float64]
+
+LARGEST_ERROR: Final = 0.1
+"""A pair of frames counts where its share is known to this: a fifth of what is allowed for."""
+
+LEAST_SHARE: Final = 0.5
+"""Below, frames do not follow the flow in most intervals, and none of them can be told from the rest."""
+
+ALLOWED: Final = 0.5
+"""Halfway between a frame in its place and one that repeats the frame before."""
+
+FEWEST_PAIRS: Final = 4
+
+MATTERS: Final = 2.0
+"""A frame that moved elsewhere leaves an interval that is off by twice the flow (one that repeats: by the flow)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Two frames, and by how much of the flow between their instants they lie apart."""
+
+    before: int
+    after: int
+    share: float
+    standard_error: float
+
+
+class Order(WindowCheck[tuple[Share, ...]]):
+    """Does each frame lie where the flow carries the frame before it?
+
+    The change from each frame to the next is regressed on the change that the fastest flow predicts (``image_motion``):
+    one number a pair, 1 in an honest file. A frame that repeats the one before gives 0, and the one after it 2;
+    exchanged neighbours give 2, -1, 2. The pair farthest from the median is judged by the spread of all (median
+    absolute deviation) and its own error; half of the flow is allowed for. Pairs that move too little are left out.
+
+    With flow slower than the frames, only frames at its ends are seen, and an exchange moves them by a part of the
+    interval. A fault of all frames alike is for flow_photometric; the same question is put to events by
+    event_response.frames, and both failing means the frames.
+    """
+
+    name = "images.order"
+    needs = ("flow", "rgb")
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Say why frames cannot be seen on the flow's grid."""
+        optics = optics_of(facts)
+        return optics if isinstance(optics, str) else ""
+
+    def measure(self, window: Window) -> tuple[Share, ...]:
+        """Regress every pair that the window owns."""
+        shares = []
+        for pair in pairs_with_flow(window):
+            if pair.flow_px is None:
+                continue
+            before, after = luma_on_flow_grid(window, pair.before), luma_on_flow_grid(window, pair.after)
+            blank = min(np.ptp(before), np.ptp(after)) == 0  # for images.exposure
+            found = None if blank else motion_share(before, after, pair.flow_px)
+            if found is not None:
+                shares.append(Share(pair.before, pair.after, found.share, found.standard_error))
+        return tuple(shares)
+
+    def conclude(self, state: Sequence[tuple[Share, ...]], facts: Facts) -> Observation:
+        """Find the pair that is farthest from all others."""
+        every = [one for shares in state for one in shares]
+        clear = [one for one in every if one.standard_error < LARGEST_ERROR]
+        coverage = Coverage(len(clear), max(facts.sizes.get("path/rgb", 0) - 1, 0), "frame intervals")
+        if len(clear) < FEWEST_PAIRS:
+            return Observation(coverage, unobservable="too few frames lie at the ends of the flow, or too little moves")
+        shares = np.array([one.share for one in clear])
+        middle = float(np.median(shares))
+        if middle < LEAST_SHARE:
+            reason = f"frames do not follow the flow at all: {middle:.2g} of it (see flow_photometric.residual)"
+            return Observation(coverage, unobservable=reason)
+        spread = 1.4826 * float(np.median(np.abs(shares - middle)))
+        errors = np.hypot(spread, [one.standard_error for one in clear])
+        worst = int(np.argmax((np.abs(shares - middle) - ALLOWED * middle) / errors))
+        measured = self._worst(clear[worst], middle, float(errors[worst]), _out_of_order(clear, middle), facts)
+        return Observation(coverage, (measured,))
+
+    def _worst(self, pair: Share, middle: float, error: float, off: Sequence[Share], facts: Facts) -> Measured:
+        times_ns = facts.clocks["rgb"].times_ns
+        first = off[0] if off else pair
+        return Measured(
+            name="share_of_the_flow",
+            value=pair.share / middle,
+            unit="1",
+            standard_error=error / middle,
+            expected=1.0,
+            allowance=ALLOWED,
+            tests=max(facts.sizes.get("path/rgb", 0) - 1, 1),
+            matters=MATTERS,
+            statement=f"Frame {pair.after} lies {pair.share:.2f} of the flow from frame {pair.before}; {middle:.2f} is "
+            f"usual. {len(off)} frame intervals are out of order.",
+            code="images.order.share",
+            where=Where(
+                stream="rgb",
+                start_us=facts.to_file_us(int(times_ns[first.after])),
+                stop_us=facts.to_file_us(int(times_ns[off[-1].before if off else pair.after])),
+                frame=first.after,
+            ),
+            suspects=order_suspects([one.share / middle for one in off]),
+        )
+
+
+def _out_of_order(clear: Sequence[Share], middle: float) -> list[Share]:
+    return [one for one in clear if abs(one.share / middle - 1) > ALLOWED]
+
+
+def order_suspects(shares: Sequence[float]) -> tuple[Suspect, ...]:
+    """Name what puts intervals of these shares (of the usual one) out of order.
+
+    Exchanged frames turn a motion round: frames that are d apart leave d + 2 intervals out of order. Frozen ones stop
+    it, once for each.
+    """
+    turned = any(share < -ALLOWED for share in shares)
+    stopped = sum(abs(share) < ALLOWED for share in shares)
+    exchanged = float(max(len(shares) - 2, 1))
+    return (
+        Suspect("swapped_frames", "rgb", 0.95 if turned else 0.2, exchanged if turned else None, "samples"),
+        Suspect("frozen_frames", "rgb", 0.95 if stopped and not turned else 0.2, float(max(stopped, 1)), "samples"),
+        Suspect("dropped_samples", "rgb", 0.3),
+        Suspect("duplicated_samples", "rgb", 0.3),
+        *(Suspect(cause, "flow", 0.3) for cause in ("swapped_frames", "frozen_frames", "flow_interval_shifted",
+                                                    "flow_gain", "flow_sign", "flow_unit", "other_sequence")),
+        Suspect("other_sequence", "rgb", 0.3),
+    )  # fmt: skip

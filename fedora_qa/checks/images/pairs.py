@@ -1,0 +1,94 @@
+"""Pairs of colour frames that a window owns, with the flow between them where the file has any."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.flow.frames import Optics, optics_of
+from fedora_qa.checks.flow.intervals import frame_at, owned_intervals
+from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+Float32 = NDArray[np.float32]
+
+SAMPLED_COLUMNS: Final = 160
+"""About so many columns of points are compared: exposure is the same everywhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two frames by row, ``before`` being the earlier one, and the flow (H, W, 2) from it to the other, if there is."""
+
+    before: int
+    after: int
+    flow_px: Float32 | None
+
+
+def flow_rate_of(facts: Facts) -> str | None:
+    """Return the fastest flow stream, if frames can be seen on its grid."""
+    if not facts.flow_streams or isinstance(optics_of(facts), str):
+        return None
+    return facts.flow_streams[-1]
+
+
+def pairs_with_flow(window: Window) -> Iterator[Pair]:
+    """Yield the frames at both ends of each field of the fastest flow that the window owns."""
+    stream = flow_rate_of(window.facts)
+    if stream is None:
+        return
+    clock = window.facts.clocks["rgb"]
+    for interval in owned_intervals(window, stream):
+        before, after = frame_at(clock, interval.start_ns), frame_at(clock, interval.end_ns)
+        if before is not None and after is not None:
+            yield Pair(before, after, window.flow_px(stream, interval.row))
+
+
+def neighbours(window: Window) -> Iterator[Pair]:
+    """Yield each frame that the window owns with the one before it, without flow."""
+    for frame in window.owned("rgb"):
+        if frame > 0:
+            yield Pair(frame - 1, frame, None)
+
+
+def luma_on_flow_grid(window: Window, frame: int) -> Float32:
+    """Return the luma (H, W) of a frame on the grid of the flow, in DN."""
+    optics, luma = optics_of(window.facts), luma_dn(window, frame)
+    if not isinstance(optics, Optics) or optics.H_rgb_flow is None:
+        return luma
+    camera = window.facts.declared.cameras["depth"]
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    warped = cv2.warpPerspective(luma, optics.H_rgb_flow, (camera.width, camera.height), flags=flags)
+    return np.asarray(warped, dtype=np.float32)
+
+
+def same_points(window: Window, pair: Pair) -> tuple[Float32, Float32]:
+    """Return the luma of both frames at points that both show, on a coarse grid, NaN where one does not.
+
+    Without flow the points are the same pixels, averaged over coarse ones.
+    """
+    if pair.flow_px is None:
+        return _coarse(luma_dn(window, pair.before)), _coarse(luma_dn(window, pair.after))
+    before, after = (
+        np.asarray(cv2.blur(luma_on_flow_grid(window, frame), (3, 3)), dtype=np.float32)
+        for frame in (pair.before, pair.after)
+    )
+    height, width = before.shape
+    step = max(1, width // SAMPLED_COLUMNS)
+    rows, columns = np.mgrid[0:height:step, 0:width:step].astype(np.float32)
+    u, v = np.moveaxis(pair.flow_px[::step, ::step], -1, 0)
+    with np.errstate(invalid="ignore"):
+        at_columns, at_rows = columns + u, rows + v
+        shown = (at_columns >= 0) & (at_columns <= width - 1) & (at_rows >= 0) & (at_rows <= height - 1)
+    moved = cv2.remap(after, np.where(shown, at_columns, 0), np.where(shown, at_rows, 0), cv2.INTER_LINEAR)
+    return before[::step, ::step], np.asarray(np.where(shown, moved, np.nan), dtype=np.float32)
+
+
+def _coarse(luma: Float32) -> Float32:
+    height, width = luma.shape
+    size = (min(width, SAMPLED_COLUMNS // 4), min(height, max(1, SAMPLED_COLUMNS * height // (4 * width))))
+    return np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA), dtype=np.float32)

@@ -1,0 +1,137 @@
+"""Frames against each other: repeats."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import blake2b
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.exact import count_of_faults, no_faults
+from fedora_qa.checks.images.motion import moved_by_events, must_have_changed, surely_turned
+from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+
+DIGEST_BYTES: Final = 16
+"""Two different frames share a digest of this size with a probability of 3e-39."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameDigest:
+    """What is kept of a frame.
+
+    Attributes
+    ----------
+    blank
+        All pixels have one value.
+    repeats
+        It equals the frame before it, bit for bit.
+    moved
+        Pose or flow say that the camera moved since the frame before; None where they are not there.
+    """
+
+    frame: int
+    digest: bytes
+    blank: bool
+    repeats: bool
+    moved: bool | None
+
+
+class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
+    """Is each frame a picture of its own?
+
+    Frames are compared bit for bit by their digests, each with all before it. A repeat is a fault where something says
+    that the image must have changed in between: the fastest flow or the pose, when they move the frame's steep places
+    by more than rounding can hide, or events that are as many as while frames do change. A camera at rest may repeat
+    its frames. Where nothing tells, repeats are noted.
+
+    The count is exact. Frames that repeat but for noise are for images.order and event_response.frames.
+    """
+
+    name = "images.repeats"
+    needs = ("rgb",)
+
+    def measure(self, window: Window) -> tuple[FrameDigest, ...]:
+        """Take the digest of every frame that the window owns."""
+        seen = []
+        previous: tuple[int, bytes] | None = None
+        for frame in window.owned("rgb"):
+            if frame > 0 and (previous is None or previous[0] != frame - 1):
+                previous = frame - 1, _digest(window.rgb(frame - 1))
+            rgb = window.rgb(frame)
+            digest = _digest(rgb)
+            repeats = previous is not None and previous[1] == digest
+            moved = (must_have_changed if repeats else surely_turned)(window, frame) if frame > 0 else None
+            seen.append(FrameDigest(frame, digest, bool(rgb.size and rgb.min() == rgb.max()), repeats, moved))
+            previous = frame, digest
+        return tuple(seen)
+
+    def conclude(self, state: Sequence[tuple[FrameDigest, ...]], facts: Facts) -> Observation:
+        """Count repeats between which the image must have changed."""
+        frames = sorted((one for seen in state for one in seen), key=lambda one: one.frame)
+        coverage = Coverage(len(frames), facts.sizes.get("path/rgb", len(frames)), "frames")
+        repeats = repeated(frames)
+        by_events = moved_by_events(facts, {frame for frame, _ in repeats})
+        moved = {one.frame: one.moved or bool(by_events[one.frame]) for one in frames}
+        known = "rgb_to_event" in facts.index_maps or any(one.moved is not None for one in frames)
+        frozen = [(frame, first) for frame, first in repeats if any(moved.get(i) for i in range(first + 1, frame + 1))]
+        if frozen:
+            return Observation(coverage, (_count(frozen, facts),))
+        notices = () if known or not repeats else (_noted(repeats),)
+        return Observation(coverage, (no_faults("repeated_frames", "frames", "images.repeats.frames"),), notices)
+
+
+def repeated(frames: Sequence[FrameDigest]) -> list[tuple[int, int]]:
+    """Return each frame that is not blank and equals one before it, with the latest such frame."""
+    latest: dict[bytes, int] = {}
+    found = []
+    for one in frames:
+        if not one.blank:
+            if one.repeats:
+                found.append((one.frame, one.frame - 1))
+            elif one.digest in latest:
+                found.append((one.frame, latest[one.digest]))
+            latest[one.digest] = one.frame
+    return found
+
+
+def _digest(rgb: NDArray[np.uint8]) -> bytes:
+    return blake2b(np.ascontiguousarray(rgb).data, digest_size=DIGEST_BYTES).digest()
+
+
+def _count(frozen: Sequence[tuple[int, int]], facts: Facts) -> Measured:
+    first, original = frozen[0]
+    last = frozen[-1][0]
+    times_ns = facts.clocks["rgb"].times_ns
+    return count_of_faults(
+        "repeated_frames",
+        len(frozen),
+        "frames",
+        statement=f"{len(frozen)} frames repeat an earlier one bit for bit while the camera moves; the first is frame "
+        f"{first}, which repeats frame {original}.",
+        code="images.repeats.frames",
+        where=Where(
+            stream="rgb",
+            start_us=facts.to_file_us(int(times_ns[first])),
+            stop_us=facts.to_file_us(int(times_ns[last])),
+            index_start=first,
+            index_stop=last + 1,
+            frame=first,
+        ),
+        suspects=(
+            Suspect("frozen_frames", "rgb", 0.95, float(len(frozen)), "samples"),
+            Suspect("duplicated_samples", "rgb", 0.5, float(len(frozen)), "samples"),
+        ),
+    )
+
+
+def _noted(repeats: Sequence[tuple[int, int]]) -> Notice:
+    return Notice(
+        "images.repeats.unexplained",
+        f"{len(repeats)} frames repeat an earlier one bit for bit, the first is frame {repeats[0][0]}; no pose, flow "
+        "or events tell whether the camera moved.",
+        Where(stream="rgb", frame=repeats[0][0]),
+    )

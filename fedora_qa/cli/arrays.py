@@ -1,0 +1,44 @@
+"""The arrays beside a record: one compressed file, written entirely or not at all, never unpickled."""
+
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.errors import MisuseError
+from fedora_qa.record.atomic import replacing
+
+
+def arrays_beside(record_path: Path) -> Path:
+    """Return where the arrays of a record lie."""
+    return record_path.with_name(record_path.name + ".arrays.npz")
+
+
+def write_arrays(target: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays by name, entirely or not at all; raises ``TypeError`` for Python objects."""
+    for name, array in arrays.items():
+        if array.dtype.hasobject:
+            raise TypeError(f"Expected numbers in the evidence {name!r}, got Python objects")
+    with replacing(target) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Read the arrays that ``write_arrays`` wrote.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, or it is damaged.
+    """
+    if not path.is_file():
+        raise MisuseError(f"Expected the evidence of the record at {path}, got no such file")
+    try:
+        with zipfile.ZipFile(path), np.load(path, allow_pickle=False) as stored:
+            return {name: stored[name] for name in stored.files}
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as problem:
+        raise MisuseError(f"Expected the evidence of the record at {path}, got a damaged file: {problem}") from None

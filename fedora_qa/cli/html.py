@@ -1,0 +1,28 @@
+"""The report as one HTML file. What draws it is an extra, imported only where a report is asked for."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from fedora_qa.errors import MisuseError
+from fedora_qa.record.atomic import write_text
+from fedora_qa.record.types import Record
+
+
+def require_renderer() -> None:
+    """Raise ``MisuseError`` where what draws reports is not installed."""
+    try:
+        from fedora_reports import html  # noqa: F401, PLC0415 - an extra
+    except ImportError as missing:
+        raise MisuseError(
+            f"Expected what draws reports, got: {missing}; install it with pip install 'fedora-qa[reports]'"
+        ) from None
+
+
+def write_html(target: Path, record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Draw the report from a record and its arrays, and write it entirely or not at all."""
+    from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
+
+    write_text(target, render_html(record, arrays))

@@ -1,0 +1,63 @@
+"""Gather the evidence of a file: what checks keep, what the pass has seen, and the worst places."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from fedora_qa.checks.protocol import Observation
+from fedora_qa.engine.plan import FOLLOW_UP_SHARE
+from fedora_qa.engine.prepare import Prepared
+from fedora_qa.engine.stream import States, attempt
+from fedora_qa.evidence.collector import EvidenceCollector
+from fedora_qa.evidence.follow_up import images_of, keep_places
+from fedora_qa.evidence.kept import Kept, together
+from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.evidence.trajectory import keep_trajectory
+from fedora_qa.record.evidence import named
+from fedora_qa.record.types import Finding
+from fedora_qa.sequence.window import Span
+
+
+def evidence_of_checks(observations: Mapping[str, Observation]) -> Kept:
+    """Return the arrays that checks keep, under ``<check>/<name>``; one without a title is called by its name."""
+    return together(
+        Kept.titled(
+            {
+                named(check, name): (array, observation.titles.get(name, name.replace("_", " ")))
+                for name, array in observation.evidence.items()
+            }
+        )
+        for check, observation in observations.items()
+    )
+
+
+def evidence_of_pass(
+    collector: EvidenceCollector,
+    states: States,
+    findings: Iterable[Finding],
+    ready: Prepared,
+    chosen: Sequence[Span],
+    options: EvidenceOptions,
+    looked_again: int,
+) -> Kept:
+    """Return what the pass has seen, the flight, and the worst places. A crash is noted, and costs what comes after it.
+
+    Parameters
+    ----------
+    chosen
+        The windows that were looked at.
+    looked_again
+        How many of them checks have looked at again: the places share one budget with those.
+    """
+    facts, source = ready.facts, ready.decoder
+    images = _follow_up_images(chosen, looked_again)
+    parts = (
+        attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts)),
+        attempt(states, collector.name, lambda: keep_trajectory(facts, source, options.trajectory_points)),
+        attempt(states, collector.name, lambda: keep_places(findings, ready.spans, facts, source, options, images)),
+    )
+    return together(part for part in parts if part is not None)
+
+
+def _follow_up_images(chosen: Sequence[Span], looked_again: int) -> int:
+    """Return how many images may still be looked at again: a share of all, and at least those of one window."""
+    mean = images_of(chosen) / max(len(chosen), 1)
+    return round(mean * max(1.0, FOLLOW_UP_SHARE * len(chosen) - looked_again))

@@ -1,0 +1,87 @@
+"""Compiled loops over events that are carried along a flow.
+
+Events come as columns: ``x``, ``y`` (px) and ``tau``, the instant in intervals of the flow after its start. A flow
+(h, w, 2) is the displacement over the interval, px of the event camera, of the point that is at a pixel at the start.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+Columns = NDArray[np.uint16]
+
+_ROUNDS = 3
+"""Steps towards the pixel at which an event's point was at the start."""
+
+
+@njit(cache=True)
+def vote_warped(
+    x: Columns, y: Columns, tau: Float64, fields: Float32, which: Int64, turns: Float64, margin: float, images: Float64
+) -> int:
+    """Add each event, carried to the middle of the interval, to ``images`` (k, h, w); return how many were carried.
+
+    Image i is carried by ``fields[which[i]]`` of (m, h, w, 2), times ``turns[i]`` (2, 2). An event counts for all
+    images or none: it must have a flow in every field, and lie farther from the border than one and a half times its
+    way, or than ``margin`` px. One that is carried out of the image leaves no vote. Votes are quadratic B-splines,
+    whose variance is 1/4 px^2 wherever the event ends.
+    """
+    height, width = fields.shape[1], fields.shape[2]
+    carried = 0
+    for i in range(len(x)):
+        longest = _longest(fields, y[i], x[i])
+        if not np.isfinite(longest):
+            continue
+        clear = min(1.5 * abs(tau[i] - 0.5) * longest + 2.0, margin)
+        if x[i] < clear or y[i] < clear or x[i] > width - 1 - clear or y[i] > height - 1 - clear:
+            continue
+        carried += 1
+        for k in range(len(turns)):
+            du, dv = _displacement(x[i], y[i], tau[i], fields[which[k]], turns[k])
+            column, row = x[i] + (0.5 - tau[i]) * du, y[i] + (0.5 - tau[i]) * dv
+            if 1.0 <= column <= width - 2.0 and 1.0 <= row <= height - 2.0:
+                _vote(images[k], column, row)
+    return carried
+
+
+@njit(cache=True)
+def _longest(fields: Float32, row: int, column: int) -> float:
+    """Return the largest component of all fields at a pixel, px; infinite where any has none."""
+    longest = 0.0
+    for m in range(len(fields)):
+        u, v = fields[m, row, column, 0], fields[m, row, column, 1]
+        if not (np.isfinite(u) and np.isfinite(v)):
+            return np.inf
+        longest = max(longest, abs(u), abs(v))
+    return longest
+
+
+@njit(cache=True)
+def _displacement(x: int, y: int, tau: float, flow: Float32, turn: Float64) -> tuple[float, float]:
+    """Return the turned flow (px) at the pixel from which a point gets to (x, y) at ``tau``."""
+    column, row = int(x), int(y)
+    du, dv = 0.0, 0.0
+    for _ in range(_ROUNDS):
+        u, v = flow[row, column, 0], flow[row, column, 1]
+        if not (np.isfinite(u) and np.isfinite(v)):
+            break
+        du, dv = turn[0, 0] * u + turn[0, 1] * v, turn[1, 0] * u + turn[1, 1] * v
+        before_column, before_row = x - tau * du, y - tau * dv
+        if not (0.0 <= before_column <= flow.shape[1] - 1 and 0.0 <= before_row <= flow.shape[0] - 1):
+            break
+        column, row = int(np.rint(before_column)), int(np.rint(before_row))
+    return du, dv
+
+
+@njit(cache=True)
+def _vote(image: Float64, column: float, row: float) -> None:
+    """Add a quadratic B-spline around a place that is at least 1 px inside the image."""
+    at_column, at_row = int(np.rint(column)), int(np.rint(row))
+    a, b = column - at_column, row - at_row
+    for j in range(-1, 2):
+        down = 0.75 - b * b if j == 0 else 0.5 * (0.5 + j * b) ** 2
+        for i in range(-1, 2):
+            right = 0.75 - a * a if i == 0 else 0.5 * (0.5 + i * a) ** 2
+            image[at_row + j, at_column + i] += down * right

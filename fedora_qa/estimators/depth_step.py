@@ -1,0 +1,119 @@
+"""The steps in which depths were stored: of z (16-bit millimetres), of 1/z (a z-buffer, a disparity), or of a float.
+
+The values alone cannot tell: the inverse depths of a plane are as regular as a grid. Its second differences can, which
+vanish on a plane, vary on a curved surface, and are whole multiples of one step where depths were rounded.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.depth_image import FINEST_RELATIVE_STEP
+
+Float64 = NDArray[np.float64]
+
+_EDGE: Final = 0.05
+"""Second differences of more than this share of the value are edges, or the border of steps too coarse to use."""
+
+_MOST_PIXELS: Final = 40_000
+_FEWEST_STEPS: Final = 30
+_LEAST_SHARE: Final = 0.01
+"""Second differences that must be nonzero: a step that shows more rarely is met by as few pixels."""
+
+_BOTH_WAYS: Final = 0.2
+"""Share of the second differences that must have either sign: half of them have where values were rounded."""
+
+_SMALL: Final = 6.5
+"""Second differences of up to so many steps are looked at: larger ones magnify the error of the step itself."""
+
+_PHASE: Final = 0.15
+"""Departure from a whole multiple that rounding to float32 may add. By chance three in ten values come so near, and
+thirty do so once in 1e16 trials."""
+
+
+@dataclass(frozen=True, slots=True)
+class DepthStep:
+    """The coarsest step found: as a share of the depth, and at which depth, in metres."""
+
+    relative: float
+    depth_m: float
+
+    @property
+    def size_m(self) -> float:
+        """The step in metres."""
+        return self.relative * self.depth_m
+
+
+def depth_step(depths_m: NDArray[np.floating]) -> DepthStep | None:
+    """Return the coarsest step of a frame (H, W); None where depths are as fine as float32, or too little tells.
+
+    Octaves of depth are looked at one by one, so that a step may grow with the depth.
+    """
+    height, width = depths_m.shape
+    rows = max(3, _MOST_PIXELS // max(width, 1))
+    first = max(0, (height - rows) // 2)
+    z = depths_m[first : first + rows].astype(np.float64)
+    z = np.where(np.isfinite(z) & (z > 0), z, np.nan)
+    found = [*_steps_of_depth(z), *_steps_of_inverse_depth(z)]
+    return max(found, key=lambda step: step.relative, default=None)
+
+
+def _steps_of_depth(z: Float64) -> Iterator[DepthStep]:
+    """Yield the step in each octave, where it is the largest share of the depth: at the near end."""
+    for step, depths_m in _steps(z, z):
+        yield DepthStep(step / float(depths_m.min()), float(depths_m.min()))
+
+
+def _steps_of_inverse_depth(z: Float64) -> Iterator[DepthStep]:
+    """Yield the step in each octave, where it is the largest share of the depth: at the far end."""
+    for step, depths_m in _steps(1.0 / z, z):
+        yield DepthStep(step * float(depths_m.max()), float(depths_m.max()))
+
+
+def _steps(values: Float64, z: Float64) -> Iterator[tuple[float, Float64]]:
+    """Yield the step of values (h, w) in each octave of depth, and the octave's depths in metres."""
+    bends, middles, depths_m = _second_differences(values, z)
+    exponents = np.floor(np.log2(depths_m))
+    for exponent in np.unique(exponents):
+        octave = exponents == exponent
+        finest = FINEST_RELATIVE_STEP * float(middles[octave].max())
+        if step := _common_step(bends[octave], finest):
+            yield step, depths_m[octave]
+
+
+def _second_differences(values: Float64, z: Float64) -> tuple[Float64, Float64, Float64]:
+    """Return second differences along rows and columns that are no edges, the values and depths amid them, (n,)."""
+    bends, middles, depths_m = [], [], []
+    for along, at in ((values, z), (values.T, z.T)):
+        bend, middle = along[2:] - 2 * along[1:-1] + along[:-2], along[1:-1]
+        smooth = np.abs(bend) < _EDGE * middle  # False where NaN
+        bends.append(bend[smooth])
+        middles.append(middle[smooth])
+        depths_m.append(at[1:-1][smooth])
+    return np.concatenate(bends), np.concatenate(middles), np.concatenate(depths_m)
+
+
+def _common_step(bends: Float64, finest: float) -> float:
+    """Return the step of which all second differences are multiples; 0 where there is none so large.
+
+    Steps bend both ways, while the second differences of a ball are of one sign and almost equal.
+    """
+    sizes = np.abs(bends[np.abs(bends) > finest])
+    upward = np.count_nonzero(bends > finest)
+    if len(sizes) < max(_FEWEST_STEPS, _LEAST_SHARE * len(bends)):
+        return 0.0
+    if min(upward, len(sizes) - upward) < _BOTH_WAYS * len(sizes):
+        return 0.0
+    least = float(np.quantile(sizes, 0.01))
+    for parts in (1, 2):
+        step = least / parts
+        small = sizes[sizes <= _SMALL * step]
+        if step < finest or len(small) < _FEWEST_STEPS:
+            return 0.0
+        step = float(np.median(small / np.maximum(np.rint(small / step), 1.0)))
+        if np.mean(np.abs(small / step - np.rint(small / step)) < _PHASE) > 1.0 - _LEAST_SHARE:
+            return step
+    return 0.0

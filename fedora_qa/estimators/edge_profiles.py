@@ -1,0 +1,102 @@
+"""How strong image edges are around steps of depth, and where they are strongest.
+
+A picture in which each pixel is the mean over its own square shows a sharp edge as a difference of neighbours that
+follows, over edges at all places within their pixel, the quadratic B-spline: 1/8, 3/4, 1/8 at the steps of a depth
+sampled at pixel centres. The centroid of a quadratic B-spline over three samples is its exact place, because B-splines
+reproduce straight lines (I. J. Schoenberg, Quart. Appl. Math. 4 (1946)).
+"""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.edge_steps import DepthSteps
+
+Float64 = NDArray[np.float64]
+
+RADIUS_PX: Final = 12
+"""Farthest shift along an axis that is looked for."""
+
+TILES: Final = 4
+"""Tiles of the image in each direction over which profiles are kept apart, for the spread between them."""
+
+_REACH: Final = 1
+"""Samples on either side of the peak that belong to it."""
+
+_BACKGROUND: Final = 3
+"""Samples beyond them, on either side, that tell the background there."""
+
+FARTHEST_PX: Final = RADIUS_PX - _REACH - _BACKGROUND
+"""Farthest shift that is found: peak and background must lie in the profile."""
+
+
+@dataclass(frozen=True, slots=True)
+class EdgePeak:
+    """Where a profile peaks, px, and how much of the edge strength lies in the peak beyond the background, 0 to 1."""
+
+    place_px: float
+    share: float
+
+
+def tile_profiles(
+    strength: NDArray[Any], steps: DepthSteps, axis: int, at: tuple[Float64, Float64], *, first_px: float
+) -> Float64:
+    """Return sums of edge profiles along an axis, (2, tiles, 2 R + 1): far side first, then near side first.
+
+    Each step of depth has one voice: its profile is divided by its sum.
+
+    Parameters
+    ----------
+    strength
+        (h, w) edge strength; along the axis its first value lies at ``first_px`` (1/2 for differences of neighbours).
+    at
+        Columns and rows (n,) of the steps in that image, px.
+    """
+    image, along, across = (strength, *at) if axis == 0 else (strength.T, at[1], at[0])
+    length, lines = image.shape[1], image.shape[0]
+    starts = along - first_px - RADIUS_PX
+    inside = (starts >= 0) & (starts + 2 * RADIUS_PX <= length - 1) & (across >= 0) & (across <= lines - 1)
+    sums = np.zeros((2, TILES * TILES, 2 * RADIUS_PX + 1))
+    profiles = _read(image, starts[inside], across[inside])
+    totals = profiles.sum(axis=1, keepdims=True)
+    profiles = np.divide(profiles, totals, out=np.zeros_like(profiles), where=totals > 0)
+    tiles = _tile(along[inside], length) + TILES * _tile(across[inside], lines)
+    np.add.at(sums, (steps.near_first[inside].astype(int), tiles), profiles)
+    return sums
+
+
+def find_place(profile: Float64) -> int:
+    """Return the sample at which a profile (2 R + 1,) peaks, among those whose surroundings lie in it."""
+    wide = np.convolve(profile, np.ones(2 * _REACH + 1), "same")
+    first = RADIUS_PX - FARTHEST_PX
+    return first + int(np.argmax(wide[first : len(profile) - first]))
+
+
+def peak_near(profile: Float64, middle: int) -> EdgePeak:
+    """Return the centroid around the sample ``middle``, after taking off a background that may step there."""
+    reach = np.arange(-_REACH, _REACH + 1)
+    around = profile[middle + reach]
+    before = profile[middle - _REACH - _BACKGROUND : middle - _REACH].mean()
+    after = profile[middle + _REACH + 1 : middle + _REACH + 1 + _BACKGROUND].mean()
+    beyond = around - np.where(reach < 0, before, np.where(reach > 0, after, 0.5 * (before + after)))
+    strength = float(beyond.sum())
+    centroid = float(reach @ beyond) / strength if strength > 0 else 0.0
+    return EdgePeak(middle - RADIUS_PX + float(np.clip(centroid, -_REACH, _REACH)), strength / float(profile.sum()))
+
+
+def _read(image: NDArray[Any], starts: Float64, lines: Float64) -> Float64:
+    """Return 2 R + 1 successive values (n, 2 R + 1) along lines of an image, linearly between pixels."""
+    first, line = np.floor(starts).astype(np.int64), np.floor(lines).astype(np.int64)
+    part_along, part_across = (starts - first)[:, np.newaxis], (lines - line)[:, np.newaxis]
+    places = np.minimum(first[:, np.newaxis] + np.arange(2 * RADIUS_PX + 2), image.shape[1] - 1)
+    above = image[line[:, np.newaxis], places].astype(np.float64)
+    below = image[np.minimum(line + 1, image.shape[0] - 1)[:, np.newaxis], places]
+    rows = above + part_across * (below - above)
+    values: Float64 = rows[:, :-1] + part_along * np.diff(rows, axis=1)
+    return values
+
+
+def _tile(places: Float64, size: int) -> NDArray[np.int64]:
+    return np.clip((places * TILES / size).astype(np.int64), 0, TILES - 1)

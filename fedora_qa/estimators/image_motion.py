@@ -1,0 +1,94 @@
+"""How far one frame lies from another along a flow: 1 where they are its ends, 0 where they are the same.
+
+Least squares on ``W - A = s p + a + b (A + W)/2`` with p = -g . u, the change that the flow u makes by the gradient g
+of (A + W)/2; a and b absorb exposure. Frames are reduced first until most of the flow is about a pixel, so that s holds
+for large flows too. One number a pair of frames: flow of any shape will do, expansion as well as a pan.
+"""
+
+from dataclasses import dataclass
+from math import ceil, pi
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.residual_flow import LUMA_ROUNDING_VARIANCE_DN2
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+FEWEST_PIXELS: Final = 64
+"""Reduced pixels below which nothing is said."""
+
+SMOOTHING_PX: Final = 1.0
+CORRELATED_PIXELS: Final = 4 * pi * SMOOTHING_PX**2
+"""Sum of the autocorrelation of white noise behind that smoothing: so many pixels count as one."""
+
+LARGEST_PX: Final = 1.5
+"""Frames are reduced until most of the flow is no longer than this: what the smoothing keeps is then nearly linear."""
+
+_MOST_OF_THE_FLOW: Final = 90.0
+_LARGEST_FLOW_PX: Final = 1e4
+
+
+@dataclass(frozen=True, slots=True)
+class MotionShare:
+    """The share s of the flow by which two frames lie apart, and its standard error."""
+
+    share: float
+    standard_error: float
+
+
+def motion_share(before: Float32, after: Float32, flow_px: Float32) -> MotionShare | None:
+    """Return how far ``after`` lies from ``before`` along the flow; None where too little of the flow is valid.
+
+    Parameters
+    ----------
+    before, after
+        (H, W) frames, DN.
+    flow_px
+        (H, W, 2) from the first frame on, NaN where invalid.
+    """
+    with np.errstate(invalid="ignore"):
+        valid = np.asarray((np.abs(flow_px) < _LARGEST_FLOW_PX).all(axis=-1))
+    if np.count_nonzero(valid) < FEWEST_PIXELS:
+        return None
+    speed_px = np.percentile(np.linalg.norm(flow_px[valid], axis=-1), _MOST_OF_THE_FLOW)
+    step = max(1, ceil(speed_px / LARGEST_PX))
+    whole = _reduced(valid.astype(np.float32), step) > 1 - 1e-3
+    if min(whole.shape) < 3 or np.count_nonzero(whole) < FEWEST_PIXELS:
+        return None
+    flow = _reduced(np.asarray(np.where(valid[..., None], flow_px, 0), dtype=np.float32), step)[whole] / step
+    first, second = (_smooth(_reduced(frame, step)) for frame in (before, after))
+    mean: Float64 = 0.5 * (first + second)
+    down, right = np.gradient(mean)
+    predicted = -(right[whole] * flow[:, 0] + down[whole] * flow[:, 1])
+    level = mean[whole] - mean[whole].mean()
+    design = np.column_stack([predicted, np.ones_like(level), level])
+    return _fit(design, (second - first)[whole], 2 * LUMA_ROUNDING_VARIANCE_DN2 / step**2)
+
+
+def _fit(design: Float64, change: Float64, rounding_variance_dn2: float) -> MotionShare | None:
+    """Return the first coefficient; smoothing lowers the rounding's variance as it lowers the number of pixels."""
+    matrix = design.T @ design
+    if np.linalg.cond(matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)) + 1e-300)) > 1e10:
+        return None
+    inverse = np.linalg.inv(matrix)
+    solution = inverse @ (design.T @ change)
+    left = float(np.mean((change - design @ solution) ** 2))
+    variance = max(CORRELATED_PIXELS * left, rounding_variance_dn2)
+    return MotionShare(float(solution[0]), float(np.sqrt(variance * inverse[0, 0])))
+
+
+def _smooth(image: Float32) -> Float64:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), SMOOTHING_PX), dtype=np.float64)
+
+
+def _reduced(image: Float32, step: int) -> Float32:
+    """Return the means of ``step`` x ``step`` pixels."""
+    if step == 1:
+        return image
+    rows, columns = image.shape[0] // step, image.shape[1] // step
+    cut = image[: rows * step, : columns * step].reshape(rows, step, columns, step, *image.shape[2:])
+    return np.asarray(cut.mean(axis=(1, 3)), dtype=np.float32)

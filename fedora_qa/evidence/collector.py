@@ -1,0 +1,151 @@
+"""Keep evidence window by window, beside the checks, in the same pass."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import NS_PER_US
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.evidence.glimpse import Glimpse, glimpse
+from fedora_qa.evidence.histograms import keep_histograms, padded_sum, seconds_of, window_pixels, window_values
+from fedora_qa.evidence.instants import fitting_width_px, spread_instants
+from fedora_qa.evidence.kept import Kept, together
+from fedora_qa.evidence.moments import keep_moments
+from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.evidence.timeline import Timeline, stream_counts, timeline_of
+from fedora_qa.layout.canonical import STAMPS_OF
+from fedora_qa.record.evidence import MOMENTS, TIMELINE, named
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Span, Window
+
+Int64 = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class EvidencePlan:
+    """What will be kept: instants (ns) by number of their window, the width of pictures, the bins of the timeline."""
+
+    instants: Mapping[int, tuple[int, ...]]
+    width_px: int
+    timeline: Timeline
+
+
+@dataclass(slots=True)
+class Seen:
+    """What some windows have shown. All of it is whole numbers or in the order of time, so that it merges exactly.
+
+    Attributes
+    ----------
+    plan
+        The same for all windows.
+    values
+        Counts of sampled pixels by quantity.
+    pixels
+        Events of each pixel, of the windows in ``counted_ns`` (start, stop).
+    events
+        Events in each bin of the timeline, by number of the window.
+    """
+
+    plan: EvidencePlan
+    glimpses: list[Glimpse] = field(default_factory=list)
+    values: dict[str, Int64] = field(default_factory=dict)
+    pixels: Int64 | None = None
+    counted_ns: list[tuple[int, int]] = field(default_factory=list)
+    events: dict[int, Int64] = field(default_factory=dict)
+
+
+class EvidenceCollector:
+    """Moments, timeline and histograms of a file.
+
+    Parameters
+    ----------
+    spans
+        All of its windows.
+    chosen
+        Those that will be looked at; the moments are spread over them.
+    """
+
+    name = "evidence"
+
+    def __init__(self, spans: Sequence[Span], chosen: Sequence[Span], options: EvidenceOptions) -> None:
+        self._spans = tuple(spans)
+        self._chosen = tuple(chosen)
+        self._options = options
+
+    def start(self, facts: Facts) -> Seen:
+        """Return the state that has seen nothing."""
+        options = self._options
+        return Seen(
+            EvidencePlan(
+                instants=spread_instants(self._chosen, facts, options.moments),
+                width_px=fitting_width_px(facts, options, options.moments),
+                timeline=timeline_of(facts, self._spans, options.timeline_bins),
+            )
+        )
+
+    def update(self, state: Seen, window: Window) -> None:
+        """Add what a window shows. Windows come in order."""
+        instants = state.plan.instants.get(window.span.index, ())
+        state.glimpses += [glimpse(window, time_ns, state.plan.width_px) for time_ns in instants]
+        _add_values(state.values, window_values(window))
+        if "events" in window.facts.streams and window.owned("events"):
+            _count_events(state, window)
+
+    def merge(self, state: Seen, later: Seen) -> Seen:
+        """Return the state that has seen what both have, ``later`` being of later windows."""
+        merged = Seen(
+            state.plan,
+            glimpses=state.glimpses + later.glimpses,
+            values=dict(state.values),
+            pixels=state.pixels,
+            counted_ns=state.counted_ns + later.counted_ns,
+            events={**state.events, **later.events},
+        )
+        _add_values(merged.values, later.values)
+        if later.pixels is not None:
+            merged.pixels = later.pixels if merged.pixels is None else padded_sum(merged.pixels, later.pixels)
+        return merged
+
+    def conclude(self, state: Seen, facts: Facts) -> Kept:
+        """Return everything that was kept, as arrays with titles."""
+        return together(
+            [
+                keep_moments(MOMENTS, state.glimpses, facts, state.plan.width_px),
+                self._timeline_kept(state, facts),
+                keep_histograms(state.values, state.pixels, seconds_of(facts, state.counted_ns)),
+            ]
+        )
+
+    def _timeline_kept(self, state: Seen, facts: Facts) -> Kept:
+        timeline = state.plan.timeline
+        counts = stream_counts(timeline, facts, self._spans, state.events)
+        edges_us = facts.origin_us + timeline.edges_ns / NS_PER_US
+        step_ms = float(edges_us[1] - edges_us[0]) / 1e3
+        return Kept.titled(
+            {
+                named(TIMELINE, "edges_us"): (edges_us, "Edges of the bins, us on the file's clock"),
+                **{
+                    named(TIMELINE, stream): (of_stream, f"Samples of {stream} in each {step_ms:.4g} ms")
+                    for stream, of_stream in counts.items()
+                },
+            }
+        )
+
+
+def _count_events(state: Seen, window: Window) -> None:
+    rows = window.owned("events")
+    try:
+        times_ns = window.rows(STAMPS_OF["events"], rows.start, rows.stop)
+        pixels = window_pixels(window)
+    except UnreadableRowsError:
+        return
+    state.events[window.span.index] = state.plan.timeline.count(times_ns)
+    state.counted_ns.append((window.span.start_ns, window.span.stop_ns))
+    state.pixels = pixels if state.pixels is None else padded_sum(state.pixels, pixels)
+
+
+def _add_values(whole: dict[str, Int64], part: Mapping[str, Int64]) -> None:
+    for quantity, counts in part.items():
+        whole[quantity] = whole[quantity] + counts if quantity in whole else counts

@@ -1,0 +1,166 @@
+"""What the streams show at one instant."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.evidence.pictures import block_px, mean_codes, mean_values
+from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.window import Window
+
+T = TypeVar("T")
+
+EVENTS_NS: Final = 20_000_000
+"""Events are accumulated over one period of the cameras of 50 frames/s, half before and half after the instant."""
+
+_LARGEST_SENSOR_PX: Final = 4096
+"""Events of an undeclared sensor that lie farther out are left out of its picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture, the row of its stream, and the start and end of what it shows (equal where it is an instant)."""
+
+    image: NDArray[Any]
+    stream: str
+    row: int
+    block: int
+    start_ns: int
+    stop_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Glimpse:
+    """What each stream shows around an instant; a stream that shows nothing is left out.
+
+    Attributes
+    ----------
+    pictures
+        By family: ``rgb`` (h, w, 3) codes, ``depth`` (h, w) m, ``flow`` (h, w, 2) px, all made smaller; ``events``
+        (2, H, W) darker and brighter events of each pixel of the sensor.
+    """
+
+    time_ns: int
+    pictures: Mapping[str, Picture]
+
+
+def glimpse(window: Window, time_ns: int, width_px: int, rows: Mapping[str, int] | None = None) -> Glimpse:
+    """Look at every stream near an instant of a window.
+
+    Parameters
+    ----------
+    window
+        The images that it owns are looked at; events from before and after it as well.
+    width_px
+        Width that pictures do not exceed.
+    rows
+        The image to show of a stream, where it is known; else the nearest in time.
+    """
+    rows = rows or {}
+    looks: dict[str, Callable[[], Picture | None]] = {
+        "rgb": lambda: _frame(window, "rgb", time_ns, rows, lambda row: _small_codes(window.rgb(row), width_px)),
+        "depth": lambda: _frame(window, "depth", time_ns, rows, lambda row: _small(window.depth_m(row), width_px)),
+        "flow": lambda: _flow(window, time_ns, rows, width_px),
+        "events": lambda: _events(window, time_ns),
+    }
+    seen = {family: _readable(look) for family, look in looks.items()}
+    return Glimpse(time_ns, {family: picture for family, picture in seen.items() if picture is not None})
+
+
+def nearest_row(window: Window, stream: str, time_ns: int) -> int | None:
+    """Return the row of a stream that a window owns nearest to an instant; None where it owns none.
+
+    Where the stamps of a stream say nothing, the rows are taken to be evenly spread over the window.
+    """
+    rows, clock = window.owned(stream), window.facts.clocks.get(stream)
+    if clock is None or not rows:
+        return None
+    if clock.usable:
+        return rows.start + int(np.argmin(np.abs(clock.times_ns[rows.start : rows.stop] - time_ns)))
+    share = (time_ns - window.span.start_ns) / (window.span.stop_ns - window.span.start_ns)
+    return rows.start + int(np.clip(share * len(rows), 0, len(rows) - 1))
+
+
+def _readable(look: Callable[[], T | None]) -> T | None:
+    """Return what a look shows; None where it cannot be decoded. Rows that cannot cost their own picture alone."""
+    try:
+        return look()
+    except UnreadableRowsError:
+        return None
+
+
+def _frame(
+    window: Window,
+    stream: str,
+    time_ns: int,
+    rows: Mapping[str, int],
+    draw: Callable[[int], tuple[NDArray[Any], int]],
+) -> Picture | None:
+    row = rows.get(stream, nearest_row(window, stream, time_ns))
+    if row is None or stream not in window.facts.streams:
+        return None
+    at_ns = int(window.facts.clocks[stream].times_ns[row])
+    image, block = draw(row)
+    return Picture(image, stream, row, block, at_ns, at_ns)
+
+
+def _flow(window: Window, time_ns: int, rows: Mapping[str, int], width_px: int) -> Picture | None:
+    """Draw the field named, or that of the fastest rate whose interval begins within half of itself."""
+    for stream in reversed(window.facts.flow_streams):
+        row = rows.get(stream)
+        if row is None and not any(name.startswith("flow/") for name in rows):
+            row = _beginning(window, stream, time_ns)
+        if row is None:
+            continue
+        clock = window.facts.clocks[stream]
+        image, block = _small(window.flow_px(stream, row), width_px)
+        start_ns = int(clock.times_ns[row])
+        return Picture(
+            image, stream, row, block, start_ns, start_ns if clock.ends_ns is None else int(clock.ends_ns[row])
+        )
+    return None
+
+
+def _beginning(window: Window, stream: str, time_ns: int) -> int | None:
+    row, clock = nearest_row(window, stream, time_ns), window.facts.clocks[stream]
+    if row is None or clock.ends_ns is None or not clock.usable:
+        return row
+    start_ns, end_ns = int(clock.times_ns[row]), int(clock.ends_ns[row])
+    return row if 2 * abs(start_ns - time_ns) <= abs(end_ns - start_ns) else None
+
+
+def _events(window: Window, time_ns: int) -> Picture | None:
+    if "events" not in window.facts.streams:
+        return None
+    events = window.events(EVENTS_NS // 2, EVENTS_NS // 2)
+    start_ns, stop_ns = time_ns - EVENTS_NS // 2, time_ns + EVENTS_NS // 2
+    first, last = np.searchsorted(events.times_ns, [start_ns, stop_ns])
+    x, y, p = (values[first:last].astype(np.int64) for values in (events.x, events.y, events.p))
+    height, width = _sensor_shape(window.facts.declared.cameras.get("events"), x, y)
+    known = (x >= 0) & (x < width) & (y >= 0) & (y < height) & ((p == 0) | (p == 1))
+    flat = (p[known] * height + y[known]) * width + x[known]
+    counts = np.bincount(flat, minlength=2 * height * width).reshape(2, height, width)
+    counts = np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)
+    return Picture(counts, "events", 0, 1, start_ns, stop_ns)
+
+
+def _sensor_shape(declared: Camera | None, x: NDArray[np.int64], y: NDArray[np.int64]) -> tuple[int, int]:
+    """Return rows and columns of the event camera: as declared, or as far as these events lie."""
+    if declared is not None:
+        return declared.height, declared.width
+    height, width = (int(values.max(initial=0)) + 1 for values in (y, x))
+    return min(height, _LARGEST_SENSOR_PX), min(width, _LARGEST_SENSOR_PX)
+
+
+def _small_codes(image: NDArray[np.uint8], width_px: int) -> tuple[NDArray[Any], int]:
+    block = block_px(image.shape[1], width_px)
+    return mean_codes(image, block), block
+
+
+def _small(image: NDArray[Any], width_px: int) -> tuple[NDArray[Any], int]:
+    block = block_px(image.shape[1], width_px)
+    return mean_values(image, block), block

@@ -1,0 +1,104 @@
+"""How depth, flow, brightness and event rates are distributed over the windows that are looked at."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import LUMA_WEIGHTS_RGB, NS_PER_S
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.evidence.kept import Kept, together
+from fedora_qa.evidence.value_counts import Int64, added, count_values, histogram
+from fedora_qa.record.evidence import HISTOGRAMS, named
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.statistics.moments import pixel_sample
+
+Image = TypeVar("Image")
+
+_LUMA_WEIGHTS: Final = np.array(LUMA_WEIGHTS_RGB, dtype=np.float32)
+_LARGEST_SENSOR_PX: Final = 4096
+
+
+def window_values(window: Window) -> dict[str, Int64]:
+    """Count sampled pixels of the images that a window owns, by quantity: ``depth_m``, ``luma_dn``, ``flow/10hz``."""
+    facts = window.facts
+    samples: dict[str, Iterable[NDArray[Any]]] = {
+        "depth_m": (pixel_sample(image) for image in _readable(window, "depth", window.depth_m)),
+        "luma_dn": (pixel_sample(image) @ _LUMA_WEIGHTS for image in _readable(window, "rgb", window.rgb)),
+    }
+    for stream in facts.flow_streams:
+        samples[stream] = _speeds(window, stream)
+    return {quantity: added(count_values(image) for image in images) for quantity, images in samples.items()}
+
+
+def window_pixels(window: Window) -> Int64:
+    """Count the events of each pixel of the event camera (H, W) in a window, as stored; raises if unreadable."""
+    rows = window.owned("events")
+    x, y = (window.rows(f"path/events/{axis}", rows.start, rows.stop).astype(np.int64) for axis in "xy")
+    camera = window.facts.declared.cameras.get("events")
+    extent = (camera.height, camera.width) if camera else (int(v.max(initial=0)) + 1 for v in (y, x))
+    height, width = (min(size, _LARGEST_SENSOR_PX) for size in extent)
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    return np.bincount(y[inside] * width + x[inside], minlength=height * width).reshape(height, width)
+
+
+def keep_histograms(values: Mapping[str, Int64], pixels: Int64 | None, seconds: float) -> Kept:
+    """Return the histograms of everything that was counted; ``seconds`` is how long events were counted."""
+    kept = [_kept(quantity, _title(quantity), counts) for quantity, counts in values.items() if counts.any()]
+    if pixels is not None and pixels.any() and seconds > 0:
+        rates = count_values(pixels / seconds)
+        kept.append(_kept("event_rate_hz", "Pixels of the event camera by their rate of events, events/s", rates))
+    return together(kept)
+
+
+def seconds_of(facts: Facts, bounds_ns: Iterable[tuple[int, int]]) -> float:
+    """Return how much of the time between the first and the last event lies in these windows."""
+    if facts.events is None:
+        return 0.0
+    first, last = facts.events.first_ns, facts.events.last_ns
+    return sum(max(min(stop, last) - max(start, first), 0) for start, stop in bounds_ns) / NS_PER_S
+
+
+def padded_sum(one: Int64, other: Int64) -> Int64:
+    """Add counts of pixels; the sensor reaches as far as the larger of both."""
+    rows, columns = (max(sizes) for sizes in zip(one.shape, other.shape, strict=True))
+    whole = np.zeros((rows, columns), np.int64)
+    for part in (one, other):
+        whole[: part.shape[0], : part.shape[1]] += part
+    return whole
+
+
+def _kept(quantity: str, title: str, counts: Int64) -> Kept:
+    edges, heights, beyond = histogram(counts)
+    name = quantity.replace("flow/", "flow_")
+    share = f"; {beyond / counts.sum():.2g} of them lie above" if beyond else ""
+    return Kept.titled(
+        {
+            named(HISTOGRAMS, name, "edges"): (edges, "Edges of the bins"),
+            named(HISTOGRAMS, name, "counts"): (heights, title + share),
+        }
+    )
+
+
+def _title(quantity: str) -> str:
+    if quantity == "depth_m":
+        return "Sampled pixels by depth, m"
+    if quantity == "luma_dn":
+        return "Sampled pixels by luma of the stored codes, DN"
+    return f"Sampled pixels by length of {quantity}, px over its interval"
+
+
+def _readable(window: Window, stream: str, read: Callable[[int], Image]) -> Iterator[Image]:
+    """Yield the images of a stream that a window owns and that can be decoded."""
+    for row in window.owned(stream) if stream in window.facts.streams else ():
+        try:
+            yield read(row)
+        except UnreadableRowsError:
+            continue
+
+
+def _speeds(window: Window, stream: str) -> Iterator[NDArray[Any]]:
+    for flow in _readable(window, stream, lambda row: window.flow_px(stream, row)):
+        yield np.linalg.norm(pixel_sample(flow), axis=2)

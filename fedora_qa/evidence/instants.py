@@ -1,0 +1,91 @@
+"""Which instants are kept, and how large their pictures may be."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.evidence.pictures import block_px, picture_shape
+from fedora_qa.layout.canonical import FLOW_STREAMS
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Span
+
+_BYTES_PER_PX: Final[Mapping[str, int]] = {
+    "path/rgb": 3,
+    "path/depth": 4,
+    **{f"path/{name}": 8 for name in FLOW_STREAMS},
+}
+_EVENT_BYTES_PER_PX: Final = 4
+_LEAST_WIDTH_PX: Final = 16
+_USUAL_SENSOR: Final = (480, 640)
+
+
+def spread_instants(spans: Sequence[Span], facts: Facts, count: int) -> Mapping[int, tuple[int, ...]]:
+    """Return instants (ns) by the number of their window, evenly spread over the images of the windows.
+
+    They are stamps of the slowest stream of images that has enough, so that faster ones have an image there as well;
+    the middles of windows where there are no images.
+    """
+    stream = _slowest(spans, facts, count)
+    if stream is None:
+        chosen = _evenly(len(spans), count)
+        return {spans[i].index: ((spans[i].start_ns + spans[i].stop_ns) // 2,) for i in chosen}
+    ends = np.cumsum([_owned(span, stream) for span in spans])
+    times_ns = facts.clocks[stream].times_ns
+    instants: dict[int, tuple[int, ...]] = {}
+    for place in _evenly(int(ends[-1]), count):
+        number = int(np.searchsorted(ends, place, "right"))
+        span = spans[number]
+        row = span.owned[stream][1] - (int(ends[number]) - place)
+        instants[span.index] = (*instants.get(span.index, ()), int(times_ns[row]))
+    return instants
+
+
+def fitting_width_px(facts: Facts, options: EvidenceOptions, glimpses: int) -> int:
+    """Return the greatest width of pictures with which so many glimpses fit into the size."""
+    widths = range(options.picture_width_px, _LEAST_WIDTH_PX, -1)
+    fits = (width for width in widths if glimpses * glimpse_bytes(facts, width) <= options.size_bytes)
+    return next(fits, _LEAST_WIDTH_PX)
+
+
+def glimpse_bytes(facts: Facts, width_px: int) -> int:
+    """Return the size of the pictures of one instant, the largest flow among them."""
+    sizes: dict[str, int] = {}
+    for key, bytes_per_px in _BYTES_PER_PX.items():
+        binding = facts.layout.bindings.get(key)
+        if binding is not None and len(binding.shape) >= 3:
+            family = "flow" if "flow" in key else key
+            sizes[family] = max(sizes.get(family, 0), bytes_per_px * _pixels(binding.shape[1:3], width_px))
+    camera = facts.declared.cameras.get("events")
+    if "events" in facts.streams:
+        shape = (camera.height, camera.width) if camera else _USUAL_SENSOR
+        sizes["events"] = _EVENT_BYTES_PER_PX * _pixels(shape, width_px)
+    return sum(sizes.values())
+
+
+def _pixels(shape: tuple[int, ...], width_px: int) -> int:
+    rows, columns = picture_shape(shape[0], shape[1], block_px(shape[1], width_px))
+    return rows * columns
+
+
+def _slowest(spans: Sequence[Span], facts: Facts, count: int) -> str | None:
+    """Return the stream of images with the fewest rows that are enough; the one with the most where none has."""
+    streams = [name for name in ("rgb", "depth", *facts.flow_streams) if name in facts.clocks]
+    sizes = {name: sum(_owned(span, name) for span in spans) for name in streams if facts.clocks[name].usable}
+    enough = [name for name, size in sizes.items() if size >= count]
+    if enough:
+        return min(enough, key=lambda name: sizes[name])
+    return max((name for name, size in sizes.items() if size), key=lambda name: sizes[name], default=None)
+
+
+def _owned(span: Span, stream: str) -> int:
+    start, stop = span.owned.get(stream, (0, 0))
+    return stop - start
+
+
+def _evenly(of: int, count: int) -> list[int]:
+    """Return places in the middles of ``count`` equal parts of a range, each once."""
+    edges = np.linspace(0, of, count + 1)
+    return sorted({int((start + stop) / 2) for start, stop in pairwise(edges)}) if of else []

@@ -1,0 +1,30 @@
+"""How much evidence is kept."""
+
+from dataclasses import dataclass
+
+MEBIBYTE = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceOptions:
+    """How much is kept of one file.
+
+    Attributes
+    ----------
+    size_bytes
+        Uncompressed size of the pictures that the pass keeps, and again of those of the worst places. What else is kept
+        (series, histograms, trajectory) stays below 1 MiB.
+    picture_width_px
+        Width that pictures do not exceed; they are smaller where the size would not hold them.
+    moments, places
+        How many instants are kept, and at most how many worst places.
+    timeline_bins, trajectory_points
+        How finely the samples of the streams are counted over time, and at most how many poses are kept.
+    """
+
+    size_bytes: int = 8 * MEBIBYTE
+    picture_width_px: int = 360
+    moments: int = 6
+    places: int = 6
+    timeline_bins: int = 200
+    trajectory_points: int = 4000

@@ -1,0 +1,58 @@
+"""Pictures made smaller by averaging or summing whole blocks of pixels, so that their values keep their unit."""
+
+from typing import Any, cast
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Float32 = NDArray[np.float32]
+UInt8 = NDArray[np.uint8]
+UInt16 = NDArray[np.uint16]
+
+
+def block_px(width: int, picture_width_px: int) -> int:
+    """Return the side of the least blocks that make an image no wider than a picture may be."""
+    return max(1, -(-width // picture_width_px))
+
+
+def picture_shape(height: int, width: int, block: int) -> tuple[int, int]:
+    """Return rows and columns of a picture; pixels that fill no whole block are left out."""
+    return max(height // block, 1), max(width // block, 1)
+
+
+def mean_codes(image: UInt8, block: int) -> UInt8:
+    """Return the mean of each block of an image of 8-bit codes (H, W, C), rounded to codes."""
+    return cast(UInt8, np.rint(_block_means(image.astype(np.float32), block)).astype(np.uint8))
+
+
+def mean_values(image: NDArray[Any], block: int) -> Float32:
+    """Return the mean of the finite values of each block of an image (H, W) or (H, W, C); NaN where there are none."""
+    finite = np.isfinite(image)
+    totals = _block_means(np.where(finite, image, 0).astype(np.float32), block)
+    shares = _block_means(finite.astype(np.float32), block)
+    return cast(Float32, np.where(shares > 0, totals / np.where(shares > 0, shares, 1), np.nan).astype(np.float32))
+
+
+def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
+    """Return the sum of each block of counts (H, W), at most 65535."""
+    rows, columns = picture_shape(counts.shape[0], counts.shape[1], block)
+    whole = _whole(counts, block).reshape(rows, -1, columns, _side(counts.shape[1], block))
+    totals = whole.sum(axis=(1, 3), dtype=np.int64)
+    return cast(UInt16, np.minimum(totals, np.iinfo(np.uint16).max).astype(np.uint16))
+
+
+def _block_means(image: Float32, block: int) -> Float32:
+    """Return the mean of each whole block of an image; for whole blocks ``INTER_AREA`` is that mean."""
+    rows, columns = picture_shape(image.shape[0], image.shape[1], block)
+    return cast(Float32, cv2.resize(_whole(image, block), (columns, rows), interpolation=cv2.INTER_AREA))
+
+
+def _whole(image: NDArray[Any], block: int) -> NDArray[Any]:
+    """Return the part of an image that whole blocks fill; all of it where it is smaller than one."""
+    rows, columns = picture_shape(image.shape[0], image.shape[1], block)
+    return image[: rows * _side(image.shape[0], block), : columns * _side(image.shape[1], block)]
+
+
+def _side(size: int, block: int) -> int:
+    return min(size, block)

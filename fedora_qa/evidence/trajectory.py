@@ -1,0 +1,76 @@
+"""The flight: positions as stored, speeds smoothed as the statistics are, and where the body looks."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.evidence.kept import Kept
+from fedora_qa.geometry.so3 import matrices_from_quaternions
+from fedora_qa.record.evidence import TRAJECTORY, named
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import RowSource
+from fedora_qa.statistics.trajectory import velocities
+
+Float64 = NDArray[np.float64]
+
+_BLOCK_ROWS: Final = 1 << 14
+
+
+def keep_trajectory(facts: Facts, source: RowSource, points: int) -> Kept:
+    """Keep at most so many poses, evenly chosen; nothing where there are none that advance and are finite.
+
+    All poses are read, whatever the plan: a second of them is no larger than a few rows of one picture.
+    """
+    if "pose" not in facts.clocks:
+        return Kept()
+    parts = list(_readable(facts, source))
+    if not parts:
+        return Kept()
+    times_ns, positions_m, orientations_xyzw = (np.concatenate(column) for column in zip(*parts, strict=True))
+    speeds_m_s = _speeds(times_ns, positions_m)
+    kept = np.unique(np.linspace(0, len(times_ns) - 1, min(points, len(times_ns))).round().astype(np.intp))
+    forward = matrices_from_quaternions(orientations_xyzw[kept])[:, :, 0]
+    times_us = facts.origin_us + times_ns[kept] / NS_PER_US
+    return Kept.titled(
+        {
+            named(TRAJECTORY, "times_us"): (times_us, "Instants of the poses, us on the file's clock"),
+            named(TRAJECTORY, "positions_world_m"): (
+                positions_m[kept],
+                "Positions of the body in the world, m (east, north, up), as stored",
+            ),
+            named(TRAJECTORY, "speeds_m_s"): (
+                speeds_m_s[kept],
+                "Speed, m/s, of quintic splines through the positions, so that noise does not add to it",
+            ),
+            named(TRAJECTORY, "forward_world"): (forward, "Direction of the body's X axis in the world, unit vectors"),
+        }
+    )
+
+
+def _readable(facts: Facts, source: RowSource) -> Iterator[tuple[NDArray[np.int64], Float64, Float64]]:
+    """Yield stamps, positions and orientations that advance and are finite, block by block."""
+    clock = facts.clocks["pose"]
+    for start in range(0, len(clock.times_ns), _BLOCK_ROWS):
+        stop = min(start + _BLOCK_ROWS, len(clock.times_ns))
+        try:
+            positions_m = source.rows("path/pose/position", start, stop)
+            orientations_xyzw = source.rows("path/pose/orientation", start, stop)
+        except UnreadableRowsError:
+            continue
+        with np.errstate(over="ignore"):
+            lengths = np.linalg.norm(orientations_xyzw, axis=1)
+        usable = (
+            clock.advancing[start:stop] & np.isfinite(positions_m).all(axis=1) & np.isfinite(lengths) & (lengths > 0)
+        )
+        if usable.any():
+            yield clock.times_ns[start:stop][usable], positions_m[usable], orientations_xyzw[usable]
+
+
+def _speeds(times_ns: NDArray[np.int64], positions_m: Float64) -> Float64:
+    """Return speeds (n,); NaN where too few poses are there to smooth."""
+    fitted = velocities((times_ns - times_ns[0]) / NS_PER_S, positions_m)
+    return np.full(len(times_ns), np.nan) if fitted is None else np.linalg.norm(fitted, axis=1)

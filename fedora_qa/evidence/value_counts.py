@@ -1,0 +1,73 @@
+"""Histograms of values whose range is not known beforehand, counted exactly whatever the order.
+
+Each octave is cut into 64 bins of equal width, which are the leading bits of a float32: its exponent and the first six
+bits of its fraction. Such bins nest in wider bins of equal width, so that a histogram with at most 128 of those can be
+made at the end without dividing a single count.
+"""
+
+from collections.abc import Iterable
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Int64 = NDArray[np.int64]
+
+_FRACTION_BITS: Final = 6
+_LEAST_EXPONENT, _GREATEST_EXPONENT = -10, 20
+_BINS: Final = ((_GREATEST_EXPONENT - _LEAST_EXPONENT + 1) << _FRACTION_BITS) + 1
+_MOST_BINS: Final = 2 << _FRACTION_BITS
+_FLOAT32_FRACTION_BITS, _FLOAT32_BIAS = 23, 127
+_OUTSIDE: Final = 1e-3
+"""Share of the values that may lie beyond the histogram, so that a few far ones do not flatten all others."""
+
+
+def no_values() -> Int64:
+    """Return the counts of nothing."""
+    return np.zeros(_BINS, np.int64)
+
+
+def count_values(values: NDArray[Any]) -> Int64:
+    """Count the values that are finite and not negative; those under 2^-10 in one bin, from 2^21 on in the last."""
+    single = np.ascontiguousarray(values, dtype=np.float32).ravel()
+    kept = single[np.isfinite(single) & (single >= 0)] + np.float32(0)  # no minus zero
+    leading = kept.view(np.uint32) >> (_FLOAT32_FRACTION_BITS - _FRACTION_BITS)
+    first = (_FLOAT32_BIAS + _LEAST_EXPONENT) << _FRACTION_BITS
+    places = np.clip(leading.astype(np.int64) - first + 1, 0, _BINS - 1)
+    return np.bincount(places, minlength=_BINS).astype(np.int64)
+
+
+def added(parts: Iterable[Int64]) -> Int64:
+    """Return the counts of all parts together."""
+    whole = no_values()
+    for part in parts:
+        whole = whole + part
+    return whole
+
+
+def histogram(counts: Int64) -> tuple[NDArray[np.float64], Int64, int]:
+    """Return edges (b + 1,) of equal bins from 0 on, counts (b,), and how many values lie beyond.
+
+    The bins are as narrow as they can be without leaving more than 0.1% of the values beyond 128 of them.
+    """
+    total = int(counts.sum())
+    starts = _bin_starts()
+    for exponent in range(_LEAST_EXPONENT, _GREATEST_EXPONENT - _FRACTION_BITS + 1):
+        width = 2.0**exponent
+        within = starts < _MOST_BINS * width
+        beyond = total - int(counts[within].sum())
+        if beyond <= _OUTSIDE * total:
+            break
+    equal = np.zeros(_MOST_BINS, np.int64)
+    np.add.at(equal, (starts[within] / width).astype(np.int64), counts[within])
+    filled = np.flatnonzero(equal)
+    bins = int(filled[-1]) + 1 if len(filled) else 1
+    edges: NDArray[np.float64] = np.arange(bins + 1) * np.float64(width)
+    return edges, equal[:bins], beyond
+
+
+def _bin_starts() -> NDArray[np.float64]:
+    """Return where each fine bin begins."""
+    exponents = np.arange(_LEAST_EXPONENT, _GREATEST_EXPONENT + 1)[:, None]
+    fractions = 1 + np.arange(1 << _FRACTION_BITS) / (1 << _FRACTION_BITS)
+    return np.concatenate([[0.0], (2.0**exponents * fractions).ravel()])

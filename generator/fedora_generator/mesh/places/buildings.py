@@ -1,0 +1,172 @@
+"""Buildings: walls with windows and doors that stand out from them, and roofs."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from fedora_generator.mesh.places.group import Group, painted, solid, together
+from fedora_generator.mesh.places.shapes import box, cylinder, prism, standing_box
+from fedora_generator.mesh.places.surface import fan, joined, moved, quads
+
+SUNK_M: Final = 0.2
+"""How deep walls reach into the ground, so that no edge lies in it."""
+
+LIT: Final = ("glass", "glass", "lit window", "dim window", "glass", "lit window")
+"""Windows of a building, in random order."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class House:
+    """A house along x: its size, what it is made of and how its walls are cut."""
+
+    size_m: tuple[float, float, float]
+    storeys: int = 2
+    wall: str = "brick"
+    roof: str = "roof tiles"
+    roof_rise_m: float = 2.4
+    window_m: tuple[float, float] = (1.0, 1.4)
+    spacing_m: float = 2.4
+    door: bool = True
+
+
+def house(rng: np.random.Generator, options: House) -> Group:
+    """Build a house about the origin; its door looks to -y."""
+    length, depth, height = options.size_m
+    walls = painted(options.wall, standing_box((length, depth, height + SUNK_M), z_m=-SUNK_M))
+    plinth = painted("stone", standing_box((length + 0.12, depth + 0.12, 0.45 + SUNK_M), z_m=-SUNK_M))
+    facades = together(
+        _facade(rng, options, width, door=options.door and yaw == 0.0).at(*_wall_middle(yaw, away), yaw_deg=yaw)
+        for yaw, width, away in (
+            (0.0, length, depth),
+            (90.0, depth, length),
+            (180.0, length, depth),
+            (270.0, depth, length),
+        )
+    )
+    top = _gable_roof(options) if options.roof_rise_m > 0 else _flat_roof(options)
+    whole_m = (length + 0.6, depth + 0.6, height + options.roof_rise_m)
+    return walls + plinth + facades + top + solid("house", whole_m, (0, 0, 0.5 * whole_m[2]))
+
+
+def window(width_m: float, height_m: float, pane: str) -> Group:
+    """Build a window in a wall in the plane y = 0, seen from -y: frame, sill, panes with a cross between them."""
+    rim = 0.09
+    frame = [box((rim, 0.14, height_m), (side * 0.5 * (width_m - rim), 0, 0.5 * height_m)) for side in (-1, 1)] + [
+        box((width_m - 2 * rim, 0.14, rim), (0, 0, z)) for z in (0.5 * rim, height_m - 0.5 * rim)
+    ]
+    cross = [
+        box((0.06, 0.08, height_m - 2 * rim), (0, 0, 0.5 * height_m)),
+        box((width_m - 2 * rim, 0.072, 0.06), (0, 0, 0.64 * height_m)),
+    ]
+    sill = standing_box((width_m + 0.16, 0.34, 0.08), z_m=-0.08)
+    glass = box((width_m - 1.5 * rim, 0.03, height_m - 1.5 * rim), (0, 0, 0.5 * height_m))
+    return painted("white paint", *frame, *cross) + painted("stone", sill) + painted(pane, glass)
+
+
+def door(width_m: float = 1.1, height_m: float = 2.2) -> Group:
+    """Build a panelled door with a frame and a step, in the plane y = 0, seen from -y."""
+    posts = [standing_box((0.14, 0.28, height_m + 0.14), x_m=side * (0.5 * width_m + 0.07)) for side in (-1, 1)]
+    lintel = standing_box((width_m, 0.28, 0.14), z_m=height_m)
+    leaf = standing_box((width_m, 0.2, height_m))
+    panels = [standing_box((0.36 * width_m, 0.25, 0.3 * height_m), x, 0, z) for x in (-0.24, 0.24) for z in (0.3, 1.2)]
+    step = standing_box((width_m + 0.6, 1.0, 0.16 + SUNK_M), z_m=-0.16 - SUNK_M)
+    return painted("white paint", *posts, lintel) + painted("wood", leaf, *panels) + painted("stone", step)
+
+
+def tower_block(rng: np.random.Generator, size_m: tuple[float, float, float]) -> Group:
+    """Build a tall building far away: storeys of windows, some of them lit."""
+    length, depth, height = size_m
+    rows, columns = int(height // 3.4), int(length // 3.0)
+    panes: dict[str, list[tuple[float, float]]] = {}
+    for row in range(1, rows):
+        for column in range(columns):
+            place = ((column + 0.5) * length / columns - 0.5 * length, 3.4 * row)
+            panes.setdefault(LIT[rng.integers(len(LIT))], []).append(place)
+    body = painted("concrete", standing_box((length, depth, height + 1), z_m=-1.0))
+    head = painted("concrete", standing_box((0.5 * length, 0.5 * depth, 3.0), z_m=height))
+    front = together(
+        painted(pane, joined([box((2.0, 0.6, 1.9), (x, -0.5 * depth, z)) for x, z in places]))
+        for pane, places in panes.items()
+    )
+    return body + head + front + front.at(0, 0, yaw_deg=180.0)
+
+
+def colonnade(length_m: float, columns: int, height_m: float = 5.0) -> Group:
+    """Build a row of stone columns on steps under a pediment, along x; its front looks to -y."""
+    xs = np.linspace(-0.5 * length_m + 0.6, 0.5 * length_m - 0.6, columns).tolist()
+    shafts = [moved(cylinder(0.34, height_m - 0.9, sides=16), (x, 0, 0.7)) for x in xs]
+    feet = [standing_box((0.95, 0.95, 0.22), x_m=x, z_m=0.58) for x in xs]
+    caps = [standing_box((0.95, 0.95, 0.24), x_m=x, z_m=height_m - 0.34) for x in xs]
+    steps = [standing_box((length_m + 1.2 * i, 1.4 + 1.2 * i, 0.6 + SUNK_M - 0.2 * i), z_m=-SUNK_M) for i in range(3)]
+    beam = standing_box((length_m + 0.4, 1.5, 0.8), z_m=height_m - 0.12)
+    outline = np.array([(-0.5 * length_m - 0.5, 0.0), (0.5 * length_m + 0.5, 0.0), (0.0, 0.17 * length_m)])
+    gable = moved(prism(outline, 1.9), (0, 0, height_m + 0.66), yaw_deg=90.0)
+    return painted("white stone", *shafts, *feet, *caps, *steps, beam) + painted("sandstone", gable)
+
+
+def _wall_middle(yaw_deg: float, away_m: float) -> tuple[float, float]:
+    """Foot of the middle of the wall whose front looks to -y when turned by ``yaw_deg``."""
+    yaw_rad = math.radians(yaw_deg)
+    return 0.5 * away_m * math.sin(yaw_rad), -0.5 * away_m * math.cos(yaw_rad)
+
+
+def _facade(rng: np.random.Generator, options: House, width_m: float, *, door: bool) -> Group:
+    """Windows of one wall in rows, and the door where its middle is."""
+    columns = max(1, int((width_m - 0.8) // options.spacing_m))
+    storey_m = options.size_m[2] / options.storeys
+    window_width, window_height = options.window_m
+    parts = [_door_at(0.16)] if door else []
+    for row in range(options.storeys):
+        for column in range(columns):
+            x_m = (column + 0.5 - 0.5 * columns) * (width_m - 0.8) / columns
+            if door and row == 0 and abs(x_m) < 0.6 * window_width + 0.9:
+                continue
+            sill_m = row * storey_m + 0.36 * storey_m
+            parts.append(window(window_width, window_height, LIT[rng.integers(len(LIT))]).at(x_m, 0, sill_m))
+    return together(parts)
+
+
+def _door_at(z_m: float) -> Group:
+    return door().at(0, 0, z_m)
+
+
+def _gable_roof(options: House) -> Group:
+    """Two slopes over the length with eaves, the gables under them, and a chimney."""
+    length, depth, height = options.size_m
+    half, rise, eave, thick = 0.5 * depth, options.roof_rise_m, 0.45, 0.18
+    reach = half + eave
+    low = height - eave * rise / half
+    ends = 0.5 * length + eave
+    slopes = []
+    for side in (-1, 1):
+        outer = np.array(
+            [[-ends, -reach, low], [ends, -reach, low], [ends, 0, height + rise], [-ends, 0, height + rise]]
+        )
+        slope = outer * (side, side, 1.0)
+        slopes.append(slope)
+    lift = np.array([0, 0, thick])
+    top = quads(np.array([slope + lift for slope in slopes]))
+    under = quads(np.array([slope[::-1] for slope in slopes]))
+    eaves = quads(np.array([[slope[0], slope[1], slope[1] + lift, slope[0] + lift] for slope in slopes]))
+    verges = quads(np.array([[slope[1], slope[2], slope[2] + lift, slope[1] + lift] for slope in slopes]
+                            + [[slope[3], slope[0], slope[0] + lift, slope[3] + lift] for slope in slopes]))  # fmt: skip
+    gables = [
+        fan(np.array([[x, -y, height], [x, y, height], [x, 0, height + rise - 0.02]]))
+        for x, y in ((0.5 * length, half), (-0.5 * length, -half))
+    ]
+    chimney = standing_box((0.7, 0.7, rise + 0.7), 0.28 * length, 0.2 * depth, height)
+    return (
+        painted(options.roof, top)
+        + painted("white paint", eaves, verges, under)
+        + painted(options.wall, *gables, chimney)
+    )
+
+
+def _flat_roof(options: House) -> Group:
+    """Build a cornice and a parapet."""
+    length, depth, height = options.size_m
+    cornice = standing_box((length + 0.5, depth + 0.5, 0.35), z_m=height - 0.1)
+    parapet = standing_box((length + 0.2, depth + 0.2, 0.6), z_m=height + 0.1)
+    return painted("stone", cornice, parapet)

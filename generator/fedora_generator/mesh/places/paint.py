@@ -1,0 +1,136 @@
+"""Pictures painted by rule: every one continues across its opposite edges. Linear reflectance, float32, (h, w, 3)."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Image = NDArray[np.float32]
+Rgb = tuple[float, float, float]
+Shape = tuple[int, int]
+
+FINER = 2
+"""Flakes are drawn this much larger and averaged, as their edges fall between texels."""
+
+
+def colour(rgb: ArrayLike) -> Image:
+    """Return one or more colours (..., 3) as float32."""
+    return np.asarray(rgb, dtype=np.float32)
+
+
+def fractal(
+    rng: np.random.Generator,
+    shape: Shape,
+    slope: float,
+    longest_px: float,
+    shortest_px: float = 2.0,
+    stretch: tuple[float, float] = (1.0, 1.0),
+) -> Image:
+    """Periodic noise (h, w) of mean 0 and standard deviation 1.
+
+    Its amplitude spectrum falls with frequency to the power ``slope`` between two wavelengths: 1 gives every octave
+    the same contrast. ``stretch`` lengthens its features along rows (down) and columns (right).
+    """
+    down = np.fft.fftfreq(shape[0])[:, None] * stretch[0]
+    right = np.fft.rfftfreq(shape[1])[None, :] * stretch[1]
+    frequency = np.hypot(down, right)
+    band = (frequency >= 1 / longest_px) & (frequency <= 1 / shortest_px)
+    amplitude = np.where(band, np.maximum(frequency, 1 / longest_px), np.inf) ** -slope
+    noise = np.fft.irfft2(np.fft.rfft2(rng.standard_normal(shape)) * amplitude, s=shape)
+    return np.asarray((noise - noise.mean()) / noise.std(), dtype=np.float32)
+
+
+def between(field: NDArray[np.float32], dark: Rgb, light: Rgb) -> Image:
+    """Mix two colours by a field of standard deviation 1: two deviations reach either."""
+    share = np.clip(0.5 + 0.25 * field, 0, 1)[..., None]
+    return np.asarray(colour(dark) + share * (colour(light) - colour(dark)), dtype=np.float32)
+
+
+def over(below: Image, above: ArrayLike, cover: NDArray[np.float32]) -> Image:
+    """Lay a picture or colour over another, ``cover`` (h, w) of 0 to 1 saying how much."""
+    return np.asarray(below + cover[..., None] * (np.asarray(above, dtype=np.float32) - below), dtype=np.float32)
+
+
+def flat(shape: Shape, rgb: Rgb) -> Image:
+    """One colour everywhere."""
+    return np.broadcast_to(colour(rgb), (*shape, 3)).copy()
+
+
+def flakes(
+    rng: np.random.Generator,
+    below: Image,
+    count: int,
+    length_px: float,
+    width_px: float,
+    colours: Sequence[Rgb],
+    *,
+    direction_deg: float = 0.0,
+    spread_deg: float = 180.0,
+) -> Image:
+    """Scatter pointed flakes: leaves, blades or pebbles; the first colours lie lowest. Across edges they continue."""
+    height, width = below.shape[0] * FINER, below.shape[1] * FINER
+    levels = cv2.resize(below, (width, height), interpolation=cv2.INTER_NEAREST)
+    canvas = np.ascontiguousarray(np.rint(levels * 255).astype(np.uint8))
+    palette = np.array(colours)[(np.arange(count) * len(colours)) // count]
+    palette = np.rint(255 * palette * rng.uniform(0.8, 1.2, (count, 1))).clip(0, 255)
+    centers = rng.uniform(0, 1, (count, 2)) * (width, height)
+    angles = np.radians(direction_deg + spread_deg * rng.uniform(-1, 1, count))
+    along = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    across = along[:, ::-1] * (-1, 1)
+    sizes = FINER * rng.uniform(0.6, 1.3, (count, 2)) * (length_px, width_px) / 2
+    outline = np.array([[-1, 0], [-0.35, -0.8], [0.35, -0.8], [1, 0], [0.35, 0.8], [-0.35, 0.8]])
+    scaled = outline[None] * sizes[:, None]
+    polygons = centers[:, None] + scaled[..., :1] * along[:, None] + scaled[..., 1:] * across[:, None]
+    for polygon, level in zip(polygons, palette.tolist(), strict=True):
+        for shifted in _wrapped(polygon, width, height):
+            cv2.fillConvexPoly(canvas, np.rint(shifted).astype(np.int32), level)
+    small = cv2.resize(canvas, (below.shape[1], below.shape[0]), interpolation=cv2.INTER_AREA)
+    return np.asarray(small, dtype=np.float32) / np.float32(255)
+
+
+def courses(
+    rng: np.random.Generator, shape: Shape, rows: int, columns: int, joint_px: float, *, staggered: bool = True
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Stones, bricks, tiles or planks in rows: a random number for each (sd 1), where the joints are, how far down.
+
+    All (h, w); the joints are 0 to 1, and the way down each stone 0 at its top to 1. ``rows`` is even if staggered.
+    """
+    y = (np.arange(shape[0]) + 0.5) / shape[0] * rows
+    x = (np.arange(shape[1]) + 0.5) / shape[1] * columns
+    row = np.floor(y).astype(int)
+    x_in_row = x[None, :] + (0.5 * (row % 2)[:, None] if staggered else 0.0)
+    column = np.floor(x_in_row).astype(int) % columns
+    tones = rng.standard_normal((rows, columns))
+    edge_y = np.minimum(y - row, 1 - (y - row))[:, None] * shape[0] / rows
+    edge_x = np.minimum(x_in_row % 1, 1 - x_in_row % 1) * shape[1] / columns
+    joints = np.clip(joint_px / 2 + 0.5 - np.minimum(edge_y, edge_x), 0, 1)
+    down = np.broadcast_to((y - row)[:, None], shape)
+    return tones[row[:, None], column].astype(np.float32), joints.astype(np.float32), down.astype(np.float32)
+
+
+def lettering(below: Image, text: str, rgb: Rgb, *, height_share: float = 0.6) -> Image:
+    """Write a word across the middle of a picture, as large as it fits."""
+    height, width = below.shape[:2]
+    face, weight = cv2.FONT_HERSHEY_DUPLEX, max(2, height // 16)
+    (text_width, text_height), _ = cv2.getTextSize(text, face, 1.0, 1)
+    scale = min(height_share * height / text_height, 0.86 * width / text_width)
+    origin = (round((width - scale * text_width) / 2), round((height + scale * text_height) / 2))
+    stencil = np.zeros((height, width), dtype=np.uint8)
+    cv2.putText(stencil, text, origin, face, scale, 255, weight, cv2.LINE_AA)
+    return over(below, rgb, stencil.astype(np.float32) / np.float32(255))
+
+
+def speckled(rng: np.random.Generator, picture: Image, contrast: float) -> Image:
+    """Multiply with fine noise, so that no surface is without texture at any scale."""
+    shape = (picture.shape[0], picture.shape[1])
+    noise = fractal(rng, shape, slope=0.8, longest_px=min(shape) / 2)
+    return np.asarray(np.clip(picture * np.exp(contrast * noise)[..., None], 0.004, 0.98), dtype=np.float32)
+
+
+def _wrapped(polygon: NDArray[np.float64], width: int, height: int) -> list[NDArray[np.float64]]:
+    """Return the polygon, and its copies where it reaches over an edge."""
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    shifts_x = [0, *([width] if low[0] < 0 else []), *([-width] if high[0] > width else [])]
+    shifts_y = [0, *([height] if low[1] < 0 else []), *([-height] if high[1] > height else [])]
+    return [polygon + np.array([dx, dy]) for dx in shifts_x for dy in shifts_y]

@@ -1,0 +1,93 @@
+"""Surfaces: triangles with normals and texture coordinates in metres, before they are painted."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """Triangles in a frame of their own, metres, counter-clockwise as seen from the front.
+
+    ``uv_m`` runs u to the right and v downwards on an upright surface, so that pictures stand upright.
+    """
+
+    vertices_m: Floats
+    """(n, 3)"""
+    normals: Floats
+    """(n, 3), unit, to the front"""
+    triangles: NDArray[np.int32]
+    """(m, 3)"""
+    uv_m: Floats
+    """(n, 2)"""
+
+
+def quads(corners_m: ArrayLike, uv_m: ArrayLike | None = None, normals: ArrayLike | None = None) -> Surface:
+    """Quadrilaterals (k, 4, 3), each from lower left to lower right, upper right and upper left, seen from the front.
+
+    Without ``uv_m`` (k, 4, 2) each has its own origin at its upper left corner. Without ``normals`` (k, 4, 3) each is
+    flat.
+    """
+    corners = np.asarray(corners_m, dtype=np.float64)
+    flat = unit(np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]))
+    uv = _rectangular_uv(corners) if uv_m is None else np.asarray(uv_m, dtype=np.float64)
+    to_front = np.repeat(flat[:, None], 4, axis=1) if normals is None else np.asarray(normals, dtype=np.float64)
+    first = 4 * np.arange(len(corners), dtype=np.int32)[:, None]
+    triangles = np.concatenate([first + np.array(corner) for corner in ((0, 1, 2), (0, 2, 3))]).astype(np.int32)
+    return Surface(corners.reshape(-1, 3), to_front.reshape(-1, 3), triangles, uv.reshape(-1, 2))
+
+
+def fan(corners_m: ArrayLike) -> Surface:
+    """Build a flat convex polygon (k, 3), counter-clockwise; upright ones have u to the right and v down, flat ones x, -y."""
+    corners = np.asarray(corners_m, dtype=np.float64)
+    normal = unit(np.cross(corners[1] - corners[0], corners[2] - corners[0]))
+    right = np.array([1.0, 0.0, 0.0]) if abs(normal[2]) > 0.99 else unit(np.cross([0.0, 0.0, 1.0], normal))
+    uv = np.stack([corners @ right, -corners @ np.cross(normal, right)], axis=-1)
+    inner = np.arange(1, len(corners) - 1, dtype=np.int32)
+    triangles = np.stack([np.zeros_like(inner), inner, inner + 1], axis=-1)
+    return Surface(corners, np.tile(normal, (len(corners), 1)), triangles, uv - uv.min(axis=0))
+
+
+def joined(surfaces: Sequence[Surface]) -> Surface:
+    """All surfaces as one."""
+    starts = np.cumsum([0, *(len(surface.vertices_m) for surface in surfaces)])
+    return Surface(
+        np.concatenate([surface.vertices_m for surface in surfaces]),
+        np.concatenate([surface.normals for surface in surfaces]),
+        np.concatenate(
+            [surface.triangles + np.int32(start) for surface, start in zip(surfaces, starts[:-1], strict=True)]
+        ),
+        np.concatenate([surface.uv_m for surface in surfaces]),
+    )
+
+
+def moved(surface: Surface, position_m: ArrayLike = (0.0, 0.0, 0.0), yaw_deg: float = 0.0) -> Surface:
+    """Return the surface turned about the vertical, then shifted."""
+    R = yaw_matrix(yaw_deg)
+    vertices_m = surface.vertices_m @ R.T + np.asarray(position_m, dtype=np.float64)
+    return Surface(vertices_m, surface.normals @ R.T, surface.triangles, surface.uv_m)
+
+
+def yaw_matrix(yaw_deg: float) -> Floats:
+    """Rotation (3, 3) about the vertical."""
+    cos, sin = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def unit(vectors: ArrayLike) -> Floats:
+    """Vectors (..., n) scaled to length 1."""
+    values = np.asarray(vectors, dtype=np.float64)
+    return np.asarray(values / np.linalg.norm(values, axis=-1, keepdims=True))
+
+
+def _rectangular_uv(corners_m: Floats) -> Floats:
+    width = np.linalg.norm(corners_m[:, 1] - corners_m[:, 0], axis=-1)
+    height = np.linalg.norm(corners_m[:, 3] - corners_m[:, 0], axis=-1)
+    none = np.zeros_like(width)
+    right_down = [[none, height], [width, height], [width, none], [none, none]]
+    return np.moveaxis(np.array(right_down), -1, 0)

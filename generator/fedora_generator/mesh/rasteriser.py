@@ -1,0 +1,167 @@
+"""Draws meshes from camera poses: linear radiance averaged over each pixel, and inverse depth at its centre.
+
+Radiance: ``factor`` x ``factor`` fragments a pixel, each shaded once and covered by four samples, averaged in linear
+light. Depth: one sample at each pixel's centre, from a depth buffer that holds ``near_m / z`` in float32.
+"""
+
+import weakref
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from OpenGL import GL
+
+from fedora_generator.camera import Camera
+from fedora_generator.mesh.clip_control import use_depth_from_zero
+from fedora_generator.mesh.context import open_context
+from fedora_generator.mesh.detail import GAMMA, MeshDetail
+from fedora_generator.mesh.framebuffers import SAMPLES, FloatFramebuffer, SampledFramebuffer
+from fedora_generator.mesh.frustum import BoundingSpheres
+from fedora_generator.mesh.model import MeshModel
+from fedora_generator.mesh.program import Program
+from fedora_generator.mesh.upload import UploadedMesh, upload
+from fedora_generator.surfaces.light import Light
+from fedora_generator.surfaces.world import Lamp
+
+Floats = NDArray[np.float64]
+
+NEAR_M: Final = 0.05
+"""Nothing nearer is drawn: half of the nearest valid depth, so that its rounding at the border is seen, not clipped."""
+
+MOST_FRAGMENTS: Final = 2_000_000
+"""Fragments drawn at once, 20 bytes a sample: larger images are drawn in bands of rows."""
+
+
+class Rasteriser:
+    """A model under a light in the memory of OpenGL. One thread may use it, and it draws one image at a time."""
+
+    def __init__(self, model: MeshModel, light: Light, detail: MeshDetail) -> None:
+        self._context = open_context()
+        self._gamma = GAMMA if detail.precision == "8bit" else 1.0
+        self._format = GL.GL_RGBA8 if detail.precision == "8bit" else GL.GL_RGBA32F
+        self._spheres = BoundingSpheres.of(model.meshes)
+        self._meshes = [upload(mesh) for mesh in model.meshes]
+        lamps = [lamp for lamp in model.lamps if lamp.strength * light.lamp_scale > 0]
+        constants = {"LAMPS": max(len(lamps), 1), "LAMP_COUNT": len(lamps), "PROBES": detail.probes}
+        self._surface = Program("surface.vert", "surface.frag", constants)
+        self._sky = Program("sky.vert", "sky.frag")
+        self._average = Program("average.vert", "average.frag", {"SAMPLES": SAMPLES})
+        self._depth = Program("surface.vert", "depth.frag")
+        self._no_vertices = int(GL.glGenVertexArrays(1))
+        weakref.finalize(self, _release, self._meshes).atexit = False
+        self._fine: dict[tuple[int, int], SampledFramebuffer] = {}
+        self._images: dict[tuple[int, int], FloatFramebuffer] = {}
+        self._set_light(light, lamps)
+
+    def radiance(self, camera: Camera, T_world_camera: Floats, factor: int) -> Floats:
+        """Linear radiance (height, width, 3) over each pixel, 1 is white; ``factor``^2 fragments a pixel."""
+        mean = self._image_of(camera)
+        rows = max(1, MOST_FRAGMENTS // (camera.width * factor**2))
+        fine = self._fine_of(camera.width * factor, min(rows, camera.height) * factor)
+        for first_row in range(0, camera.height, rows):
+            fine.bind()
+            # The window onto the whole image, moved so that the band lies in the framebuffer.
+            GL.glViewport(0, -first_row * factor, camera.width * factor, camera.height * factor)
+            self._draw_sky(camera, T_world_camera)
+            self._draw_meshes(self._surface, camera, T_world_camera)
+            mean.bind()
+            self._draw_average(fine, factor, first_row, min(rows, camera.height - first_row))
+        return mean.read_rgb()
+
+    def inverse_depth_per_m(self, camera: Camera, T_world_camera: Floats) -> Floats:
+        """1 / z-depth (height, width) at the pixel centres, 1/m; 0 where nothing is."""
+        target = self._image_of(camera)
+        target.bind()
+        GL.glViewport(0, 0, camera.width, camera.height)
+        self._draw_meshes(self._depth, camera, T_world_camera)
+        return target.read_depth() / NEAR_M
+
+    def _set_light(self, light: Light, lamps: list[Lamp]) -> None:
+        self._surface.use()
+        self._surface.set("ambient", light.ambient)
+        self._surface.set("sun", light.sun_strength * light.to_sun)
+        self._surface.set("lamp_radius_m", light.lamp_radius_m)
+        self._surface.set("gamma", self._gamma)
+        if lamps:
+            table = [(*lamp.position_m, lamp.strength * light.lamp_scale) for lamp in lamps]
+            self._surface.set("lamps", np.array(table))
+        self._sky.use()
+        self._sky.set("horizon", np.array(light.sky_horizon_rgb))
+        self._sky.set("zenith", np.array(light.sky_zenith_rgb))
+        self._sky.set("gamma", self._gamma)
+        self._average.use()
+        self._average.set("gamma", self._gamma)
+
+    def _draw_sky(self, camera: Camera, T_world_camera: Floats) -> None:
+        """Fill the image: everything else is drawn over it."""
+        fx, fy, cx, cy = _pinhole(camera)
+        device_rays = np.array([[1 / fx, 0.0, -cx / fx], [0.0, 1 / fy, -cy / fy], [0.0, 0.0, 1.0]])
+        self._sky.use()
+        self._sky.set("rays", T_world_camera[:3, :3] @ device_rays)
+        self._draw_everywhere()
+
+    def _draw_average(self, fine: SampledFramebuffer, factor: int, first_row: int, rows: int) -> None:
+        """Average the fragments of a band into its rows of the image."""
+        GL.glViewport(0, 0, fine.width // factor, first_row + rows)
+        GL.glScissor(0, first_row, fine.width // factor, rows)
+        GL.glEnable(GL.GL_SCISSOR_TEST)
+        GL.glBindTexture(GL.GL_TEXTURE_2D_MULTISAMPLE, fine.texture)
+        self._average.use()
+        self._average.set_whole("factor", factor)
+        self._average.set_whole("first_row", first_row)
+        self._draw_everywhere()
+        GL.glDisable(GL.GL_SCISSOR_TEST)
+
+    def _draw_everywhere(self) -> None:
+        """Run the program in use on every pixel."""
+        for test in (GL.GL_DEPTH_TEST, GL.GL_CULL_FACE):
+            GL.glDisable(test)
+        GL.glBindVertexArray(self._no_vertices)
+        GL.glDrawArrays(GL.GL_TRIANGLES, 0, 3)
+
+    def _draw_meshes(self, program: Program, camera: Camera, T_world_camera: Floats) -> None:
+        """Clear the depth and draw what is nearest at each sample."""
+        use_depth_from_zero()
+        GL.glEnable(GL.GL_DEPTH_TEST)
+        GL.glDepthFunc(GL.GL_GREATER)
+        GL.glClearDepth(0.0)
+        GL.glClear(GL.GL_DEPTH_BUFFER_BIT)
+        GL.glFrontFace(GL.GL_CW)  # counter-clockwise as seen with the rows counted upwards
+        program.use()
+        program.set("R_camera_world", T_world_camera[:3, :3].T)
+        program.set("camera_m", T_world_camera[:3, 3])
+        program.set("pinhole", np.array(_pinhole(camera)))
+        program.set("near_m", NEAR_M)
+        for index in np.flatnonzero(self._spheres.may_be_seen(camera, T_world_camera)):
+            mesh = self._meshes[index]
+            (GL.glDisable if mesh.two_sided else GL.glEnable)(GL.GL_CULL_FACE)
+            GL.glBindTexture(GL.GL_TEXTURE_2D, mesh.texture)
+            program.set("emission", mesh.emission_rgb)
+            mesh.draw()
+
+    def _fine_of(self, width: int, height: int) -> SampledFramebuffer:
+        if (width, height) not in self._fine:
+            self._fine[width, height] = SampledFramebuffer(width, height, self._format)
+        return self._fine[width, height]
+
+    def _image_of(self, camera: Camera) -> FloatFramebuffer:
+        size = (camera.width, camera.height)
+        if size not in self._images:
+            self._images[size] = FloatFramebuffer(*size)
+        return self._images[size]
+
+
+def _release(meshes: list[UploadedMesh]) -> None:
+    """Free what takes the most memory; the rest goes with the process."""
+    for mesh in meshes:
+        mesh.delete()
+
+
+def _pinhole(camera: Camera) -> tuple[float, float, float, float]:
+    """Focal lengths and principal point in normalised device coordinates, -1 to 1 across the image.
+
+    OpenGL has pixel centres at half-integers, the file at integers: hence the 1/2.
+    """
+    K = camera.K
+    cx, cy = 2 * (K[0, 2] + 0.5) / camera.width - 1, 2 * (K[1, 2] + 0.5) / camera.height - 1
+    return float(2 * K[0, 0] / camera.width), float(2 * K[1, 1] / camera.height), float(cx), float(cy)

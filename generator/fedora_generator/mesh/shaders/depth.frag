@@ -1,0 +1,2 @@
+// Nothing is coloured: the depth buffer is the result.
+void main() {}

@@ -1,0 +1,70 @@
+"""What stands around the flight, and who renders it."""
+
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.camera import colour_camera
+from fedora_generator.errors import SceneError
+from fedora_generator.mesh import places
+from fedora_generator.mesh.detail import MeshDetail
+from fedora_generator.mesh.from_world import FINEST_TEXEL_RAD, model_of_world
+from fedora_generator.mesh.model import MeshModel
+from fedora_generator.mesh.world import MeshWorld
+from fedora_generator.render import ExactWorld
+from fedora_generator.rendered_world import RenderedWorld
+from fedora_generator.sampling import Quality
+from fedora_generator.scene import Scene
+from fedora_generator.surfaces.world import World
+
+MESH_DETAIL: Final[dict[Quality, MeshDetail]] = {
+    "draft": MeshDetail(colour_factor=2, event_factor=4),
+    "standard": MeshDetail(colour_factor=2, event_factor=4),
+    "reference": MeshDetail(colour_factor=4, event_factor=8),
+}
+"""Antialiasing by quality, where the scene does not set it (see mesh/README.md for what each leaves)."""
+
+
+class Surroundings(Protocol):
+    """What a camera must not fly into."""
+
+    @property
+    def name(self) -> str:
+        """Its name, as files say it."""
+
+    def collision(self, positions_world_m: NDArray[np.float64]) -> tuple[int, str] | None:
+        """First of the points (n, 3) that is inside or below something, and which; None if none is."""
+
+
+def surroundings_of(scene: Scene) -> World | MeshModel:
+    """World of a scene, or its place, built from its seed."""
+    if scene.world is not None:
+        return scene.world
+    if scene.place is None:
+        raise SceneError(f"Expected a world or a place, got neither in {scene.name}")
+    try:
+        return places.build_place(scene.place.name, scene.place.seed)
+    except ValueError as error:
+        raise SceneError(f"{error}, at place of {scene.name}") from error
+
+
+def render_surroundings(
+    scene: Scene, surroundings: World | MeshModel, quality: Quality, path_world_m: NDArray[np.float64]
+) -> RenderedWorld:
+    """Surroundings of a scene under its light, made ready to render by whom the scene says.
+
+    ``path_world_m`` (n, 3) is where the camera goes: near it, textures are fine.
+
+    Raises
+    ------
+    GraphicsMissingError
+        The scene is drawn by OpenGL, and there is none.
+    """
+    if isinstance(surroundings, World):
+        if scene.renderer == "exact":
+            return ExactWorld.of(surroundings, scene.light)
+        pixel_rad = 1 / float(colour_camera(scene.camera).K[0, 0])
+        texel_rad = max(FINEST_TEXEL_RAD, pixel_rad)
+        surroundings = model_of_world(surroundings, path_world_m, texel_rad=texel_rad)
+    return MeshWorld.of(surroundings, scene.light, scene.mesh or MESH_DETAIL[quality])

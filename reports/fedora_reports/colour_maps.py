@@ -1,0 +1,87 @@
+"""Numbers as colours: depth, flow, events, and maps. Pictures are (h, w, 3) uint8 RGB.
+
+Where there is no value the picture is grey. Every map can be read by the colour blind: depth and maps by lightness
+(viridis; blue to red through white for signed values), events by red against blue, which also differ in lightness.
+Direction of flow is a hue (Baker et al., "A database and evaluation methodology for optical flow", 2011), so the
+drawings add arrows.
+"""
+
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Picture = NDArray[np.uint8]
+
+NO_VALUE: Final = (136, 136, 136)
+"""Grey where there is no value."""
+
+BRIGHTER: Final = (196, 38, 29)
+DARKER: Final = (22, 92, 180)
+NO_EVENT: Final = (250, 250, 247)
+
+
+def _viridis() -> Picture:
+    ramp = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_VIRIDIS)
+    return np.ascontiguousarray(ramp[:, 0, ::-1])
+
+
+def _diverging() -> Picture:
+    anchors = np.array([(20, 60, 130), (90, 150, 205), (245, 245, 242), (230, 130, 95), (140, 20, 35)], dtype=float)
+    places = np.linspace(0.0, 1.0, len(anchors))
+    ramp = np.stack([np.interp(np.linspace(0.0, 1.0, 256), places, anchors[:, k]) for k in range(3)], axis=1)
+    return np.asarray(np.rint(ramp), dtype=np.uint8)
+
+
+SEQUENTIAL: Final = _viridis()
+"""(256, 3) from dark violet to bright yellow, even in lightness."""
+
+DIVERGING: Final = _diverging()
+"""(256, 3) from blue through white (128) to red."""
+
+
+def by_table(shares: NDArray[np.float64], table: Picture) -> Picture:
+    """Colour shares of a scale, 0 to 1, by a table (256, 3); NaN is grey."""
+    known = np.isfinite(shares)
+    steps = np.rint(np.where(known, np.clip(shares, 0.0, 1.0), 0.0) * 255).astype(np.intp)
+    picture: Picture = table[steps]
+    picture[~known] = NO_VALUE
+    return picture
+
+
+def flow_colours(flow_px: NDArray[Any], full_px: float) -> Picture:
+    """Colour flow (h, w, 2), u right and v down: hue is direction, red to the right; saturation is length.
+
+    Flow of ``full_px`` or more is fully saturated, no flow is white, NaN is grey.
+    """
+    u, v = (np.asarray(flow_px[..., k], dtype=np.float64) for k in (0, 1))
+    known = np.isfinite(u) & np.isfinite(v)
+    u, v = np.where(known, u, 0.0), np.where(known, v, 0.0)
+    length = np.hypot(u, v) / full_px if full_px > 0 else np.zeros_like(u)
+    hue_deg = np.degrees(np.arctan2(v, u)) % 360.0
+    hsv = np.stack([hue_deg, np.clip(length, 0.0, 1.0), np.ones_like(u)], axis=-1).astype(np.float32)
+    picture: Picture = np.rint(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB) * 255).astype(np.uint8)
+    picture[~known] = NO_VALUE
+    return picture
+
+
+def flow_wheel(size: int) -> Picture:
+    """Return the legend of ``flow_colours``: each direction in its colour, full at the rim, white outside it."""
+    across = (np.arange(size) + 0.5) / size * 2.0 - 1.0
+    u, v = np.meshgrid(across, across)
+    outside = np.hypot(u, v) > 1.0
+    picture = flow_colours(np.stack([u, v], axis=-1), 1.0)
+    picture[outside] = 255
+    return picture
+
+
+def event_colours(brighter: NDArray[Any], darker: NDArray[Any], full: float) -> Picture:
+    """Colour counts of events (h, w): red brighter, blue darker, purple both; ``full`` events or more are opaque."""
+    on, off = (np.asarray(counts, dtype=np.float64) for counts in (brighter, darker))
+    total = on + off
+    share_on = np.divide(on, total, out=np.zeros_like(on), where=total > 0)[..., None]
+    # A single event must be seen beside `full` of them: opacity starts at a half.
+    opacity = np.where(total > 0, 0.5 + 0.5 * np.clip((total - 1) / max(full - 1, 1.0), 0.0, 1.0), 0.0)[..., None]
+    ink = share_on * np.array(BRIGHTER) + (1 - share_on) * np.array(DARKER)
+    return np.asarray(np.rint(opacity * ink + (1 - opacity) * np.array(NO_EVENT)), dtype=np.uint8)

@@ -1,0 +1,129 @@
+"""What the streams show at one instant, as the evidence keeps it: a moment, or the worst place of a finding."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.record.evidence import MOMENTS, PLACES, named
+from fedora_reports.evidence import Evidence
+
+Array = NDArray[Any]
+
+_LEAST_SIDE = 0.06
+"""Shares of the picture: a single pixel would be too small a box to see."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """Pictures of the streams at one instant; a stream that is not there is None.
+
+    Attributes
+    ----------
+    time_us
+        On the file's own clock.
+    rgb
+        (h, w, 3) uint8, as stored.
+    depth_m
+        (h, w), NaN where there is none.
+    flow_px
+        (h, w, 2) in px of the stored image over ``flow_interval_us``.
+    brighter, darker
+        (h, w), events within ``events_interval_us``.
+    box
+        Left, top, right, bottom of the worst place as shares of the picture.
+    """
+
+    time_us: float | None
+    rgb: Array | None
+    depth_m: Array | None
+    flow_px: Array | None
+    flow_interval_us: Array | None
+    brighter: Array | None
+    darker: Array | None
+    events_interval_us: Array | None
+    box: tuple[float, float, float, float] | None = None
+
+
+def moments_of(evidence: Evidence) -> tuple[Instant, ...]:
+    """Return the moments along the sequence, in the order in which they are kept."""
+    times_us = evidence.numbers(named(MOMENTS, "times_us"), None)
+    if times_us is None:
+        return ()
+    kept = {name: _stack(evidence, name, len(times_us)) for name in _SHAPES}
+    return tuple(_instant(float(time_us), {name: _at(kept[name], k) for name in kept})
+                 for k, time_us in enumerate(times_us))  # fmt: skip
+
+
+def place_of(evidence: Evidence, finding: str) -> Instant | None:
+    """Return the worst place of a finding; None where no picture of it was kept."""
+    arrays = {name: evidence.numbers(named(PLACES, finding, name), *shape) for name, shape in _SHAPES.items()}
+    time_us = evidence.numbers(named(PLACES, finding, "times_us"))
+    instant = _instant(None if time_us is None else float(time_us), arrays, _box(evidence, finding))
+    seen = (instant.rgb, instant.depth_m, instant.flow_px, instant.brighter)
+    return instant if any(picture is not None for picture in seen) else None
+
+
+_SHAPES: dict[str, tuple[int | None, ...]] = {
+    "rgb": (None, None, 3),
+    "depth_m": (None, None),
+    "flow_px": (None, None, 2),
+    "flow_interval_us": (2,),
+    "brighter": (None, None),
+    "darker": (None, None),
+    "events_interval_us": (2,),
+}
+
+
+def _stack(evidence: Evidence, name: str, count: int) -> Array | None:
+    return evidence.numbers(named(MOMENTS, name), count, *_SHAPES[name])
+
+
+def _at(stack: Array | None, k: int) -> Array | None:
+    return None if stack is None else stack[k]
+
+
+def _instant(
+    time_us: float | None, arrays: dict[str, Array | None], box: tuple[float, float, float, float] | None = None
+) -> Instant:
+    rgb, brighter, darker = arrays["rgb"], arrays["brighter"], arrays["darker"]
+    if rgb is not None and rgb.dtype != np.uint8:
+        rgb = None
+    if brighter is None or darker is None or brighter.shape != darker.shape:
+        brighter = darker = None
+    return Instant(
+        time_us=time_us if time_us is not None and np.isfinite(time_us) else None,
+        rgb=rgb,
+        depth_m=arrays["depth_m"],
+        flow_px=arrays["flow_px"],
+        flow_interval_us=_interval(arrays["flow_interval_us"]),
+        brighter=brighter,
+        darker=darker,
+        events_interval_us=_interval(arrays["events_interval_us"]),
+        box=box,
+    )
+
+
+def _interval(interval_us: Array | None) -> Array | None:
+    return interval_us if interval_us is not None and bool(np.isfinite(interval_us).all()) else None
+
+
+def _box(evidence: Evidence, finding: str) -> tuple[float, float, float, float] | None:
+    """Return the box where it tells something: finite, and not the whole picture."""
+    box = evidence.numbers(named(PLACES, finding, "box"), 4)
+    if box is None or not np.isfinite(box).all():
+        return None
+    left, top, right, bottom = (float(edge) for edge in np.clip(box, 0.0, 1.0))
+    if (left, top, right, bottom) == (0.0, 0.0, 1.0, 1.0):
+        return None
+    (left, right), (top, bottom) = _visible(left, right), _visible(top, bottom)
+    return left, top, right, bottom
+
+
+def _visible(start: float, stop: float) -> tuple[float, float]:
+    """Widen a side of a box that would be too short to see, within the picture."""
+    if stop - start >= _LEAST_SIDE:
+        return start, stop
+    begin = min(max((start + stop - _LEAST_SIDE) / 2, 0.0), 1.0 - _LEAST_SIDE)
+    return begin, begin + _LEAST_SIDE

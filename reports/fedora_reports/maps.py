@@ -1,0 +1,70 @@
+"""Arrays that checks keep, as charts and maps."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fedora_qa.record.wording import number
+from fedora_reports import colour_maps
+from fedora_reports.charts import Chart, series_chart
+from fedora_reports.evidence import Evidence, finite
+from fedora_reports.instants import Array
+from fedora_reports.legends import ColourBar, colour_bar
+from fedora_reports.pictures import Image, drawing
+from fedora_reports.scales import Axis
+
+_COARSE_PX = 160
+"""Maps of fewer columns are shown as squares, not smoothed."""
+
+
+@dataclass(frozen=True, slots=True)
+class ValueMap:
+    """A map of values with its colour bar."""
+
+    title: str
+    image: Image
+    caption: str
+    bar: ColourBar | None
+    coarse: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Exhibits:
+    """What can be drawn of the arrays below one path, and the names of those that cannot."""
+
+    charts: tuple[Chart, ...] = ()
+    maps: tuple[ValueMap, ...] = ()
+    undrawn: tuple[str, ...] = ()
+
+
+def exhibits(evidence: Evidence, names: tuple[str, ...]) -> Exhibits:
+    """Draw (n, 2) arrays as series and (h, w) arrays as maps."""
+    charts, maps, undrawn = [], [], []
+    for name in names:
+        series, plane = evidence.numbers(name, None, 2), evidence.numbers(name, None, None)
+        chart = None if series is None else series_chart(series, evidence.title(name))
+        if chart is not None:
+            charts.append(chart)
+        elif plane is not None and series is None:
+            maps.append(value_map(plane, evidence.title(name)))
+        else:
+            undrawn.append(evidence.title(name))
+    return Exhibits(tuple(charts), tuple(maps), tuple(undrawn))
+
+
+def value_map(plane: Array, title: str) -> ValueMap:
+    """Colour a map (h, w) of any numbers: signed values about 0, others from least to greatest."""
+    known = finite(plane)
+    coarse = plane.shape[1] < _COARSE_PX
+    if not known.size:
+        grey = colour_maps.by_table(np.full(plane.shape, np.nan), colour_maps.SEQUENTIAL)
+        return ValueMap(title, drawing(grey, f"{title}: no value"), "no value anywhere", None, coarse)
+    low, high = float(known.min()), float(known.max())
+    caption = f"{number(low)} to {number(high)}"
+    signed = low < 0 < high
+    reach = max(-low, high)
+    axis = Axis(-reach, reach) if signed else Axis(low, high)
+    table = colour_maps.DIVERGING if signed else colour_maps.SEQUENTIAL
+    picture = colour_maps.by_table(axis.shares(np.where(np.isfinite(plane), plane, np.nan)), table)
+    bar = colour_bar(axis, table, f"Colours from {number(axis.low)} to {number(axis.high)}")
+    return ValueMap(title, drawing(picture, f"Map. {title}: {caption}"), caption, bar, coarse)

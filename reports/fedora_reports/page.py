@@ -1,0 +1,139 @@
+"""The page as values: everything that the template shows, and nothing that it would have to work out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from fedora_qa.record.types import FileRecord, Record, Verdict
+from fedora_qa.record.wording import cause_sentence, findings_of, identity, tally
+from fedora_reports.anchors import Anchors
+from fedora_reports.charts import Chart, histograms_of
+from fedora_reports.evidence import Evidence, evidence_of
+from fedora_reports.flight import Flight, flight_of
+from fedora_reports.maps import Exhibits, exhibits
+from fedora_reports.problems import Link, Problems, problems_of
+from fedora_reports.provenance import Provenance, file_provenance, run_provenance
+from fedora_reports.statistics import Table, all_statistics, paper_tables, short_name
+from fedora_reports.strip import Strip, strip_of
+from fedora_reports.subjects import Subject, subjects_of
+from fedora_reports.timeline import Located, Timeline, timeline_of
+from fedora_reports.verdict import TITLES, VerdictWords, verdict_of
+
+_KEPT_BY_THE_PASS = ("moments", "places", "trajectory", "timeline", "histograms")
+
+
+@dataclass(frozen=True, slots=True)
+class FileSection:
+    """Everything about one file."""
+
+    anchors: Anchors
+    name: str
+    path: str
+    identity: str
+    verdict: VerdictWords
+    problems: Problems
+    timeline: Timeline | None
+    strip: Strip | None
+    flight: Flight | None
+    subjects: tuple[Subject, ...]
+    paper: tuple[Table, ...]
+    statistics: tuple[Table, ...]
+    histograms: tuple[Chart, ...]
+    exhibits: Exhibits
+    provenance: Provenance
+    missing: str
+
+
+@dataclass(frozen=True, slots=True)
+class OverviewRow:
+    """One file among several."""
+
+    file: Link
+    verdict: Verdict
+    word: str
+    tally: str
+    cause: str
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """The whole report."""
+
+    title: str
+    started: str
+    tool: str
+    effort: str
+    overview: tuple[OverviewRow, ...]
+    overview_tables: tuple[Table, ...]
+    files: tuple[FileSection, ...]
+    run: Provenance
+
+
+def page_of(record: Record, arrays: Mapping[str, NDArray[Any]]) -> Page:
+    """Return the page that shows a record and its evidence."""
+    several = len(record.files) != 1
+    return Page(
+        title=_title(record),
+        started=record.run.started,
+        tool=f"{record.tool.name} {record.tool.version}",
+        effort=record.effort,
+        overview=tuple(_overview(file, k, record) for k, file in enumerate(record.files)) if several else (),
+        overview_tables=paper_tables(record.files) if several else (),
+        files=tuple(_section(record, k, arrays) for k in range(len(record.files))),
+        run=run_provenance(record),
+    )
+
+
+def _title(record: Record) -> str:
+    if len(record.files) == 1:
+        return short_name(record.files[0], record.files)
+    return f"{len(record.files)} files" if record.files else "No file was checked"
+
+
+def _overview(file: FileRecord, place: int, record: Record) -> OverviewRow:
+    link = Link(Anchors(place).top, short_name(file, record.files))
+    cause = cause_sentence(file.diagnoses[0]) if file.diagnoses else ""
+    return OverviewRow(link, file.verdict, TITLES[file.verdict], tally(file.results), cause)
+
+
+def _section(record: Record, place: int, arrays: Mapping[str, NDArray[Any]]) -> FileSection:
+    file, anchors, evidence = record.files[place], Anchors(place), evidence_of(record, place, arrays)
+    located = [Located(finding, anchors.finding(k)) for k, (_, finding) in enumerate(findings_of(file))]
+    links = [Link(one.anchor, one.finding.id) for one in located]
+    return FileSection(
+        anchors=anchors,
+        name=short_name(file, record.files),
+        path=file.path,
+        identity=identity(file),
+        verdict=verdict_of(file),
+        problems=problems_of(file, evidence, anchors),
+        timeline=timeline_of(evidence, located),
+        strip=strip_of(evidence),
+        flight=flight_of(evidence),
+        subjects=subjects_of(file, evidence, anchors, links),
+        paper=paper_tables((file,)),
+        statistics=all_statistics(file),
+        histograms=histograms_of(evidence),
+        exhibits=exhibits(evidence, _elsewhere(file, evidence)),
+        provenance=file_provenance(file, evidence),
+        missing=_missing(evidence),
+    )
+
+
+def _elsewhere(file: FileRecord, evidence: Evidence) -> tuple[str, ...]:
+    """Return the arrays that belong neither to the pass nor to a check that is shown."""
+    shown = (*_KEPT_BY_THE_PASS, *(result.check for result in file.results))
+    return tuple(name for name in evidence.names() if not name.startswith(tuple(f"{path}/" for path in shown)))
+
+
+def _missing(evidence: Evidence) -> str:
+    """Say what cannot be drawn because its arrays are not there; empty where all are."""
+    if not evidence.titles and not evidence.names():
+        return "No evidence was kept of this file: there are no pictures, timeline or histograms."
+    if len(evidence.missing) == len(evidence.titles) and evidence.missing:
+        return "The arrays that lay beside the record were not given: there are no pictures, timeline or histograms."
+    if evidence.missing:
+        return f"{len(evidence.missing)} arrays that lay beside the record are missing; what needs them is left out."
+    return ""

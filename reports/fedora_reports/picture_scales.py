@@ -1,0 +1,73 @@
+"""The scales that pictures shown together share, so that the same colour means the same value."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fedora_reports.evidence import finite
+from fedora_reports.instants import Array, Instant
+from fedora_reports.scales import Axis
+
+_DARK_DN = 64.0
+"""Frames whose brightest hundredth stays below this are shown brightened, or nothing would be seen."""
+
+
+@dataclass(frozen=True, slots=True)
+class PictureScales:
+    """How values become colours.
+
+    Attributes
+    ----------
+    gain
+        Whole factor by which frames are brightened; 1 shows them as stored.
+    depth_m
+        Logarithmic; None where no depth is known.
+    full_flow_px
+        Flow of this length or more has its full colour: the 99th percentile, so that one pixel does not fade the rest.
+    full_events
+        Events a pixel that are drawn opaque: the 99th percentile of the pixels that have any, rounded up.
+    """
+
+    gain: int
+    depth_m: Axis | None
+    full_flow_px: float
+    full_events: int
+
+
+def scales_for(instants: Sequence[Instant]) -> PictureScales:
+    """Return the scales that suit all of these instants."""
+    return PictureScales(_gain(instants), _depth(instants), _full_flow(instants), _full_events(instants))
+
+
+def flow_lengths_px(flow_px: Array) -> Array:
+    """Return the finite lengths of flow (h, w, 2) as one row; inf, which no picture can scale, is left out."""
+    u, v = (np.asarray(flow_px[..., k], dtype=np.float64) for k in (0, 1))
+    with np.errstate(invalid="ignore", over="ignore"):
+        return finite(np.hypot(u, v))
+
+
+def _gain(instants: Sequence[Instant]) -> int:
+    brightest = max((float(np.percentile(one.rgb, 99)) for one in instants if one.rgb is not None), default=255.0)
+    return max(int(160.0 / max(brightest, 1.0)), 1) if brightest < _DARK_DN else 1
+
+
+def _depth(instants: Sequence[Instant]) -> Axis | None:
+    known = [finite(one.depth_m) for one in instants if one.depth_m is not None]
+    depths = np.concatenate([values[values > 0] for values in known]) if known else np.empty(0)
+    return Axis(float(depths.min()), float(depths.max()), logarithmic=True) if depths.size else None
+
+
+def _full_flow(instants: Sequence[Instant]) -> float:
+    known = [flow_lengths_px(one.flow_px) for one in instants if one.flow_px is not None]
+    lengths = np.concatenate(known) if known else np.empty(0)
+    return float(np.percentile(lengths, 99)) if lengths.size else 0.0
+
+
+def _full_events(instants: Sequence[Instant]) -> int:
+    totals = [finite(one.brighter) + finite(one.darker) for one in instants
+              if one.brighter is not None and one.darker is not None]  # fmt: skip
+    counts = np.concatenate(totals) if totals else np.empty(0)
+    counts = counts[counts > 0]
+    return math.ceil(np.percentile(counts, 99)) if counts.size else 1

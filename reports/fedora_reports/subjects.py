@@ -1,0 +1,134 @@
+"""Every check, by subject: what was asked, measured, expected, and what would have been seen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from fedora_qa.record.types import FileRecord, Measurement, Outcome, Result
+from fedora_qa.record.wording import OUTCOME_WORDS, coverage_words, principal, with_error, with_unit
+from fedora_reports.anchors import Anchors
+from fedora_reports.evidence import Evidence
+from fedora_reports.gauges import Gauge, gauge_of
+from fedora_reports.maps import Exhibits, exhibits
+from fedora_reports.problems import Link
+
+_TITLES: Final = {
+    "integrity": "Integrity of the file",
+    "metadata": "Metadata",
+    "clocks": "Clocks",
+    "index_maps": "Index maps",
+    "event_stream": "The event stream by itself",
+    "event_response": "Events against light",
+    "images": "Colour frames",
+    "depth": "Depth",
+    "flow_photometric": "Flow against frames",
+    "flow_geometry": "Flow against depth and pose",
+    "flow_rates": "Rates of flow against each other",
+    "flow_events": "Events along the flow",
+    "pose": "Pose",
+    "imu": "IMU against pose",
+    "alignment": "Cameras against each other",
+}
+
+_OPEN: Final[frozenset[Outcome]] = frozenset({"failed", "crashed", "warned"})
+_TELLING: Final[frozenset[Outcome]] = frozenset({"passed", "failed", "warned"})
+
+
+@dataclass(frozen=True, slots=True)
+class MeasurementView:
+    """One measurement in words, with its gauge."""
+
+    name: str
+    value: str
+    expected: str
+    limit: str
+    least_detectable: str
+    gauge: Gauge | None
+
+
+@dataclass(frozen=True, slots=True)
+class CheckView:
+    """One check: a row that is always seen, and its details.
+
+    ``principal`` is the measurement that lies farthest out; None where the check could not tell.
+    """
+
+    anchor: str
+    name: str
+    outcome: Outcome
+    word: str
+    question: str
+    coverage: str
+    reason: str
+    traceback: tuple[str, ...]
+    principal: MeasurementView | None
+    measurements: tuple[MeasurementView, ...]
+    findings: tuple[Link, ...]
+    exhibits: Exhibits
+
+    @property
+    def open(self) -> bool:
+        """Whether its details are shown at once."""
+        return self.outcome in _OPEN
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """The checks of one subject."""
+
+    identifier: str
+    title: str
+    checks: tuple[CheckView, ...]
+
+
+def subjects_of(file: FileRecord, evidence: Evidence, anchors: Anchors, links: Sequence[Link]) -> tuple[Subject, ...]:
+    """Return the checks by subject, in the order of the record. ``links`` lead to the findings."""
+    by_subject: dict[str, list[CheckView]] = {}
+    for k, result in enumerate(file.results):
+        view = _check(result, anchors.check(k), evidence, links)
+        by_subject.setdefault(result.check.split(".", 1)[0], []).append(view)
+    return tuple(Subject(name, _title(name), tuple(views)) for name, views in by_subject.items())
+
+
+def _title(subject: str) -> str:
+    return _TITLES.get(subject) or subject.replace("_", " ").capitalize()
+
+
+def _check(result: Result, anchor: str, evidence: Evidence, links: Sequence[Link]) -> CheckView:
+    main = principal(result) if result.outcome in _TELLING else None
+    own = {finding.id for finding in result.findings}
+    return CheckView(
+        anchor=anchor,
+        name=result.check,
+        outcome=result.outcome,
+        word=OUTCOME_WORDS[result.outcome],
+        question=result.question,
+        coverage=coverage_words(result.coverage),
+        reason=result.reason,
+        traceback=tuple(result.traceback.splitlines()),
+        principal=None if main is None else _measurement(main),
+        measurements=tuple(_measurement(one) for one in result.measurements),
+        findings=tuple(link for link in links if link.word in own),
+        exhibits=exhibits(evidence, tuple(evidence.under(result.check))),
+    )
+
+
+def _measurement(one: Measurement) -> MeasurementView:
+    return MeasurementView(
+        name=one.name,
+        value=with_error(one.value, one.standard_error, one.unit),
+        expected="" if one.expected is None else with_unit(one.expected, one.unit),
+        limit=_limit(one),
+        least_detectable="" if one.least_detectable is None else with_unit(one.least_detectable, one.unit),
+        gauge=gauge_of(one),
+    )
+
+
+def _limit(one: Measurement) -> str:
+    """Return the largest honest deviation, with the side on which it counts."""
+    if one.limit is None:
+        return ""
+    if one.limit == 0:
+        return "exact" if one.side == "both" else {"upper": "not above", "lower": "not below"}[one.side]
+    sign = {"both": "±", "upper": "+", "lower": "−"}[one.side]
+    return f"{sign}{with_unit(one.limit, one.unit)}"

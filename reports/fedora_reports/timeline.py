@@ -1,0 +1,133 @@
+"""The timeline: when each stream has samples, and where in time findings lie."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fedora_qa.record.evidence import TIMELINE, named
+from fedora_qa.record.types import Finding
+from fedora_qa.record.wording import number
+from fedora_reports.charts import HEIGHT, WIDTH, steps_path
+from fedora_reports.evidence import Evidence
+from fedora_reports.instants import Array
+from fedora_reports.scales import Axis, Tick
+
+_LANES = 4
+_LABEL_SHARE = 0.08
+"""Width that a label takes on the narrowest page."""
+
+_FAR_US = 1e10
+"""Beyond some hours, times are told from the beginning of the timeline, or their digits would not fit."""
+
+ELSEWHERE = "whole file"
+
+
+@dataclass(frozen=True, slots=True)
+class Located:
+    """A finding and the link to it."""
+
+    finding: Finding
+    anchor: str
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A finding on the timeline: places as shares of its width, in one of a few lanes below the density."""
+
+    anchor: str
+    label: str
+    words: str
+    left: float
+    width: float
+    lane: int
+    grave: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TimelineRow:
+    """One stream: its density of samples, and the findings that lie in it. ``more`` found no lane."""
+
+    stream: str
+    words: str
+    path: str
+    marks: tuple[Mark, ...]
+    lanes: int
+    more: int
+
+
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """All rows on one time axis."""
+
+    rows: tuple[TimelineRow, ...]
+    ticks: tuple[Tick, ...]
+    caption: str
+
+
+def timeline_of(evidence: Evidence, findings: Sequence[Located]) -> Timeline | None:
+    """Return the timeline; None where the evidence holds no edges or no stream."""
+    edges_us = evidence.numbers(named(TIMELINE, "edges_us"), None)
+    if edges_us is None or len(edges_us) < 2 or not np.isfinite(edges_us).all() or edges_us[-1] <= edges_us[0]:
+        return None
+    axis = Axis(float(edges_us[0]), float(edges_us[-1]))
+    counts = {name.removeprefix(f"{TIMELINE}/"): evidence.numbers(name, len(edges_us) - 1)
+              for name in evidence.under(TIMELINE)}  # fmt: skip
+    known = {stream: samples for stream, samples in counts.items() if samples is not None}
+    named_findings = {one.finding.where.stream for one in findings}
+    streams = [*known, *sorted(stream for stream in named_findings if stream and stream not in known)]
+    rows = [_row(stream, known.get(stream), axis, [one for one in findings if one.finding.where.stream == stream])
+            for stream in streams]  # fmt: skip
+    homeless = [one for one in findings if not one.finding.where.stream]
+    if homeless:
+        rows.append(_row(ELSEWHERE, None, axis, homeless))
+    ticks, clock = _ticks(axis)
+    bin_ms = number((axis.high - axis.low) / (len(edges_us) - 1) / 1e3)
+    caption = f"Samples within bins of {bin_ms} ms, each row to its own greatest count. {clock}"
+    return Timeline(tuple(rows), ticks, caption) if rows else None
+
+
+def _ticks(axis: Axis) -> tuple[tuple[Tick, ...], str]:
+    far = max(abs(axis.low), abs(axis.high)) > _FAR_US
+    origin_us = axis.low if far else 0.0
+    ticks = Axis((axis.low - origin_us) / 1e6, (axis.high - origin_us) / 1e6).ticks(5)
+    clock = "Seconds of the file's clock."
+    return ticks, f"Seconds from {axis.low / 1e6:.6f} s of the file's clock." if far else clock
+
+
+def _row(stream: str, samples: Array | None, axis: Axis, findings: Sequence[Located]) -> TimelineRow:
+    marks, more = _marks(findings, axis)
+    words, path = "", ""
+    if samples is not None and np.isfinite(samples).all():
+        total, most = int(samples.sum()), float(samples.max())
+        words = f"{total:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
+        heights = np.clip(samples / most, 0.0, 1.0) * HEIGHT if most > 0 else np.zeros(len(samples))
+        path = steps_path(list(np.linspace(0.0, WIDTH, len(samples) + 1)), list(heights))
+    return TimelineRow(stream, words, path, marks, max((mark.lane + 1 for mark in marks), default=0), more)
+
+
+def _marks(findings: Sequence[Located], axis: Axis) -> tuple[tuple[Mark, ...], int]:
+    """Place findings in the first lane where their labels do not touch; count those that find none."""
+    free_from = [-math.inf] * _LANES
+    marks, more = [], 0
+    for left, right, one in sorted(((*_span(one.finding, axis), one) for one in findings), key=lambda item: item[:2]):
+        lane = next((lane for lane in range(_LANES) if free_from[lane] <= left), None)
+        if lane is None:
+            more += 1
+            continue
+        free_from[lane] = max(right, left + _LABEL_SHARE)
+        finding = one.finding
+        grave = finding.severity in {"critical", "error"}
+        marks.append(Mark(one.anchor, finding.id, finding.message, left, right - left, lane, grave))
+    return tuple(marks), more
+
+
+def _span(finding: Finding, axis: Axis) -> tuple[float, float]:
+    """Return where a finding begins and ends; the whole width where it has no time."""
+    start_us, stop_us = finding.where.start_us, finding.where.stop_us
+    if start_us is None or not math.isfinite(start_us):
+        return 0.0, 1.0
+    left = axis.share(start_us)
+    right = axis.share(stop_us) if stop_us is not None and math.isfinite(stop_us) else left
+    return left, max(right, left)

@@ -1,0 +1,141 @@
+"""The picture of a flight: in space where OpenGL works, else two plain views, with a note that says why."""
+
+import io
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from fedora_qa.record.wording import number
+from fedora_reports.trajectory_path import FlownPath, flown_path
+from fedora_reports.trajectory_views import draw_views, without_path
+
+TIME_LIMIT_S: Final = 120.0
+
+_MOST_POINTS: Final = 600
+_CRASHED: Final = "VTK ended without a word"
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryPicture:
+    """A picture of a path: one of ``png`` and ``svg`` is empty.
+
+    ``caption`` says what is shown, with units. ``note`` says why plain views stand in place of the render; it is empty
+    where they do not.
+    """
+
+    png: bytes
+    svg: str
+    caption: str
+    note: str
+
+
+def render_trajectory(
+    times_us: Any, positions_world_m: Any, speeds_m_s: Any, forward_world: Any, *, time_limit_s: float = TIME_LIMIT_S
+) -> TrajectoryPicture:
+    """Draw the path of the body through the world, coloured by its speed.
+
+    The picture in space is drawn by pyvista in a process of its own, because VTK without OpenGL crashes. Poses whose
+    position is not finite are left out, and counted in the caption.
+
+    Parameters
+    ----------
+    times_us
+        (n,), on the file's clock.
+    positions_world_m
+        (n, 3), east, north, up.
+    speeds_m_s
+        (n,); NaN is drawn in grey.
+    forward_world
+        (n, 3), the body's X axis; NaN is not drawn.
+    time_limit_s
+        For the picture in space.
+
+    Raises
+    ------
+    ValueError
+        Where the shapes are others.
+    """
+    arrays = {
+        "times_us": times_us,
+        "positions_world_m": positions_world_m,
+        "speeds_m_s": speeds_m_s,
+        "forward_world": forward_world,
+    }
+    path = flown_path(**arrays, most=_MOST_POINTS)
+    if not path.runs:
+        return TrajectoryPicture(b"", without_path(), "No pose has a finite position: there is no path to draw.", "")
+    png, reason = _render(arrays, time_limit_s)
+    if png:
+        return TrajectoryPicture(png, "", _caption(path, "ball", "cube", _IN_SPACE), "")
+    return TrajectoryPicture(b"", draw_views(path), _caption(path, "ring", "square", _FLAT), reason)
+
+
+_IN_SPACE: Final = (
+    "White cones show where the body points, the thin line on the ground is the path seen from above; axes in metres."
+)
+_FLAT: Final = "Arrowheads show where the body points. Seen from above and from the side at one scale; axes in metres."
+
+
+def _caption(path: FlownPath, start: str, end: str, rest: str) -> str:
+    known = path.speed_range_m_s
+    if known is None:
+        speed = "speeds unknown"
+    elif path.speed_varies:
+        speed = f"coloured by speed, {number(known[0])} to {number(known[1])} m/s"
+    elif known[1] < 1e-6:
+        speed = "at rest"
+    else:
+        speed = f"at {number(known[1])} m/s"
+    if len(path.times_us) == 1:
+        return f"Place of the body at the only pose, the {start}, {speed}. {rest}"
+    seconds = number((float(path.times_us[-1]) - float(path.times_us[0])) / 1e6)
+    gaps = len(path.runs) - 1
+    missing = f" Positions are missing in {gaps} place{'s' if gaps > 1 else ''}." if gaps else ""
+    return f"Path of the body over {seconds} s, {speed}, from the {start} to the {end}. {rest}{missing}"
+
+
+def _render(arrays: dict[str, Any], time_limit_s: float) -> tuple[bytes, str]:
+    """Return the picture as PNG, or none and why in one sentence."""
+    if find_spec("pyvista") is None:
+        return b"", "Two plain views, because pyvista is not installed: pip install 'fedora-qa[reports]'."
+    with tempfile.TemporaryDirectory(prefix="fedora-trajectory-") as folder:
+        source, target = Path(folder, "path.npz"), Path(folder, "path.png")
+        packed = io.BytesIO()
+        np.savez(packed, **arrays)
+        source.write_bytes(packed.getvalue())
+        # -P: a file in the current folder must not stand in for a module.
+        command = [sys.executable, "-P", "-m", "fedora_reports.trajectory_render", str(source), str(target)]
+        try:
+            done = subprocess.run(
+                command, env=_environment(), capture_output=True, text=True, timeout=time_limit_s, check=False
+            )
+        except subprocess.TimeoutExpired:
+            return b"", _sorry(f"the render took more than {number(time_limit_s)} s")
+        if done.returncode == 0 and target.is_file():
+            return target.read_bytes(), ""
+        return b"", _sorry(_complaint(done))
+
+
+def _environment() -> dict[str, str]:
+    """Ask for EGL, which needs no display; VTK turns to OSMesa by itself where there is no EGL."""
+    return {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow", **os.environ}
+
+
+def _sorry(reason: str) -> str:
+    return f"Two plain views, because OpenGL could not be used: {reason}; install libegl1 and libgl1-mesa-dri."
+
+
+def _complaint(done: subprocess.CompletedProcess[str]) -> str:
+    """Return what a failed process said, as half a sentence."""
+    lines = [line.strip() for line in done.stderr.splitlines()]
+    warnings = [line.rsplit("WARN|", 1)[1].split("!")[0].strip() for line in lines if "WARN|" in line]
+    if done.returncode < 0:
+        return warnings[0] if warnings else _CRASHED
+    return (lines[-1] if lines else _CRASHED).rstrip(".")

@@ -1,0 +1,236 @@
+"""The path of a flight in space, drawn off-screen by pyvista.
+
+Run as a process of its own, because VTK without OpenGL ends its process with a segmentation fault::
+
+    python -m fedora_reports.trajectory_render PATH.npz PICTURE.png
+"""
+
+import math
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+
+from fedora_reports.trajectory_camera import View, view_of
+from fedora_reports.trajectory_path import Box, FlownPath, box_around, flown_path, speed_colours
+
+Float64 = NDArray[np.float64]
+
+SIZE_PX: Final = (1200, 750)
+
+_MOST_POINTS: Final = 4000
+_FIELD_OF_VIEW_DEG: Final = 30.0
+_MARGINS: Final = (0.72, 0.82)
+"""Shares of the picture, right and up, that the box may fill; the rest is for labels and the scale of speeds."""
+
+# A dark ground of its own reads equally well on a light and on a dark page.
+_BACKGROUND: Final = "#1c2127"
+_GRID: Final = "#4a545f"
+_SHADOW: Final = "#7b8794"
+_INK: Final = "#e6e9ed"
+_NO_SPEED: Final = "#9aa5b1"
+
+# Sizes as shares of the box's longest side.
+_TUBE: Final = 0.0055
+_BALL: Final = 0.014
+_NOSE: Final = (0.045, 0.013)
+"""Length and radius of the cones that show where the body points."""
+_LABEL_OFFSET: Final = 0.045
+_NOSES: Final = 14
+_CLOSEST: Final = 2e-4
+"""Neighbouring points must differ by this share, or a tube has no direction there."""
+
+
+def draw(path: FlownPath, target: Path) -> None:
+    """Write the picture of a path with at least one pose, SIZE_PX large, as PNG."""
+    box = box_around(path.positions_world_m)
+    plotter: Any = pv.Plotter(off_screen=True, window_size=list(SIZE_PX), lighting="light kit")
+    plotter.set_background(_BACKGROUND)
+    plotter.enable_anti_aliasing("ssaa")
+    places = _scaled(path.positions_world_m, box)
+    view = _look(plotter, places, box)
+    _draw_floor(plotter, box)
+    _draw_labels(plotter, box, view)
+    _draw_shadow(plotter, path, places, box)
+    _draw_speeds(plotter, path, places)
+    _draw_noses(plotter, path, places)
+    _draw_ends(plotter, places)
+    plotter.reset_camera_clipping_range()
+    plotter.screenshot(str(target))
+    plotter.close()
+
+
+def _scaled(points_m: Float64, box: Box) -> Float64:
+    """Return points about the box's centre in units of its longest side: OpenGL has only single precision."""
+    scaled: Float64 = (points_m - box.centre_m) / box.span_m
+    return scaled
+
+
+def _look(plotter: Any, places: Float64, box: Box) -> View:
+    corners = np.stack(np.meshgrid(*zip(box.low_m, box.high_m, strict=True)), axis=-1).reshape(-1, 3)
+    half_up = np.tan(np.radians(_FIELD_OF_VIEW_DEG / 2))
+    half_right = half_up * SIZE_PX[0] / SIZE_PX[1]
+    view = view_of(places, _scaled(corners, box), (_MARGINS[0] * half_right, _MARGINS[1] * half_up))
+    plotter.camera.position, plotter.camera.focal_point = view.eye.tolist(), view.target.tolist()
+    plotter.camera.up, plotter.camera.view_angle = (0.0, 0.0, 1.0), _FIELD_OF_VIEW_DEG
+    return view
+
+
+def _draw_floor(plotter: Any, box: Box) -> None:
+    """Draw lines of round metres on the ground of the box."""
+    low, high = box.low_m, box.high_m
+    along_y = [[(x, low[1], low[2]), (x, high[1], low[2])] for x, _ in box.ticks(0)]
+    along_x = [[(low[0], y, low[2]), (high[0], y, low[2])] for y, _ in box.ticks(1)]
+    ends = np.array(along_x + along_y).reshape(-1, 3)
+    plotter.add_mesh(pv.line_segments_from_points(_scaled(ends, box)), color=_GRID, line_width=3.0, lighting=False)
+
+
+def _draw_labels(plotter: Any, box: Box, view: View) -> None:
+    """Label X and Y along the two near edges of the floor, and Z along the leftmost upright edge, which is drawn."""
+    low, high = box.low_m, box.high_m
+    near = np.where(view.eye > 0, high, low)
+    outward = np.where(view.eye > 0, 1.0, -1.0) * _LABEL_OFFSET * box.span_m
+    along_x = [((x, near[1] + outward[1], low[2]), label) for x, label in box.ticks(0)]
+    along_y = [((near[0] + outward[0], y, low[2]), label) for y, label in box.ticks(1)]
+    feet = np.array([(x, y, low[2]) for x in (low[0], high[0]) for y in (low[1], high[1])])
+    foot = feet[np.argmin(view.seen(_scaled(feet, box))[:, 0])]
+    upright = np.stack([foot, [foot[0], foot[1], high[2]]])
+    plotter.add_mesh(pv.lines_from_points(_scaled(upright, box)), color=_GRID, line_width=3.0, lighting=False)
+    aside = -view.axes[0] * _LABEL_OFFSET * box.span_m
+    along_z = [((foot[0] + aside[0], foot[1] + aside[1], z), label) for z, label in box.ticks(2)[1:]]
+    middle = (low + high) / 2
+    names = [
+        ((middle[0], near[1] + 2.6 * outward[1], low[2]), "X east, m"),
+        ((near[0] + 2.6 * outward[0], middle[1], low[2]), "Y north, m"),
+        ((foot[0] + aside[0], foot[1] + aside[1], high[2] + 1.2 * _LABEL_OFFSET * box.span_m), "Z up, m"),
+    ]
+    for places, size in (([*along_x, *along_y, *along_z], 17), (names, 18)):
+        points, words = zip(*places, strict=True)
+        _write(plotter, _scaled(np.array(points), box), words, size)
+
+
+def _draw_shadow(plotter: Any, path: FlownPath, places: Float64, box: Box) -> None:
+    """Draw the path on the floor, and plumb lines at both ends: they tell height from distance."""
+    floor = (box.low_m[2] - box.centre_m[2]) / box.span_m
+    below = np.column_stack([places[:, :2], np.full(len(places), floor + 1e-3)])
+    for start, stop in path.runs:
+        if stop - start > 1:
+            plotter.add_mesh(pv.lines_from_points(below[start:stop]), color=_SHADOW, line_width=4.0, lighting=False)
+    ends = np.stack([places[0], below[0], places[-1], below[-1]])
+    plotter.add_mesh(pv.line_segments_from_points(ends), color=_SHADOW, line_width=3.0, lighting=False)
+
+
+def _draw_speeds(plotter: Any, path: FlownPath, places: Float64) -> None:
+    """Draw the path as a tube in the colours of its speed, with a scale in m/s."""
+    runs = [_distinct(places[a:b], path.speeds_m_s[a:b]) for a, b in path.runs]
+    tube = pv.merge([_tube(points, speeds) for points, speeds in runs])
+    known = path.speed_range_m_s
+    if known is None or not path.speed_varies:
+        plotter.add_mesh(tube, color=_NO_SPEED if known is None else speed_colours(3)[1], ambient=0.35)
+        return
+    plotter.add_mesh(
+        tube,
+        scalars="speed",
+        clim=known,
+        cmap=list(speed_colours(64)),
+        nan_color=_NO_SPEED,
+        interpolate_before_map=True,
+        ambient=0.35,
+        show_scalar_bar=False,
+    )
+    plotter.add_scalar_bar(
+        "speed, m/s",
+        vertical=True,
+        position_x=0.92,
+        position_y=0.2,
+        width=0.055,
+        height=0.6,
+        n_labels=5,
+        fmt=f"{{:.{_decimals((known[1] - known[0]) / 4)}f}}",
+        color=_INK,
+        title_font_size=18,
+        label_font_size=17,
+    )
+
+
+def _decimals(step: float) -> int:
+    """Return the decimals that show two digits of a step."""
+    return max(0, 1 - math.floor(math.log10(step)))
+
+
+def _distinct(points: Float64, speeds: Float64) -> tuple[Float64, Float64]:
+    """Drop points that lie on the one before."""
+    kept = [0]
+    for i in range(1, len(points)):
+        if np.linalg.norm(points[i] - points[kept[-1]]) > _CLOSEST:
+            kept.append(i)
+    return points[kept], speeds[kept]
+
+
+def _tube(points: Float64, speeds: Float64) -> Any:
+    """Return one run as a tube, or as a ball where it stays in one place, with its speeds."""
+    if len(points) == 1:
+        tube = pv.Sphere(radius=2 * _TUBE, center=points[0])
+        tube["speed"] = np.full(tube.n_points, speeds[0])
+        return tube
+    line = pv.lines_from_points(points)
+    line["speed"] = speeds
+    return line.tube(radius=_TUBE, n_sides=16, capping=True)
+
+
+def _draw_noses(plotter: Any, path: FlownPath, places: Float64) -> None:
+    """Draw where the body points, at places that are evenly spread along the path."""
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+    wanted = np.linspace(0.0, travelled[-1], _NOSES)
+    rows = np.unique(np.searchsorted(travelled, wanted, side="left").clip(0, len(places) - 1))
+    length, radius = _NOSE
+    for row in rows[np.isfinite(path.forward_world[rows]).all(axis=1)]:
+        if np.linalg.norm(path.forward_world[row]) > 0:
+            nose = pv.Cone(
+                resolution=24, center=places[row], direction=path.forward_world[row], height=length, radius=radius
+            )
+            plotter.add_mesh(nose, color=_INK, ambient=0.4)
+
+
+def _draw_ends(plotter: Any, places: Float64) -> None:
+    """Mark the first pose by a ball and the last by a cube."""
+    plotter.add_mesh(pv.Sphere(radius=_BALL, center=places[0]), color=_INK, ambient=0.4)
+    apart = np.linalg.norm(places[-1] - places[0])
+    if len(places) > 1 and apart > _CLOSEST:
+        side = 1.7 * _BALL
+        plotter.add_mesh(
+            pv.Cube(center=places[-1], x_length=side, y_length=side, z_length=side), color=_INK, ambient=0.4
+        )
+    above = np.array([0.0, 0.0, 3 * _BALL])
+    if apart < 4 * _BALL:
+        _write(plotter, places[:1] + above, ("start and end" if len(places) > 1 else "the only pose",), 18)
+    else:
+        _write(plotter, places[[0, -1]] + above, ("start", "end"), 18)
+
+
+def _write(plotter: Any, points: Float64, words: Any, size: int) -> None:
+    plotter.add_point_labels(
+        points,
+        list(words),
+        font_size=size,
+        text_color=_INK,
+        bold=False,
+        shape=None,
+        show_points=False,
+        always_visible=True,
+        justification_horizontal="center",
+        justification_vertical="center",
+    )
+
+
+def main(source: str, target: str) -> None:
+    """Draw the path of an npz file with the arguments of ``render_trajectory``."""
+    with np.load(source) as arrays:
+        draw(flown_path(**arrays, most=_MOST_POINTS), Path(target))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,119 @@
+"""The report in a real browser: it complains about nothing, asks for nothing, and shows everything at any width."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from fedora_generator.faults import plant_fault
+from fedora_qa.cli.main import run
+from tests.browser.devtools import Browser
+from tests.browser.visit import visit
+from tests.support.graphics import without_opengl
+
+WIDTHS_PX = (390, 820, 1440)
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A report and the word of its verdict."""
+
+    page: Path
+    exit_code: int
+    verdict: str
+
+
+@pytest.fixture(scope="module")
+def browser(chromium: Path) -> Iterator[Browser]:
+    """A browser for all pages."""
+    with Browser(chromium) as running:
+        yield running
+
+
+@pytest.fixture(scope="module", params=["clean", "failing"])
+def report(request: pytest.FixtureRequest, park_day: Path, tmp_path_factory: pytest.TempPathFactory) -> Report:
+    """The report of a clean second, and of one whose events are late."""
+    folder = tmp_path_factory.mktemp("report")
+    if request.param == "clean":
+        sequence, verdict = park_day, "clean"
+    else:
+        sequence, verdict = folder / "late.h5", "findings"
+        plant_fault(park_day, sequence, "time_offset", "events", 5.0, "ms")
+    code = run(["check", str(sequence), "--html", str(folder / "report.html")])
+    return Report(folder / "report.html", code, verdict)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", WIDTHS_PX)
+def test_report(browser: Browser, report: Report, width: int, scheme: str) -> None:
+    """No complaint, no request but the page, everything visible, nothing wider than the window."""
+    shown = visit(browser, report.page, width=width, scheme=scheme)
+    assert shown.complaints == []
+    assert shown.requests == [report.page.resolve().as_uri()]
+    seen = shown.seen
+    assert report.verdict in seen["text"].lower()
+    assert seen["sticking_out"] == []
+    assert seen["overflow"] <= 0
+    assert len(seen["pictures"]) >= 4
+    for picture in seen["pictures"]:
+        assert picture["natural"] > 0, picture["name"]
+        assert picture["name"], "a picture says in words what it shows"
+    boxes = [picture["box"] for picture in seen["pictures"]] + seen["drawings"] + seen["tables"]
+    assert len(seen["tables"]) >= 3
+    assert all(across > 0 and down > 0 for across, down in boxes)
+    assert all(seen["captions"])
+
+
+def test_report_where_opengl_is_missing(
+    browser: Browser, park_day: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The path is drawn another way, the page says why and what to install, and all else is as it was."""
+    for name, value in without_opengl(tmp_path).items():
+        monkeypatch.setenv(name, value)
+    page = tmp_path / "report.html"
+    assert run(["check", str(park_day), "--select", "clocks", "--html", str(page)]) in {0, 3}
+    monkeypatch.undo()
+    shown = visit(browser, page, width=390, scheme="light")
+    assert shown.complaints == []
+    assert "libegl1 and libgl1-mesa-dri" in shown.seen["text"]
+    assert "from above" in shown.seen["text"].lower()
+    assert shown.seen["sticking_out"] == []
+
+
+def test_report_follows_the_colour_scheme(browser: Browser, report: Report) -> None:
+    """Light is dark on light, dark is light on dark."""
+    light, dark = (visit(browser, report.page, width=820, scheme=scheme).seen for scheme in ("light", "dark"))
+    assert brightness(light["background"]) > 200
+    assert brightness(light["colour"]) < 100
+    assert brightness(dark["background"]) < 60
+    assert brightness(dark["colour"]) > 180
+
+
+def test_findings_are_named(browser: Browser, report: Report) -> None:
+    """A failing report names the probable cause with its unit; a clean one names none."""
+    text = visit(browser, report.page, width=820, scheme="light").seen["text"]
+    assert report.exit_code == (0 if report.verdict == "clean" else 1)
+    assert ("events:time_offset" in text) == (report.verdict == "findings")
+
+
+def test_the_browser_test_can_fail(browser: Browser, tmp_path: Path) -> None:
+    """A page with a broken picture, a request, an error and a box that is too wide is seen to have them."""
+    (tmp_path / "beside.css").write_text("")
+    (tmp_path / "bad.html").write_text(
+        '<link rel="stylesheet" href="beside.css"><img alt="" src="data:image/png;base64,AAAA">'
+        '<div style="width: 3000px">wide</div><script>console.error("said"); throw new Error("thrown")</script>'
+    )
+    shown = visit(browser, tmp_path / "bad.html", width=390, scheme="light")
+    assert any("said" in line for line in shown.complaints)
+    assert any("Uncaught" in line for line in shown.complaints)
+    assert [Path(url).name for url in shown.requests] == ["bad.html", "beside.css"]
+    assert shown.seen["pictures"][0]["natural"] == 0
+    assert shown.seen["overflow"] > 0
+    assert shown.seen["sticking_out"]
+
+
+def brightness(colour: str) -> float:
+    """Return the mean of red, green and blue, 0 to 255, of a computed ``rgb(...)``."""
+    parts = colour[colour.index("(") + 1 : -1].replace("/", ",").replace(" ", ",").split(",")
+    return sum(float(part) for part in [part for part in parts if part][:3]) / 3

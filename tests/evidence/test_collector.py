@@ -1,0 +1,163 @@
+"""Everything that the pass keeps of a file: names, shapes, numbers, titles, size."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fedora_qa.evidence.collector import EvidenceCollector
+from fedora_qa.evidence.follow_up import images_of, keep_places
+from fedora_qa.evidence.kept import Kept
+from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.record.types import Finding, Where
+from tests.evidence.memory import HEIGHT, SENSOR_HEIGHT, SENSOR_WIDTH, WIDTH, Memory, memory
+from tests.support.identical import identical
+
+MOMENTS = 4
+OPTIONS = EvidenceOptions(moments=MOMENTS, timeline_bins=50)
+SHAPES = {
+    "moments/times_us": (MOMENTS,),
+    "moments/rgb": (MOMENTS, HEIGHT, WIDTH, 3),
+    "moments/rgb_times_us": (MOMENTS,),
+    "moments/depth_m": (MOMENTS, HEIGHT, WIDTH),
+    "moments/depth_times_us": (MOMENTS,),
+    "moments/flow_px": (MOMENTS, HEIGHT, WIDTH, 2),
+    "moments/flow_interval_us": (MOMENTS, 2),
+    "moments/brighter": (MOMENTS, SENSOR_HEIGHT, SENSOR_WIDTH),
+    "moments/darker": (MOMENTS, SENSOR_HEIGHT, SENSOR_WIDTH),
+    "moments/events_interval_us": (MOMENTS, 2),
+}
+TYPES = {"rgb": "u1", "depth_m": "f4", "flow_px": "f4", "brighter": "u2", "darker": "u2"}
+
+
+def collect(file: Memory, options: EvidenceOptions = OPTIONS) -> Kept:
+    """What is kept of all windows."""
+    spans = file.spans
+    collector = EvidenceCollector(spans, spans, options)
+    state = collector.start(file.facts)
+    for number in range(len(spans)):
+        collector.update(state, file.window(number))
+    return collector.conclude(state, file.facts)
+
+
+def test_moments_are_as_the_contract_says() -> None:
+    """Names, shapes and types of the moments."""
+    arrays = collect(memory()).arrays
+    assert {name: array.shape for name, array in arrays.items() if name.startswith("moments/")} == SHAPES
+    for name, kind in TYPES.items():
+        assert arrays[f"moments/{name}"].dtype == np.dtype(kind)
+
+
+def test_every_array_has_a_title() -> None:
+    """Titles are captions: none is empty, and pictures name their unit."""
+    kept = collect(memory())
+    assert kept.arrays.keys() == kept.titles.keys()
+    assert all(kept.titles.values())
+    assert "m" in kept.titles["moments/depth_m"].replace(",", " ").split()
+    assert "px of the stored image" in kept.titles["moments/flow_px"]
+
+
+def test_timeline_counts_every_sample() -> None:
+    """Each stream's bins add up to its rows, events among them."""
+    file = memory()
+    arrays = collect(file).arrays
+    for stream, one in file.facts.clocks.items():
+        assert int(arrays[f"timeline/{stream}"].sum()) == len(one.times_ns)
+    assert arrays["timeline/events"].tolist() == [20] * 50
+    assert len(arrays["timeline/edges_us"]) == 51
+
+
+def test_histograms_count_every_sampled_pixel() -> None:
+    """Small images are counted whole: depths of frame i are i metres; events come at 1000/12 Hz a pixel."""
+    arrays = collect(memory()).arrays
+    assert int(arrays["histograms/depth_m/counts"].sum()) == 51 * HEIGHT * WIDTH
+    assert int(arrays["histograms/flow_10hz/counts"].sum()) == 10 * HEIGHT * WIDTH
+    counts, edges = arrays["histograms/event_rate_hz/counts"], arrays["histograms/event_rate_hz/edges"]
+    assert int(counts.sum()) == SENSOR_HEIGHT * SENSOR_WIDTH
+    assert edges[np.argmax(counts)] <= 1000 / 12 <= edges[np.argmax(counts) + 1]
+
+
+def test_unreadable_rows_cost_their_own_arrays() -> None:
+    """Depth that cannot be decoded leaves its pictures and histogram out, and nothing else."""
+    clean, file = collect(memory()).arrays, memory()
+    file.unreadable = {"path/depth"}
+    left = collect(file).arrays
+    lost = {"moments/depth_m", "moments/depth_times_us", "histograms/depth_m/edges", "histograms/depth_m/counts"}
+    assert clean.keys() - left.keys() == lost
+    assert all(identical(left[name], clean[name]) for name in left)
+
+
+def test_moments_without_a_picture_are_nan() -> None:
+    """A stream that shows nothing in one window is NaN, or 0, in that moment, and its instant is NaN."""
+    file = memory()
+    spans = tuple(replace(s, owned={k: r for k, r in s.owned.items() if k != "depth" or s.index}) for s in file.spans)
+    collector = EvidenceCollector(spans, spans, OPTIONS)
+    state = collector.start(file.facts)
+    for span in spans:
+        window = file.window(span.index)
+        window.span = span
+        collector.update(state, window)
+    arrays = collector.conclude(state, file.facts).arrays
+    missing = np.isnan(arrays["moments/depth_times_us"])
+    assert missing.tolist() == [True, False, False, False]
+    assert np.isnan(arrays["moments/depth_m"][missing]).all()
+    assert np.isfinite(arrays["moments/depth_m"][~missing]).all()
+
+
+@pytest.mark.parametrize("cut", range(1, 6))
+def test_merging_changes_no_bit(cut: int) -> None:
+    """Two stretches of windows, kept apart and merged, are what one stretch keeps."""
+    file = memory()
+    spans = file.spans
+    collector = EvidenceCollector(spans, spans, OPTIONS)
+    parts = []
+    for numbers in (range(cut), range(cut, len(spans))):
+        state = collector.start(file.facts)
+        for number in numbers:
+            collector.update(state, file.window(number))
+        parts.append(state)
+    merged = collector.conclude(collector.merge(*parts), file.facts)
+    whole = collect(file)
+    assert merged.titles == whole.titles
+    assert all(identical(merged.arrays[name], whole.arrays[name]) for name in whole.arrays)
+
+
+def test_nothing_to_keep() -> None:
+    """A file without streams leaves an empty timeline."""
+    file = memory()
+    empty = replace(file.facts, clocks={}, events=None, streams=frozenset())
+    collector = EvidenceCollector((), (), OPTIONS)
+    assert set(collector.conclude(collector.start(empty), empty).arrays) == {"timeline/edges_us"}
+
+
+def places(file: Memory, *findings: Finding, images: int = 100) -> Kept:
+    """What is kept of the places of findings."""
+    return keep_places(findings, file.spans, file.facts, file, OPTIONS, images)
+
+
+def test_a_place_is_a_moment_with_a_box() -> None:
+    """The arrays of a moment without their first axis, under the finding's identifier, and the box of the tile."""
+    found = Finding(
+        "F7", "test.rule", "error", "Off.", Where("flow/10hz", 300_000, 400_000, 3, 4, 15, tile=(4, 3, 8, 6))
+    )
+    kept = places(memory(), found)
+    expected = {name.replace("moments", "places/F7"): shape[1:] for name, shape in SHAPES.items()}
+    assert {name: array.shape for name, array in kept.arrays.items()} == expected | {"places/F7/box": (4,)}
+    np.testing.assert_array_equal(kept.arrays["places/F7/box"], [0.5, 0.5, 1.0, 1.0])
+    assert np.unique(kept.arrays["places/F7/flow_px"][..., 0]).tolist() == [3.0]
+    assert "flow/10hz" in kept.titles["places/F7/flow_px"]
+    assert "tile (4, 3) to (8, 6)" in kept.titles["places/F7/box"]
+
+
+def test_boxes_are_in_the_pixels_of_the_stream_named() -> None:
+    """A pixel of the event camera is a share of its own image."""
+    kept = places(memory(), Finding("F1", "test.rule", "error", "Hot.", Where("events", pixel=(1, 2))))
+    np.testing.assert_array_equal(kept.arrays["places/F1/box"], [1 / 4, 2 / 3, 2 / 4, 1])
+
+
+def test_places_keep_to_their_budget() -> None:
+    """One place needs three images; with seven there are two, with two none."""
+    found = [Finding(f"F{i}", "test.rule", "error", "Off.", Where("rgb", frame=5 * i)) for i in range(1, 5)]
+    for images, expected in ((7, {"F1", "F2"}), (2, set())):
+        assert {name.split("/")[1] for name in places(memory(), *found, images=images).arrays} == expected
+    assert images_of(memory().spans[:1]) == 10 + 10 + 2 + 5 + 10

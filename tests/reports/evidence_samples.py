@@ -1,0 +1,63 @@
+"""Evidence of an imaginary sequence, in the shapes that the record promises."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOMENTS = 3
+
+
+def moments() -> dict[str, NDArray[Any]]:
+    """Three moments of a 12 x 8 picture, in which depth and flow lack a corner and the last flow is missing."""
+    rng = np.random.default_rng(7)
+    times_us = np.array([0.0, 500e3, 1e6])
+    depth_m = rng.uniform(2.0, 20.0, (MOMENTS, 8, 12)).astype(np.float32)
+    flow_px = rng.normal(0.0, 3.0, (MOMENTS, 8, 12, 2)).astype(np.float32)
+    depth_m[:, 0, 0] = flow_px[:, 0, 0] = flow_px[-1] = np.nan
+    return {
+        "moments/times_us": times_us,
+        "moments/rgb": rng.integers(0, 256, (MOMENTS, 8, 12, 3)).astype(np.uint8),
+        "moments/depth_m": depth_m,
+        "moments/flow_px": flow_px,
+        "moments/flow_interval_us": np.stack([times_us, times_us + 20e3], axis=1),
+        "moments/brighter": rng.integers(0, 4, (MOMENTS, 6, 9)).astype(np.uint16),
+        "moments/darker": rng.integers(0, 4, (MOMENTS, 6, 9)).astype(np.uint16),
+        "moments/events_interval_us": np.stack([times_us - 10e3, times_us + 10e3], axis=1),
+    }
+
+
+def place(finding: str) -> dict[str, NDArray[Any]]:
+    """The pictures of a finding: the second moment, with a box in its upper left quarter."""
+    arrays = {name.replace("moments", f"places/{finding}"): array[1] for name, array in moments().items()}
+    return arrays | {f"places/{finding}/box": np.array([0.0, 0.0, 0.5, 0.5])}
+
+
+def timeline() -> dict[str, NDArray[Any]]:
+    """Two streams in ten bins over two seconds; frames are missing in the fourth."""
+    frames = np.full(10, 10)
+    frames[3] = 0
+    return {
+        "timeline/edges_us": np.linspace(0.0, 2e6, 11),
+        "timeline/events": np.arange(10) * 100,
+        "timeline/rgb": frames,
+    }
+
+
+def histograms() -> dict[str, NDArray[Any]]:
+    """One histogram of depth whose bins grow."""
+    return {"histograms/depth_m/edges": np.geomspace(0.5, 32.0, 7), "histograms/depth_m/counts": np.arange(6)}
+
+
+def all_kinds() -> dict[str, NDArray[Any]]:
+    """Everything but a path, which needs graphics."""
+    series = np.array([[0.0, 1.0], [1.0, np.nan], [2.0, 3.0]])
+    return {
+        **moments(),
+        **place("F1"),
+        **timeline(),
+        **histograms(),
+        "event_response.timing/offset": series,
+        "event_response.timing/map": np.array([[-1.0, 0.0], [np.nan, 2.0]]),
+        "offset_by_frame": np.arange(5.0),
+    }

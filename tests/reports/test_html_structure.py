@@ -1,0 +1,151 @@
+"""The report is one well-formed page that asks for nothing beyond itself."""
+
+import hashlib
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from fedora_reports.html import render_html
+from tests.reports.evidence_samples import all_kinds
+from tests.reports.page_reader import ReadPage, complaints_about, read_page
+from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
+
+
+@pytest.fixture(scope="module")
+def page() -> ReadPage:
+    """The report of a file with every kind of result and evidence."""
+    file = file_record(failed(), passed(), crashed(), not_observable(), diagnoses=(late_events(),))
+    return read_page(render_html(record(file), all_kinds()))
+
+
+def test_page_is_whole(page: ReadPage) -> None:
+    """Ids are unique, links lead somewhere, pictures have words and captions, and nothing is asked for."""
+    assert complaints_about(page) == []
+
+
+def test_complaints_can_be_made() -> None:
+    """The reader sees what it is to see."""
+    bad = (
+        "<body><p id='a'></p><p id='a'></p><img src='http://x/y.png' alt=''><a href='#b'>x</a><script></script></body>"
+    )
+    assert set(complaints_about(read_page(bad))) == {
+        "id a occurs twice",
+        "request: http://x/y.png",
+        "a picture without words",
+        "a picture without caption",
+        "no place #b",
+        "script",
+    }
+
+
+@pytest.mark.parametrize("html", ["<p><b></p></b>", "<div>", "</div>", "<p/>", "<p id='a' id='b'></p>"])
+def test_reader_refuses_what_is_not_well_formed(html: str) -> None:
+    """An element left open, closed twice, or with an attribute twice is an error."""
+    with pytest.raises(ValueError, match="Expected"):
+        read_page(html)
+
+
+def test_policy_forbids_scripts_and_requests(page: ReadPage) -> None:
+    """The page's own policy allows its style and pictures that it carries, nothing else."""
+    policies = [one.attributes.get("content") for one in page.all("meta")
+                if one.attributes.get("http-equiv") == "Content-Security-Policy"]  # fmt: skip
+    assert policies == [
+        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+    ]
+
+
+def test_headings_step_down_one_by_one(page: ReadPage) -> None:
+    """One first heading, and none that skips a level."""
+    levels = [int(one.tag[1]) for one in page.elements if one.tag in {"h1", "h2", "h3", "h4", "h5", "h6"}]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(deeper <= level + 1 for level, deeper in pairwise(levels))
+
+
+def test_tables_name_their_columns(page: ReadPage) -> None:
+    """Each table has a caption, and each of its headings says whether it heads a column or a row."""
+    assert page.all("table")
+    for table in page.all("table"):
+        assert any(one.tag == "caption" and one.text.strip() for one in table.inside)
+        assert {one.attributes.get("scope") for one in table.inside if one.tag == "th"} <= {"col", "row"}
+
+
+def test_failed_checks_are_open_and_passed_ones_are_not(page: ReadPage) -> None:
+    """Details of what failed, crashed or warned are seen at once."""
+    opened = {}
+    for one in page.all("details", kind="check"):
+        name = next(part.text for part in one.inside if part.tag == "b")
+        opened[name] = "open" in one.attributes
+    assert opened == {"event_response.timing": True, "clocks.order": False, "imu.noise": True, "imu.timing": False}
+
+
+def test_strip_shows_the_streams_beside_each_other(page: ReadPage) -> None:
+    """Three moments and one place, each with frame, events, depth and flow in this order."""
+    names = [one.inside[-1].text for one in page.all("figure", kind="panel")]
+    assert names == ["Colour frame", "Events", "Depth", "Flow"] * 4
+
+
+def test_missing_flow_is_said(page: ReadPage) -> None:
+    """A picture without any value has a caption that says so."""
+    flows = [one.text for one in page.all("figcaption") if one.text.startswith("Flow ")]
+    assert flows[-1] == "Flow none here"
+
+
+def test_finding_is_marked_on_the_timeline(page: ReadPage) -> None:
+    """The mark leads to the finding and stands for its whole time."""
+    marks = {one.inside[0].text: one for one in page.all("a", kind="mark")}
+    mark = marks["F1: Events are 2.06 ± 0.03 ms late."]
+    (target,) = [one for one in page.elements if one.attributes.get("id") == (mark.attributes["href"] or "")[1:]]
+    assert "Events are 2.06 ± 0.03 ms late." in target.text
+    span = next(one for one in mark.inside if one.tag == "rect")
+    assert (span.attributes["x"], span.attributes["width"]) == ("0.00%", "100.00%")
+
+
+def test_box_lies_where_the_finding_is_worst(page: ReadPage) -> None:
+    """The box of the evidence is drawn over every picture of the place, in its shares."""
+    boxes = [one.attributes for one in page.all("rect", kind="edge")]
+    assert len(boxes) == 4
+    assert {(box["x"], box["y"], box["width"], box["height"]) for box in boxes} == {("0.0", "0.0", "0.5", "0.5")}
+
+
+def test_several_files_have_an_overview_and_sections_of_their_own() -> None:
+    """Each file is linked from a table, and its evidence is found by its place in the record."""
+    first = file_record(passed(), path="a/one.h5")
+    second = file_record(failed(), path="a/two.h5", diagnoses=(late_events(),))
+    arrays = {f"1/{name}": array for name, array in all_kinds().items()}
+    page = read_page(render_html(record(first, second), arrays))
+    assert complaints_about(page) == []
+    assert [one.attributes["id"] for one in page.all("section", kind="file")] == ["file-0", "file-1"]
+    (overview,) = page.all("table", kind="files")
+    assert [one.text for one in overview.inside if one.tag == "a"] == ["one.h5", "two.h5"]
+    sections = {one.attributes["id"]: one for one in page.all("section", kind="file")}
+    panels = {name: sum(part.tag == "figure" for part in one.inside) for name, one in sections.items()}
+    assert panels["file-0"] == 0
+    assert panels["file-1"] > 0
+
+
+def test_same_name_in_two_folders_is_told_apart() -> None:
+    """Files of one name are shown with their folders."""
+    page = read_page(render_html(record(file_record(path="a/x.h5"), file_record(path="b/x.h5")), {}))
+    (overview,) = page.all("table", kind="files")
+    assert [one.text for one in overview.inside if one.tag == "a"] == ["a/x.h5", "b/x.h5"]
+
+
+def test_report_is_deterministic() -> None:
+    """The same record gives the same bytes."""
+    digests = {hashlib.sha256(render_html(record(), all_kinds()).encode()).hexdigest() for _ in range(2)}
+    assert len(digests) == 1
+
+
+def test_arrays_that_are_not_given_are_missed() -> None:
+    """A record whose arrays are gone says so, and is shown without pictures."""
+    page = read_page(render_html(record(), {}))
+    assert "The arrays that lay beside the record were not given" in page.text
+    assert not page.all("img")
+
+
+def test_nothing_promised_is_nothing_missing() -> None:
+    """A record without evidence says that none was kept."""
+    bare = replace(file_record(passed()), evidence={})
+    assert "No evidence was kept of this file" in read_page(render_html(record(bare), {})).text

@@ -1,0 +1,76 @@
+"""The timeline shows every stream, and every finding in its stream at its time."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fedora_qa.record.types import Finding, Where
+from fedora_reports.evidence import Evidence
+from fedora_reports.timeline import Located, Timeline, timeline_of
+from tests.reports.evidence_samples import timeline
+
+
+def drawn(*places: Where, edges_us: np.ndarray | None = None) -> Timeline:
+    """The timeline of two streams with a finding at each place."""
+    arrays = timeline() | ({} if edges_us is None else {"timeline/edges_us": edges_us})
+    findings = [Located(Finding(f"F{k}", "x.y", "error", "Wrong.", where), f"a{k}") for k, where in enumerate(places)]
+    found = timeline_of(Evidence(arrays, {}), findings)
+    assert found is not None
+    return found
+
+
+def test_rows_are_the_streams_with_their_samples() -> None:
+    """Each stream has a row with the number of its samples; an empty bin is a gap."""
+    events, frames = drawn().rows
+    assert (events.stream, events.words) == ("events", "4\u202f500")
+    assert (frames.stream, frames.words) == ("rgb", "90")
+    assert "L300.0 100.0H400.0" in frames.path
+
+
+def test_finding_lies_at_its_time() -> None:
+    """Half a second into two is a quarter of the width."""
+    (mark,) = drawn(Where("rgb", 500e3, 1500e3)).rows[1].marks
+    assert (mark.anchor, mark.left, mark.width) == ("a0", 0.25, 0.5)
+
+
+def test_finding_without_time_spans_its_stream() -> None:
+    """What befalls a stream as a whole is marked along all of it."""
+    (mark,) = drawn(Where("events")).rows[0].marks
+    assert (mark.left, mark.width) == (0.0, 1.0)
+
+
+def test_streams_without_samples_have_rows_for_their_findings() -> None:
+    """A finding of the metadata, or of no stream, has a row too."""
+    assert [row.stream for row in drawn(Where("metadata"), Where()).rows] == ["events", "rgb", "metadata", "whole file"]
+
+
+def test_marks_that_would_touch_lie_below_each_other() -> None:
+    """Labels of one time take lanes of their own."""
+    marks = drawn(*[Where("rgb", 1e6, 1e6)] * 3).rows[1].marks
+    assert [mark.lane for mark in marks] == [0, 1, 2]
+
+
+@given(st.lists(st.tuples(st.floats(0, 2e6), st.floats(0, 1e6)), max_size=40))
+def test_no_finding_is_lost(spans: list[tuple[float, float]]) -> None:
+    """All findings are marked or counted, none lies outside, and in no lane do two begin at one place."""
+    row = drawn(*(Where("rgb", start, start + length) for start, length in spans)).rows[1]
+    assert len(row.marks) + row.more == len(spans)
+    for mark in row.marks:
+        assert 0.0 <= mark.left <= mark.left + mark.width <= 1.0 + 1e-12
+    for lane in range(row.lanes):
+        starts = [mark.left for mark in row.marks if mark.lane == lane]
+        assert (np.diff(starts) > 0.07).all()
+
+
+def test_far_clocks_are_told_from_the_beginning() -> None:
+    """Seconds since 1970 would be unreadable: the axis counts from the beginning, and the caption says from when."""
+    far = drawn(edges_us=np.linspace(0.0, 2e6, 11) + 1.7e15)
+    assert [tick.label for tick in far.ticks] == ["0", "0.5", "1", "1.5", "2"]
+    assert "1700000000.000000 s of the file's clock" in far.caption
+
+
+@pytest.mark.parametrize("edges_us", [np.zeros(11), np.full(11, np.nan), np.linspace(2e6, 0.0, 11)])
+def test_no_time_no_timeline(edges_us: np.ndarray) -> None:
+    """Edges that do not span any time give no timeline."""
+    assert timeline_of(Evidence(timeline() | {"timeline/edges_us": edges_us}, {}), []) is None

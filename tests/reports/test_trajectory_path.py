@@ -1,0 +1,100 @@
+"""What can be drawn of a path, the box around it, and the camera before it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from fedora_reports.trajectory_camera import view_of
+from fedora_reports.trajectory_path import Box, box_around, flown_path, round_step_m
+from tests.reports.trajectory_shapes import SHAPES, loop
+
+PLACES = arrays.arrays(
+    np.float64, st.tuples(st.integers(1, 6), st.just(3)), elements=st.floats(-1e4, 1e4, allow_subnormal=False)
+)
+
+
+def test_runs_are_split_where_positions_are_missing() -> None:
+    """Rows without a finite position are left out, and end a run; a missing speed is kept as unknown."""
+    n = 8
+    positions = np.arange(3.0 * n).reshape(n, 3)
+    positions[[0, 3, 4], 1] = (np.nan, np.inf, np.nan)
+    speeds = np.arange(n, dtype=float)
+    speeds[2] = np.nan
+    path = flown_path(np.arange(n), positions, speeds, np.zeros((n, 3)), most=100)
+    assert path.times_us.tolist() == [1, 2, 5, 6, 7]
+    assert path.runs == ((0, 2), (2, 5))
+    assert path.speed_range_m_s == (1.0, 7.0)
+
+
+def test_thinning_keeps_the_ends_and_adds_no_gaps() -> None:
+    """A long path is thinned to as many poses as were asked for, in one run from the first to the last."""
+    arrays = loop()
+    path = flown_path(**arrays, most=50)
+    assert len(path.times_us) == 50
+    assert path.times_us[[0, -1]].tolist() == arrays["times_us"][[0, -1]].tolist()
+    assert path.runs == ((0, 50),)
+
+
+def test_wrong_shapes_are_refused() -> None:
+    """Arrays of other shapes raise, and the message says which shapes came."""
+    with pytest.raises(ValueError, match=r"Expected shapes .* got \(3,\), \(3, 2\)"):
+        flown_path(np.zeros(3), np.zeros((3, 2)), np.zeros(3), np.zeros((3, 3)), most=10)
+
+
+def test_speeds_of_rounding_do_not_vary() -> None:
+    """A constant speed with rounding errors gets no scale of colours."""
+    speeds = 5.0 + 1e-12 * np.arange(4)
+    assert not flown_path(np.arange(4), np.zeros((4, 3)), speeds, np.zeros((4, 3)), most=10).speed_varies
+
+
+@given(PLACES)
+def test_box_holds_the_path(places: np.ndarray) -> None:
+    """Every position lies in the box; no side is thinner than its share of the longest."""
+    box = box_around(places)
+    slack = 1e-9 * box.span_m
+    assert (places >= box.low_m - slack).all()
+    assert (places <= box.high_m + slack).all()
+    sides = box.high_m - box.low_m
+    assert (sides[:2] >= 0.25 * box.span_m).all()
+    assert sides[2] >= 0.1 * box.span_m
+
+
+def test_ticks_are_round_metres() -> None:
+    """Ticks are at multiples of a round step, within the box, and say the metres where they stand."""
+    box = Box(np.array([-20.0, 100_000.0, 0.0]), np.array([20.0, 100_010.0, 5.0]))
+    assert [label for _, label in box.ticks(0, most=4)] == ["-20", "-10", "0", "10", "20"]
+    for metres, label in box.ticks(1):
+        assert float(label) == pytest.approx(metres)
+
+
+@given(st.floats(1e-6, 1e6))
+def test_round_steps(rough: float) -> None:
+    """A step is 1, 2 or 5 times a power of ten, not below what was asked for, and below 2.5 times of it."""
+    step = round_step_m(rough)
+    assert rough * (1 - 1e-8) <= step <= 2.5 * rough
+    assert f"{step:e}"[0] in "125"
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_camera_just_holds_the_box(name: str) -> None:
+    """Every corner is before the camera and within the slopes, and at least one touches them."""
+    places = SHAPES[name]["positions_world_m"]
+    places = places[np.isfinite(places).all(axis=1)]
+    box = box_around(places)
+    corners = np.stack(np.meshgrid(*zip(box.low_m, box.high_m, strict=True)), axis=-1).reshape(-1, 3)
+    view = view_of(places, corners, (0.3, 0.2))
+    assert ((corners - view.eye) @ view.axes[2] < 0).all()
+    filled = np.abs(view.seen(corners)) / (0.3, 0.2)
+    assert filled.max() == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(view.axes @ view.axes.T, np.eye(3), atol=1e-12)
+
+
+@given(st.floats(0.0, 2 * np.pi))
+def test_straight_flight_is_seen_from_the_side(heading: float) -> None:
+    """A straight level flight in any direction is nearer across the view than along it."""
+    places = np.linspace(0.0, 30.0, 7)[:, None] * np.array([np.cos(heading), np.sin(heading), 0.0])
+    view = view_of(places, places + np.array([[0.0, 0.0, 1.0]]), (0.3, 0.2))
+    along = places[-1] / 30.0
+    assert abs(along @ view.axes[0]) > 0.8
