@@ -14,7 +14,7 @@ def luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
 
     A declared transfer curve is undone first: luma is defined on linear values.
     """
-    return window.once(("luma_dn", frame), lambda: _luma_of(window.rgb(frame), window.facts.declared.transfer))
+    return window.of_image("luma_dn", frame, lambda: _luma_of(window.rgb(frame), window.facts.declared.transfer))
 
 
 def _luma_of(rgb: NDArray[np.uint8], transfer: str) -> NDArray[np.float32]:

@@ -40,7 +40,9 @@ PATH = click.Path(path_type=Path)
 @click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
 @click.option("--fail-on", type=click.Choice(["failed", "warned"]), help="From which outcome on to exit with 1.")
 @click.option(
-    "--memory", metavar="AMOUNT", help="Memory to aim at, such as 1GB: 40% holds decoded blocks; a peak may exceed it."
+    "--memory",
+    metavar="AMOUNT",
+    help="Memory to aim at, such as 1GB: 70% holds decoded blocks and images; a peak may exceed it.",
 )
 @click.option(
     "--json", "json_path", type=PATH, metavar="OUT", help="Write the record, and its evidence to OUT.arrays.npz."

@@ -8,10 +8,14 @@ from fedora_qa.engine.windows import cut_windows, window_length_ns
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import Sequence
+from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import Span
 
 _CACHE_SHARE: Final = 0.4
-"""Share of the memory limit that decoded blocks may fill; the rest is for what the checks compute."""
+"""Share of the memory limit that decoded blocks may fill."""
+
+_IMAGES_SHARE: Final = 0.3
+"""Share that what is computed of single images may fill; the rest is for everything else that checks compute."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,10 +25,12 @@ class Prepared:
     facts: Facts
     spans: tuple[Span, ...]
     decoder: BlockDecoder
+    images: SharedImages
 
 
 def prepare(sequence: Sequence, memory_bytes: int) -> Prepared:
     """Scan the stamps of an open sequence and cut its windows."""
     scanned = scan(sequence, window_length_ns(sequence))
     decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * memory_bytes))
-    return Prepared(scanned.facts, cut_windows(scanned), decoder)
+    images = SharedImages(int(_IMAGES_SHARE * memory_bytes))
+    return Prepared(scanned.facts, cut_windows(scanned), decoder, images)

@@ -44,7 +44,8 @@ class CheckOptions:
     dialect
         How the file names and scales things; recognised from the file when None.
     memory_bytes
-        What to aim at: a share of it bounds the decoded blocks, while what checks compute follows the frames' size.
+        What to aim at: shares of it bound the decoded blocks and what is computed of single images; what else checks
+        compute follows the size of frames and the number of events.
     evidence
         How much to keep for a person to see; None: only what checks keep themselves.
     """
@@ -145,9 +146,9 @@ def _check_open(
     keeper = EvidenceCollector(ready.spans, chosen, options.evidence) if options.evidence else None
     accumulators: list[Accumulator] = [*asked, statistics, *([keeper] if keeper else [])]
     with watch.stage("measuring"):
-        states = measure(accumulators, chosen, facts, ready.decoder, plan.sampling, progress)
+        states = measure(accumulators, chosen, facts, ready.decoder, plan.sampling, progress, ready.images)
     with watch.stage("second look"):
-        looked_again = look_again(asked, states, chosen, facts, ready.decoder, plan.sampling, progress)
+        looked_again = look_again(asked, states, chosen, facts, ready.decoder, plan.sampling, progress, ready.images)
     with watch.stage("judgement"):
         observations = conclude(asked, states, facts)
         judged = judge(observations, asked, options.false_alarm_rate)

@@ -15,6 +15,7 @@ from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import RowSource, Sampling, Span, Window
 
 T = TypeVar("T")
@@ -81,13 +82,15 @@ def measure(
     source: RowSource,
     sampling: Sampling,
     progress: Progress,
+    images: SharedImages | None = None,
 ) -> States:
     """Hand each window to each check, in order of time."""
+    images = images or SharedImages()
     states = start(checks, facts)
     tasks = [(check.name, check.update) for check in checks]
     for done, span in enumerate(spans):
         progress("measuring", done, len(spans))
-        _show(Window(span, facts, source, sampling), tasks, states)
+        _show(Window(span, facts, source, sampling, images), tasks, states)
     return states
 
 
@@ -99,6 +102,7 @@ def look_again(
     source: RowSource,
     sampling: Sampling,
     progress: Progress,
+    images: SharedImages | None = None,
 ) -> int:
     """Give the checks one more look at the windows they name, a bounded share of all together; return how many."""
     wanted = {check.name: _wanted(check, states, facts) for check in checks}
@@ -108,7 +112,7 @@ def look_again(
     for done, number in enumerate(numbers):
         progress("looking again", done, len(numbers))
         asking = [(check.name, check.look_again) for check in checks if number in wanted[check.name]]
-        _show(Window(by_index[number], facts, source, sampling), asking, states)
+        _show(Window(by_index[number], facts, source, sampling, images), asking, states)
     return len(numbers)
 
 

@@ -12,6 +12,9 @@ from fedora_qa.geometry.rigid_flow import moved_points
 
 Float64 = NDArray[np.float64]
 
+FEWEST_IN_LATTICE: Final = 4000
+"""Pixels of a lattice that small images have nevertheless: each of 48 tiles then holds some eighty."""
+
 _PIXEL_ROUNDINGS: Final = 4
 """Roundings that meet a pixel coordinate of the image's size in the maker's single-precision arithmetic."""
 
@@ -71,6 +74,12 @@ class Warped:
     residuals: Float64
     bounds: Float64
     by_twist: Float64
+
+
+def lattice_stride(height: int, width: int, share: float) -> int:
+    """Return the step between pixels that are looked at: 1/share both ways, or less to keep some thousands of them."""
+    enough = int(np.sqrt(height * width / FEWEST_IN_LATTICE))
+    return max(1, min(round(1 / share), enough))
 
 
 def lattice_of(image: DepthImage, stride: int, most: int | None = None) -> Lattice:

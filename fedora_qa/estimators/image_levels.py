@@ -146,8 +146,7 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
 
     Errors e of the frames that are common to all channels (of footprints, mostly) move all columns together, by u e,
     and attenuate the coefficients by (X'X)^-1 u n var(e) (u . beta). What is left of the events bounds (u . beta)^2
-    var(e), and so does ``frame_variance``, which is what another reading of the same frames leaves. Half of the largest
-    attenuation is added to the estimates, and half of it is their bound.
+    var(e), and so does ``frame_variance``, which is what another reading of the same frames leaves.
     """
     columns = np.array([*CHANNELS, DELAY, EXPONENT] if with_exponent else [*CHANNELS, DELAY])
     matrices, vectors = blocks.matrices[:, columns[:, np.newaxis], columns], blocks.vectors[:, columns]
@@ -162,7 +161,7 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
     errors = np.fmax(formal, _jackknife(matrices, vectors, values))
     common = _common_error(matrix)
     bias = slopes @ inverse @ common * min(variance, frame_variance) * count / (common @ coefficients)
-    values, bounds = values + bias / 2, np.abs(bias) / 2
+    bounds = np.abs(bias)
     found = [
         Estimate(float(value), float(error), float(bound))
         if np.isfinite(error)

@@ -56,13 +56,13 @@ def motion_share(before: Float32, after: Float32, flow_px: Float32) -> MotionSha
         return None
     speed_px = np.percentile(np.linalg.norm(flow_px[valid], axis=-1), _MOST_OF_THE_FLOW)
     step = max(1, ceil(speed_px / LARGEST_PX))
-    whole = _reduced(valid.astype(np.float32), step) > 1 - 1e-3
-    if min(whole.shape) < 3 or np.count_nonzero(whole) < FEWEST_PIXELS:
+    whole = _without_rim(_reduced(valid.astype(np.float32), step) > 1 - 1e-3)
+    if np.count_nonzero(whole) < FEWEST_PIXELS:
         return None
     flow = _reduced(np.asarray(np.where(valid[..., None], flow_px, 0), dtype=np.float32), step)[whole] / step
     first, second = (_smooth(_reduced(frame, step)) for frame in (before, after))
     mean: Float64 = 0.5 * (first + second)
-    down, right = np.gradient(mean)
+    right, down = _slope(mean, axis=1), _slope(mean, axis=0)
     predicted = -(right[whole] * flow[:, 0] + down[whole] * flow[:, 1])
     level = mean[whole] - mean[whole].mean()
     design = np.column_stack([predicted, np.ones_like(level), level])
@@ -79,6 +79,21 @@ def _fit(design: Float64, change: Float64, rounding_variance_dn2: float) -> Moti
     left = float(np.mean((change - design @ solution) ** 2))
     variance = max(CORRELATED_PIXELS * left, rounding_variance_dn2)
     return MotionShare(float(solution[0]), float(np.sqrt(variance * inverse[0, 0])))
+
+
+def _without_rim(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the mask without the rim whose slopes would reach beyond the image."""
+    inner = np.zeros_like(mask)
+    inner[2:-2, 2:-2] = mask[2:-2, 2:-2]
+    return inner
+
+
+def _slope(image: Float64, axis: int) -> Float64:
+    """Return the derivative: five taps, exact for quartics, 3% small at 1 rad/px."""
+    ahead, behind = (np.roll(image, -by, axis) for by in (1, 2)), (np.roll(image, by, axis) for by in (1, 2))
+    (one, two), (back_one, back_two) = ahead, behind
+    slope: Float64 = (8 * (one - back_one) - (two - back_two)) / 12
+    return slope
 
 
 def _smooth(image: Float32) -> Float64:

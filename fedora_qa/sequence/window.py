@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.layout.canonical import STAMPS_OF
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.shared_images import Image, SharedImages
 
 T = TypeVar("T")
 
@@ -90,11 +91,14 @@ class PoseSamples:
 class Window:
     """One stretch of a sequence, with lazy access to its streams."""
 
-    def __init__(self, span: Span, facts: Facts, source: RowSource, sampling: Sampling) -> None:
+    def __init__(
+        self, span: Span, facts: Facts, source: RowSource, sampling: Sampling, images: SharedImages | None = None
+    ) -> None:
         self.span = span
         self.facts = facts
         self.sampling = sampling
         self._source = source
+        self._images = images or SharedImages()
         self._shared: dict[Hashable, Any] = {}
 
     def owned(self, stream: str) -> range:
@@ -111,16 +115,20 @@ class Window:
             self._shared[key] = compute()
         return cast(T, self._shared[key])
 
+    def of_image(self, name: str, row: int, compute: Callable[[], Image]) -> Image:
+        """Return what ``compute`` gives for one image, shared by all checks and with neighbouring windows.
+
+        The result must follow from the image and the file alone, never from the window.
+        """
+        return self._images.get((name, row), compute)
+
     def rgb(self, frame: int) -> NDArray[np.uint8]:
         """Return a colour frame, (H, W, 3), R, G, B, in DN as stored."""
         return cast(NDArray[np.uint8], self.rows("path/rgb", frame, frame + 1)[0])
 
     def depth_m(self, frame: int) -> NDArray[np.float32]:
         """Return a depth frame, (H, W), metres along the optical axis, NaN where invalid."""
-        metres = self.once(
-            ("depth_m", frame), lambda: self.rows("path/depth", frame, frame + 1)[0] / np.float32(MM_PER_M)
-        )
-        return cast(NDArray[np.float32], metres)
+        return self.of_image("depth_m", frame, lambda: self._metres(frame))
 
     def flow_px(self, stream: str, field: int) -> NDArray[np.float32]:
         """Return a flow field of the stream (``flow/10hz``), (H, W, 2), px over its interval, NaN where invalid."""
@@ -147,6 +155,9 @@ class Window:
             positions_world_m=self._take("path/pose/position", rows),
             orientations_xyzw=self._take("path/pose/orientation", rows),
         )
+
+    def _metres(self, frame: int) -> NDArray[np.float32]:
+        return cast(NDArray[np.float32], self.rows("path/depth", frame, frame + 1)[0] / np.float32(MM_PER_M))
 
     def _rows_within(self, stream: str, margin_ns: int) -> NDArray[np.intp]:
         clock = self.facts.clocks[stream]

@@ -57,7 +57,7 @@ def evidence_of(record: Record, place: int, arrays: Mapping[str, NDArray[Any]]) 
         return Evidence(arrays, file.evidence)
     prefix = f"{place}/"
     own = {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
-    return Evidence(own, file.evidence)
+    return Evidence(own, {name.removeprefix(prefix): title for name, title in file.evidence.items()})
 
 
 def finite(array: NDArray[Any]) -> NDArray[np.float64]:

@@ -24,13 +24,13 @@ class Instant:
     time_us
         On the file's own clock.
     rgb
-        (h, w, 3) uint8, as stored.
+        (h, w, 3) uint8, as stored; ``rgb_known`` tells whether there was a frame.
     depth_m
         (h, w), NaN where there is none.
     flow_px
         (h, w, 2) in px of the stored image over ``flow_interval_us``.
     brighter, darker
-        (h, w), events within ``events_interval_us``.
+        (h, w), events within ``events_interval_us``; ``events_known`` tells whether any could be read.
     box
         Left, top, right, bottom of the worst place as shares of the picture.
     """
@@ -43,6 +43,8 @@ class Instant:
     brighter: Array | None
     darker: Array | None
     events_interval_us: Array | None
+    rgb_known: bool = True
+    events_known: bool = True
     box: tuple[float, float, float, float] | None = None
 
 
@@ -67,6 +69,7 @@ def place_of(evidence: Evidence, finding: str) -> Instant | None:
 
 _SHAPES: dict[str, tuple[int | None, ...]] = {
     "rgb": (None, None, 3),
+    "rgb_times_us": (),
     "depth_m": (None, None),
     "flow_px": (None, None, 2),
     "flow_interval_us": (2,),
@@ -90,6 +93,7 @@ def _instant(
     rgb, brighter, darker = arrays["rgb"], arrays["brighter"], arrays["darker"]
     if rgb is not None and rgb.dtype != np.uint8:
         rgb = None
+    frame_time_us = arrays["rgb_times_us"]
     if brighter is None or darker is None or brighter.shape != darker.shape:
         brighter = darker = None
     return Instant(
@@ -101,6 +105,8 @@ def _instant(
         brighter=brighter,
         darker=darker,
         events_interval_us=_interval(arrays["events_interval_us"]),
+        rgb_known=frame_time_us is None or bool(np.isfinite(frame_time_us)),
+        events_known=arrays["events_interval_us"] is None or _interval(arrays["events_interval_us"]) is not None,
         box=box,
     )
 

@@ -47,6 +47,8 @@ def panels_of(instant: Instant, scales: PictureScales) -> Iterator[Panel]:
 
 
 def _frame(instant: Instant, rgb: Array, gain: int) -> Panel:
+    if not instant.rgb_known:
+        return _nothing("frame", instant, rgb)
     shown = np.minimum(rgb.astype(np.uint16) * gain, 255).astype(np.uint8)
     brightened = f", shown {gain} times as bright" if gain > 1 else ""
     caption = f"DN {rgb.min()} to {rgb.max()} of 255{brightened}"
@@ -54,6 +56,8 @@ def _frame(instant: Instant, rgb: Array, gain: int) -> Panel:
 
 
 def _events(instant: Instant, brighter: Array, darker: Array, full: int) -> Panel:
+    if not instant.events_known:
+        return _nothing("events", instant, brighter)
     on, off = (int(finite(counts).sum()) for counts in (brighter, darker))
     caption = f"{_count(on)} brighter (red), {_count(off)} darker (blue){_within(instant.events_interval_us)}"
     image = drawing(colour_maps.event_colours(brighter, darker, full), _alt("events", instant, caption))
@@ -63,7 +67,7 @@ def _events(instant: Instant, brighter: Array, darker: Array, full: int) -> Pane
 def _depth(instant: Instant, depth_m: Array, axis: Axis | None) -> Panel:
     known = finite(depth_m)
     known = known[known > 0]
-    caption = f"{_ends(float(known.min()), float(known.max()), axis)} m" if known.size else "none here"
+    caption = _span(float(known.min()), float(known.max()), axis) if known.size else "none here"
     # Nearer is brighter: the scale runs from far to near.
     metres = np.where(np.isfinite(depth_m) & (np.nan_to_num(depth_m) > 0), depth_m, np.nan)
     shares = 1.0 - axis.shares(metres) if axis else np.full(depth_m.shape, np.nan)
@@ -71,11 +75,11 @@ def _depth(instant: Instant, depth_m: Array, axis: Axis | None) -> Panel:
     return Panel("depth", NAMES["depth"], drawing(picture, _alt("depth", instant, caption)), caption, box=instant.box)
 
 
-def _ends(near_m: float, far_m: float, axis: Axis | None) -> str:
+def _span(near_m: float, far_m: float, axis: Axis | None) -> str:
     """Return from where to where; with its colours where the scale is this picture's own."""
     if axis and (near_m, far_m) == (axis.low, axis.high):
-        return f"{near_m:.3g} (yellow) to {far_m:.3g} (violet)"
-    return f"{near_m:.3g} to {far_m:.3g}"
+        return f"{near_m:.3g} m (yellow) to {far_m:.3g} m (violet)"
+    return f"{near_m:.3g} to {far_m:.3g} m"
 
 
 def _flow(instant: Instant, flow_px: Array, full_px: float) -> Panel:
@@ -87,6 +91,12 @@ def _flow(instant: Instant, flow_px: Array, full_px: float) -> Panel:
     )
     image = drawing(colour_maps.flow_colours(flow_px, full_px), _alt("flow", instant, caption))
     return Panel("flow", NAMES["flow"], image, caption, arrows_over(flow_px, full_px), instant.box)
+
+
+def _nothing(kind: Kind, instant: Instant, picture: Array) -> Panel:
+    """Return a grey panel in the place of a picture that this instant lacks."""
+    grey = colour_maps.by_table(np.full(picture.shape[:2], np.nan), colour_maps.SEQUENTIAL)
+    return Panel(kind, NAMES[kind], drawing(grey, _alt(kind, instant, "none here")), "none here")
 
 
 def arrows_over(flow_px: Array, full_px: float) -> str:
@@ -120,7 +130,9 @@ def _alt(kind: Kind, instant: Instant, caption: str) -> str:
 
 
 def _within(interval_us: Array | None) -> str:
-    return "" if interval_us is None else f" in {number(float(interval_us[1] - interval_us[0]) / 1e3)}\N{NO-BREAK SPACE}ms"
+    return (
+        "" if interval_us is None else f" in {number(float(interval_us[1] - interval_us[0]) / 1e3)}\N{NO-BREAK SPACE}ms"
+    )
 
 
 def _count(events: int) -> str:

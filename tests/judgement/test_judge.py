@@ -87,3 +87,9 @@ def test_passed_value_states_what_it_would_have_seen() -> None:
     stated = judged(Observation(SEEN, (measured(),))).result.measurements[0]
     assert stated.limit == pytest.approx(3.89, abs=0.01)
     assert stated.least_detectable == pytest.approx(3.89 + 1.645, abs=0.01)
+
+
+@pytest.mark.parametrize("side", ["both", "upper", "lower"])
+def test_record_says_which_side_counts(side: str) -> None:
+    """A reader can tell that a value below what is expected is fine."""
+    assert judged(Observation(SEEN, (measured(side=side),))).result.measurements[0].side == side

@@ -1,5 +1,7 @@
 """Arrays are found by their names, and only where they are what was promised."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,13 @@ def test_evidence_of_several_files_is_told_apart() -> None:
     arrays = {"0/x": np.zeros(1), "1/x": np.ones(1), "1/y": np.ones(1), "10/x": np.ones(1), "x": np.ones(1)}
     assert evidence_of(both, 0, arrays).names() == ("x",)
     assert evidence_of(both, 1, arrays).names() == ("x", "y")
+
+
+def test_titles_of_several_files_are_told_apart() -> None:
+    """The record precedes the names of titles like those of arrays; a file sees both without."""
+    named = [replace(file_record(passed()), evidence={f"{k}/x": f"X of {k}"}) for k in (0, 1)]
+    evidence = evidence_of(record(*named), 1, {"1/x": np.ones(1)})
+    assert (evidence.title("x"), evidence.missing) == ("X of 1", ())
 
 
 def test_names_follow_the_record() -> None:

@@ -78,6 +78,13 @@ def test_a_missing_stream_costs_its_picture_only(stream: str) -> None:
     assert len(list(panels_of(instants[0], scales_for(instants)))) == 3
 
 
+def test_a_moment_without_frame_or_events_has_grey_panels() -> None:
+    """NaN instants mean that nothing was there: the columns stay, grey, and say so."""
+    times_us = np.array([np.nan, 5e5, 1e6])
+    told = captions(evidence(rgb_times_us=times_us, events_interval_us=np.stack([times_us, times_us], axis=1)))
+    assert (told["frame"], told["events"]) == ("none here", "none here")
+
+
 def test_place_has_its_box_and_time() -> None:
     """A place is a moment without its first axis."""
     found = place_of(Evidence(place("F1"), {}), "F1")

@@ -197,7 +197,7 @@ def _suspects(pairs: Sequence[PairAgreement], weighed: Sequence[Weighed], facts:
     gross = gross_suspects("depth", weighed, "flow", local=local)
     repeated = sum(pair.repeats for pair in off)
     if repeated:
-        gross.append(Suspect("frozen_frames", "depth", 1.0, float(repeated), "samples"))
+        gross.append(Suspect("frozen_frames", "depth", 1.0, float(repeated), "samples", 0.0))
     if not local and max((suspect.weight for suspect in gross), default=0.0) < _LITTLE:
         gross.append(Suspect("other_sequence", "depth", _LITTLE))
     named = most_probable(gross)

@@ -11,7 +11,7 @@ from fedora_qa.checks.flow.intervals import PoseTrack, pose_track
 from fedora_qa.estimators.depth_fit import noise_directions
 from fedora_qa.estimators.depth_image import DepthImage, depth_image
 from fedora_qa.estimators.depth_step import DepthStep, depth_step
-from fedora_qa.estimators.depth_warp import DepthModel, Lattice, lattice_of
+from fedora_qa.estimators.depth_warp import DepthModel, Lattice, lattice_of, lattice_stride
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
@@ -75,8 +75,9 @@ class DepthPair:
 
     def lattice(self, most: int | None = FIT_PIXELS) -> Lattice:
         """Return pixels of the first frame, as dense as the effort asks for and at most so many."""
-        stride = max(1, round(self.window.sampling.tile_share**-0.5))
-        return lattice_of(self.images[0], stride, most)
+        image = self.images[0]
+        stride = lattice_stride(*image.inverse_per_m.shape, self.window.sampling.tile_share)
+        return lattice_of(image, stride, most)
 
 
 def owned_pairs(window: Window) -> Iterator[DepthPair | None]:

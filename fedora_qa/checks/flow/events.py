@@ -140,8 +140,8 @@ class Sharpness(WindowCheck[tuple[FieldSharpness, ...]]):
             allowance=ADVANTAGE,
             side="upper",
             tests=len(RIVALS),
-            statement=f"Events are {np.exp(found.advantage):.3g} times as sharp when the {rate} flow that carries them is "
-            f"taken {_WORDS[found.rival]}.",
+            statement=f"Events are {np.exp(found.advantage):.3g} times as sharp when the {rate} flow that carries them "
+            f"is taken {_WORDS[found.rival]}.",
             code="flow_events.sharpness.other",
             where=where,
             suspects=(Suspect(cause, flow, 0.9, size, "1" if size else ""),),

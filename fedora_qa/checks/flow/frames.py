@@ -78,7 +78,7 @@ class FramePair:
         """Return patches of the first frame on tiles of the flow's grid with their halo, (n, s, s)."""
         if self.optics.H_rgb_flow is None:
             smoothed = self._smoothed(self.before)
-            at_pixels = self.window.once(("smooth at pixels", self.before), lambda: read_at_pixels(smoothed))
+            at_pixels = self.window.of_image("luma at pixels", self.before, lambda: read_at_pixels(smoothed))
             return np.asarray(patches_of(at_pixels, origins), dtype=np.float32)
         columns, rows = pixels_of(origins)
         return self._read(self.before, columns.astype(np.float32), rows.astype(np.float32))
@@ -99,7 +99,7 @@ class FramePair:
 
     def _smoothed(self, frame: int) -> Float32:
         sigma_px = self.optics.sigma_px
-        return self.window.once(("smooth", frame), lambda: smooth(luma_dn(self.window, frame), sigma_px))
+        return self.window.of_image("smooth luma", frame, lambda: smooth(luma_dn(self.window, frame), sigma_px))
 
 
 def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair | None:
@@ -174,8 +174,8 @@ def _best_motion(
 
 
 def _inverse_depth(window: Window, frame: int) -> Float32:
-    return window.once(("inverse depth", frame), lambda: inverse_depth(window.depth_m(frame)))
+    return window.of_image("inverse depth", frame, lambda: inverse_depth(window.depth_m(frame)))
 
 
 def _edges(window: Window, frame: int) -> NDArray[np.uint8]:
-    return window.once(("depth edges", frame), lambda: edges(_inverse_depth(window, frame)))
+    return window.of_image("depth edges", frame, lambda: edges(_inverse_depth(window, frame)))

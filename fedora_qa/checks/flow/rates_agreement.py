@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.rates_chain import Composed, Segment, compose
+from fedora_qa.estimators.depth_warp import lattice_stride
 from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
@@ -57,8 +58,8 @@ class RateAgreement:
     @property
     def suspicion(self) -> float:
         """Above 1 where the segment, or a tile of it, is off."""
-        found = (deviation.suspicion for deviation in (self.whole, self.worst_tile) if deviation)
-        return max(self.lost / MOST_LOST, *found)
+        deviations = [one.suspicion for one in (self.whole, self.worst_tile) if one is not None]
+        return max([self.lost / MOST_LOST, *deviations])
 
 
 def compare(window: Window, segment: Segment) -> RateAgreement | None:
@@ -93,10 +94,10 @@ def median_error_px(slow: Composed, fast: Composed) -> float:
 
 
 def lattice_of(window: Window, segment: Segment) -> tuple[Float64, Float64]:
-    """Return columns and rows (n,) of the pixels that the effort asks for: every second at ``full``."""
+    """Return columns and rows (n,) of the pixels that the effort asks for, if the image has so many."""
     height, width = _shapes(window, segment).pop()
-    stride = max(1, round(window.sampling.tile_share**-0.5))
-    columns, rows = np.meshgrid(np.arange(0.0, width, stride), np.arange(0.0, height, stride))
+    stride = lattice_stride(height, width, window.sampling.tile_share)
+    columns, rows = np.meshgrid(np.arange(0.0, width - 1, stride), np.arange(0.0, height - 1, stride))
     return columns.ravel(), rows.ravel()
 
 

@@ -65,7 +65,7 @@ def window(width_m: float, height_m: float, pane: str) -> Group:
     return painted("white paint", *frame, *cross) + painted("stone", sill) + painted(pane, glass)
 
 
-def door(width_m: float = 1.1, height_m: float = 2.2) -> Group:
+def entrance(width_m: float = 1.1, height_m: float = 2.2) -> Group:
     """Build a panelled door with a frame and a step, in the plane y = 0, seen from -y."""
     posts = [standing_box((0.14, 0.28, height_m + 0.14), x_m=side * (0.5 * width_m + 0.07)) for side in (-1, 1)]
     lintel = standing_box((width_m, 0.28, 0.14), z_m=height_m)
@@ -117,7 +117,7 @@ def _facade(rng: np.random.Generator, options: House, width_m: float, *, door: b
     columns = max(1, int((width_m - 0.8) // options.spacing_m))
     storey_m = options.size_m[2] / options.storeys
     window_width, window_height = options.window_m
-    parts = [_door_at(0.16)] if door else []
+    parts = [entrance().at(0, 0, 0.16)] if door else []
     for row in range(options.storeys):
         for column in range(columns):
             x_m = (column + 0.5 - 0.5 * columns) * (width_m - 0.8) / columns
@@ -128,10 +128,6 @@ def _facade(rng: np.random.Generator, options: House, width_m: float, *, door: b
     return together(parts)
 
 
-def _door_at(z_m: float) -> Group:
-    return door().at(0, 0, z_m)
-
-
 def _gable_roof(options: House) -> Group:
     """Two slopes over the length with eaves, the gables under them, and a chimney."""
     length, depth, height = options.size_m
@@ -139,29 +135,18 @@ def _gable_roof(options: House) -> Group:
     reach = half + eave
     low = height - eave * rise / half
     ends = 0.5 * length + eave
-    slopes = []
-    for side in (-1, 1):
-        outer = np.array(
-            [[-ends, -reach, low], [ends, -reach, low], [ends, 0, height + rise], [-ends, 0, height + rise]]
-        )
-        slope = outer * (side, side, 1.0)
-        slopes.append(slope)
-    lift = np.array([0, 0, thick])
-    top = quads(np.array([slope + lift for slope in slopes]))
-    under = quads(np.array([slope[::-1] for slope in slopes]))
-    eaves = quads(np.array([[slope[0], slope[1], slope[1] + lift, slope[0] + lift] for slope in slopes]))
-    verges = quads(np.array([[slope[1], slope[2], slope[2] + lift, slope[1] + lift] for slope in slopes]
-                            + [[slope[3], slope[0], slope[0] + lift, slope[3] + lift] for slope in slopes]))  # fmt: skip
+    front = np.array([[-ends, -reach, low], [ends, -reach, low], [ends, 0, height + rise], [-ends, 0, height + rise]])
+    slopes = np.stack([front, front * (-1.0, -1.0, 1.0)])
+    lift_m = np.array([0.0, 0.0, thick])
+    top, under = quads(slopes + lift_m), quads(slopes[:, ::-1])
+    borders = [slopes[:, [i, i + 1]] for i in (0, 1)] + [slopes[:, [3, 0]]]
+    edges = [quads(np.concatenate([border, border[:, ::-1] + lift_m], axis=1)) for border in borders]
     gables = [
         fan(np.array([[x, -y, height], [x, y, height], [x, 0, height + rise - 0.02]]))
         for x, y in ((0.5 * length, half), (-0.5 * length, -half))
     ]
     chimney = standing_box((0.7, 0.7, rise + 0.7), 0.28 * length, 0.2 * depth, height)
-    return (
-        painted(options.roof, top)
-        + painted("white paint", eaves, verges, under)
-        + painted(options.wall, *gables, chimney)
-    )
+    return painted(options.roof, top) + painted("white paint", *edges, under) + painted(options.wall, *gables, chimney)
 
 
 def _flat_roof(options: House) -> Group:

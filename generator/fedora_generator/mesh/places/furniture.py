@@ -79,10 +79,8 @@ def railing(length_m: float, height_m: float = 1.0) -> Group:
 def fountain(radius_m: float = 2.4) -> Group:
     """Build a round basin with water in it and two bowls on a pillar."""
     r = radius_m
-    wall = turned(
-        [(r - 0.3, -0.1), (r, -0.1), (r, 0.42), (r + 0.1, 0.42), (r + 0.1, 0.55), (r - 0.35, 0.55), (r - 0.35, 0.42),
-         (r - 0.3, 0.42), (r - 0.3, -0.1)], sides=40
-    )  # fmt: skip
+    rim = [(r, 0.42), (r + 0.1, 0.42), (r + 0.1, 0.55), (r - 0.35, 0.55), (r - 0.35, 0.42), (r - 0.3, 0.42)]
+    wall = turned([(r - 0.3, -0.1), (r, -0.1), *rim, (r - 0.3, -0.1)], sides=40)
     pillar = turned([(0.0, 0.2), (0.42, 0.2), (0.30, 0.5), (0.17, 0.8), (0.17, 1.5), (0.24, 1.6), (0.0, 1.6)], sides=16)
     bowl = turned(
         [(0.0, 1.2), (0.25, 1.2), (1.05, 1.5), (1.12, 1.62), (1.0, 1.62), (0.24, 1.42), (0.0, 1.42)], sides=28

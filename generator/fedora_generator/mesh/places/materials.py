@@ -53,9 +53,16 @@ def noisy(dark: Rgb, light: Rgb, slope: float = 1.0, stretch: tuple[float, float
 
 
 def masonry(
-    dark: Rgb, light: Rgb, joint: Rgb, rows: int, columns: int, *, joint_px: float = 1.5, staggered: bool = True,
+    dark: Rgb,
+    light: Rgb,
+    joint: Rgb,
+    rows: int,
+    columns: int,
+    *,
+    joint_px: float = 1.5,
+    staggered: bool = True,
     shade: float = 0.0,
-) -> Picture:  # fmt: skip
+) -> Picture:
     """Bricks, paving, roof tiles or planks; ``shade`` darkens each towards its top, as tiles under tiles are."""
 
     def picture(rng: np.random.Generator, shape: Shape) -> Image:

@@ -18,8 +18,8 @@ from fedora_generator.mesh.places.trees import (
     GREEN,
     broadleaf,
     bush,
-    conifer,
     flower_bed,
+    grove,
     hedge,
     wood_line,
 )
@@ -30,12 +30,20 @@ PARK_MATERIALS: Final[Mapping[str, Material]] = {
     "water": Material(paint_water, (3.2, 3.2), 0.0125),
 }
 
+_BACK_TREES_M: Final = (
+    *((9, 12.5), (27, 13.5), (33, 12.0), (38.5, 14.0), (49, 15.0)),
+    *((29, -14.5), (33, -13.0), (41, -13.5), (3, -13.0), (50, -16.0)),
+)
+_BUSHES: Final = (
+    *((3.2, -3.6, GREEN), (9.6, -3.6, DEEP), (15.8, 7.8, DEEP)),
+    *((33.2, 5.6, GREEN), (26.6, -6.4, AUTUMN), (37.6, -5.2, DEEP)),
+)
 _FOLIAGES: Final = {"green": GREEN, "deep": DEEP, "autumn": AUTUMN}
 
 
 def park(rng: np.random.Generator) -> Group:
     """Build the whole park. The walk begins at the origin and leads along x."""
-    return together([_ground(rng), _grove(rng), _walk(rng), _pond_shore(rng), _cafe(rng), _plaza(rng), _town(rng)])
+    return together([_ground(rng), _trees(rng), _walk(rng), _pond_shore(rng), _cafe(rng), _plaza(rng), _town(rng)])
 
 
 def _ground(rng: np.random.Generator) -> Group:
@@ -48,33 +56,13 @@ def _ground(rng: np.random.Generator) -> Group:
     )
 
 
-def _grove(rng: np.random.Generator) -> Group:
+def _trees(rng: np.random.Generator) -> Group:
     """Trees beside the walk; those at the back are spruces among others."""
     near = [
         broadleaf(rng, tree.height_m, tree.crown_m, _FOLIAGES[tree.foliage], clusters=12).at(tree.x_m, tree.y_m)
         for tree in TREES
     ]
-    spots = [
-        (9, 12.5),
-        (27, 13.5),
-        (33, 12),
-        (38.5, 14),
-        (29, -14.5),
-        (33, -13),
-        (41, -13.5),
-        (3, -13),
-        (49, 15),
-        (50, -16),
-    ]
-    back = [
-        conifer(rng, rng.uniform(6.5, 10.0), rng.uniform(1.7, 2.3)).at(x, y)
-        if i % 2
-        else broadleaf(rng, rng.uniform(7.0, 10.0), rng.uniform(2.4, 3.2), DEEP if i % 4 else GREEN, clusters=7).at(
-            x, y
-        )
-        for i, (x, y) in enumerate(spots)
-    ]
-    return together(near + back)
+    return together(near) + grove(rng, _BACK_TREES_M)
 
 
 def _walk(rng: np.random.Generator) -> Group:
@@ -88,9 +76,7 @@ def _walk(rng: np.random.Generator) -> Group:
     ]
     fences = [picket_fence(16.0).at(34.0, -10.3), picket_fence(6.0).at(18.0, 10.5)]
     beds = [flower_bed(rng, 3.0, 0.9).at(x, y) for x, y in ((11.5, 3.6), (31.0, -3.6), (38.0, 2.6))]
-    bushes = [bush(rng, 0.55, foliage).at(x, y) for x, y, foliage in (
-        (3.2, -3.6, GREEN), (9.6, -3.6, DEEP), (15.8, 7.8, DEEP), (33.2, 5.6, GREEN), (26.6, -6.4, AUTUMN), (37.6, -5.2, DEEP)
-    )]  # fmt: skip
+    bushes = [bush(rng, 0.55, foliage).at(x, y) for x, y, foliage in _BUSHES]
     return together(lamps + benches + bins + hedges + fences + beds + bushes)
 
 
@@ -116,14 +102,16 @@ def _cafe(rng: np.random.Generator) -> Group:
         spacing_m=2.3,
     )
     sign = painted("white paint", standing_box((3.2, 0.12, 0.5), y_m=-3.27, z_m=2.85))
-    tables = [
-        (painted("wood", turned([(0, 0.7), (0.45, 0.7), (0.45, 0.76), (0, 0.76)])) + painted("metal", turned(
-            [(0, -0.02), (0.28, -0.02), (0.28, 0.05), (0.06, 0.09), (0.06, 0.72), (0, 0.72)]
-        ))).at(x, -5.0)
-        for x in (-3.4, -1.6, 1.8, 3.6)
-    ]  # fmt: skip
+    tables = [_table().at(x, -5.0) for x in (-3.4, -1.6, 1.8, 3.6)]
     lamps = [lamp_post(5.0).at(x, -4.2) for x in (-5.4, 5.4)]
     return together([house(rng, options), sign, *tables, *lamps]).at(19.0, -13.8, yaw_deg=180.0)
+
+
+def _table() -> Group:
+    """Build a round table on one foot."""
+    top = turned([(0, 0.7), (0.45, 0.7), (0.45, 0.76), (0, 0.76)])
+    foot = turned([(0, -0.02), (0.28, -0.02), (0.28, 0.05), (0.06, 0.09), (0.06, 0.72), (0, 0.72)])
+    return painted("wood", top) + painted("metal", foot)
 
 
 def _plaza(rng: np.random.Generator) -> Group:

@@ -82,7 +82,7 @@ def _side_walk_m(x_m: Floats32, y_m: Floats32) -> Floats32:
 
 
 def _gravel(rng: np.random.Generator, picture: Image, inside_m: Floats32) -> None:
-    """Walks of gravel between borders of trodden earth."""
+    """Lay walks of gravel between borders of trodden earth."""
     texels = round(LAWN_TILE_M / PARK_AREA.texel_m)
     bed = between(fractal(rng, (texels, texels), 1.0, texels / 3), (0.30, 0.26, 0.20), (0.56, 0.50, 0.41))
     gravel = speckled(rng, flakes(rng, bed, 9000, 5.0, 3.8, _PEBBLES), 0.06)

@@ -36,8 +36,8 @@ def gate(panel: str, light: str) -> Group:
 
 def gantry(half_width_m: float = 5.9, height_m: float = 4.3) -> Group:
     """Build the start: a board over the track on two towers, with five red lights below it."""
-    towers = [standing_box((0.16, 0.16, height_m + 1.3), x, y * half_width_m + d, -0.1)
-              for x in (-0.4, 0.4) for y in (-1, 1) for d in (-0.4, 0.4)]  # fmt: skip
+    feet_m = [(x, y * half_width_m + d) for x in (-0.4, 0.4) for y in (-1, 1) for d in (-0.4, 0.4)]
+    towers = [standing_box((0.16, 0.16, height_m + 1.3), x, y, -0.1) for x, y in feet_m]
     rungs = [
         box((0.7, 0.9, 0.09), (0, y * half_width_m, z)) for y in (-1, 1) for z in np.arange(0.4, height_m + 1, 0.8)
     ]
@@ -116,7 +116,7 @@ def feather_flag(material: str) -> Group:
     )
     return (
         painted("steel", tube(pole, np.full(9, 0.035), sides=6))
-        + painted(material, fan(cloth + (0.03, 0, 0)))
+        + painted(material, moved(fan(cloth), (0.03, 0.0, 0.0)))
         + solid("flag", (1.0, 0.3, 3.4), (0.4, 0, 1.7))
     )
 

@@ -34,7 +34,7 @@ from fedora_generator.mesh.places.track_map import (
     paint_start,
     paint_straight,
 )
-from fedora_generator.mesh.places.trees import DEEP, GREEN, broadleaf, conifer, wood_line
+from fedora_generator.mesh.places.trees import grove, wood_line
 
 _RED: Final[Rgb] = (0.62, 0.08, 0.06)
 _WHITE: Final[Rgb] = (0.82, 0.81, 0.78)
@@ -83,10 +83,26 @@ RACETRACK_MATERIALS: Final[Mapping[str, Material]] = {
 STRAIGHT_END_M: Final = TRACK_AREA.x_m[1] + 3 * TRACK_AREA.size_m[0]
 BEND_RADIUS_M: Final = 34.0
 
+Spots = tuple[tuple[float, float], ...]
+"""Where things stand: x and y, metres."""
+
+_GATES_M: Final[Spots] = ((7.5, 0.0), (20.5, 0.2), (31.5, -0.2), (43.5, 0.2), (56.5, 0.0), (70.0, 0.0))
+_CONES_M: Final[Spots] = (
+    *((3.0, 5.3), (3.8, -5.4), (16.2, 5.2), (17.8, 5.3), (24.0, -5.3), (25.2, -5.2)),
+    *((34.8, 5.3), (47.0, -5.3), (48.5, -5.3)),
+)
+_FEATHERS_M: Final[Spots] = ((5.0, 5.6), (11.0, -5.9), (18.5, -5.9), (28.5, 5.7), (45.0, -5.8))
+_TREES_M: Final[Spots] = (
+    *((-2, 15), (4, 19), (9, 14.5), (-1, -13), (5, -17), (64, 17), (70, 21), (77, 16), (84, 20), (80, -16), (88, -18)),
+    *((96, -14), (104, -16), (112, -12), (141, -8), (144, 2), (143, 12), (145, 22), (139, -16), (92, 22), (99, 26)),
+)
+
 
 def racetrack(rng: np.random.Generator) -> Group:
     """Build the whole track. The straight leads along x; the start lies ahead of the origin."""
-    return together([_ground(rng), _road(), _gates(), _walls(), _stands(rng), _flags_and_lights(), _trees(rng)])
+    return together(
+        [_ground(rng), _road(), _gates(), _walls(), _stands(rng), _far_end(), _flags_and_lights(), grove(rng, _TREES_M)]
+    )
 
 
 def _ground(rng: np.random.Generator) -> Group:
@@ -124,8 +140,7 @@ def _bend() -> Surface:
 def _gates() -> Group:
     """Gates along the straight, shifted as the course winds."""
     colours = ("orange", "blue", "yellow")
-    course = ((7.5, 0.0), (20.5, 0.2), (31.5, -0.2), (43.5, 0.2), (56.5, 0.0), (70.0, 0.0))
-    gates = [gate(f"{colours[i % 3]} panel", f"{colours[i % 3]} light").at(x, y) for i, (x, y) in enumerate(course)]
+    gates = [gate(f"{colours[i % 3]} panel", f"{colours[i % 3]} light").at(x, y) for i, (x, y) in enumerate(_GATES_M)]
     return together(gates) + gantry().at(START_X_M, 0.0) + arch().at(38.0, 0.0)
 
 
@@ -133,19 +148,7 @@ def _walls() -> Group:
     left = tyre_wall(31.0).at(12.5, 6.7) + tyre_wall(24.8).at(58.0, 6.7)
     right = barrier(76.0).at(40.0, -6.9) + tyre_wall(9.3).at(-1.0, -6.6) + tyre_wall(12.4).at(88.0, -6.2)
     left_boards = boards(BOARD_NAMES, 18).at(34.0, 8.3)
-    end = tyre_wall(30.0, 5).at(131.5, 8.0, yaw_deg=-84.0) + boards(BOARD_NAMES, 9).at(133.5, 6.0, yaw_deg=-84.0)
-    spots = (
-        (3.0, 5.3),
-        (3.8, -5.4),
-        (16.2, 5.2),
-        (17.8, 5.3),
-        (24.0, -5.3),
-        (25.2, -5.2),
-        (34.8, 5.3),
-        (47.0, -5.3),
-        (48.5, -5.3),
-    )
-    return left + right + left_boards + end + together(cone().at(x, y) for x, y in spots)
+    return left + right + left_boards + together(cone().at(x, y) for x, y in _CONES_M)
 
 
 def _stands(rng: np.random.Generator) -> Group:
@@ -160,10 +163,7 @@ def _stands(rng: np.random.Generator) -> Group:
 def _flags_and_lights() -> Group:
     cloths = ("red cloth", "blue cloth", "chequered cloth")
     feathers = [
-        feather_flag(cloths[i % 3]).at(x, y, yaw_deg=yaw)
-        for i, (x, y, yaw) in enumerate(
-            ((5.0, 5.6, 60.0), (11.0, -5.9, -70.0), (18.5, -5.9, -70.0), (28.5, 5.7, 60.0), (45.0, -5.8, -70.0))
-        )
+        feather_flag(cloths[i % 3]).at(x, y, yaw_deg=65.0 if y > 0 else -70.0) for i, (x, y) in enumerate(_FEATHERS_M)
     ]
     poles = [flag(cloths[i % 3], 9.5).at(x, 19.6, yaw_deg=-65.0) for i, x in enumerate((14.5, 22.0, 37.0, 52.0, 59.5))]
     masts = [flood_mast(55.0).at(x, 9.4) for x in (5.0, 33.0, 62.0, 90.0)]
@@ -171,15 +171,6 @@ def _flags_and_lights() -> Group:
     return together(feathers + poles + masts)
 
 
-def _trees(rng: np.random.Generator) -> Group:
-    """Trees behind the stands and around the bend."""
-    spots = [(-2, 15), (4, 19), (9, 14.5), (-1, -13), (5, -17), (64, 17), (70, 21), (77, 16), (84, 20), (80, -16), (88, -18),
-             (96, -14), (104, -16), (112, -12), (141, -8), (144, 2), (143, 12), (145, 22), (139, -16), (92, 22), (99, 26)]  # fmt: skip
-    return together(
-        conifer(rng, rng.uniform(7.0, 12.0), rng.uniform(1.9, 2.8)).at(x, y)
-        if i % 3 == 1
-        else broadleaf(rng, rng.uniform(6.5, 10.0), rng.uniform(2.2, 3.1), DEEP if i % 2 else GREEN, clusters=8).at(
-            x, y
-        )
-        for i, (x, y) in enumerate(spots)
-    )
+def _far_end() -> Group:
+    """Close the view at the bend."""
+    return tyre_wall(30.0, 5).at(131.5, 8.0, yaw_deg=-84.0) + boards(BOARD_NAMES, 9).at(133.5, 6.0, yaw_deg=-84.0)

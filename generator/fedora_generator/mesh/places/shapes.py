@@ -40,14 +40,14 @@ def standing_box(size_m: Point, x_m: float = 0.0, y_m: float = 0.0, z_m: float =
 
 
 def plate(x_m: tuple[float, float], y_m: tuple[float, float], z_m: float = 0.0) -> Surface:
-    """Build a level rectangle that faces up; its texture is fixed to the world: u along x, v against y."""
+    """Build a level rectangle that faces up; its texture lies fixed in the world: u along x, v against y."""
     (x0, x1), (y0, y1) = x_m, y_m
     corners = np.array([[[x0, y0, z_m], [x1, y0, z_m], [x1, y1, z_m], [x0, y1, z_m]]])
     return quads(corners, uv_m=corners[..., :2] * (1.0, -1.0))
 
 
 def prism(outline_m: ArrayLike, length_m: float) -> Surface:
-    """Build a convex outline (k, 2) of y and z, counter-clockwise as seen from +x, drawn out along x about the middle."""
+    """Draw a convex outline (k, 2) of y and z, counter-clockwise as seen from +x, out along x about the middle."""
     outline = np.asarray(outline_m, dtype=np.float64)
     front = np.insert(outline, 0, 0.5 * length_m, axis=1)
     back = front * (-1.0, 1.0, 1.0)
@@ -86,7 +86,7 @@ def cylinder(radius_m: float, height_m: float, sides: int = 12) -> Surface:
 
 
 def tube(points_m: Sequence[Point] | Floats, radii_m: Sequence[float] | Floats, sides: int = 8) -> Surface:
-    """Build a tube along points (k, 3) with its radius at each, open at both ends: those are to be hidden in other things."""
+    """Build a tube along points (k, 3) with a radius at each, open at both ends, which are to lie in other things."""
     points, radii = np.asarray(points_m, dtype=np.float64), np.asarray(radii_m, dtype=np.float64)
     tangents = unit(np.gradient(points, axis=0))
     aside = np.array([1.0, 0.0, 0.0]) if abs(tangents[0, 0]) < 0.7 else np.array([0.0, 1.0, 0.0])
@@ -168,7 +168,7 @@ def gridded_box(size_m: Point, cell_m: float) -> Surface:
 
 
 def height_field(xyz_m: Floats, uv_m: Floats) -> Surface:
-    """Build a grid of points (rows, columns, 3), columns to the right and rows upwards as seen from the front; faceted."""
+    """Build a faceted grid of points (rows, columns, 3); seen from the front, columns go right and rows up."""
     return quads(_patches(xyz_m).reshape(-1, 4, 3), _patches(uv_m).reshape(-1, 4, 2))
 
 

@@ -43,7 +43,7 @@ def quads(corners_m: ArrayLike, uv_m: ArrayLike | None = None, normals: ArrayLik
 
 
 def fan(corners_m: ArrayLike) -> Surface:
-    """Build a flat convex polygon (k, 3), counter-clockwise; upright ones have u to the right and v down, flat ones x, -y."""
+    """Build a flat convex polygon (k, 3), counter-clockwise; u goes right and v down (level: x and -y)."""
     corners = np.asarray(corners_m, dtype=np.float64)
     normal = unit(np.cross(corners[1] - corners[0], corners[2] - corners[0]))
     right = np.array([1.0, 0.0, 0.0]) if abs(normal[2]) > 0.99 else unit(np.cross([0.0, 0.0, 1.0], normal))

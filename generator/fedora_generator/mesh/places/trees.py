@@ -1,6 +1,7 @@
 """What grows: trees, conifers, bushes and hedges. Crowns are solid clusters under loose leaves, so depth is defined."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -102,6 +103,17 @@ def flower_bed(rng: np.random.Generator, length_m: float, width_m: float) -> Gro
         + painted("stone", *kerbs, *ends)
         + solid("flower bed", (length_m + 0.3, width_m + 0.3, 0.5), (0, 0, 0.25))
     )
+
+
+def grove(rng: np.random.Generator, spots_m: Sequence[tuple[float, float]]) -> Group:
+    """Build trees at spots of x and y: spruces among broad-leaved ones."""
+    trees = [
+        conifer(rng, rng.uniform(7.0, 11.0), rng.uniform(1.8, 2.6))
+        if i % 3 == 1
+        else broadleaf(rng, rng.uniform(6.5, 10.0), rng.uniform(2.2, 3.1), DEEP if i % 2 else GREEN, clusters=8)
+        for i in range(len(spots_m))
+    ]
+    return together(tree.at(x_m, y_m) for tree, (x_m, y_m) in zip(trees, spots_m, strict=True))
 
 
 def wood_line(

@@ -1,7 +1,7 @@
 """Prints what is in mesh/README.md: ``python -m fedora_generator.mesh.study``, some minutes on two cores."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import astuple
 from typing import Final
 
@@ -14,7 +14,7 @@ from fedora_generator.flight import Flight
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.mesh.from_world import model_of_world
 from fedora_generator.mesh.study.agreement import depth_disagreement, edges, radiance_disagreement
-from fedora_generator.mesh.study.event_timing import Luma, compare, record
+from fedora_generator.mesh.study.event_timing import Luma, TimingError, compare, record
 from fedora_generator.mesh.study.interpolation import FlowInterpolation
 from fedora_generator.mesh.study.workbench import DAY, FLIGHT, WORKBENCH, path_world_m
 from fedora_generator.mesh.world import MeshWorld
@@ -59,7 +59,7 @@ def _depth_table(exact: ExactWorld, mesh: MeshWorld) -> Iterator[str]:
     from fedora_generator.mesh.study.stock import stock_inverse_depth_per_m  # noqa: PLC0415 - after the context
 
     camera, model = colour_camera(SIZE), model_of_world(WORKBENCH, path_world_m(), texel_rad=1.0)
-    sources = {
+    sources: dict[str, Callable[[Camera, Floats], Floats]] = {
         "reversed float32, pixel centre": mesh.inverse_depth_per_m,
         "pyrender: 24 bit, first of 4 samples": lambda camera, T: stock_inverse_depth_per_m(model, camera, T),
     }
@@ -80,7 +80,7 @@ def _radiance_table(exact: ExactWorld, worlds: dict[str, MeshWorld]) -> Iterator
     poses = [_pose(camera, time_us) for time_us in POSES_US]
     exact_dn = np.array([exact.luma_dn(camera, T) for T in poses])
     at_edges = np.array([edges(exact.inverse_depth_per_m(camera, T)) for T in poses])
-    yield "| luminance, 1e-3 nat | inside: rms | 99% | largest | at edges: rms | 99% | largest | ms an image |"
+    yield "| luminance, 1e-3 nat | inside: rms | 99% | largest | at edges: rms | 99% | largest | CPU ms an image |"
     yield "| --- | --- | --- | --- | --- | --- | --- | --- |"
     coarse = {
         f"float, factor 4, texels {texel_rad:g} rad": MeshWorld.of(
@@ -89,9 +89,9 @@ def _radiance_table(exact: ExactWorld, worlds: dict[str, MeshWorld]) -> Iterator
         for texel_rad in (2e-3, 4e-3)
     }
     for name, world in {**worlds, **coarse}.items():
-        started = time.perf_counter()
+        started = time.process_time()
         mesh_dn = np.array([world.luma_dn(camera, T) for T in poses])
-        cost_ms = 1e3 * (time.perf_counter() - started) / len(poses)
+        cost_ms = 1e3 * (time.process_time() - started) / len(poses)
         parts = [radiance_disagreement(exact_dn, mesh_dn, where) for where in (~at_edges, at_edges)]
         cells = [f"{1e3 * value:.2g}" for part in parts for value in astuple(part)]
         yield f"| {name} | {' | '.join(cells)} | {cost_ms:.0f} |"
@@ -102,24 +102,27 @@ def _timing_table(exact: ExactWorld, worlds: dict[str, MeshWorld]) -> Iterator[s
     camera = event_camera(SIZE)
     times_us = _times_us(exact, camera, bound_px=0.5)
     truth = record(_luma_of(exact, camera), times_us)
-    yield f"| events: {len(truth)} in {len(times_us)} images | wrong pixels | median us | rms us | 99% us | s |"
+    yield f"| events: {len(truth)} in {len(times_us)} images | wrong pixels | median us | rms us | 99% us | CPU s |"
     yield "| --- | --- | --- | --- | --- | --- |"
     finest = record(_luma_of(exact, camera), _times_us(exact, camera, bound_px=0.1))
-    yield _timing_row("exact, 5 times as many images (the sampling's own error)", truth, finest, 0.0)
+    yield _timing_row("exact, 5 times as many images (what the sampling costs)", compare(truth, finest))
     lumas: dict[str, Luma] = {name: _luma_of(world, camera) for name, world in worlds.items()}
     for step_us in KEY_STEPS_US:
         moved = FlowInterpolation(worlds["float, factor 4"], camera, lambda t: _pose(camera, t), step_us)
         lumas[f"float, factor 4, every {step_us // 1000} ms, moved along the flow between"] = moved.luma_dn
+    found = {}
     for name, luma in lumas.items():
-        started = time.perf_counter()
-        events = record(luma, times_us)
-        yield _timing_row(name, truth, events, time.perf_counter() - started)
+        started = time.process_time()
+        found[name] = record(luma, times_us)
+        yield _timing_row(name, compare(truth, found[name]), f"{time.process_time() - started:.0f}")
+    for factor in (1, 4):
+        error = compare(found[f"float, factor {factor}"], found[f"8bit, factor {factor}"])
+        yield _timing_row(f"8bit against float, both factor {factor} (what 8 bits alone cost)", error)
 
 
-def _timing_row(name: str, truth, other, seconds: float) -> str:
-    error = compare(truth, other)
+def _timing_row(name: str, error: TimingError, seconds: str = "") -> str:
     cells = (f"{100 * error.wrong_share:.2f}%", *(f"{v:.0f}" for v in (error.median_us, error.rms_us, error.p99_us)))
-    return f"| {name} | {' | '.join(cells)} | {seconds:.1f} |"
+    return f"| {name} | {' | '.join(cells)} | {seconds} |"
 
 
 def _times_us(exact: ExactWorld, camera: Camera, bound_px: float) -> NDArray[np.int64]:

@@ -31,10 +31,13 @@ class TimingError:
 def record(luma: Luma, times_us: NDArray[np.int64]) -> EventBatch:
     """Events of a sensor that is shown images at ``times_us`` (n,), ascending."""
     first_dn = luma(int(times_us[0]))
-    sensor = EventSensor(SENSOR, *first_dn.shape, np.random.SeedSequence(0))
+    height, width = first_dn.shape
+    sensor = EventSensor(SENSOR, height, width, np.random.SeedSequence(0))
     sensor.start(int(times_us[0]) * NS_PER_US, first_dn)
     batches = [sensor.advance(time_us * NS_PER_US, luma(time_us)) for time_us in times_us[1:].tolist()]
-    return EventBatch(*(np.concatenate([getattr(batch, name) for batch in batches]) for name in ("x", "y", "t_us", "p")))
+    return EventBatch(
+        *(np.concatenate([getattr(batch, name) for batch in batches]) for name in ("x", "y", "t_us", "p"))
+    )
 
 
 def compare(truth: EventBatch, other: EventBatch) -> TimingError:

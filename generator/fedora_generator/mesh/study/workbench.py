@@ -1,4 +1,4 @@
-"""A small world that both renderers can make, for measuring one against the other: a floor, boxes, every kind of edge."""
+"""A small world that both renderers can make, for measuring one against the other: a floor and boxes."""
 
 from typing import Final
 

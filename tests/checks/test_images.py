@@ -1,0 +1,219 @@
+"""Repeats, order and exposure of colour frames, in a closed-form world that exists in memory."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fedora_qa.checks.images.exposure import Exposure
+from fedora_qa.checks.images.order import Order
+from fedora_qa.checks.images.repeats import Repeats
+from fedora_qa.checks.protocol import Check
+from fedora_qa.judgement.judge import Judged
+from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.window import Sampling
+from tests.support.flow_world import FlowWorld, judged, make_world
+
+Frames = NDArray[np.uint8]
+CHECKS = {"repeats": Repeats(), "order": Order(), "exposure": Exposure()}
+FRAME = 8
+
+
+@pytest.fixture(scope="module")
+def world() -> FlowWorld:
+    return make_world((25, 50))
+
+
+def frames_of(world: FlowWorld) -> Frames:
+    return np.asarray(world.rows_by_key["path/rgb"]).copy()
+
+
+def frozen(frames: Frames, count: int) -> Frames:
+    frames[FRAME : FRAME + count] = frames[FRAME - 1]
+    return frames
+
+
+def exchanged(frames: Frames, distance: int) -> Frames:
+    frames[[FRAME, FRAME + distance]] = frames[[FRAME + distance, FRAME]]
+    return frames
+
+
+def exposed(frames: Frames, percent: float, count: int = 1) -> Frames:
+    bright = np.clip(np.rint(frames[FRAME : FRAME + count] * (1 + percent / 100)), 0, 255)
+    frames[FRAME : FRAME + count] = bright.astype(np.uint8)
+    return frames
+
+
+def first(result: Judged) -> tuple[str, float | None, int | None]:
+    """Cause, size and frame of the first alarm's first suspect."""
+    alarm = result.alarms[0]
+    suspect = max(alarm.suspects, key=lambda one: one.weight)
+    return f"{suspect.stream}:{suspect.cause}", suspect.magnitude, alarm.finding.where.frame
+
+
+@pytest.mark.parametrize("name", CHECKS)
+@pytest.mark.parametrize("rates", [(50,), (25,), (10, 25, 50)], ids=str)
+def test_clean_frames_pass(name: str, rates: tuple[int, ...]) -> None:
+    """Every rate of the flow will do."""
+    assert judged(CHECKS[name], make_world(rates)).result.outcome == "passed"
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_pose_noise_does_not_matter(name: str) -> None:
+    """Declared noise of centimetres and half a degree raises no alarm."""
+    noisy = make_world((50,), noise=PoseModel(0.02, 0.01))
+    assert judged(CHECKS[name], noisy).result.outcome == "passed"
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_frozen_frames_are_counted(world: FlowWorld, count: int) -> None:
+    """Repeats and order both name frozen frames, how many, and where they begin."""
+    faulty = world.with_rows(path_rgb=frozen(frames_of(world), count))
+    for name in ("repeats", "order"):
+        assert first(judged(CHECKS[name], faulty)) == ("rgb:frozen_frames", count, FRAME)
+
+
+@pytest.mark.parametrize("left", ["flow", "pose"])
+def test_one_stream_is_enough_to_tell_that_the_camera_moves(world: FlowWorld, left: str) -> None:
+    """Frozen frames are found by flow alone and by the pose alone."""
+    faulty = world.with_rows(path_rgb=frozen(frames_of(world), 2))
+    for stream in ("pose",) if left == "flow" else ("flow/25hz", "flow/50hz"):
+        faulty = faulty.without(stream)
+    assert first(judged(Repeats(), faulty)) == ("rgb:frozen_frames", 2, FRAME)
+
+
+def test_a_frame_that_comes_back_is_a_repeat(world: FlowWorld) -> None:
+    """A frame that equals one long before it is found as well."""
+    frames = frames_of(world)
+    frames[FRAME + 4] = frames[FRAME]
+    assert first(judged(Repeats(), world.with_rows(path_rgb=frames))) == ("rgb:frozen_frames", 1, FRAME + 4)
+
+
+def test_resting_camera_may_repeat_its_frames(world: FlowWorld) -> None:
+    """All frames alike, no flow and one pose: nothing is wrong, and order cannot be told."""
+    frames, pose = frames_of(world), world.rows_by_key
+    still = world.with_flow(lambda _, flow: np.zeros_like(flow)).with_rows(
+        path_rgb=np.repeat(frames[:1], len(frames), axis=0),
+        path_pose_position=np.repeat(pose["path/pose/position"][:1], len(pose["path/pose/position"]), axis=0),
+        path_pose_orientation=np.repeat(pose["path/pose/orientation"][:1], len(pose["path/pose/orientation"]), axis=0),
+    )
+    assert judged(Repeats(), still).result.outcome == "passed"
+    assert judged(Order(), still).result.outcome == "not_observable"
+    assert judged(Exposure(), still).result.outcome == "passed"
+
+
+def test_repeats_that_nothing_explains_are_noted(world: FlowWorld) -> None:
+    """Without pose, flow and events repeated frames are a warning, no failure."""
+    alone = world.with_rows(path_rgb=frozen(frames_of(world), 2))
+    for stream in ("pose", "flow/25hz", "flow/50hz"):
+        alone = alone.without(stream)
+    result = judged(Repeats(), alone).result
+    assert result.outcome == "warned"
+    assert "2 frames repeat" in result.reason
+
+
+@pytest.mark.parametrize("distance", [1, 2])
+def test_exchanged_frames_are_named_with_their_distance(world: FlowWorld, distance: int) -> None:
+    """Neighbours, and frames two apart, are named with place; they are no repeats."""
+    faulty = world.with_rows(path_rgb=exchanged(frames_of(world), distance))
+    assert first(judged(Order(), faulty)) == ("rgb:swapped_frames", distance, FRAME)
+    assert judged(Repeats(), faulty).result.outcome == "passed"
+
+
+def test_flow_that_leads_elsewhere_is_not_blamed_on_single_frames(world: FlowWorld) -> None:
+    """With the sign of all flow wrong no frame can be told from the rest."""
+    assert judged(Order(), world.with_flow(lambda _, flow: -flow)).result.outcome == "not_observable"
+
+
+@pytest.mark.parametrize(("percent", "count"), [(1.0, 1), (-5.0, 1), (30.0, 3), (3.0, 20)])
+def test_exposure_jumps_are_sized_and_placed(world: FlowWorld, percent: float, count: int) -> None:
+    """One frame or several, up or down: the first changed frame, and by how much, to a twentieth."""
+    cause, size, frame = first(judged(Exposure(), world.with_rows(path_rgb=exposed(frames_of(world), percent, count))))
+    assert (cause, frame) == ("rgb:exposure_or_gamma", FRAME)
+    assert size == pytest.approx(percent, rel=0.05, abs=0.05)
+
+
+def test_slow_light_is_no_jump(world: FlowWorld) -> None:
+    """Light that grows by half a percent a frame raises no alarm."""
+    frames = frames_of(world)
+    grown = frames * 1.005 ** np.arange(len(frames))[:, None, None, None]
+    slow = world.with_rows(path_rgb=np.rint(np.clip(grown, 0, 255)).astype(np.uint8))
+    assert judged(Exposure(), slow).result.outcome == "passed"
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_blank_frame_is_counted(world: FlowWorld, value: int) -> None:
+    """A black or white frame among others fails with its number, and is neither frozen nor exchanged."""
+    frames = frames_of(world)
+    frames[FRAME] = value
+    faulty = world.with_rows(path_rgb=frames)
+    result = judged(Exposure(), faulty)
+    assert result.result.measurements[0].value == 1
+    assert result.alarms[0].finding.where.frame == FRAME
+    assert judged(Order(), faulty).result.outcome == "passed"
+    assert judged(Repeats(), faulty).result.outcome == "passed"
+
+
+def test_only_blank_frames_tell_nothing(world: FlowWorld) -> None:
+    """A grey wall is legal: exposure and order are not observable."""
+    blank = world.with_rows(path_rgb=np.full_like(frames_of(world), 128))
+    assert judged(Exposure(), blank).result.outcome == "not_observable"
+    assert judged(Order(), blank).result.outcome == "not_observable"
+    assert judged(Repeats(), blank).result.outcome == "passed"
+
+
+def test_overexposed_files_are_noted(world: FlowWorld) -> None:
+    """A file with half of its pixels at 255 is warned about."""
+    frames = frames_of(world)
+    frames[:, :, : frames.shape[2] // 2] = 255
+    result = judged(Exposure(), world.with_rows(path_rgb=frames)).result
+    assert result.outcome == "warned"
+    assert "at 255" in result.reason
+
+
+def test_exposure_needs_no_flow(world: FlowWorld) -> None:
+    """Without flow a jump of 30% is still found, in its frame."""
+    faulty = world.with_rows(path_rgb=exposed(frames_of(world), 30.0)).without("flow/25hz").without("flow/50hz")
+    assert first(judged(Exposure(), faulty))[::2] == ("rgb:exposure_or_gamma", FRAME)
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_missing_flow_values_do_not_matter(world: FlowWorld, name: str) -> None:
+    """Flow that is NaN in half of each field, or everywhere in one, raises no alarm."""
+
+    def holes(stream: str, flow: NDArray[Any]) -> NDArray[Any]:
+        flow = flow.copy()
+        flow[:, : flow.shape[1] // 2] = np.nan
+        flow[3] = np.nan
+        return flow
+
+    assert judged(CHECKS[name], world.with_flow(holes)).result.outcome == "passed"
+
+
+@pytest.mark.parametrize("check", CHECKS.values(), ids=CHECKS)
+def test_states_merge_to_the_same_observation(world: FlowWorld, check: Check[Any]) -> None:
+    """Windows dealt out to two workers give what one gives."""
+    windows = world.windows(Sampling())
+    whole, parts = check.start(world.facts), [check.start(world.facts) for _ in range(2)]
+    for i, window in enumerate(windows):
+        check.update(whole, window)
+        check.update(parts[i * 2 // len(windows)], window)
+    assert check.conclude(check.merge(*parts), world.facts) == check.conclude(whole, world.facts)
+
+
+def test_frames_on_another_grid_than_the_flow(world: FlowWorld) -> None:
+    """A colour camera of half the resolution is seen on the flow's grid."""
+    camera = world.facts.declared.cameras["rgb"]
+    K = np.diag([0.5, 0.5, 1.0]) @ camera.K - np.array([[0, 0, 0.25], [0, 0, 0.25], [0, 0, 0]])
+    small = replace(camera, width=camera.width // 2, height=camera.height // 2, K=K)
+    frames = frames_of(world)
+    n, height, width, _ = frames.shape
+    halved = frames.reshape(n, height // 2, 2, width // 2, 2, 3).mean(axis=(2, 4))
+    declared = {"rgb": small, "depth": world.facts.declared.cameras["depth"]}
+    coarse = world.declaring(cameras=declared).with_rows(path_rgb=np.rint(halved).astype(np.uint8))
+    for check in CHECKS.values():
+        assert judged(check, coarse).result.outcome == "passed"
+    faulty = coarse.with_rows(path_rgb=exchanged(frames_of(coarse), 1))
+    assert first(judged(Order(), faulty))[0] == "rgb:swapped_frames"

@@ -1,0 +1,54 @@
+"""Shifts of image edges against steps of depth, in a world in closed form."""
+
+import numpy as np
+import pytest
+
+from fedora_qa.estimators.edge_profiles import tile_profiles
+from fedora_qa.estimators.edge_shift import EdgeShift, edge_shift
+from fedora_qa.estimators.edge_steps import depth_steps
+from tests.support.outline_world import FRAMES, OutlineWorld
+
+FLAT = OutlineWorld()
+
+
+def measured(world: OutlineWorld, axis: int, frames: int = FRAMES) -> EdgeShift:
+    sums = []
+    for depth_m, luma in (world.frame(i) for i in range(frames)):
+        steps = depth_steps(depth_m, axis, farthest_m=30.0)
+        strength = np.abs(np.diff(np.log(luma), axis=1 - axis))
+        sums.append(tile_profiles(strength, steps, axis, (steps.columns, steps.rows), first_px=0.5))
+    found = edge_shift(np.array(sums))
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize(("right_px", "down_px"), [(0.0, 0.0), (0.5, -0.5), (-0.2, 0.1), (3.0, 0.5), (-6.5, 2.0)])
+def test_shift_is_measured(right_px: float, down_px: float) -> None:
+    """Shifts of fractions of a pixel and of several are found within a few of their standard errors."""
+    for axis, true_px in enumerate((right_px, down_px)):
+        found = measured(FLAT.altered(shift_px=(right_px, down_px)), axis)
+        assert found.shift_px == pytest.approx(true_px, abs=4 * found.standard_error_px + abs(found.lean_px))
+        assert found.standard_error_px < 0.1
+
+
+def test_errors_are_those_of_chance() -> None:
+    """Over many worlds without texture, deviations in standard errors spread by about one."""
+    worlds = (FLAT.altered(seed=seed, boxes=16) for seed in range(24))
+    found = [measured(world, axis, frames=5) for world in worlds for axis in (0, 1)]
+    scores = [one.shift_px / one.standard_error_px for one in found]
+    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.6
+
+
+def test_texture_of_the_nearer_surface_leans_and_cancels() -> None:
+    """Texture on one side draws outlines towards it, left and right ones apart; the mean of both stays in place."""
+    found = measured(FLAT.altered(lean_dn=25.0), 0)
+    assert found.lean_px > 0.05
+    assert abs(found.shift_px) < abs(found.lean_px) + 4 * found.standard_error_px
+
+
+def test_too_few_tiles_tell_nothing() -> None:
+    """A scene without steps, or with all of them in one place, has no shift."""
+    assert edge_shift(np.zeros((3, 2, 16, 25))) is None
+    one_tile = np.zeros((3, 2, 16, 25))
+    one_tile[:, :, 0] = 1.0
+    assert edge_shift(one_tile) is None

@@ -1,0 +1,46 @@
+"""Steps of depth: none on surfaces, all outlines, with their nearer side."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fedora_qa.estimators.edge_steps import depth_steps
+
+FAR_M = 30.0
+
+
+@given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.integers(0, 1))
+def test_a_plane_has_no_steps(right: float, down: float, axis: int) -> None:
+    """Inverse depth is affine on a plane, however slanted."""
+    columns, rows = np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-1, 1, 30))
+    depth_m = 5.0 / (1.0 + right * columns + down * rows)
+    assert len(depth_steps(depth_m, axis, farthest_m=FAR_M)) == 0
+
+
+@pytest.mark.parametrize("behind_m", [10.0, np.nan])
+def test_a_box_has_its_outline(behind_m: float) -> None:
+    """A box before a wall, or before nothing, steps halfway between its pixels and those beside it, on both sides."""
+    depth_m = np.full((30, 40), behind_m)
+    depth_m[8:20, 11:31] = 4.0
+    right, down = (depth_steps(depth_m, axis, farthest_m=FAR_M) for axis in (0, 1))
+    assert set(right.columns) == {10.5, 30.5}
+    assert set(right.rows) == set(range(8, 20))
+    assert set(down.rows) == {7.5, 19.5}
+    assert set(down.columns) == set(range(11, 31))
+    np.testing.assert_array_equal(right.near_first, right.columns == 30.5)
+    np.testing.assert_array_equal(down.near_first, down.rows == 19.5)
+    np.testing.assert_allclose(right.depths_m, 4.0)
+
+
+def test_what_fades_out_of_range_is_no_outline() -> None:
+    """Ground that ends where the range ends has no step there: what is missing lies just beyond."""
+    inverse = np.linspace(1 / 3, 1 / 60, 50)[:, np.newaxis].repeat(20, axis=1)
+    depth_m = np.where(1 / inverse <= FAR_M, 1 / inverse, np.nan)
+    assert len(depth_steps(depth_m, 1, farthest_m=FAR_M)) == 0
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 3), (0, 5)])
+def test_tiny_images_have_no_steps(shape: tuple[int, int]) -> None:
+    """Nothing is found where no slope can be compared, and nothing breaks."""
+    assert len(depth_steps(np.ones(shape), 0, farthest_m=FAR_M)) == 0

@@ -1,0 +1,71 @@
+"""The gain between two images of the same points."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.image_gain import brightness_gain
+
+Floats = NDArray[np.float64]
+
+
+def image(seed: int = 0, shape: tuple[int, int] = (90, 120)) -> Floats:
+    return np.random.default_rng(seed).uniform(30.0, 150.0, shape)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.5, 1.5), st.integers(0, 1000))
+def test_gain_of_rounded_images_is_known_to_its_error(factor: float, seed: int) -> None:
+    """Rounding to whole DN leaves the gain within five standard errors, which are below 0.1%."""
+    before = image(seed)
+    found = brightness_gain(np.rint(before), np.rint(factor * before))
+    assert found is not None
+    assert 0 < found.standard_error < 1e-3
+    assert abs(found.log_gain - np.log(factor)) < 5 * found.standard_error
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 1000))
+def test_gain_changes_its_sign_with_the_order(seed: int) -> None:
+    """Exchanging the images negates the gain, since pixels are chosen by both alike."""
+    one, other = image(seed), 1.2 * image(seed) + np.random.default_rng(seed + 1).normal(0, 2, (90, 120))
+    forth, back = brightness_gain(one, other), brightness_gain(other, one)
+    assert forth is not None
+    assert back is not None
+    assert forth.log_gain == pytest.approx(-back.log_gain, abs=1e-12)
+    assert forth.standard_error == pytest.approx(back.standard_error)
+
+
+def test_what_changes_in_a_third_of_the_image_does_not_matter() -> None:
+    """A third of the tiles that show something else leave the median where it is."""
+    before = image()
+    after = 1.1 * before
+    after[:30] = 200.0 - before[:30]
+    found = brightness_gain(before, after)
+    assert found is not None
+    assert found.log_gain == pytest.approx(np.log(1.1), abs=1e-9)
+
+
+def test_standard_error_is_that_of_repetition() -> None:
+    """With noise, gains scatter from image to image as their errors say."""
+    rng = np.random.default_rng(3)
+    found = [
+        brightness_gain(image(i), image(i) + rng.normal(0, 5, (90, 120))) for i in range(60)
+    ]
+    gains = np.array([one.log_gain for one in found if one is not None])
+    claimed = np.mean([one.standard_error for one in found if one is not None])
+    assert len(gains) == 60
+    assert 0.6 < gains.std() / claimed < 1.5
+
+
+@pytest.mark.parametrize("level", [0.0, 2.0, 254.0, np.nan], ids=["black", "dark", "clipped", "not shown"])
+def test_what_tells_nothing_gives_no_gain(level: float) -> None:
+    """Dark, clipped and missing pixels do not count; where nothing else is left there is no gain."""
+    assert brightness_gain(np.full((90, 120), level), np.full((90, 120), level)) is None
+
+
+def test_small_images_give_no_gain() -> None:
+    """Too few pixels for tiles are no error."""
+    assert brightness_gain(image(shape=(3, 4)), image(shape=(3, 4))) is None

@@ -1,0 +1,80 @@
+"""How far one frame lies from another along a flow."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.image_motion import motion_share
+
+Float32 = NDArray[np.float32]
+HEIGHT, WIDTH = 150, 200
+_RNG = np.random.default_rng(2)
+WAVES = [(*_RNG.normal(0, 0.25, 2), _RNG.uniform(0, 2 * np.pi)) for _ in range(30)]
+
+
+def frame(share: float, flow_px: Float32, gain: float = 1.0) -> Float32:
+    """A closed-form texture carried by a share of the flow (to first order: constant or linear in place)."""
+    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+    columns, rows = columns - share * flow_px[..., 0], rows - share * flow_px[..., 1]
+    total = sum(np.cos(kx * columns + ky * rows + phase) for kx, ky, phase in WAVES)
+    return np.asarray(np.rint(gain * (110 + 8 * np.asarray(total))), dtype=np.float32)
+
+
+def pan(u: float, v: float) -> Float32:
+    return np.broadcast_to(np.array([u, v], dtype=np.float32), (HEIGHT, WIDTH, 2)).copy()
+
+
+def expansion(rate: float) -> Float32:
+    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH].astype(np.float32)
+    return np.stack([rate * (columns - WIDTH / 2), rate * (rows - HEIGHT / 2)], axis=-1)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0, -1.0, 2.0], ids=["frozen", "in order", "turned round", "one left out"])
+@pytest.mark.parametrize("flow_px", [pan(1.2, -0.7), pan(6.0, 3.0), expansion(0.01)], ids=["pan", "fast", "forward"])
+def test_share_is_found(share: float, flow_px: Float32) -> None:
+    """Frozen, right, reversed and skipped frames read nearer to 0, 1, -1, 2 than to each other, for all kinds of flow."""
+    found = motion_share(frame(0.0, flow_px), frame(share, flow_px), flow_px)
+    assert found is not None
+    assert found.share == pytest.approx(share, abs=0.05 + 0.3 * abs(share))
+    assert found.standard_error < 0.1
+
+
+def test_exposure_is_no_motion() -> None:
+    """A frame that is 20% brighter lies where it lies."""
+    flow_px = pan(1.0, 0.5)
+    found = motion_share(frame(0.0, flow_px), frame(1.0, flow_px, gain=1.2), flow_px)
+    assert found is not None
+    assert found.share == pytest.approx(1.0, abs=0.1)
+
+
+def test_missing_flow_is_left_out() -> None:
+    """NaN and absurd values in half of the image change nothing."""
+    flow_px = pan(1.0, 0.5)
+    before, after = frame(0.0, flow_px), frame(1.0, flow_px)
+    flow_px[: HEIGHT // 2] = np.nan
+    flow_px[HEIGHT // 2 : HEIGHT // 2 + 5] = 1e9
+    found = motion_share(before, after, flow_px)
+    assert found is not None
+    assert found.share == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("before", "flow_px"),
+    [
+        (np.full((HEIGHT, WIDTH), 90, np.float32), pan(1.0, 0.5)),
+        (frame(0.0, pan(0, 0)), np.full((HEIGHT, WIDTH, 2), np.nan, np.float32)),
+        (frame(0.0, pan(0, 0))[:5, :5], pan(1.0, 0.5)[:5, :5]),
+        (frame(0.0, pan(0, 0)), pan(300.0, 0.0)),
+    ],
+    ids=["no texture", "no flow", "tiny", "flow larger than the image"],
+)
+def test_what_cannot_tell_says_nothing(before: Float32, flow_px: Float32) -> None:
+    """Without texture, flow or pixels there is no share."""
+    assert motion_share(before, before, flow_px) is None
+
+
+def test_resting_camera_has_no_share() -> None:
+    """Where nothing moves the share is unknown: no value, or an error that says so."""
+    still = pan(0.0, 0.0)
+    found = motion_share(frame(0.0, still), frame(0.0, still), still)
+    assert found is None or found.standard_error > 1
