@@ -34,10 +34,19 @@ _LARGEST_FLOW_PX: Final = 1e4
 
 @dataclass(frozen=True, slots=True)
 class MotionShare:
-    """The share s of the flow by which two frames lie apart, and its standard error."""
+    """The share s of the flow by which two frames lie apart.
+
+    Attributes
+    ----------
+    standard_error
+        From what the fit leaves, where that is more than rounding.
+    rounding_error
+        From rounding alone: whether there is enough motion and texture to tell, which a fault cannot change.
+    """
 
     share: float
     standard_error: float
+    rounding_error: float
 
 
 def motion_share(before: Float32, after: Float32, flow_px: Float32) -> MotionShare | None:
@@ -77,8 +86,10 @@ def _fit(design: Float64, change: Float64, rounding_variance_dn2: float) -> Moti
     inverse = np.linalg.inv(matrix)
     solution = inverse @ (design.T @ change)
     left = float(np.mean((change - design @ solution) ** 2))
-    variance = max(CORRELATED_PIXELS * left, rounding_variance_dn2)
-    return MotionShare(float(solution[0]), float(np.sqrt(variance * inverse[0, 0])))
+    errors = np.sqrt(
+        inverse[0, 0] * np.array([max(CORRELATED_PIXELS * left, rounding_variance_dn2), rounding_variance_dn2])
+    )
+    return MotionShare(float(solution[0]), float(errors[0]), float(errors[1]))
 
 
 def _without_rim(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -68,10 +68,10 @@ def _evidence_tables(evidence: Evidence) -> Iterator[Table]:
         rows.append((name, evidence.title(name), shape, str(array.dtype), f"{array.nbytes / 1e3:.1f}"))
     if rows:
         note = f"{sum(evidence.arrays[name].nbytes for name in evidence.names()) / 1e6:.2f} MB before compression."
-        yield Table("Evidence", note, ("array", "title", "shape", "type", "kB"), tuple(rows))
+        yield Table("Evidence", note, ("array", "title", "shape", "type", "kB"), tuple(rows), numeric=False)
     if evidence.missing:
         missing = tuple((name, evidence.title(name)) for name in evidence.missing)
-        yield Table("Evidence that is missing", "", ("array", "title"), missing)
+        yield Table("Evidence that is missing", "", ("array", "title"), missing, numeric=False)
 
 
 def _fact(value: Scalar) -> str:

@@ -34,12 +34,13 @@ _ERROR: Final = "standard_error"
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of text; the first column heads its rows."""
+    """A table of text; the first column heads its rows. ``numeric``: the others hold numbers, set to the right."""
 
     title: str
     note: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    numeric: bool = True
 
 
 def paper_tables(files: Sequence[FileRecord]) -> tuple[Table, ...]:

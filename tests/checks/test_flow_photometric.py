@@ -114,7 +114,7 @@ def test_local_fault_is_placed(error_px: float, rule: str) -> None:
     flow[7, 40:72, 48:80] += error_px
     result = judged(Residual(), clean().with_rows(path_flow_50hz=flow))
     places = [a.finding.where for a in result.alarms if a.finding.code == f"flow_photometric.residual.{rule}"]
-    assert [(w.stream, w.index_start, w.tile) for w in places] == [("flow/50hz", 7, (48, 40, 32, 32))]
+    assert [(w.stream, w.index_start, w.tile) for w in places] == [("flow/50hz", 7, (48, 40, 80, 72))]
 
 
 def test_brightness_may_change() -> None:

@@ -1,6 +1,7 @@
 """Repeats, order and exposure of colour frames, in a closed-form world that exists in memory."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,14 @@ from fedora_qa.sequence.window import Sampling
 from tests.support.flow_world import FlowWorld, judged, make_world
 
 Frames = NDArray[np.uint8]
+world_of = cache(make_world)
 CHECKS = {"repeats": Repeats(), "order": Order(), "exposure": Exposure()}
 FRAME = 8
 
 
 @pytest.fixture(scope="module")
 def world() -> FlowWorld:
-    return make_world((25, 50))
+    return world_of((25, 50))
 
 
 def frames_of(world: FlowWorld) -> Frames:
@@ -57,13 +59,13 @@ def first(result: Judged) -> tuple[str, float | None, int | None]:
 @pytest.mark.parametrize("rates", [(50,), (25,), (10, 25, 50)], ids=str)
 def test_clean_frames_pass(name: str, rates: tuple[int, ...]) -> None:
     """Every rate of the flow will do."""
-    assert judged(CHECKS[name], make_world(rates)).result.outcome == "passed"
+    assert judged(CHECKS[name], world_of(rates)).result.outcome == "passed"
 
 
 @pytest.mark.parametrize("name", CHECKS)
 def test_pose_noise_does_not_matter(name: str) -> None:
     """Declared noise of centimetres and half a degree raises no alarm."""
-    noisy = make_world((50,), noise=PoseModel(0.02, 0.01))
+    noisy = world_of((50,), noise=PoseModel(0.02, 0.01))
     assert judged(CHECKS[name], noisy).result.outcome == "passed"
 
 
@@ -129,10 +131,10 @@ def test_flow_that_leads_elsewhere_is_not_blamed_on_single_frames(world: FlowWor
 
 @pytest.mark.parametrize(("percent", "count"), [(1.0, 1), (-5.0, 1), (30.0, 3), (3.0, 20)])
 def test_exposure_jumps_are_sized_and_placed(world: FlowWorld, percent: float, count: int) -> None:
-    """One frame or several, up or down: the first changed frame, and by how much, to a twentieth."""
+    """One frame or several, up or down: the first changed frame, and by how much, but for what is clipped."""
     cause, size, frame = first(judged(Exposure(), world.with_rows(path_rgb=exposed(frames_of(world), percent, count))))
     assert (cause, frame) == ("rgb:exposure_or_gamma", FRAME)
-    assert size == pytest.approx(percent, rel=0.05, abs=0.05)
+    assert size == pytest.approx(percent, rel=0.1, abs=0.02)
 
 
 def test_slow_light_is_no_jump(world: FlowWorld) -> None:

@@ -40,10 +40,10 @@ def test_errors_are_those_of_chance() -> None:
 
 
 def test_texture_of_the_nearer_surface_leans_and_cancels() -> None:
-    """Texture on one side draws outlines towards it, left and right ones apart; the mean of both stays in place."""
+    """Texture on one side draws left and right outlines apart by a tenth of a pixel; their mean stays in place."""
     found = measured(FLAT.altered(lean_dn=25.0), 0)
-    assert found.lean_px > 0.05
-    assert abs(found.shift_px) < abs(found.lean_px) + 4 * found.standard_error_px
+    assert abs(found.lean_px) > 0.05
+    assert abs(found.shift_px) < 3 * found.standard_error_px
 
 
 def test_too_few_tiles_tell_nothing() -> None:

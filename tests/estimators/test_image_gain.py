@@ -51,9 +51,7 @@ def test_what_changes_in_a_third_of_the_image_does_not_matter() -> None:
 def test_standard_error_is_that_of_repetition() -> None:
     """With noise, gains scatter from image to image as their errors say."""
     rng = np.random.default_rng(3)
-    found = [
-        brightness_gain(image(i), image(i) + rng.normal(0, 5, (90, 120))) for i in range(60)
-    ]
+    found = [brightness_gain(image(i), image(i) + rng.normal(0, 5, (90, 120))) for i in range(60)]
     gains = np.array([one.log_gain for one in found if one is not None])
     claimed = np.mean([one.standard_error for one in found if one is not None])
     assert len(gains) == 60

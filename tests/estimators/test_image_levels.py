@@ -78,7 +78,9 @@ def test_linear_sensor_tells_the_exponent(gamma: float) -> None:
     assert Levels("linear").fit(gamma=gamma, threshold=1.3).exponent.value == pytest.approx(gamma, abs=0.01)
 
 
-@pytest.mark.parametrize(("gamma", "low", "high"), [(2.2, 1.7, np.inf), (1 / 2.2, -np.inf, 0.6)], ids=["display", "inverse"])
+@pytest.mark.parametrize(
+    ("gamma", "low", "high"), [(2.2, 1.7, np.inf), (1 / 2.2, -np.inf, 0.6)], ids=["display", "inverse"]
+)
 def test_linear_sensor_sees_the_curve_of_a_display(gamma: float, low: float, high: float) -> None:
     """Far from 1 the exponent is no longer exact, and unmistakable."""
     assert low < Levels("linear").fit(gamma=gamma).exponent.value < high

@@ -36,7 +36,7 @@ def test_share_is_found(share: float, flow_px: Float32) -> None:
     found = motion_share(frame(0.0, flow_px), frame(share, flow_px), flow_px)
     assert found is not None
     assert found.share == pytest.approx(share, abs=0.05 + 0.3 * abs(share))
-    assert found.standard_error < 0.1
+    assert found.rounding_error < 0.01
 
 
 def test_exposure_is_no_motion() -> None:

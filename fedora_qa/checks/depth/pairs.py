@@ -76,7 +76,8 @@ class DepthPair:
     def lattice(self, most: int | None = FIT_PIXELS) -> Lattice:
         """Return pixels of the first frame, as dense as the effort asks for and at most so many."""
         image = self.images[0]
-        stride = lattice_stride(*image.inverse_per_m.shape, self.window.sampling.tile_share)
+        height, width = image.inverse_per_m.shape
+        stride = lattice_stride(height, width, self.window.sampling.tile_share)
         return lattice_of(image, stride, most)
 
 

@@ -58,8 +58,9 @@ class RateAgreement:
     @property
     def suspicion(self) -> float:
         """Above 1 where the segment, or a tile of it, is off."""
-        deviations = [one.suspicion for one in (self.whole, self.worst_tile) if one is not None]
-        return max([self.lost / MOST_LOST, *deviations])
+        found = [self.lost / MOST_LOST]
+        found += [deviation.suspicion for deviation in (self.whole, self.worst_tile) if deviation is not None]
+        return max(found)
 
 
 def compare(window: Window, segment: Segment) -> RateAgreement | None:
@@ -71,8 +72,8 @@ def compare(window: Window, segment: Segment) -> RateAgreement | None:
     known = slow.clear & slow.stays
     if np.count_nonzero(known | (fast.clear & fast.stays)) < FEWEST_PIXELS:
         return None
-    staying = slow.stays | fast.stays
-    lost = float(np.count_nonzero(slow.stays != fast.stays) / max(np.count_nonzero(staying), 1))
+    staying = int(np.count_nonzero(slow.stays | fast.stays))
+    lost = int(np.count_nonzero(slow.stays != fast.stays)) / max(staying, 1)
     compared = known & fast.clear & fast.stays
     if np.count_nonzero(compared) < FEWEST_PIXELS:
         return RateAgreement(segment, None, None, None, lost)

@@ -26,6 +26,12 @@ _EITHER: Final = 0.7
 _INNOCENT: Final = 0.1
 """Weight of a rate that agrees with a third."""
 
+_EXACTLY: Final = 0.0
+"""Left of the error, px, where fields are another field bit for bit: no chance does that."""
+
+_COPIES: Final = ("flow_rate_mixed", "frozen_frames")
+"""Faults that are seen bit for bit; what resembles them is then not named."""
+
 _SAME_GAIN: Final = 0.02
 _WEAK: Final = 0.02
 """Joins a finding to a cause for which there is stronger evidence elsewhere."""
@@ -81,6 +87,8 @@ def rates_suspects(pair: Pair, off: Mapping[Pair, float], weighed: Sequence[Weig
     ``off`` is the share of the common intervals of each pair that are off.
     """
     local = off[pair] <= 0.5
+    copies = {one.stream for one in weighed if one.cause in _COPIES and one.weight == 1.0}
+    weighed = [one for one in weighed if one.stream not in copies or one.cause in _COPIES]
     found: list[Suspect] = []
     for stream in pair:
         blame = _blame(stream, pair, off)
@@ -90,9 +98,12 @@ def rates_suspects(pair: Pair, off: Mapping[Pair, float], weighed: Sequence[Weig
         ]
     if all(off.values()):
         found += gross_suspects("flow", weighed, "flow", local=local)
+        mixed = {one.stream for one in weighed if one.cause == "flow_rate_mixed"}
+        found += [Suspect("flow_rate_mixed", "flow", 1.0)] if len(mixed) > 2 else []
     named = most_probable(found)
     known = {(one.cause, one.stream) for one in named}
-    others = (Suspect(cause, stream, _WEAK) for stream in ("flow", *pair) for cause in _CAUSES)
+    streams = ("flow", *pair) if all(off.values()) else pair
+    others = (Suspect(cause, stream, _WEAK) for stream in streams for cause in _CAUSES)
     return named + tuple(one for one in others if (one.cause, one.stream) not in known)
 
 
@@ -123,7 +134,9 @@ def _of_one_rate(
             left_px = median_error_px(compose(window, chain, *pixels, _divided_by(factor)), other)
             yield _Undone(stream, named.cause, left_px, named.magnitude)
         if _holds_another(window, chain):
-            yield _Undone(stream, "flow_rate_mixed", 0.0)
+            yield _Undone(stream, "flow_rate_mixed", _EXACTLY)
+        if repeated := _repeated(window, chain):
+            yield _Undone(stream, "frozen_frames", _EXACTLY, float(repeated))
 
 
 def _of_both(window: Window, segment: Segment, pixels: tuple[Float64, Float64]) -> Iterator[_Undone]:
@@ -152,15 +165,26 @@ def _factors(seconds: float, own: Composed, other: Composed) -> Iterator[float]:
 
 
 def _holds_another(window: Window, chain: Chain) -> bool:
-    """Whether the chain's first field equals, bit for bit, the field of another rate at its start or row."""
-    own = window.flow_px(chain.stream, chain.rows[0])
-    start_ns = window.facts.clocks[chain.stream].times_ns[chain.rows[0]]
+    """Whether the chain's first field equals the field of another rate at its start or row."""
+    row = chain.rows[0]
+    own, start_ns = window.flow_px(chain.stream, row), window.facts.clocks[chain.stream].times_ns[row]
     for stream in window.facts.flow_streams:
         starts_ns = window.facts.clocks[stream].times_ns
         if stream == chain.stream or not len(starts_ns):
             continue
         latest = max(int(np.searchsorted(starts_ns, start_ns, "right")) - 1, 0)
-        for row in {latest, min(chain.rows[0], len(starts_ns) - 1)}:
-            if np.array_equal(own, window.flow_px(stream, row), equal_nan=True) and np.any(np.nan_to_num(own)):
-                return True
+        others = (window.flow_px(stream, other) for other in {latest, min(row, len(starts_ns) - 1)})
+        if any(_same(own, other) for other in others):
+            return True
     return False
+
+
+def _repeated(window: Window, chain: Chain) -> int:
+    """Count the chain's fields that equal the field before them."""
+    rows = [row for row in chain.rows if row > 0]
+    return sum(_same(window.flow_px(chain.stream, row), window.flow_px(chain.stream, row - 1)) for row in rows)
+
+
+def _same(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+    """Whether two fields are equal bit for bit, without being empty or zero throughout."""
+    return np.array_equal(one, other, equal_nan=True) and bool(np.any(np.nan_to_num(one)))

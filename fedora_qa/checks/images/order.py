@@ -18,7 +18,7 @@ from fedora_qa.sequence.window import Window
 Float64 = NDArray[np.float64]
 
 LARGEST_ERROR: Final = 0.1
-"""A pair of frames counts where its share is known to this: a fifth of what is allowed for."""
+"""A pair of frames counts where rounding lets its share be known to this: a fifth of what is allowed for."""
 
 LEAST_SHARE: Final = 0.5
 """Below, frames do not follow the flow in most intervals, and none of them can be told from the rest."""
@@ -40,6 +40,7 @@ class Share:
     after: int
     share: float
     standard_error: float
+    rounding_error: float
 
 
 class Order(WindowCheck[tuple[Share, ...]]):
@@ -73,13 +74,13 @@ class Order(WindowCheck[tuple[Share, ...]]):
             blank = min(np.ptp(before), np.ptp(after)) == 0  # for images.exposure
             found = None if blank else motion_share(before, after, pair.flow_px)
             if found is not None:
-                shares.append(Share(pair.before, pair.after, found.share, found.standard_error))
+                shares.append(Share(pair.before, pair.after, found.share, found.standard_error, found.rounding_error))
         return tuple(shares)
 
     def conclude(self, state: Sequence[tuple[Share, ...]], facts: Facts) -> Observation:
         """Find the pair that is farthest from all others."""
         every = [one for shares in state for one in shares]
-        clear = [one for one in every if one.standard_error < LARGEST_ERROR]
+        clear = [one for one in every if one.rounding_error < LARGEST_ERROR]
         coverage = Coverage(len(clear), max(facts.sizes.get("path/rgb", 0) - 1, 0), "frame intervals")
         if len(clear) < FEWEST_PAIRS:
             return Observation(coverage, unobservable="too few frames lie at the ends of the flow, or too little moves")

@@ -23,9 +23,6 @@ class MeshDetail:
     colour_factor, event_factor
         Fragments along each side of a pixel of the colour and of the event camera. An event pixel is 2.25 colour
         pixels wide, so that about twice as many give both the same texture.
-    probes
-        Samples of a texture along the longer side of a fragment, which sees most surfaces from the side. They stand for
-        the driver's anisotropic filter: Mesa 22.3's takes minutes an image.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
@@ -33,11 +30,10 @@ class MeshDetail:
     precision: Precision = "float"
     colour_factor: int = 2
     event_factor: int = 4
-    probes: int = 4
 
     def __post_init__(self) -> None:
         if self.precision not in ("float", "8bit"):
             raise ValueError(f"Expected precision to be 'float' or '8bit', got {self.precision!r}")
-        for name in ("colour_factor", "event_factor", "probes"):
+        for name in ("colour_factor", "event_factor"):
             if not 1 <= getattr(self, name) <= 16:
                 raise ValueError(f"Expected {name} from 1 to 16, got {getattr(self, name)}")

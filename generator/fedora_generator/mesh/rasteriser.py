@@ -42,7 +42,7 @@ class Rasteriser:
         self._spheres = BoundingSpheres.of(model.meshes)
         self._meshes = [upload(mesh) for mesh in model.meshes]
         lamps = [lamp for lamp in model.lamps if lamp.strength * light.lamp_scale > 0]
-        constants = {"LAMPS": max(len(lamps), 1), "LAMP_COUNT": len(lamps), "PROBES": detail.probes}
+        constants = {"LAMPS": max(len(lamps), 1), "LAMP_COUNT": len(lamps)}
         self._surface = Program("surface.vert", "surface.frag", constants)
         self._sky = Program("sky.vert", "sky.frag")
         self._average = Program("average.vert", "average.frag", {"SAMPLES": SAMPLES})

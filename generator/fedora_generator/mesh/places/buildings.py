@@ -58,7 +58,7 @@ def window(width_m: float, height_m: float, pane: str) -> Group:
     ]
     cross = [
         box((0.06, 0.08, height_m - 2 * rim), (0, 0, 0.5 * height_m)),
-        box((width_m - 2 * rim, 0.072, 0.06), (0, 0, 0.64 * height_m)),
+        box((width_m - 2 * rim, 0.06, 0.06), (0, 0, 0.64 * height_m)),
     ]
     sill = standing_box((width_m + 0.16, 0.34, 0.08), z_m=-0.08)
     glass = box((width_m - 1.5 * rim, 0.03, height_m - 1.5 * rim), (0, 0, 0.5 * height_m))

@@ -18,7 +18,7 @@ def bench() -> Group:
     back = [standing_box((1.8, 0.04, 0.11), y_m=0.22 + 0.03 * i, z_m=0.52 + 0.14 * i) for i in range(3)]
     legs = [standing_box((0.07, 0.07, 0.47), x_m=x, y_m=y, z_m=-0.05) for x in (-0.7, 0.7) for y in (-0.2, 0.14)]
     posts = [standing_box((0.06, 0.06, 0.56), x_m=x, y_m=0.325, z_m=0.38) for x in (-0.7, 0.7)]
-    rests = [standing_box((0.07, 0.62, 0.05), x_m=x, y_m=0.05, z_m=0.365) for x in (-0.7, 0.7)]
+    rests = [standing_box((0.085, 0.62, 0.05), x_m=x, y_m=0.05, z_m=0.365) for x in (-0.7, 0.7)]
     return (
         painted("wood", *seat, *back)
         + painted("metal", *legs, *posts, *rests)
@@ -63,7 +63,7 @@ def picket_fence(length_m: float) -> Group:
     xs = (np.arange(count) + 0.5) * length_m / count - 0.5 * length_m
     pickets = [standing_box((0.13, 0.03, 0.92), x_m=x, y_m=-0.04, z_m=0.08) for x in xs.tolist()]
     rails = [standing_box((length_m, 0.05, 0.09), z_m=z) for z in (0.28, 0.72)]
-    ends = np.linspace(-0.5 * length_m + 0.06, 0.5 * length_m - 0.06, max(2, round(length_m / 2.6) + 1))
+    ends = np.linspace(-0.5 * length_m + 0.1, 0.5 * length_m - 0.1, max(2, round(length_m / 2.6) + 1))
     posts = [standing_box((0.12, 0.12, 1.15), x_m=x, y_m=0.07, z_m=-0.05) for x in ends.tolist()]
     return painted("white paint", *pickets, *rails, *posts) + solid("fence", (length_m, 0.3, 1.1), (0, 0, 0.55))
 

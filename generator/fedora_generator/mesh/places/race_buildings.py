@@ -24,7 +24,7 @@ def grandstand(length_m: float, rows: int = 9) -> Group:
             colour = colours[(block + (row > 4)) % 3]
             floor = first + rise * row
             seats[colour].append(box((0.5, 0.46, 0.08), (x, (row + 0.52) * deep, floor + 0.3)))
-            seats[colour].append(box((0.5, 0.07, 0.5), (x, (row + 0.78) * deep, floor + 0.52)))
+            seats[colour].append(box((0.48, 0.07, 0.5), (x, (row + 0.78) * deep, floor + 0.52)))
     back_y, top = rows * deep, first + rise * rows + 3.2
     back = standing_box((length_m, 0.3, top), y_m=back_y + 0.15)
     columns = [standing_box((0.3, 0.3, top), x, back_y - 0.4, 0) for x in np.linspace(-0.46, 0.46, 6) * length_m]

@@ -39,7 +39,7 @@ def broadleaf(
     trunk = tube(trunk_m, foot_m * np.array([1.5, 1.05, 0.85, 0.7, 0.45]), sides=10)
     centers_m = trunk_m[-1] + _crown_points(rng, clusters) * crown_radius_m * (0.62, 0.62, 0.5)
     branches = [_branch(trunk_m, center_m, foot_m) for center_m in centers_m[1:]]
-    balls = [boulder(_ball_radii(rng, crown_radius_m), rng, 0.34, cells=7) for _ in centers_m]
+    balls = [boulder(_ball_radii(rng, crown_radius_m), rng, 0.34) for _ in centers_m]
     crown = [_shifted(ball, center_m) for ball, center_m in zip(balls, centers_m, strict=True)]
     return (
         painted("bark", trunk, *branches)

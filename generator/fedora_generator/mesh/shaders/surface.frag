@@ -13,19 +13,23 @@ uniform float gamma;          // 1 keeps linear light
 
 out vec4 radiance;
 
-// Mean of the texture over the fragment: PROBES along the longer side of its footprint, each as wide as the shorter
-// side, or as its share of the longer. Their number is fixed: one that followed the footprint would make steps in time.
+// Four probes spread over the fragment so that along each side they are a quarter apart, like rooks on a board.
+const int PROBES = 4;
+const vec2 ROOKS[PROBES] =
+    vec2[](vec2(-0.375, -0.125), vec2(-0.125, 0.375), vec2(0.125, -0.375), vec2(0.375, 0.125));
+
+// Mean of the texture over the fragment's footprint. Each probe is as wide as its share: of the area where the surface
+// is seen from the front, of the longer side where it is seen from the side. Number and places follow nothing, so that
+// smooth motion never makes a step.
 vec3 mean_reflectance() {
     vec2 size = vec2(textureSize(reflectance, 0));
     vec2 across = dFdx(uv), down = dFdy(uv);
-    float across_texels = length(across * size), down_texels = length(down * size);
-    bool is_wide = across_texels > down_texels;
-    vec2 longer = is_wide ? across : down;
-    float longest = max(across_texels, down_texels), shortest = min(across_texels, down_texels);
-    float level = log2(max(max(shortest, longest / float(PROBES)), 1e-6));
+    float area = abs(determinant(mat2(across * size, down * size)));
+    float longest = max(length(across * size), length(down * size));
+    float level = log2(max(max(sqrt(area / float(PROBES)), longest / float(PROBES)), 1e-6));
     vec3 total = vec3(0.0);
     for (int i = 0; i < PROBES; ++i) {
-        total += textureLod(reflectance, uv + longer * ((float(i) + 0.5) / float(PROBES) - 0.5), level).rgb;
+        total += textureLod(reflectance, uv + ROOKS[i].x * across + ROOKS[i].y * down, level).rgb;
     }
     return total / float(PROBES);
 }

@@ -38,7 +38,6 @@ DETAILS: Final = {
     "float, factor 2": MeshDetail(event_factor=2),
     "float, factor 4": MeshDetail(event_factor=4),
     "float, factor 8": MeshDetail(event_factor=8),
-    "float, factor 4, 1 probe": MeshDetail(event_factor=4, probes=1),
 }
 
 

@@ -1,0 +1,98 @@
+"""Events against colour, whatever polarity, thresholds and model: shifts are found, and the odd camera is told."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fedora_qa.checks.alignment.odd_one_out import PairShift, shift_suspects
+from fedora_qa.record.types import Result
+from fedora_qa.sequence.declared import Camera
+from tests.checks.event_file import SHAPE, EventFile, linear_file, log_file
+from tests.estimators.event_world import camera_matrix
+from tests.support.checked import rules, run_check
+
+CHECK = "alignment.events"
+CAMERAS = {
+    name: Camera(width, 3 * width // 4, camera_matrix(width, 3 * width // 4), np.eye(4))
+    for name, width in (("depth", 1440), ("rgb", 1440), ("events", 640))
+}
+RATIO = 640 / 1440
+
+
+def shifted(file: EventFile, right_px: int) -> EventFile:
+    """The file with events farther to the right; those that leave the sensor are lost."""
+    events = file.events
+    kept = events.keep((events.x.astype(int) + right_px >= 0) & (events.x.astype(int) + right_px < SHAPE[1]))
+    return file.altered(events=replace(kept, x=(kept.x.astype(int) + right_px).astype(np.uint16)))
+
+
+def value_of(result: Result, name: str) -> float:
+    return next(m.value for m in result.measurements if m.name == name and m.value is not None)
+
+
+@pytest.mark.parametrize("file", [log_file, linear_file], ids=["log", "linear"])
+def test_clean_file_passes(file: object, tmp_path: Path) -> None:
+    """Both sensor models are in place to a fraction of a pixel."""
+    result = run_check(file().write(tmp_path / "clean.h5"), CHECK)  # type: ignore[operator]
+    assert result.outcome == "passed"
+    assert abs(value_of(result, "shift_right")) < 0.3
+    assert abs(value_of(result, "shift_down")) < 0.3
+
+
+def test_polarity_and_thresholds_do_not_matter(tmp_path: Path) -> None:
+    """Inverted polarity and wrongly declared thresholds change no digit."""
+    file = log_file()
+    inverted = file.altered(events=replace(file.events, p=1 - file.events.p)).declaring(threshold_on=0.7)
+    results = [run_check(one.write(tmp_path / f"{i}.h5"), CHECK) for i, one in enumerate((file, inverted))]
+    assert results[0].measurements == results[1].measurements
+
+
+@pytest.mark.parametrize("right_px", [1, -3])
+def test_shift_is_found_and_sized(right_px: int, tmp_path: Path) -> None:
+    """A whole pixel, and three to the left."""
+    clean = value_of(run_check(log_file().write(tmp_path / "clean.h5"), CHECK), "shift_right")
+    result = run_check(shifted(log_file(), right_px).write(tmp_path / "shifted.h5"), CHECK)
+    assert "shift" in rules(result)
+    assert value_of(result, "shift_right") - clean == pytest.approx(right_px, abs=0.15)
+
+
+def test_what_cannot_be_told_is_said(tmp_path: Path) -> None:
+    """A colour camera elsewhere is not applicable; events of no scene are not observable."""
+    elsewhere = run_check(log_file().altered(rgb_moved_m=0.1).write(tmp_path / "elsewhere.h5"), CHECK)
+    assert (elsewhere.outcome, elsewhere.reason) == (
+        "not_applicable", "the cameras events and rgb do not share one centre",
+    )  # fmt: skip
+    rng, events = np.random.default_rng(2), log_file().events
+    x, y = (rng.integers(0, size, len(events)).astype(np.uint16) for size in (SHAPE[1], SHAPE[0]))
+    chance = log_file().altered(events=replace(events, x=x, y=y))
+    assert run_check(chance.write(tmp_path / "chance.h5"), CHECK).outcome == "not_observable"
+
+
+def pair(first: str, second: str, right_px: float) -> PairShift:
+    return PairShift(first, second, np.array([right_px, 0.0]), np.array([0.05, 0.05]))
+
+
+@pytest.mark.parametrize(
+    ("odd", "size_px", "shifts"),
+    [
+        ("rgb", 3.0, (3.0, -3.0 * RATIO, 0.0)),
+        ("depth", 3.0, (-3.0, 0.0, -3.0 * RATIO)),
+        ("events", 2.0, (0.0, 2.0, 2.0)),
+    ],
+)
+def test_odd_camera_is_told(odd: str, size_px: float, shifts: tuple[float, float, float]) -> None:
+    """Of three cameras the one whose shift explains all pairs comes first, with its size in its own pixels."""
+    pairs = [pair("depth", "rgb", shifts[0]), pair("rgb", "events", shifts[1]), pair("depth", "events", shifts[2])]
+    first = shift_suspects(pairs, CAMERAS)[0]
+    assert (first.cause, first.stream) == ("spatial_offset", odd)
+    assert first.magnitude == pytest.approx(size_px)
+
+
+def test_centres_of_all_cameras_are_sized() -> None:
+    """Principal points declared 2 px too far right in all cameras move events back by 2 px (1 - ratio) against both."""
+    moved_px = -2.0 * (1 - RATIO)
+    pairs = [pair("depth", "rgb", 0.0), pair("rgb", "events", moved_px), pair("depth", "events", moved_px)]
+    (centre,) = (s for s in shift_suspects(pairs, CAMERAS) if s.cause == "intrinsics_centre")
+    assert centre.magnitude == pytest.approx(2.0)
