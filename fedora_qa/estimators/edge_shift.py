@@ -2,8 +2,8 @@
 
 The surfaces on both sides of an outline have texture of their own, which moves the peak of its profile along the line
 from the farther to the nearer side, one way or the other. That moves left and right outlines of things in opposite
-directions, so the shift is the mean of both sides, and half their difference says how far textures lean. Where they lean
-alike, by l1 on one side and l2 on the other, both towards the nearer or both away from it, the mean errs by
+directions, so the shift is the mean of both sides, and half their difference says how far textures lean. Where they
+lean alike, by l1 on one side and l2 on the other, both towards the nearer or both away from it, the mean errs by
 |l1 - l2| / 2, at most |l1 + l2| / 2: the measured lean bounds what is left.
 """
 

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import R_BODY_OPTICAL
-from tests.checks.event_file import DURATION_MS, FRAME_SHAPE, LOG_WORLD, log_file
-from tests.estimators.event_world import camera_matrix
+from tests.checks.event_file import DURATION_MS, FRAME_SHAPE, LOG_WORLD, SHAPE, log_file
+from tests.estimators.event_world import MS, Stream, camera_matrix
 from tests.support.checked import diagnoses_of, rules, run_check
 
 CHECK = "flow_events.sharpness"
@@ -18,9 +18,19 @@ PERIOD_US = 40_000
 SCALE = FRAME_SHAPE[1] / 56
 
 
+def drifting_dots() -> Stream:
+    """Dots that drift with the world's velocity, each of which fires at random times in the pixel where it then is."""
+    rng = np.random.default_rng(4)
+    times_ns = np.sort(rng.integers(1, DURATION_MS * MS, 40_000))
+    dot, starts = rng.integers(0, 30, times_ns.size), rng.uniform((0, 0), SHAPE[::-1], (30, 2))
+    at = starts[dot] + np.multiply.outer(times_ns * 1e-9, LOG_WORLD.velocity_px_s)
+    x, y = (np.rint(at[:, i]).astype(int) % SHAPE[1 - i] for i in (0, 1))
+    return Stream(x.astype(np.uint16), y.astype(np.uint16), times_ns, rng.integers(0, 2, x.size).astype(np.uint8))
+
+
 def write(path: Path, change: Callable[[NDArray[np.float64]], NDArray[np.float64]] = lambda flow: flow) -> Path:
-    """Events of drifting waves, and the flow of their drift at 25 Hz on the depth grid, altered."""
-    log_file().write(path)
+    """Events of drifting dots, and the flow of their drift at 25 Hz on the depth grid, altered."""
+    log_file().altered(events=drifting_dots()).write(path)
     starts = np.arange(0, 1000 * DURATION_MS - PERIOD_US + 1, PERIOD_US)
     flow_px = SCALE * np.array(LOG_WORLD.velocity_px_s) * PERIOD_US * 1e-6
     fields = np.broadcast_to(change(flow_px), (len(starts), *FRAME_SHAPE, 2))
@@ -78,12 +88,12 @@ def test_time_is_never_blamed(tmp_path: Path) -> None:
     """Events that are 20 ms late are as sharp as before."""
     path = write(tmp_path / "late.h5")
     with h5py.File(path, "r+") as file:
-        file["path/events/t"][:] = file["path/events/t"][:] + 20_000
+        file["path/events/t"][:] = file["path/events/t"][:] + 20_000  # us
     assert run_check(path, CHECK).outcome == "passed"
 
 
 def test_slow_scenes_are_not_judged(tmp_path: Path) -> None:
-    """Where nothing moves by a pixel, nor would under any candidate, the sign of the flow cannot be told."""
+    """Where nothing moves by a pixel under any candidate, nothing can be told."""
     path = write(tmp_path / "slow.h5", lambda flow: 0.0 * flow)
     assert run_check(path, CHECK).outcome == "not_observable"
 

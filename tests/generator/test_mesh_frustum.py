@@ -9,9 +9,7 @@ from fedora_generator.mesh.frustum import BoundingSpheres
 from tests.generator.mesh_cases import LOOKING_EAST, camera, grey, wall
 
 
-@given(
-    st.floats(-0.49, 36 - 0.51), st.floats(-0.49, 27 - 0.51), st.floats(0.05, 500.0), st.integers(0, 2**32 - 1)
-)
+@given(st.floats(-0.49, 36 - 0.51), st.floats(-0.49, 27 - 0.51), st.floats(0.05, 500.0), st.integers(0, 2**32 - 1))
 def test_a_sphere_with_a_visible_point_is_never_left_out(column: float, row: float, z_m: float, seed: int) -> None:
     """Whatever point of the image a sphere reaches, from whatever pose, it may be seen."""
     rng, lens = np.random.default_rng(seed), camera()

@@ -69,7 +69,9 @@ def test_emission_is_added_everywhere() -> None:
     """A window that shines by itself needs no light."""
     world = MeshWorld.of(model(wall(grey(0.5), emission_rgb=(0.1, 0.2, 0.3))), AMBIENT)
     np.testing.assert_allclose(
-        world.rgb_dn(camera(), LOOKING_EAST), np.broadcast_to(WHITE_DN * np.array([0.6, 0.7, 0.8]), (27, 36, 3)), rtol=1e-5
+        world.rgb_dn(camera(), LOOKING_EAST),
+        np.broadcast_to(WHITE_DN * np.array([0.6, 0.7, 0.8]), (27, 36, 3)),
+        rtol=1e-5,
     )
 
 
@@ -127,7 +129,7 @@ def test_texture_rows_go_along_v_and_repeat_or_go_on() -> None:
     image = MeshWorld.of(model(base), AMBIENT).rgb_dn(lens, LOOKING_EAST)[..., 0] / WHITE_DN
     # The outermost quarter of a pixel sees across the border, as the texture repeats: its filter is that wide.
     np.testing.assert_allclose(image[::3, ::3], [[0.1, 0.3], [0.5, 0.7]], atol=0.03)
-    shifted = replace(base, uv=base.uv + [1.0, 0.0])
+    shifted = replace(base, uv=base.uv + np.array([1.0, 0.0]))
     again = MeshWorld.of(model(shifted), AMBIENT).rgb_dn(lens, LOOKING_EAST)[..., 0] / WHITE_DN
     np.testing.assert_allclose(again, image, atol=1e-3)
     going_on = MeshWorld.of(model(replace(shifted, repeats=False)), AMBIENT).rgb_dn(lens, LOOKING_EAST)[..., 0]
@@ -140,7 +142,9 @@ def test_a_fine_texture_far_away_has_its_mean() -> None:
     texture = wall(texels, x_m=50.0, half_m=100.0)
     world = MeshWorld.of(model(replace(texture, uv=40 * texture.uv)), AMBIENT)
     np.testing.assert_allclose(
-        world.rgb_dn(camera(), LOOKING_EAST), np.broadcast_to(WHITE_DN * texels.mean(axis=(0, 1)), (27, 36, 3)), rtol=0.02
+        world.rgb_dn(camera(), LOOKING_EAST),
+        np.broadcast_to(WHITE_DN * texels.mean(axis=(0, 1)), (27, 36, 3)),
+        rtol=0.02,
     )
 
 
@@ -156,9 +160,9 @@ def test_eight_bits_round_and_floats_do_not() -> None:
     """8 bits leave values that are gamma-decoded whole numbers; floats keep what the texel has."""
     values = {
         precision: float(
-            MeshWorld.of(
-                model(wall(grey(0.4321))), AMBIENT, MeshDetail(precision=precision, event_factor=1)
-            ).luma_dn(camera(), LOOKING_EAST)[13, 18]
+            MeshWorld.of(model(wall(grey(0.4321))), AMBIENT, MeshDetail(precision=precision, event_factor=1)).luma_dn(
+                camera(), LOOKING_EAST
+            )[13, 18]
         )
         for precision in ("float", "8bit")
     }

@@ -18,6 +18,10 @@ CHANNELS: Final = ("RB", "GR", "GB")
 """What the contrasts of ``image_levels`` are where channels are in order."""
 
 
+SURELY: Final = 7.0
+"""Standard errors at which a deviation would surely be seen; judgement draws its own line."""
+
+
 class Channels(ColourCheck):
     """Are the channels of the frames R, G and B, in this order?
 
@@ -40,6 +44,16 @@ class Channels(ColourCheck):
         order = nearest_order(found.fit)
         return tuple(self._one(i, contrast, found.fit, order) for i, contrast in enumerate(found.fit.contrasts))
 
+    def why_blind(self, found: ColourAnswer) -> str:
+        """Red and blue are the nearest weights: where their exchange cannot be seen, the order is not known."""
+        contrast, exchanged = found.fit.contrasts[0], 2 * float(CONTRASTS[0] @ LUMA_WEIGHTS_RGB)
+        least = contrast.bound + SURELY * contrast.standard_error
+        if least <= exchanged:
+            return ""
+        return (
+            f"too little colour: red and blue exchanged change R - B by {exchanged:.2f}, and {least:.2f} would be seen"
+        )
+
     def _one(self, number: int, contrast: Estimate, fit: ColourFit, order: str) -> Measured:
         expected = float(CONTRASTS[number] @ LUMA_WEIGHTS_RGB)
         error = hypot(contrast.standard_error, contrast.bound)
@@ -52,11 +66,11 @@ class Channels(ColourCheck):
             expected=expected,
             allowance=contrast.bound,
             matters=2 * expected,
-            statement=f"In what events see the channels weigh {weights}, so that {' - '.join(CHANNELS[number])} would be "
-            f"{contrast.value:.2f} +/- {error:.2g}, and {expected:.2f} is due. They are best read as {order}.",
+            statement=f"In what events see the channels weigh {weights}, so that {' - '.join(CHANNELS[number])} would "
+            f"be {contrast.value:.2f} +/- {error:.2g}, and {expected:.2f} is due. They are best read as {order}.",
             code="images.channels.order",
             where=Where(stream="rgb"),
-            suspects=(Suspect("channel_order", "rgb", 0.3 if order == "RGB" else 0.95), *_WHATEVER_SPOILS_LEVELS),
+            suspects=(Suspect("channel_order", "rgb", 0.1 if order == "RGB" else 0.95), *_WHATEVER_SPOILS_LEVELS),
         )
 
 
@@ -75,7 +89,8 @@ def nearest_order(fit: ColourFit) -> str:
 _WHATEVER_SPOILS_LEVELS: Final = (
     *(Suspect(cause, "events", 0.2) for cause in ("spatial_offset", "time_offset", "threshold_misdeclared",
                                                   "event_model_misdeclared", "other_sequence", "mirrored")),
-    *(Suspect(cause, "rgb", 0.2) for cause in ("spatial_offset", "time_offset", "exposure_or_gamma", "other_sequence",
+    Suspect("exposure_or_gamma", "rgb", 0.4),
+    *(Suspect(cause, "rgb", 0.2) for cause in ("spatial_offset", "time_offset", "other_sequence",
                                                "mirrored", "swapped_frames", "frozen_frames")),
 )  # fmt: skip
 """Faults that other checks name better."""

@@ -176,7 +176,12 @@ class ColourCheck(WindowCheck[ColourSums]):
         found = _answer(state, facts)
         if isinstance(found, str) or facts.declared.events is None:
             return Observation(coverage, unobservable=str(found))
-        return Observation(coverage, self.state(found, facts.declared.events))
+        measured = self.state(found, facts.declared.events)
+        return Observation(coverage, measured, unobservable=self.why_blind(found))
+
+    def why_blind(self, found: ColourAnswer) -> str:
+        """Say why the file could not show the least fault, beyond what each measurement says of itself."""
+        return ""
 
     def state(self, found: ColourAnswer, declared: EventModel) -> tuple[Measured, ...]:
         """Turn the fit into measurements."""
