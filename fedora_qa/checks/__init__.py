@@ -7,7 +7,8 @@ from fedora_qa.checks.alignment import events as alignment_events
 from fedora_qa.checks.clocks import index_maps, rates, stamps
 from fedora_qa.checks.depth import consistency, projection, scale
 from fedora_qa.checks.depth import range as depth_range
-from fedora_qa.checks.events import alignment, conservation, frames, orientation, response, rows, silence, timing
+from fedora_qa.checks.events import alignment as event_alignment
+from fedora_qa.checks.events import conservation, frames, orientation, response, rows, silence, timing
 from fedora_qa.checks.events import rates as event_rates
 from fedora_qa.checks.flow import events as flow_events
 from fedora_qa.checks.flow import geometry, photometric, validity
@@ -42,7 +43,7 @@ CHECKS: Final[tuple[Check[Any], ...]] = (
     response.Model(),
     response.Threshold(),
     timing.Timing(),
-    alignment.Alignment(),
+    event_alignment.Alignment(),
     frames.Frames(),
     conservation.Conservation(),
     alignment_depth.Depth(),

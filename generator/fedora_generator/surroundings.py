@@ -19,7 +19,7 @@ from fedora_generator.scene import Scene
 from fedora_generator.surfaces.world import World
 
 MESH_DETAIL: Final[dict[Quality, MeshDetail]] = {
-    "draft": MeshDetail(colour_factor=2, event_factor=4),
+    "draft": MeshDetail(colour_factor=1, event_factor=2),
     "standard": MeshDetail(colour_factor=2, event_factor=4),
     "reference": MeshDetail(colour_factor=4, event_factor=8),
 }

@@ -98,11 +98,9 @@ def test_slow_scenes_are_not_judged(tmp_path: Path) -> None:
     assert run_check(path, CHECK).outcome == "not_observable"
 
 
-def test_few_events_and_other_cameras_are_said(tmp_path: Path) -> None:
-    """Fields with hardly any events are left out; a fisheye is not applicable; missing flow values break nothing."""
-    path = write(tmp_path / "file.h5")
-    with h5py.File(path, "r+") as file:
-        file["path/flow/25hz"][...] = np.nan
+def test_empty_flow_and_other_cameras_are_said(tmp_path: Path) -> None:
+    """Without values of flow no event is carried, and that is said; a fisheye is not applicable."""
+    path = write(tmp_path / "file.h5", lambda flow: np.nan * flow)
     assert run_check(path, CHECK).outcome == "not_observable"
     with h5py.File(path, "r+") as file:
         file["metadata/cameras/depth"].attrs["camera_model"] = "fisheye"

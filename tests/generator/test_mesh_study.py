@@ -12,6 +12,7 @@ from fedora_generator.mesh.model import MeshModel
 from fedora_generator.mesh.study.agreement import depth_disagreement, edges, radiance_disagreement
 from fedora_generator.mesh.study.event_timing import compare, record
 from fedora_generator.mesh.study.interpolation import FlowInterpolation
+from fedora_generator.mesh.study.stock import stock_inverse_depth_per_m
 from fedora_generator.mesh.study.workbench import DAY, FLIGHT, WORKBENCH, path_world_m
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.render import ExactWorld
@@ -27,7 +28,7 @@ def exact() -> ExactWorld:
 
 @pytest.fixture(scope="module")
 def model() -> MeshModel:
-    return model_of_world(WORKBENCH, path_world_m(), texel_rad=6e-3)
+    return model_of_world(WORKBENCH, path_world_m(), texel_rad=3e-3)
 
 
 def batch(*rows: tuple[int, int, int, int]) -> EventBatch:
@@ -80,11 +81,6 @@ def test_depth_and_flow_of_both_worlds_agree_to_float32(exact: ExactWorld, model
 @pytest.mark.usefixtures("opengl")
 def test_the_depth_of_pyrender_is_that_of_another_place_of_the_pixel(exact: ExactWorld, model: MeshModel) -> None:
     """Its first sample lies beside the centre, which on the ground is worth a thousand times float32."""
-    from fedora_generator.mesh.context import open_context  # noqa: PLC0415
-
-    open_context()
-    from fedora_generator.mesh.study.stock import stock_inverse_depth_per_m  # noqa: PLC0415
-
     camera = colour_camera(SIZE)
     T = camera.pose_at(Flight(FLIGHT), POSE_US)
     exact_per_m = exact.inverse_depth_per_m(camera, T)

@@ -72,15 +72,13 @@ def test_rough_solids_stay_closed(roughness: float) -> None:
 
 
 def test_normals_of_a_boulder_are_its_own() -> None:
-    """The closed form agrees with the oracle's normals on a fine mesh."""
-    surface = boulder((1.0, 1.4, 0.8), np.random.default_rng(3), 0.3, cells=40)
-    mesh = solid_of(surface)
+    """The closed form agrees with the triangles of a fine mesh."""
+    surface = boulder((1.0, 1.4, 0.8), np.random.default_rng(3), 0.3, cells=100)
     corners = surface.vertices_m[surface.triangles]
     centers = surface.normals[surface.triangles].mean(axis=1)
     wound = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     cosines = np.einsum("ni,ni->n", wound, centers) / np.linalg.norm(wound, axis=1) / np.linalg.norm(centers, axis=1)
-    assert mesh.volume > 0
-    assert np.quantile(cosines, 0.01) > math.cos(math.radians(3))
+    assert np.quantile(cosines, 0.01) > math.cos(math.radians(2.5))
 
 
 def test_winding_agrees_with_normals() -> None:

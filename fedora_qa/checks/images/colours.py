@@ -195,7 +195,7 @@ def _answer(state: Sequence[ColourSums], facts: Facts) -> ColourAnswer | str:
     if not by_curve or len(by_curve[0]) < FEWEST_BLOCKS or declared is None:
         return _TOO_FEW
     linear = declared.model == "linear"
-    fits = [fit_colours(blocks, with_exponent=linear) for blocks in by_curve]
+    fits = [fit_colours(blocks, with_exponent=False) for blocks in by_curve]
     best = int(np.argmin([fit.variance for fit in fits]))
     if not fits[best].unexplained < UNRELATED:
         return (

@@ -19,7 +19,7 @@ class MeshDetail:
     ----------
     precision
         ``float``: radiance in float32 from the shader to the file. ``8bit``: encoded with a gamma of 1/2.2 and rounded
-        to 8 bits, as pyrender's own framebuffer has it, then decoded: steps of 0.9 DN at 128 DN and 0.3 DN at 10 DN.
+        to 8 bits, as pyrender's own framebuffer has it, then decoded: steps of 1.5 DN at 128 DN and 0.4 DN at 10 DN.
     colour_factor, event_factor
         Fragments along each side of a pixel of the colour and of the event camera. An event pixel is 2.25 colour
         pixels wide, so that about twice as many give both the same texture.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fedora_generator.mesh.places.group import Group, painted, together
-from fedora_generator.mesh.places.paint import Image, Rgb, Shape, colour, flakes, flat, fractal, speckled
+from fedora_generator.mesh.places.paint import Image, Shape, colour, flakes, flat, fractal, speckled
 from fedora_generator.mesh.places.shapes import height_field, plate
 
 Floats32 = NDArray[np.float32]
@@ -114,6 +114,11 @@ def hills(rng: np.random.Generator, material: str, radius_m: Span, height_m: flo
     return painted(material, height_field(points, uv))
 
 
-def tint(picture: Image, rgb: Rgb, cover: Floats32) -> None:
-    """Lay a colour over a picture in place."""
-    picture += cover[..., None] * (colour(rgb) - picture)
+def lay(picture: Image, paint: ArrayLike, cover: Floats32) -> None:
+    """Lay a colour or a picture over another in place, ``cover`` (h, w) of 0 to 1 saying how much."""
+    rows, columns = (np.flatnonzero(cover.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return
+    window = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+    above = colour(paint)
+    picture[window] += cover[window][..., None] * ((above if above.ndim == 1 else above[window]) - picture[window])

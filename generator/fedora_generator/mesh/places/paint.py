@@ -1,5 +1,6 @@
 """Pictures painted by rule: every one continues across its opposite edges. Linear reflectance, float32, (h, w, 3)."""
 
+import itertools
 from collections.abc import Sequence
 
 import cv2
@@ -36,7 +37,7 @@ def fractal(
     right = np.fft.rfftfreq(shape[1])[None, :] * stretch[1]
     frequency = np.hypot(down, right)
     band = (frequency >= 1 / longest_px) & (frequency <= 1 / shortest_px)
-    amplitude = np.where(band, np.maximum(frequency, 1 / longest_px), np.inf) ** -slope
+    amplitude = np.where(band, np.maximum(frequency, 1 / longest_px) ** -slope, 0.0)
     noise = np.fft.irfft2(np.fft.rfft2(rng.standard_normal(shape)) * amplitude, s=shape)
     return np.asarray((noise - noise.mean()) / noise.std(), dtype=np.float32)
 
@@ -82,9 +83,9 @@ def flakes(
     outline = np.array([[-1, 0], [-0.35, -0.8], [0.35, -0.8], [1, 0], [0.35, 0.8], [-0.35, 0.8]])
     scaled = outline[None] * sizes[:, None]
     polygons = centers[:, None] + scaled[..., :1] * along[:, None] + scaled[..., 1:] * across[:, None]
-    for polygon, level in zip(polygons, palette.tolist(), strict=True):
-        for shifted in _wrapped(polygon, width, height):
-            cv2.fillConvexPoly(canvas, np.rint(shifted).astype(np.int32), level)
+    wrapped, flake = _wrapped(polygons, width, height)
+    for polygon, level in zip(np.rint(wrapped).astype(np.int32), palette[flake].tolist(), strict=True):
+        cv2.fillConvexPoly(canvas, polygon, level)
     small = cv2.resize(canvas, (below.shape[1], below.shape[0]), interpolation=cv2.INTER_AREA)
     return np.asarray(small, dtype=np.float32) / np.float32(255)
 
@@ -112,25 +113,39 @@ def courses(
 def lettering(below: Image, text: str, rgb: Rgb, *, height_share: float = 0.6) -> Image:
     """Write a word across the middle of a picture, as large as it fits."""
     height, width = below.shape[:2]
-    face, weight = cv2.FONT_HERSHEY_DUPLEX, max(2, height // 16)
-    (text_width, text_height), _ = cv2.getTextSize(text, face, 1.0, 1)
-    scale = min(height_share * height / text_height, 0.86 * width / text_width)
-    origin = (round((width - scale * text_width) / 2), round((height + scale * text_height) / 2))
-    stencil = np.zeros((height, width), dtype=np.uint8)
-    cv2.putText(stencil, text, origin, face, scale, 255, weight, cv2.LINE_AA)
-    return over(below, rgb, stencil.astype(np.float32) / np.float32(255))
+    sheet = np.zeros((240, 120 * (len(text) + 2)), dtype=np.uint8)
+    cv2.putText(sheet, text, (60, 160), cv2.FONT_HERSHEY_DUPLEX, 4.0, 255, 14, cv2.LINE_AA)
+    rows, columns = (np.flatnonzero(sheet.any(axis=axis)) for axis in (1, 0))
+    word = sheet[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].astype(np.float32) / np.float32(255)
+    scale = min(height_share * height / word.shape[0], 0.86 * width / word.shape[1])
+    fitted = cv2.resize(
+        word, (round(scale * word.shape[1]), round(scale * word.shape[0])), interpolation=cv2.INTER_AREA
+    )
+    top, left = (height - fitted.shape[0]) // 2, (width - fitted.shape[1]) // 2
+    stencil = np.zeros((height, width), dtype=np.float32)
+    stencil[top : top + fitted.shape[0], left : left + fitted.shape[1]] = fitted
+    return over(below, rgb, stencil)
+
+
+def bounded(picture: Image) -> Image:
+    """Keep reflectances above black, which has no logarithm, and below white."""
+    return np.asarray(np.clip(picture, 0.004, 0.98), dtype=np.float32)
 
 
 def speckled(rng: np.random.Generator, picture: Image, contrast: float) -> Image:
     """Multiply with fine noise, so that no surface is without texture at any scale."""
     shape = (picture.shape[0], picture.shape[1])
     noise = fractal(rng, shape, slope=0.8, longest_px=min(shape) / 2)
-    return np.asarray(np.clip(picture * np.exp(contrast * noise)[..., None], 0.004, 0.98), dtype=np.float32)
+    return bounded(picture * np.exp(contrast * noise)[..., None])
 
 
-def _wrapped(polygon: NDArray[np.float64], width: int, height: int) -> list[NDArray[np.float64]]:
-    """Return the polygon, and its copies where it reaches over an edge."""
-    low, high = polygon.min(axis=0), polygon.max(axis=0)
-    shifts_x = [0, *([width] if low[0] < 0 else []), *([-width] if high[0] > width else [])]
-    shifts_y = [0, *([height] if low[1] < 0 else []), *([-height] if high[1] > height else [])]
-    return [polygon + np.array([dx, dy]) for dx in shifts_x for dy in shifts_y]
+def _wrapped(polygons: NDArray[np.float64], width: int, height: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Polygons (n, k, 2) and their copies where they reach over an edge; with the number of each, ascending."""
+    low, high = polygons.min(axis=1), polygons.max(axis=1)
+    copies, numbers = [], []
+    for shift in map(np.array, itertools.product((-width, 0, width), (-height, 0, height))):
+        inside = ((high + shift > 0) & (low + shift < (width, height))).all(axis=-1)
+        copies.append(polygons[inside] + shift)
+        numbers.append(np.flatnonzero(inside))
+    order = np.argsort(np.concatenate(numbers), kind="stable")
+    return np.concatenate(copies)[order], np.concatenate(numbers)[order]

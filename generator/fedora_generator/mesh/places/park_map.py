@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from fedora_generator.mesh.places.ground import LAWN_TILE_M, Floats32, MapArea, edge, ellipse, lawn, shade, tiled, tint
-from fedora_generator.mesh.places.paint import Image, Rgb, Shape, between, flakes, flat, fractal, speckled
+from fedora_generator.mesh.places.ground import LAWN_TILE_M, Floats32, MapArea, edge, ellipse, lawn, lay, shade, tiled
+from fedora_generator.mesh.places.paint import Image, Rgb, Shape, between, bounded, flakes, flat, fractal, speckled
 
 PARK_AREA: Final = MapArea(x_m=(-4.8, 43.2), y_m=(-9.6, 9.6), texel_m=0.0125)
 PLAZA: Final = (52.0, 9.0)
@@ -64,7 +64,7 @@ def paint_park_map(rng: np.random.Generator, shape: Shape) -> Image:
     _fallen_leaves(rng, picture, x_m, y_m)
     shade(picture, PARK_AREA, [(tree.x_m, tree.y_m, 0.75 * tree.crown_m, 0.45) for tree in TREES])
     shade(picture, PARK_AREA, [(tree.x_m, tree.y_m, 0.5, 0.5) for tree in TREES])
-    return picture
+    return bounded(picture)
 
 
 def _mow(picture: Image, x_m: Floats32, y_m: Floats32) -> None:
@@ -86,12 +86,8 @@ def _gravel(rng: np.random.Generator, picture: Image, inside_m: Floats32) -> Non
     texels = round(LAWN_TILE_M / PARK_AREA.texel_m)
     bed = between(fractal(rng, (texels, texels), 1.0, texels / 3), (0.30, 0.26, 0.20), (0.56, 0.50, 0.41))
     gravel = speckled(rng, flakes(rng, bed, 9000, 5.0, 3.8, _PEBBLES), 0.06)
-    tint(picture, (0.20, 0.16, 0.10), 0.75 * edge(inside_m + 0.12, 0.16))
-    cover = edge(inside_m, 0.06)
-    rows, columns = (np.flatnonzero(cover.any(axis=axis)) for axis in (1, 0))
-    window = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
-    laid = tiled(gravel, (picture.shape[0], picture.shape[1]))[window]
-    picture[window] += cover[window][..., None] * (laid - picture[window])
+    lay(picture, (0.20, 0.16, 0.10), 0.75 * edge(inside_m + 0.12, 0.16))
+    lay(picture, tiled(gravel, (picture.shape[0], picture.shape[1])), edge(inside_m, 0.06))
 
 
 def _pond(rng: np.random.Generator, picture: Image, x_m: Floats32, y_m: Floats32, ragged_m: Floats32) -> None:
@@ -104,8 +100,8 @@ def _pond(rng: np.random.Generator, picture: Image, x_m: Floats32, y_m: Floats32
     water = paint_water(rng, (part.shape[0], part.shape[1]))
     lilies = flakes(rng, flat((part.shape[0], part.shape[1]), (0.0, 0.0, 0.0)), 90, 30.0, 26.0, _LILY)
     water = np.where(lilies.max(axis=-1, keepdims=True) > 0.08, lilies, water)
-    tint(part, (0.42, 0.36, 0.26), edge(inside_m + 0.22, 0.12))
-    part += edge(inside_m, 0.05)[..., None] * (water - part)
+    lay(part, (0.42, 0.36, 0.26), edge(inside_m + 0.22, 0.12))
+    lay(part, water, edge(inside_m, 0.05))
 
 
 def _fallen_leaves(rng: np.random.Generator, picture: Image, x_m: Floats32, y_m: Floats32) -> None:
@@ -118,7 +114,7 @@ def _fallen_leaves(rng: np.random.Generator, picture: Image, x_m: Floats32, y_m:
         part = picture[rows, columns]
         strewn = flakes(rng, flat((part.shape[0], part.shape[1]), (0.0, 0.0, 0.0)), 700, 9.0, 5.0, _LITTER)
         near = edge(ellipse(x_m[:, columns], y_m[rows], (tree.x_m, tree.y_m), (tree.crown_m,) * 2), 1.2)
-        part += (near * (strewn.max(axis=-1) > 0.12))[..., None] * (strewn - part)
+        lay(part, strewn, near * (strewn.max(axis=-1) > 0.12))
 
 
 def paint_water(rng: np.random.Generator, shape: Shape) -> Image:

@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from fedora_generator.mesh.places.ground import LAWN_TILE_M, Floats32, MapArea, edge, lawn, tiled, tint
-from fedora_generator.mesh.places.paint import Image, Rgb, Shape, between, flakes, fractal, speckled
+from fedora_generator.mesh.places.ground import LAWN_TILE_M, Floats32, MapArea, edge, lawn, lay, tiled
+from fedora_generator.mesh.places.paint import Image, Rgb, Shape, between, bounded, flakes, fractal, speckled
 
 TRACK_AREA: Final = MapArea(x_m=(-4.8, 19.2), y_m=(-9.6, 9.6), texel_m=0.0125)
 HALF_WIDTH_M: Final = 4.0
@@ -24,13 +24,13 @@ def paint_straight(_: np.random.Generator, shape: Shape) -> Image:
     texels = round(LAWN_TILE_M / TRACK_AREA.texel_m)
     picture = tiled(lawn((texels, texels)), shape)
     ragged_m = 0.05 * tiled(fractal(rng, (texels, texels), 1.0, texels / 6)[..., None], shape)[..., 0]
-    tint(picture, (0.32, 0.26, 0.17), 0.8 * edge(5.1 + 2 * ragged_m - np.abs(y_m) + 0 * x_m, 0.5))
+    lay(picture, (0.32, 0.26, 0.17), 0.8 * edge(5.1 + 2 * ragged_m - np.abs(y_m) + 0 * x_m, 0.5))
     road = np.flatnonzero(np.abs(y_m[:, 0]) < HALF_WIDTH_M + 0.3)
     rows = slice(road[0], road[-1] + 1)
     picture[rows] = asphalt(rng, (len(road), shape[1]))
     _rubber(rng, picture[rows], y_m[rows])
     _edge_lines(rng, picture[rows], y_m[rows])
-    return picture
+    return bounded(picture)
 
 
 def paint_start(rng: np.random.Generator, shape: Shape) -> Image:
@@ -41,14 +41,14 @@ def paint_start(rng: np.random.Generator, shape: Shape) -> Image:
     on_road = np.abs(y_m) < HALF_WIDTH_M - 0.42
     line = on_road & (np.abs(x_m - START_X_M) < 0.8)
     odd = (np.floor(x_m / 0.4) + np.floor(y_m / 0.4)) % 2 == 1
-    tint(picture, (0.10, 0.10, 0.10), worn * line)
-    tint(picture, _WHITE, worn * (line & odd))
+    lay(picture, (0.10, 0.10, 0.10), worn * line)
+    lay(picture, _WHITE, worn * (line & odd))
     for number, center_x in enumerate((13.4, 11.0, 8.6, 6.2, 3.8)):
         across_m = y_m - (1.7 if number % 2 else -1.7)
         front = (np.abs(x_m - center_x) < 0.08) & (np.abs(across_m) < 1.0)
         sides = (np.abs(np.abs(across_m) - 0.93) < 0.07) & (np.abs(x_m - center_x + 0.5) < 0.5)
-        tint(picture, _WHITE, worn * (front | sides))
-    return picture
+        lay(picture, _WHITE, worn * (front | sides))
+    return bounded(picture)
 
 
 def asphalt(rng: np.random.Generator, shape: Shape) -> Image:
@@ -79,4 +79,4 @@ def _edge_lines(rng: np.random.Generator, road: Image, y_m: Floats32) -> None:
     shape = (road.shape[0], road.shape[1])
     line = edge(0.085 - np.abs(np.abs(y_m) - (HALF_WIDTH_M - 0.25)), 0.02)
     worn = np.clip(0.85 + 0.12 * fractal(rng, shape, 0.9, 120.0, shortest_px=3.0), 0, 1)
-    tint(road, _WHITE, np.asarray(line * worn, dtype=np.float32))
+    lay(road, _WHITE, np.asarray(line * worn, dtype=np.float32))

@@ -16,6 +16,7 @@ from fedora_generator.mesh.from_world import model_of_world
 from fedora_generator.mesh.study.agreement import depth_disagreement, edges, radiance_disagreement
 from fedora_generator.mesh.study.event_timing import Luma, TimingError, compare, record
 from fedora_generator.mesh.study.interpolation import FlowInterpolation
+from fedora_generator.mesh.study.stock import stock_inverse_depth_per_m
 from fedora_generator.mesh.study.workbench import DAY, FLIGHT, WORKBENCH, path_world_m
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.render import ExactWorld
@@ -55,8 +56,6 @@ def main() -> None:
 
 def _depth_table(exact: ExactWorld, mesh: MeshWorld) -> Iterator[str]:
     """Depth and flow of the colour camera, the worst of all poses."""
-    from fedora_generator.mesh.study.stock import stock_inverse_depth_per_m  # noqa: PLC0415 - after the context
-
     camera, model = colour_camera(SIZE), model_of_world(WORKBENCH, path_world_m(), texel_rad=1.0)
     sources: dict[str, Callable[[Camera, Floats], Floats]] = {
         "reversed float32, pixel centre": mesh.inverse_depth_per_m,

@@ -3,12 +3,9 @@
 from typing import Final
 
 import numpy as np
-import pyrender
 from numpy.typing import NDArray
-from OpenGL import GL
 
 from fedora_generator.camera import Camera
-from fedora_generator.mesh.clip_control import use_depth_from_minus_one
 from fedora_generator.mesh.context import open_context
 from fedora_generator.mesh.model import MeshModel
 
@@ -22,6 +19,12 @@ _OPTICAL_FROM_OPENGL: Final = np.diag([1.0, -1.0, -1.0, 1.0])
 
 def stock_inverse_depth_per_m(model: MeshModel, camera: Camera, T_world_camera: Floats) -> Floats:
     """1 / z-depth (height, width), 1/m, 0 for the sky: 24 bits, of the first of four samples of each pixel."""
+    context = open_context()  # before anything imports OpenGL
+    import pyrender  # noqa: PLC0415
+    from OpenGL import GL  # noqa: PLC0415
+
+    from fedora_generator.mesh.clip_control import use_depth_from_minus_one  # noqa: PLC0415
+
     K = camera.K
     lens = pyrender.IntrinsicsCamera(K[0, 0], K[1, 1], K[0, 2] + 0.5, K[1, 2] + 0.5, znear=NEAR_M, zfar=FAR_M)
     meshes = [
@@ -31,7 +34,6 @@ def stock_inverse_depth_per_m(model: MeshModel, camera: Camera, T_world_camera: 
     scene = pyrender.Scene()
     scene.add(pyrender.Mesh(meshes))
     scene.add(lens, pose=T_world_camera @ _OPTICAL_FROM_OPENGL)
-    context = open_context()
     use_depth_from_minus_one()
     GL.glClearDepth(1.0)
     GL.glFrontFace(GL.GL_CCW)
