@@ -17,7 +17,7 @@ other way round, weights would drift to wherever these errors cancel.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -62,11 +62,16 @@ class ColourBlocks:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A value, its standard error, and a bound on the bias that errors of the frames cause."""
+    """A value, its standard error, and a bound on the bias that the model is known to have."""
 
     value: float
     standard_error: float
     bound: float
+
+    def widened(self, other: "Estimate") -> "Estimate":
+        """Return this estimate, its bound wider by how far another way to reckon moves it."""
+        moved = abs(self.value - other.value)
+        return replace(self, bound=self.bound + (moved if np.isfinite(moved) else 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +98,18 @@ class ColourFit:
     exponent: Estimate
     variance: float
     unexplained: float
+
+    def widened(self, other: "ColourFit") -> "ColourFit":
+        """Return this fit, all bounds wider by how far ``other`` lies away."""
+        weights = tuple(mine.widened(its) for mine, its in zip(self.weights, other.weights, strict=True))
+        contrasts = tuple(mine.widened(its) for mine, its in zip(self.contrasts, other.contrasts, strict=True))
+        return replace(
+            self,
+            weights=(weights[0], weights[1], weights[2]),
+            contrasts=(contrasts[0], contrasts[1], contrasts[2]),
+            scale=self.scale.widened(other.scale),
+            exponent=self.exponent.widened(other.exponent),
+        )
 
 
 def colour_columns(earlier_dn: Float64, later_dn: Float64, model: Literal["log", "linear"], eps_dn: float) -> Float64:

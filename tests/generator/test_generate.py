@@ -94,10 +94,11 @@ def test_flow_abuts_and_is_valid_where_depth_is(generated: Path) -> None:
 
 
 def test_the_images_use_the_range_without_saturating(generated: Path) -> None:
-    """By day up to 240 DN and above 5, at night dark but not black; no pixel is clipped."""
+    """By day up to 240 DN and above 5, at night dark but not black; only lamps of a mesh place are clipped."""
     with h5py.File(generated) as file:
         rgb = file["path/rgb"][:]
-        assert rgb.max() <= 240
+        most_bright = 0.01 if "mesh" in file.attrs["sequence"] else 0.0
+        assert np.mean(rgb > 240) <= most_bright
         low, high = (0, 70) if file.attrs["illumination"] == "night" else (5, 240)
         assert low < np.median(rgb) < high
         assert np.std(rgb) > 5

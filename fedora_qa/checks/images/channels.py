@@ -18,6 +18,13 @@ CHANNELS: Final = ("RB", "GR", "GB")
 """What the contrasts of ``image_levels`` are where channels are in order."""
 
 
+LEVEL_BIAS: Final = 0.02
+"""What errors of the level between events do to a difference of weights: not derived, but seen.
+
+With closed-form frames and events, where the true levels give the weights to 0.0002, levels read between events move
+differences by up to 0.015, many times their standard error. It is a tenth of the least change that matters.
+"""
+
 SURELY: Final = 7.0
 """Standard errors at which a deviation would surely be seen; judgement draws its own line."""
 
@@ -33,7 +40,8 @@ class Channels(ColourCheck):
     to the weights is named.
 
     Standard errors are the larger of the formal and the spread between quarters of the image and windows. The allowance
-    bounds how errors of the frames, common to the channels, attenuate the coefficients. A scene without colours cannot
+    bounds how errors of the frames, common to the channels, attenuate the coefficients, and what events do not tell of
+    the level between them (cubics against straight lines). A scene without colours cannot
     tell: the least that it would show then exceeds the change of sign.
     """
 
@@ -47,7 +55,7 @@ class Channels(ColourCheck):
     def why_blind(self, found: ColourAnswer) -> str:
         """Red and blue are the nearest weights: where their exchange cannot be seen, the order is not known."""
         contrast, exchanged = found.fit.contrasts[0], 2 * float(CONTRASTS[0] @ LUMA_WEIGHTS_RGB)
-        least = contrast.bound + SURELY * contrast.standard_error
+        least = LEVEL_BIAS + contrast.bound + SURELY * contrast.standard_error
         if least <= exchanged:
             return ""
         return (
@@ -64,7 +72,7 @@ class Channels(ColourCheck):
             unit="1",
             standard_error=contrast.standard_error,
             expected=expected,
-            allowance=contrast.bound,
+            allowance=LEVEL_BIAS + contrast.bound,
             matters=2 * expected,
             statement=f"In what events see the channels weigh {weights}, so that {' - '.join(CHANNELS[number])} would "
             f"be {contrast.value:.2f} +/- {error:.2g}, and {expected:.2f} is due. They are best read as {order}.",

@@ -56,10 +56,12 @@ class ColourSums:
     """Normal equations of a window by curve, a block for each quarter of the image; how many samples they rest on.
 
     The declared curve comes first. Others are applied to means over footprints, near enough to tell which one it is.
+    ``straight`` is by the declared curve, with straight lines between events in place of cubics.
     """
 
     samples: int
     by_curve: tuple[ColourBlocks, ...]
+    straight: ColourBlocks
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,16 +89,18 @@ def _colour_sums(window: Window) -> ColourSums | None:
     pairs = _level_pairs(window, seen, declared)
     if len(pairs) < FEWEST_PAIRS:
         return None
-    steps = np.array([declared.threshold_on, declared.threshold_off])
-    events, delay = pairs.regressors[:, :2] @ steps, pairs.regressors[:, 2:] @ steps
     transfer, quarter = window.facts.declared.transfer, _quarter(pairs, seen)
     colours = _colours(window, seen, pairs)
-    by_curve = []
-    for curve in curves(transfer):
+
+    def sums(curve: str, pairs: LevelPairs) -> ColourBlocks:
+        steps = np.array([declared.threshold_on, declared.threshold_off])
+        events, delay = pairs.regressors[:, :2] @ steps, pairs.regressors[:, 2:] @ steps
         earlier, later = (each if curve == transfer else to_linear(to_code(each, transfer), curve) for each in colours)
         columns = colour_columns(earlier, later, declared.model, declared.log_eps_dn)
-        by_curve.append(colour_blocks(np.column_stack([columns, -delay]), events, quarter, QUARTERS))
-    return ColourSums(len(pairs), tuple(by_curve))
+        return colour_blocks(np.column_stack([columns, -delay]), events, quarter, QUARTERS)
+
+    by_curve = tuple(sums(curve, pairs) for curve in curves(transfer))
+    return ColourSums(len(pairs), by_curve, sums(transfer, pairs.with_straight_lines()))
 
 
 def _level_pairs(window: Window, seen: SeenFrames, declared: EventModel) -> LevelPairs:
@@ -202,4 +206,6 @@ def _answer(state: Sequence[ColourSums], facts: Facts) -> ColourAnswer | str:
             f"frames leave {fits[best].unexplained:.0%} of what the events say unexplained: they do not belong "
             "together (see event_response.orientation)"
         )
-    return ColourAnswer(fit_colours(by_curve[0], with_exponent=linear, frame_variance=fits[best].variance), tried[best])
+    fit = fit_colours(by_curve[0], with_exponent=linear, frame_variance=fits[best].variance)
+    straight = fit_colours(joined([one.straight for one in state]), with_exponent=linear)
+    return ColourAnswer(fit.widened(straight), tried[best])

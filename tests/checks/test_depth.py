@@ -1,0 +1,284 @@
+"""Depth frames are held against each other: clean files pass, faults are found and named, and nothing crashes."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fedora_qa.checks.depth.consistency import Consistency
+from fedora_qa.checks.depth.projection import Projection
+from fedora_qa.checks.depth.range import Range
+from fedora_qa.checks.depth.scale import Scale
+from fedora_qa.checks.protocol import Check, Suspect
+from fedora_qa.judgement.judge import Judged
+from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.facts import Clock
+from tests.support.flow_world import FlowWorld, judged, make_world, pixel_grid, rays_body
+
+Depths = NDArray[Any]
+
+NOISE = PoseModel(position_sigma_m=0.005, rotation_sigma_rad=np.radians(0.2))
+RANGE_M = (0.1, 30.0)
+AGREEMENT: tuple[Check[Any], ...] = (Consistency(), Scale(), Projection())
+ALL: tuple[Check[Any], ...] = (Range(), *AGREEMENT)
+
+
+@cache
+def clean() -> FlowWorld:
+    return make_world((25,)).declaring(depth_range_m=RANGE_M)
+
+
+@cache
+def noisy() -> FlowWorld:
+    return make_world((25,), noise=NOISE).declaring(depth_range_m=RANGE_M)
+
+
+def with_depth(change: Callable[[Depths], Depths], world: FlowWorld | None = None) -> FlowWorld:
+    world = world or clean()
+    depth = change(world.rows_by_key["path/depth"].copy())
+    return world.with_rows(path_depth=np.asarray(depth, dtype=np.float32))
+
+
+def late(milliseconds: float) -> FlowWorld:
+    """The clean file with depth stamped too late."""
+    facts = clean().facts
+    times_ns = facts.clocks["depth"].times_ns + round(1e6 * milliseconds)
+    clocks = {**facts.clocks, "depth": Clock(times_ns, None, facts.clocks["depth"].advancing)}
+    return replace(clean(), facts=replace(facts, clocks=clocks))
+
+
+def named(result: Judged) -> Suspect:
+    assert result.result.outcome == "failed", result.result
+    return result.alarms[0].suspects[0]
+
+
+def value(result: Judged, name: str) -> float:
+    found = next(one.value for one in result.result.measurements if one.name == name)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("check", ALL, ids=lambda check: check.name)
+@pytest.mark.parametrize("world", [clean, noisy], ids=["exact pose", "noisy pose"])
+def test_clean_file_passes(check: Check[Any], world: Callable[[], FlowWorld]) -> None:
+    """A clean file passes, or cannot show what was asked; with an exact pose it passes."""
+    outcome = judged(check, world()).result.outcome
+    assert outcome == "passed" if world is clean else outcome in {"passed", "not_observable"}
+
+
+@pytest.mark.parametrize("share", [0.05, 0.25])
+@pytest.mark.parametrize("check", AGREEMENT, ids=lambda check: check.name)
+def test_sampled_efforts_pass(check: Check[Any], share: float) -> None:
+    """A coarser lattice passes the clean file too."""
+    assert judged(check, clean(), tile_share=share).result.outcome == "passed"
+
+
+@pytest.mark.parametrize("factor", [1e-3, 0.3048, 1.01, 1000.0])
+def test_scale_is_measured(factor: float) -> None:
+    """Any wrong unit is found from the path alone, with its factor to a thousandth."""
+    result = judged(Scale(), with_depth(lambda depth: depth * factor))
+    assert value(result, "scale") == pytest.approx(factor, rel=1e-3)
+    assert named(result).cause == "unit_mm_m"
+
+
+@pytest.mark.parametrize(("factor", "stream"), [(1e-3, "depth"), (1000.0, "depth")])
+def test_implausible_depths_are_at_fault(factor: float, stream: str) -> None:
+    """Depths of millimetres or kilometres are depth's fault."""
+    assert named(judged(Scale(), with_depth(lambda depth: depth * factor))).stream == stream
+
+
+def test_plausible_depths_leave_it_to_the_positions() -> None:
+    """Where depths lie in their range, positions in millimetres are more probable, and of the reciprocal size."""
+    positions_m = clean().rows_by_key["path/pose/position"]
+    suspects = judged(Scale(), clean().with_rows(path_pose_position=1000 * positions_m)).alarms[0].suspects
+    best = max(suspects, key=lambda suspect: suspect.weight)
+    assert (best.cause, best.stream) == ("unit_mm_m", "pose")
+    assert best.magnitude == pytest.approx(1000, rel=1e-2)
+
+
+def test_ray_lengths_are_told_from_z() -> None:
+    """Lengths of rays read as an exponent of 1, and are named."""
+    lengths = np.linalg.norm(rays_body(), axis=-1)
+    result = judged(Projection(), with_depth(lambda depth: depth * lengths))
+    assert value(result, "ray_exponent") == pytest.approx(1.0, abs=0.05)
+    assert named(result).cause == "depth_ray_not_z"
+
+
+def frozen(depth: Depths) -> Depths:
+    depth[10:13] = depth[9]
+    return depth
+
+
+def swapped(depth: Depths) -> Depths:
+    depth[[10, 11]] = depth[[11, 10]]
+    return depth
+
+
+def shifted(depth: Depths) -> Depths:
+    columns = pixel_grid()[0].shape[1]
+    moved = np.full_like(depth, np.nan)
+    moved[:, :, 4:] = depth[:, :, : columns - 4]
+    return moved
+
+
+FAULTS: dict[str, tuple[Callable[[Depths], Depths], str, float | None]] = {
+    "frozen": (frozen, "frozen_frames", 3.0),
+    "swapped": (swapped, "swapped_frames", 1.0),
+    "mirrored": (lambda depth: depth[:, :, ::-1], "mirrored", None),
+    "upside down": (lambda depth: depth[:, ::-1], "mirrored", None),
+    "shifted": (shifted, "spatial_offset", 4.0),
+    "rays": (lambda depth: depth * np.linalg.norm(rays_body(), axis=-1), "depth_ray_not_z", None),
+}
+
+
+@pytest.mark.parametrize(("change", "cause", "size"), FAULTS.values(), ids=FAULTS)
+def test_faults_of_depth_are_named(change: Callable[[Depths], Depths], cause: str, size: float | None) -> None:
+    """A fault of the frames is found and named first, with its size."""
+    suspect = named(judged(Consistency(), with_depth(change)))
+    assert (suspect.cause, suspect.stream) == (cause, "depth")
+    if size is not None:
+        assert suspect.magnitude == pytest.approx(size, rel=0.05)
+
+
+@pytest.mark.parametrize("milliseconds", [1.0, 5.0, -20.0])
+def test_late_stamps_are_measured(milliseconds: float) -> None:
+    """Stamps that are late by a constant are found and measured to a percent."""
+    suspect = named(judged(Consistency(), late(milliseconds)))
+    assert suspect.cause == "time_offset"
+    assert suspect.stream == "depth"
+    assert suspect.magnitude == pytest.approx(milliseconds, rel=0.01)
+
+
+def test_frozen_frames_are_placed() -> None:
+    """Single bad frames are placed by their rows."""
+    where = judged(Consistency(), with_depth(frozen)).alarms[0].finding.where
+    assert (where.index_start, where.index_stop) == (9, 14)
+
+
+def test_a_bad_corner_is_placed() -> None:
+    """A corner that is 1% too deep in one frame is found, and its tile named."""
+
+    def deepen(depth: Depths) -> Depths:
+        depth[10, 96:, 144:] *= 1.01
+        return depth
+
+    result = judged(Consistency(), with_depth(deepen))
+    alarm = next(one for one in result.alarms if one.finding.code.endswith("tile"))
+    left, top, right, bottom = alarm.finding.where.tile or (0, 0, 0, 0)
+    assert left >= 130
+    assert top >= 85
+    assert (right, bottom) <= (192, 144)
+
+
+def test_noise_that_is_declared_too_small_is_found() -> None:
+    """Corrections larger than the declared noise are found, and their size named."""
+    world = noisy().declaring(pose=PoseModel(NOISE.position_sigma_m / 3, NOISE.rotation_sigma_rad / 3))
+    result = judged(Consistency(), world)
+    alarm = next(one for one in result.alarms if one.finding.code.endswith("pose_correction"))
+    suspect = next(one for one in alarm.suspects if one.cause == "noise_misdeclared")
+    assert suspect.magnitude == pytest.approx(-67, abs=8)
+
+
+@pytest.mark.parametrize("check", AGREEMENT, ids=lambda check: check.name)
+def test_no_motion_shows_nothing(check: Check[Any]) -> None:
+    """A camera that stands still tells neither scale nor projection; its frames agree."""
+    rows = clean().rows_by_key
+    still = clean().with_rows(
+        path_depth=np.broadcast_to(rows["path/depth"][:1], rows["path/depth"].shape),
+        path_pose_position=np.broadcast_to(rows["path/pose/position"][:1], rows["path/pose/position"].shape),
+        path_pose_orientation=np.broadcast_to(rows["path/pose/orientation"][:1], rows["path/pose/orientation"].shape),
+    )
+    outcome = judged(check, still).result.outcome
+    assert outcome == ("passed" if check.name == "depth.consistency" else "not_observable")
+
+
+@pytest.mark.parametrize("step_mm", [1.0, 20.0])
+@pytest.mark.parametrize("check", AGREEMENT, ids=lambda check: check.name)
+def test_quantised_depth_agrees(check: Check[Any], step_mm: float) -> None:
+    """Steps widen what is allowed: honest depths in whole millimetres, or centimetres, are no alarm."""
+    world = with_depth(lambda depth: np.rint(depth / step_mm) * step_mm)
+    assert judged(check, world).result.outcome in {"passed", "not_observable"}
+
+
+def test_coarse_steps_are_noted() -> None:
+    """Steps of 5 cm are noted with their size; millimetres are not worth a word."""
+    coarse = judged(Range(), with_depth(lambda depth: np.rint(depth / 50) * 50)).result
+    assert coarse.outcome == "warned"
+    assert "steps of 50 mm" in coarse.reason
+    assert judged(Range(), with_depth(np.rint)).result.outcome == "passed"
+
+
+def test_depth_cut_off_at_the_end_is_found() -> None:
+    """Pixels that pile up on the end of the range are found, and counted."""
+    far_mm = float(np.median(clean().rows_by_key["path/depth"]))
+    world = with_depth(lambda depth: np.minimum(depth, far_mm)).declaring(depth_range_m=(0.1, far_mm / 1000))
+    result = judged(Range(), world)
+    assert named(result).cause == "invalid_encoding"
+    assert value(result, "on_far_end") == pytest.approx(clean().rows_by_key["path/depth"].size / 2, rel=0.01)
+
+
+@pytest.mark.parametrize(("factor", "code"), [(1e-3, "nearest"), (1e3, "farthest")])
+def test_ends_beyond_the_range_are_stated(factor: float, code: str) -> None:
+    """Depths beyond the declared range are stated, and the unit suspected that would bring them back."""
+    result = judged(Range(), with_depth(lambda depth: depth * factor))
+    assert result.alarms[0].finding.code == f"depth.range.{code}"
+    assert named(result).magnitude == pytest.approx(factor)
+
+
+def without_poses() -> FlowWorld:
+    rows = clean().rows_by_key["path/pose/position"]
+    return clean().with_rows(path_pose_position=np.full_like(rows, np.nan))
+
+
+def cut(count: int) -> FlowWorld:
+    world, whole = clean(), clean().facts.clocks["depth"]
+    clocks = {**world.facts.clocks, "depth": Clock(whole.times_ns[:count], None, whole.advancing[:count])}
+    rows = {**world.rows_by_key, "path/depth": world.rows_by_key["path/depth"][:count]}
+    sizes = {**world.facts.sizes, "path/depth": count}
+    return replace(world, facts=replace(world.facts, clocks=clocks, sizes=sizes), rows_by_key=rows)
+
+
+STRANGE: dict[str, Callable[[], FlowWorld]] = {
+    "no frame": lambda: cut(0),
+    "one frame": lambda: cut(1),
+    "NaN poses": without_poses,
+    "NaN depth": lambda: with_depth(lambda depth: np.full_like(depth, np.nan)),
+    "no depth": lambda: with_depth(np.zeros_like),
+    "infinite depth": lambda: with_depth(lambda depth: np.full_like(depth, np.inf)),
+    "negative depth": lambda: with_depth(np.negative),
+}
+
+
+@pytest.mark.parametrize("world", STRANGE.values(), ids=STRANGE)
+@pytest.mark.parametrize("check", AGREEMENT, ids=lambda check: check.name)
+def test_nothing_to_compare_is_not_observable(check: Check[Any], world: Callable[[], FlowWorld]) -> None:
+    """Where nothing can be compared the check says so, and never raises."""
+    result = judged(check, world()).result
+    assert result.outcome == "not_observable"
+    assert result.reason
+
+
+@pytest.mark.parametrize("check", AGREEMENT, ids=lambda check: check.name)
+def test_not_applicable_without_a_pinhole_in_a_rigid_world(check: Check[Any]) -> None:
+    """Without intrinsics, with another lens, or where objects move, the question cannot be asked."""
+    camera = clean().facts.declared.cameras["depth"]
+    for changed in (
+        clean().declaring(cameras={}),
+        clean().declaring(cameras={"depth": replace(camera, model="fisheye")}),
+        clean().declaring(flow_model="scene"),
+    ):
+        assert check.not_applicable(changed.facts)
+    assert not check.not_applicable(clean().facts)
+
+
+@pytest.mark.parametrize("check", AGREEMENT, ids=lambda check: check.name)
+def test_undeclared_noise_allows_any_correction(check: Check[Any]) -> None:
+    """Where nothing is declared about the pose, no clean file fails, and consistency says what it cannot see."""
+    world = clean().declaring(pose=None)
+    result = judged(check, world).result
+    assert result.outcome == ("warned" if check.name == "depth.consistency" else result.outcome)
+    assert result.outcome != "failed"

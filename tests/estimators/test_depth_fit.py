@@ -1,0 +1,108 @@
+"""A parameter of two depth frames is found exactly, with an error that follows from the motion's noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.estimators.depth_fit import FEWEST_PIXELS, fit_depth, noise_directions
+from fedora_qa.estimators.depth_image import DepthImage, depth_image
+from fedora_qa.estimators.depth_warp import DepthModel, Lattice, lattice_of
+from fedora_qa.geometry.camera import RigidMotion
+
+Float64 = NDArray[np.float64]
+
+WIDTH, HEIGHT = 160, 120
+K = np.array([[140.0, 0.0, 79.5], [0.0, 140.0, 59.5], [0.0, 0.0, 1.0]])
+COLUMNS, ROWS = np.meshgrid(np.arange(float(WIDTH)), np.arange(float(HEIGHT)))
+RAYS = np.stack([(COLUMNS - 79.5) / 140, (ROWS - 59.5) / 140, np.ones_like(COLUMNS)], axis=-1)
+MOTION = RigidMotion(Rotation.from_rotvec([0.01, -0.02, 0.01]).as_matrix(), np.array([0.03, 0.01, -0.05]))
+EXACT = np.zeros((6, 0))
+FACES = ((np.array([0.9, 0.0, 0.6]), 3.0), (np.array([-0.8, 0.1, 0.7]), 3.5), (np.array([0.0, 1.0, 0.25]), 1.6))
+"""Three walls that meet in a corner, as normal and distance: all six directions of a twist show."""
+
+
+def corner(motion: RigidMotion | None) -> Float64:
+    """z-depth of the corner seen before (None) or after a motion."""
+    nearest = np.full(COLUMNS.shape, 1.0 / 50.0)
+    for normal, distance_m in FACES:
+        turned = normal if motion is None else motion.R @ normal
+        away_m = distance_m if motion is None else distance_m + turned @ motion.t_m
+        nearest = np.maximum(nearest, (RAYS @ turned) / away_m)
+    return 1.0 / nearest
+
+
+def frames(motion: RigidMotion = MOTION, factor: float = 1.0, ray: float = 0.0) -> tuple[Lattice, DepthImage]:
+    lengths = np.linalg.norm(RAYS, axis=-1) ** ray
+    before, after = (factor * corner(seen) * lengths for seen in (None, motion))
+    return lattice_of(depth_image(before), 2), depth_image(after)
+
+
+@pytest.mark.parametrize("factor", [1e-3, 0.3048, 1.0, 1.02, 1000.0])
+def test_scale_is_found_from_nothing(factor: float) -> None:
+    """From infinite depth on, the fit finds the factor of any unit."""
+    fit = fit_depth(lambda k: DepthModel(K, MOTION, scale=k), *frames(factor=factor), EXACT, start=0.0, step=1e-3)
+    assert fit is not None
+    assert fit.value == pytest.approx(factor, rel=1e-9)
+    assert fit.typical < 1e-12
+
+
+@pytest.mark.parametrize("ray", [0.0, 0.5, 1.0])
+def test_ray_exponent_is_found(ray: float) -> None:
+    """The exponent of |m| is found within the stated bound of the interpolation."""
+    fit = fit_depth(lambda c: DepthModel(K, MOTION, ray=c), *frames(ray=ray), EXACT, start=0.0, step=1e-3)
+    assert fit is not None
+    assert abs(fit.value - ray) <= fit.bound
+    assert fit.bound < 0.05
+
+
+def test_wrong_motion_is_corrected_within_its_noise() -> None:
+    """The twist by which the motion was spoilt is found, and is as many sigmas long as it was planted."""
+    sigmas = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])
+    planted = np.array([1.0, -0.5, 2.0, 0.5, 1.5, -1.0]) * sigmas
+    spoilt = MOTION.corrected(planted)
+    noise = noise_directions(np.diag(sigmas**2))
+    fit = fit_depth(lambda _: DepthModel(K, spoilt), *frames(), noise, start=0.0, step=None)
+    assert fit is not None
+    assert fit.typical < 1e-9
+    assert fit.noise_square == pytest.approx(np.sum((planted / sigmas) ** 2), rel=0.02)
+    assert fit.noise_dof == pytest.approx(6.0, abs=1e-3)
+    assert np.isinf(fit.standard_error)
+
+
+def test_scale_error_follows_from_the_noise_of_the_path() -> None:
+    """Over many noisy paths, the reciprocal of the scale is normal about the truth with the stated error."""
+    rng, sigma_m = np.random.default_rng(3), 5e-3
+    noise = noise_directions(np.diag([1e-12, 1e-12, 1e-12, sigma_m**2, sigma_m**2, sigma_m**2]))
+    lattice, image1 = frames()
+    scores = []
+    for _ in range(60):
+        noisy = replace(MOTION, t_m=MOTION.t_m + sigma_m * rng.standard_normal(3))
+        fit = fit_depth(lambda k, noisy=noisy: DepthModel(K, noisy, scale=k), lattice, image1, noise,
+                        start=0.0, step=1e-3)  # fmt: skip
+        assert fit is not None
+        scores.append((1 / fit.value - 1.0) / (fit.standard_error / fit.value**2))
+    assert stats.kstest(scores, "norm").pvalue > 1e-3
+
+
+def test_directions_of_noise() -> None:
+    """Directions make the covariance again, and what has no noise has no direction."""
+    half = np.random.default_rng(0).standard_normal((6, 3))
+    directions = noise_directions(half @ half.T)
+    assert directions.shape == (6, 3)
+    np.testing.assert_allclose(directions @ directions.T, half @ half.T, atol=1e-12)
+    assert noise_directions(np.zeros((6, 6))).shape == (6, 0)
+
+
+def test_too_few_pixels_are_no_fit() -> None:
+    """Frames that hardly overlap, models that do not exist and empty lattices give no number."""
+    lattice, image1 = frames()
+    few = Lattice(*(values[: FEWEST_PIXELS - 1] for values in (
+        lattice.columns, lattice.rows, lattice.depths_m, lattice.relative_errors)))  # fmt: skip
+    away = RigidMotion(Rotation.from_rotvec([0.0, 2.0, 0.0]).as_matrix(), MOTION.t_m)
+    assert fit_depth(lambda _: DepthModel(K, MOTION), few, image1, EXACT, start=0.0, step=None) is None
+    assert fit_depth(lambda _: DepthModel(K, away), lattice, image1, EXACT, start=0.0, step=None) is None
+    assert fit_depth(lambda _: None, lattice, image1, EXACT, start=0.0, step=None) is None
