@@ -47,6 +47,14 @@ class DepthStep:
         return self.relative * self.depth_m
 
 
+@dataclass(frozen=True, slots=True)
+class _CommonStep:
+    """A step, in the unit of the values, and the mean distance of second differences from its multiples, in steps."""
+
+    size: float
+    misfit: float
+
+
 def depth_step(depths_m: NDArray[np.floating]) -> DepthStep | None:
     """Return the coarsest step of a frame (H, W); None where depths are as fine as float32, or too little tells.
 
@@ -57,31 +65,35 @@ def depth_step(depths_m: NDArray[np.floating]) -> DepthStep | None:
     first = max(0, (height - rows) // 2)
     z = depths_m[first : first + rows].astype(np.float64)
     z = np.where(np.isfinite(z) & (z > 0), z, np.nan)
-    found = [*_steps_of_depth(z), *_steps_of_inverse_depth(z)]
-    return max(found, key=lambda step: step.relative, default=None)
+    found: dict[int, tuple[float, DepthStep]] = {}
+    for octave, misfit, step in (*_steps_of_depth(z), *_steps_of_inverse_depth(z)):
+        # Over a short range of depth, steps of z pass for steps of 1/z: the better fit is meant.
+        if octave not in found or misfit < found[octave][0]:
+            found[octave] = misfit, step
+    return max((step for _, step in found.values()), key=lambda step: step.relative, default=None)
 
 
-def _steps_of_depth(z: Float64) -> Iterator[DepthStep]:
-    """Yield the step in each octave, where it is the largest share of the depth: at the near end."""
-    for step, depths_m in _steps(z, z):
-        yield DepthStep(step / float(depths_m.min()), float(depths_m.min()))
+def _steps_of_depth(z: Float64) -> Iterator[tuple[int, float, DepthStep]]:
+    """Yield each octave, misfit, and step where it is the largest share of the depth: at the near end."""
+    for octave, misfit, step, depths_m in _steps(z, z):
+        yield octave, misfit, DepthStep(step / float(depths_m.min()), float(depths_m.min()))
 
 
-def _steps_of_inverse_depth(z: Float64) -> Iterator[DepthStep]:
-    """Yield the step in each octave, where it is the largest share of the depth: at the far end."""
-    for step, depths_m in _steps(1.0 / z, z):
-        yield DepthStep(step * float(depths_m.max()), float(depths_m.max()))
+def _steps_of_inverse_depth(z: Float64) -> Iterator[tuple[int, float, DepthStep]]:
+    """Yield each octave, misfit, and step where it is the largest share of the depth: at the far end."""
+    for octave, misfit, step, depths_m in _steps(1.0 / z, z):
+        yield octave, misfit, DepthStep(step * float(depths_m.max()), float(depths_m.max()))
 
 
-def _steps(values: Float64, z: Float64) -> Iterator[tuple[float, Float64]]:
-    """Yield the step of values (h, w) in each octave of depth, and the octave's depths in metres."""
+def _steps(values: Float64, z: Float64) -> Iterator[tuple[int, float, float, Float64]]:
+    """Yield each octave of depth with a step of values (h, w): misfit, step, and the octave's depths in metres."""
     bends, middles, depths_m = _second_differences(values, z)
     exponents = np.floor(np.log2(depths_m))
     for exponent in np.unique(exponents):
         octave = exponents == exponent
         finest = FINEST_RELATIVE_STEP * float(middles[octave].max())
-        if step := _common_step(bends[octave], finest):
-            yield step, depths_m[octave]
+        if common := _common_step(bends[octave], finest):
+            yield int(exponent), common.misfit, common.size, depths_m[octave]
 
 
 def _second_differences(values: Float64, z: Float64) -> tuple[Float64, Float64, Float64]:
@@ -96,24 +108,25 @@ def _second_differences(values: Float64, z: Float64) -> tuple[Float64, Float64, 
     return np.concatenate(bends), np.concatenate(middles), np.concatenate(depths_m)
 
 
-def _common_step(bends: Float64, finest: float) -> float:
-    """Return the step of which all second differences are multiples; 0 where there is none so large.
+def _common_step(bends: Float64, finest: float) -> _CommonStep | None:
+    """Return the step of which all second differences are multiples; None where there is none so large.
 
     Steps bend both ways, while the second differences of a ball are of one sign and almost equal.
     """
     sizes = np.abs(bends[np.abs(bends) > finest])
     upward = np.count_nonzero(bends > finest)
     if len(sizes) < max(_FEWEST_STEPS, _LEAST_SHARE * len(bends)):
-        return 0.0
+        return None
     if min(upward, len(sizes) - upward) < _BOTH_WAYS * len(sizes):
-        return 0.0
+        return None
     least = float(np.quantile(sizes, 0.01))
     for parts in (1, 2):
         step = least / parts
         small = sizes[sizes <= _SMALL * step]
         if step < finest or len(small) < _FEWEST_STEPS:
-            return 0.0
+            return None
         step = float(np.median(small / np.maximum(np.rint(small / step), 1.0)))
-        if np.mean(np.abs(small / step - np.rint(small / step)) < _PHASE) > 1.0 - _LEAST_SHARE:
-            return step
-    return 0.0
+        misfits = np.abs(small / step - np.rint(small / step))
+        if np.mean(misfits < _PHASE) > 1.0 - _LEAST_SHARE:
+            return _CommonStep(step, float(np.mean(misfits)))
+    return None

@@ -16,6 +16,7 @@ from fedora_generator.render import ExactWorld
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.sampling import Quality
 from fedora_generator.scene import Scene
+from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.world import World
 
 MESH_DETAIL: Final[dict[Quality, MeshDetail]] = {
@@ -24,6 +25,10 @@ MESH_DETAIL: Final[dict[Quality, MeshDetail]] = {
     "reference": MeshDetail(colour_factor=4, event_factor=8),
 }
 """Antialiasing by quality, where the scene does not set it (see mesh/README.md for what each leaves)."""
+
+LEAST_DETAIL_BY_LAMPS: Final = MeshDetail(colour_factor=2, event_factor=4)
+"""Where there is no sun: lit windows end in the dark, and what coarser steps leave of such an edge is more than frames
+and events of one pixel may differ by (mesh/README.md)."""
 
 
 class Surroundings(Protocol):
@@ -67,4 +72,15 @@ def render_surroundings(
         pixel_rad = 1 / float(colour_camera(scene.camera).K[0, 0])
         texel_rad = max(FINEST_TEXEL_RAD, pixel_rad)
         surroundings = model_of_world(surroundings, path_world_m, texel_rad=texel_rad)
-    return MeshWorld.of(surroundings, scene.light, scene.mesh or MESH_DETAIL[quality])
+    return MeshWorld.of(surroundings, scene.light, scene.mesh or mesh_detail(scene.light, quality))
+
+
+def mesh_detail(light: Light, quality: Quality) -> MeshDetail:
+    """Antialiasing that a light asks for, at a quality."""
+    detail, least = MESH_DETAIL[quality], LEAST_DETAIL_BY_LAMPS
+    if light.sun_strength > 0:
+        return detail
+    return MeshDetail(
+        colour_factor=max(detail.colour_factor, least.colour_factor),
+        event_factor=max(detail.event_factor, least.event_factor),
+    )

@@ -15,7 +15,7 @@ from fedora_generator.generate import Request, generate_sequence, require_free_f
 from fedora_generator.mesh.context import open_context
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.scene import Place, Scene, load_scene
-from fedora_generator.surroundings import MESH_DETAIL, render_surroundings, surroundings_of
+from fedora_generator.surroundings import MESH_DETAIL, mesh_detail, render_surroundings, surroundings_of
 from tests.generator.mesh_cases import AMBIENT, LOOKING_EAST, camera, grey, model, wall
 
 
@@ -116,6 +116,13 @@ def test_finer_quality_draws_finer() -> None:
     details = [MESH_DETAIL[quality] for quality in ("draft", "standard", "reference")]
     assert [detail.event_factor for detail in details] == sorted(detail.event_factor for detail in details)
     assert all(detail.precision == "float" for detail in details)
+
+
+def test_lamps_are_drawn_finer_than_the_sun() -> None:
+    """By night even a draft averages the edges of lit windows."""
+    lamps, sun = replace(AMBIENT, sun_strength=0.0), replace(AMBIENT, sun_strength=0.5)
+    assert mesh_detail(lamps, "draft").event_factor > mesh_detail(sun, "draft").event_factor
+    assert mesh_detail(lamps, "reference") == mesh_detail(sun, "reference")
 
 
 def test_without_opengl_a_mesh_scene_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,4 +49,6 @@ def test_a_stream_left_out_costs_only_what_needs_it(stream: str, park_day: Path,
 def needs(needed: tuple[str, ...], stream: str) -> bool:
     """Whether a check needs a stream, or an index map that falls away with it."""
     maps = {"rgb": {"rgb_to_event"}, "depth": {"depth_to_event"}, "events": {"rgb_to_event", "depth_to_event"}}
-    return bool(set(needed) & ({stream} | maps.get(stream, set())))
+    # Flow lies on the grid of the depth camera, whose declaration goes with the stream; frames have a grid of their own.
+    grid = stream == "depth" and {"flow", "events"} <= set(needed)
+    return grid or bool(set(needed) & ({stream} | maps.get(stream, set())))

@@ -116,12 +116,14 @@ def _of_the_grid(pair: DepthPair) -> Iterator[_Hypothesis]:
 def _of_the_frames(pair: DepthPair) -> Iterator[_Hypothesis]:
     """Suppose that either frame stands where a neighbour belongs."""
     last = pair.window.facts.sizes["path/depth"] - 1
-    for distance in _NEIGHBOURS:
-        exchanged = (("swapped_frames", "depth", 1.0, _always(float(abs(distance)))),)
-        for rows in ((pair.first + distance, pair.second), (pair.first, pair.second + distance),
-                     (pair.second, pair.first)):  # fmt: skip
-            if min(rows) >= 0 and max(rows) <= last and rows[0] != rows[1]:
-                yield _Hypothesis(exchanged, _images_of(pair, *rows), _only(pair.model()))
+    first, second = pair.first, pair.second
+    stored = [((second, first), 1)]
+    stored += [((first + distance, second), abs(distance)) for distance in _NEIGHBOURS]
+    stored += [((first, second + distance), abs(distance)) for distance in _NEIGHBOURS]
+    for rows, distance in stored:
+        if min(rows) >= 0 and max(rows) <= last and rows[0] != rows[1]:
+            exchanged = (("swapped_frames", "depth", 1.0, _always(float(distance))),)
+            yield _Hypothesis(exchanged, _images_of(pair, *rows), _only(pair.model()))
 
 
 def _of_the_stamps(pair: DepthPair) -> Iterator[_Hypothesis]:

@@ -28,7 +28,8 @@ class Scale(FittedParameter):
     larger). Where the camera hovers the factor is known to no better than a half and nothing is said.
 
     A wrong factor is as well one of the positions: where depths lie far outside the declared range they are at fault,
-    otherwise the inertial checks tell.
+    otherwise the inertial checks tell. The factor of the positions is then approximate, as the camera's lever arm is
+    taken to be scaled with them.
     """
 
     name = "depth.scale"

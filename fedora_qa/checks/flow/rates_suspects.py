@@ -27,7 +27,8 @@ _INNOCENT: Final = 0.1
 """Weight of a rate that agrees with a third."""
 
 _EXACTLY: Final = 0.0
-"""Left of the error, px, where fields are another field bit for bit: no chance does that."""
+"""Left of the error, px, where fields are another field bit for bit: no chance does that. Where they are not, all is
+left."""
 
 _COPIES: Final = ("flow_rate_mixed", "frozen_frames")
 """Faults that are seen bit for bit; what resembles them is then not named."""
@@ -87,7 +88,7 @@ def rates_suspects(pair: Pair, off: Mapping[Pair, float], weighed: Sequence[Weig
     ``off`` is the share of the common intervals of each pair that are off.
     """
     local = off[pair] <= 0.5
-    copies = {one.stream for one in weighed if one.cause in _COPIES and one.weight == 1.0}
+    copies = _copied(weighed)
     weighed = [one for one in weighed if one.stream not in copies or one.cause in _COPIES]
     found: list[Suspect] = []
     for stream in pair:
@@ -98,13 +99,22 @@ def rates_suspects(pair: Pair, off: Mapping[Pair, float], weighed: Sequence[Weig
         ]
     if all(off.values()):
         found += gross_suspects("flow", weighed, "flow", local=local)
-        mixed = {one.stream for one in weighed if one.cause == "flow_rate_mixed"}
+        mixed = {one.stream for one in weighed if one.cause == "flow_rate_mixed" and one.weight > 0}
         found += [Suspect("flow_rate_mixed", "flow", 1.0)] if len(mixed) > 2 else []
     named = most_probable(found)
     known = {(one.cause, one.stream) for one in named}
     streams = ("flow", *pair) if all(off.values()) else pair
     others = (Suspect(cause, stream, _WEAK) for stream in streams for cause in _CAUSES)
     return named + tuple(one for one in others if (one.cause, one.stream) not in known)
+
+
+def _copied(weighed: Sequence[Weighed]) -> set[str]:
+    """Return the streams that a copy explains wherever they were looked at."""
+    weights: dict[Pair, list[float]] = {}
+    for one in weighed:
+        if one.cause in _COPIES:
+            weights.setdefault((one.stream, one.cause), []).append(one.weight)
+    return {stream for (stream, _), found in weights.items() if min(found) == 1.0}
 
 
 def _blame(stream: str, pair: Pair, off: Mapping[Pair, float]) -> float:
@@ -133,10 +143,9 @@ def _of_one_rate(
             named = gain_suspect(stream, factor - 1, None, 1.0, seconds, _SAME_GAIN)
             left_px = median_error_px(compose(window, chain, *pixels, _divided_by(factor)), other)
             yield _Undone(stream, named.cause, left_px, named.magnitude)
-        if _holds_another(window, chain):
-            yield _Undone(stream, "flow_rate_mixed", _EXACTLY)
-        if repeated := _repeated(window, chain):
-            yield _Undone(stream, "frozen_frames", _EXACTLY, float(repeated))
+        yield _Undone(stream, "flow_rate_mixed", _EXACTLY if _holds_another(window, chain) else np.inf)
+        repeated = _repeated(window, chain)
+        yield _Undone(stream, "frozen_frames", _EXACTLY if repeated else np.inf, float(repeated))
 
 
 def _of_both(window: Window, segment: Segment, pixels: tuple[Float64, Float64]) -> Iterator[_Undone]:
@@ -180,9 +189,21 @@ def _holds_another(window: Window, chain: Chain) -> bool:
 
 
 def _repeated(window: Window, chain: Chain) -> int:
-    """Count the chain's fields that equal the field before them."""
-    rows = [row for row in chain.rows if row > 0]
-    return sum(_same(window.flow_px(chain.stream, row), window.flow_px(chain.stream, row - 1)) for row in rows)
+    """Count the repetitions in the longest run of equal fields that touches the chain, up to a window beyond it."""
+    reach = len(window.owned(chain.stream))
+    first = max(chain.rows[0] - reach, 0)
+    last = min(chain.rows[-1] + reach, len(window.facts.clocks[chain.stream].times_ns) - 1)
+
+    def repeats(row: int) -> bool:
+        return first < row <= last and _same(window.flow_px(chain.stream, row), window.flow_px(chain.stream, row - 1))
+
+    longest = 0
+    for row in chain.rows:
+        if repeats(row):
+            after = next(later for later in range(row + 1, last + 2) if not repeats(later))
+            before = next(earlier for earlier in range(row - 1, first - 1, -1) if not repeats(earlier))
+            longest = max(longest, after - before - 1)
+    return longest
 
 
 def _same(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
