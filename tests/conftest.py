@@ -1,17 +1,39 @@
 """Sequences that several tests share."""
 
+from functools import cache
 from pathlib import Path
 
 import pytest
 
+from fedora_generator.scene import load_scene
 from tests.support.graphics import require_chromium, require_opengl
-from tests.support.sequences import make_sequence
+from tests.support.sequences import CleanSequence, make_sequence
 
 
 @pytest.fixture(scope="session")
-def park_day(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def clean_sequence(tmp_path_factory: pytest.TempPathFactory) -> CleanSequence:
+    """A clean second of any scene, made once a run. Tests must not write into it.
+
+    Where there is no OpenGL, a test that asks for a scene of meshes is skipped, or fails where CI is set.
+    """
+    folder = tmp_path_factory.mktemp("clean")
+
+    @cache
+    def made(scene: str) -> Path:
+        return make_sequence(folder / f"{scene}.h5", scene)
+
+    def clean(scene: str) -> Path:
+        if load_scene(scene).renderer == "mesh":
+            require_opengl()
+        return made(scene)
+
+    return clean
+
+
+@pytest.fixture(scope="session")
+def park_day(clean_sequence: CleanSequence) -> Path:
     """A clean second of the park by day. Tests must not write into it."""
-    return make_sequence(tmp_path_factory.mktemp("park") / "park-day.h5", "park-day")
+    return clean_sequence("park-day")
 
 
 @pytest.fixture(scope="session")

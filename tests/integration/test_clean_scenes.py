@@ -9,7 +9,7 @@ from fedora_generator.scene import list_scenes
 from fedora_qa.checks import CHECKS
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import FileRecord
-from tests.support.sequences import make_sequence, small_scene
+from tests.support.sequences import CleanSequence, small_scene
 
 SCENES = [scene.name for scene in list_scenes()]
 
@@ -24,9 +24,9 @@ def alarms(record: FileRecord) -> list[str]:
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_clean_scene_is_clean(scene: str, tmp_path: Path) -> None:
+def test_clean_scene_is_clean(scene: str, clean_sequence: CleanSequence) -> None:
     """Day and night, fast and still, with every noise and without: no check fails, and some hold streams together."""
-    record = check_file(make_sequence(tmp_path / "clean.h5", scene), CheckOptions()).record
+    record = check_file(clean_sequence(scene), CheckOptions()).record
     assert not alarms(record)
     assert record.verdict == "clean"
     assert record.diagnoses == ()
@@ -49,6 +49,6 @@ def test_a_stream_left_out_costs_only_what_needs_it(stream: str, park_day: Path,
 def needs(needed: tuple[str, ...], stream: str) -> bool:
     """Whether a check needs a stream, or an index map that falls away with it."""
     maps = {"rgb": {"rgb_to_event"}, "depth": {"depth_to_event"}, "events": {"rgb_to_event", "depth_to_event"}}
-    # Flow lies on the grid of the depth camera, whose declaration goes with the stream; frames have a grid of their own.
+    # Flow lies on the grid of the depth camera, whose declaration goes with the stream; frames have their own.
     grid = stream == "depth" and {"flow", "events"} <= set(needed)
     return grid or bool(set(needed) & ({stream} | maps.get(stream, set())))

@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import h5py
@@ -12,7 +12,7 @@ import pytest
 from fedora_generator.faults import plant_fault
 from fedora_qa.checks import CHECKS
 from fedora_qa.engine.run import CheckOptions, check_file
-from tests.support.sequences import make_sequence
+from tests.support.sequences import CleanSequence
 
 
 @dataclass(frozen=True)
@@ -104,12 +104,23 @@ PLANTED = {
 }
 """A fault for each check that its failing must name. Sizes are well above the limits of detection."""
 
-
-@pytest.fixture(scope="session")
-def scenes(tmp_path_factory: pytest.TempPathFactory, park_day: Path) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp("scenes")
-    names = {planted.scene for planted in PLANTED.values()} - {"park-day"}
-    return {"park-day": park_day} | {name: make_sequence(folder / f"{name}.h5", name) for name in sorted(names)}
+PLANTED_IN_MESHES = {
+    check: replace(PLANTED[check], scene="park-mesh-day")
+    for check in (
+        "event_response.orientation",
+        "event_response.timing",
+        "event_response.alignment",
+        "alignment.depth",
+        "alignment.events",
+        "flow_photometric.residual",
+        "flow_geometry.endpoint",
+        "flow_rates.composition",
+        "depth.consistency",
+        "depth.scale",
+        "images.repeats",
+    )
+}
+"""Faults of what is drawn, in the world that OpenGL draws. Stamps, IMU and pose are the same in both."""
 
 
 def plant(planted: Planted, clean: Path, target: Path) -> None:
@@ -123,11 +134,19 @@ def plant(planted: Planted, clean: Path, target: Path) -> None:
         planted.edit(file)
 
 
-@pytest.mark.parametrize("check", PLANTED)
-def test_check_names_its_planted_fault(check: str, scenes: dict[str, Path], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("check", "planted"),
+    [
+        *(pytest.param(check, planted, id=check) for check, planted in PLANTED.items()),
+        *(pytest.param(check, planted, id=f"{check} in meshes") for check, planted in PLANTED_IN_MESHES.items()),
+    ],
+)
+def test_check_names_its_planted_fault(
+    check: str, planted: Planted, clean_sequence: CleanSequence, tmp_path: Path
+) -> None:
     """The check fails, and the first diagnosis is the planted cause in its stream, with its size."""
-    planted, path = PLANTED[check], tmp_path / "faulty.h5"
-    plant(planted, scenes[planted.scene], path)
+    path = tmp_path / "faulty.h5"
+    plant(planted, clean_sequence(planted.scene), path)
     record = check_file(path, CheckOptions()).record
     failed = {result.check: result for result in record.results if result.outcome == "failed"}
     assert record.verdict == "findings"

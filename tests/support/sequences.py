@@ -1,10 +1,14 @@
 """Small generated sequences for integration tests, each made once a run."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import Scene, load_scene
+
+CleanSequence = Callable[[str], Path]
+"""Gives a clean sequence of a scene, by name."""
 
 
 def small_scene(name: str, width: int = 270, height: int = 200) -> Scene:
