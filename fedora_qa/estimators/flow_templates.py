@@ -19,7 +19,8 @@ class SmallFault:
     """A cause, the unit of its size, and the columns of its templates.
 
     ``streams`` are those that it can befall with the same effect here, each with the weight that it is given: where
-    nothing else tells them apart the first is meant. Beyond ``largest`` the template, a derivative, says nothing.
+    nothing else tells them apart the first is meant. A stream among ``opposite`` has it with the other sign. Beyond
+    ``largest`` the template, a derivative, says nothing.
     """
 
     cause: str
@@ -27,6 +28,7 @@ class SmallFault:
     unit: str
     columns: slice
     largest: float
+    opposite: tuple[str, ...] = ()
 
     def size(self, fitted: Float64) -> float:
         """Return one signed number for a fault of several components: their norm, with the largest one's sign."""
@@ -41,7 +43,7 @@ SMALL_FAULTS: Final = (
     SmallFault("intrinsics_centre", _DECLARED, "px", slice(2, 4), 100.0),
     SmallFault("extrinsic_rotation", _DECLARED, "deg", slice(4, 7), 15.0),
     SmallFault("lever_arm", (("metadata", 1.0), ("pose", 0.95)), "m", slice(7, 10), 3.0),
-    SmallFault("time_offset", (("pose", 1.0),), "ms", slice(10, 11), 50.0),
+    SmallFault("time_offset", (("pose", 1.0), ("flow", 0.95)), "ms", slice(10, 11), 50.0, opposite=("flow",)),
 )
 
 _PERCENT, _DEG, _MS = 0.01, np.pi / 180, 1e-3

@@ -21,6 +21,10 @@ _UNKNOWN = "unknown"
 _ENOUGH = 0.05
 """Weight that a further cause must newly explain to be named at all."""
 
+_FAIR_FIT = 0.5
+"""Share of the best fit from which on a cause's size is taken from where it is most precise: no derivation, but a worse
+fit mostly means that another cause takes part."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
@@ -63,7 +67,7 @@ def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
             if suspect.cause == _UNKNOWN:
                 continue
             known = evidence[suspect.cause, suspect.stream]
-            if alarm.finding.id not in known or known[alarm.finding.id].weight < suspect.weight:
+            if alarm.finding.id not in known or _fit(known[alarm.finding.id]) < _fit(suspect):
                 known[alarm.finding.id] = suspect
     for cause, stream in list(evidence):
         if stream == stream_family(stream):
@@ -72,6 +76,11 @@ def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
                     for finding, suspect in suspects.items():
                         evidence[cause, stream].setdefault(finding, suspect)
     return [_Candidate(cause, stream, found) for (cause, stream), found in evidence.items()]
+
+
+def _fit(suspect: Suspect) -> tuple[float, bool]:
+    """Order suspects of one finding and cause by weight, to a hundredth, then by whether their size has an error."""
+    return round(suspect.weight, 2), suspect.standard_error is not None
 
 
 def _gain(candidate: _Candidate, unexplained: Mapping[str, float]) -> float:
@@ -86,7 +95,8 @@ def _share(best: _Candidate, candidates: Sequence[_Candidate], unexplained: Mapp
 
 
 def _as_diagnosis(name: str, candidate: _Candidate, share: float, places: Mapping[str, Where]) -> Diagnosis:
-    finding, suspect = min(candidate.evidence.items(), key=lambda item: _precision(item[1]))
+    fair = _FAIR_FIT * max(suspect.weight for suspect in candidate.evidence.values())
+    finding, suspect = min(candidate.evidence.items(), key=lambda item: _precision(item[1], fair))
     return Diagnosis(
         id=name,
         cause=candidate.cause,
@@ -101,10 +111,10 @@ def _as_diagnosis(name: str, candidate: _Candidate, share: float, places: Mappin
     )
 
 
-def _precision(suspect: Suspect) -> tuple[bool, bool, float, float]:
-    """Order suspects by how much they tell of the size: a magnitude, an error, the better fit, the smaller error."""
+def _precision(suspect: Suspect, fair: float) -> tuple[bool, bool, bool, float, float]:
+    """Order suspects by how much they tell of the size: a magnitude, an error, a fair fit, the smaller error."""
     error = suspect.standard_error
-    return (suspect.magnitude is None, error is None, -suspect.weight, error or 0.0)
+    return (suspect.magnitude is None, error is None, suspect.weight < fair, error or 0.0, -suspect.weight)
 
 
 def _unknown(name: str, alarms: Sequence[Alarm]) -> Diagnosis:

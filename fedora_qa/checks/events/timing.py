@@ -5,6 +5,7 @@ from math import hypot, pi
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.checks.events.answer import TOLD_WITHIN_S, Answer, LevelCheck, Seen, answer, level_coverage
 from fedora_qa.checks.events.levels import FoundOffset, LevelSums, search_offset
@@ -21,8 +22,10 @@ EVENTS: Final = Where(stream="events")
 DRIFT_KNOWN: Final = 5.0
 """Standard errors of the clock rate beyond which an offset is suspected to be part of it (after an alarm only)."""
 
-
 WINDOWS_SEARCHED: Final = 2
+
+_EITHER: Final = (0.9, 0.8)
+"""Weights of an offset of the events and of the frames where nothing tells them apart."""
 
 
 class Timing(LevelCheck):
@@ -92,6 +95,7 @@ class Timing(LevelCheck):
         expected, tick_error = _expected_delay_ms(declared, facts)
         late, error, bound = 1e3 * late_s, 1e3 * error_s, 1e3 * bound_s + tick_error
         offset = late - expected
+        of_events, of_frames = _whose_offset(offset, facts)
         return Measured(
             name="time_offset",
             value=late,
@@ -105,8 +109,8 @@ class Timing(LevelCheck):
             code="event_response.timing.offset",
             where=EVENTS,
             suspects=(
-                Suspect("time_offset", "events", 0.9, offset, "ms", hypot(error, bound)),
-                Suspect("time_offset", "rgb", 0.8, -offset, "ms", hypot(error, bound)),
+                Suspect("time_offset", "events", of_events, offset, "ms", hypot(error, bound)),
+                Suspect("time_offset", "rgb", of_frames, -offset, "ms", hypot(error, bound)),
                 Suspect("clock_rate", "events", drift_weight),
             ),
         )
@@ -130,6 +134,31 @@ class Timing(LevelCheck):
                 Suspect("clock_rate", "rgb", 0.8, -ppm, "ppm", hypot(error, bound)),
             ),
         )
+
+
+def _whose_offset(offset_ms: float, facts: Facts) -> tuple[float, float]:
+    """Return the weights of an offset of the events, and of the frames: do those keep in step with depth and flow?
+
+    A renderer draws colour, depth and flow at common times. Frames that leave them by the offset are moved themselves,
+    and frames that still meet them were not.
+    """
+    clocks = [facts.clocks[stream] for stream in ("depth", *facts.flow_streams) if stream in facts.clocks]
+    common_ns = np.unique(np.concatenate([clock.times_ns for clock in clocks])) if clocks else np.zeros(0, np.int64)
+    frames_ns = facts.clocks["rgb"].times_ns
+    if len(common_ns) < 2 or not len(frames_ns):
+        return _EITHER
+    near_ns = abs(offset_ms) * 1e6 / 4
+    as_stamped = _median_distance(frames_ns, common_ns) < near_ns
+    moved_back = _median_distance(frames_ns + round(1e6 * offset_ms), common_ns) < near_ns
+    if as_stamped == moved_back:
+        return _EITHER
+    return _EITHER[::-1] if moved_back else (_EITHER[0], _EITHER[1] / 2)
+
+
+def _median_distance(times_ns: NDArray[np.int64], grid_ns: NDArray[np.int64]) -> float:
+    """Return the median distance of stamps from the nearest of a sorted grid of two or more."""
+    after = np.clip(np.searchsorted(grid_ns, times_ns), 1, len(grid_ns) - 1)
+    return float(np.median(np.minimum(np.abs(times_ns - grid_ns[after - 1]), np.abs(grid_ns[after] - times_ns))))
 
 
 def _expected_delay_ms(declared: EventModel, facts: Facts) -> tuple[float, float]:

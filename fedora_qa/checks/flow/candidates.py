@@ -134,6 +134,7 @@ def _of_the_frames(window: Window, tiles: Tiles, frames: FramePair) -> Iterator[
             late_ms = float(times_ns[before] - times_ns[frames.before]) * 1e3 / NS_PER_S
             moved = replace(frames, before=before, after=after)
             yield _Candidate("time_offset", "rgb", tiles.flow_px, moved, late_ms)
+            yield _Candidate("time_offset", "flow", tiles.flow_px, moved, -late_ms)
     for before, after in ((frames.after, frames.before), (frames.before, frames.after + 1),
                           (frames.before, frames.after - 1), (frames.before + 1, frames.after),
                           (frames.before - 1, frames.after)):  # fmt: skip

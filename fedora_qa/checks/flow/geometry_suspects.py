@@ -68,7 +68,8 @@ def _small(fields: Sequence[FieldError], flow: str, noise: PoseModel | None) -> 
             continue
         for stream, likeliness in fault.streams:
             where = flow if stream == "flow" else stream
-            suspects.append(Suspect(fault.cause, where, likeliness * weight, fault.size(sizes), fault.unit, error))
+            size = -fault.size(sizes) if stream in fault.opposite else fault.size(sizes)
+            suspects.append(Suspect(fault.cause, where, likeliness * weight, size, fault.unit, error))
     return suspects
 
 

@@ -58,7 +58,7 @@ _OTHERS: Final = tuple(
     for stream, causes in (
         ("flow", ("flow_gain", "flow_unit", "flow_sign", "flow_interval_shifted", "flow_rate_mixed", "axes_swapped",
                   "frame_convention", "mirrored", "spatial_offset", "swapped_frames", "frozen_frames",
-                  "other_sequence")),
+                  "time_offset", "other_sequence")),
         ("rgb", ("mirrored", "spatial_offset", "time_offset", "swapped_frames", "frozen_frames", "other_sequence")),
     )
     for cause in causes

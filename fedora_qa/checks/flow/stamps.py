@@ -94,6 +94,8 @@ def _suspects_off_frames(facts: Facts, stream: str, clock: Clock, off: NDArray[n
     """
     if not len(off):
         return ()
+    if _outlasts(facts.clocks["depth"], clock, off):
+        return (Suspect("truncated", "depth", 0.6), Suspect("time_offset", stream, 0.5))
     if len(off) < len(clock.times_ns) / 2:
         return (Suspect("dropped_samples", "depth", 0.8), Suspect("quantised_time", stream, 0.3))
     frames_ns = facts.clocks["depth"].times_ns[facts.clocks["depth"].advancing]
@@ -109,6 +111,14 @@ def _suspects_off_frames(facts: Facts, stream: str, clock: Clock, off: NDArray[n
         Suspect(name, stream, 0.3 if depth_late else 0.9, size, unit),
         Suspect(name, "depth", 0.9 if depth_late else 0.3, -size, unit),
     )
+
+
+def _outlasts(frames: Clock, clock: Clock, off: NDArray[np.intp]) -> bool:
+    """Whether all intervals that are off begin before the first frame or end after the last."""
+    if clock.ends_ns is None or not len(frames.times_ns):
+        return False
+    before, after = clock.times_ns[off] < frames.times_ns.min(), clock.ends_ns[off] > frames.times_ns.max()
+    return bool(np.all(before | after))
 
 
 def _offsets_ns(frames_ns: Int64, times_ns: Int64) -> NDArray[np.float64]:

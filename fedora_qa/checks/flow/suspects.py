@@ -26,7 +26,7 @@ DISPLACEMENTS: Final = tuple(
     (cause, stream, 0.1)
     for stream, causes in (
         ("flow", ("flow_interval_shifted", "flow_rate_mixed", "mirrored", "spatial_offset", "frozen_frames",
-                  "swapped_frames")),
+                  "swapped_frames", "time_offset")),
         ("depth", ("mirrored", "spatial_offset", "frozen_frames", "swapped_frames", "time_offset")),
     )
     for cause in causes

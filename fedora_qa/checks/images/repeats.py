@@ -122,8 +122,8 @@ def _count(frozen: Sequence[tuple[int, int]], facts: Facts) -> Measured:
             frame=first,
         ),
         suspects=(
-            Suspect("frozen_frames", "rgb", 0.95, float(len(frozen)), "samples"),
-            Suspect("duplicated_samples", "rgb", 0.5, float(len(frozen)), "samples"),
+            Suspect("frozen_frames", "rgb", 0.95, float(len(frozen)), "samples", 0.0),
+            Suspect("duplicated_samples", "rgb", 0.5, float(len(frozen)), "samples", 0.0),
         ),
     )
 
