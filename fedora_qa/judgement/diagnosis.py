@@ -9,6 +9,7 @@ set-covering problem", 1979). Diagnosis runs only after an alarm: on clean files
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import prod
 
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.protocol import Suspect
@@ -20,6 +21,9 @@ _UNKNOWN = "unknown"
 
 _ENOUGH = 0.05
 """Weight that a further cause must newly explain to be named at all."""
+
+_UNFORESEEN = 0.02
+"""Weight of a cause with a check that does not know it: none so well studied that it could be ruled out."""
 
 _FAIR_FIT = 0.5
 """Share of the best fit from which on a cause's size is taken from where it is most precise: no derivation, but a worse
@@ -37,6 +41,7 @@ class _Candidate:
 def diagnose(alarms: Sequence[Alarm]) -> tuple[Diagnosis, ...]:
     """Return the probable causes of the alarms, most probable first. Alarms without a suspect become ``unknown``."""
     places = {alarm.finding.id: alarm.finding.where for alarm in alarms}
+    checks = {alarm.finding.id: alarm.finding.code.rpartition(".")[0] for alarm in alarms}
     candidates = _candidates(alarms)
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
     chosen: list[tuple[_Candidate, float]] = []
@@ -45,7 +50,7 @@ def diagnose(alarms: Sequence[Alarm]) -> tuple[Diagnosis, ...]:
         gain = _gain(best, unexplained)
         if gain < _ENOUGH:
             break
-        chosen.append((best, _share(best, candidates, unexplained)))
+        chosen.append((best, _confidence(best, candidates, unexplained, checks)))
         for finding, suspect in best.evidence.items():
             unexplained[finding] = min(unexplained[finding], 1.0 - suspect.weight)
         explained = {finding for candidate, _ in chosen for finding in candidate.evidence}
@@ -85,13 +90,35 @@ def _fit(suspect: Suspect) -> tuple[float, bool]:
 
 def _gain(candidate: _Candidate, unexplained: Mapping[str, float]) -> float:
     """Weight that the candidate explains and nothing chosen before it did."""
-    return sum(min(suspect.weight, unexplained[finding]) for finding, suspect in candidate.evidence.items())
+    return sum(_new_weight(candidate, finding, unexplained) for finding in candidate.evidence)
 
 
-def _share(best: _Candidate, candidates: Sequence[_Candidate], unexplained: Mapping[str, float]) -> float:
-    """Confidence: the candidate's gain among all rivals that would explain any of the same findings."""
-    rivals = [c for c in candidates if set(c.evidence) & set(best.evidence)]
-    return _gain(best, unexplained) / sum(_gain(rival, unexplained) for rival in rivals)
+def _new_weight(candidate: _Candidate, finding: str, unexplained: Mapping[str, float]) -> float:
+    suspect = candidate.evidence.get(finding)
+    return 0.0 if suspect is None else min(suspect.weight, unexplained[finding])
+
+
+def _confidence(
+    best: _Candidate, candidates: Sequence[_Candidate], unexplained: Mapping[str, float], checks: Mapping[str, str]
+) -> float:
+    """Return the candidate's share of probability among all rivals that would explain any of the same findings.
+
+    Checks are taken as independent witnesses of what is still unexplained: the weights that a cause has with each are
+    multiplied (Bayes, with equal priors). Findings of one check are one witness, and count by their mean.
+    """
+    of_check: dict[str, list[str]] = defaultdict(list)
+    for finding in best.evidence:
+        if unexplained[finding] > 0:
+            of_check[checks[finding]].append(finding)
+
+    def probability(candidate: _Candidate) -> float:
+        witnesses = (
+            sum(_new_weight(candidate, finding, unexplained) for finding in findings) / len(findings)
+            for findings in of_check.values()
+        )
+        return prod(max(weight, _UNFORESEEN) for weight in witnesses)
+
+    return probability(best) / sum(probability(c) for c in candidates if set(c.evidence) & set(best.evidence))
 
 
 def _as_diagnosis(name: str, candidate: _Candidate, share: float, places: Mapping[str, Where]) -> Diagnosis:

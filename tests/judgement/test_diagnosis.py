@@ -1,13 +1,15 @@
 """Findings are explained by the fewest causes."""
 
+import pytest
+
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.judgement.diagnosis import diagnose
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
 
 
-def alarm(number: int, *suspects: Suspect) -> Alarm:
-    return Alarm(Finding(f"F{number}", "toy.rule", "error", "off", Where(stream="events")), suspects)
+def alarm(number: int, *suspects: Suspect, code: str = "toy.rule") -> Alarm:
+    return Alarm(Finding(f"F{number}", code, "error", "off", Where(stream="events")), suspects)
 
 
 def test_one_cause_is_preferred_over_several() -> None:
@@ -61,3 +63,23 @@ def test_confidence_is_shared_by_rivals() -> None:
     """Two causes that explain the same finding equally well are equally probable."""
     found = diagnose([alarm(1, Suspect("time_offset", "imu", 0.5), Suspect("time_offset", "pose", 0.5))])
     assert found[0].confidence == 0.5
+
+
+def test_several_witnesses_are_more_certain_than_one() -> None:
+    """A cause that two checks suspect strongly is nearly certain, however many others each would have too."""
+    others = tuple(Suspect(f"other {i}", "events", 0.3) for i in range(10))
+    found = diagnose(
+        [
+            alarm(1, Suspect("time_offset", "events", 0.9), code="timing.offset"),
+            alarm(2, Suspect("time_offset", "events", 0.3), *others, code="conservation.pixels"),
+        ]
+    )
+    # Each other: 0.02 where it is not known, times 0.3.
+    assert found[0].confidence == pytest.approx(0.27 / (0.27 + 10 * 0.006))
+
+
+def test_findings_of_one_check_are_one_witness() -> None:
+    """Many findings of one check make a cause no more certain than one."""
+    suspects = Suspect("flow_gain", "flow", 0.8), Suspect("flow_unit", "flow", 0.4)
+    found = diagnose([alarm(i, *suspects, code="rule.gain") for i in range(1, 9)])
+    assert found[0].confidence == pytest.approx(2 / 3)
