@@ -23,6 +23,20 @@ OUTCOME_WORDS: Final[dict[Outcome, str]] = {
 SHORT_OF_COVERAGE: Final = "where the configuration requires"
 """Marks, in a result's reason, that less was seen than required."""
 
+_COUNTED = {
+    "chunks",
+    "declarations",
+    "events",
+    "frames",
+    "intervals",
+    "labels",
+    "pixels",
+    "problems",
+    "samples",
+    "ticks",
+}
+"""Units that are plurals."""
+
 _ESCAPE_SEQUENCE = re.compile(r"\x1b(\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(\x07|\x1b\\)?|[@-_])?")
 _UNPRINTABLE = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 """Unicode categories that could move the cursor, hide text or turn its direction."""
@@ -45,8 +59,10 @@ def number(value: float | None) -> str:
 
 
 def with_unit(value: float | None, unit: str) -> str:
-    """Return a number with its unit; ``"1"`` marks a pure number."""
-    return f"{number(value)} {unit}" if unit not in {"", "1"} else number(value)
+    """Return a number with its unit; ``"1"`` marks a pure number, and one of what is counted is singular."""
+    if unit in {"", "1"}:
+        return number(value)
+    return f"{number(value)} {unit.removesuffix('s') if value == 1 and unit in _COUNTED else unit}"
 
 
 def with_error(value: float | None, standard_error: float | None, unit: str) -> str:

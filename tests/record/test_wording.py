@@ -21,6 +21,7 @@ from fedora_qa.record.wording import (
     reasons,
     why_incomplete,
     with_error,
+    with_unit,
 )
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed
 
@@ -164,3 +165,11 @@ def test_incomplete_says_why() -> None:
     assert why_incomplete(file_record(crashed())) == "crashed: imu.noise"
     assert "no stream" in why_incomplete(replace(file_record(passed()), verdict="incomplete"))
     assert why_incomplete(file_record(failed())) == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "said"), [(1, "chunks", "1 chunk"), (2, "chunks", "2 chunks"), (1, "ms", "1 ms"), (1, "1", "1")]
+)
+def test_one_of_what_is_counted_is_singular(value: float, unit: str, said: str) -> None:
+    """One chunk, two chunks; units of physics have no plural."""
+    assert with_unit(value, unit) == said
