@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.flow_mask_kernels import spread_at_targets
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import moved_points
 
@@ -108,23 +109,8 @@ def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint
     breaks = ~known
     for component in (u, v):
         breaks |= np.abs(cv2.Laplacian(component, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)) > BREAK_PX
-    return _widened(breaks), _widened(_crowded(u, v, known))
-
-
-def _crowded(u: Float32, v: Float32, known: Mask) -> Mask:
-    height, width = known.shape
-    columns = np.rint(np.arange(width, dtype=np.float32)[None, :] + u)
-    rows = np.rint(np.arange(height, dtype=np.float32)[:, None] + v)
-    inside = known & (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-    targets = (rows[inside] * width + columns[inside]).astype(np.int64)
-    count = np.maximum(np.bincount(targets, minlength=height * width), 1)
-    crowded = np.zeros(height * width, dtype=np.bool_)
-    for component in (u, v):
-        values = component[inside].astype(np.float64)
-        mean = np.bincount(targets, values, minlength=height * width) / count
-        square = np.bincount(targets, values**2, minlength=height * width) / count
-        crowded |= square - mean**2 > _CROWDED_PX**2
-    return crowded.reshape(height, width)
+    crowded = spread_at_targets(flow_px) > _CROWDED_PX**2
+    return _widened(breaks), _widened(crowded)
 
 
 def _widened(edge: Mask) -> NDArray[np.uint8]:

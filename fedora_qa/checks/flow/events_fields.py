@@ -18,8 +18,8 @@ from fedora_qa.sequence.window import Events, Window
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
-FIELDS: Final = 2
-"""Fields of a rate that a window looks at, evenly spread."""
+FIELDS: Final = 1
+"""Fields of a rate that a window looks at, evenly spread. With two the standard error of a gain hardly changes."""
 
 SHORTEST_NS: Final = 60_000_000
 """Events are taken over at least so long, around the middle of the interval: at 50 Hz edges cross few pixels."""
@@ -27,8 +27,9 @@ SHORTEST_NS: Final = 60_000_000
 LONGEST_NS: Final = 200_000_000
 """Fields over longer intervals are left out: paths bend."""
 
-MOST_EVENTS: Final = 200_000
-"""Of more events of a field, evenly spread ones are carried."""
+MOST_EVENTS: Final = 25_000
+"""Of more events of a field, evenly spread ones are carried: at 720x540, 700 000 events, standard errors of gains are
+0.4% with 25 000 and 0.3% with all of them, and limits, which the pixels' size decides, 16.9% and 16.6% at 10 Hz."""
 
 FEWEST_EVENTS: Final = 500
 
