@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 @njit(cache=True)
 def spread_at_targets(flow_px: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return (H, W) by how much the flows (H, W, 2) differ that lead to a pixel: the larger variance of the two, px^2."""
+    """Return (H, W) by how much the flows (H, W, 2) that lead to a pixel differ: the larger variance of two, px^2."""
     height, width = flow_px.shape[:2]
     count = np.zeros((height, width), np.int32)
     sums = np.zeros((height, width, 4))
