@@ -122,12 +122,13 @@ PLANTED_IN_MESHES = {
 }
 """Faults of what is drawn, in the world that OpenGL draws. Stamps, IMU and pose are the same in both."""
 
-PLANTED_IN_THE_OTHER = {
+PLANTED_AS_WELL = {
     "event_response.timing": Planted("time_offset", "rgb", 5, "ms", within=0.15),
     "flow_geometry.endpoint": Planted("time_offset", "flow", 20, "ms", within=0.05),
     "flow_geometry.validity": Planted("truncated", "depth", 20, within=0.0),
+    "event_response.conservation": Planted("truncated", "events", 20, within=0.1),
 }
-"""Faults of one of two streams that a check holds together, where the other has been planted above."""
+"""Faults that a check sees as well as those planted above: of the other stream, or of another kind."""
 
 
 def plant(planted: Planted, clean: Path, target: Path) -> None:
@@ -146,7 +147,7 @@ def plant(planted: Planted, clean: Path, target: Path) -> None:
     [
         *(pytest.param(check, planted, id=check) for check, planted in PLANTED.items()),
         *(pytest.param(check, planted, id=f"{check} in meshes") for check, planted in PLANTED_IN_MESHES.items()),
-        *(pytest.param(check, planted, id=f"{check} by the other") for check, planted in PLANTED_IN_THE_OTHER.items()),
+        *(pytest.param(check, planted, id=f"{check} as well") for check, planted in PLANTED_AS_WELL.items()),
     ],
 )
 def test_check_names_its_planted_fault(

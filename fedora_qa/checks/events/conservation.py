@@ -73,7 +73,7 @@ class Conservation(Check[Ledger]):
             return Observation(coverage, unobservable="no two frames with events around them")
         shape = sensor_shape(facts.declared)
         pixels = np.any([one.unpacked(shape) for one in closed], axis=0)
-        tile, gathered = self._tile(pixels, silent=facts.events is None or not facts.events.count)
+        tile, gathered = self._tile(pixels, facts)
         return Observation(
             coverage,
             (self._share(closed, state.model, facts, gathered), tile),
@@ -121,12 +121,14 @@ class Conservation(Check[Ledger]):
                 Suspect("dropped_samples", "events", 0.5, float(counts[worst]), "samples"),
                 Suspect("duplicated_samples", "events", 0.4, float(counts[worst]), "samples"),
                 Suspect("dead_region", "events", 0.6 if gathered else 0.1),
+                *_cut_off(facts),
                 *_WHATEVER_BREAKS_THE_LAW,
             ),
         )
 
-    def _tile(self, pixels: Bool, *, silent: bool) -> tuple[Measured, bool]:
+    def _tile(self, pixels: Bool, facts: Facts) -> tuple[Measured, bool]:
         """Return the worst tile, and whether the violations lie together around it while other regions give events."""
+        silent = facts.events is None or not facts.events.count
         share, row, column, tiles = _worst_tile(pixels)
         everywhere = float(pixels.mean())
         side = min(TILE_PX, *pixels.shape)
@@ -150,6 +152,7 @@ class Conservation(Check[Ledger]):
                 Suspect("dead_region", "events", 0.8 if gathered else 0.1, region, "px"),
                 Suspect("dropped_samples", "events", 0.4),
                 Suspect("duplicated_samples", "events", 0.35),
+                *_cut_off(facts),
                 *_WHATEVER_BREAKS_THE_LAW,
             ),
         )
@@ -169,6 +172,17 @@ _WHATEVER_BREAKS_THE_LAW: Final = (
     ),
 )  # fmt: skip
 """Every fault of events or frames breaks it; which one, other checks say better."""
+
+
+def _cut_off(facts: Facts) -> tuple[Suspect, ...]:
+    """Suspect that events were cut off, where they end more than two frames before the frames do."""
+    times_ns = facts.clocks["rgb"].times_ns
+    if facts.events is None or not facts.events.count or len(times_ns) < 2:
+        return ()
+    duration_ns, silent_ns = int(times_ns[-1] - times_ns[0]), int(times_ns[-1]) - facts.events.last_ns
+    if silent_ns * (len(times_ns) - 1) <= 2 * duration_ns:
+        return ()
+    return (Suspect("truncated", "events", 0.8, 100 * silent_ns / duration_ns, "percent"),)
 
 
 def _excused_share(closed: Closed, declared: EventModel, times_ns: NDArray[np.int64]) -> float:
