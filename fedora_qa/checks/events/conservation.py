@@ -182,7 +182,7 @@ def _cut_off(facts: Facts) -> tuple[Suspect, ...]:
     duration_ns, silent_ns = int(times_ns[-1] - times_ns[0]), int(times_ns[-1]) - facts.events.last_ns
     if silent_ns * (len(times_ns) - 1) <= 2 * duration_ns:
         return ()
-    return (Suspect("truncated", "events", 0.8, 100 * silent_ns / duration_ns, "percent"),)
+    return (Suspect("truncated", "events", 0.8),)
 
 
 def _excused_share(closed: Closed, declared: EventModel, times_ns: NDArray[np.int64]) -> float:
