@@ -116,6 +116,11 @@ class Evidence:
             self.matrix + other.matrix, self.vector + other.vector, self.total + other.total, self.count + other.count
         )
 
+    def along(self, direction: Float64) -> "Evidence":
+        """Return the evidence for one fault that is made of so much (m,) of each."""
+        matrix, vector = direction @ self.matrix @ direction, direction @ self.vector
+        return Evidence(np.array([[matrix]]), np.array([vector]), self.total, self.count)
+
     def explained_by(self, columns: slice) -> tuple[Float64, float]:
         """Return the fitted sizes of some faults taken alone, and the share of the residuals they explain."""
         matrix, vector = self.matrix[columns, columns], self.vector[columns]

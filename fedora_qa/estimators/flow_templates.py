@@ -37,13 +37,18 @@ class SmallFault:
 
 _DECLARED: Final = (("metadata", 1.0), ("flow", 0.95))
 
+FLOW_GAIN: Final = SmallFault("flow_gain", (("flow", 1.0),), "percent", slice(0, 1), np.inf)
+TIME_OFFSET: Final = SmallFault(
+    "time_offset", (("pose", 1.0), ("flow", 0.95)), "ms", slice(10, 11), 50.0, opposite=("flow",)
+)
+
 SMALL_FAULTS: Final = (
-    SmallFault("flow_gain", (("flow", 1.0),), "percent", slice(0, 1), np.inf),
+    FLOW_GAIN,
     SmallFault("intrinsics_focal", _DECLARED, "percent", slice(1, 2), 30.0),
     SmallFault("intrinsics_centre", _DECLARED, "px", slice(2, 4), 100.0),
     SmallFault("extrinsic_rotation", _DECLARED, "deg", slice(4, 7), 15.0),
     SmallFault("lever_arm", (("metadata", 1.0), ("pose", 0.95)), "m", slice(7, 10), 3.0),
-    SmallFault("time_offset", (("pose", 1.0), ("flow", 0.95)), "ms", slice(10, 11), 50.0, opposite=("flow",)),
+    TIME_OFFSET,
 )
 
 _PERCENT, _DEG, _MS = 0.01, np.pi / 180, 1e-3

@@ -63,7 +63,7 @@ def weigh_hypotheses(pair: DepthPair, as_stored: float) -> list[Weighed]:
         for cause, stream, likeliness, size in hypothesis.blames:
             weight = likeliness * max(1.0 - fit.typical / as_stored, 0.0)
             if (cause, stream) not in best or best[cause, stream].weight < weight:
-                best[cause, stream] = Weighed(_STREAM, cause, stream, weight, size(fit.value))
+                best[cause, stream] = Weighed(_STREAM, cause, stream, weight, size(float(fit.value)))
     return list(best.values())
 
 

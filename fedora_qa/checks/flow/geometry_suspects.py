@@ -1,22 +1,27 @@
 """Which causes would explain that flow disagrees with depth and pose, and of what size they would be."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.comparison import FieldError, is_noisy
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.suspects import gain_suspect, gross_suspects, most_probable, spreads_over, weakened
 from fedora_qa.checks.protocol import Suspect
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_motion_fit import Evidence, sum_of
-from fedora_qa.estimators.flow_templates import SMALL_FAULTS
+from fedora_qa.estimators.flow_templates import FLOW_GAIN, SMALL_FAULTS, TIME_OFFSET, SmallFault
 from fedora_qa.sequence.declared import PoseModel
 
 _CERTAIN: Final = 0.98
 """An inverse transform that leaves less than 2% of the deviation is believed before a fitted small fault is."""
 
 _SAME_GAIN: Final = 0.02
+
+_PPM_PER_MS_PER_S, _PERCENT_PER_MS_PER_S = 1e3, 0.1
 
 _LINEAR_GAIN: Final = 0.1
 """Where the pose may be corrected it follows a larger gain, and the template no longer tells its size."""
@@ -54,23 +59,53 @@ def _small(fields: Sequence[FieldError], flow: str, noise: PoseModel | None) -> 
     total = sum_of(evidences)
     suspects = []
     for fault in SMALL_FAULTS:
-        sizes, share = total.explained_by(fault.columns)
-        left = float(np.clip(1.0 - share, 0.0, 1.0))
-        weight = 1.0 - float(np.sqrt(left))
+        sizes, weight, error = _fit(total, fault.columns)
         if np.abs(sizes).max() > fault.largest:
             continue
-        error = _error(total, fault.columns) * max(1.0, float(np.sqrt(left * total.total / total.count)))
         if fault.cause == "flow_gain":
             gain, seconds = 0.01 * float(sizes[0]), fields[0].interval.duration_s
             if is_noisy(noise) and abs(gain) > _LINEAR_GAIN:
                 continue
             suspects.append(gain_suspect(flow, gain, 0.01 * error, weight, seconds, _SAME_GAIN))
             continue
-        for stream, likeliness in fault.streams:
-            where = flow if stream == "flow" else stream
-            size = -fault.size(sizes) if stream in fault.opposite else fault.size(sizes)
-            suspects.append(Suspect(fault.cause, where, likeliness * weight, size, fault.unit, error))
+        suspects += _of_every_stream(fault, flow, weight, fault.size(sizes), error)
+    return suspects + _drift(fields, flow)
+
+
+def _drift(fields: Sequence[FieldError], flow: str) -> list[Suspect]:
+    """Fit an offset of stamps that grows with time, from none at the file's origin.
+
+    Beside the offset at its middle, an interval is then too long or too short, which is a gain.
+    """
+    known = [(field, field.evidence) for field in fields if field.evidence]
+    grown = []
+    for field, one in known:
+        direction = np.zeros(len(one.vector))
+        direction[TIME_OFFSET.columns] = (field.interval.start_ns + field.interval.end_ns) / (2 * NS_PER_S)
+        direction[FLOW_GAIN.columns] = _PERCENT_PER_MS_PER_S
+        grown.append(one.along(direction))
+    ms_per_s, weight, error = _fit(sum_of(grown), slice(None))
+    last_s = max(field.interval.end_ns for field, _ in known) / NS_PER_S
+    if abs(ms_per_s[0]) * last_s > TIME_OFFSET.largest:
+        return []
+    drift = replace(TIME_OFFSET, cause="clock_rate", unit="ppm")
+    return _of_every_stream(drift, flow, weight, _PPM_PER_MS_PER_S * float(ms_per_s[0]), _PPM_PER_MS_PER_S * error)
+
+
+def _of_every_stream(fault: SmallFault, flow: str, weight: float, size: float, error: float) -> list[Suspect]:
+    suspects = []
+    for stream, likeliness in fault.streams:
+        where, signed = flow if stream == "flow" else stream, -size if stream in fault.opposite else size
+        suspects.append(Suspect(fault.cause, where, likeliness * weight, signed, fault.unit, error))
     return suspects
+
+
+def _fit(total: Evidence, columns: slice) -> tuple[NDArray[np.float64], float, float]:
+    """Return a fault's fitted components, its weight, and the error of its size: larger where much is left."""
+    sizes, share = total.explained_by(columns)
+    left = float(np.clip(1.0 - share, 0.0, 1.0))
+    error = _error(total, columns) * max(1.0, float(np.sqrt(left * total.total / total.count)))
+    return sizes, 1.0 - float(np.sqrt(left)), error
 
 
 def _error(total: Evidence, columns: slice) -> float:
