@@ -113,20 +113,24 @@ def _common_step(bends: Float64, finest: float) -> _CommonStep | None:
 
     Steps bend both ways, while the second differences of a ball are of one sign and almost equal.
     """
-    sizes = np.abs(bends[np.abs(bends) > finest])
-    upward = np.count_nonzero(bends > finest)
-    if len(sizes) < max(_FEWEST_STEPS, _LEAST_SHARE * len(bends)):
-        return None
-    if min(upward, len(sizes) - upward) < _BOTH_WAYS * len(sizes):
+    bent = bends[np.abs(bends) > finest]
+    sizes = np.abs(bent)
+    if len(bent) < max(_FEWEST_STEPS, _LEAST_SHARE * len(bends)) or not _go_both_ways(bent):
         return None
     least = float(np.quantile(sizes, 0.01))
     for parts in (1, 2):
         step = least / parts
-        small = sizes[sizes <= _SMALL * step]
-        if step < finest or len(small) < _FEWEST_STEPS:
+        few = sizes <= _SMALL * step
+        small = sizes[few]
+        if step < finest or len(small) < _FEWEST_STEPS or not _go_both_ways(bent[few]):
             return None
         step = float(np.median(small / np.maximum(np.rint(small / step), 1.0)))
         misfits = np.abs(small / step - np.rint(small / step))
         if np.mean(misfits < _PHASE) > 1.0 - _LEAST_SHARE:
             return _CommonStep(step, float(np.mean(misfits)))
     return None
+
+
+def _go_both_ways(bent: Float64) -> bool:
+    upward = np.count_nonzero(bent > 0)
+    return min(upward, len(bent) - upward) >= _BOTH_WAYS * len(bent)

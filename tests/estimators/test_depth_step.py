@@ -39,7 +39,7 @@ def test_float32_has_no_step(depths_m: NDArray[np.float64]) -> None:
     assert depth_step(depths_m.astype(np.float32)) is None
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.floats(1e-3, 2e-2), st.floats(-3e-4, 3e-4), st.floats(1e-4, 4e-4))
 def test_steps_of_depth_are_measured(step_m: float, across: float, down: float) -> None:
     """Depths rounded to any step show it to a percent, where the surface bends by less."""
