@@ -1,12 +1,15 @@
 """What several checks want of a window, computed once and only when asked for."""
 
-from typing import cast
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 from fedora_qa.sequence.window import Window
+
+SATURATED_DN: Final = 250.0
+"""Luma above this may have been lost to a curve near white."""
 
 
 def luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
@@ -15,6 +18,19 @@ def luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
     A declared transfer curve is undone first: luma is defined on linear values.
     """
     return window.of_image("luma_dn", frame, lambda: _luma_of(window.rgb(frame), window.facts.declared.transfer))
+
+
+def clipped(window: Window, frame: int) -> NDArray[np.bool_]:
+    """Return where a colour frame may be darker than the scene, (H, W): any channel at its end, or luma close to it.
+
+    One channel is enough: a leaf in bright light has a clipped green and a luma of little more than a half.
+    """
+    return window.of_image("clipped", frame, lambda: _clipped(window.rgb(frame), luma_dn(window, frame)))
+
+
+def _clipped(rgb: NDArray[np.uint8], luma: NDArray[np.float32]) -> NDArray[np.bool_]:
+    channels = (rgb[..., i] == np.iinfo(np.uint8).max for i in range(3))
+    return np.asarray(np.logical_or.reduce([luma >= SATURATED_DN, *channels]))
 
 
 def _luma_of(rgb: NDArray[np.uint8], transfer: str) -> NDArray[np.float32]:

@@ -133,4 +133,4 @@ def _common_step(bends: Float64, finest: float) -> _CommonStep | None:
 
 def _go_both_ways(bent: Float64) -> bool:
     upward = np.count_nonzero(bent > 0)
-    return min(upward, len(bent) - upward) >= _BOTH_WAYS * len(bent)
+    return bool(min(upward, len(bent) - upward) >= _BOTH_WAYS * len(bent))

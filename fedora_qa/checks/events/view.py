@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.checks.intermediates import clipped, luma_dn
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Footprints, footprints
 from fedora_qa.estimators.event_kernels import count_between_frames
@@ -20,9 +20,6 @@ HALO_NS: Final = 30_000_000
 
 FARTHEST_NEXT_FRAME_NS: Final = 100_000_000
 """A window looks at the frame after its last one if that is not farther behind its end."""
-
-SATURATED_DN: Final = 250.0
-"""Brighter pixels may have been clipped in one of their colours, or lost to a curve near white."""
 
 ROUNDING_DN: Final = {"linear": 0.5, "srgb": 0.5 * 2.4 / 1.055, "gamma2.2": 0.5 * 2.2}
 """Half a step of the 8-bit code in linear DN, at white where it is largest."""
@@ -173,7 +170,7 @@ def _seen_frames(window: Window) -> SeenFrames:
             prints = footprints(
                 declared.cameras["rgb"].K, (luma.shape[0], luma.shape[1]), declared.cameras["events"].K, shape
             )
-        seen.append((frame, _seen(luma, prints, ROUNDING_DN[declared.transfer])))
+        seen.append((frame, _seen(luma, clipped(window, frame), prints, ROUNDING_DN[declared.transfer])))
     frames = np.array([frame for frame, _ in seen], dtype=np.int64)
     times_ns = window.facts.clocks["rgb"].times_ns[frames]
     images = np.stack([image for _, image in seen], axis=1) if seen else np.empty((3, 0, *shape))
@@ -184,7 +181,9 @@ def _seen_frames(window: Window) -> SeenFrames:
     return SeenFrames(frames, times_ns, images[0], images[1], images[2], counts)
 
 
-def _seen(luma: NDArray[np.float32], prints: Footprints, rounding_dn: float) -> NDArray[np.float64]:
+def _seen(
+    luma: NDArray[np.float32], lost: NDArray[np.bool_], prints: Footprints, rounding_dn: float
+) -> NDArray[np.float64]:
     """Return sharp and even luma and the bound of the latter's error, (3, h, w).
 
     Each colour is rounded by at most half a step of its code, so luma is as well. Within a pixel luma varies by at most
@@ -193,8 +192,7 @@ def _seen(luma: NDArray[np.float32], prints: Footprints, rounding_dn: float) -> 
     ring = np.ones((3, 3), np.uint8)
     contrast = cv2.morphologyEx(luma, cv2.MORPH_GRADIENT, ring)
     error = rounding_dn + prints.split_bound(contrast)
-    clipped = luma >= SATURATED_DN
-    if clipped.any():
-        error[prints.average(cv2.dilate(clipped.astype(np.uint8), ring)) > 0] = np.inf
+    if lost.any():
+        error[prints.average(cv2.dilate(lost.astype(np.uint8), ring)) > 0] = np.inf
     error[~prints.inside] = np.inf
     return np.stack([prints.sharp_average(luma), prints.average(luma), error])
