@@ -25,7 +25,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from fedora_generator.camera import CameraOptions
 from fedora_generator.errors import SceneError
 from fedora_generator.event_sensor import EventSensorOptions
-from fedora_generator.flight import FlightOptions
+from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice
 from fedora_generator.imu import ImuOptions
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
@@ -82,7 +82,7 @@ class Scene:
     renderer: Literal["exact", "mesh"] = "exact"
     mesh: MeshDetail | None = None
     light: Light
-    flight: FlightOptions
+    flight: FlightChoice
     events: EventSensorOptions
     event_step_us: int = 0
     camera: CameraOptions = field(default_factory=CameraOptions)
@@ -190,9 +190,13 @@ def _read_toml(path: Path) -> dict[str, Any]:
 
 
 def _without_rivals(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the base without its world where the changes bring a place, and the other way round."""
+    """Return the base without what the changes replace: its world by a place, its flight by one of another kind."""
     rivals = {"world": "place", "place": "world"}
-    return {key: value for key, value in base.items() if rivals.get(key) not in changes}
+    kept = {key: value for key, value in base.items() if rivals.get(key) not in changes}
+    kind = changes.get("flight", {}).get("kind")
+    if kind is not None and kind != kept.get("flight", {}).get("kind"):
+        kept.pop("flight", None)
+    return kept
 
 
 def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -207,7 +211,8 @@ def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, An
 def _one_sentence(error: ValidationError) -> str:
     """Say the first problem, with the key that it lies at: a key that is unknown explains one that is missing."""
     first = min(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN_KEY)
-    key = ".".join(str(part) for part in first["loc"]) or "the scene"
+    parts = (str(part) for part in first["loc"])
+    key = ".".join(part for part in parts if not part.startswith(TAG_PREFIX)) or "the scene"
     if first["type"] in _UNKNOWN_KEY:
         return f"Expected only known keys, got {key}; remove or correct it"
     if first["type"] in _MISSING_KEY:
