@@ -26,6 +26,7 @@ from fedora_generator.camera import CameraOptions
 from fedora_generator.errors import SceneError
 from fedora_generator.event_sensor import EventSensorOptions
 from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice
+from fedora_generator.flights.plan import waypoints_table
 from fedora_generator.imu import ImuOptions
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
@@ -170,6 +171,9 @@ def _read_scene(path: Path) -> dict[str, Any]:
         tables = _merged(_without_rivals(_read_scene(_scene_path(str(base))), tables), tables)
     if isinstance(tables.get("world"), str):
         tables["world"] = _read_toml(_world_path(tables["world"], beside=path))
+    flight = tables.get("flight")
+    if isinstance(flight, Mapping) and flight.get("kind") == "plan":
+        tables["flight"] = waypoints_table(flight, path.parent)
     return tables
 
 
@@ -193,9 +197,9 @@ def _without_rivals(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[st
     """Return the base without what the changes replace: its world by a place, its flight by one of another kind."""
     rivals = {"world": "place", "place": "world"}
     kept = {key: value for key, value in base.items() if rivals.get(key) not in changes}
-    kind = changes.get("flight", {}).get("kind")
-    if kind is not None and kind != kept.get("flight", {}).get("kind"):
-        kept.pop("flight", None)
+    old, new = kept.get("flight"), changes.get("flight")
+    if isinstance(old, Mapping) and isinstance(new, Mapping) and new.get("kind", old.get("kind")) != old.get("kind"):
+        kept.pop("flight")
     return kept
 
 

@@ -12,7 +12,8 @@ from fedora_generator.flights.kinds import HoverOptions, LoopOptions, SurveyOpti
 TAG_PREFIX: Final = "kind="
 """How the parts of an error's place begin that stand for a kind, and not for a key."""
 
-KINDS: Final = ("waypoints", "survey", "loop", "hover", "burst")
+KINDS: Final = ("waypoints", "survey", "loop", "hover", "burst", "plan")
+"""What a scene may say; a plan has become waypoints when it gets here (``plan.py``)."""
 
 _HARMONIC: Final = TAG_PREFIX + "harmonic"
 
