@@ -15,6 +15,7 @@ from pydantic import ConfigDict
 from scipy.special import erf
 
 from fedora_generator.flights.burst import BurstOptions
+from fedora_generator.flights.gusts import draw_gusts
 from fedora_generator.flights.kinds import HoverOptions, LoopOptions, SurveyOptions, WaypointsOptions
 from fedora_generator.flights.quadrotor import Quadrotor
 from fedora_generator.flights.state import FlightState
@@ -97,13 +98,14 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """The flight that ``options`` describe, at any time, however long."""
+    """The flight that ``options`` describe, at any time, however long; ``seed`` is that of its wind."""
 
     options: AnyFlightOptions
+    seed: int | None = None
     _motion: Motion = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_motion", _motion_of(self.options))
+        object.__setattr__(self, "_motion", _motion_of(self.options, self.seed))
 
     def states_at(self, times_s: Floats) -> FlightState:
         """State at ``times_s`` (n,), seconds, in closed form.
@@ -119,10 +121,14 @@ class Flight:
         return self._motion.states_at(times_s)
 
 
-def _motion_of(options: AnyFlightOptions) -> Motion:
+def _motion_of(options: AnyFlightOptions, seed: int | None) -> Motion:
     if isinstance(options, FlightOptions):
         return HarmonicMotion(options)
-    return Quadrotor(options.route(), options.drag_per_s)
+    if options.wind is None:
+        return Quadrotor(options.route(), options.drag_per_s)
+    if seed is None:  # a default would give each stream of a scene the wind of another seed, or all scenes the same
+        raise ValueError("Expected a seed with a wind, got none; use Scene.fly()")
+    return Quadrotor(options.route(), options.drag_per_s, draw_gusts(options.wind, options.drag_per_s, seed))
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from fedora_generator.camera import CameraOptions
 from fedora_generator.errors import SceneError
 from fedora_generator.event_sensor import EventSensorOptions
+from fedora_generator.flight import Flight
 from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice
 from fedora_generator.flights.plan import waypoints_table
 from fedora_generator.imu import ImuOptions
@@ -121,6 +122,10 @@ class Scene:
         """SHA-256 of the scene's canonical JSON."""
         document = json.dumps(_ADAPTER.dump_python(self, mode="json"), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(document.encode()).hexdigest()
+
+    def fly(self) -> Flight:
+        """Flight of the scene, in the wind of its seed."""
+        return Flight(self.flight, self.seed)
 
     def with_size(self, width: int, height: int) -> "Scene":
         """Return the scene with another size of the colour and depth camera."""

@@ -5,8 +5,8 @@ A burst of yaw steps the yaw by ``angle_deg``: the rate is a Gaussian, so its pe
 A burst of roll is a sudden start (or stop) sideways. A change of velocity dv spread over sigma asks for the
 acceleration g A exp(-x^2 / 2), with x = t / sigma and A = dv / (sigma g sqrt(2 pi)), the tangent of the greatest roll.
 The roll is its arc tangent, so the roll rate is (A / sigma) x e / (1 + A^2 e^2) with e = exp(-x^2 / 2), up to its sign.
-That is greatest where 1 - x^2 + A^2 e^2 (1 + x^2) = 0, whose root lies between 1 and sqrt((1 + A^2) / (1 - A^2)) or
-infinity: it is found by bisection, and ``sigma`` follows from the angular speed.
+That is greatest where 1 - x^2 + A^2 e^2 (1 + x^2) = 0; the root is found numerically, and ``sigma`` follows from the
+angular speed.
 """
 
 import math
@@ -51,7 +51,7 @@ class BurstOptions(QuadrotorOptions):
             raise ValueError(
                 f"Expected period_s >= {8 * sigma_s:.3g}, so that bursts do not run together, got {self.period_s}"
             )
-        times_s = self.first_s + self.period_s * np.arange(self.count)
+        times_s = self.first_s + self.period_s * np.arange(self.count, dtype=np.float64)
         still = np.zeros((self.count, 3))
         yaw_steps, bends = still[:, :1], still
         if self.axis == "yaw":
@@ -86,7 +86,7 @@ def _roll_sigma_s(options: BurstOptions) -> float:
         return 1 - x * x + squared * (1 + x * x)
 
     farthest = 2 + math.sqrt(2 * math.log1p(tangent**2))  # there A^2 e^2 < e^-4, and the slope is below 0
-    x = brentq(slope, 1.0, farthest, xtol=1e-14)
+    x = float(brentq(slope, 1.0, farthest, xtol=1e-14))
     e = math.exp(-0.5 * x * x)
     return tangent * x * e / (1 + (tangent * e) ** 2) / options.angular_speed_rad_s
 
@@ -95,8 +95,8 @@ def _roll_bends(options: BurstOptions, sigma_s: float) -> Floats:
     """Compute the changes of velocity (count, 3) along the body's left."""
     speed_m_s = sigma_s * math.sqrt(2 * math.pi) * STANDARD_GRAVITY_M_S2 * math.tan(math.radians(options.angle_deg))
     yaw_rad = math.radians(options.yaw_deg)
-    left = np.array([-math.sin(yaw_rad), math.cos(yaw_rad), 0.0])
-    return speed_m_s * _pattern(options.count, (1, -1, -1, 1))[:, None] * left
+    left = speed_m_s * np.array([-math.sin(yaw_rad), math.cos(yaw_rad), 0.0])
+    return np.outer(_pattern(options.count, (1, -1, -1, 1)), left)
 
 
 def _pattern(count: int, signs: tuple[int, ...]) -> Floats:

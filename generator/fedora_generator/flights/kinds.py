@@ -10,7 +10,7 @@
     spacing_m = 8.0
     speed_m_s = 4.0
 
-``"burst"`` lies in ``burst.py``.
+``"burst"`` lies in ``burst.py``. Any of them may have ``drag_per_s = 0.3`` and a ``[flight.wind]`` (``gusts.py``).
 """
 
 import math
@@ -21,20 +21,24 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import ConfigDict
 
+from fedora_generator.flights.gusts import WindOptions
 from fedora_generator.flights.route import Route, Waypoint, route_through
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QuadrotorOptions(ABC):
-    """What every kind has: ``drag_per_s`` is the deceleration per speed, which tilts the body into its way."""
+    """What every kind has: ``drag_per_s``, the deceleration per speed through the air, and a wind or none."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
     drag_per_s: float = 0.0
+    wind: WindOptions | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.drag_per_s) and self.drag_per_s >= 0):
             raise ValueError(f"Expected drag_per_s >= 0, got {self.drag_per_s}")
+        if self.wind is not None and self.drag_per_s == 0:
+            raise ValueError("Expected drag_per_s > 0 with a wind, got 0; without drag the air cannot push")
         self.route()
 
     @abstractmethod
