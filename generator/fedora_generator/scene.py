@@ -9,6 +9,9 @@ either the same ``world``, or a place built in code, which only it can draw::
     renderer = "mesh"
     place = { name = "park", seed = 3 }     # instead of world; seed is 0 if left out
 
+``[flight]`` is a sum of steady rates and sines (``flight.py``), or, with a ``kind``, flown by a quadrotor
+(``flights/``).
+
 ``[mesh]`` sets its precision and antialiasing (``mesh/detail.py``); without it the quality asked for does.
 """
 
@@ -26,8 +29,7 @@ from fedora_generator.camera import CameraOptions
 from fedora_generator.errors import SceneError
 from fedora_generator.event_sensor import EventSensorOptions
 from fedora_generator.flight import Flight
-from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice
-from fedora_generator.flights.plan import waypoints_table
+from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice, looked_up
 from fedora_generator.imu import ImuOptions
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
@@ -177,8 +179,8 @@ def _read_scene(path: Path) -> dict[str, Any]:
     if isinstance(tables.get("world"), str):
         tables["world"] = _read_toml(_world_path(tables["world"], beside=path))
     flight = tables.get("flight")
-    if isinstance(flight, Mapping) and flight.get("kind") == "plan":
-        tables["flight"] = waypoints_table(flight, path.parent)
+    if isinstance(flight, Mapping):
+        tables["flight"] = looked_up(flight, path.parent)
     return tables
 
 

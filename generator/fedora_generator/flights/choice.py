@@ -1,6 +1,7 @@
 """Which kind of flight a scene's table describes: its ``kind``, or, without one, steady rates and sines."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Final
 
 from pydantic import BeforeValidator, Discriminator, Tag
@@ -8,14 +9,23 @@ from pydantic import BeforeValidator, Discriminator, Tag
 from fedora_generator.flight import FlightOptions
 from fedora_generator.flights.burst import BurstOptions
 from fedora_generator.flights.kinds import HoverOptions, LoopOptions, SurveyOptions, WaypointsOptions
+from fedora_generator.flights.plan import waypoints_table
+from fedora_generator.flights.presets import preset_table
 
 TAG_PREFIX: Final = "kind="
 """How the parts of an error's place begin that stand for a kind, and not for a key."""
 
-KINDS: Final = ("waypoints", "survey", "loop", "hover", "burst", "plan")
-"""What a scene may say; a plan has become waypoints when it gets here (``plan.py``)."""
+KINDS: Final = ("waypoints", "survey", "loop", "hover", "burst", "plan", "preset")
+"""What a scene may say; the last two are looked up first."""
 
 _HARMONIC: Final = TAG_PREFIX + "harmonic"
+
+
+def looked_up(flight: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+    """Table of a flight as it is, or the one that it refers to: a plan in ``folder``, or a preset."""
+    if flight.get("kind") == "plan":
+        return waypoints_table(flight, folder)
+    return preset_table(flight) if flight.get("kind") == "preset" else flight
 
 
 def _require_known_kind(flight: object) -> object:
