@@ -120,19 +120,18 @@ class Gusts:
 
     def at(self, times_s: Floats) -> Disturbance:
         """Wind and displacement at ``times_s`` (n,)."""
-        motion = np.empty((4, times_s.size, 3))
-        wind = np.empty((2, times_s.size, 3))
-        for axis, omegas_rad_s in enumerate(self.omegas_rad_s):
-            oscillation = np.exp(1j * times_s[:, None] * omegas_rad_s)
-            for order in range(4):
-                motion[order, :, axis] = (
-                    oscillation @ (self.displacements_m[axis] * (1j * omegas_rad_s) ** order)
-                ).real
-            for order in range(2):
-                wind[order, :, axis] = (oscillation @ (self.amplitudes_m_s[axis] * (1j * omegas_rad_s) ** order)).real
-        position, velocity, acceleration, jerk = motion @ self.R_world_wind.T
-        gust_m_s, gust_rate_m_s2 = wind @ self.R_world_wind.T
+        along_wind = np.stack([self._axis_at(axis, times_s) for axis in range(3)], axis=-1)
+        *displacement, gust_m_s, gust_rate_m_s2 = along_wind @ self.R_world_wind.T
+        position, velocity, acceleration, jerk = displacement
         return Disturbance((position, velocity, acceleration, jerk), gust_m_s + self.mean_m_s, gust_rate_m_s2)
+
+    def _axis_at(self, axis: int, times_s: Floats) -> Floats:
+        """Displacement and its three derivatives, gust and its first, of one axis (6, n)."""
+        rates = 1j * self.omegas_rad_s[axis]
+        displacements = [self.displacements_m[axis] * rates**order for order in range(4)]
+        gusts = [self.amplitudes_m_s[axis] * rates**order for order in range(2)]
+        oscillations = np.exp(rates[:, None] * times_s)
+        return np.asarray((np.stack(displacements + gusts) @ oscillations).real)
 
 
 def draw_gusts(options: WindOptions, drag_per_s: float, seed: int) -> Gusts:

@@ -49,12 +49,14 @@ def test_a_preset_has_the_papers_figures(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", PRESET_NAMES)
 def test_a_preset_is_free_of_the_world_it_is_made_for(name: str, tmp_path: Path) -> None:
-    """A body of 0.4 m around the position meets nothing in the park, or on the racetrack, from start to end."""
+    """A body of 0.4 m around the position meets nothing of park or racetrack from start to end; 2 m lower it would."""
     scene = preset(tmp_path, name)
     positions_m = scene.fly().states_at(np.arange(0, PAPER[name][0], 0.02)).positions_world_m
     corners_m = 0.2 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     around_m = (positions_m[:, None] + corners_m).reshape(-1, 3)
-    assert surroundings_of(scene).collision(around_m) is None
+    surroundings = surroundings_of(scene)
+    assert surroundings.collision(around_m) is None
+    assert surroundings.collision(around_m - [0, 0, 2]) is not None
 
 
 def test_a_scene_changes_a_preset_key_by_key(tmp_path: Path) -> None:
