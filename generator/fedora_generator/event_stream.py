@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 
 from fedora_generator.camera import event_camera
 from fedora_generator.event_sensor import EventBatch, EventSensor
-from fedora_generator.flight import Flight
 from fedora_generator.metadata import write_camera, write_events
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.sampling import MOTION_BOUND_PX, FixedSteps, MotionSteps, Quality, Sampling
@@ -33,7 +32,7 @@ class EventRecorder:
         self._file = file
         self._world = world
         self._camera = event_camera(scene.camera)
-        self._flight = Flight(scene.flight)
+        self._flight = scene.fly()
         self._sampling = self._sampling_of(scene, quality)
         self._sensor = EventSensor(scene.events, self._camera.height, self._camera.width, seed)
         self._columns = EventColumns(file)

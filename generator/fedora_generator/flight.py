@@ -1,18 +1,24 @@
 """The flight: one closed-form 6-DoF trajectory from which every stream is derived.
 
-Position and the three Euler angles are each a constant rate plus sines, the yaw also plus smooth turns. All are
-infinitely differentiable and their derivatives are written down, so pose, IMU, depth and flow agree to rounding.
+Either position and the three Euler angles are each a constant rate plus sines, the yaw also plus smooth turns
+(``FlightOptions``, in this file); or a quadrotor flies a route (``flights/``). All are infinitely differentiable and
+their derivatives are written down, so pose, IMU, depth and flow agree to rounding.
 """
 
 import math
-from dataclasses import dataclass, fields
-from typing import ClassVar, Final, Literal
+from dataclasses import dataclass, field, fields
+from typing import ClassVar, Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict
 from scipy.special import erf
 
+from fedora_generator.flights.burst import BurstOptions
+from fedora_generator.flights.gusts import draw_gusts
+from fedora_generator.flights.kinds import HoverOptions, LoopOptions, SurveyOptions, WaypointsOptions
+from fedora_generator.flights.quadrotor import Quadrotor
+from fedora_generator.flights.state import FlightState
 from fedora_generator.rotations import body_rates_from_zyx, matrices_from_quaternions, quaternions_from_zyx
 
 Floats = NDArray[np.float64]
@@ -80,35 +86,59 @@ class FlightOptions:
         _require_finite(self)
 
 
-@dataclass(frozen=True, slots=True)
-class FlightState:
-    """The truth at n instants, float64; ``p_world = R_world_body p_body + position``."""
+AnyFlightOptions = FlightOptions | WaypointsOptions | SurveyOptions | LoopOptions | HoverOptions | BurstOptions
 
-    positions_world_m: Floats
-    """(n, 3)"""
-    orientations_xyzw: Floats
-    """(n, 4), unit, body to world, the sign continuous in time"""
-    R_world_body: Floats
-    """(n, 3, 3)"""
-    velocities_world_m_s: Floats
-    """(n, 3)"""
-    accelerations_world_m_s2: Floats
-    """(n, 3), without gravity"""
-    angular_velocities_body_rad_s: Floats
-    """(n, 3)"""
+
+class Motion(Protocol):
+    """Anything that can be asked where it is."""
+
+    def states_at(self, times_s: Floats) -> FlightState:
+        """State at ``times_s`` (n,), seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """The flight that ``options`` describe, at any time, however long."""
+    """The flight that ``options`` describe, at any time, however long; ``seed`` is that of its wind."""
+
+    options: AnyFlightOptions
+    seed: int | None = None
+    _motion: Motion = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_motion", _motion_of(self.options, self.seed))
+
+    def states_at(self, times_s: Floats) -> FlightState:
+        """State at ``times_s`` (n,), seconds, in closed form.
+
+        Raises
+        ------
+        SceneError
+            A quadrotor would have to turn over.
+        """
+        times_s = np.asarray(times_s, dtype=np.float64)
+        if times_s.ndim != 1 or not np.all(np.isfinite(times_s)):
+            raise ValueError(f"Expected times_s to be finite and of shape (n,), got shape {times_s.shape}")
+        return self._motion.states_at(times_s)
+
+
+def _motion_of(options: AnyFlightOptions, seed: int | None) -> Motion:
+    if isinstance(options, FlightOptions):
+        return HarmonicMotion(options)
+    if options.wind is None:
+        return Quadrotor(options.route(), options.drag_per_s)
+    if seed is None:  # a default would give each stream of a scene the wind of another seed, or all scenes the same
+        raise ValueError("Expected a seed with a wind, got none; use Scene.fly()")
+    return Quadrotor(options.route(), options.drag_per_s, draw_gusts(options.wind, options.drag_per_s, seed))
+
+
+@dataclass(frozen=True, slots=True)
+class HarmonicMotion:
+    """Steady rates, sines and turns on each axis."""
 
     options: FlightOptions
 
     def states_at(self, times_s: Floats) -> FlightState:
         """State at ``times_s`` (n,), seconds, in closed form."""
-        times_s = np.asarray(times_s, dtype=np.float64)
-        if times_s.ndim != 1 or not np.all(np.isfinite(times_s)):
-            raise ValueError(f"Expected times_s to be finite and of shape (n,), got shape {times_s.shape}")
         value, rate, acceleration = self._axes_at(times_s)
         yaw_rad, pitch_rad, roll_rad = np.moveaxis(value[:, _ANGLES], -1, 0)
         orientations_xyzw = quaternions_from_zyx(yaw_rad, pitch_rad, roll_rad)
@@ -157,9 +187,9 @@ def _turn(turn: Turn, times_s: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _require_finite(options: HarmonicTerm | Turn | FlightOptions) -> None:
-    for field in fields(options):
-        value = getattr(options, field.name)
+    for name in (option.name for option in fields(options)):
+        value = getattr(options, name)
         if isinstance(value, (int, float)) and not math.isfinite(value):
-            raise ValueError(f"Expected {field.name} to be finite, got {value}")
-        if field.name.endswith(("_m", "_m_s", "_deg")) and isinstance(value, tuple) and not np.isfinite(value).all():
-            raise ValueError(f"Expected {field.name} to be finite, got {value}")
+            raise ValueError(f"Expected {name} to be finite, got {value}")
+        if name.endswith(("_m", "_m_s", "_deg")) and isinstance(value, tuple) and not np.isfinite(value).all():
+            raise ValueError(f"Expected {name} to be finite, got {value}")

@@ -94,4 +94,4 @@ def create_frames(
             count = {f"K{rate_hz}": len(intervals)}
             flow[rate_hz] = create_dataset(file, f"path/flow/{rate_hz}hz", {**count, **size}), intervals
             write_dataset(file, f"path/flow/{rate_hz}hz_ts", intervals, **count)
-    return FrameRenderer(scene, world, Flight(scene.flight), rgb, depth, flow)
+    return FrameRenderer(scene, world, scene.fly(), rgb, depth, flow)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from fedora_generator.camera import colour_camera, event_camera
 from fedora_generator.errors import SceneError
 from fedora_generator.event_stream import EventRecorder
-from fedora_generator.flight import Flight
 from fedora_generator.frames import create_frames
 from fedora_generator.imu import sample_imu
 from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, POSE_RATE_HZ, stamps_us, whole_us
@@ -98,7 +97,7 @@ def require_free_flight(scene: Scene, duration_us: int) -> None:
 
 def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: int) -> None:
     event_camera(scene.camera)  # raises where it would have no pixel
-    camera, flight = colour_camera(scene.camera), Flight(scene.flight)
+    camera, flight = colour_camera(scene.camera), scene.fly()
     for times_us in _pieces(stamps_us(duration_us, IMU_RATE_HZ)):
         positions_world_m = camera.poses_at(flight, times_us)[:, :3, 3]
         collision = surroundings.collision(positions_world_m)
@@ -112,7 +111,7 @@ def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: 
 
 def _path_world_m(scene: Scene, duration_us: int) -> NDArray[np.float64]:
     """Positions (n, 3) of the camera at every frame."""
-    poses = colour_camera(scene.camera).poses_at(Flight(scene.flight), stamps_us(duration_us, FRAME_RATE_HZ))
+    poses = colour_camera(scene.camera).poses_at(scene.fly(), stamps_us(duration_us, FRAME_RATE_HZ))
     return np.asarray(poses[:, :3, 3])
 
 
@@ -151,7 +150,7 @@ def _event_recorder(
 
 def _write_samples(file: h5py.File, scene: Scene, duration_us: int, streams: frozenset[str]) -> None:
     """Inertial and pose samples, which are small: all at once."""
-    flight = Flight(scene.flight)
+    flight = scene.fly()
     if "imu" in streams:
         stamps = stamps_us(duration_us, IMU_RATE_HZ)
         imu = sample_imu(flight, stamps, scene.imu, np.random.default_rng(_seed(scene, _IMU_KEY)))

@@ -9,6 +9,9 @@ either the same ``world``, or a place built in code, which only it can draw::
     renderer = "mesh"
     place = { name = "park", seed = 3 }     # instead of world; seed is 0 if left out
 
+``[flight]`` is a sum of steady rates and sines (``flight.py``), or, with a ``kind``, flown by a quadrotor
+(``flights/``).
+
 ``[mesh]`` sets its precision and antialiasing (``mesh/detail.py``); without it the quality asked for does.
 """
 
@@ -25,7 +28,8 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from fedora_generator.camera import CameraOptions
 from fedora_generator.errors import SceneError
 from fedora_generator.event_sensor import EventSensorOptions
-from fedora_generator.flight import FlightOptions
+from fedora_generator.flight import Flight
+from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice, looked_up
 from fedora_generator.imu import ImuOptions
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
@@ -82,7 +86,7 @@ class Scene:
     renderer: Literal["exact", "mesh"] = "exact"
     mesh: MeshDetail | None = None
     light: Light
-    flight: FlightOptions
+    flight: FlightChoice
     events: EventSensorOptions
     event_step_us: int = 0
     camera: CameraOptions = field(default_factory=CameraOptions)
@@ -120,6 +124,10 @@ class Scene:
         """SHA-256 of the scene's canonical JSON."""
         document = json.dumps(_ADAPTER.dump_python(self, mode="json"), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(document.encode()).hexdigest()
+
+    def fly(self) -> Flight:
+        """Flight of the scene, in the wind of its seed."""
+        return Flight(self.flight, self.seed)
 
     def with_size(self, width: int, height: int) -> "Scene":
         """Return the scene with another size of the colour and depth camera."""
@@ -170,6 +178,9 @@ def _read_scene(path: Path) -> dict[str, Any]:
         tables = _merged(_without_rivals(_read_scene(_scene_path(str(base))), tables), tables)
     if isinstance(tables.get("world"), str):
         tables["world"] = _read_toml(_world_path(tables["world"], beside=path))
+    flight = tables.get("flight")
+    if isinstance(flight, Mapping):
+        tables["flight"] = looked_up(flight, path.parent)
     return tables
 
 
@@ -190,9 +201,13 @@ def _read_toml(path: Path) -> dict[str, Any]:
 
 
 def _without_rivals(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the base without its world where the changes bring a place, and the other way round."""
+    """Return the base without what the changes replace: its world by a place, its flight by one of another kind."""
     rivals = {"world": "place", "place": "world"}
-    return {key: value for key, value in base.items() if rivals.get(key) not in changes}
+    kept = {key: value for key, value in base.items() if rivals.get(key) not in changes}
+    old, new = kept.get("flight"), changes.get("flight")
+    if isinstance(old, Mapping) and isinstance(new, Mapping) and new.get("kind", old.get("kind")) != old.get("kind"):
+        kept.pop("flight")
+    return kept
 
 
 def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -207,7 +222,8 @@ def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, An
 def _one_sentence(error: ValidationError) -> str:
     """Say the first problem, with the key that it lies at: a key that is unknown explains one that is missing."""
     first = min(error.errors(), key=lambda problem: problem["type"] not in _UNKNOWN_KEY)
-    key = ".".join(str(part) for part in first["loc"]) or "the scene"
+    parts = (str(part) for part in first["loc"])
+    key = ".".join(part for part in parts if not part.startswith(TAG_PREFIX)) or "the scene"
     if first["type"] in _UNKNOWN_KEY:
         return f"Expected only known keys, got {key}; remove or correct it"
     if first["type"] in _MISSING_KEY:

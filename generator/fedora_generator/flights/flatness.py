@@ -1,0 +1,68 @@
+"""The attitude of a quadrotor from its path: thrust points where the acceleration needs it, yaw is free.
+
+Sources: D. Mellinger and V. Kumar, Minimum Snap Trajectory Generation and Control for Quadrotors (ICRA 2011), section
+III; M. Faessler, A. Franchi, D. Scaramuzza, Differential Flatness of Quadrotor Dynamics Subject to Rotor Drag (RA-L
+2018), eq. 8 to 16, here with the same drag in all directions. The intermediate axis is theirs, y_C: so the yaw of
+the route is the yaw of the intrinsic Z-Y-X angles.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.errors import SceneError
+from fedora_generator.rotations import body_rates_from_zyx
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude:
+    """Intrinsic Z-Y-X angles and the body's angular velocity."""
+
+    yaw_pitch_roll_rad: Floats
+    """(n, 3)"""
+    angular_velocities_body_rad_s: Floats
+    """(n, 3)"""
+
+
+def attitude_of_thrust(
+    thrusts_world_m_s2: Floats, thrust_rates_world_m_s3: Floats, yaw_rad: Floats, yaw_rates_rad_s: Floats
+) -> Attitude:
+    """Attitude with body Z along the thrust.
+
+    Parameters
+    ----------
+    thrusts_world_m_s2, thrust_rates_world_m_s3
+        (n, 3) thrust per mass, acceleration - gravity + drag, and its derivative.
+    yaw_rad, yaw_rates_rad_s
+        (n,)
+
+    Raises
+    ------
+    SceneError
+        A thrust does not point above the horizon: the quadrotor would have to turn over.
+    """
+    if thrusts_world_m_s2.size and not (lowest := float(thrusts_world_m_s2[:, 2].min())) > 0:
+        raise SceneError(f"Expected a thrust that points up, got {lowest:.3g} m/s^2; fly slower, or turn less sharply")
+    x, y, z = _turned_back(thrusts_world_m_s2, yaw_rad)
+    x_rate, y_rate, z_rate = _turned_back(thrust_rates_world_m_s3, yaw_rad)
+    # The frame that yaws with the body turns under the thrust.
+    x_rate, y_rate = x_rate + yaw_rates_rad_s * y, y_rate - yaw_rates_rad_s * x
+    forward = np.hypot(x, z)
+    forward_rate = (x * x_rate + z * z_rate) / forward
+    pitch_rad, roll_rad = np.arctan2(x, z), np.arctan2(-y, forward)
+    pitch_rates = (z * x_rate - x * z_rate) / forward**2
+    roll_rates = (y * forward_rate - forward * y_rate) / (forward**2 + y**2)
+    zyx_rates = np.stack([yaw_rates_rad_s, pitch_rates, roll_rates], axis=-1)
+    return Attitude(
+        np.stack([yaw_rad, pitch_rad, roll_rad], axis=-1), body_rates_from_zyx(pitch_rad, roll_rad, zyx_rates)
+    )
+
+
+def _turned_back(vectors_world: Floats, yaw_rad: Floats) -> tuple[Floats, Floats, Floats]:
+    """Components of vectors (n, 3) along x_C, y_C (the axes turned by the yaw) and up."""
+    x, y, z = np.moveaxis(vectors_world, -1, 0)
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    return cos * x + sin * y, cos * y - sin * x, z

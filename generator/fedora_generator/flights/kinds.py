@@ -1,0 +1,150 @@
+"""What a scene may say of a quadrotor's flight: ``[flight] kind = "waypoints"``, ``"survey"``, ``"loop"``, ``"hover"``.
+
+::
+
+    [flight]
+    kind = "survey"
+    start_m = [0.0, 0.0, 12.0]
+    lane_m = 60.0
+    lanes = 5
+    spacing_m = 8.0
+    speed_m_s = 4.0
+
+``"burst"`` lies in ``burst.py``. Any of them may have ``drag_per_s = 0.3`` and a ``[flight.wind]`` (``gusts.py``).
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import ConfigDict
+
+from fedora_generator.flights.gusts import WindOptions
+from fedora_generator.flights.route import Route, Waypoint, route_through
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QuadrotorOptions(ABC):
+    """What every kind has: ``drag_per_s``, the deceleration per speed through the air, and a wind or none."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    drag_per_s: float = 0.0
+    wind: WindOptions | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.drag_per_s) and self.drag_per_s >= 0):
+            raise ValueError(f"Expected drag_per_s >= 0, got {self.drag_per_s}")
+        if self.wind is not None and self.drag_per_s == 0:
+            raise ValueError("Expected drag_per_s > 0 with a wind, got 0; without drag the air cannot push")
+        self.route()
+
+    @abstractmethod
+    def route(self) -> Route:
+        """Route that the options describe; a ValueError says what about them cannot be."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LegsOptions(QuadrotorOptions):
+    """A route of straight legs at ``speed_m_s``, which it never exceeds.
+
+    ``corner_s`` and ``turn_s`` are the standard deviations in time of its changes of velocity and of yaw.
+    """
+
+    speed_m_s: float = 2.0
+    corner_s: float = 0.5
+    turn_s: float = 0.5
+
+    def route(self) -> Route:
+        """Route through ``waypoints_in_order``."""
+        require_positive(self, "speed_m_s", "corner_s", "turn_s")
+        return route_through(self.waypoints_in_order(), self.speed_m_s, self.corner_s, self.turn_s)
+
+    @abstractmethod
+    def waypoints_in_order(self) -> tuple[Waypoint, ...]:
+        """Every place to fly by."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WaypointsOptions(LegsOptions):
+    """From waypoint to waypoint; at rest before the first and after the last."""
+
+    kind: Literal["waypoints"] = "waypoints"
+    waypoints: tuple[Waypoint, ...]
+
+    def waypoints_in_order(self) -> tuple[Waypoint, ...]:
+        """Return the waypoints as they are."""
+        return self.waypoints
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopOptions(LegsOptions):
+    """Around closed waypoints ``laps`` times, from the first back to the first."""
+
+    kind: Literal["loop"] = "loop"
+    waypoints: tuple[Waypoint, ...]
+    laps: int = 1
+
+    def waypoints_in_order(self) -> tuple[Waypoint, ...]:
+        """All laps, one after the other."""
+        if self.laps < 1 or len(self.waypoints) < 2:
+            raise ValueError(f"Expected at least two waypoints and one lap, got {len(self.waypoints)} and {self.laps}")
+        return self.waypoints * self.laps + self.waypoints[:1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurveyOptions(LegsOptions):
+    """To and fro along ``lanes`` parallel lanes, as a mower goes.
+
+    The first starts at ``start_m`` and leads ``lane_m`` along ``course_deg`` (counter-clockwise from east); the next
+    lies ``spacing_m`` to its left, or to its right if negative. ``yaw_deg`` keeps the nose in one direction; without
+    it, it points along the lanes.
+    """
+
+    kind: Literal["survey"] = "survey"
+    start_m: tuple[float, float, float]
+    lane_m: float
+    lanes: int
+    spacing_m: float
+    course_deg: float = 0.0
+    yaw_deg: float | None = None
+
+    def waypoints_in_order(self) -> tuple[Waypoint, ...]:
+        """Both ends of each lane, in the order of flying."""
+        require_positive(self, "lane_m")
+        if self.lanes < 1 or self.spacing_m == 0:
+            raise ValueError(f"Expected lanes >= 1, spacing_m not 0, got {self.lanes} and {self.spacing_m}")
+        course_rad = math.radians(self.course_deg)
+        along = np.array([math.cos(course_rad), math.sin(course_rad), 0.0])
+        left = np.array([-along[1], along[0], 0.0])
+        ends_m = [
+            np.array(self.start_m) + lane * self.spacing_m * left + end_m * along
+            for lane in range(self.lanes)
+            for end_m in ((0.0, self.lane_m) if lane % 2 == 0 else (self.lane_m, 0.0))
+        ]
+        return tuple(Waypoint(position_m=tuple(end_m.tolist()), yaw_deg=self.yaw_deg) for end_m in ends_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoverOptions(QuadrotorOptions):
+    """At rest at ``position_m`` for ever, moved by nothing but the wind."""
+
+    kind: Literal["hover"] = "hover"
+    position_m: tuple[float, float, float]
+    yaw_deg: float = 0.0
+
+    def route(self) -> Route:
+        """Route of one waypoint."""
+        return route_through(
+            [Waypoint(position_m=self.position_m, yaw_deg=self.yaw_deg)], speed_m_s=1.0, corner_s=1.0, turn_s=1.0
+        )
+
+
+def require_positive(options: QuadrotorOptions, *names: str) -> None:
+    """Raise ValueError where an option is not a number above 0."""
+    for name in names:
+        value = getattr(options, name)
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"Expected {name} > 0, got {value}")

@@ -1,0 +1,215 @@
+"""Missions of QGroundControl, as waypoints: ``[flight] kind = "plan"``, ``file = "park.plan"``.
+
+A ``.plan`` file is JSON. Of its mission these items are flown (numbers of MAV_CMD, MAVLink's common message set):
+
+=== =============== ==================================================================================
+ 22 TAKEOFF         rest on the ground below its place, climb to its altitude
+ 16 WAYPOINT        fly by, or rest for its hold time; its yaw, where it has one
+ 19 LOITER_TIME     rest for its time
+178 DO_CHANGE_SPEED the speed from the place before it on
+ 21 LAND            fly above its place without changing altitude, then straight down; must be last
+=== =============== ==================================================================================
+
+Acceptance radii are not read: ``corner_s`` says how corners are cut. Everything else is refused by name.
+Source: QGroundControl developer guide, Plan File Format, version 1 and its mission, version 2.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.errors import SceneError
+from fedora_generator.flights.geodesy import enu_from_geodetic
+from fedora_generator.flights.route import Waypoint
+
+TAKEOFF: Final = 22
+WAYPOINT: Final = 16
+LOITER_TIME: Final = 19
+DO_CHANGE_SPEED: Final = 178
+LAND: Final = 21
+
+ABOVE_SEA: Final = (0, 5)
+ABOVE_HOME: Final = (3, 6)
+"""Values of MAV_FRAME: what an altitude counts from."""
+
+SAME_PLACE_M: Final = 1e-3
+"""Places closer than this are one: 1e-8 degrees of latitude, the last digit that files have."""
+
+
+@dataclass(slots=True)
+class Mission:
+    """What has been read of a mission; ``waypoints`` are metres from home, east, north, up."""
+
+    home: tuple[float, float, float]
+    speed_m_s: float | None
+    waypoints: list[Waypoint] = field(default_factory=list)
+    landed: bool = False
+
+    def fly_to(self, position_m: NDArray[np.float64], hold_s: float = 0.0, yaw_deg: float | None = None) -> None:
+        """Add a waypoint, or rest longer at the last one if it is the same."""
+        if self.waypoints:
+            last = self.waypoints[-1]
+            if np.linalg.norm(position_m - last.position_m) < SAME_PLACE_M:
+                yaw_deg = last.yaw_deg if yaw_deg is None else yaw_deg
+                self.waypoints[-1] = replace(last, hold_s=last.hold_s + hold_s, yaw_deg=yaw_deg)
+                return
+        x, y, z = position_m.tolist()
+        self.waypoints.append(Waypoint(position_m=(x, y, z), hold_s=hold_s, yaw_deg=yaw_deg))
+
+    def change_speed(self, speed_m_s: float) -> None:
+        """Order a speed from the last waypoint on."""
+        if self.waypoints:
+            self.waypoints[-1] = replace(self.waypoints[-1], speed_m_s=speed_m_s)
+        else:
+            self.speed_m_s = speed_m_s
+
+
+def waypoints_table(flight: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Turn a scene's table of kind ``plan`` into one of kind ``waypoints``.
+
+    ``file`` lies in ``folder``; ``origin_m`` is where home lies in the world (default 0, 0, 0); ``speed_m_s``, where
+    given, replaces the mission's hover speed. All other keys stay as they are.
+
+    Raises
+    ------
+    SceneError
+        No such file, not a plan, or an item that cannot be flown.
+    """
+    options = {key: value for key, value in flight.items() if key not in ("kind", "file", "origin_m")}
+    path = folder / str(flight.get("file", ""))
+    origin_m = flight.get("origin_m", [0.0, 0.0, 0.0])
+    if not (isinstance(origin_m, list) and len(origin_m) == 3 and all(map(_is_number, origin_m))):
+        raise SceneError(f"Expected origin_m to be x, y, z of home in the world, got {origin_m}")
+    try:
+        mission = read_plan(json.loads(path.read_text(encoding="utf-8")))
+        waypoints = [_moved(waypoint, origin_m) for waypoint in mission.waypoints]
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise SceneError(f"Expected file to be a readable .plan of QGroundControl, got {path}: {error}") from error
+    except ValueError as error:
+        raise SceneError(f"{error} ({path.name})") from error
+    if mission.speed_m_s is not None:
+        options.setdefault("speed_m_s", mission.speed_m_s)
+    return {"kind": "waypoints", "waypoints": waypoints, **options}
+
+
+def _moved(waypoint: Waypoint, origin_m: list[float]) -> dict[str, Any]:
+    position_m = np.add(waypoint.position_m, origin_m, dtype=np.float64).tolist()
+    return {
+        "position_m": position_m,
+        "hold_s": waypoint.hold_s,
+        "yaw_deg": waypoint.yaw_deg,
+        "speed_m_s": waypoint.speed_m_s,
+    }
+
+
+def read_plan(document: Any) -> Mission:
+    """Mission of a parsed ``.plan``; a ValueError says what about it cannot be flown."""
+    if not isinstance(document, Mapping) or document.get("fileType") != "Plan":
+        raise ValueError("Expected a plan of QGroundControl, got JSON without fileType 'Plan'")
+    mission = document.get("mission")
+    if not (isinstance(mission, Mapping) and isinstance(mission.get("items"), list)):
+        raise ValueError("Expected a mission with a list of items, got none")
+    home = mission.get("plannedHomePosition")
+    if not (isinstance(home, list) and len(home) == 3 and all(map(_is_number, home))):
+        raise ValueError(f"Expected plannedHomePosition to be latitude, longitude, altitude, got {home}")
+    speed_m_s = mission.get("hoverSpeed")
+    flown = Mission((home[0], home[1], home[2]), float(speed_m_s) if _is_number(speed_m_s) and speed_m_s > 0 else None)
+    for number, item in enumerate(mission["items"], start=1):
+        try:
+            _fly(flown, item)
+        except ValueError as error:
+            raise ValueError(f"{error}, at mission item {number}") from error
+    if not flown.waypoints:
+        raise ValueError("Expected a mission with at least one place, got none")
+    return flown
+
+
+def _fly(mission: Mission, item: Any) -> None:
+    """Add one item to the mission."""
+    if not isinstance(item, Mapping) or item.get("type") != "SimpleItem":
+        kind = item.get("complexItemType", item.get("type")) if isinstance(item, Mapping) else item
+        raise ValueError(f"Expected simple items only, got {kind!r}; use waypoints in its place")
+    if mission.landed:
+        raise ValueError("Expected LAND to be the last item, got another one after it")
+    command, params = item.get("command"), _params(item)
+    if command == DO_CHANGE_SPEED:
+        _change_speed(mission, params)
+    elif command == TAKEOFF:
+        _take_off(mission, _place_m(mission, item, params))
+    elif command == WAYPOINT:
+        yaw_deg = None if math.isnan(params[3]) else 90.0 - params[3]  # clockwise from north there
+        mission.fly_to(_place_m(mission, item, params), _or_zero(params[0]), yaw_deg)
+    elif command == LOITER_TIME:
+        mission.fly_to(_place_m(mission, item, params), _or_zero(params[0]))
+    elif command == LAND:
+        _land(mission, _place_m(mission, item, params))
+    else:
+        raise ValueError(
+            f"Expected a command among TAKEOFF (22), WAYPOINT (16), LOITER_TIME (19), DO_CHANGE_SPEED (178) and "
+            f"LAND (21), got {command!r}; remove or replace it"
+        )
+
+
+def _take_off(mission: Mission, position_m: NDArray[np.float64]) -> None:
+    if mission.waypoints:
+        raise ValueError("Expected TAKEOFF to be the first place, got one before it")
+    mission.fly_to(position_m * (1.0, 1.0, 0.0))
+    mission.fly_to(position_m)
+
+
+def _land(mission: Mission, position_m: NDArray[np.float64]) -> None:
+    if not mission.waypoints:
+        raise ValueError("Expected a place before LAND, got none")
+    above_m = position_m.copy()
+    above_m[2] = mission.waypoints[-1].position_m[2]
+    mission.fly_to(above_m)
+    mission.fly_to(position_m)
+    mission.landed = True
+
+
+def _change_speed(mission: Mission, params: list[float]) -> None:
+    kind, speed_m_s = params[:2]
+    if kind not in (0, 1):
+        raise ValueError(f"Expected DO_CHANGE_SPEED of kind 0 or 1 (air or ground), got {kind:g}")
+    if speed_m_s == -1:  # MAVLink: no change
+        return
+    if not speed_m_s > 0:
+        raise ValueError(f"Expected DO_CHANGE_SPEED to more than 0 m/s, got {speed_m_s:g}")
+    mission.change_speed(speed_m_s)
+
+
+def _place_m(mission: Mission, item: Mapping[str, Any], params: list[float]) -> NDArray[np.float64]:
+    """East, north, up of an item; a latitude and longitude of 0 or null mean where it already is."""
+    latitude_deg, longitude_deg, altitude_m = params[4:7]
+    frame = item.get("frame")
+    if frame not in (*ABOVE_SEA, *ABOVE_HOME):
+        raise ValueError(f"Expected an altitude above sea (frame 0) or home (frame 3), got frame {frame!r}")
+    if not math.isfinite(altitude_m):
+        raise ValueError("Expected an altitude, got none")
+    above_home_m = altitude_m - mission.home[2] if frame in ABOVE_SEA else altitude_m
+    if math.isnan(latitude_deg) or math.isnan(longitude_deg) or latitude_deg == longitude_deg == 0:
+        x, y, _ = mission.waypoints[-1].position_m if mission.waypoints else (0.0, 0.0, 0.0)
+        return np.array([x, y, above_home_m])
+    return enu_from_geodetic((latitude_deg, longitude_deg, above_home_m + mission.home[2]), mission.home)
+
+
+def _params(item: Mapping[str, Any]) -> list[float]:
+    """Return the seven parameters, null as NaN."""
+    params = item.get("params")
+    if not (isinstance(params, list) and len(params) == 7 and all(_is_number(p) or p is None for p in params)):
+        raise ValueError(f"Expected seven numbers as params, got {params}")
+    return [math.nan if value is None else float(value) for value in params]
+
+
+def _or_zero(value: float) -> float:
+    return 0.0 if math.isnan(value) else value
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

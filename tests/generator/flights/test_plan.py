@@ -1,0 +1,129 @@
+"""Plans of QGroundControl: which mission items are flown, and how; what is refused."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fedora_generator.errors import SceneError
+from fedora_generator.flight import Flight, WaypointsOptions
+from fedora_generator.flights.plan import read_plan
+from fedora_generator.scene import load_scene
+
+HOME = [37.4, -122.0, 20.0]
+NORTH_DEG = 0.0009
+NORTH_M = 99.887  # 0.0009 degrees of the meridian, whose radius is 6 358 981 m at this latitude
+
+
+def item(command: int, *params: float | None, frame: int = 3) -> dict[str, Any]:
+    return {"type": "SimpleItem", "command": command, "frame": frame, "params": list(params), "autoContinue": True}
+
+
+def plan(*items: Any, **mission: Any) -> dict[str, Any]:
+    whole = {"version": 2, "plannedHomePosition": HOME, "hoverSpeed": 5, "items": list(items), **mission}
+    return {"fileType": "Plan", "version": 1, "groundStation": "QGroundControl", "mission": whole}
+
+
+TAKEOFF = item(22, 0, 0, 0, None, 37.4, -122.0, 10)
+AWAY = item(16, 3, 0, 0, None, 37.4 + NORTH_DEG, -122.0, 15)
+LAND = item(21, 0, 0, 0, None, 37.4, -122.0, 0)
+
+
+def test_a_mission_is_flown_item_by_item() -> None:
+    """Take off, climb, change speed, fly north and rest, loiter on, come back above home, land."""
+    loiter = item(19, 4, 0, 0, 0, 37.4 + NORTH_DEG, -122.0, 15)
+    mission = read_plan(plan(TAKEOFF, item(178, 1, 7, -1, 0, 0, 0, 0, frame=2), AWAY, loiter, LAND))
+    positions_m = [waypoint.position_m for waypoint in mission.waypoints]
+    expected_m = [(0, 0, 0), (0, 0, 10), (0, NORTH_M, 15), (0, 0, 15), (0, 0, 0)]
+    np.testing.assert_allclose(positions_m, expected_m, atol=0.02)
+    assert [waypoint.hold_s for waypoint in mission.waypoints] == [0, 0, 7, 0, 0]
+    assert [waypoint.speed_m_s for waypoint in mission.waypoints] == [None, 7, None, None, None]
+    assert mission.speed_m_s == 5
+
+
+def test_altitudes_above_the_sea_count_from_home() -> None:
+    """Frame 0 says 45 m where home lies at 20 m: 25 m up."""
+    mission = read_plan(plan(item(16, 0, 0, 0, None, 37.4, -122.0, 45, frame=0)))
+    np.testing.assert_allclose(mission.waypoints[0].position_m, [0, 0, 25], atol=1e-9)
+
+
+def test_yaw_is_turned_from_compass_to_east() -> None:
+    """Clockwise from north there, counter-clockwise from east here: north is 90, east is 0; null is none."""
+    yaws = [item(16, 0, 0, 0, yaw, 37.4 + i * NORTH_DEG, -122.0, 9) for i, yaw in enumerate((0, 90, None))]
+    assert [waypoint.yaw_deg for waypoint in read_plan(plan(*yaws)).waypoints] == [90.0, 0.0, None]
+
+
+def test_an_item_without_a_place_is_where_it_was() -> None:
+    """A latitude and longitude of 0 or null, as autopilots take them: over home first, then over the last place."""
+    mission = read_plan(plan(item(22, 0, 0, 0, None, None, None, 10), AWAY, item(21, 0, 0, 0, 0, 0, 0, 0)))
+    np.testing.assert_allclose([w.position_m for w in mission.waypoints][:2], [[0, 0, 0], [0, 0, 10]])
+    np.testing.assert_allclose(mission.waypoints[-1].position_m, [0, NORTH_M, 0], atol=0.02)
+
+
+def test_a_scene_flies_a_plan(tmp_path: Path) -> None:
+    """The file beside the scene becomes waypoints, moved to where home lies; speeds of the plan, or of the scene."""
+    (tmp_path / "north.plan").write_text(json.dumps(plan(TAKEOFF, AWAY)))
+    path = tmp_path / "scene.toml"
+    table = 'base = "park-day"\n[flight]\nkind = "plan"\nfile = "north.plan"\norigin_m = [1, 2, 0.5]\ncorner_s = 0.4\n'
+    path.write_text(table)
+    flight = load_scene(path).flight
+    assert isinstance(flight, WaypointsOptions)
+    assert (flight.speed_m_s, flight.corner_s) == (5.0, 0.4)
+    end_m = Flight(flight).states_at(np.array([100.0])).positions_world_m[0]
+    np.testing.assert_allclose(end_m, [1, 2 + NORTH_M, 15.5], atol=0.02)
+    path.write_text(table + "speed_m_s = 2\n")
+    slower = load_scene(path)
+    assert slower.flight.speed_m_s == 2.0
+    digest = slower.digest
+    (tmp_path / "north.plan").write_text(json.dumps(plan(TAKEOFF, AWAY, LAND)))
+    assert load_scene(path).digest != digest
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        ([], "without fileType 'Plan'"),
+        ({"fileType": "Mission"}, "without fileType 'Plan'"),
+        ({"fileType": "Plan"}, "a mission with a list of items"),
+        (plan(AWAY, plannedHomePosition=None), "plannedHomePosition to be latitude"),
+        (plan(), "at least one place"),
+        (plan(TAKEOFF, item(20, 0, 0, 0, 0, 0, 0, 0)), r"a command among .*, got 20; .* at mission item 2"),
+        (plan({"type": "ComplexItem", "complexItemType": "survey"}), "simple items only, got 'survey'"),
+        (plan("fly"), "simple items only, got 'fly'"),
+        (plan(TAKEOFF, LAND, AWAY), "LAND to be the last item"),
+        (plan(LAND), "a place before LAND"),
+        (plan(AWAY, TAKEOFF), "TAKEOFF to be the first place"),
+        (plan(item(16, 0, 0, 0, 0, 37.4, -122, 9, frame=10)), "frame 10"),
+        (plan(item(16, 0, 0, 0, 0, 37.4, -122, None)), "Expected an altitude, got none"),
+        (plan(item(16, 0, 0, 0, 0, 38.4, -122, 9)), "within 10000 m of home"),
+        (plan(item(16, 0, 0)), "seven numbers"),
+        (plan(item(16, -1, 0, 0, 0, 37.4, -122, 9)), "hold_s >= 0"),
+        (plan(TAKEOFF, item(178, 2, 5, 0, 0, 0, 0, 0)), "kind 0 or 1"),
+        (plan(TAKEOFF, item(178, 1, 0, 0, 0, 0, 0, 0)), "more than 0 m/s"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused(document: Any, message: str) -> None:
+    """Each says what was expected, and which item it is."""
+    with pytest.raises(ValueError, match=message):
+        read_plan(document)
+
+
+@pytest.mark.parametrize(
+    ("text", "origin", "message"),
+    [
+        ("{", "[0, 0, 0]", "readable .plan of QGroundControl"),
+        (None, "[0, 0, 0]", "readable .plan of QGroundControl"),
+        ("[]", "[0, 0, 0]", r"without fileType 'Plan' \(a.plan\)"),
+        ("[]", "[0, 0]", "origin_m to be x, y, z"),
+    ],
+)
+def test_a_file_that_is_no_plan_is_one_sentence(tmp_path: Path, text: str | None, origin: str, message: str) -> None:
+    """Broken, absent or other JSON, and a home without three coordinates, are errors of the scene."""
+    if text is not None:
+        (tmp_path / "a.plan").write_text(text)
+    path = tmp_path / "scene.toml"
+    path.write_text(f'base = "park-day"\n[flight]\nkind = "plan"\nfile = "a.plan"\norigin_m = {origin}\n')
+    with pytest.raises(SceneError, match=message):
+        load_scene(path)
