@@ -1,0 +1,234 @@
+"""Which files a corpus is to hold; nothing is made here."""
+
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+from fedora_generator.camera import Camera, CameraOptions, colour_camera, event_camera
+from fedora_generator.corpus.ladders import ladder_of
+from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, Region, knows_region, knows_time
+from fedora_generator.faults.fault import default_unit
+from fedora_generator.sampling import Quality
+from fedora_generator.scene import Scene
+
+Pair = tuple[str, str]
+"""Cause and stream."""
+
+TWO_AT_ONCE: Final[tuple[tuple[Pair, Pair], ...]] = (
+    (("time_offset", "events"), ("gyro_bias", "imu")),
+    (("time_offset", "imu"), ("time_offset", "rgb")),
+    (("spatial_offset", "depth"), ("teleport", "pose")),
+    (("flow_gain", "flow"), ("hot_pixels", "events")),
+    (("frozen_frames", "rgb"), ("dropped_samples", "imu")),
+    (("exposure_or_gamma", "rgb"), ("lever_arm", "pose")),
+    (("polarity_inverted", "events"), ("flow_sign", "flow")),
+    (("index_off_by_one", "depth_to_event"), ("unit_mm_m", "depth")),
+    (("threshold_misdeclared", "events"), ("intrinsics_focal", "metadata")),
+    (("clock_rate", "pose"), ("accel_bias", "imu")),
+)
+"""Composite faults: of different streams, some with symptoms in common and some with none."""
+
+_PLACED: Final = frozenset(
+    {
+        "dropped_samples",
+        "duplicated_samples",
+        "unsorted",
+        "frozen_frames",
+        "swapped_frames",
+        "nan_in_stream",
+        "teleport",
+    }
+)
+"""Faults that happen at one place in time anyway: half of the time says nothing new."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorpusOptions:
+    """What to make.
+
+    Attributes
+    ----------
+    clean
+        Clean sequences of each scene, with the seeds ``seed``, ``seed + 1``, ...
+    causes
+        Each ``cause`` or ``stream:cause`` as the table of faults has them; empty for all.
+    ladder
+        Rungs of each ladder.
+    duration_s, quality
+        Of every sequence.
+    """
+
+    clean: int = 2
+    causes: tuple[str, ...] = ()
+    ladder: int = 3
+    duration_s: float = 1.0
+    quality: Quality = "draft"
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedFault:
+    """One fault of one file, as ``plant_fault`` takes it; ``donor`` is a clean file of the corpus."""
+
+    cause: str
+    stream: str
+    magnitude: float | None
+    unit: str
+    seed: int
+    start_s: float | None = None
+    stop_s: float | None = None
+    region: Region | None = None
+    donor: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedFile:
+    """One file: clean where it has no faults, else a copy of ``base`` with them, planted in their order."""
+
+    file: str
+    scene: str
+    seed: int
+    base: str | None = None
+    faults: tuple[PlannedFault, ...] = ()
+    observable: bool = False
+    notes: str = ""
+
+
+def plan_corpus(options: CorpusOptions, scenes: tuple[Scene, ...]) -> tuple[PlannedFile, ...]:
+    """Return every file of the corpus: clean ones first, in an order that follows from the arguments alone.
+
+    Each fault is planted in one clean sequence, the whole ladder in the same; which one follows from the name of the
+    fault, so that the same fault gets the same file whatever others are asked for.
+
+    Raises
+    ------
+    FaultError
+        A cause that no fault has.
+    """
+    pairs = _wanted(options.causes)
+    clean = tuple(_clean_files(options, scenes))
+    described = {scene.name: scene for scene in scenes}
+    planner = _Planner(options, described, clean)
+    files = [*clean]
+    for pair in pairs:
+        files += planner.ladder(pair)
+        files += planner.local(pair)
+    files += [planner.composite(first, second) for first, second in TWO_AT_ONCE if {first, second} <= {*pairs}]
+    return tuple(files)
+
+
+def _wanted(causes: tuple[str, ...]) -> tuple[Pair, ...]:
+    table = (*FAULTS, *BYTE_FAULTS)
+    known = {cause for cause, _ in table} | {f"{stream}:{cause}" for cause, stream in table}
+    unknown = [each for each in causes if each not in known]
+    if unknown:
+        legal = ", ".join(dict.fromkeys(cause for cause, _ in table))
+        raise FaultError(f"Expected causes that can be planted, got {', '.join(unknown)}; choose from {legal}")
+    return tuple(
+        (cause, stream) for cause, stream in table if not causes or cause in causes or f"{stream}:{cause}" in causes
+    )
+
+
+def _clean_files(options: CorpusOptions, scenes: tuple[Scene, ...]) -> Iterator[PlannedFile]:
+    for scene in scenes:
+        for seed in range(options.seed, options.seed + options.clean):
+            yield PlannedFile(file=f"clean/{scene.name}-{seed}.h5", scene=scene.name, seed=seed)
+
+
+@dataclass(frozen=True, slots=True)
+class _Planner:
+    options: CorpusOptions
+    scenes: dict[str, Scene]
+    clean: tuple[PlannedFile, ...]
+
+    def ladder(self, pair: Pair) -> Iterator[PlannedFile]:
+        """Every rung, over the whole sequence."""
+        for magnitude in ladder_of(*pair).rungs(self.options.ladder):
+            fault = self._fault(pair, magnitude)
+            yield self._file("single", _label(fault), (fault,), ladder_of(*pair).is_observable(magnitude))
+
+    def local(self, pair: Pair) -> Iterator[PlannedFile]:
+        """Plan the severest rung in the middle half of the time, and in the middle quarter of the image."""
+        fault = self._severest(pair)
+        quarter_s = self.options.duration_s / 4
+        if knows_time(*pair) and pair[0] not in _PLACED:
+            half = replace(fault, start_s=quarter_s, stop_s=3 * quarter_s)
+            yield self._file("local", f"{_label(half)}-half", (half,), observable=True, notes="half of the time")
+        if knows_region(*pair):
+            part = replace(fault, region=self._middle_quarter(pair))
+            yield self._file(
+                "local", f"{_label(part)}-quarter", (part,), observable=True, notes="a quarter of the image"
+            )
+
+    def composite(self, first: Pair, second: Pair) -> PlannedFile:
+        """Two faults at once, both at their severest rung."""
+        faults = self._severest(first), self._severest(second)
+        name = "+".join(_label(fault) for fault in faults)
+        return self._file("composite", name, faults, observable=True, notes="two faults at once")
+
+    def _severest(self, pair: Pair) -> PlannedFault:
+        return self._fault(pair, ladder_of(*pair).rungs(self.options.ladder)[-1])
+
+    def _fault(self, pair: Pair, magnitude: float | None) -> PlannedFault:
+        cause, stream = pair
+        ladder = ladder_of(cause, stream)
+        donor = self._donor(pair) if cause == "other_sequence" else None
+        unit = ladder.unit or default_unit(cause, stream)
+        return PlannedFault(
+            cause=cause, stream=stream, magnitude=magnitude, unit=unit, seed=_number(f"{pair}{magnitude}"), donor=donor
+        )
+
+    def _file(
+        self, folder: str, name: str, faults: tuple[PlannedFault, ...], observable: bool, notes: str = ""
+    ) -> PlannedFile:
+        base = self._base((faults[0].cause, faults[0].stream))
+        file = f"{folder}/{name}-{base.scene}-{base.seed}.h5"
+        return PlannedFile(
+            file=file,
+            scene=base.scene,
+            seed=base.seed,
+            base=base.file,
+            faults=faults,
+            observable=observable,
+            notes=notes,
+        )
+
+    def _base(self, pair: Pair) -> PlannedFile:
+        candidates = [each for each in self.clean if _can_hold(self.scenes[each.scene], *pair)] or [*self.clean]
+        return candidates[_number(f"{pair}") % len(candidates)]
+
+    def _donor(self, pair: Pair) -> str | None:
+        """Return a clean file of another scene, if there is one."""
+        base = self._base(pair)
+        others = [each.file for each in self.clean if each.scene != base.scene]
+        return others[_number(f"{pair}") % len(others)] if others else None
+
+    def _middle_quarter(self, pair: Pair) -> Region:
+        camera_of: Callable[[CameraOptions], Camera] = event_camera if pair[1] == "events" else colour_camera
+        camera = camera_of(self.scenes[self._base(pair).scene].camera)
+        left, top = camera.width // 4, camera.height // 4
+        return left, top, left + camera.width // 2, top + camera.height // 2
+
+
+def _label(fault: PlannedFault) -> str:
+    size = "" if fault.magnitude is None else f"-{fault.magnitude:g}"
+    return f"{fault.stream}-{fault.cause}{size}"
+
+
+def _number(text: str) -> int:
+    """Return a number that follows from a text alone, on every machine."""
+    return zlib.crc32(text.encode())
+
+
+def _can_hold(scene: Scene, cause: str, stream: str) -> bool:
+    """Whether a noise that the fault is about exists in the scene."""
+    if cause not in ("noise_misdeclared", "flow_from_noisy_pose"):
+        return True
+    noises = {
+        "events": (scene.events.threshold_sigma, scene.events.leak_rate_hz, scene.events.shot_rate_hz),
+        "imu": (scene.imu.gyro_noise_density, scene.imu.accel_noise_density),
+        "pose": (scene.pose.position_sigma_m, scene.pose.rotation_sigma_rad),
+        "flow": (scene.pose.position_sigma_m, scene.pose.rotation_sigma_rad),
+    }
+    return any(noises[stream])
