@@ -1,6 +1,8 @@
 """A corpus: what the manifest says is what lies there, the same each time, whole or without a manifest."""
 
+import errno
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,7 +32,7 @@ Corpus = Callable[..., Result]
 def corpus(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> Corpus:
     """The command, with a generator that is quick: a tiny sequence that differs by scene and seed."""
     ready = tmp_path_factory.mktemp("ready")
-    for name in ("park-day", "park-noisy"):
+    for name in ("park-day", "park-noisy", "fast-turn"):
         write_tiny_sequence(ready / f"{name}.h5")
     declare_noise(ready / "park-noisy.h5")
 
@@ -38,14 +40,14 @@ def corpus(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFac
         shutil.copyfile(ready / f"{scene.name}.h5", target)
         with h5py.File(target, "r+") as file:
             file.attrs["seed"] = scene.seed
-            file["path/pose/position"][...] += scene.seed + 10 * (scene.name == "park-noisy")
+            file["path/pose/position"][...] += scene.seed + 10 * len(scene.name)
 
     monkeypatch.setattr(build, "generate_sequence", generate)
     # Tiny sequences have another sensor than a camera of their size, whose middle quarter would miss it.
     monkeypatch.setattr("fedora_generator.corpus.plan.event_camera", lambda camera: camera)
 
     def run(folder: Path, *arguments: str) -> Result:
-        command = ["-o", str(folder), "--scenes", "park-day,park-noisy", *SIZE, *arguments]
+        command = ["-o", str(folder), "--scenes", "park-day,park-noisy,fast-turn", *SIZE, *arguments]
         return CliRunner().invoke(corpus_command, command)
 
     return run
@@ -160,6 +162,23 @@ def test_too_little_disk_is_refused_before_any_work(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_disk_that_fills_up_ends_the_work(corpus: Corpus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No space left while a fault is planted: said as such, no manifest, no file that is not whole."""
+    copy, left = shutil.copyfile, [2]
+
+    def copy_while_there_is_room(source: Path, target: Path) -> None:
+        copy(source, target)
+        left[0] -= target.name.endswith(".partial")
+        if left[0] < 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("fedora_generator.faults.plant.shutil.copyfile", copy_while_there_is_room)
+    result = corpus(tmp_path, "--causes", "gyro_bias", "--clean", "1")
+    assert "full disk" in str(result.exception)
+    assert sum(name.startswith("single/") for name in files(tmp_path)) < 3
+    assert not any(name.endswith((MANIFEST, ".partial")) for name in files(tmp_path))
+
+
 def test_other_files_are_kept_unless_forced(corpus: Corpus, tmp_path: Path) -> None:
     """A folder with a stranger's file, or a corpus of another duration, needs --force; the file stays even then."""
     (tmp_path / "mine.txt").write_text("mine")
@@ -206,6 +225,8 @@ def test_ladders_are_geometric_around_their_nominal_size() -> None:
     assert ladder_of("quaternion_order", "pose").rungs(5) == (None,)
     assert not ladder_of("gyro_bias", "imu").is_observable(rungs[1])
     assert ladder_of("interpolated_pose", "pose").is_observable(16.7)
+    assert [ladder_of("gyro_bias", "imu").is_observable(rungs[2], share) for share in (1, 1 / 4)] == [True, False]
+    assert ladder_of("gyro_bias", "imu").is_observable(rungs[3], 1 / 4)
 
 
 def test_the_file_of_a_fault_does_not_hang_on_the_others() -> None:

@@ -52,11 +52,17 @@ class Ladder:
         distinct = {self._stated(min(size, self.most)) for size in sizes}
         return tuple(sorted(distinct, reverse=self.smaller_is_worse))
 
-    def is_observable(self, magnitude: float | None) -> bool:
-        """Whether a good tool should see a fault of this size, where the sequence has texture and motion."""
-        if magnitude is None or self.nominal is None:
+    def is_observable(self, magnitude: float | None, share: float = 1.0) -> bool:
+        """Whether a good tool should see a fault of this size, where the sequence has texture and motion.
+
+        A fault of a ``share`` of the pixels or of the time is seen from a size on that is larger by 1 / sqrt(share), as
+        the error of a mean over so many fewer samples is. One without a ladder is seen in any share.
+        """
+        if magnitude is None or self.nominal is None or self.fixed:
             return True
-        return magnitude <= self.nominal if self.smaller_is_worse else magnitude >= self.nominal
+        if self.smaller_is_worse:
+            return magnitude <= self.nominal * math.sqrt(share)
+        return magnitude >= self.nominal / math.sqrt(share)
 
     def _stated(self, size: float) -> float:
         return float(max(1, round(size))) if self.whole else float(f"{size:.3g}")

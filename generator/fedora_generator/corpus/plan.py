@@ -154,12 +154,12 @@ class _Planner:
         quarter_s = self.options.duration_s / 4
         if knows_time(*pair) and pair[0] not in _PLACED:
             half = replace(fault, start_s=quarter_s, stop_s=3 * quarter_s)
-            yield self._file("local", f"{_label(half)}-half", (half,), observable=True, notes="half of the time")
+            seen = ladder_of(*pair).is_observable(fault.magnitude, share=1 / 2)
+            yield self._file("local", f"{_label(half)}-half", (half,), seen, "half of the time")
         if knows_region(*pair):
             part = replace(fault, region=self._middle_quarter(pair))
-            yield self._file(
-                "local", f"{_label(part)}-quarter", (part,), observable=True, notes="a quarter of the image"
-            )
+            seen = ladder_of(*pair).is_observable(fault.magnitude, share=1 / 4)
+            yield self._file("local", f"{_label(part)}-quarter", (part,), seen, "a quarter of the image")
 
     def composite(self, first: Pair, second: Pair) -> PlannedFile:
         """Two faults at once, both at their severest rung."""
@@ -199,9 +199,10 @@ class _Planner:
         return candidates[_number(f"{pair}") % len(candidates)]
 
     def _donor(self, pair: Pair) -> str | None:
-        """Return a clean file of another scene, if there is one."""
+        """Return a clean file of another flight, if there is one."""
         base = self._base(pair)
-        others = [each.file for each in self.clean if each.scene != base.scene]
+        flight = self.scenes[base.scene].flight
+        others = [each.file for each in self.clean if self.scenes[each.scene].flight != flight]
         return others[_number(f"{pair}") % len(others)] if others else None
 
     def _middle_quarter(self, pair: Pair) -> Region:

@@ -1,5 +1,6 @@
 """Planting a fault: in a copy, complete or not at all."""
 
+import errno
 import math
 import os
 import shutil
@@ -73,7 +74,7 @@ def plant_fault(
     FaultError
         The fault cannot be planted as asked; nothing is written.
     OutputError
-        The target's folder does not exist.
+        The target's folder does not exist, or its disk is full.
     """
     _require_legal(cause, stream)
     if region is not None and not knows_region(cause, stream):
@@ -96,6 +97,8 @@ def plant_fault(
         shutil.copyfile(source, partial)
         _apply(source, partial, fault, consistent_maps=consistent_maps)
     except (KeyError, OSError) as error:
+        if _says_full(error):
+            raise OutputError(f"Expected room for {target}, got a full disk; make room and plant it again") from error
         raise FaultError(f"Expected a readable file of the canonical layout, got {source}: {error}") from error
     else:
         partial.replace(target)
@@ -117,6 +120,11 @@ def _apply(source: Path, path: Path, fault: Fault, *, consistent_maps: bool) -> 
             confine_to_region(file, source, fault, fault.region)
         if consistent_maps and maps_follow(fault):
             remake_index_maps(file)
+
+
+def _says_full(error: Exception) -> bool:
+    """Whether the disk is full; HDF5 tells it in words alone."""
+    return getattr(error, "errno", None) == errno.ENOSPC or os.strerror(errno.ENOSPC) in str(error)
 
 
 def _size_of(cause: str, stream: str, magnitude: float | None, unit: str) -> float:
