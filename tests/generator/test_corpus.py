@@ -223,6 +223,9 @@ def test_ladders_are_geometric_around_their_nominal_size() -> None:
     assert ladder_of("dropped_samples", "imu").rungs(5) == (1.0, 3.0, 9.0)
     assert ladder_of("interpolated_pose", "pose").rungs(3) == (100.0, 50.0, 16.7)
     assert ladder_of("quaternion_order", "pose").rungs(5) == (None,)
+    noisy = ladder_of("gyro_bias", "imu", noisy_pose=True).rungs(1)[0]
+    assert noisy is not None
+    assert noisy > rungs[4]
     assert not ladder_of("gyro_bias", "imu").is_observable(rungs[1])
     assert ladder_of("interpolated_pose", "pose").is_observable(16.7)
     assert [ladder_of("gyro_bias", "imu").is_observable(rungs[2], share) for share in (1, 1 / 4)] == [True, False]

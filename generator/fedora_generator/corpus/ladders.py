@@ -1,8 +1,9 @@
 """How large a planted fault is: a geometric ladder around the size that a good tool should just see.
 
-The nominal sizes are what a second of a small sequence (270x200) can show, from the noise of the streams: about the
-reach of one residual over its samples. They order the rungs and set what a manifest expects to be ``observable``; a
-study of detection measures the limits themselves, so none of them needs to be exact.
+The nominal sizes are what a second of a small sequence (270x200) can show, as the checks state it of a clean one, to
+within a factor of three or so. They order the rungs and set what a manifest expects to be ``observable``; a study of
+detection measures the limits themselves. Noise of the pose hides motion by orders of magnitude, so what is held against
+the pose has two nominal sizes; where there is no noise, the rounding of stamps and values sets the limit.
 """
 
 import math
@@ -68,10 +69,12 @@ class Ladder:
         return float(max(1, round(size))) if self.whole else float(f"{size:.3g}")
 
 
-def ladder_of(cause: str, stream: str) -> Ladder:
-    """Return the ladder of a fault that the table of faults plants."""
+def ladder_of(cause: str, stream: str, *, noisy_pose: bool = False) -> Ladder:
+    """Return the ladder of a fault that the table of faults plants, in a sequence with noise of the pose or without."""
     if (cause, stream) in USUAL_FACTORS:
         return Ladder(nominal=USUAL_FACTORS[cause, stream], unit="1", fixed=True)
+    if noisy_pose and (cause, stream) in _UNDER_POSE_NOISE:
+        return _UNDER_POSE_NOISE[cause, stream]
     return _OF_PAIR.get((cause, stream), _OF_CAUSE.get(cause, _SIZELESS))
 
 
@@ -80,7 +83,7 @@ _ONE: Final = Ladder(nominal=1, whole=True)
 
 _OF_CAUSE: Final[Mapping[str, Ladder]] = MappingProxyType(
     {
-        "time_offset": Ladder(nominal=1.0, unit="ms"),
+        "time_offset": Ladder(nominal=2.0, unit="ms"),
         "clock_rate": Ladder(nominal=20.0, unit="ppm"),
         # 0.7 and its thirds and triples divide no sampling interval: every rung moves stamps.
         "quantised_time": Ladder(nominal=0.7, unit="ms"),
@@ -95,20 +98,20 @@ _OF_CAUSE: Final[Mapping[str, Ladder]] = MappingProxyType(
         "dead_region": Ladder(nominal=5, unit="px", whole=True),
         "hot_pixels": _ONE,
         "threshold_misdeclared": Ladder(nominal=20.0, unit="percent"),
-        "noise_misdeclared": Ladder(nominal=20.0, unit="percent"),
-        "gyro_bias": Ladder(nominal=3e-3, unit="rad/s"),
-        "accel_bias": Ladder(nominal=0.02, unit="m/s^2"),
-        "gravity_magnitude": Ladder(nominal=0.02, unit="m/s^2"),
-        "lever_arm": Ladder(nominal=0.02, unit="m"),
-        "quaternion_not_unit": Ladder(nominal=1e-3, unit="1"),
-        "teleport": Ladder(nominal=0.02, unit="m"),
+        "noise_misdeclared": Ladder(nominal=50.0, unit="percent"),
+        "gyro_bias": Ladder(nominal=3e-7, unit="rad/s"),
+        "accel_bias": Ladder(nominal=5e-5, unit="m/s^2"),
+        "gravity_magnitude": Ladder(nominal=5e-5, unit="m/s^2"),
+        "lever_arm": Ladder(nominal=2e-4, unit="m"),
+        "quaternion_not_unit": Ladder(nominal=1e-6, unit="1"),
+        "teleport": Ladder(nominal=1e-5, unit="m"),
         "interpolated_pose": Ladder(nominal=50.0, unit="Hz", most=100.0, smaller_is_worse=True),
-        "flow_gain": Ladder(nominal=0.5, unit="percent"),
+        "flow_gain": Ladder(nominal=0.01, unit="percent"),
         "flow_unit": Ladder(nominal=1.0, unit="1", fixed=True),
         "flow_interval_shifted": Ladder(nominal=1, fixed=True),
-        "intrinsics_focal": Ladder(nominal=1.0, unit="percent"),
-        "intrinsics_centre": Ladder(nominal=1.0, unit="px"),
-        "extrinsic_rotation": Ladder(nominal=0.3, unit="deg"),
+        "intrinsics_focal": Ladder(nominal=0.01, unit="percent"),
+        "intrinsics_centre": Ladder(nominal=0.02, unit="px"),
+        "extrinsic_rotation": Ladder(nominal=5e-3, unit="deg"),
         "exposure_or_gamma": Ladder(nominal=3.0, unit="percent"),
         "truncated": Ladder(nominal=10.0, unit="percent", most=90.0),
         "corrupt_chunk": Ladder(nominal=1, fixed=True),
@@ -117,10 +120,8 @@ _OF_CAUSE: Final[Mapping[str, Ladder]] = MappingProxyType(
 
 _OF_PAIR: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
     {
-        ("time_offset", "events"): Ladder(nominal=2.0, unit="ms"),
-        ("time_offset", "imu"): Ladder(nominal=0.3, unit="ms"),
-        ("time_offset", "pose"): Ladder(nominal=0.3, unit="ms"),
-        ("time_offset", "flow"): Ladder(nominal=2.0, unit="ms"),
+        # Stamps are whole microseconds; a flow interval that begins at no depth frame shows at once.
+        **{("time_offset", stream): Ladder(nominal=3e-3, unit="ms") for stream in ("imu", "pose", "flow", "depth")},
         ("clock_rate", "events"): Ladder(nominal=1e4, unit="ppm"),
         ("quantised_time", "events"): Ladder(nominal=0.1, unit="ms"),
         ("quantised_time", "rgb"): Ladder(nominal=7.0, unit="ms"),
@@ -129,9 +130,22 @@ _OF_PAIR: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
         ("dropped_samples", "events"): Ladder(nominal=1.0, unit="ms"),
         ("duplicated_samples", "events"): Ladder(nominal=1.0, unit="ms"),
         ("nan_in_stream", "metadata"): Ladder(nominal=1, fixed=True),
-        ("intrinsics_focal", "flow"): Ladder(nominal=0.2, unit="percent"),
-        ("extrinsic_rotation", "flow"): Ladder(nominal=0.1, unit="deg"),
-        ("lever_arm", "metadata"): Ladder(nominal=0.1, unit="m"),
+        ("noise_misdeclared", "imu"): Ladder(nominal=25.0, unit="percent"),
+        ("lever_arm", "metadata"): Ladder(nominal=1e-3, unit="m"),
         ("truncated", "file"): Ladder(nominal=1.0, unit="percent", most=90.0),
+    }
+)
+
+_UNDER_POSE_NOISE: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
+    {
+        ("time_offset", "imu"): Ladder(nominal=30.0, unit="ms"),
+        ("time_offset", "pose"): Ladder(nominal=30.0, unit="ms"),
+        ("gyro_bias", "imu"): Ladder(nominal=0.01, unit="rad/s"),
+        ("accel_bias", "imu"): Ladder(nominal=0.3, unit="m/s^2"),
+        ("gravity_magnitude", "imu"): Ladder(nominal=0.3, unit="m/s^2"),
+        ("gravity_magnitude", "metadata"): Ladder(nominal=0.3, unit="m/s^2"),
+        ("lever_arm", "imu"): Ladder(nominal=2.0, unit="m"),
+        ("lever_arm", "pose"): Ladder(nominal=2.0, unit="m"),
+        ("teleport", "pose"): Ladder(nominal=0.03, unit="m"),
     }
 )

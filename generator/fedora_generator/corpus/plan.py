@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from fedora_generator.camera import Camera, CameraOptions, colour_camera, event_camera
-from fedora_generator.corpus.ladders import ladder_of
+from fedora_generator.corpus.ladders import Ladder, ladder_of
 from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, Region, knows_region, knows_time
 from fedora_generator.faults.fault import default_unit
 from fedora_generator.sampling import Quality
@@ -144,72 +144,80 @@ class _Planner:
 
     def ladder(self, pair: Pair) -> Iterator[PlannedFile]:
         """Every rung, over the whole sequence."""
-        for magnitude in ladder_of(*pair).rungs(self.options.ladder):
-            fault = self._fault(pair, magnitude)
-            yield self._file("single", _label(fault), (fault,), ladder_of(*pair).is_observable(magnitude))
+        base = self._base(pair)
+        ladder = self._ladder(pair, base)
+        for magnitude in ladder.rungs(self.options.ladder):
+            fault = self._fault(pair, base, magnitude)
+            yield _copy_of(base, "single", _label(fault), (fault,), ladder.is_observable(magnitude))
 
     def local(self, pair: Pair) -> Iterator[PlannedFile]:
-        """Plan the severest rung in the middle half of the time, and in the middle quarter of the image."""
-        fault = self._severest(pair)
+        """Plan a severe fault in the middle half of the time, and in the middle quarter of the image."""
+        base = self._base(pair)
+        ladder, fault = self._ladder(pair, base), self._severe(pair, base)
         quarter_s = self.options.duration_s / 4
         if knows_time(*pair) and pair[0] not in _PLACED:
             half = replace(fault, start_s=quarter_s, stop_s=3 * quarter_s)
-            seen = ladder_of(*pair).is_observable(fault.magnitude, share=1 / 2)
-            yield self._file("local", f"{_label(half)}-half", (half,), seen, "half of the time")
+            seen = ladder.is_observable(fault.magnitude, share=1 / 2)
+            yield _copy_of(base, "local", f"{_label(half)}-half", (half,), seen, "half of the time")
         if knows_region(*pair):
-            part = replace(fault, region=self._middle_quarter(pair))
-            seen = ladder_of(*pair).is_observable(fault.magnitude, share=1 / 4)
-            yield self._file("local", f"{_label(part)}-quarter", (part,), seen, "a quarter of the image")
+            part = replace(fault, region=_middle_quarter(self.scenes[base.scene], pair[1]))
+            seen = ladder.is_observable(fault.magnitude, share=1 / 4)
+            yield _copy_of(base, "local", f"{_label(part)}-quarter", (part,), seen, "a quarter of the image")
 
     def composite(self, first: Pair, second: Pair) -> PlannedFile:
-        """Two faults at once, both at their severest rung."""
-        faults = self._severest(first), self._severest(second)
-        name = "+".join(_label(fault) for fault in faults)
-        return self._file("composite", name, faults, observable=True, notes="two faults at once")
+        """Two severe faults at once."""
+        base = self._base(first)
+        faults = self._severe(first, base), self._severe(second, base)
+        return _copy_of(base, "composite", "+".join(map(_label, faults)), faults, True, "two faults at once")
 
-    def _severest(self, pair: Pair) -> PlannedFault:
-        return self._fault(pair, ladder_of(*pair).rungs(self.options.ladder)[-1])
+    def _ladder(self, pair: Pair, base: PlannedFile) -> Ladder:
+        return ladder_of(*pair, noisy_pose=_has_pose_noise(self.scenes[base.scene]))
 
-    def _fault(self, pair: Pair, magnitude: float | None) -> PlannedFault:
+    def _severe(self, pair: Pair, base: PlannedFile) -> PlannedFault:
+        """Return the severest rung, and one above the nominal at least."""
+        return self._fault(pair, base, self._ladder(pair, base).rungs(max(self.options.ladder, 3))[-1])
+
+    def _fault(self, pair: Pair, base: PlannedFile, magnitude: float | None) -> PlannedFault:
         cause, stream = pair
-        ladder = ladder_of(cause, stream)
-        donor = self._donor(pair) if cause == "other_sequence" else None
-        unit = ladder.unit or default_unit(cause, stream)
         return PlannedFault(
-            cause=cause, stream=stream, magnitude=magnitude, unit=unit, seed=_number(f"{pair}{magnitude}"), donor=donor
-        )
-
-    def _file(
-        self, folder: str, name: str, faults: tuple[PlannedFault, ...], observable: bool, notes: str = ""
-    ) -> PlannedFile:
-        base = self._base((faults[0].cause, faults[0].stream))
-        file = f"{folder}/{name}-{base.scene}-{base.seed}.h5"
-        return PlannedFile(
-            file=file,
-            scene=base.scene,
-            seed=base.seed,
-            base=base.file,
-            faults=faults,
-            observable=observable,
-            notes=notes,
+            cause=cause,
+            stream=stream,
+            magnitude=magnitude,
+            unit=self._ladder(pair, base).unit or default_unit(cause, stream),
+            seed=_number(f"{pair}{magnitude}"),
+            donor=self._donor(pair, base) if cause == "other_sequence" else None,
         )
 
     def _base(self, pair: Pair) -> PlannedFile:
         candidates = [each for each in self.clean if _can_hold(self.scenes[each.scene], *pair)] or [*self.clean]
         return candidates[_number(f"{pair}") % len(candidates)]
 
-    def _donor(self, pair: Pair) -> str | None:
+    def _donor(self, pair: Pair, base: PlannedFile) -> str | None:
         """Return a clean file of another flight, if there is one."""
-        base = self._base(pair)
         flight = self.scenes[base.scene].flight
         others = [each.file for each in self.clean if self.scenes[each.scene].flight != flight]
         return others[_number(f"{pair}") % len(others)] if others else None
 
-    def _middle_quarter(self, pair: Pair) -> Region:
-        camera_of: Callable[[CameraOptions], Camera] = event_camera if pair[1] == "events" else colour_camera
-        camera = camera_of(self.scenes[self._base(pair).scene].camera)
-        left, top = camera.width // 4, camera.height // 4
-        return left, top, left + camera.width // 2, top + camera.height // 2
+
+def _copy_of(
+    base: PlannedFile, folder: str, name: str, faults: tuple[PlannedFault, ...], observable: bool, notes: str = ""
+) -> PlannedFile:
+    return PlannedFile(
+        file=f"{folder}/{name}-{base.scene}-{base.seed}.h5",
+        scene=base.scene,
+        seed=base.seed,
+        base=base.file,
+        faults=faults,
+        observable=observable,
+        notes=notes,
+    )
+
+
+def _middle_quarter(scene: Scene, stream: str) -> Region:
+    camera_of: Callable[[CameraOptions], Camera] = event_camera if stream == "events" else colour_camera
+    camera = camera_of(scene.camera)
+    left, top = camera.width // 4, camera.height // 4
+    return left, top, left + camera.width // 2, top + camera.height // 2
 
 
 def _label(fault: PlannedFault) -> str:
@@ -222,14 +230,16 @@ def _number(text: str) -> int:
     return zlib.crc32(text.encode())
 
 
+def _has_pose_noise(scene: Scene) -> bool:
+    return scene.pose.position_sigma_m > 0 or scene.pose.rotation_sigma_rad > 0
+
+
 def _can_hold(scene: Scene, cause: str, stream: str) -> bool:
     """Whether a noise that the fault is about exists in the scene."""
     if cause not in ("noise_misdeclared", "flow_from_noisy_pose"):
         return True
-    noises = {
-        "events": (scene.events.threshold_sigma, scene.events.leak_rate_hz, scene.events.shot_rate_hz),
-        "imu": (scene.imu.gyro_noise_density, scene.imu.accel_noise_density),
-        "pose": (scene.pose.position_sigma_m, scene.pose.rotation_sigma_rad),
-        "flow": (scene.pose.position_sigma_m, scene.pose.rotation_sigma_rad),
-    }
-    return any(noises[stream])
+    if stream == "events":
+        return any((scene.events.threshold_sigma, scene.events.leak_rate_hz, scene.events.shot_rate_hz))
+    if stream == "imu":
+        return any((scene.imu.gyro_noise_density, scene.imu.accel_noise_density))
+    return _has_pose_noise(scene)
