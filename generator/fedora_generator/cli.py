@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from fedora_generator.corpus.cli import corpus
 from fedora_generator.errors import GeneratorError
 from fedora_generator.faults.cli import fault
 from fedora_generator.generate import STREAMS, Request, generate_sequence
@@ -117,6 +118,7 @@ def _generate(scene: Scene, output: Path, request: Request, *, force: bool, star
 
 
 commands.add_command(fault)
+commands.add_command(corpus)
 
 
 def main() -> None:
@@ -129,7 +131,7 @@ def main() -> None:
     except GeneratorError as error:
         _fail(str(error))
     except (click.Abort, KeyboardInterrupt):
-        click.echo("Interrupted; nothing was written", err=True)
+        click.echo("Interrupted; no file was left that is not whole", err=True)
         sys.exit(INTERRUPT_EXIT_CODE)
 
 

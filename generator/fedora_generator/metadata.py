@@ -29,7 +29,7 @@ def write_root(file: h5py.File, scene: Scene, world: str) -> None:
             "sequence": scene.name,
             "world": world,
             "illumination": scene.light.name,
-            "created_by": f"fedora-generate {_version()}",
+            "created_by": f"fedora-generate {generator_version()}",
             "scene_digest": scene.digest,
             "seed": scene.seed,
         },
@@ -99,7 +99,8 @@ def _set(owner: h5py.Group, attributes: Mapping[str, Any]) -> None:
         owner.attrs[name] = value
 
 
-def _version() -> str:
+def generator_version() -> str:
+    """Version of the installed package."""
     try:
         return version("fedora-qa")
     except PackageNotFoundError:

@@ -107,5 +107,5 @@ def test_an_interrupt_leaves_nothing(
 
     monkeypatch.setattr("fedora_generator.frames.FrameRenderer.render", interrupt)
     assert run(monkeypatch, "sequence", "hover", "-o", str(tmp_path / "seq.h5"), "--size", "72x54") == 130
-    assert "nothing was written" in capsys.readouterr().err
+    assert "no file was left that is not whole" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -4,8 +4,19 @@
 ``images`` and ``storage`` for what befalls several.
 """
 
-from fedora_generator.faults.fault import Fault, FaultError
+from fedora_generator.faults.fault import Fault, FaultError, Region
 from fedora_generator.faults.plant import plant_fault
-from fedora_generator.faults.table import BYTE_FAULTS, FAULTS, legal_causes, legal_streams
+from fedora_generator.faults.table import BYTE_FAULTS, FAULTS, knows_region, knows_time, legal_causes, legal_streams
 
-__all__ = ["BYTE_FAULTS", "FAULTS", "Fault", "FaultError", "legal_causes", "legal_streams", "plant_fault"]
+__all__ = [
+    "BYTE_FAULTS",
+    "FAULTS",
+    "Fault",
+    "FaultError",
+    "Region",
+    "knows_region",
+    "knows_time",
+    "legal_causes",
+    "legal_streams",
+    "plant_fault",
+]

@@ -1,11 +1,24 @@
 """``fedora-generate fault``: plant one fault in a copy of a file."""
 
+import re
 from pathlib import Path
 
 import click
 
 from fedora_generator.errors import OutputError
+from fedora_generator.faults.fault import Region
 from fedora_generator.faults.plant import plant_fault
+
+
+def _read_region(_: click.Context, __: click.Parameter, value: str | None) -> Region | None:
+    """Read ``x0,y0,x1,y1``."""
+    if value is None:
+        return None
+    match = re.fullmatch(r"([0-9]{1,6}),([0-9]{1,6}),([0-9]{1,6}),([0-9]{1,6})", value)
+    if match is None:
+        raise click.BadParameter(f"Expected x0,y0,x1,y1 such as 0,0,320,240, got {value!r}")
+    left, top, right, bottom = (int(each) for each in match.groups())
+    return left, top, right, bottom
 
 
 @click.command()
@@ -17,6 +30,13 @@ from fedora_generator.faults.plant import plant_fault
 @click.option("--seed", type=int, default=0, show_default=True, help="For what is placed at random.")
 @click.option("--start", "start_s", type=float, help="Confine the fault: seconds after the file's first stamp.")
 @click.option("--stop", "stop_s", type=float, help="End of the confinement, not included.")
+@click.option(
+    "--region",
+    callback=_read_region,
+    metavar="X0,Y0,X1,Y1",
+    help="Confine the fault to this part of the image, the last column and row not included.",
+)
+@click.option("--donor", type=click.Path(path_type=Path), help="The file that other_sequence takes the stream from.")
 @click.option("--stale-maps", is_flag=True, help="Leave the index maps as they were before the fault.")
 @click.option("--force", is_flag=True, help="Replace the output if it exists.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="The faulty copy.")
@@ -29,6 +49,8 @@ def fault(
     seed: int,
     start_s: float | None,
     stop_s: float | None,
+    region: Region | None,
+    donor: Path | None,
     stale_maps: bool,
     force: bool,
     output: Path,
@@ -46,6 +68,8 @@ def fault(
         seed=seed,
         start_s=start_s,
         stop_s=stop_s,
+        region=region,
+        donor=donor,
         consistent_maps=not stale_maps,
     )
     size = f" {planted.magnitude:g} {planted.unit}" if planted.unit else ""

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator.faults.fault import Fault, FaultError
+from fedora_generator.faults.fault import Fault, FaultError, Region
 from fedora_generator.faults.metadata import declare_noise, group_in
 from fedora_generator.faults.rows import blocks, datasets_in, edit, insert_rows, keep_rows, window_of
 from fedora_qa.conventions import US_PER_S
@@ -54,10 +54,12 @@ def spatial_offset(file: h5py.File, fault: Fault) -> None:
 
 def dead_region(file: h5py.File, fault: Fault) -> None:
     """Lose the events of a square of the given side, somewhere on the sensor."""
-    side, (width, height) = fault.positive_count(), _size(file)
-    if side > min(width, height):
-        raise FaultError(f"Expected a side of at most {min(width, height)} px, got {side}")
-    column, row = (int(fault.rng().integers(0, size - side, endpoint=True)) for size in (width, height))
+    side, (left, top, right, bottom) = fault.positive_count(), _area(file, fault)
+    longest = min(right - left, bottom - top)
+    if side > longest:
+        raise FaultError(f"Expected a side of at most {longest} px, got {side}")
+    column = left + int(fault.rng().integers(0, right - left - side, endpoint=True))
+    row = top + int(fault.rng().integers(0, bottom - top - side, endpoint=True))
     before = len(file[X])
     _keep_events(file, fault, lambda x, y: (x < column) | (x >= column + side) | (y < row) | (y >= row + side))
     if len(file[X]) == before:
@@ -66,13 +68,17 @@ def dead_region(file: h5py.File, fault: Fault) -> None:
 
 def hot_pixels(file: h5py.File, fault: Fault) -> None:
     """Let the given number of pixels fire at random besides, without declaring them."""
-    rng, count, (width, height) = fault.rng(), fault.positive_count(), _size(file)
+    rng, count, (left, top, right, bottom) = fault.rng(), fault.positive_count(), _area(file, fault)
+    available = (right - left) * (bottom - top)
+    if count > available:
+        raise FaultError(f"Expected at most the {available} pixels that there are, got {count}")
     window = window_of(file, "events", fault)
     first_us, last_us = int(file[T][window.start]), int(file[T][window.stop - 1])
-    pixels = rng.choice(width * height, size=count, replace=False)
+    pixels = rng.choice(available, size=count, replace=False)
     fired = rng.poisson(HOT_PIXEL_RATE_HZ * (last_us - first_us) / US_PER_S, count)
     t = rng.integers(first_us, last_us, int(fired.sum()), endpoint=True)
-    y, x = np.divmod(np.repeat(pixels, fired), width)
+    row, column = np.divmod(np.repeat(pixels, fired), right - left)
+    x, y = left + column, top + row
     p = rng.integers(0, 1, t.size, endpoint=True)
     order = np.lexsort((p, x, y, t))
     columns = {X: x[order], Y: y[order], T: t[order], P: p[order]}
@@ -104,6 +110,11 @@ def _size(file: h5py.File) -> tuple[int, int]:
     if CAMERA not in file:
         raise FaultError(f"Expected {CAMERA}, got none: the size of the sensor is needed")
     return int(file[CAMERA].attrs["width"]), int(file[CAMERA].attrs["height"])
+
+
+def _area(file: h5py.File, fault: Fault) -> Region:
+    """Return the fault's region, or the whole sensor."""
+    return fault.region or (0, 0, *_size(file))
 
 
 def _keep_events(file: h5py.File, fault: Fault, keep_pixel: KeepPixel) -> slice:

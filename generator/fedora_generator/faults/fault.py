@@ -1,6 +1,7 @@
 """What to plant: a cause, where, and how much of it."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,9 @@ _DIMENSIONS: Final = (
 """Units that can stand for each other, with their size."""
 
 _TIMES: Final = _DIMENSIONS[0]
+
+Region = tuple[int, int, int, int]
+"""First column and row, and the column and row behind the last: pixels of the stream's own image."""
 
 
 class FaultError(GeneratorError, ValueError):
@@ -39,6 +43,10 @@ class Fault:
     start_s, stop_s
         Half-open interval after the file's first stamp that the fault is confined to. A fault of some samples begins
         at ``start_s``, or in the middle of the stream; one of a declaration or of storage knows no time.
+    region
+        Rectangle of the image that the fault is confined to: outside, everything is as it was.
+    donor
+        The file that a stream of another sequence comes from.
     """
 
     cause: str
@@ -48,6 +56,8 @@ class Fault:
     seed: int = 0
     start_s: float | None = None
     stop_s: float | None = None
+    region: Region | None = None
+    donor: Path | None = None
 
     @property
     def is_duration(self) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.faults.fault import Fault, FaultError
-from fedora_generator.faults.rows import edit, rows_before
+from fedora_generator.faults.rows import edit, rows_before, window_of
 from fedora_qa.causes import INDEX_MAPS, stream_family
 from fedora_qa.layout.canonical import STAMPS_OF, datasets_of
 
@@ -23,6 +23,7 @@ _FOLLOWING: Final = frozenset(
         "dead_region",
         "hot_pixels",
         "spatial_offset",
+        "other_sequence",
     }
 )
 """Faults that happen before the recorder makes the maps. It makes them from the stamps that it has, wrong or lost,
@@ -31,22 +32,25 @@ so a map that still knew the truth would betray the fault. Maps of unsorted even
 
 def maps_follow(fault: Fault) -> bool:
     """Whether a real recorder would make the index maps after this fault had happened."""
-    return fault.cause in _FOLLOWING and stream_family(fault.stream) in _FOLLOWED
+    family = stream_family(fault.stream)
+    loses_rows = family == "events" and fault.region is not None  # those that would have moved in, or have moved out
+    return loses_rows or (fault.cause in _FOLLOWING and family in _FOLLOWED)
 
 
 def index_off_by_one(file: h5py.File, fault: Fault) -> None:
     """Shift every index by the magnitude."""
     shift = fault.count()
-    edit(_map_in(file, fault.stream), slice(None), lambda indices: indices + shift)
+    indices = _map_in(file, fault.stream)
+    edit(indices, _window_of_map(file, fault), lambda indices: indices + shift)
 
 
 def index_side(file: h5py.File, fault: Fault) -> None:
     """Point behind the events that have a frame's own stamp (``side="right"``)."""
-    indices = _map_in(file, fault.stream)
-    behind = _indices(file, fault.stream, "right")
-    if np.array_equal(behind, indices[...]):
+    indices, window = _map_in(file, fault.stream), _window_of_map(file, fault)
+    behind = _indices(file, fault.stream, "right")[window]
+    if np.array_equal(behind, indices[window]):
         raise FaultError("Expected an event with the stamp of a frame, got none: the fault would change nothing")
-    indices[...] = behind
+    indices[window] = behind
 
 
 def remake_index_maps(file: h5py.File) -> None:
@@ -59,6 +63,11 @@ def remake_index_maps(file: h5py.File) -> None:
         if len(indices) != len(file[key]):
             file[key].resize(len(indices), axis=0)
         file[key][...] = indices
+
+
+def _window_of_map(file: h5py.File, fault: Fault) -> slice:
+    """Return the rows of the map whose frames lie in the fault's interval."""
+    return window_of(file, _frames_of(fault.stream), fault)
 
 
 def _indices(file: h5py.File, stream: str, side: Literal["left", "right"]) -> NDArray[np.int64]:

@@ -56,6 +56,16 @@ def gravity_magnitude(file: h5py.File, fault: Fault) -> None:
     attributes["gravity"] = attributes["gravity"] + fault.magnitude_in("m/s^2")
 
 
+def nan_in_stream(file: h5py.File, fault: Fault) -> None:
+    """Declare the intrinsics of the given number of cameras as NaN."""
+    cameras = [*group_in(file, CAMERAS).values()]
+    count = fault.positive_count()
+    if count > len(cameras):
+        raise FaultError(f"Expected at most the {len(cameras)} cameras of the file, got {count}")
+    for camera in cameras[:count]:
+        camera.attrs["K"] = np.full((3, 3), np.nan)
+
+
 def declare_noise(file: h5py.File, key: str, names: tuple[str, ...], fault: Fault) -> None:
     """Scale those of the named attributes that are not 0; refuse where that changes nothing."""
     attributes = group_in(file, key).attrs

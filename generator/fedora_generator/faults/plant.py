@@ -1,5 +1,6 @@
 """Planting a fault: in a copy, complete or not at all."""
 
+import errno
 import math
 import os
 import shutil
@@ -9,10 +10,18 @@ import h5py
 import hdf5plugin  # noqa: F401 - its import makes the codec of the layout known to HDF5
 
 from fedora_generator.errors import OutputError
-from fedora_generator.faults.fault import Fault, FaultError, default_unit
+from fedora_generator.faults.fault import Fault, FaultError, Region, default_unit
 from fedora_generator.faults.index_maps import maps_follow, remake_index_maps
+from fedora_generator.faults.region import confine_to_region
 from fedora_generator.faults.rows import streams_in
-from fedora_generator.faults.table import BYTE_FAULTS, FAULTS, USUAL_FACTORS, legal_causes, legal_streams
+from fedora_generator.faults.table import (
+    BYTE_FAULTS,
+    FAULTS,
+    USUAL_FACTORS,
+    knows_region,
+    legal_causes,
+    legal_streams,
+)
 from fedora_qa.causes import stream_family
 
 
@@ -27,6 +36,8 @@ def plant_fault(
     start_s: float | None = None,
     stop_s: float | None = None,
     *,
+    region: Region | None = None,
+    donor: Path | None = None,
     consistent_maps: bool = True,
 ) -> Fault:
     """Copy ``source`` to ``target`` with one fault in it.
@@ -45,6 +56,11 @@ def plant_fault(
         For what is placed or drawn at random.
     start_s, stop_s
         Half-open interval, seconds after the file's first stamp, to confine the fault to.
+    region
+        Rectangle (x0, y0, x1, y1), half-open, in pixels of the stream's own image, to confine the fault to: inside, the
+        file is as the fault makes it; outside, as it was.
+    donor
+        The file that ``other_sequence`` takes the stream from.
     consistent_maps
         Make the index maps anew where a recorder would have made them after the fault.
 
@@ -58,9 +74,11 @@ def plant_fault(
     FaultError
         The fault cannot be planted as asked; nothing is written.
     OutputError
-        The target's folder does not exist.
+        The target's folder does not exist, or its disk is full.
     """
     _require_legal(cause, stream)
+    if region is not None and not knows_region(cause, stream):
+        raise FaultError(f"Expected no region for {stream}:{cause}, got {region}: it befalls the whole image or none")
     unit = default_unit(cause, stream) if unit is None else unit
     fault = Fault(
         cause=cause,
@@ -70,13 +88,17 @@ def plant_fault(
         seed=seed,
         start_s=start_s,
         stop_s=stop_s,
+        region=region,
+        donor=donor,
     )
     _require_two_files(source, target)
     partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
     try:
         shutil.copyfile(source, partial)
-        _apply(partial, fault, consistent_maps=consistent_maps)
+        _apply(source, partial, fault, consistent_maps=consistent_maps)
     except (KeyError, OSError) as error:
+        if _says_full(error):
+            raise OutputError(f"Expected room for {target}, got a full disk; make room and plant it again") from error
         raise FaultError(f"Expected a readable file of the canonical layout, got {source}: {error}") from error
     else:
         partial.replace(target)
@@ -85,7 +107,7 @@ def plant_fault(
     return fault
 
 
-def _apply(path: Path, fault: Fault, *, consistent_maps: bool) -> None:
+def _apply(source: Path, path: Path, fault: Fault, *, consistent_maps: bool) -> None:
     key = (fault.cause, stream_family(fault.stream))
     if key in BYTE_FAULTS:
         BYTE_FAULTS[key](path, fault)
@@ -94,8 +116,15 @@ def _apply(path: Path, fault: Fault, *, consistent_maps: bool) -> None:
         if fault.stream != "metadata":
             streams_in(file, fault.stream)  # says so if there is none
         FAULTS[key](file, fault)
+        if fault.region is not None:
+            confine_to_region(file, source, fault, fault.region)
         if consistent_maps and maps_follow(fault):
             remake_index_maps(file)
+
+
+def _says_full(error: Exception) -> bool:
+    """Whether the disk is full; HDF5 tells it in words alone."""
+    return getattr(error, "errno", None) == errno.ENOSPC or os.strerror(errno.ENOSPC) in str(error)
 
 
 def _size_of(cause: str, stream: str, magnitude: float | None, unit: str) -> float:

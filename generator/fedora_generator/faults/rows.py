@@ -106,13 +106,26 @@ def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
 
 
 def place_of(file: h5py.File, stream: str, fault: Fault, count: int) -> slice:
-    """Return ``count`` consecutive rows from ``start_s`` on, or in the middle of the stream; never the first row."""
+    """Return ``count`` consecutive rows from ``start_s`` on, or in the middle of the stream; never the first row.
+
+    With ``stop_s`` they must all lie before it.
+    """
     length = length_of(file, stream)
     if count > length - 1:
         raise FaultError(f"Expected fewer than the {length} rows of {stream}, got {count}; lower the magnitude")
     first = window_of(file, stream, fault).start if fault.start_s is not None else (length - count + 1) // 2
     first = min(max(first, 1), length - count)
+    require_before_stop(file, stream, fault, first + count)
     return slice(first, first + count)
+
+
+def require_before_stop(file: h5py.File, stream: str, fault: Fault, stop: int) -> None:
+    """Raise FaultError where rows up to ``stop``, not included, would leave the fault's interval."""
+    if fault.stop_s is not None and stop > window_of(file, stream, fault).stop:
+        raise FaultError(
+            f"Expected {fault.magnitude:g} {fault.unit} of {stream} before {fault.stop_s:g} s, got rows after it; "
+            "lower the magnitude, or start earlier"
+        )
 
 
 def keep_rows(dataset: h5py.Dataset, keep: Callable[[slice], NDArray[np.bool_]]) -> None:

@@ -10,6 +10,7 @@ from fedora_generator.faults.rows import (
     edit,
     insert_rows,
     place_of,
+    require_before_stop,
     rows_before,
     stamps_in,
     streams_in,
@@ -39,6 +40,7 @@ def unsorted(file: h5py.File, fault: Fault) -> None:
         rows = place_of(file, stream, fault, count)
         while rows.stop < len(stamps) and np.all(stamps[rows.stop - 1] == stamps[rows.start]):
             rows = slice(rows.start, rows.stop + 1)  # samples of one stamp have no order in time to break
+        require_before_stop(file, stream, fault, rows.stop)
         for dataset in datasets_in(file, stream).values():
             dataset[rows] = dataset[rows][::-1]
 
@@ -86,4 +88,5 @@ def _affected(file: h5py.File, stream: str, fault: Fault) -> slice:
             f"Expected {fault.magnitude:g} {fault.unit} of {stream} within the sequence, got rows {first} to {stop} "
             f"of {len(stamps)}; choose another magnitude or start"
         )
+    require_before_stop(file, stream, fault, stop)
     return slice(first, stop)

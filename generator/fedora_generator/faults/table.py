@@ -18,13 +18,14 @@ from fedora_generator.faults import (
     imu,
     index_maps,
     metadata,
+    other_sequence,
     pose,
     rgb,
     samples,
     storage,
 )
 from fedora_generator.faults.fault import Fault
-from fedora_qa.causes import CAUSES, INDEX_MAPS, TIMED
+from fedora_qa.causes import CAUSES, INDEX_MAPS, TIMED, stream_family
 from fedora_qa.layout.canonical import FLOW_STREAMS
 
 Edit = Callable[[h5py.File, Fault], None]
@@ -51,6 +52,7 @@ FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
         **_each("frozen_frames", ("rgb", "depth", "flow", "pose", "imu"), samples.frozen_frames),
         **_each("swapped_frames", _IMAGES, samples.swapped_frames),
         **_each("nan_in_stream", _FLOATS, samples.nan_in_stream),
+        **_each("other_sequence", TIMED, other_sequence.other_sequence),
         **_each("index_off_by_one", INDEX_MAPS, index_maps.index_off_by_one),
         **_each("index_side", INDEX_MAPS, index_maps.index_side),
         **_each("mirrored", _IMAGES, images.mirrored),
@@ -106,6 +108,7 @@ FAULTS: Final[Mapping[tuple[str, str], Edit]] = MappingProxyType(
         ("lever_arm", "metadata"): metadata.lever_arm,
         ("frame_convention", "metadata"): metadata.frame_convention,
         ("gravity_magnitude", "metadata"): metadata.gravity_magnitude,
+        ("nan_in_stream", "metadata"): metadata.nan_in_stream,
         **_each("truncated", _STORED, storage.truncated),
         **_each("missing_stream", (*_STORED, "metadata"), storage.missing_stream),
         **_each("wrong_shape", (*_STORED, "metadata"), storage.wrong_shape),
@@ -121,6 +124,39 @@ BYTE_FAULTS: Final[Mapping[tuple[str, str], Damage]] = MappingProxyType(
     }
 )
 """(cause, stream) -> what it does to the bytes of the copy; ``file`` is the file as a whole."""
+
+
+_TIMELESS: Final = frozenset(
+    {
+        *("truncated", "missing_stream", "wrong_shape", "wrong_dtype", "corrupt_chunk", "other_sequence"),
+        *("threshold_misdeclared", "event_model_misdeclared", "noise_misdeclared"),
+    }
+)
+"""Faults of a whole stream, of its storage or of a declaration."""
+
+_OF_ROWS: Final = frozenset(
+    {
+        *("time_offset", "clock_rate", "quantised_time", "time_unit"),
+        *("dropped_samples", "duplicated_samples", "unsorted"),
+    }
+)
+"""Faults of stamps and of whole rows: an image has no part of them, while events are single pixels."""
+
+_EVENTS_TOGETHER: Final = frozenset({"time_unit", "unsorted"})
+"""Faults of which a region makes no sense even for events: what is outside would end up elsewhere in the file."""
+
+
+def knows_time(cause: str, stream: str) -> bool:
+    """Whether a fault can be confined to an interval of time."""
+    return stream != "metadata" and cause not in _TIMELESS
+
+
+def knows_region(cause: str, stream: str) -> bool:
+    """Whether a fault can be confined to a rectangle of the image."""
+    family = stream_family(stream)
+    if family == "events":
+        return cause not in _TIMELESS | _EVENTS_TOGETHER
+    return family in _IMAGES and cause not in _TIMELESS | _OF_ROWS
 
 
 USUAL_FACTORS: Final[Mapping[tuple[str, str], float]] = MappingProxyType(

@@ -1,0 +1,203 @@
+"""Making a corpus: file by file, each whole or not there, and the manifest last."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from fedora_generator.corpus.manifest import (
+    MANIFEST,
+    PROGRESS,
+    Item,
+    digest_of,
+    is_made,
+    item_of,
+    read_listing,
+    write_listing,
+)
+from fedora_generator.corpus.plan import CorpusOptions, PlannedFault, PlannedFile, plan_corpus
+from fedora_generator.corpus.room import expected_bytes, require_room
+from fedora_generator.errors import OutputError
+from fedora_generator.faults import FaultError, plant_fault
+from fedora_generator.generate import Request, generate_sequence, require_free_flight
+from fedora_generator.instants import whole_us
+from fedora_generator.metadata import generator_version
+from fedora_generator.scene import Scene
+
+Report = Callable[[int, int, str], None]
+"""Is told the files done, the files planned, and the file that is being made."""
+
+
+def build_corpus(
+    folder: Path,
+    options: CorpusOptions,
+    scenes: tuple[Scene, ...],
+    *,
+    force: bool = False,
+    report: Report = lambda *_: None,
+) -> Path:
+    """Write a corpus into a folder and return the path of its manifest.
+
+    Files of an earlier run that are whole and were made as they would be now are kept. The same arguments give the same
+    bytes of every file and of the manifest.
+
+    Raises
+    ------
+    FaultError
+        A cause that cannot be planted.
+    SceneError
+        A flight meets its world, or the duration is impossible.
+    OutputError
+        The folder holds something else and ``force`` is false, or the disk has too little room.
+    """
+    plan = plan_corpus(options, scenes)
+    made_with = _made_with(options, scenes)
+    earlier = _earlier_items(folder, made_with, force=force)
+    for scene in scenes:
+        require_free_flight(scene, whole_us(options.duration_s))
+    sizes = {scene.name: expected_bytes(scene, options.duration_s) for scene in scenes}
+    require_room(folder, missing_bytes(plan, sizes, earlier))
+    folder.mkdir(parents=True, exist_ok=True)
+    work = _Work(folder, options, {scene.name: scene for scene in scenes}, made_with, earlier)
+    for done, planned in enumerate(plan):
+        report(done, len(plan), planned.file)
+        work.make(planned)
+        if planned.base is None:
+            sizes[planned.scene] = (folder / planned.file).stat().st_size
+            require_room(folder, missing_bytes(plan[done + 1 :], sizes, earlier))
+    report(len(plan), len(plan), MANIFEST)
+    return work.finish()
+
+
+def missing_bytes(plan: tuple[PlannedFile, ...], sizes: dict[str, int], earlier: dict[str, Item]) -> int:
+    """Bytes of the planned files that an earlier run has not left behind; ``sizes`` by scene."""
+    missing = Counter(planned.scene for planned in plan if planned.file not in earlier)
+    return sum(count * sizes[scene] for scene, count in missing.items())
+
+
+def _made_with(options: CorpusOptions, scenes: tuple[Scene, ...]) -> Item:
+    """Return what every file depends on besides its own item."""
+    camera = scenes[0].camera
+    return {
+        "generator": generator_version(),
+        "scenes": {scene.name: scene.digest for scene in scenes},
+        "size": [camera.width, camera.height],
+        "duration_s": options.duration_s,
+        "quality": options.quality,
+    }
+
+
+def _earlier_items(folder: Path, made_with: Item, *, force: bool) -> dict[str, Item]:
+    """Return the items of an earlier run with the same arguments, by file.
+
+    Raises
+    ------
+    OutputError
+        The folder is a file, or holds something else and ``force`` is false.
+    """
+    if not folder.exists():
+        return {}
+    if not folder.is_dir():
+        raise OutputError(f"Expected a folder to write the corpus into, got the file {folder}")
+    listing = read_listing(folder)
+    if listing is not None and listing["made_with"] == made_with:
+        return {item["file"]: item for item in listing["items"]}
+    if any(folder.iterdir()) and not force:
+        got = "a corpus of other scenes, size, duration or quality" if listing else "other files"
+        raise OutputError(f"Expected an empty folder, or this corpus begun, got {got} in {folder}; use --force")
+    return {}
+
+
+class _Work:
+    """A corpus being made."""
+
+    def __init__(
+        self, folder: Path, options: CorpusOptions, scenes: dict[str, Scene], made_with: Item, earlier: dict[str, Item]
+    ) -> None:
+        self._folder = folder
+        self._options = options
+        self._scenes = scenes
+        self._made_with = made_with
+        self._earlier = earlier
+        self._items: dict[str, Item] = {}
+        self._skipped: list[Item] = []
+        self._list(PROGRESS)  # before the manifest goes, so that an interrupt loses neither
+        (folder / MANIFEST).unlink(missing_ok=True)
+
+    def make(self, planned: PlannedFile) -> None:
+        """Make one file, unless it is there as planned; one that the data cannot hold is skipped."""
+        path, before = self._folder / planned.file, self._earlier.get(planned.file)
+        if is_made(planned, path, before):
+            self._items[planned.file] = dict(before or {})
+            return
+        path.unlink(missing_ok=True)
+        path.parent.mkdir(exist_ok=True)
+        try:
+            self._write(planned, path)
+        except FaultError as error:
+            self._skipped.append({"file": planned.file, "reason": _without_folder(str(error), self._folder)})
+            return
+        self._items[planned.file] = item_of(planned, path)
+        self._list(PROGRESS)
+
+    def finish(self) -> Path:
+        """Write the manifest, which is what makes the folder a corpus."""
+        path = self._folder / MANIFEST
+        self._earlier = {}
+        self._list(MANIFEST)
+        (self._folder / PROGRESS).unlink(missing_ok=True)
+        return path
+
+    def _list(self, name: str) -> None:
+        items = self._earlier | self._items
+        write_listing(self._folder / name, self._made_with, items.values(), self._skipped)
+
+    def _write(self, planned: PlannedFile, path: Path) -> None:
+        if planned.base is None:
+            request = Request(duration_s=self._options.duration_s, quality=self._options.quality)
+            scene = replace(self._scenes[planned.scene], seed=planned.seed)
+            generate_sequence(scene, path, request, overwrite=True)
+            return
+        base = self._folder / planned.base
+        plant_together(base, path, planned.faults, self._folder)
+        if digest_of(path) == self._items[planned.base]["sha256"]:
+            path.unlink()
+            raise FaultError("Expected a fault that changes the file, got one that changes nothing in this sequence")
+
+
+def plant_together(base: Path, target: Path, faults: tuple[PlannedFault, ...], donors: Path) -> None:
+    """Plant faults one after the other; only ``target``, with all of them, is left.
+
+    Raises
+    ------
+    FaultError
+        One of them cannot be planted; nothing is written.
+    """
+    with TemporaryDirectory(dir=target.parent, prefix=".between-") as between:
+        source = base
+        for index, fault in enumerate(faults):
+            last = index == len(faults) - 1
+            step = target if last else Path(between) / f"{index}.h5"
+            plant_fault(source, step, **_arguments(fault, donors))
+            source = step
+
+
+def _arguments(fault: PlannedFault, donors: Path) -> dict[str, Any]:
+    return {
+        "cause": fault.cause,
+        "stream": fault.stream,
+        "magnitude": fault.magnitude,
+        "unit": fault.unit,
+        "seed": fault.seed,
+        "start_s": fault.start_s,
+        "stop_s": fault.stop_s,
+        "region": fault.region,
+        "donor": None if fault.donor is None else donors / fault.donor,
+    }
+
+
+def _without_folder(message: str, folder: Path) -> str:
+    """Take the corpus's own place out of a message, so that it is the same wherever the corpus lies."""
+    return message.replace(f"{folder}/", "")

@@ -1,0 +1,100 @@
+"""``fedora-generate corpus``: clean and faulty sequences, and the manifest that tells them apart."""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final, cast
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from fedora_generator.corpus.build import build_corpus
+from fedora_generator.corpus.plan import CorpusOptions, PlannedFile, plan_corpus
+from fedora_generator.corpus.room import expected_bytes
+from fedora_generator.sampling import MOTION_BOUND_PX, Quality
+from fedora_generator.scene import Scene, load_scene
+
+DEFAULT_SCENES: Final = "park-day,fast-turn,park-noisy"
+
+
+def _read_size(_: click.Context, __: click.Parameter, value: str) -> tuple[int, int]:
+    """Read ``WIDTHxHEIGHT``."""
+    match = re.fullmatch(r"([0-9]{1,6})x([0-9]{1,6})", value, flags=re.IGNORECASE)
+    if match is None:
+        raise click.BadParameter(f"Expected WIDTHxHEIGHT such as 270x200, got {value!r}")
+    return int(match[1]), int(match[2])
+
+
+def _read_list(_: click.Context, __: click.Parameter, value: str) -> tuple[str, ...]:
+    """Read names with commas between."""
+    return tuple(dict.fromkeys(name.strip() for name in value.split(",") if name.strip()))
+
+
+@click.command()
+@click.option("-o", "--output", "folder", required=True, type=click.Path(path_type=Path), help="The folder to fill.")
+@click.option("--scenes", default=DEFAULT_SCENES, show_default=True, callback=_read_list, metavar="LIST")
+@click.option("--clean", default=2, show_default=True, type=click.IntRange(min=1), help="Clean sequences a scene.")
+@click.option(
+    "--causes", default="", callback=_read_list, metavar="LIST", help="Causes, or STREAM:CAUSE.  [default: all]"
+)
+@click.option("--ladder", default=3, show_default=True, type=click.IntRange(1, 15), help="Magnitudes of each fault.")
+@click.option("--size", default="270x200", show_default=True, callback=_read_size, metavar="WxH")
+@click.option("--duration", "duration_s", default=1.0, show_default=True, metavar="S", help="Seconds of a sequence.")
+@click.option("--quality", default="draft", show_default=True, type=click.Choice(list(MOTION_BOUND_PX)))
+@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="First seed of each scene.")
+@click.option("--dry-run", is_flag=True, help="Print what would be made, and make nothing.")
+@click.option("--force", is_flag=True, help="Write into a folder that holds something else.")
+def corpus(
+    folder: Path,
+    scenes: tuple[str, ...],
+    clean: int,
+    causes: tuple[str, ...],
+    ladder: int,
+    size: tuple[int, int],
+    duration_s: float,
+    quality: str,
+    seed: int,
+    dry_run: bool,
+    force: bool,
+) -> None:
+    """Make clean sequences of several scenes, and copies of them with every fault in several sizes.
+
+    Run again after an interrupt, it goes on where it was.
+    """
+    if not scenes:
+        raise click.UsageError("Expected at least one scene, got none; see `fedora-generate scenes`")
+    described = tuple(load_scene(name).with_size(*size) for name in scenes)
+    options = CorpusOptions(
+        clean=clean, causes=causes, ladder=ladder, duration_s=duration_s, quality=cast(Quality, quality), seed=seed
+    )
+    if dry_run:
+        _print_plan(plan_corpus(options, described), described, duration_s)
+        return
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        task = bar.add_task("")
+        manifest = build_corpus(
+            folder,
+            options,
+            described,
+            force=force,
+            report=lambda done, planned, file: bar.update(task, completed=done, total=planned, description=file),
+        )
+    click.echo(f"{manifest}", err=True)
+
+
+def _print_plan(plan: Iterable[PlannedFile], scenes: tuple[Scene, ...], duration_s: float) -> None:
+    """Print files and bytes by kind, a line each, and in all."""
+    sizes = {scene.name: expected_bytes(scene, duration_s) for scene in scenes}
+    rows: dict[str, list[int]] = {}
+    for planned in plan:
+        for kind in (planned.file.split("/", 1)[0], "all"):
+            row = rows.setdefault(kind, [0, 0])
+            row[0] += 1
+            row[1] += sizes[planned.scene]
+    rows["all"] = rows.pop("all")
+    click.echo(f"{'kind':<10} {'files':>6} {'MB, about':>10}")
+    for kind, (files, size_bytes) in rows.items():
+        click.echo(f"{kind:<10} {files:>6} {size_bytes / 1e6:>10.1f}")

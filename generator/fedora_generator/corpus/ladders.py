@@ -1,0 +1,151 @@
+"""How large a planted fault is: a geometric ladder around the size that a good tool should just see.
+
+The nominal sizes are what a second of a small sequence (270x200) can show, as the checks state it of a clean one, to
+within a factor of three or so. They order the rungs and set what a manifest expects to be ``observable``; a study of
+detection measures the limits themselves. Noise of the pose hides motion by orders of magnitude, so what is held against
+the pose has two nominal sizes; where there is no noise, the rounding of stamps and values sets the limit.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from fedora_generator.faults.table import USUAL_FACTORS
+
+STEP: Final = 3.0
+"""From rung to rung; half a decade, near enough, so that five rungs span two."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ladder:
+    """Magnitudes of one fault, mildest first.
+
+    Attributes
+    ----------
+    nominal
+        The middle rung; None where the fault has no size.
+    unit
+        Unit of the magnitudes; empty for the fault's own.
+    whole
+        Only whole numbers, of at least 1.
+    most
+        The largest magnitude that makes sense.
+    fixed
+        One rung only, whatever is asked for.
+    smaller_is_worse
+        The fault grows as the magnitude falls.
+    """
+
+    nominal: float | None = None
+    unit: str = ""
+    whole: bool = False
+    most: float = math.inf
+    fixed: bool = False
+    smaller_is_worse: bool = False
+
+    def rungs(self, count: int) -> tuple[float | None, ...]:
+        """Return ``count`` magnitudes from mild to severe around the nominal one, or fewer where some are the same."""
+        if self.nominal is None or self.fixed:
+            return (self.nominal,)
+        sizes = [self.nominal * STEP ** (rung - (count - 1) // 2) for rung in range(count)]
+        distinct = {self._stated(min(size, self.most)) for size in sizes}
+        return tuple(sorted(distinct, reverse=self.smaller_is_worse))
+
+    def is_observable(self, magnitude: float | None, share: float = 1.0) -> bool:
+        """Whether a good tool should see a fault of this size, where the sequence has texture and motion.
+
+        A fault of a ``share`` of the pixels or of the time is seen from a size on that is larger by 1 / sqrt(share), as
+        the error of a mean over so many fewer samples is. One without a ladder is seen in any share.
+        """
+        if magnitude is None or self.nominal is None or self.fixed:
+            return True
+        if self.smaller_is_worse:
+            return magnitude <= self.nominal * math.sqrt(share)
+        return magnitude >= self.nominal / math.sqrt(share)
+
+    def _stated(self, size: float) -> float:
+        return float(max(1, round(size))) if self.whole else float(f"{size:.3g}")
+
+
+def ladder_of(cause: str, stream: str, *, noisy_pose: bool = False) -> Ladder:
+    """Return the ladder of a fault that the table of faults plants, in a sequence with noise of the pose or without."""
+    if (cause, stream) in USUAL_FACTORS:
+        return Ladder(nominal=USUAL_FACTORS[cause, stream], unit="1", fixed=True)
+    if noisy_pose and (cause, stream) in _UNDER_POSE_NOISE:
+        return _UNDER_POSE_NOISE[cause, stream]
+    return _OF_PAIR.get((cause, stream), _OF_CAUSE.get(cause, _SIZELESS))
+
+
+_SIZELESS: Final = Ladder()
+_ONE: Final = Ladder(nominal=1, whole=True)
+
+_OF_CAUSE: Final[Mapping[str, Ladder]] = MappingProxyType(
+    {
+        "time_offset": Ladder(nominal=2.0, unit="ms"),
+        "clock_rate": Ladder(nominal=20.0, unit="ppm"),
+        # 0.7 and its thirds and triples divide no sampling interval: every rung moves stamps.
+        "quantised_time": Ladder(nominal=0.7, unit="ms"),
+        "dropped_samples": _ONE,
+        "duplicated_samples": _ONE,
+        "unsorted": Ladder(nominal=2, whole=True),
+        "frozen_frames": _ONE,
+        "swapped_frames": _ONE,
+        "nan_in_stream": _ONE,
+        "index_off_by_one": _ONE,
+        "spatial_offset": _ONE,
+        "dead_region": Ladder(nominal=5, unit="px", whole=True),
+        "hot_pixels": _ONE,
+        "threshold_misdeclared": Ladder(nominal=20.0, unit="percent"),
+        "noise_misdeclared": Ladder(nominal=50.0, unit="percent"),
+        "gyro_bias": Ladder(nominal=3e-7, unit="rad/s"),
+        "accel_bias": Ladder(nominal=5e-5, unit="m/s^2"),
+        "gravity_magnitude": Ladder(nominal=5e-5, unit="m/s^2"),
+        "lever_arm": Ladder(nominal=2e-4, unit="m"),
+        "quaternion_not_unit": Ladder(nominal=1e-6, unit="1"),
+        "teleport": Ladder(nominal=1e-5, unit="m"),
+        "interpolated_pose": Ladder(nominal=50.0, unit="Hz", most=100.0, smaller_is_worse=True),
+        "flow_gain": Ladder(nominal=0.01, unit="percent"),
+        "flow_unit": Ladder(nominal=1.0, unit="1", fixed=True),
+        "flow_interval_shifted": Ladder(nominal=1, fixed=True),
+        "intrinsics_focal": Ladder(nominal=0.01, unit="percent"),
+        "intrinsics_centre": Ladder(nominal=0.02, unit="px"),
+        "extrinsic_rotation": Ladder(nominal=5e-3, unit="deg"),
+        "exposure_or_gamma": Ladder(nominal=3.0, unit="percent"),
+        "truncated": Ladder(nominal=10.0, unit="percent", most=90.0),
+        "corrupt_chunk": Ladder(nominal=1, fixed=True),
+    }
+)
+
+_OF_PAIR: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
+    {
+        # Stamps are whole microseconds; a flow interval that begins at no depth frame shows at once.
+        **{("time_offset", stream): Ladder(nominal=3e-3, unit="ms") for stream in ("imu", "pose", "flow", "depth")},
+        ("clock_rate", "events"): Ladder(nominal=1e4, unit="ppm"),
+        ("quantised_time", "events"): Ladder(nominal=0.1, unit="ms"),
+        ("quantised_time", "rgb"): Ladder(nominal=7.0, unit="ms"),
+        ("quantised_time", "depth"): Ladder(nominal=7.0, unit="ms"),
+        ("quantised_time", "flow"): Ladder(nominal=7.0, unit="ms"),
+        ("dropped_samples", "events"): Ladder(nominal=1.0, unit="ms"),
+        ("duplicated_samples", "events"): Ladder(nominal=1.0, unit="ms"),
+        ("nan_in_stream", "metadata"): Ladder(nominal=1, fixed=True),
+        ("noise_misdeclared", "imu"): Ladder(nominal=25.0, unit="percent"),
+        ("lever_arm", "metadata"): Ladder(nominal=1e-3, unit="m"),
+        ("truncated", "file"): Ladder(nominal=1.0, unit="percent", most=90.0),
+    }
+)
+
+_UNDER_POSE_NOISE: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
+    {
+        ("time_offset", "imu"): Ladder(nominal=30.0, unit="ms"),
+        ("time_offset", "pose"): Ladder(nominal=30.0, unit="ms"),
+        ("gyro_bias", "imu"): Ladder(nominal=0.01, unit="rad/s"),
+        ("accel_bias", "imu"): Ladder(nominal=0.3, unit="m/s^2"),
+        ("gravity_magnitude", "imu"): Ladder(nominal=0.3, unit="m/s^2"),
+        ("gravity_magnitude", "metadata"): Ladder(nominal=0.3, unit="m/s^2"),
+        ("lever_arm", "imu"): Ladder(nominal=2.0, unit="m"),
+        ("lever_arm", "pose"): Ladder(nominal=2.0, unit="m"),
+        ("teleport", "pose"): Ladder(nominal=0.03, unit="m"),
+    }
+)

@@ -1,0 +1,245 @@
+"""Which files a corpus is to hold; nothing is made here."""
+
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+from fedora_generator.camera import Camera, CameraOptions, colour_camera, event_camera
+from fedora_generator.corpus.ladders import Ladder, ladder_of
+from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, Region, knows_region, knows_time
+from fedora_generator.faults.fault import default_unit
+from fedora_generator.sampling import Quality
+from fedora_generator.scene import Scene
+
+Pair = tuple[str, str]
+"""Cause and stream."""
+
+TWO_AT_ONCE: Final[tuple[tuple[Pair, Pair], ...]] = (
+    (("time_offset", "events"), ("gyro_bias", "imu")),
+    (("time_offset", "imu"), ("time_offset", "rgb")),
+    (("spatial_offset", "depth"), ("teleport", "pose")),
+    (("flow_gain", "flow"), ("hot_pixels", "events")),
+    (("frozen_frames", "rgb"), ("dropped_samples", "imu")),
+    (("exposure_or_gamma", "rgb"), ("lever_arm", "pose")),
+    (("polarity_inverted", "events"), ("flow_sign", "flow")),
+    (("index_off_by_one", "depth_to_event"), ("unit_mm_m", "depth")),
+    (("threshold_misdeclared", "events"), ("intrinsics_focal", "metadata")),
+    (("clock_rate", "pose"), ("accel_bias", "imu")),
+)
+"""Composite faults: of different streams, some with symptoms in common and some with none."""
+
+_PLACED: Final = frozenset(
+    {
+        "dropped_samples",
+        "duplicated_samples",
+        "unsorted",
+        "frozen_frames",
+        "swapped_frames",
+        "nan_in_stream",
+        "teleport",
+    }
+)
+"""Faults that happen at one place in time anyway: half of the time says nothing new."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorpusOptions:
+    """What to make.
+
+    Attributes
+    ----------
+    clean
+        Clean sequences of each scene, with the seeds ``seed``, ``seed + 1``, ...
+    causes
+        Each ``cause`` or ``stream:cause`` as the table of faults has them; empty for all.
+    ladder
+        Rungs of each ladder.
+    duration_s, quality
+        Of every sequence.
+    """
+
+    clean: int = 2
+    causes: tuple[str, ...] = ()
+    ladder: int = 3
+    duration_s: float = 1.0
+    quality: Quality = "draft"
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedFault:
+    """One fault of one file, as ``plant_fault`` takes it; ``donor`` is a clean file of the corpus."""
+
+    cause: str
+    stream: str
+    magnitude: float | None
+    unit: str
+    seed: int
+    start_s: float | None = None
+    stop_s: float | None = None
+    region: Region | None = None
+    donor: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedFile:
+    """One file: clean where it has no faults, else a copy of ``base`` with them, planted in their order."""
+
+    file: str
+    scene: str
+    seed: int
+    base: str | None = None
+    faults: tuple[PlannedFault, ...] = ()
+    observable: bool = False
+    notes: str = ""
+
+
+def plan_corpus(options: CorpusOptions, scenes: tuple[Scene, ...]) -> tuple[PlannedFile, ...]:
+    """Return every file of the corpus: clean ones first, in an order that follows from the arguments alone.
+
+    Each fault is planted in one clean sequence, the whole ladder in the same; which one follows from the name of the
+    fault, so that the same fault gets the same file whatever others are asked for.
+
+    Raises
+    ------
+    FaultError
+        A cause that no fault has.
+    """
+    pairs = _wanted(options.causes)
+    clean = tuple(_clean_files(options, scenes))
+    described = {scene.name: scene for scene in scenes}
+    planner = _Planner(options, described, clean)
+    files = [*clean]
+    for pair in pairs:
+        files += planner.ladder(pair)
+        files += planner.local(pair)
+    files += [planner.composite(first, second) for first, second in TWO_AT_ONCE if {first, second} <= {*pairs}]
+    return tuple(files)
+
+
+def _wanted(causes: tuple[str, ...]) -> tuple[Pair, ...]:
+    table = (*FAULTS, *BYTE_FAULTS)
+    known = {cause for cause, _ in table} | {f"{stream}:{cause}" for cause, stream in table}
+    unknown = [each for each in causes if each not in known]
+    if unknown:
+        legal = ", ".join(dict.fromkeys(cause for cause, _ in table))
+        raise FaultError(f"Expected causes that can be planted, got {', '.join(unknown)}; choose from {legal}")
+    return tuple(
+        (cause, stream) for cause, stream in table if not causes or cause in causes or f"{stream}:{cause}" in causes
+    )
+
+
+def _clean_files(options: CorpusOptions, scenes: tuple[Scene, ...]) -> Iterator[PlannedFile]:
+    for scene in scenes:
+        for seed in range(options.seed, options.seed + options.clean):
+            yield PlannedFile(file=f"clean/{scene.name}-{seed}.h5", scene=scene.name, seed=seed)
+
+
+@dataclass(frozen=True, slots=True)
+class _Planner:
+    options: CorpusOptions
+    scenes: dict[str, Scene]
+    clean: tuple[PlannedFile, ...]
+
+    def ladder(self, pair: Pair) -> Iterator[PlannedFile]:
+        """Every rung, over the whole sequence."""
+        base = self._base(pair)
+        ladder = self._ladder(pair, base)
+        for magnitude in ladder.rungs(self.options.ladder):
+            fault = self._fault(pair, base, magnitude)
+            yield _copy_of(base, "single", _label(fault), (fault,), ladder.is_observable(magnitude))
+
+    def local(self, pair: Pair) -> Iterator[PlannedFile]:
+        """Plan a severe fault in the middle half of the time, and in the middle quarter of the image."""
+        base = self._base(pair)
+        ladder, fault = self._ladder(pair, base), self._severe(pair, base)
+        quarter_s = self.options.duration_s / 4
+        if knows_time(*pair) and pair[0] not in _PLACED:
+            half = replace(fault, start_s=quarter_s, stop_s=3 * quarter_s)
+            seen = ladder.is_observable(fault.magnitude, share=1 / 2)
+            yield _copy_of(base, "local", f"{_label(half)}-half", (half,), seen, "half of the time")
+        if knows_region(*pair):
+            part = replace(fault, region=_middle_quarter(self.scenes[base.scene], pair[1]))
+            seen = ladder.is_observable(fault.magnitude, share=1 / 4)
+            yield _copy_of(base, "local", f"{_label(part)}-quarter", (part,), seen, "a quarter of the image")
+
+    def composite(self, first: Pair, second: Pair) -> PlannedFile:
+        """Two severe faults at once."""
+        base = self._base(first)
+        faults = self._severe(first, base), self._severe(second, base)
+        return _copy_of(base, "composite", "+".join(map(_label, faults)), faults, True, "two faults at once")
+
+    def _ladder(self, pair: Pair, base: PlannedFile) -> Ladder:
+        return ladder_of(*pair, noisy_pose=_has_pose_noise(self.scenes[base.scene]))
+
+    def _severe(self, pair: Pair, base: PlannedFile) -> PlannedFault:
+        """Return the severest rung, and one above the nominal at least."""
+        return self._fault(pair, base, self._ladder(pair, base).rungs(max(self.options.ladder, 3))[-1])
+
+    def _fault(self, pair: Pair, base: PlannedFile, magnitude: float | None) -> PlannedFault:
+        cause, stream = pair
+        return PlannedFault(
+            cause=cause,
+            stream=stream,
+            magnitude=magnitude,
+            unit=self._ladder(pair, base).unit or default_unit(cause, stream),
+            seed=_number(f"{pair}{magnitude}"),
+            donor=self._donor(pair, base) if cause == "other_sequence" else None,
+        )
+
+    def _base(self, pair: Pair) -> PlannedFile:
+        candidates = [each for each in self.clean if _can_hold(self.scenes[each.scene], *pair)] or [*self.clean]
+        return candidates[_number(f"{pair}") % len(candidates)]
+
+    def _donor(self, pair: Pair, base: PlannedFile) -> str | None:
+        """Return a clean file of another flight, if there is one."""
+        flight = self.scenes[base.scene].flight
+        others = [each.file for each in self.clean if self.scenes[each.scene].flight != flight]
+        return others[_number(f"{pair}") % len(others)] if others else None
+
+
+def _copy_of(
+    base: PlannedFile, folder: str, name: str, faults: tuple[PlannedFault, ...], observable: bool, notes: str = ""
+) -> PlannedFile:
+    return PlannedFile(
+        file=f"{folder}/{name}-{base.scene}-{base.seed}.h5",
+        scene=base.scene,
+        seed=base.seed,
+        base=base.file,
+        faults=faults,
+        observable=observable,
+        notes=notes,
+    )
+
+
+def _middle_quarter(scene: Scene, stream: str) -> Region:
+    camera_of: Callable[[CameraOptions], Camera] = event_camera if stream == "events" else colour_camera
+    camera = camera_of(scene.camera)
+    left, top = camera.width // 4, camera.height // 4
+    return left, top, left + camera.width // 2, top + camera.height // 2
+
+
+def _label(fault: PlannedFault) -> str:
+    size = "" if fault.magnitude is None else f"-{fault.magnitude:g}"
+    return f"{fault.stream}-{fault.cause}{size}"
+
+
+def _number(text: str) -> int:
+    """Return a number that follows from a text alone, on every machine."""
+    return zlib.crc32(text.encode())
+
+
+def _has_pose_noise(scene: Scene) -> bool:
+    return scene.pose.position_sigma_m > 0 or scene.pose.rotation_sigma_rad > 0
+
+
+def _can_hold(scene: Scene, cause: str, stream: str) -> bool:
+    """Whether a noise that the fault is about exists in the scene."""
+    if cause not in ("noise_misdeclared", "flow_from_noisy_pose"):
+        return True
+    if stream == "events":
+        return any((scene.events.threshold_sigma, scene.events.leak_rate_hz, scene.events.shot_rate_hz))
+    if stream == "imu":
+        return any((scene.imu.gyro_noise_density, scene.imu.accel_noise_density))
+    return _has_pose_noise(scene)
