@@ -42,10 +42,13 @@ class Comparator:
             There is no telling which levels were reached.
         """
         bits = (self._layout.column_bits, self._layout.stamp_shift)
-        self._room, count = kernels.emit_crossings(
-            previous, signal, self.reference, *self._thresholds, start_ns, stop_ns, *bits, self._room
-        )
-        keys = self._room[: _checked(count)]
+        interval = (previous, signal, self.reference, *self._thresholds, start_ns, stop_ns, *bits)
+        row, count = kernels.emit_crossings(*interval, self._room, 0, 0)
+        while 0 <= row < self._layout.height:
+            self._room = np.concatenate([self._room, np.empty_like(self._room)])
+            row, count = kernels.emit_crossings(*interval, self._room, row, count)
+        _require_finite(row)
+        keys = self._room[:count]
         return sort_by_stamp(keys, self._layout.stamp_shift, start_ns // NS_PER_US, _stamp_us(stop_ns))
 
     def steps(self, signal: Floats, stop_ns: int) -> Keys:
@@ -59,7 +62,9 @@ class Comparator:
         keys = np.empty(signal.size, np.int64)
         bits = (self._layout.column_bits, self._layout.stamp_shift)
         stamp_us = _stamp_us(stop_ns)
-        return keys[: _checked(kernels.emit_steps(signal, self.reference, *self._thresholds, stamp_us, *bits, keys))]
+        count = kernels.emit_steps(signal, self.reference, *self._thresholds, stamp_us, *bits, keys)
+        _require_finite(count)
+        return keys[:count]
 
 
 def _stamp_us(time_ns: int) -> int:
@@ -67,7 +72,6 @@ def _stamp_us(time_ns: int) -> int:
     return -(-time_ns // NS_PER_US)
 
 
-def _checked(count: int) -> int:
-    if count == kernels.NOT_FINITE:
+def _require_finite(answer: int) -> None:
+    if answer == kernels.NOT_FINITE:
         raise SignalNotFiniteError("Expected finite signals, got one that is infinite or not a number")
-    return count

@@ -23,6 +23,13 @@ NOT_FINITE: Final = -1
 
 _LANES: Final = 8
 _ALL_QUIET: Final = np.uint64(0x0101_0101_0101_0101)
+_GATHER_BITS: Final = np.uint64(0x0102_0408_1020_4080)
+"""Times a word of flags, its highest byte holds one bit a lane, the first lane's lowest."""
+
+_IS_ACTIVE: Final = np.arange(256)[:, None] >> np.arange(_LANES) & 1
+_ACTIVE_COUNT: Final = _IS_ACTIVE.sum(axis=1)
+_ACTIVE_LANES: Final = np.argsort(1 - _IS_ACTIVE, axis=1, kind="stable")
+"""(256, 8): for each byte of such bits, the lanes whose bit is set, and then the others."""
 
 
 @njit(cache=True, error_model="numpy")  # no test for a division by zero: a crossed level lies between the samples
@@ -37,35 +44,41 @@ def emit_crossings(
     column_bits: int,
     stamp_shift: int,
     keys: Keys,
-) -> tuple[Keys, int]:
+    first_row: int,
+    count: int,
+) -> tuple[int, int]:
     """Write a key for each level crossed between two samples, and leave ``reference`` (H, W) at the last level.
 
-    The signal is a straight line between the samples; times are nanoseconds since the start. Returns ``keys``, or a
-    larger array where they did not fit, and how many there are, in raster order and each pixel's in order of time;
-    or NOT_FINITE.
+    The signal is a straight line between the samples; times are nanoseconds since the start. Keys come in raster
+    order and each pixel's in order of time, after the ``count`` that there are. Returns the row to go on from, and how
+    many keys there are now. Where there was no room left, calling again with more finds what was not written yet, as
+    every reference stands at the last level written. NOT_FINITE instead of a row: a signal is not.
     """
     quiet, active, candidates = _room_for_a_row(signal.shape[1])
-    count = 0
-    for row in range(signal.shape[0]):
+    befores = np.empty(active.size)
+    for row in range(first_row, signal.shape[0]):
         line = row if len(threshold_on) > 1 else 0
-        on, off, references = threshold_on[line], threshold_off[line], reference[row]
-        _mark_quiet(signal[row], references, on, off, quiet)
-        for column in active[: _list_active(quiet, candidates, active)]:
-            before, value = previous[row, column], signal[row, column]
+        on, off, signals, references = threshold_on[line], threshold_off[line], signal[row], reference[row]
+        _mark_quiet(signals, references, on, off, quiet)
+        found = _list_active(quiet, candidates, active)
+        _gather(previous[row], active[:found], befores)
+        for index in range(found):
+            column = active[index]
+            before, value, level = befores[index], signals[column], references[column]
             if not math.isfinite(value):
-                return keys, NOT_FINITE
-            rising = value > references[column]
-            step = on[column] if rising else -off[column]
-            level = references[column] + step
-            while value >= level if rising else value <= level:
+                return NOT_FINITE, count
+            rising = value > level
+            direction, step = (1.0, on[column]) if rising else (-1.0, -off[column])
+            level += step
+            while (value - level) * direction >= 0:
                 if count == keys.size:
-                    keys = _doubled(keys)
+                    return row, count
                 stamp_us = _crossing_us((level - before) / (value - before), start_ns, stop_ns)
                 keys[count] = stamp_us << stamp_shift | (row << column_bits | column) << 1 | rising
                 count += 1
                 references[column] = level
                 level += step
-    return keys, count
+    return signal.shape[0], count
 
 
 @njit(cache=True)
@@ -104,9 +117,9 @@ def emit_steps(
 
 @njit(cache=True)
 def _room_for_a_row(width: int) -> tuple[Flags, NDArray[np.int64], NDArray[np.int64]]:
-    """Return flags of a row filled up to whole words, and lists of columns and words, one longer than they can get."""
+    """Return flags of a row filled up to whole words, and lists of columns and words, with room to spare."""
     words = (width + _LANES - 1) // _LANES
-    return np.ones(words * _LANES, np.uint8), np.empty(words * _LANES + 1, np.int64), np.empty(words + 1, np.int64)
+    return np.ones(words * _LANES, np.uint8), np.empty((words + 1) * _LANES, np.int64), np.empty(words + 1, np.int64)
 
 
 @njit(cache=True)
@@ -119,7 +132,11 @@ def _mark_quiet(signal: Floats, reference: Floats, on: Floats, off: Floats, quie
 
 @njit(cache=True)
 def _list_active(quiet: Flags, candidates: NDArray[np.int64], active: NDArray[np.int64]) -> int:
-    """List the columns that are not quiet; return how many. Always writes, and moves on only if it was one."""
+    """List the columns that are not quiet; return how many. No branch depends on the flags, which nobody can predict.
+
+    Of each word that is not all quiet, the lanes are found in a table; eight columns are written and only those
+    that are active are kept.
+    """
     words = quiet.view(np.uint64)
     found = 0
     for word in range(words.size):
@@ -127,10 +144,18 @@ def _list_active(quiet: Flags, candidates: NDArray[np.int64], active: NDArray[np
         found += words[word] != _ALL_QUIET
     count = 0
     for word in candidates[:found]:
-        for column in range(_LANES * word, _LANES * word + _LANES):
-            active[count] = column
-            count += 1 - quiet[column]
+        mask = ((words[word] ^ _ALL_QUIET) * _GATHER_BITS) >> np.uint64(56)
+        for lane in range(_LANES):
+            active[count + lane] = _LANES * word + _ACTIVE_LANES[mask, lane]
+        count += _ACTIVE_COUNT[mask]
     return count
+
+
+@njit(cache=True)
+def _gather(values: Floats, columns: NDArray[np.int64], gathered: Floats) -> None:
+    """Fetch the values of some columns: loads that do not wait for each other, as those among the crossings would."""
+    for index, column in enumerate(columns):
+        gathered[index] = values[column]
 
 
 @njit(cache=True)
@@ -140,10 +165,3 @@ def _crossing_us(share: float, start_ns: int, stop_ns: int) -> int:
     offset_ns = math.floor(share * span_ns + 0.5)
     offset_ns = min(max(offset_ns, 1), span_ns)  # the level was not yet reached at the previous sample
     return (start_ns + offset_ns + NS_PER_US - 1) // NS_PER_US
-
-
-@njit(cache=True)
-def _doubled(keys: Keys) -> Keys:
-    larger = np.empty(2 * keys.size, np.int64)
-    larger[: keys.size] = keys
-    return larger
