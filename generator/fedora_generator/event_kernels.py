@@ -1,155 +1,80 @@
-"""Compiled loops of the event sensor.
+"""Compiled loops over event keys (``event_keys``): order, lose, align, take apart."""
 
-An event travels as one int64 key, ``(microseconds since the start * pixels + pixel) * 2 + polarity``, pixel = row *
-width + column: sorting keys is sorting by (t, y, x, p).
-"""
-
-import math
+from typing import Final
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_US
-
-Floats = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
-
-@njit(cache=True)
-def find_active_pixels(
-    signal: Floats, reference: Floats, threshold_on: Floats, threshold_off: Floats, active: NDArray[np.int32]
-) -> int:
-    """Collect in ``active`` the pixels at or beyond a threshold; return how many, or -1 - pixel where not finite."""
-    count = 0
-    for pixel in range(signal.size):
-        value = signal[pixel]
-        if reference[pixel] - threshold_off[pixel] < value < reference[pixel] + threshold_on[pixel]:
-            continue
-        if not math.isfinite(value):
-            return -1 - pixel
-        active[count] = pixel
-        count += 1
-    return count
+_DIGIT_BITS: Final = 11
+"""2048 counters fit the first cache, and an interval of 2 ms is sorted in one pass."""
 
 
 @njit(cache=True)
-def count_crossings(
-    active: NDArray[np.int32], signal: Floats, reference: Floats, threshold_on: Floats, threshold_off: Floats
-) -> int:
-    """Levels that the active pixels reach on their way to ``signal``; walks exactly as ``emit_crossings`` does."""
-    count = 0
-    for pixel in active:
-        value, level = signal[pixel], reference[pixel] + threshold_on[pixel]
-        while value >= level:
-            count += 1
-            level += threshold_on[pixel]
-        level = reference[pixel] - threshold_off[pixel]
-        while value <= level:
-            count += 1
-            level -= threshold_off[pixel]
-    return count
+def sort_by_stamp(keys: Keys, stamp_shift: int, first_us: int, last_us: int) -> Keys:
+    """Return in a new array the keys, stamps in [first, last], in order of their stamps; equal stamps keep theirs.
 
-
-@njit(cache=True, error_model="numpy")  # no test for a division by zero: a crossed level lies between the samples
-def emit_crossings(
-    active: NDArray[np.int32],
-    previous: Floats,
-    signal: Floats,
-    reference: Floats,
-    threshold_on: Floats,
-    threshold_off: Floats,
-    start_ns: int,
-    stop_ns: int,
-    keys: Keys,
-) -> None:
-    """Write a key for each level crossed between two samples, and leave ``reference`` at the last level.
-
-    The signal is a straight line between the samples; times are nanoseconds since the start.
+    Radix sort on the digits of the stamp: with raster order going in, (t, y, x, p) comes out.
     """
-    count = 0
-    for pixel in active:
-        before, value = previous[pixel], signal[pixel]
-        level = reference[pixel] + threshold_on[pixel]
-        while value >= level:
-            keys[count] = _key_of_crossing(level, before, value, start_ns, stop_ns, pixel, signal.size, 1)
-            count += 1
-            reference[pixel] = level
-            level += threshold_on[pixel]
-        level = reference[pixel] - threshold_off[pixel]
-        while value <= level:
-            keys[count] = _key_of_crossing(level, before, value, start_ns, stop_ns, pixel, signal.size, 0)
-            count += 1
-            reference[pixel] = level
-            level -= threshold_off[pixel]
-
-
-@njit(cache=True, error_model="numpy")
-def _key_of_crossing(
-    level: float, before: float, value: float, start_ns: int, stop_ns: int, pixel: int, pixels: int, polarity: int
-) -> int:
-    """Key of a crossing, stamped with the first whole microsecond not before it."""
-    span_ns = stop_ns - start_ns
-    offset_ns = math.floor((level - before) / (value - before) * span_ns + 0.5)
-    offset_ns = min(max(offset_ns, 1), span_ns)  # the level was not yet reached at the previous sample
-    stamp_us = (start_ns + offset_ns + NS_PER_US - 1) // NS_PER_US
-    return (stamp_us * pixels + pixel) * 2 + polarity
+    starts = np.empty((1 << _DIGIT_BITS) + 1, np.int64)
+    base, shift, span = first_us << stamp_shift, stamp_shift, last_us - first_us
+    while True:
+        starts[:] = 0
+        for key in keys:
+            starts[_digit(key - base, shift) + 1] += 1
+        for digit in range(1, starts.size):
+            starts[digit] += starts[digit - 1]
+        ordered = np.empty_like(keys)
+        for key in keys:
+            digit = _digit(key - base, shift)
+            ordered[starts[digit]] = key
+            starts[digit] += 1
+        span >>= _DIGIT_BITS
+        if span == 0:
+            return ordered
+        keys = ordered
+        shift += _DIGIT_BITS
 
 
 @njit(cache=True)
-def emit_steps(
-    active: NDArray[np.int32],
-    signal: Floats,
-    reference: Floats,
-    threshold_on: Floats,
-    threshold_off: Floats,
-    stop_ns: int,
-    keys: Keys,
-) -> int:
-    """One event a pixel whose value differs from the reference by strictly more than the threshold; return how many.
+def _digit(key: int, shift: int) -> int:
+    return (key >> shift) & ((1 << _DIGIT_BITS) - 1)
 
-    The stamp is the step's own time and the reference becomes the current value, however large the step.
+
+@njit(cache=True)
+def drop_refractory(keys: Keys, stamp_shift: int, refractory_us: int, last_us: NDArray[np.int64]) -> int:
+    """Keep in place the keys (sorted) that come ``refractory_us`` or more after their pixel's last; return how many.
+
+    ``last_us`` is indexed by place.
     """
-    stamp_us = (stop_ns + NS_PER_US - 1) // NS_PER_US
-    count = 0
-    for pixel in active:
-        difference = signal[pixel] - reference[pixel]
-        if difference > threshold_on[pixel] or -difference > threshold_off[pixel]:
-            keys[count] = (stamp_us * signal.size + pixel) * 2 + (1 if difference > 0 else 0)
-            count += 1
-            reference[pixel] = signal[pixel]
-    return count
-
-
-@njit(cache=True)
-def drop_refractory(keys: Keys, pixels: int, refractory_us: int, last_us: NDArray[np.int64]) -> int:
-    """Keep in place the keys (sorted) that come ``refractory_us`` or more after their pixel's last; return how many."""
     kept = 0
+    places = (1 << (stamp_shift - 1)) - 1
     for key in keys:
-        pixel = (key >> 1) % pixels
-        stamp_us = (key >> 1) // pixels
-        if stamp_us - last_us[pixel] >= refractory_us:
-            last_us[pixel] = stamp_us
+        place = (key >> 1) & places
+        stamp_us = key >> stamp_shift
+        if stamp_us - last_us[place] >= refractory_us:
+            last_us[place] = stamp_us
             keys[kept] = key
             kept += 1
     return kept
 
 
 @njit(cache=True)
-def align_to_packets(keys: Keys, pixels: int, packet_us: int) -> None:
+def align_to_packets(keys: Keys, stamp_shift: int, packet_us: int) -> None:
     """Move every stamp up, in place, to the first multiple of ``packet_us`` not before it."""
+    below_stamp = (1 << stamp_shift) - 1
     for index in range(keys.size):
-        within = keys[index] % (2 * pixels)
-        stamp_us = keys[index] // (2 * pixels)
-        packet = (stamp_us + packet_us - 1) // packet_us
-        keys[index] = packet * packet_us * 2 * pixels + within
+        packet = ((keys[index] >> stamp_shift) + packet_us - 1) // packet_us
+        keys[index] = (packet * packet_us) << stamp_shift | (keys[index] & below_stamp)
 
 
 @njit(cache=True)
 def decode_keys(
     keys: Keys,
-    width: int,
-    height: int,
+    column_bits: int,
+    stamp_shift: int,
     start_us: int,
     x: NDArray[np.uint16],
     y: NDArray[np.uint16],
@@ -157,9 +82,10 @@ def decode_keys(
     p: NDArray[np.uint8],
 ) -> None:
     """Take the keys apart into columns; ``start_us`` is added to the stamps."""
+    columns, places = (1 << column_bits) - 1, (1 << (stamp_shift - 1)) - 1
     for index in range(keys.size):
         key = keys[index]
+        place = (key >> 1) & places
         p[index] = key & 1
-        line, column = divmod(key >> 1, width)
-        stamp_us, row = divmod(line, height)
-        x[index], y[index], t_us[index] = column, row, start_us + stamp_us
+        x[index], y[index] = place & columns, place >> column_bits
+        t_us[index] = start_us + (key >> stamp_shift)

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_generator.event_keys import KeyLayout
 from fedora_qa.conventions import US_PER_S
 
 Floats = NDArray[np.float64]
@@ -23,11 +24,14 @@ _BLOCK_US: Final = 50_000
 """Spurious events are drawn in blocks of this length, each from a stream of its own, whatever the steps are."""
 
 
-def draw_thresholds(nominal: float, sigma: float, pixels: int, rng: np.random.Generator) -> Floats:
-    """Thresholds (pixels,), fixed for the whole recording, normal about ``nominal`` with a floor."""
+def draw_thresholds(nominal: float, sigma: float, shape: tuple[int, int], rng: np.random.Generator) -> Floats:
+    """Thresholds (H, W), fixed for the whole recording, normal about ``nominal`` with a floor; one row without spread.
+
+    A row that all rows share stays in the first cache.
+    """
     if sigma == 0:
-        return np.full(pixels, nominal)
-    return np.maximum(rng.normal(nominal, sigma, pixels), THRESHOLD_FLOOR * nominal)
+        return np.full((1, shape[1]), nominal)
+    return np.maximum(rng.normal(nominal, sigma, shape), THRESHOLD_FLOOR * nominal)
 
 
 def draw_hot_pixels(count: int, pixels: int, rng: np.random.Generator) -> NDArray[np.int64]:
@@ -66,9 +70,8 @@ class PoissonEvents:
 
     rate_hz: float
     among: NDArray[np.int64]
-    """Pixel numbers"""
-    pixels: int
-    """Size of the sensor, as in an event's key"""
+    """Places of the pixels, as in a key"""
+    layout: KeyLayout
     seed: np.random.SeedSequence
     _drawn_blocks: int = 0
     _waiting: NDArray[np.int64] | None = None
@@ -80,7 +83,7 @@ class PoissonEvents:
             waiting.append(self._draw_block(self._drawn_blocks))
             self._drawn_blocks += 1
         keys = np.concatenate([np.empty(0, np.int64), *waiting])
-        split = int(np.searchsorted(keys, (stop_us + 1) * self.pixels * 2))
+        split = int(np.searchsorted(keys, self.layout.first_key_after(stop_us)))
         self._waiting = keys[split:]
         return keys[:split]
 
@@ -89,6 +92,6 @@ class PoissonEvents:
         rng = np.random.default_rng(np.random.SeedSequence(self.seed.entropy, spawn_key=spawn_key))
         count = rng.poisson(self.rate_hz * self.among.size * _BLOCK_US / US_PER_S)
         stamps_us = block * _BLOCK_US + rng.integers(1, _BLOCK_US, count, endpoint=True)
-        pixels = rng.choice(self.among, count)
+        places = rng.choice(self.among, count)
         polarities = rng.integers(0, 1, count, endpoint=True)
-        return np.sort((stamps_us * self.pixels + pixels) * 2 + polarities)
+        return np.sort((stamps_us << self.layout.stamp_shift) | (places << 1) | polarities)

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 
 from fedora_generator import event_kernels
+from fedora_generator.event_comparator import Comparator, SignalNotFiniteError
+from fedora_generator.event_keys import KeyLayout
 from fedora_generator.event_noise import LowPass, PoissonEvents, draw_hot_pixels, draw_thresholds
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 
@@ -104,6 +106,17 @@ class EventBatch:
         return self.t_us.size
 
 
+def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
+    """Events of sorted keys, whose stamps count from ``start_us``."""
+    count = keys.size
+    batch = EventBatch(
+        np.empty(count, np.uint16), np.empty(count, np.uint16), np.empty(count, np.int64), np.empty(count, np.uint8)
+    )
+    bits = (layout.column_bits, layout.stamp_shift)
+    event_kernels.decode_keys(keys, *bits, start_us, batch.x, batch.y, batch.t_us, batch.p)
+    return batch
+
+
 class EventSensor:
     """A sensor of ``height`` x ``width`` pixels: ``start`` once, ``advance`` in time, ``finish`` once.
 
@@ -118,21 +131,20 @@ class EventSensor:
                 f"Expected at most {height * width} hot pixels on {width} x {height}, got {options.hot_pixel_count}"
             )
         self._options = options
-        self._shape = (height, width)
-        self._pixels = pixels = height * width
+        self._layout = KeyLayout(height, width)
+        self._shape = shape = (height, width)
         self._seed = seed
-        self._threshold_on = draw_thresholds(options.threshold_on, options.threshold_sigma, pixels, self._rng(_ON))
-        self._threshold_off = draw_thresholds(options.threshold_off, options.threshold_sigma, pixels, self._rng(_OFF))
-        self._hot = draw_hot_pixels(options.hot_pixel_count, pixels, self._rng(_HOT_PLACE))
+        self._threshold_on = draw_thresholds(options.threshold_on, options.threshold_sigma, shape, self._rng(_ON))
+        self._threshold_off = draw_thresholds(options.threshold_off, options.threshold_sigma, shape, self._rng(_OFF))
+        self._hot = draw_hot_pixels(options.hot_pixel_count, height * width, self._rng(_HOT_PLACE))
         self._spurious = self._spurious_sources()
         self._low_pass: LowPass | None = None
         self._start_ns: int | None = None
         self._now_ns = 0
-        self._signal = np.empty(pixels)
-        self._previous = np.empty(pixels)
-        self._reference = np.empty(pixels)
-        self._active = np.empty(pixels, np.int32)
-        self._last_us = np.full(pixels if options.refractory_us else 0, _LONG_AGO_US)
+        self._signal = np.empty(shape)
+        self._previous = np.empty(shape)
+        self._comparator = Comparator(self._layout, self._threshold_on, self._threshold_off, np.empty(shape))
+        self._last_us = np.full(self._layout.places if options.refractory_us else 0, _LONG_AGO_US)
         self._pending = np.empty(0, np.int64)
 
     @property
@@ -144,12 +156,14 @@ class EventSensor:
     @property
     def excursions(self) -> Floats:
         """Signal minus reference (H, W), in the unit of the thresholds; always between them."""
-        return (self._signal - self._reference).reshape(self._shape)
+        return self._signal - self._comparator.reference
 
     @property
     def thresholds(self) -> Floats:
         """Thresholds of every pixel (2, H, W): brighter, then darker."""
-        return np.stack([self._threshold_on, self._threshold_off]).reshape(2, *self._shape)
+        return np.stack(
+            [np.broadcast_to(threshold, self._shape) for threshold in (self._threshold_on, self._threshold_off)]
+        )
 
     def start(self, t_ns: int, luma_dn: Floats) -> None:
         """Show the first image, ``luma_dn`` (H, W) linear DN, at ``t_ns``, a whole microsecond."""
@@ -162,9 +176,10 @@ class EventSensor:
             self._low_pass = LowPass(self._options.bandwidth_hz, self._signal)
         if self._options.model == "linear":
             np.rint(self._signal, out=self._signal)
-        np.copyto(self._reference, self._signal)
+        np.copyto(self._comparator.reference, self._signal)
         if self._options.initial_phase == "uniform":
-            self._reference -= self._rng(_PHASE).uniform(-self._threshold_off, self._threshold_on)
+            excursions = self._rng(_PHASE).uniform(-self._threshold_off, self._threshold_on, self._shape)
+            self._comparator.reference -= excursions
         self._start_ns = self._now_ns = t_ns
 
     def advance(self, t_ns: int, luma_dn: Floats) -> EventBatch:
@@ -189,7 +204,7 @@ class EventSensor:
         keys, self._pending = self._pending, np.empty(0, np.int64)
         if self._start_ns is not None:
             stop_us = (self._now_ns - self._start_ns) // NS_PER_US
-            keys = np.sort(stop_us * self._pixels * 2 + keys % (self._pixels * 2))
+            keys = np.sort(self._layout.restamp(keys, stop_us))
         return self._decode(keys)
 
     def _rng(self, stream: int) -> np.random.Generator:
@@ -199,10 +214,11 @@ class EventSensor:
         return np.random.SeedSequence(self._seed.entropy, spawn_key=(*self._seed.spawn_key, stream))
 
     def _spurious_sources(self) -> tuple[PoissonEvents, ...]:
-        options, every_pixel = self._options, np.arange(self._pixels)
+        options, layout = self._options, self._layout
+        every, hot = (layout.places_of(pixels) for pixels in (np.arange(layout.height * layout.width), self._hot))
         sources = (
-            PoissonEvents(options.shot_rate_hz, every_pixel, self._pixels, self._child_seed(_SHOT)),
-            PoissonEvents(options.hot_pixel_rate_hz, self._hot, self._pixels, self._child_seed(_HOT)),
+            PoissonEvents(options.shot_rate_hz, every, layout, self._child_seed(_SHOT)),
+            PoissonEvents(options.hot_pixel_rate_hz, hot, layout, self._child_seed(_HOT)),
         )
         return tuple(source for source in sources if source.rate_hz > 0 and source.among.size)
 
@@ -210,7 +226,6 @@ class EventSensor:
         """Put the photoreceptor's answer to an image into the signal; the image itself is never kept."""
         if luma_dn.shape != self._shape:
             raise ValueError(f"Expected luma_dn of shape {self._shape}, got {luma_dn.shape}")
-        luma_dn = luma_dn.reshape(-1)
         if self._options.model == "linear":
             np.copyto(self._signal, luma_dn)
             return
@@ -229,49 +244,38 @@ class EventSensor:
             self._signal += self._options.leak_rate_hz * elapsed_s * self._threshold_on
 
     def _fire(self, start_ns: int, stop_ns: int) -> Keys:
-        signal, reference = self._signal, self._reference
-        thresholds = (self._threshold_on, self._threshold_off)
-        count = event_kernels.find_active_pixels(signal, reference, *thresholds, self._active)
-        if count < 0:
+        try:
+            if self._options.model == "linear":
+                return self._comparator.steps(self._signal, stop_ns)
+            return self._comparator.crossings(self._previous, self._signal, start_ns, stop_ns)
+        except SignalNotFiniteError:
             self._require_finite()
-        active = self._active[:count]
-        if self._options.model == "linear":
-            keys = np.empty(count, np.int64)
-            return keys[: event_kernels.emit_steps(active, signal, reference, *thresholds, stop_ns, keys)]
-        keys = np.empty(event_kernels.count_crossings(active, signal, reference, *thresholds), np.int64)
-        event_kernels.emit_crossings(active, self._previous, signal, reference, *thresholds, start_ns, stop_ns, keys)
-        return keys
+            raise
 
     def _with_effects(self, keys: Keys, stop_us: int) -> Keys:
         """Return sorted keys up to ``stop_us``: spurious events added, lost ones gone, packets formed."""
         if self._spurious:
-            keys = np.concatenate([keys, *(source.take_until(stop_us) for source in self._spurious)])
-        keys.sort()
+            keys = np.sort(np.concatenate([keys, *(source.take_until(stop_us) for source in self._spurious)]))
         if self._options.refractory_us:
-            kept = event_kernels.drop_refractory(keys, self._pixels, self._options.refractory_us, self._last_us)
+            kept = event_kernels.drop_refractory(
+                keys, self._layout.stamp_shift, self._options.refractory_us, self._last_us
+            )
             keys = keys[:kept]
         if not self._options.packet_interval_us:
             return keys
-        event_kernels.align_to_packets(keys, self._pixels, self._options.packet_interval_us)
+        event_kernels.align_to_packets(keys, self._layout.stamp_shift, self._options.packet_interval_us)
         keys = np.sort(np.concatenate([self._pending, keys]))
-        split = int(np.searchsorted(keys, (stop_us + 1) * self._pixels * 2))
+        split = int(np.searchsorted(keys, self._layout.first_key_after(stop_us)))
         self._pending = keys[split:]
         return keys[:split]
 
     def _decode(self, keys: Keys) -> EventBatch:
-        height, width = self._shape
-        count = keys.size
-        batch = EventBatch(
-            np.empty(count, np.uint16), np.empty(count, np.uint16), np.empty(count, np.int64), np.empty(count, np.uint8)
-        )
-        start_us = (self._start_ns or 0) // NS_PER_US
-        event_kernels.decode_keys(keys, width, height, start_us, batch.x, batch.y, batch.t_us, batch.p)
-        return batch
+        return decode(keys, self._layout, (self._start_ns or 0) // NS_PER_US)
 
     def _require_finite(self) -> None:
         broken = np.flatnonzero(~np.isfinite(self._signal))
         if broken.size:
-            row, column = divmod(int(broken[0]), self._shape[1])
+            row, column = divmod(int(broken[0]), self._layout.width)
             raise ValueError(
                 f"Expected luma_dn + log_eps_dn above 0 and finite, got {broken.size} pixels without a logarithm, "
                 f"first (column {column}, row {row}); give the scene light or set log_eps_dn"

@@ -1,0 +1,101 @@
+"""How fast the comparator is, as a ratio to the yardstick in the same run: one thread, log frames given."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.event_comparator import Comparator
+from fedora_generator.event_keys import KeyLayout
+from fedora_generator.event_sensor import EventBatch, decode
+from tests.benchmarks.plain_scan_kernels import PlainScan
+
+Floats = NDArray[np.float64]
+Advance = Callable[[Floats, Floats, int, int], EventBatch]
+Movie = Callable[[int, int, int], Iterator[Floats]]
+
+THRESHOLD: Final = 0.2
+STEP_NS: Final = 1_000_000
+WARM_FRAMES: Final = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Throughput:
+    """Medians over the frames: seconds a frame of each, and of the ratio between them; events a frame."""
+
+    comparator_s: float
+    plain_s: float
+    ratio: float
+    events: float
+
+
+def dense_sinusoid(frames: int, height: int, width: int) -> Iterator[Floats]:
+    """A sinusoidal grating of 40 px that drifts at 2 Hz: 35 events a pixel and second, everywhere."""
+    x, y = np.arange(width), np.arange(height)[:, None]
+    turns = (0.8 * x + 0.6 * y) / 40
+    for k in range(frames):
+        yield math.log(100) + 0.92 * np.sin(2 * math.pi * (turns - 2 * k * STEP_NS * 1e-9))
+
+
+def sparse_edge(frames: int, height: int, width: int) -> Iterator[Floats]:
+    """A vertical edge from 160 to 40 DN, averaged over the pixel, that moves 300 px/s."""
+    for k in range(frames):
+        covered = np.clip(0.15 * width + 300 * k * STEP_NS * 1e-9 - np.arange(width), 0, 1)
+        yield np.tile(np.log(40 + 120 * covered), (height, 1))
+
+
+def measure(movie: Movie, frames: int, height: int, width: int) -> Throughput:
+    """Run both over the same frames, in turns, and compare every event.
+
+    Each frame is copied into a buffer just before, as a renderer would leave it. Seconds are of the thread, so that
+    what else runs on the machine costs it no more than cache.
+
+    Raises
+    ------
+    ValueError
+        An event of one is not one of the other.
+    """
+    images = movie(frames, height, width)
+    previous = next(images)
+    signal = previous.copy()
+    reference = _reference_of_a_running_sensor(*movie(2, height, width))
+    contenders = (comparator_from(reference), PlainScan(THRESHOLD, reference.copy()).advance)
+    seconds, events = np.empty((frames - 1, 2)), np.empty(frames - 1)
+    for k, image in enumerate(images):
+        np.copyto(signal, image)
+        batches = {}
+        for which in ((0, 1), (1, 0))[k % 2]:
+            started = time.thread_time()
+            batches[which] = contenders[which](previous, signal, k * STEP_NS, (k + 1) * STEP_NS)
+            seconds[k, which] = time.thread_time() - started
+        require_identical(batches[0], batches[1])
+        events[k] = len(batches[0])
+        previous, signal = signal, previous
+    comparator_s, plain_s = np.median(seconds[WARM_FRAMES:], axis=0).tolist()
+    ratio = float(np.median(seconds[WARM_FRAMES:, 1] / seconds[WARM_FRAMES:, 0]))
+    return Throughput(comparator_s=comparator_s, plain_s=plain_s, ratio=ratio, events=float(events.mean()))
+
+
+def _reference_of_a_running_sensor(first: Floats, second: Floats) -> Floats:
+    """Levels (H, W) passed lately on the way that the signal goes."""
+    share = np.random.default_rng(0).random(first.shape)
+    return first - THRESHOLD * share * np.sign(second - first)
+
+
+def comparator_from(reference: Floats) -> Advance:
+    """Return the comparator of the sensor, from a first reference (H, W), to whole events."""
+    layout = KeyLayout(*reference.shape)
+    threshold = np.full((1, layout.width), THRESHOLD)
+    comparator = Comparator(layout, threshold, threshold, reference.copy())
+    return lambda *interval: decode(comparator.crossings(*interval), layout, 0)
+
+
+def require_identical(ours: EventBatch, plain: EventBatch) -> None:
+    """Raise ValueError where an event of one is not one of the other."""
+    for name in ("x", "y", "t_us", "p"):
+        if not np.array_equal(getattr(ours, name), getattr(plain, name)):
+            raise ValueError(f"Expected the events of the plain scan, got others in {name}")
