@@ -52,7 +52,7 @@ def test_event_index_counts_earlier_events(park_day: Path) -> None:
 def test_damaged_block_is_named_and_the_rest_goes_on(park_day: Path, tmp_path: Path) -> None:
     """One corrupt depth frame: its rows raise, its neighbours decode, and the file is found damaged in that stream."""
     damaged = tmp_path / "damaged.h5"
-    plant_fault(park_day, damaged, "corrupt_chunk", "depth", 1.0, start_s=0.5)
+    plant_fault(park_day, damaged, "corrupt_chunk", "depth", 1.0)
     with open_sequence(damaged) as sequence:
         decoder = BlockDecoder(sequence, scan(sequence, WINDOW_NS), 1 << 28)
         unreadable = []

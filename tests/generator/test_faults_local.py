@@ -133,6 +133,8 @@ def test_time_and_region_together(clean: Path) -> None:
     ("cause", "stream", "more", "message"),
     [
         ("time_offset", "rgb", {"region": (0, 0, 4, 4)}, "no region"),
+        ("truncated", "imu", {"start_s": 0.2}, "no interval"),
+        ("intrinsics_focal", "metadata", {"stop_s": 0.2}, "no interval"),
         ("gyro_bias", "imu", {"region": (0, 0, 4, 4)}, "no region"),
         ("mirrored", "rgb", {"region": (0, 0, WIDTH + 1, 4)}, "within the 12x9"),
         ("mirrored", "events", {"region": (5, 0, 5, 4)}, "within the 12x9"),

@@ -42,7 +42,7 @@ class Fault:
         For what is placed or drawn at random.
     start_s, stop_s
         Half-open interval after the file's first stamp that the fault is confined to. A fault of some samples begins
-        at ``start_s``, or in the middle of the stream; one of a declaration or of storage knows no time.
+        at ``start_s``, or in the middle of the stream; one of a declaration or of storage cannot be confined.
     region
         Rectangle of the image that the fault is confined to: outside, everything is as it was.
     donor

@@ -19,6 +19,7 @@ from fedora_generator.faults.table import (
     FAULTS,
     USUAL_FACTORS,
     knows_region,
+    knows_time,
     legal_causes,
     legal_streams,
 )
@@ -77,8 +78,7 @@ def plant_fault(
         The target's folder does not exist, or its disk is full.
     """
     _require_legal(cause, stream)
-    if region is not None and not knows_region(cause, stream):
-        raise FaultError(f"Expected no region for {stream}:{cause}, got {region}: it befalls the whole image or none")
+    _require_confinable(cause, stream, in_time=(start_s, stop_s) != (None, None), in_space=region is not None)
     unit = default_unit(cause, stream) if unit is None else unit
     fault = Fault(
         cause=cause,
@@ -147,6 +147,13 @@ def _require_legal(cause: str, stream: str) -> None:
     if stream not in legal_streams(cause):
         streams = ", ".join(legal_streams(cause))
         raise FaultError(f"Expected a stream that {cause} can befall, got {stream!r}; choose from {streams}")
+
+
+def _require_confinable(cause: str, stream: str, *, in_time: bool, in_space: bool) -> None:
+    if in_time and not knows_time(cause, stream):
+        raise FaultError(f"Expected no interval for {stream}:{cause}, got one: it befalls the whole stream or none")
+    if in_space and not knows_region(cause, stream):
+        raise FaultError(f"Expected no region for {stream}:{cause}, got one: it befalls the whole image or none")
 
 
 def _require_two_files(source: Path, target: Path) -> None:
