@@ -1,6 +1,7 @@
 # Everything a fresh machine needs: Python 3.11 or newer and make.
 #   make demo         environment, a generated sequence, its check and report; says where things are
 #   make test         format, lint, types, contracts, tests
+#   make bench        speed and timing of the event sensor against a yardstick and the closed form: docs/benchmarks.md
 #   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
 
 PYTHON ?= python3
@@ -9,7 +10,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint study-mesh clean
+.PHONY: demo test lint bench study-mesh clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -21,6 +22,9 @@ demo: $(READY)
 	@echo "sequence  $(OUT)/park-day.h5"
 	@echo "record    $(OUT)/park-day.json (schema and meaning: docs/record.md)"
 	@echo "summary   $(OUT)/park-day.md"
+
+bench: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks
 
 study-mesh: $(READY)
 	$(BIN)/python -m fedora_generator.mesh.study

@@ -1,0 +1,83 @@
+"""Measures, and writes the tables: ``python -m tests.benchmarks``, about a minute on one core."""
+
+import os
+import platform
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from fedora_generator.sampling import MOTION_BOUND_PX
+from tests.benchmarks.event_throughput import dense_sinusoid, measure, sparse_edge
+from tests.benchmarks.event_timing import timing_error, truth_of
+from tests.benchmarks.timing_scenes import TEXTURES, TimingScene
+
+TARGET: Final = Path(__file__).parents[2] / "docs" / "benchmarks.md"
+HEIGHT, WIDTH, FRAMES, RUNS = 480, 640, 81, 5
+TIMED_US: Final = 100_000
+
+THROUGHPUT: Final = """\
+## Event kernel
+
+One thread, {width}x{height}, C = 0.2, 1000 log frames (float64) a second given, whole events in order returned. The
+yardstick (`tests/benchmarks/plain_scan_kernels.py`) is the plainest correct compiled scan: a loop over all pixels and
+their crossings, keys sorted by NumPy. Both see the same frames, ten in turn, and must give identical events. A row is
+one run of {frames} frames: medians over the frames, of thread time. What counts is the ratio, the median of the frames'
+own: both read memory most of the time, and share it with whatever else the machine does.
+
+| movie | events a frame | kernel, frames/s | kernel, M events/s | yardstick, frames/s | ratio |
+| --- | --- | --- | --- | --- | --- |
+"""
+
+TIMING: Final = """\
+## Event timing
+
+Stamps on the internal clock against float64 bisection of the closed form, pixel by pixel, 0.1 s of a wall that sways
+before a camera of 40x30 pixels; 48 pixels less those with a turning point within 1e-9 of a threshold. A wrong pixel
+has another sequence of polarities; the errors are of all others.
+
+| scene | quality | motion bound, px | renders | events | wrong pixels | RMS, us | largest, us |
+| --- | --- | --- | --- | --- | --- | --- | --- |
+"""
+
+
+def main() -> None:
+    """Write docs/benchmarks.md and print it."""
+    text = "# Benchmarks\n\nWritten by `make bench`.\n\n" + "".join([*_facts(), *_throughput(), "\n", *_timing()])
+    TARGET.write_text(text, encoding="utf-8")
+    print(text)
+
+
+def _facts() -> Iterator[str]:
+    load = ", ".join(f"{value:.1f}" for value in os.getloadavg())
+    yield f"{time.strftime('%Y-%m-%d')}, {platform.machine()}, {os.cpu_count()} cores, "
+    yield f"Python {platform.python_version()}; load averages at the start: {load}.\n\n"
+
+
+def _throughput() -> Iterator[str]:
+    yield THROUGHPUT.format(width=WIDTH, height=HEIGHT, frames=FRAMES)
+    for name, movie in (("dense sinusoid", dense_sinusoid), ("sparse edge", sparse_edge)):
+        measure(movie, 9, 48, 64)  # compiles
+        for _ in range(RUNS):
+            found = measure(movie, FRAMES, HEIGHT, WIDTH)
+            yield (
+                f"| {name} | {found.events:.0f} | {1 / found.comparator_s:.0f} "
+                f"| {found.events / found.comparator_s / 1e6:.1f} | {1 / found.plain_s:.0f} | {found.ratio:.2f} |\n"
+            )
+
+
+def _timing() -> Iterator[str]:
+    yield TIMING
+    for texture in TEXTURES:
+        scene = TimingScene.named(texture)
+        truth = truth_of(scene, TIMED_US)
+        for quality, bound_px in MOTION_BOUND_PX.items():
+            error = timing_error(scene, quality, TIMED_US, truth)
+            yield (
+                f"| {texture} | {quality} | {bound_px:g} | {error.renders} | {error.events} "
+                f"| {error.wrong_pixels} of {error.pixels} | {error.rms_us:.3g} | {error.largest_us:.3g} |\n"
+            )
+
+
+if __name__ == "__main__":
+    main()

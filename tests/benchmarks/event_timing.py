@@ -1,0 +1,88 @@
+"""Stamps on the sensor's internal clock against the closed form, for each quality of sampling."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.event_sensor import EventBatch, EventSensor, EventSensorOptions
+from fedora_generator.sampling import MOTION_BOUND_PX, MotionSteps, Quality
+from fedora_qa.conventions import NS_PER_S, NS_PER_US, US_PER_S
+from tests.benchmarks.closed_form_events import true_events
+from tests.benchmarks.timing_scenes import TimingScene
+
+Truth = dict[tuple[int, int], list[tuple[float, int]]]
+
+THRESHOLD: Final = 0.2
+FRAME_US: Final = 20_000
+DENSE_STEP_US: Final = 50
+PIXEL_STRIDE: Final = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimingError:
+    """Of the events of the pixels that were compared; times of those whose sequence of polarities is right."""
+
+    renders: int
+    events: int
+    pixels: int
+    wrong_pixels: int
+    rms_us: float
+    largest_us: float
+
+
+def truth_of(scene: TimingScene, duration_us: int) -> Truth:
+    """Events by pixel (column, row), of every fifth pixel each way; those that tie with a threshold are left out."""
+    times_s = np.arange(0, duration_us + 1, DENSE_STEP_US) / US_PER_S
+    rows, columns = (range(PIXEL_STRIDE // 2, size, PIXEL_STRIDE) for size in (scene.camera.height, scene.camera.width))
+    samples = np.array([np.log(scene.luma_dn(time_s)[np.ix_(rows, columns)]) for time_s in times_s.tolist()])
+    truth = {}
+    for i, row in enumerate(rows):
+        for j, column in enumerate(columns):
+            signal = lambda time_s, place=(column, row): scene.log_luma(*place, time_s)  # noqa: E731
+            events = true_events(signal, times_s, samples[:, i, j], THRESHOLD)
+            if events is not None:
+                truth[column, row] = events
+    return truth
+
+
+def timing_error(scene: TimingScene, quality: Quality, duration_us: int, truth: Truth) -> TimingError:
+    """Record the scene as a sequence would and compare with the truth."""
+    sampling = MotionSteps(scene.world, scene.camera, scene.flight, MOTION_BOUND_PX[quality])
+    starts = range(0, duration_us, FRAME_US)
+    times_us = np.concatenate([sampling.times_us(start, min(start + FRAME_US, duration_us)) for start in starts])
+    stamps_ns, batch = _record(scene, times_us)
+    late_ns, events, wrong = [], 0, 0
+    for (column, row), expected in truth.items():
+        mine = (batch.x == column) & (batch.y == row)
+        times_s, polarities = [time_s for time_s, _ in expected], [p for _, p in expected]
+        events += len(expected)
+        if batch.p[mine].tolist() == polarities:
+            late_ns.append(stamps_ns[mine] - np.array(times_s) * NS_PER_S)
+        else:
+            wrong += 1
+    all_ns = np.concatenate(late_ns)
+    return TimingError(
+        renders=len(times_us) + 1,
+        events=events,
+        pixels=len(truth),
+        wrong_pixels=wrong,
+        rms_us=float(np.sqrt(np.mean(all_ns**2)) / NS_PER_US),
+        largest_us=float(np.abs(all_ns).max() / NS_PER_US),
+    )
+
+
+def _record(scene: TimingScene, times_us: NDArray[np.int64]) -> tuple[NDArray[np.int64], EventBatch]:
+    """Stamps in nanoseconds, and events.
+
+    The sensor's arithmetic knows no unit of time: told times 1000 times as long, its microseconds are nanoseconds.
+    """
+    options = EventSensorOptions(model="log", threshold_on=THRESHOLD, threshold_off=THRESHOLD)
+    sensor = EventSensor(options, scene.camera.height, scene.camera.width, np.random.SeedSequence(0))
+    sensor.start(0, scene.luma_dn(0.0))
+    batches = [
+        sensor.advance(time_us * NS_PER_US * 1_000, scene.luma_dn(time_us / US_PER_S)) for time_us in times_us.tolist()
+    ]
+    events = EventBatch(*(np.concatenate([getattr(b, name) for b in batches]) for name in ("x", "y", "t_us", "p")))
+    return events.t_us, events
