@@ -61,7 +61,7 @@ def _float(stored: Any, spec: AttributeSpec) -> float:
     if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
         raise MalformedError("wrong_dtype", f"Expected a number, got {_shown(stored)}")
     if not np.isfinite(value):
-        raise MalformedError("unknown", f"Expected a finite number, got {value}")
+        raise MalformedError("nan_in_stream", f"Expected a finite number, got {value}")
     _require_range(float(value), spec)
     return float(value)
 
@@ -74,7 +74,7 @@ def _matrix(size: int) -> Callable[[Any, AttributeSpec], NDArray[np.float64]]:
         if matrix.shape != (size, size):
             raise MalformedError("wrong_shape", f"Expected a {size} x {size} matrix, got shape {matrix.shape}")
         if not np.all(np.isfinite(matrix)):
-            raise MalformedError("unknown", "Expected finite entries, got NaN or infinity")
+            raise MalformedError("nan_in_stream", "Expected finite entries, got NaN or infinity")
         return matrix.astype(np.float64)
 
     return read
