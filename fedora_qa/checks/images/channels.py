@@ -35,9 +35,10 @@ class Channels(ColourCheck):
     Events carry the luma 0.299 R + 0.587 G + 0.114 B of linear values. At frame times where a pixel's own events tell
     its level, what the events say between two such times is regressed on the changes of the three channels, with the
     time offset as a nuisance (``image_levels``). The weights of the channels are the
-    coefficients over their sum, which is the threshold's. Judged are the three differences of two weights: where two
-    channels are exchanged one of them changes its sign, and in any wrong order one does. The order that comes nearest
-    to the weights is named.
+    coefficients over their sum, which is the threshold's. Judged are the signs of the three differences of two weights,
+    all positive where channels are in order: in any wrong order one is negative. Their size is not judged: what errors
+    of frames and levels have in common with the image stretches them, by half in scenes of little colour. The order
+    that comes nearest to the weights is named.
 
     Standard errors are the larger of the formal and the spread between quarters of the image and windows. The allowance
     bounds how errors of the frames, common to the channels, attenuate the coefficients, and what events do not tell of
@@ -55,7 +56,7 @@ class Channels(ColourCheck):
     def why_blind(self, found: ColourAnswer) -> str:
         """Red and blue are the nearest weights: where their exchange cannot be seen, the order is not known."""
         contrast, exchanged = found.fit.contrasts[0], 2 * float(CONTRASTS[0] @ LUMA_WEIGHTS_RGB)
-        least = LEVEL_BIAS + contrast.bound + SURELY * contrast.standard_error
+        least = _allowance(contrast, exchanged / 2) + SURELY * contrast.standard_error
         if least <= exchanged:
             return ""
         return (
@@ -72,7 +73,8 @@ class Channels(ColourCheck):
             unit="1",
             standard_error=contrast.standard_error,
             expected=expected,
-            allowance=LEVEL_BIAS + contrast.bound,
+            allowance=_allowance(contrast, expected),
+            side="lower",
             matters=2 * expected,
             statement=f"In what events see the channels weigh {weights}, so that {' - '.join(CHANNELS[number])} would "
             f"be {contrast.value:.2f} +/- {error:.2g}, and {expected:.2f} is due. They are best read as {order}.",
@@ -80,6 +82,11 @@ class Channels(ColourCheck):
             where=Where(stream="rgb"),
             suspects=(Suspect("channel_order", "rgb", 0.1 if order == "RGB" else 0.95), *_WHATEVER_SPOILS_LEVELS),
         )
+
+
+def _allowance(contrast: Estimate, expected: float) -> float:
+    """Return by how much a difference of weights may lie below what is due: down to none at least."""
+    return max(expected, LEVEL_BIAS + contrast.bound)
 
 
 def nearest_order(fit: ColourFit) -> str:
