@@ -12,7 +12,10 @@ from tests.browser.devtools import Browser
 from tests.browser.visit import visit
 from tests.support.graphics import without_opengl
 
-WIDTHS_PX = (390, 820, 1440)
+WIDTHS_PX = (390, 820, 1000, 1200, 1440)
+
+LEAST_LINE_PX = 150
+"""In less, a question is a column of single words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +66,7 @@ def test_report(browser: Browser, report: Report, width: int, scheme: str) -> No
     assert len(seen["tables"]) >= 3
     assert all(across > 0 and down > 0 for across, down in boxes)
     assert all(seen["captions"])
+    assert min(seen["questions"]) >= LEAST_LINE_PX
 
 
 def test_report_where_opengl_is_missing(

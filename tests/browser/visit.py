@@ -25,6 +25,7 @@ _MEASURE = """
     drawings: [...document.querySelectorAll('figure svg')].map(box),
     tables: [...document.querySelectorAll('table')].map(box),
     captions: [...document.querySelectorAll('figure')].map(f => f.querySelector('figcaption')?.innerText ?? ''),
+    questions: [...document.querySelectorAll('.check summary .asked')].map(e => e.getBoundingClientRect().width),
     heading: document.querySelector('h1')?.innerText ?? '',
     overflow: root.scrollWidth - root.clientWidth,
     sticking_out: [...document.body.querySelectorAll('*')]
