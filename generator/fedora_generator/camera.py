@@ -48,8 +48,12 @@ class Camera:
 
     def poses_at(self, flight: Flight, times_us: NDArray[np.int64]) -> Floats:
         """``T_world_camera`` (n, 4, 4) at int64 microseconds of the flight's clock, free of noise."""
-        states = flight.states_at(times_us / US_PER_S)
-        T_world_body = np.tile(np.eye(4), (len(times_us), 1, 1))
+        return self.poses_between(flight, times_us / US_PER_S)
+
+    def poses_between(self, flight: Flight, times_s: Floats) -> Floats:
+        """``T_world_camera`` (n, 4, 4) at any seconds of the flight's clock, free of noise."""
+        states = flight.states_at(times_s)
+        T_world_body = np.tile(np.eye(4), (len(times_s), 1, 1))
         T_world_body[:, :3, :3] = states.R_world_body
         T_world_body[:, :3, 3] = states.positions_world_m
         return T_world_body @ self.T_body_camera

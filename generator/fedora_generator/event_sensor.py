@@ -7,7 +7,7 @@ the reference by strictly more than the threshold, the reference becomes the val
 
 import math
 from dataclasses import dataclass, fields
-from typing import ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +117,41 @@ def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
     return batch
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pixels:
+    """The state of a log sensor that crossings need; ``reference`` and ``signal`` (H, W) are changed in place.
+
+    Thresholds are (H, W), or (1, W) where all rows share them. The signal is ln(luma_dn + log_eps_dn) plus what has
+    leaked: ``leak_per_s`` times ``threshold_on`` a second since the recording began, at ``origin_ns``.
+    """
+
+    reference: Floats
+    signal: Floats
+    threshold_on: Floats
+    threshold_off: Floats
+    log_eps_dn: float = 0.0
+    leak_per_s: float = 0.0
+    origin_ns: int = 0
+
+
+class CrossingSource(Protocol):
+    """Light that is known at all times, not in images only."""
+
+    def crossings(self, pixels: Pixels, start_ns: int, stop_ns: int) -> Keys:
+        """Sorted keys of the events in (start, stop]; reference and signal are left as at ``stop_ns``.
+
+        Raises
+        ------
+        SignalNotFiniteError
+            A pixel has no logarithm; it is left in the signal.
+        """
+
+
+def follows_light(options: EventSensorOptions) -> bool:
+    """Whether a sensor can follow light: one with a bandwidth sees what it was, and ``linear`` compares images."""
+    return options.model == "log" and options.bandwidth_hz == 0
+
+
 class EventSensor:
     """A sensor of ``height`` x ``width`` pixels: ``start`` once, ``advance`` in time, ``finish`` once.
 
@@ -196,6 +231,38 @@ class EventSensor:
         self._respond(luma_dn)
         self._shape_signal((t_ns - self._now_ns) / NS_PER_S, (t_ns - self._start_ns) / NS_PER_S)
         keys = self._fire(self._now_ns - self._start_ns, t_ns - self._start_ns)
+        self._now_ns = t_ns
+        return self._decode(self._with_effects(keys, (t_ns - self._start_ns) // NS_PER_US))
+
+    def follow(self, t_ns: int, source: CrossingSource) -> EventBatch:
+        """Watch the light until ``t_ns``, a whole microsecond; return the events since the last time, as ``advance``.
+
+        Raises
+        ------
+        ValueError
+            Time does not go on, or the sensor is not one that light can be followed for (``follows_light``).
+        """
+        if self._start_ns is None:
+            raise RuntimeError("Expected start before follow; show the first image with start")
+        if not follows_light(self._options):
+            raise ValueError("Expected a log sensor without a bandwidth, got another; show it images with advance")
+        _require_whole_microsecond(t_ns)
+        if t_ns <= self._now_ns:
+            raise ValueError(f"Expected a time after {self._now_ns} ns, got {t_ns} ns; go on in order")
+        pixels = Pixels(
+            reference=self._comparator.reference,
+            signal=self._signal,
+            threshold_on=self._threshold_on,
+            threshold_off=self._threshold_off,
+            log_eps_dn=self._options.log_eps_dn,
+            leak_per_s=self._options.leak_rate_hz,
+            origin_ns=self._start_ns,
+        )
+        try:
+            keys = source.crossings(pixels, self._now_ns, t_ns)
+        except SignalNotFiniteError:
+            self._require_finite()
+            raise
         self._now_ns = t_ns
         return self._decode(self._with_effects(keys, (t_ns - self._start_ns) // NS_PER_US))
 

@@ -1,14 +1,22 @@
-"""The event stream: renders as densely as motion asks for, through the sensor, into the file."""
+"""The event stream: light through the sensor into the file.
+
+In the exact world the log sensor follows the light pixel by pixel (``adaptive/``). Everything else is shown images, as
+densely as motion or the scene asks for (``sampling``).
+"""
+
+from collections.abc import Iterator
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_generator.adaptive.follower import Follower
 from fedora_generator.camera import event_camera
-from fedora_generator.event_sensor import EventBatch, EventSensor
+from fedora_generator.event_sensor import EventBatch, EventSensor, follows_light
 from fedora_generator.metadata import write_camera, write_events
+from fedora_generator.render import ExactWorld
 from fedora_generator.rendered_world import RenderedWorld
-from fedora_generator.sampling import MOTION_BOUND_PX, FixedSteps, MotionSteps, Quality, Sampling
+from fedora_generator.sampling import FIDELITY, MOTION_BOUND_PX, FixedSteps, MotionSteps, Quality, Sampling
 from fedora_generator.scene import Scene
 from fedora_generator.write import EventColumns, IndexMap, write_dataset
 from fedora_qa.conventions import NS_PER_US
@@ -33,12 +41,13 @@ class EventRecorder:
         self._world = world
         self._camera = event_camera(scene.camera)
         self._flight = scene.fly()
+        self._follower = self._follower_of(scene, quality)
         self._sampling = self._sampling_of(scene, quality)
         self._sensor = EventSensor(scene.events, self._camera.height, self._camera.width, seed)
         self._columns = EventColumns(file)
         self._maps = {key: (size, IndexMap(stamps)) for key, (size, stamps) in maps.items()}
         self._now_us = 0
-        self.renders = 1
+        self._images = 1
         write_camera(file, "events", self._camera)
         write_events(file, scene, self._sensor.hot_pixels)
         self._sensor.start(0, self._luma_dn(0))
@@ -48,13 +57,18 @@ class EventRecorder:
         """Events recorded so far."""
         return self._columns.rows
 
+    @property
+    def rendered_pixels(self) -> int:
+        """Pixels rendered so far."""
+        followed = 0 if self._follower is None else self._follower.rendered_pixels
+        return self._images * self._camera.width * self._camera.height + followed
+
     def run_to(self, stop_us: int) -> None:
         """Record the events up to and including ``stop_us``."""
         if stop_us == self._now_us:
             return
-        for time_us in self._sampling.times_us(self._now_us, stop_us).tolist():
-            self._keep(self._sensor.advance(time_us * NS_PER_US, self._luma_dn(time_us)))
-            self.renders += 1
+        for batch in self._batches(stop_us):
+            self._keep(batch)
         self._now_us = stop_us
 
     def finish(self) -> None:
@@ -65,6 +79,14 @@ class EventRecorder:
             indices = index_map.finish()
             write_dataset(self._file, key, indices, **{size: len(indices)})
 
+    def _batches(self, stop_us: int) -> Iterator[EventBatch]:
+        if self._follower is not None:
+            yield self._sensor.follow(stop_us * NS_PER_US, self._follower)
+            return
+        for time_us in self._sampling.times_us(self._now_us, stop_us).tolist():
+            self._images += 1
+            yield self._sensor.advance(time_us * NS_PER_US, self._luma_dn(time_us))
+
     def _keep(self, batch: EventBatch) -> None:
         self._columns.append(batch)
         for _, index_map in self._maps.values():
@@ -72,6 +94,11 @@ class EventRecorder:
 
     def _luma_dn(self, time_us: int) -> NDArray[np.float64]:
         return self._world.luma_dn(self._camera, self._camera.pose_at(self._flight, time_us))
+
+    def _follower_of(self, scene: Scene, quality: Quality) -> Follower | None:
+        if scene.event_step_us or not isinstance(self._world, ExactWorld) or not follows_light(scene.events):
+            return None
+        return Follower(self._world, self._camera, self._flight, FIDELITY[quality])
 
     def _sampling_of(self, scene: Scene, quality: Quality) -> Sampling:
         if scene.event_step_us:

@@ -58,7 +58,8 @@ class Summary:
 
     frames: int
     events: int
-    event_renders: int
+    rendered_event_pixels: int
+    """How often any pixel of the event camera was rendered"""
     size_bytes: int
 
 
@@ -86,8 +87,8 @@ def generate_sequence(
         write_root(file, scene, surroundings.name)
         _write_samples(file, scene, duration_us, request.streams)
         world = render_surroundings(scene, surroundings, request.quality, _path_world_m(scene, duration_us))
-        frames, events, renders = _walk(file, scene, world, duration_us, request, progress)
-    return Summary(frames, events, renders, target.stat().st_size)
+        frames, events, rendered_pixels = _walk(file, scene, world, duration_us, request, progress)
+    return Summary(frames, events, rendered_pixels, target.stat().st_size)
 
 
 def require_free_flight(scene: Scene, duration_us: int) -> None:
@@ -123,7 +124,7 @@ def _pieces(times_us: NDArray[np.int64]) -> list[NDArray[np.int64]]:
 def _walk(
     file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, request: Request, progress: Progress
 ) -> tuple[int, int, int]:
-    """Render frames and events in the order of time; return the numbers of frames, events and event renders."""
+    """Render frames and events in the order of time; return the numbers of frames, events and rendered event pixels."""
     stamps = stamps_us(duration_us, FRAME_RATE_HZ)
     frames = create_frames(file, scene, world, duration_us, request.streams)
     recorder = _event_recorder(file, scene, world, duration_us, request) if "events" in request.streams else None
@@ -136,7 +137,7 @@ def _walk(
         return len(stamps), 0, 0
     recorder.run_to(duration_us)
     recorder.finish()
-    return len(stamps), recorder.events, recorder.renders
+    return len(stamps), recorder.events, recorder.rendered_pixels
 
 
 def _event_recorder(

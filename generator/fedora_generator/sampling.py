@@ -27,6 +27,33 @@ SHORTEST_STEP_US: Final = 10
 """A point that passes close to the camera has no bound; more than 100 000 renders a second are never made."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fidelity:
+    """How closely the exact world is followed (``adaptive/``).
+
+    Attributes
+    ----------
+    motion_px
+        Image motion between two samples of a tile, px of the event camera. A pixel averages over its own width, so
+        that nothing passes through it within one pixel of motion: at half of one, two samples see it.
+    caution
+        How many times the curvature of a parabola is allowed for between samples.
+    tolerance_us
+        How far a crossing may be off before it is sampled again; the last correction is not.
+    """
+
+    motion_px: float
+    caution: float
+    tolerance_us: float
+
+
+FIDELITY: Final[dict[Quality, Fidelity]] = {
+    "draft": Fidelity(motion_px=1.0, caution=1.0, tolerance_us=300.0),
+    "standard": Fidelity(motion_px=0.5, caution=4.0, tolerance_us=20.0),
+    "reference": Fidelity(motion_px=0.25, caution=8.0, tolerance_us=2.0),
+}
+
+
 class Sampling(Protocol):
     """Chooses the instants of the event renders."""
 

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fedora_generator.event_sensor import EventBatch, EventSensor, EventSensorOptions
-from fedora_generator.sampling import MOTION_BOUND_PX, MotionSteps, Quality
+from fedora_generator.adaptive.follower import Follower, Pixels
+from fedora_generator.event_keys import KeyLayout
+from fedora_generator.event_sensor import EventBatch, decode
+from fedora_generator.sampling import Fidelity
 from fedora_qa.conventions import NS_PER_S, NS_PER_US, US_PER_S
 from tests.benchmarks.closed_form_events import true_events
 from tests.benchmarks.timing_scenes import TimingScene
@@ -24,7 +25,7 @@ PIXEL_STRIDE: Final = 5
 class TimingError:
     """Of the events of the pixels that were compared; times of those whose sequence of polarities is right."""
 
-    renders: int
+    rendered_pixels: int
     events: int
     pixels: int
     wrong_pixels: int
@@ -47,24 +48,22 @@ def truth_of(scene: TimingScene, duration_us: int) -> Truth:
     return truth
 
 
-def timing_error(scene: TimingScene, quality: Quality, duration_us: int, truth: Truth) -> TimingError:
-    """Record the scene as a sequence would and compare with the truth."""
-    sampling = MotionSteps(scene.world, scene.camera, scene.flight, MOTION_BOUND_PX[quality])
-    starts = range(0, duration_us, FRAME_US)
-    times_us = np.concatenate([sampling.times_us(start, min(start + FRAME_US, duration_us)) for start in starts])
-    stamps_ns, batch = _record(scene, times_us)
+def timing_error(scene: TimingScene, fidelity: Fidelity, duration_us: int, truth: Truth) -> TimingError:
+    """Record the scene as a sequence would, stamped in nanoseconds, and compare with the truth."""
+    follower = Follower(scene.world, scene.camera, scene.flight, fidelity, tick_ns=1)
+    batch = _record(scene, follower, duration_us)
     late_ns, events, wrong = [], 0, 0
     for (column, row), expected in truth.items():
         mine = (batch.x == column) & (batch.y == row)
         times_s, polarities = [time_s for time_s, _ in expected], [p for _, p in expected]
         events += len(expected)
         if batch.p[mine].tolist() == polarities:
-            late_ns.append(stamps_ns[mine] - np.array(times_s) * NS_PER_S)
+            late_ns.append(batch.t_us[mine] - np.array(times_s) * NS_PER_S)
         else:
             wrong += 1
     all_ns = np.concatenate(late_ns)
     return TimingError(
-        renders=len(times_us) + 1,
+        rendered_pixels=follower.rendered_pixels,
         events=events,
         pixels=len(truth),
         wrong_pixels=wrong,
@@ -73,16 +72,11 @@ def timing_error(scene: TimingScene, quality: Quality, duration_us: int, truth: 
     )
 
 
-def _record(scene: TimingScene, times_us: NDArray[np.int64]) -> tuple[NDArray[np.int64], EventBatch]:
-    """Stamps in nanoseconds, and events.
-
-    The sensor's arithmetic knows no unit of time: told times 1000 times as long, its microseconds are nanoseconds.
-    """
-    options = EventSensorOptions(model="log", threshold_on=THRESHOLD, threshold_off=THRESHOLD)
-    sensor = EventSensor(options, scene.camera.height, scene.camera.width, np.random.SeedSequence(0))
-    sensor.start(0, scene.luma_dn(0.0))
-    batches = [
-        sensor.advance(time_us * NS_PER_US * 1_000, scene.luma_dn(time_us / US_PER_S)) for time_us in times_us.tolist()
-    ]
-    events = EventBatch(*(np.concatenate([getattr(b, name) for b in batches]) for name in ("x", "y", "t_us", "p")))
-    return events.t_us, events
+def _record(scene: TimingScene, follower: Follower, duration_us: int) -> EventBatch:
+    """Events whose stamps are nanoseconds."""
+    signal = np.log(scene.luma_dn(0.0))
+    threshold = np.full((1, scene.camera.width), THRESHOLD)
+    pixels = Pixels(reference=signal.copy(), signal=signal, threshold_on=threshold, threshold_off=threshold)
+    intervals = range(0, duration_us * NS_PER_US, FRAME_US * NS_PER_US)
+    keys = [follower.crossings(pixels, start_ns, start_ns + FRAME_US * NS_PER_US) for start_ns in intervals]
+    return decode(np.concatenate(keys), KeyLayout(scene.camera.height, scene.camera.width), 0)

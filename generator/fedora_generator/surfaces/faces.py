@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_generator.surfaces.projection_kernels import FaceFrames
 from fedora_generator.surfaces.world import Box, Rectangle, World
 
 Floats = NDArray[np.float64]
@@ -46,6 +47,11 @@ class Faces:
     """(n, 2), added to (u, v) for the waves of the texture"""
     textures: NDArray[np.int64]
     """(n,), index into the world's textures"""
+
+    @property
+    def frames(self) -> FaceFrames:
+        """Where the faces lie, as compiled code takes it."""
+        return FaceFrames(self.centers_m, self.u_axes, self.v_axes, self.normals, self.half_sizes_m)
 
 
 def faces_of(world: World) -> Faces:

@@ -15,51 +15,76 @@ TILE: Final = 16
 
 
 @njit(cache=True, error_model="numpy")
-def _tile_origin(tile: int, width: int) -> tuple[int, int]:
+def tile_origin(tile: int, width: int) -> tuple[int, int]:
     """First column and row of a tile."""
     across = (width + TILE - 1) // TILE
     return tile % across * TILE, tile // across * TILE
 
 
 @njit(cache=True, error_model="numpy")
-def _tile_count(height: int, width: int) -> int:
+def tile_count(height: int, width: int) -> int:
+    """Tiles of an image, numbered in raster order."""
     return ((width + TILE - 1) // TILE) * ((height + TILE - 1) // TILE)
 
 
 @njit(cache=True, error_model="numpy")
-def _faces_in_tile(view: View, column: int, row: int, found: NDArray[np.int64]) -> tuple[int, bool]:
-    """Faces that the tile whose first pixel is (column, row) can show."""
+def faces_around_tile(
+    lines: NDArray[np.float64], column: int, row: int, reach_px: float, found: NDArray[np.int64]
+) -> tuple[int, bool]:
+    """Faces that the tile whose first pixel is (column, row), larger by ``reach_px`` on every side, can show."""
     half = 0.5 * TILE
-    every = np.arange(len(view.front))
-    return possible_faces(view.lines, every, len(every), column + half - 0.5, row + half - 0.5, half, found)
+    every = np.arange(len(lines))
+    return possible_faces(lines, every, len(every), column + half - 0.5, row + half - 0.5, half + reach_px, found)
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def render_radiance(textures: TextureTable, surfaces: Surfaces, view: View, radiance_dn: NDArray[np.float64]) -> None:
     """Fill ``radiance_dn`` (height, width, channels) with linear DN averaged over each pixel."""
     height, width = radiance_dn.shape[:2]
-    for tile in prange(_tile_count(height, width)):
-        column, row = _tile_origin(tile, width)
+    for tile in prange(tile_count(height, width)):
+        column, row = tile_origin(tile, width)
         in_tile = np.empty(len(view.front), np.int64)
         in_pixel = np.empty(len(view.front), np.int64)
-        count, uniform = _faces_in_tile(view, column, row, in_tile)
+        count, uniform = faces_around_tile(view.lines, column, row, 0.0, in_tile)
         pieces = room_for_pieces()
         terms = np.empty(textures.waves.shape[1])
         for y in range(row, min(row + TILE, height)):
             for x in range(column, min(column + TILE, width)):
                 pixel_dn = radiance_dn[y, x]
-                pixel_dn[:] = 0.0
-                number, filled = count, uniform
-                if uniform:
-                    in_pixel[0] = in_tile[0]
-                else:
-                    number, filled = possible_faces(view.lines, in_tile, count, x, y, 0.5, in_pixel)
-                if filled:
-                    add_face(textures, surfaces, view, in_pixel[0], x, y, 1.0, 0.0, 0.0, 1.0, 1.0, terms, pixel_dn)
-                elif number == 0:
-                    add_sky(surfaces, view, x, y, 1.0, pixel_dn)
-                else:
-                    _add_pieces(textures, surfaces, view, in_pixel, number, x, y, pieces, terms, pixel_dn)
+                render_pixel(textures, surfaces, view, in_tile, count, uniform, x, y, in_pixel, pieces, terms, pixel_dn)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def render_pixel(
+    textures: TextureTable,
+    surfaces: Surfaces,
+    view: View,
+    given: NDArray[np.int64],
+    count: int,
+    uniform: bool,
+    x: int,
+    y: int,
+    in_pixel: NDArray[np.int64],
+    pieces: Pieces,
+    terms: NDArray[np.float64],
+    pixel_dn: NDArray[np.float64],
+) -> None:
+    """Fill ``pixel_dn`` (channels,) with linear DN averaged over the pixel (x, y), which shows none but the given faces.
+
+    ``uniform``: there is one, and it fills the pixel. ``in_pixel``, ``pieces`` and ``terms`` are scratch space.
+    """
+    pixel_dn[:] = 0.0
+    number, filled = count, uniform
+    if uniform:
+        in_pixel[0] = given[0]
+    else:
+        number, filled = possible_faces(view.lines, given, count, x, y, 0.5, in_pixel)
+    if filled:
+        add_face(textures, surfaces, view, in_pixel[0], x, y, 1.0, 0.0, 0.0, 1.0, 1.0, terms, pixel_dn)
+    elif number == 0:
+        add_sky(surfaces, view, x, y, 1.0, pixel_dn)
+    else:
+        _add_pieces(textures, surfaces, view, in_pixel, number, x, y, pieces, terms, pixel_dn)
 
 
 @njit(cache=True, error_model="numpy")
@@ -89,10 +114,10 @@ def _add_pieces(
 def render_inverse_depth(view: View, inverse_depth: NDArray[np.float64]) -> None:
     """Fill ``inverse_depth`` (height, width) with 1 / z at the pixel centres, 1/m; 0 for the sky."""
     height, width = inverse_depth.shape
-    for tile in prange(_tile_count(height, width)):
-        column, row = _tile_origin(tile, width)
+    for tile in prange(tile_count(height, width)):
+        column, row = tile_origin(tile, width)
         in_tile = np.empty(len(view.front), np.int64)
-        count, uniform = _faces_in_tile(view, column, row, in_tile)
+        count, uniform = faces_around_tile(view.lines, column, row, 0.0, in_tile)
         for y in range(row, min(row + TILE, height)):
             for x in range(column, min(column + TILE, width)):
                 face = in_tile[0] if uniform else nearest_face(view.lines, in_tile, count, x, y)

@@ -1,0 +1,74 @@
+"""The camera's way over a short time, as polynomials that differ from the flight by rounding.
+
+Compiled code asks for poses at millions of instants, and a flight answers in Python. Its motion is smooth, so a few
+Chebyshev polynomials hold it; where they do not, the time is halved.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from fedora_generator.camera import Camera
+from fedora_generator.errors import SceneError
+from fedora_generator.flight import Flight
+from fedora_generator.surfaces.projection import pixel_rays
+from fedora_qa.conventions import NS_PER_S
+
+Floats = NDArray[np.float64]
+
+RAY_ENTRIES: Final = 9
+"""A row of coefficients holds the matrix of rays (3, 3), row by row, and then the position (3,)."""
+
+NODES: Final = 16
+ROUNDING: Final = 1e-13
+"""Coefficients that are smaller than this share of the largest are left out."""
+SHORTEST_NS: Final = 1_000
+
+_NODES: Final = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+_TO_COEFFICIENTS: Final = (
+    2 / NODES * chebyshev.chebvander(_NODES, NODES - 1).T * np.where(np.arange(NODES), 1, 0.5)[:, None]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPath:
+    """Rays and position of a camera from ``start_ns`` to ``stop_ns`` of the flight's clock."""
+
+    start_ns: int
+    stop_ns: int
+    coefficients: Floats
+    """(terms, 12) of Chebyshev polynomials of -1 (start) to 1 (stop)"""
+
+    def at(self, share: float) -> tuple[Floats, Floats]:
+        """Rays (3, 3), which take (column, row, 1) to world directions of optical z = 1, and position (3,), metres.
+
+        ``share`` is 0 at the start and 1 at the end.
+        """
+        row = chebyshev.chebval(2 * share - 1, self.coefficients)
+        return row[:RAY_ENTRIES].reshape(3, 3), row[RAY_ENTRIES:]
+
+
+def camera_paths(camera: Camera, flight: Flight, start_ns: int, stop_ns: int) -> list[CameraPath]:
+    """Paths that follow each other from start to stop, each short enough for its polynomials.
+
+    Raises
+    ------
+    SceneError
+        The camera jumps.
+    """
+    middle_s, half_s = (start_ns + stop_ns) / 2 / NS_PER_S, (stop_ns - start_ns) / 2 / NS_PER_S
+    poses = camera.poses_between(flight, middle_s + half_s * _NODES)
+    rows = np.array([np.append(pixel_rays(camera.K, pose), pose[:3, 3]) for pose in poses])
+    coefficients = _TO_COEFFICIENTS @ rows
+    scales = np.abs(rows).max(axis=0)
+    needed = np.flatnonzero((np.abs(coefficients) > ROUNDING * np.maximum(scales, 1e-3)).any(axis=1))
+    terms = int(needed[-1]) + 1 if needed.size else 1
+    if terms <= NODES - 2:  # the last two are nothing but rounding: so is all that is missing
+        return [CameraPath(start_ns, stop_ns, coefficients[:terms])]
+    if stop_ns - start_ns < SHORTEST_NS:
+        raise SceneError(f"Expected a flight that moves smoothly, got a jump at {middle_s:g} s")
+    middle_ns = (start_ns + stop_ns) // 2
+    return [*camera_paths(camera, flight, start_ns, middle_ns), *camera_paths(camera, flight, middle_ns, stop_ns)]

@@ -1,0 +1,90 @@
+"""The log sensor in the exact world: nothing is rendered between events but what tells where they are."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_generator.adaptive.camera_path import CameraPath, camera_paths
+from fedora_generator.adaptive.crossing_kernels import DEEPEST, NO_ROOM, NOT_FINITE, Care, Clock, follow_tiles
+from fedora_generator.adaptive.light_kernels import Sensor, scratch_for
+from fedora_generator.adaptive.tile_plan import plan_tiles
+from fedora_generator.camera import Camera
+from fedora_generator.event_comparator import SignalNotFiniteError
+from fedora_generator.event_keys import KeyLayout
+from fedora_generator.event_sensor import Pixels
+from fedora_generator.flight import Flight
+from fedora_generator.render import ExactWorld
+from fedora_generator.sampling import Fidelity
+from fedora_qa.conventions import NS_PER_S, NS_PER_US, US_PER_S
+
+Floats = NDArray[np.float64]
+Keys = NDArray[np.int64]
+
+FIRST_ROOM: Final = 1 << 11
+"""Events of a tile and interval: 8 a pixel. Where there are more, the tile is done again."""
+
+DEALS: Final = 64
+"""Threads take equal shares of the tiles, so they are dealt like cards."""
+
+
+@dataclass(slots=True)
+class Follower:
+    """Finds the events of an interval of the flight, each tile sampled as its own motion asks for."""
+
+    world: ExactWorld
+    camera: Camera
+    flight: Flight
+    fidelity: Fidelity
+    tick_ns: int = NS_PER_US
+    """Unit of the stamps"""
+    rendered_pixels: int = 0
+    """So far"""
+
+    def crossings(self, pixels: Pixels, start_ns: int, stop_ns: int) -> Keys:
+        """Sorted keys (``event_keys``) of the events in (start, stop], nanoseconds of the flight's clock.
+
+        Raises
+        ------
+        SignalNotFiniteError
+            A pixel has no logarithm; it is left in the signal.
+        """
+        paths = camera_paths(self.camera, self.flight, start_ns, stop_ns)
+        return np.sort(np.concatenate([self._along(path, pixels) for path in paths]))
+
+    def _along(self, path: CameraPath, pixels: Pixels) -> Keys:
+        start_ns = path.start_ns - pixels.origin_ns
+        height, width = pixels.signal.shape
+        layout, faces = KeyLayout(height, width), self.world.faces.frames
+        plan = plan_tiles(self.world.faces, path, height, width, self.fidelity.motion_px)
+        levels = (pixels.reference, pixels.signal, pixels.threshold_on, pixels.threshold_off)
+        sensor = Sensor(*levels, pixels.log_eps_dn, pixels.leak_per_s, start_ns / NS_PER_S)
+        care = Care(self.fidelity.caution, self.fidelity.tolerance_us / US_PER_S)
+        span_ns = path.stop_ns - path.start_ns
+        clock = Clock(start_ns, span_ns, self.tick_ns, layout.column_bits, layout.stamp_shift)
+        scratch = scratch_for(
+            threads=numba.get_num_threads(),
+            faces=int(np.diff(plan.face_starts).max()),
+            waves=self.world.textures.waves.shape[1],
+            samples=int(plan.samples.max()),
+            entries=path.coefficients.shape[1],
+            depth=DEEPEST,
+        )
+        stage = (self.world.textures, self.world.grey, faces, path.coefficients, sensor, care, clock)
+        found, room, tiles = [], FIRST_ROOM, _dealt(plan.samples.size)
+        while tiles.size:
+            keys, counts = np.empty((tiles.size, room), np.int64), np.empty(tiles.size, np.int64)
+            plan_arrays = (tiles, plan.samples, plan.face_starts, plan.faces)
+            self.rendered_pixels += follow_tiles(*stage, *plan_arrays, scratch, keys, counts)
+            if (counts == NOT_FINITE).any():
+                raise SignalNotFiniteError("Expected finite signals, got one that is infinite or not a number")
+            found += [row[:count] for row, count in zip(keys, counts, strict=True) if count > 0]
+            tiles, room = tiles[counts == NO_ROOM], 8 * room
+        return np.concatenate([np.empty(0, np.int64), *found])
+
+
+def _dealt(tiles: int) -> NDArray[np.int64]:
+    """Numbers of all tiles, so that equal shares of them are equally hard: rows of an image differ, neighbours do not."""
+    return np.concatenate([np.arange(first, tiles, DEALS) for first in range(DEALS)])

@@ -1,0 +1,213 @@
+"""The signal of a pixel, or of all pixels of a tile, at any instant of a camera's path."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fedora_generator.adaptive.path_kernels import look
+from fedora_generator.surfaces.pixel_kernels import MAX_CORNERS, MAX_PIECES, Pieces
+from fedora_generator.surfaces.projection_kernels import LINES_PER_FACE, FaceFrames
+from fedora_generator.surfaces.render_kernels import TILE, render_pixel
+from fedora_generator.surfaces.shading_kernels import Surfaces, View
+from fedora_generator.surfaces.texture_kernels import TextureTable
+from fedora_generator.surfaces.visibility_kernels import possible_faces
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Sensor(NamedTuple):
+    """The pixels: ``reference`` and ``signal`` (H, W) are changed; thresholds are (H, W), or (1, W) for all rows.
+
+    The signal is ln(luma + ``log_eps_dn``) and what has leaked: ``leak_per_s`` thresholds a second since the start of
+    the recording, which lies ``elapsed_s`` before that of the path.
+    """
+
+    reference: Floats
+    signal: Floats
+    threshold_on: Floats
+    threshold_off: Floats
+    log_eps_dn: float
+    leak_per_s: float
+    elapsed_s: float
+
+
+class Scratch(NamedTuple):
+    """Room for every thread to work in, first index.
+
+    Compiled code counts references to arrays that it makes itself, which would cost more than the arithmetic; those
+    that it is given in a parallel loop it does not.
+    """
+
+    lines: Floats
+    rays: Floats
+    camera_m: Floats
+    sums: Floats
+    given: Integers
+    in_pixel: Integers
+    piece_x: Floats
+    piece_y: Floats
+    piece_corners: Integers
+    terms: Floats
+    radiance_dn: Floats
+    values: Floats
+    stack: Floats
+    before: Floats
+    asked: Integers
+
+
+def scratch_for(threads: int, faces: int, waves: int, samples: int, entries: int, depth: int) -> Scratch:
+    """Room for tiles of at most so many faces and samples, textures of so many waves, and ``depth`` open pieces."""
+    pixels = TILE * TILE
+    return Scratch(
+        lines=np.empty((threads, faces, LINES_PER_FACE, 3)),
+        rays=np.empty((threads, 3, 3)),
+        camera_m=np.empty((threads, 3)),
+        sums=np.empty((threads, 2, entries)),
+        given=np.empty((threads, faces), np.int64),
+        in_pixel=np.empty((threads, faces), np.int64),
+        piece_x=np.empty((threads, MAX_PIECES, MAX_CORNERS)),
+        piece_y=np.empty((threads, MAX_PIECES, MAX_CORNERS)),
+        piece_corners=np.empty((threads, MAX_PIECES), np.int64),
+        terms=np.empty((threads, waves)),
+        radiance_dn=np.empty((threads, 1)),
+        values=np.empty((threads, samples + 1, pixels)),
+        stack=np.empty((threads, depth, 6)),
+        before=np.empty((threads, pixels)),
+        asked=np.empty((threads, 1), np.int64),
+    )
+
+
+class Stage(NamedTuple):
+    """What one thread looks at, a world of one colour from the path of a camera, and what it works with.
+
+    ``view`` holds the faces of the tile, ``given`` which of them may be seen; ``asked`` (1,) counts pixels.
+    """
+
+    textures: TextureTable
+    surfaces: Surfaces
+    frames: FaceFrames
+    coefficients: Floats
+    span_s: float
+    view_front: Integers
+    view_lines: Floats
+    view_rays: Floats
+    camera_m: Floats
+    sums: Floats
+    given: Integers
+    in_pixel: Integers
+    pieces: Pieces
+    terms: Floats
+    radiance_dn: Floats
+    asked: Integers
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def stage_of(
+    textures: TextureTable,
+    surfaces: Surfaces,
+    frames: FaceFrames,
+    coefficients: Floats,
+    span_s: float,
+    faces: Integers,
+    scratch: Scratch,
+    thread: int,
+) -> Stage:
+    """Stage of one tile, whose faces are given, for one thread."""
+    count = len(faces)
+    return Stage(
+        textures,
+        surfaces,
+        frames,
+        coefficients,
+        span_s,
+        faces,
+        scratch.lines[thread, :count],
+        scratch.rays[thread],
+        scratch.camera_m[thread],
+        scratch.sums[thread],
+        scratch.given[thread, :count],
+        scratch.in_pixel[thread, :count],
+        Pieces(scratch.piece_x[thread], scratch.piece_y[thread], scratch.piece_corners[thread]),
+        scratch.terms[thread],
+        scratch.radiance_dn[thread],
+        scratch.asked[thread],
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def sample_tile(
+    stage: Stage, sensor: Sensor, column: int, row: int, rows: int, columns: int, share: float, values: Floats
+) -> None:
+    """Fill ``values`` (pixels,) in raster order with the signals of a tile at a share of the path."""
+    textures, surfaces, given, in_pixel = stage.textures, stage.surfaces, stage.given, stage.in_pixel
+    pieces, terms, radiance_dn = stage.pieces, stage.terms, stage.radiance_dn
+    view = View(stage.view_front, stage.view_lines, stage.view_rays)
+    look(stage.frames, stage.coefficients, share, view, stage.camera_m, stage.sums)
+    _give_all(given)
+    half = 0.5 * TILE
+    # The list is shortened in place: a face moves to the front of itself.
+    count, uniform = possible_faces(view.lines, given, len(given), column + half - 0.5, row + half - 0.5, half, given)
+    for y in range(rows):
+        for x in range(columns):
+            render_pixel(
+                textures,
+                surfaces,
+                view,
+                given,
+                count,
+                uniform,
+                column + x,
+                row + y,
+                in_pixel,
+                pieces,
+                terms,
+                radiance_dn,
+            )
+            values[y * columns + x] = math.log(radiance_dn[0] + sensor.log_eps_dn)
+    if sensor.leak_per_s > 0.0:
+        for y in range(rows):
+            for x in range(columns):
+                values[y * columns + x] += _leaked(stage, sensor, column + x, row + y, share)
+    stage.asked[0] += rows * columns
+
+
+@njit(cache=True, error_model="numpy")
+def signal_at(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> float:
+    """Signal of one pixel of the tile at any share of the path."""
+    view = View(stage.view_front, stage.view_lines, stage.view_rays)
+    look(stage.frames, stage.coefficients, share, view, stage.camera_m, stage.sums)
+    _give_all(stage.given)
+    render_pixel(
+        stage.textures,
+        stage.surfaces,
+        view,
+        stage.given,
+        len(stage.given),
+        False,
+        x,
+        y,
+        stage.in_pixel,
+        stage.pieces,
+        stage.terms,
+        stage.radiance_dn,
+    )
+    stage.asked[0] += 1
+    value = math.log(stage.radiance_dn[0] + sensor.log_eps_dn)
+    return value + _leaked(stage, sensor, x, y, share) if sensor.leak_per_s > 0.0 else value
+
+
+@njit(cache=True, error_model="numpy")
+def _give_all(given: Integers) -> None:
+    for index in range(len(given)):
+        given[index] = index
+
+
+@njit(cache=True, error_model="numpy")
+def _leaked(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> float:
+    """Leak acts as a signal that rises for ever."""
+    on = sensor.threshold_on[y if len(sensor.threshold_on) > 1 else 0, x]
+    return float(sensor.leak_per_s * on * (sensor.elapsed_s + share * stage.span_s))
