@@ -48,9 +48,9 @@ class Fidelity:
 
 
 FIDELITY: Final[dict[Quality, Fidelity]] = {
-    "draft": Fidelity(motion_px=1.0, caution=1.0, tolerance_us=300.0),
-    "standard": Fidelity(motion_px=0.5, caution=4.0, tolerance_us=20.0),
-    "reference": Fidelity(motion_px=0.25, caution=8.0, tolerance_us=2.0),
+    "draft": Fidelity(motion_px=1.0, caution=4.0, tolerance_us=100.0),
+    "standard": Fidelity(motion_px=0.5, caution=32.0, tolerance_us=20.0),
+    "reference": Fidelity(motion_px=0.25, caution=64.0, tolerance_us=1.0),
 }
 
 

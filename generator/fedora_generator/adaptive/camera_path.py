@@ -47,7 +47,7 @@ class CameraPath:
 
         ``share`` is 0 at the start and 1 at the end.
         """
-        row = chebyshev.chebval(2 * share - 1, self.coefficients)
+        row = np.asarray(chebyshev.chebval(2 * share - 1, self.coefficients))
         return row[:RAY_ENTRIES].reshape(3, 3), row[RAY_ENTRIES:]
 
 
@@ -57,7 +57,7 @@ def camera_paths(camera: Camera, flight: Flight, start_ns: int, stop_ns: int) ->
     Raises
     ------
     SceneError
-        The camera jumps.
+        The camera shakes faster than any polynomial over a microsecond.
     """
     middle_s, half_s = (start_ns + stop_ns) / 2 / NS_PER_S, (stop_ns - start_ns) / 2 / NS_PER_S
     poses = camera.poses_between(flight, middle_s + half_s * _NODES)
@@ -69,6 +69,6 @@ def camera_paths(camera: Camera, flight: Flight, start_ns: int, stop_ns: int) ->
     if terms <= NODES - 2:  # the last two are nothing but rounding: so is all that is missing
         return [CameraPath(start_ns, stop_ns, coefficients[:terms])]
     if stop_ns - start_ns < SHORTEST_NS:
-        raise SceneError(f"Expected a flight that moves smoothly, got a jump at {middle_s:g} s")
+        raise SceneError(f"Expected a flight that moves smoothly, got a turn within a microsecond at {middle_s:g} s")
     middle_ns = (start_ns + stop_ns) // 2
     return [*camera_paths(camera, flight, start_ns, middle_ns), *camera_paths(camera, flight, middle_ns, stop_ns)]

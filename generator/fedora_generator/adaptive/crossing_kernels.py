@@ -11,7 +11,8 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import get_thread_id, njit, prange
+from numba import njit, prange
+from numba.np.ufunc.parallel import get_thread_id
 from numpy.typing import NDArray
 
 from fedora_generator.adaptive.light_kernels import Scratch, Sensor, Stage, sample_tile, signal_at, stage_of
@@ -52,7 +53,7 @@ class Care(NamedTuple):
 
 
 class Clock(NamedTuple):
-    """Start and length of the path, ns, the start since that of the recording; a tick of the stamps, ns; bits of a key."""
+    """Start of the path, since that of the recording, its length and the tick of the stamps, ns; bits of a key."""
 
     start_ns: int
     span_ns: int
@@ -85,7 +86,7 @@ def follow_tiles(
     """
     rendered = 0
     for index in prange(len(tiles)):
-        thread, tile = get_thread_id(), tiles[index]
+        thread, tile = get_thread_id(), tiles[index]  # type: ignore[no-untyped-call]
         own = faces[face_starts[tile] : face_starts[tile + 1]]
         stage = stage_of(textures, surfaces, frames, coefficients, clock.span_ns * 1e-9, own, scratch, thread)
         values, stack, before = scratch.values[thread], scratch.stack[thread], scratch.before[thread]
@@ -215,12 +216,14 @@ def _put(end: Floats, share: float, signal: float, bend: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _bend(values: Floats, sample: int) -> float:
-    """Size of the second difference at a sample, or of its neighbour's at the ends."""
+    """Largest size of the second differences at a sample and its neighbours."""
     last = len(values) - 1
     if last < 2:
         return 0.0
-    at = min(max(sample, 1), last - 1)
-    return float(abs(values[at - 1] - 2 * values[at] + values[at + 1]))
+    largest = 0.0
+    for at in range(max(sample - 1, 1), min(sample + 1, last - 1) + 1):
+        largest = max(largest, abs(values[at - 1] - 2 * values[at] + values[at + 1]))
+    return largest
 
 
 @njit(cache=True, error_model="numpy")

@@ -86,5 +86,5 @@ class Follower:
 
 
 def _dealt(tiles: int) -> NDArray[np.int64]:
-    """Numbers of all tiles, so that equal shares of them are equally hard: rows of an image differ, neighbours do not."""
+    """Numbers of all tiles, in an order of which equal shares are equally hard: rows differ, neighbours do not."""
     return np.concatenate([np.arange(first, tiles, DEALS) for first in range(DEALS)])

@@ -69,7 +69,7 @@ def render_pixel(
     terms: NDArray[np.float64],
     pixel_dn: NDArray[np.float64],
 ) -> None:
-    """Fill ``pixel_dn`` (channels,) with linear DN averaged over the pixel (x, y), which shows none but the given faces.
+    """Fill ``pixel_dn`` (channels,) with linear DN averaged over the pixel (x, y), which shows only given faces.
 
     ``uniform``: there is one, and it fills the pixel. ``in_pixel``, ``pieces`` and ``terms`` are scratch space.
     """
