@@ -37,6 +37,8 @@ class DatasetSpec:
         Rows in a chunk (1 for images: one frame a chunk); 0 for contiguous storage.
     meaning
         One line for people.
+    optional
+        Whether a file may leave it out without a word. It is then a stream of its own, named after its key.
     """
 
     key: str
@@ -46,6 +48,7 @@ class DatasetSpec:
     units: str
     chunk_rows: int
     meaning: str
+    optional: bool = False
 
     @property
     def is_stamps(self) -> bool:
@@ -71,6 +74,11 @@ class AttributeSpec:
     choices: tuple[str, ...] = ()
 
 
+def moving_of(flow_stream: str) -> str:
+    """Return the name of the masks that say which pixels of a flow move by themselves."""
+    return f"{flow_stream}_moving"
+
+
 def _flow(rate_hz: int) -> tuple[DatasetSpec, ...]:
     stream, count = f"flow/{rate_hz}hz", f"K{rate_hz}"
     return (
@@ -78,6 +86,8 @@ def _flow(rate_hz: int) -> tuple[DatasetSpec, ...]:
                     "displacement over the interval (u right, v down), NaN where depth is invalid"),
         DatasetSpec(f"path/{stream}_ts", stream, "int64", (count, 2), "us", SAMPLE_CHUNK_ROWS,
                     "start and end of the interval"),
+        DatasetSpec(f"path/{moving_of(stream)}", moving_of(stream), "uint8", (count, "H", "W"), "1", 1,
+                    "1 where the pixel shows an object that moves by itself", optional=True),
     )  # fmt: skip
 
 

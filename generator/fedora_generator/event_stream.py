@@ -93,7 +93,7 @@ class EventRecorder:
             index_map.append(batch.t_us)
 
     def _luma_dn(self, time_us: int) -> NDArray[np.float64]:
-        return self._world.luma_dn(self._camera, self._camera.pose_at(self._flight, time_us))
+        return self._world.at(time_us).luma_dn(self._camera, self._camera.pose_at(self._flight, time_us))
 
     def _follower_of(self, scene: Scene, quality: Quality) -> Follower | None:
         if scene.event_step_us or not isinstance(self._world, ExactWorld) or not follows_light(scene.events):

@@ -1,9 +1,12 @@
-"""Optical flow of a rigid scene, in closed form from depth and noise-free poses."""
+"""Optical flow in closed form, from depth, noise-free poses and the motion of what moves."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_generator.camera import Camera
 from fedora_generator.flow_kernels import displacements
+from fedora_generator.rendered_world import RenderedWorld
+from fedora_qa.conventions import US_PER_S
 
 Floats = NDArray[np.float64]
 
@@ -11,7 +14,7 @@ Floats = NDArray[np.float64]
 def flow_px(
     inverse_depth_per_m: Floats, K: Floats, T_world_camera_start: Floats, T_world_camera_end: Floats
 ) -> NDArray[np.float32]:
-    """Displacement (height, width, 2), u right and v down, of what each pixel shows between two camera poses.
+    """Displacement (height, width, 2), u right and v down, of what each pixel shows and stands, between camera poses.
 
     The paper's x* = K pi(R z K^-1 x + T) with [R|T] = T_world_camera_end^-1 T_world_camera_start. Divided by z it is
     pi(K R K^-1 x + K T / z), which also holds at infinity (inverse depth 0). Float64 inside, float32 out.
@@ -23,4 +26,28 @@ def flow_px(
     flow = np.empty((*inverse_depth_per_m.shape, 2), dtype=np.float32)
     H = K @ T_end_start[:3, :3] @ np.linalg.inv(K)
     displacements(H, K @ T_end_start[:3, 3], inverse_depth_per_m, flow)
+    return flow
+
+
+def scene_flow_px(
+    world: RenderedWorld,
+    camera: Camera,
+    inverse_depth_per_m: Floats,
+    bodies: NDArray[np.int64],
+    poses: tuple[Floats, Floats],
+    times_us: tuple[int, int],
+) -> NDArray[np.float32]:
+    """``flow_px`` with the own motion of what moves, between two camera poses at two times.
+
+    ``bodies`` and ``inverse_depth_per_m`` (height, width) are what the pixels show at the first. A body that goes by d
+    is seen as if it stood and the second camera were displaced by -d.
+    """
+    start, end = poses
+    flow = flow_px(inverse_depth_per_m, camera.K, start, end)
+    for body in np.unique(bodies[bodies > 0]).tolist():
+        start_m, end_m = world.displacement_m(body, np.array(times_us) / US_PER_S)
+        as_if = end.copy()
+        as_if[:3, 3] -= end_m - start_m
+        shown = bodies == body
+        flow[shown] = flow_px(inverse_depth_per_m, camera.K, start, as_if)[shown]
     return flow

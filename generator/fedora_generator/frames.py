@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_generator.camera import colour_camera
 from fedora_generator.depth import depth_mm, in_range
 from fedora_generator.flight import Flight
-from fedora_generator.flow import flow_px
+from fedora_generator.flow import scene_flow_px
 from fedora_generator.instants import FRAME_RATE_HZ, intervals_us, stamps_us
 from fedora_generator.metadata import write_camera, write_depth_range, write_flow
 from fedora_generator.rendered_world import RenderedWorld
@@ -25,6 +25,16 @@ DN_MAX: Final = 255
 
 
 @dataclass(frozen=True, slots=True)
+class FlowRows:
+    """The flow of one rate: its field of each interval, and where anything moves what of it does."""
+
+    intervals_us: NDArray[np.int64]
+    """(k, 2)"""
+    flow: h5py.Dataset
+    moving: h5py.Dataset | None
+
+
+@dataclass(frozen=True, slots=True)
 class FrameRenderer:
     """Renders the frames that were asked for into their datasets, in any order, each once."""
 
@@ -33,31 +43,36 @@ class FrameRenderer:
     flight: Flight
     rgb: h5py.Dataset | None
     depth: h5py.Dataset | None
-    flow: dict[int, tuple[h5py.Dataset, NDArray[np.int64]]]
-    """By rate: the dataset, and its intervals (k, 2) in microseconds."""
+    flow: dict[int, FlowRows]
+    """By rate in hertz."""
 
     def render(self, index: int, stamp_us: int) -> None:
         """Write everything that belongs to frame ``index`` at ``stamp_us``: the flow of intervals that start here."""
-        camera = colour_camera(self.scene.camera)
+        camera, world = colour_camera(self.scene.camera), self.world.at(stamp_us)
         T_world_camera = self._pose_at(stamp_us)
         if self.rgb is not None:
-            self.rgb[index] = as_8_bit(self.world.rgb_dn(camera, T_world_camera))
+            self.rgb[index] = as_8_bit(world.rgb_dn(camera, T_world_camera))
         starting = self._flow_from(index)
         if self.depth is None and not starting:
             return
-        inverse_depth = in_range(self.world.inverse_depth_per_m(camera, T_world_camera), self.scene.depth_range_m)
+        inverse_depth = in_range(world.inverse_depth_per_m(camera, T_world_camera), self.scene.depth_range_m)
         if self.depth is not None:
             self.depth[index] = depth_mm(inverse_depth)
-        for dataset, k, end_us in starting:
-            dataset[k] = flow_px(inverse_depth, camera.K, T_world_camera, self._pose_at(end_us))
+        bodies = world.bodies_seen(camera, T_world_camera) if starting else np.zeros((0, 0), np.int64)
+        for rows, k in starting:
+            end_us = int(rows.intervals_us[k, 1])
+            poses, times_us = (T_world_camera, self._pose_at(end_us)), (stamp_us, end_us)
+            rows.flow[k] = scene_flow_px(world, camera, inverse_depth, bodies, poses, times_us)
+            if rows.moving is not None:
+                rows.moving[k] = bodies > 0
 
-    def _flow_from(self, index: int) -> list[tuple[h5py.Dataset, int, int]]:
-        """Dataset, row and end of each flow interval that starts at a frame."""
+    def _flow_from(self, index: int) -> list[tuple[FlowRows, int]]:
+        """Each flow interval that starts at a frame: where it is kept, and its row there."""
         found = []
-        for rate_hz, (dataset, intervals) in self.flow.items():
+        for rate_hz, rows in self.flow.items():
             k, rest = divmod(index * rate_hz, FRAME_RATE_HZ)
-            if rest == 0 and k < len(intervals):
-                found.append((dataset, k, int(intervals[k, 1])))
+            if rest == 0 and k < len(rows.intervals_us):
+                found.append((rows, k))
         return found
 
     def _pose_at(self, time_us: int) -> Floats:
@@ -88,10 +103,12 @@ def create_frames(
         write_depth_range(file, scene)
     flow = {}
     if "flow" in streams:
-        write_flow(file)
+        write_flow(file, moves=world.moves)
         for rate_hz in FLOW_RATES_HZ:
             intervals = intervals_us(duration_us, rate_hz)
-            count = {f"K{rate_hz}": len(intervals)}
-            flow[rate_hz] = create_dataset(file, f"path/flow/{rate_hz}hz", {**count, **size}), intervals
-            write_dataset(file, f"path/flow/{rate_hz}hz_ts", intervals, **count)
+            key, count = f"path/flow/{rate_hz}hz", {f"K{rate_hz}": len(intervals)}
+            field = create_dataset(file, key, {**count, **size})
+            moving = create_dataset(file, f"{key}_moving", {**count, **size}) if world.moves else None
+            flow[rate_hz] = FlowRows(intervals, field, moving)
+            write_dataset(file, f"{key}_ts", intervals, **count)
     return FrameRenderer(scene, world, scene.fly(), rgb, depth, flow)

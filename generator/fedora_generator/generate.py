@@ -101,7 +101,7 @@ def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: 
     camera, flight = colour_camera(scene.camera), scene.fly()
     for times_us in _pieces(stamps_us(duration_us, IMU_RATE_HZ)):
         positions_world_m = camera.poses_at(flight, times_us)[:, :3, 3]
-        collision = surroundings.collision(positions_world_m)
+        collision = surroundings.collision(positions_world_m, times_us / US_PER_S)
         if collision is not None:
             index, what = collision
             raise SceneError(

@@ -89,9 +89,9 @@ def write_pose(file: h5py.File, scene: Scene) -> None:
     )
 
 
-def write_flow(file: h5py.File) -> None:
-    """Write unit and model of the flow: nothing in either world moves."""
-    _set(file.require_group("metadata/flow"), {"unit": "px", "model": "rigid"})
+def write_flow(file: h5py.File, *, moves: bool) -> None:
+    """Write unit and model of the flow: of a rigid world, or of one where objects move."""
+    _set(file.require_group("metadata/flow"), {"unit": "px", "model": "scene" if moves else "rigid"})
 
 
 def _set(owner: h5py.Group, attributes: Mapping[str, Any]) -> None:

@@ -1,27 +1,28 @@
 """The exact world made ready to render: arrays once, then an image per camera pose."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.camera import Camera
-from fedora_generator.surfaces.faces import Faces, faces_of
+from fedora_generator.surfaces.faces import Faces, faces_of, moved
 from fedora_generator.surfaces.light import WHITE_DN, Light, even_irradiance, lamps_over_faces
+from fedora_generator.surfaces.movement import Movement
 from fedora_generator.surfaces.projection import pixel_rays, project_faces
-from fedora_generator.surfaces.render_kernels import render_inverse_depth, render_radiance
+from fedora_generator.surfaces.render_kernels import render_bodies, render_inverse_depth, render_radiance
 from fedora_generator.surfaces.shading_kernels import Surfaces, View
 from fedora_generator.surfaces.texture_kernels import TextureTable
 from fedora_generator.surfaces.textures import texture_table
 from fedora_generator.surfaces.world import World
-from fedora_qa.conventions import LUMA_WEIGHTS_RGB
+from fedora_qa.conventions import LUMA_WEIGHTS_RGB, US_PER_S
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class ExactWorld:
-    """A world under a light, rendered in float64.
+    """A world under a light at one instant, rendered in float64; where nothing moves, at any.
 
     Radiance is linear DN (0..255 when nothing saturates), the average over each pixel's own footprint, unrounded.
     The result does not depend on the number of threads.
@@ -31,17 +32,40 @@ class ExactWorld:
     textures: TextureTable
     coloured: Surfaces
     grey: Surfaces
+    movements: tuple[Movement, ...]
+    standing: Faces
+    """As described, before anything has moved."""
 
     @classmethod
     def of(cls, world: World, light: Light) -> "ExactWorld":
-        """Prepare a world for rendering."""
+        """Prepare a world for rendering, as it is at time 0."""
         faces = faces_of(world)
-        return cls(
+        prepared = cls(
             faces=faces,
             textures=texture_table(list(world.textures.values())),
             coloured=_surfaces(world, light, faces, np.eye(3)),
             grey=_surfaces(world, light, faces, np.array(LUMA_WEIGHTS_RGB)[:, None]),
+            movements=tuple(mover.movement for mover in world.movers),
+            standing=faces,
         )
+        return prepared.at(0)
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything does."""
+        return bool(self.movements)
+
+    def at(self, time_us: int) -> "ExactWorld":
+        """Return the world as it is at a time; itself where nothing moves."""
+        if not self.moves:
+            return self
+        time_s = np.array([time_us / US_PER_S])
+        displacements_m = [self.displacement_m(body, time_s)[0] for body in range(1 + len(self.movements))]
+        return replace(self, faces=moved(self.standing, np.array(displacements_m)))
+
+    def displacement_m(self, body: int, times_s: Floats) -> Floats:
+        """Displacement (n, 3) of a body at ``times_s`` (n,), world, from where it is described; body 0 stands."""
+        return self.movements[body - 1].displacement_m(times_s) if body else np.zeros((len(times_s), 3))
 
     def rgb_dn(self, camera: Camera, T_world_camera: Floats) -> Floats:
         """Linear radiance (height, width, 3) of R, G, B, DN."""
@@ -56,6 +80,14 @@ class ExactWorld:
         inverse_depth = np.empty((camera.height, camera.width))
         render_inverse_depth(self._view(camera, T_world_camera), inverse_depth)
         return inverse_depth
+
+    def bodies_seen(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.int64]:
+        """Body (height, width) that each pixel centre shows; 0 for what stands and the sky."""
+        if not self.moves:
+            return np.zeros((camera.height, camera.width), dtype=np.int64)
+        bodies = np.empty((camera.height, camera.width), dtype=np.int64)
+        render_bodies(self._view(camera, T_world_camera), self.faces.bodies, bodies)
+        return bodies
 
     def _radiance_dn(self, surfaces: Surfaces, camera: Camera, T_world_camera: Floats) -> Floats:
         radiance_dn = np.empty((camera.height, camera.width, surfaces.sky_dn.shape[1]))

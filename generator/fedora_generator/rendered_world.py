@@ -11,7 +11,28 @@ Floats = NDArray[np.float64]
 
 
 class RenderedWorld(Protocol):
-    """A world under its light. Radiance is linear DN (0..255 when nothing saturates), averaged over each pixel."""
+    """A world under its light, at one instant where anything moves.
+
+    Radiance is linear DN (0..255 when nothing saturates), averaged over each pixel. What moves are bodies 1, 2, ...;
+    body 0 is all that stands.
+    """
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything does."""
+        ...
+
+    def at(self, time_us: int) -> "RenderedWorld":
+        """Return the world as it is at a time; itself where nothing moves."""
+        ...
+
+    def displacement_m(self, body: int, times_s: Floats) -> Floats:
+        """Displacement (n, 3) of a body at ``times_s`` (n,), world; body 0 stands."""
+        ...
+
+    def bodies_seen(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.int64]:
+        """Body (height, width) that each pixel centre shows; 0 for what stands and the sky."""
+        ...
 
     def rgb_dn(self, camera: Camera, T_world_camera: Floats) -> Floats:
         """Linear radiance (height, width, 3) of R, G, B, DN."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fedora_generator.camera import Camera
 from fedora_generator.flight import Flight
-from fedora_generator.flow import flow_px
+from fedora_generator.flow import scene_flow_px
 from fedora_generator.rendered_world import RenderedWorld
 
 Quality = Literal["draft", "standard", "reference"]
@@ -90,10 +90,12 @@ class MotionSteps:
 
     def largest_motion_px(self, start_us: int, stop_us: int) -> float:
         """Largest displacement of any pixel between two instants; points that pass behind the camera do not count."""
-        T_start, T_stop = (self.camera.pose_at(self.flight, time_us) for time_us in (start_us, stop_us))
-        return max(self._largest_px(T_start, T_stop), self._largest_px(T_stop, T_start))
+        return max(self._largest_px(start_us, stop_us), self._largest_px(stop_us, start_us))
 
-    def _largest_px(self, T_world_camera_from: NDArray[np.float64], T_world_camera_to: NDArray[np.float64]) -> float:
-        inverse_depth = self.world.inverse_depth_per_m(self.camera, T_world_camera_from)
-        u, v = np.moveaxis(flow_px(inverse_depth, self.camera.K, T_world_camera_from, T_world_camera_to), -1, 0)
+    def _largest_px(self, from_us: int, to_us: int) -> float:
+        pose, to_pose = (self.camera.pose_at(self.flight, time_us) for time_us in (from_us, to_us))
+        world = self.world.at(from_us)
+        inverse_depth, bodies = world.inverse_depth_per_m(self.camera, pose), world.bodies_seen(self.camera, pose)
+        flow = scene_flow_px(world, self.camera, inverse_depth, bodies, (pose, to_pose), (from_us, to_us))
+        u, v = np.moveaxis(flow, -1, 0)
         return float(np.nanmax(np.hypot(u, v), initial=0.0))

@@ -9,6 +9,15 @@ either the same ``world``, or a place built in code, which only it can draw::
     renderer = "mesh"
     place = { name = "park", seed = 3 }     # instead of world; seed is 0 if left out
 
+Boxes that move are ``movers`` of an exact world; a scene may add them to the world of its base::
+
+    [[world.movers]]
+    name = "cart"
+    center_m = [7.0, -1.6, 0.5]
+    size_m = [1.6, 0.9, 1.0]
+    texture = "wood"
+    movement = { velocity_m_s = [0.3, 1.2, 0.0] }    # and sways, see surfaces/movement.py
+
 ``[flight]`` is a sum of steady rates and sines (``flight.py``), or, with a ``kind``, flown by a quadrotor
 (``flights/``).
 
@@ -43,6 +52,7 @@ SCENE_NAMES: Final = (
     "hover",
     "fast-turn",
     "park-noisy",
+    "park-traffic",
     "park-mesh-day",
     "park-mesh-night",
     "racetrack-mesh-day",
@@ -118,6 +128,14 @@ class Scene:
             raise ValueError("Expected a world with the exact renderer, got a place; set renderer = 'mesh'")
         if self.renderer == "exact" and self.mesh is not None:
             raise ValueError("Expected no table mesh with the exact renderer, got one; set renderer = 'mesh'")
+        if self.world is not None and self.world.movers:
+            self._require_light_that_stays(self.world)
+
+    def _require_light_that_stays(self, world: World) -> None:
+        if self.renderer == "mesh":
+            raise ValueError("Expected no movers with the mesh renderer, got some; use the exact one")
+        if any(lamp.strength * self.light.lamp_scale > 0 for lamp in world.lamps):
+            raise ValueError("Expected no lit lamp where anything moves, whose light would change; set lamp_scale to 0")
 
     @property
     def digest(self) -> str:

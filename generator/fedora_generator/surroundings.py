@@ -38,8 +38,10 @@ class Surroundings(Protocol):
     def name(self) -> str:
         """Its name, as files say it."""
 
-    def collision(self, positions_world_m: NDArray[np.float64]) -> tuple[int, str] | None:
-        """First of the points (n, 3) that is inside or below something, and which; None if none is."""
+    def collision(
+        self, positions_world_m: NDArray[np.float64], times_s: NDArray[np.float64] | None = None
+    ) -> tuple[int, str] | None:
+        """First of the points (n, 3), at its time (n,), that is inside or below something, and which; else None."""
 
 
 def surroundings_of(scene: Scene) -> World | MeshModel:

@@ -38,10 +38,23 @@ def test_handmade_file_is_whole(file: h5py.File) -> None:
     layout = resolve(file)
     assert layout.dialect_name == "fedora"
     assert layout.streams == set(STREAMS)
-    assert set(layout.bindings) == set(DATASETS)
+    assert set(layout.bindings) == {key for key, spec in DATASETS.items() if not spec.optional}
     assert not layout.problems
     assert not layout.absent
     assert not layout.inferred
+
+
+def test_masks_of_what_moves_are_read_where_they_are(file: h5py.File) -> None:
+    """They are bound beside their flow, and no stream of their own; one that does not fit is a problem of its flow."""
+    flow = file["path/flow/10hz"]
+    file["path/flow/10hz_moving"] = np.zeros(flow.shape[:3], np.uint8)
+    layout = resolve(file)
+    assert "path/flow/10hz_moving" in layout.bindings
+    assert layout.streams == set(STREAMS)
+    assert not layout.problems
+    del file["path/flow/10hz_moving"]
+    file["path/flow/10hz_moving"] = np.zeros((*flow.shape[:2], 7), np.uint8)
+    assert only_problem(resolve(file)) == ("wrong_shape", "wrong_shape", "flow/10hz", "path/flow/10hz_moving")
 
 
 def test_streams_may_be_left_out(file: h5py.File) -> None:

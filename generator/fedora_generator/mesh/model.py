@@ -49,7 +49,9 @@ class MeshModel:
     lamps: tuple[Lamp, ...] = ()
     solids: tuple[Box, ...] = ()
 
-    def collision(self, positions_world_m: NDArray[np.float64]) -> tuple[int, str] | None:
-        """First of the points (n, 3) that is inside a solid, and which; None if none is."""
+    def collision(
+        self, positions_world_m: NDArray[np.float64], times_s: NDArray[np.float64] | None = None
+    ) -> tuple[int, str] | None:
+        """First of the points (n, 3) that is inside a solid, and which; None if none is. Nothing moves with time."""
         inside = [(solid.contains(positions_world_m), f"inside {solid.name!r}") for solid in self.solids]
         return min(((int(np.argmax(flags)), what) for flags, what in inside if flags.any()), default=None)

@@ -46,6 +46,23 @@ class MeshWorld:
         detail = detail or MeshDetail()
         return cls(Rasteriser(model, light, detail), detail)
 
+    @property
+    def moves(self) -> bool:
+        """Nothing does."""
+        return False
+
+    def at(self, time_us: int) -> "MeshWorld":
+        """Return itself, at any time."""
+        return self
+
+    def displacement_m(self, body: int, times_s: Floats) -> Floats:
+        """Displacement (n, 3): none."""
+        return np.zeros((len(times_s), 3))
+
+    def bodies_seen(self, camera: Camera, T_world_camera: Floats) -> NDArray[np.int64]:
+        """Body (height, width) that each pixel shows: 0, which is all that stands."""
+        return np.zeros((camera.height, camera.width), dtype=np.int64)
+
     def rgb_dn(self, camera: Camera, T_world_camera: Floats) -> Floats:
         """Linear radiance (height, width, 3) of R, G, B, DN."""
         return WHITE_DN * self.rasteriser.radiance(camera, T_world_camera, self.detail.colour_factor)

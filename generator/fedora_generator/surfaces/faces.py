@@ -1,6 +1,6 @@
 """The world as arrays of faces: each a rectangle with its own axes in the world."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -47,6 +47,8 @@ class Faces:
     """(n, 2), added to (u, v) for the waves of the texture"""
     textures: NDArray[np.int64]
     """(n,), index into the world's textures"""
+    bodies: NDArray[np.int64]
+    """(n,), 0 for what stands, k for the world's k-th mover, counted from 1"""
 
     @property
     def frames(self) -> FaceFrames:
@@ -55,12 +57,12 @@ class Faces:
 
 
 def faces_of(world: World) -> Faces:
-    """All faces of the world: the rectangles, then six for each box."""
-    names = list(world.textures)
+    """All faces of the world: the rectangles, then six for each box and for each mover, as described."""
+    names, boxes = list(world.textures), (*world.boxes, *world.movers)
     parts = [_rectangle_face(rectangle) for rectangle in world.rectangles]
-    parts += [face for box in world.boxes for face in _box_faces(box)]
+    parts += [face for box in boxes for face in _box_faces(box)]
     textures = [names.index(rectangle.texture) for rectangle in world.rectangles]
-    textures += [names.index(box.texture) for box in world.boxes for _ in _BOX_FACES]
+    textures += [names.index(box.texture) for box in boxes for _ in _BOX_FACES]
     centers_m, u_axes, v_axes, half_sizes = (np.array(column) for column in zip(*parts, strict=True))
     return Faces(
         centers_m=centers_m,
@@ -70,7 +72,19 @@ def faces_of(world: World) -> Faces:
         half_sizes_m=half_sizes,
         wave_offsets_m=np.outer(np.arange(len(parts)), WAVE_SHIFT_M),
         textures=np.array(textures, dtype=np.int64),
+        bodies=_bodies(world),
     )
+
+
+def moved(faces: Faces, displacements_m: Floats) -> Faces:
+    """Faces with each body displaced by its row of ``displacements_m`` (1 + bodies, 3); row 0 is of what stands."""
+    return replace(faces, centers_m=faces.centers_m + displacements_m[faces.bodies])
+
+
+def _bodies(world: World) -> NDArray[np.int64]:
+    standing = np.zeros(len(world.rectangles) + len(world.boxes) * len(_BOX_FACES), np.int64)
+    moving = np.repeat(1 + np.arange(len(world.movers)), len(_BOX_FACES))
+    return np.concatenate([standing, moving])
 
 
 def _rectangle_face(rectangle: Rectangle) -> tuple[Floats, Floats, Floats, Floats]:

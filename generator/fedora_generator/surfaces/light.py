@@ -1,4 +1,6 @@
-"""Light on Lambert surfaces: ambient, one sun, point lamps; no cast shadows, nothing moves.
+"""Light on Lambert surfaces: ambient, one sun, point lamps; no cast shadows.
+
+What moves keeps its light: it never turns, and no lamp is lit where anything moves (``scene.py``).
 
 Irradiance is relative: a white surface under irradiance 1 has radiance ``WHITE_DN``.
 """

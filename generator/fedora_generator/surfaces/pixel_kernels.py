@@ -10,13 +10,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_generator.surfaces.visibility_kernels import FIRST_BORDER, STOP_BORDER, W, spread, value
+from fedora_generator.surfaces.visibility_kernels import FIRST_BORDER, SLIVER, STOP_BORDER, W, spread, value
 
 MAX_PIECES: Final = 64
 MAX_CORNERS: Final = 24
-SLIVER: Final = 1e-9
-"""A line that cuts less than this share of the pixel's width from a piece leaves it whole: two faces that meet have
-the same border up to rounding."""
 
 
 class Pieces(NamedTuple):
@@ -65,7 +62,7 @@ def cut_pixel(
 
 @njit(cache=True, error_model="numpy")
 def _cut_all(pieces: Pieces, number: int, l_x: float, l_y: float, center: float) -> int:
-    """Cut every piece by the line ``l_x x + l_y y + center = 0``."""
+    """Cut every piece by the line ``l_x x + l_y y + center = 0``, but spare what would lose less than a sliver."""
     sliver = SLIVER * (abs(l_x) + abs(l_y))
     before = number
     for piece in range(before):

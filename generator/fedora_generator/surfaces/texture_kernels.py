@@ -25,10 +25,14 @@ DASHES: Final = 2
 LANES: Final = 4
 """Waves that one vector instruction handles (AVX2, float64); the number of waves is a multiple."""
 
-MOST_PERIODS: Final = 32.0
+MOST_PERIODS: Final = 1024.0
 """Longest footprint, in periods, whose border is walked from edge to edge of the pattern."""
+WIDE: Final = 1e-2
+"""Product of a footprint's two widths, in periods, from which the second difference keeps 14 digits."""
 NARROWEST: Final = 1e-5
-"""Least footprint of a square wave, in periods: below it the second difference would lose digits."""
+"""Least width, in periods, of a footprint longer than ``MOST_PERIODS``: to widen it changes the average by 1e-7."""
+THREAD: Final = 1e-9
+"""Area over length of a footprint, in periods, below which it is a thread whose two waves are taken as independent."""
 
 # sin(2 pi y) / y as a polynomial of y^2, highest power first: Taylor, error below 3e-16 for |y| <= 1/4.
 _SINE: Final = tuple((-1.0) ** k * (2 * math.pi) ** (2 * k + 1) / math.factorial(2 * k + 1) for k in range(9, -1, -1))
@@ -85,20 +89,48 @@ def _second_antiderivative(turns: float, duty: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def _share_past(distance: float, long: float, short: float) -> float:
+    """Share of a footprint that lies past an edge, its centre ``distance`` past it: the integral of a trapezoid.
+
+    Two uniform spreads of widths ``long`` >= ``short`` add up to a trapezoid, as wide as both at its foot.
+    """
+    outer, inner = 0.5 * (long + short), 0.5 * (long - short)
+    if distance <= -outer:
+        return 0.0
+    if distance >= outer:
+        return 1.0
+    if abs(distance) <= inner:
+        return 0.5 + distance / long
+    tip = outer - abs(distance)
+    share = 0.5 * tip * tip / (long * short)
+    return share if distance < 0.0 else 1.0 - share
+
+
+@njit(cache=True, error_model="numpy")
 def square_average(turns: float, width_a: float, width_b: float, duty: float) -> float:
-    """Average of a 0/1 square wave of period 1 over two uniform spreads of the given widths (turns)."""
-    width_a = max(abs(width_a), NARROWEST)
-    width_b = max(abs(width_b), NARROWEST)
-    outer = 0.5 * (width_a + width_b)
+    """Average of a 0/1 square wave of period 1 over two uniform spreads of the given widths (turns).
+
+    Narrow footprints add up the share past each edge, as a difference would lose their digits; wide ones take the
+    second difference of the second antiderivative, whatever the number of edges.
+    """
+    width_a, width_b = abs(width_a), abs(width_b)
+    long, short = max(width_a, width_b), min(width_a, width_b)
+    outer = 0.5 * (long + short)
     f = turns - math.floor(turns)
     if outer <= f and f + outer <= duty:
         return 1.0
     if duty + outer <= f and f + outer <= 1.0:
         return 0.0
-    inner = 0.5 * (width_a - width_b)
-    difference = _second_antiderivative(turns + outer, duty) + _second_antiderivative(turns - outer, duty)
-    difference -= _second_antiderivative(turns + inner, duty) + _second_antiderivative(turns - inner, duty)
-    return duty + difference / (width_a * width_b)
+    if long * short < WIDE and long < MOST_PERIODS:
+        total = 0.0
+        for k in range(math.floor(f - outer), math.floor(f + outer) + 1):
+            total += _share_past(f - k, long, short) - _share_past(f - k - duty, long, short)
+        return total
+    short = max(short, NARROWEST)
+    outer, inner = 0.5 * (long + short), 0.5 * (long - short)
+    difference = _second_antiderivative(f + outer, duty) + _second_antiderivative(f - outer, duty)
+    difference -= _second_antiderivative(f + inner, duty) + _second_antiderivative(f - inner, duty)
+    return duty + difference / (long * short)
 
 
 @njit(cache=True, error_model="numpy")
@@ -109,14 +141,21 @@ def _antiderivative(turns: float, duty: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _share_to_edge(turns: float, rate: float, duty: float) -> float:
-    """How far along a line, on which the phase runs at ``rate``, the next edge of a square wave lies."""
+def _next_edge(turns: float, rate: float, duty: float) -> int:
+    """First edge on the way from a phase, by number: edge 2 k rises at k, edge 2 k + 1 falls at k + duty."""
+    k = math.floor(turns)
+    f = turns - k
+    if rate >= 0.0:
+        return 2 * k + (1 if f < duty else 2)
+    return 2 * k + (1 if f > duty else (0 if f > 0.0 else -1))
+
+
+@njit(cache=True, error_model="numpy")
+def _share_to_edge(edge: int, turns: float, rate: float, duty: float) -> float:
+    """How far along a line, on which the phase starts at ``turns`` and runs at ``rate``, an edge lies."""
     if rate == 0.0:
         return math.inf
-    f = turns - math.floor(turns)
-    if rate > 0.0:
-        return ((duty if f < duty else 1.0) - f) / rate
-    return (f if 0.0 < f <= duty else (f - duty if f > 0.0 else 1.0 - duty)) / -rate
+    return ((edge >> 1) + (duty if edge & 1 else 0.0) - turns) / rate
 
 
 @njit(cache=True, error_model="numpy")
@@ -124,18 +163,24 @@ def _border_integral(one: float, two: float, to_one: float, to_two: float, duty_
     """Integral of f(w1) G(w2) dw1 along a straight side from phases (one, two), by (to_one, to_two).
 
     f is the first square wave less its mean, G the antiderivative of the second. From edge to edge f is constant
-    and G linear, so that the midpoint is exact.
+    and G linear, so that the midpoint is exact. Edges are counted, not searched for: which side of one we are on never
+    depends on rounding.
     """
+    edge_one, edge_two = _next_edge(one, to_one, duty_one), _next_edge(two, to_two, duty_two)
+    on_one, on_two = (1 if to_one >= 0.0 else -1), (1 if to_two >= 0.0 else -1)
     total, s = 0.0, 0.0
     while s < 1.0:
-        step = _share_to_edge(one + s * to_one, to_one, duty_one)
-        step = min(step, _share_to_edge(two + s * to_two, to_two, duty_two), 1.0 - s)
-        step = max(step, 1e-12)  # rounding may leave us just before the edge that we are on
-        middle = s + 0.5 * step
-        phase = one + middle * to_one
-        high = phase - math.floor(phase) < duty_one
-        total += step * ((1.0 if high else 0.0) - duty_one) * _antiderivative(two + middle * to_two, duty_two)
-        s += step
+        at_one = _share_to_edge(edge_one, one, to_one, duty_one)
+        at_two = _share_to_edge(edge_two, two, to_two, duty_two)
+        stop = max(s, min(at_one, at_two, 1.0))
+        high = (edge_one & 1) == (on_one > 0)  # up to a falling edge, or down to a rising one
+        middle = two + 0.5 * (s + stop) * to_two
+        total += (stop - s) * ((1.0 if high else 0.0) - duty_one) * _antiderivative(middle, duty_two)
+        s = stop
+        if at_one <= at_two:
+            edge_one += on_one
+        else:
+            edge_two += on_two
     return total * to_one
 
 
@@ -149,9 +194,9 @@ def _covariance(
     """
     area = a[0] * b[1] - a[1] * b[0]
     length = abs(a[0]) + abs(a[1]) + abs(b[0]) + abs(b[1])
-    if abs(area) < NARROWEST * NARROWEST or length > MOST_PERIODS:
+    if abs(area) < THREAD * length or length > MOST_PERIODS:
         return 0.0
-    p, q = one - 0.5 * (a[0] + b[0]), two - 0.5 * (a[1] + b[1])
+    p, q = one - math.floor(one) - 0.5 * (a[0] + b[0]), two - math.floor(two) - 0.5 * (a[1] + b[1])
     total = _border_integral(p, q, a[0], a[1], duty_one, duty_two)
     total += _border_integral(p + a[0], q + a[1], b[0], b[1], duty_one, duty_two)
     total -= _border_integral(p + b[0], q + b[1], a[0], a[1], duty_one, duty_two)

@@ -20,6 +20,9 @@ OUTSIDE: Final = 0
 PARTLY: Final = 1
 COVERING: Final = 2
 
+SLIVER: Final = 1e-9
+"""Two faces that meet have the same border up to rounding. What lies within this of a border, px, is on it."""
+
 
 @njit(cache=True, error_model="numpy")
 def value(lines: NDArray[np.float64], face: int, line: int, x: float, y: float) -> float:
@@ -89,11 +92,11 @@ def possible_faces(
 
 @njit(cache=True, error_model="numpy")
 def nearest_face(lines: NDArray[np.float64], given: NDArray[np.int64], count: int, x: float, y: float) -> int:
-    """Face that a ray meets first, -1 for the sky."""
+    """Face that a ray meets first, -1 for the sky. Its border belongs to it, so that no ray slips between two faces."""
     nearest, inverse_depth = -1, 0.0
     for i in range(count):
         face = given[i]
         here = value(lines, face, W, x, y)
-        if here > inverse_depth and coverage(lines, face, x, y, 0.0) == COVERING:
+        if here > inverse_depth and coverage(lines, face, x, y, SLIVER) != OUTSIDE:
             nearest, inverse_depth = face, here
     return nearest

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_generator.surfaces.movement import Movement
 from fedora_generator.surfaces.textures import Texture
 
 Vector = tuple[float, float, float]
@@ -55,6 +56,13 @@ class Box:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Mover(Box):
+    """A box that moves as one body: at time t it is at ``center_m`` plus its movement's displacement."""
+
+    movement: Movement
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Lamp:
     """A point lamp: irradiance ``strength`` at 1 m, falling with the inverse square (softened near the lamp)."""
 
@@ -68,26 +76,35 @@ class Lamp:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class World:
-    """Everything that does not move. Boxes may touch and pierce each other."""
+    """Everything that stands, and the ``movers``: bodies 1, 2, ... Boxes may touch and pierce each other."""
 
     name: str
     textures: dict[str, Texture]
     rectangles: tuple[Rectangle, ...] = ()
     boxes: tuple[Box, ...] = ()
     lamps: tuple[Lamp, ...] = field(default=())
+    movers: tuple[Mover, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.rectangles and not self.boxes:
             raise ValueError(f"Expected at least one rectangle or box, got an empty world {self.name!r}")
-        solids: list[Rectangle | Box] = [*self.rectangles, *self.boxes]
+        solids: list[Rectangle | Box] = [*self.rectangles, *self.boxes, *self.movers]
         for solid in solids:
             if solid.texture not in self.textures:
                 known = ", ".join(self.textures) or "none"
                 raise ValueError(f"Expected a texture of the world ({known}), got {solid.texture!r} at {solid.name!r}")
 
-    def collision(self, positions_world_m: NDArray[np.float64]) -> tuple[int, str] | None:
-        """First of the points (n, 3) that is inside a box or under a flat rectangle, and which; None if none is."""
+    def collision(
+        self, positions_world_m: NDArray[np.float64], times_s: NDArray[np.float64] | None = None
+    ) -> tuple[int, str] | None:
+        """First of the points (n, 3) that is inside a box or under a flat rectangle, and which; None if none is.
+
+        ``times_s`` (n,) says when each point is looked at; without it, movers are where they are at time 0.
+        """
         hits = [(_first(box.contains(positions_world_m)), f"inside {box.name!r}") for box in self.boxes]
+        for mover in self.movers:
+            displacement_m = mover.movement.displacement_m(np.zeros(1) if times_s is None else times_s)
+            hits.append((_first(mover.contains(positions_world_m - displacement_m)), f"inside {mover.name!r}"))
         hits += [(_first(_is_under(flat, positions_world_m)), f"below {flat.name!r}") for flat in self.rectangles]
         return min(((index, what) for index, what in hits if index is not None), default=None)
 
