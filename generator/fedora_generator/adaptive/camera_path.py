@@ -1,7 +1,8 @@
 """The camera's way over a short time, as polynomials that differ from the flight by rounding.
 
 Compiled code asks for poses at millions of instants, and a flight answers in Python. Its motion is smooth, so a few
-Chebyshev polynomials hold it; where they do not, the time is halved.
+Chebyshev polynomials hold it; where they do not, the time is halved. A body that moves is seen as one that stands from
+a camera that moves the other way, so that every body has a place of the camera of its own.
 """
 
 from dataclasses import dataclass
@@ -14,13 +15,14 @@ from numpy.typing import NDArray
 from fedora_generator.camera import Camera
 from fedora_generator.errors import SceneError
 from fedora_generator.flight import Flight
+from fedora_generator.render import ExactWorld
 from fedora_generator.surfaces.projection import pixel_rays
 from fedora_qa.conventions import NS_PER_S
 
 Floats = NDArray[np.float64]
 
 RAY_ENTRIES: Final = 9
-"""A row of coefficients holds the matrix of rays (3, 3), row by row, and then the position (3,)."""
+"""A row of coefficients holds the matrix of rays (3, 3), row by row, then for each body the camera's place (3,)."""
 
 NODES: Final = 16
 ROUNDING: Final = 1e-13
@@ -35,24 +37,24 @@ _TO_COEFFICIENTS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class CameraPath:
-    """Rays and position of a camera from ``start_ns`` to ``stop_ns`` of the flight's clock."""
+    """Rays and places of a camera from ``start_ns`` to ``stop_ns`` of the flight's clock."""
 
     start_ns: int
     stop_ns: int
     coefficients: Floats
-    """(terms, 12) of Chebyshev polynomials of -1 (start) to 1 (stop)"""
+    """(terms, 9 + 3 bodies) of Chebyshev polynomials of -1 (start) to 1 (stop)"""
 
     def at(self, share: float) -> tuple[Floats, Floats]:
-        """Rays (3, 3), which take (column, row, 1) to world directions of optical z = 1, and position (3,), metres.
+        """Rays (3, 3), which take (column, row, 1) to world directions of optical z = 1, and places (bodies, 3), m.
 
-        ``share`` is 0 at the start and 1 at the end.
+        A place is the camera's, less the body's displacement. ``share`` is 0 at the start and 1 at the end.
         """
         row = np.asarray(chebyshev.chebval(2 * share - 1, self.coefficients))
-        return row[:RAY_ENTRIES].reshape(3, 3), row[RAY_ENTRIES:]
+        return row[:RAY_ENTRIES].reshape(3, 3), row[RAY_ENTRIES:].reshape(-1, 3)
 
 
-def camera_paths(camera: Camera, flight: Flight, start_ns: int, stop_ns: int) -> list[CameraPath]:
-    """Paths that follow each other from start to stop, each short enough for its polynomials.
+def camera_paths(world: ExactWorld, camera: Camera, flight: Flight, start_ns: int, stop_ns: int) -> list[CameraPath]:
+    """Paths past the bodies of a world, one after the other from start to stop, each short enough for its polynomials.
 
     Raises
     ------
@@ -60,8 +62,11 @@ def camera_paths(camera: Camera, flight: Flight, start_ns: int, stop_ns: int) ->
         The camera shakes faster than any polynomial over a microsecond.
     """
     middle_s, half_s = (start_ns + stop_ns) / 2 / NS_PER_S, (stop_ns - start_ns) / 2 / NS_PER_S
-    poses = camera.poses_between(flight, middle_s + half_s * _NODES)
-    rows = np.array([np.append(pixel_rays(camera.K, pose), pose[:3, 3]) for pose in poses])
+    times_s = middle_s + half_s * _NODES
+    poses = camera.poses_between(flight, times_s)
+    rays = np.array([pixel_rays(camera.K, pose).ravel() for pose in poses])
+    places_m = [poses[:, :3, 3] - world.displacement_m(body, times_s) for body in range(1 + len(world.movements))]
+    rows = np.concatenate([rays, *places_m], axis=1)
     coefficients = _TO_COEFFICIENTS @ rows
     scales = np.abs(rows).max(axis=0)
     needed = np.flatnonzero((np.abs(coefficients) > ROUNDING * np.maximum(scales, 1e-3)).any(axis=1))
@@ -71,4 +76,5 @@ def camera_paths(camera: Camera, flight: Flight, start_ns: int, stop_ns: int) ->
     if stop_ns - start_ns < SHORTEST_NS:
         raise SceneError(f"Expected a flight that moves smoothly, got a turn within a microsecond at {middle_s:g} s")
     middle_ns = (start_ns + stop_ns) // 2
-    return [*camera_paths(camera, flight, start_ns, middle_ns), *camera_paths(camera, flight, middle_ns, stop_ns)]
+    halves = ((start_ns, middle_ns), (middle_ns, stop_ns))
+    return [path for half in halves for path in camera_paths(world, camera, flight, *half)]

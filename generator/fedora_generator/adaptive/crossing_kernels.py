@@ -67,6 +67,7 @@ def follow_tiles(
     textures: TextureTable,
     surfaces: Surfaces,
     frames: FaceFrames,
+    bodies: Integers,
     coefficients: Floats,
     sensor: Sensor,
     care: Care,
@@ -88,7 +89,7 @@ def follow_tiles(
     for index in prange(len(tiles)):
         thread, tile = get_thread_id(), tiles[index]  # type: ignore[no-untyped-call]
         own = faces[face_starts[tile] : face_starts[tile + 1]]
-        stage = stage_of(textures, surfaces, frames, coefficients, clock.span_ns * 1e-9, own, scratch, thread)
+        stage = stage_of(textures, surfaces, frames, bodies, coefficients, clock.span_ns * 1e-9, own, scratch, thread)
         values, stack, before = scratch.values[thread], scratch.stack[thread], scratch.before[thread]
         stage.asked[0] = 0
         counts[index] = _follow_tile(

@@ -51,14 +51,14 @@ class Follower:
         SignalNotFiniteError
             A pixel has no logarithm; it is left in the signal.
         """
-        paths = camera_paths(self.camera, self.flight, start_ns, stop_ns)
+        paths = camera_paths(self.world, self.camera, self.flight, start_ns, stop_ns)
         return np.sort(np.concatenate([self._along(path, pixels) for path in paths]))
 
     def _along(self, path: CameraPath, pixels: Pixels) -> Keys:
         start_ns = path.start_ns - pixels.origin_ns
         height, width = pixels.signal.shape
-        layout, faces = KeyLayout(height, width), self.world.faces.frames
-        plan = plan_tiles(self.world.faces, path, height, width, self.fidelity.motion_px)
+        layout, faces = KeyLayout(height, width), self.world.standing
+        plan = plan_tiles(faces, path, height, width, self.fidelity.motion_px)
         levels = (pixels.reference, pixels.signal, pixels.threshold_on, pixels.threshold_off)
         sensor = Sensor(*levels, pixels.log_eps_dn, pixels.leak_per_s, start_ns / NS_PER_S)
         care = Care(self.fidelity.caution, self.fidelity.tolerance_us / US_PER_S)
@@ -72,7 +72,16 @@ class Follower:
             entries=path.coefficients.shape[1],
             depth=DEEPEST,
         )
-        stage = (self.world.textures, self.world.grey, faces, path.coefficients, sensor, care, clock)
+        stage = (
+            self.world.textures,
+            self.world.grey,
+            faces.frames,
+            faces.bodies,
+            path.coefficients,
+            sensor,
+            care,
+            clock,
+        )
         found, room, tiles = [], FIRST_ROOM, _dealt(plan.samples.size)
         while tiles.size:
             keys, counts = np.empty((tiles.size, room), np.int64), np.empty(tiles.size, np.int64)

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_generator.adaptive.camera_path import RAY_ENTRIES
 from fedora_generator.adaptive.path_kernels import look
 from fedora_generator.surfaces.pixel_kernels import MAX_CORNERS, MAX_PIECES, Pieces
 from fedora_generator.surfaces.projection_kernels import LINES_PER_FACE, FaceFrames
@@ -44,7 +45,7 @@ class Scratch(NamedTuple):
 
     lines: Floats
     rays: Floats
-    camera_m: Floats
+    cameras_m: Floats
     sums: Floats
     given: Integers
     in_pixel: Integers
@@ -65,7 +66,7 @@ def scratch_for(threads: int, faces: int, waves: int, samples: int, entries: int
     return Scratch(
         lines=np.empty((threads, faces, LINES_PER_FACE, 3)),
         rays=np.empty((threads, 3, 3)),
-        camera_m=np.empty((threads, 3)),
+        cameras_m=np.empty((threads, (entries - RAY_ENTRIES) // 3, 3)),
         sums=np.empty((threads, 2, entries)),
         given=np.empty((threads, faces), np.int64),
         in_pixel=np.empty((threads, faces), np.int64),
@@ -90,12 +91,13 @@ class Stage(NamedTuple):
     textures: TextureTable
     surfaces: Surfaces
     frames: FaceFrames
+    bodies: Integers
     coefficients: Floats
     span_s: float
     view_front: Integers
     view_lines: Floats
     view_rays: Floats
-    camera_m: Floats
+    cameras_m: Floats
     sums: Floats
     given: Integers
     in_pixel: Integers
@@ -110,6 +112,7 @@ def stage_of(
     textures: TextureTable,
     surfaces: Surfaces,
     frames: FaceFrames,
+    bodies: Integers,
     coefficients: Floats,
     span_s: float,
     faces: Integers,
@@ -122,12 +125,13 @@ def stage_of(
         textures,
         surfaces,
         frames,
+        bodies,
         coefficients,
         span_s,
         faces,
         scratch.lines[thread, :count],
         scratch.rays[thread],
-        scratch.camera_m[thread],
+        scratch.cameras_m[thread],
         scratch.sums[thread],
         scratch.given[thread, :count],
         scratch.in_pixel[thread, :count],
@@ -146,7 +150,7 @@ def sample_tile(
     textures, surfaces, given, in_pixel = stage.textures, stage.surfaces, stage.given, stage.in_pixel
     pieces, terms, radiance_dn = stage.pieces, stage.terms, stage.radiance_dn
     view = View(stage.view_front, stage.view_lines, stage.view_rays)
-    look(stage.frames, stage.coefficients, share, view, stage.camera_m, stage.sums)
+    look(stage.frames, stage.bodies, stage.coefficients, share, view, stage.cameras_m, stage.sums)
     _give_all(given)
     half = 0.5 * TILE
     # The list is shortened in place: a face moves to the front of itself.
@@ -179,7 +183,7 @@ def sample_tile(
 def signal_at(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> float:
     """Signal of one pixel of the tile at any share of the path."""
     view = View(stage.view_front, stage.view_lines, stage.view_rays)
-    look(stage.frames, stage.coefficients, share, view, stage.camera_m, stage.sums)
+    look(stage.frames, stage.bodies, stage.coefficients, share, view, stage.cameras_m, stage.sums)
     _give_all(stage.given)
     render_pixel(
         stage.textures,

@@ -11,8 +11,8 @@ from scipy.ndimage import maximum_filter
 
 from fedora_generator.adaptive import tile_plan_kernels as kernels
 from fedora_generator.adaptive.camera_path import CameraPath
-from fedora_generator.surfaces.faces import Faces
-from fedora_generator.surfaces.projection_kernels import project_every_face
+from fedora_generator.surfaces.faces import Faces, moved
+from fedora_generator.surfaces.projection_kernels import LINES_PER_FACE, project_every_face
 from fedora_generator.surfaces.render_kernels import TILE
 
 Floats = NDArray[np.float64]
@@ -42,17 +42,17 @@ class TilePlan:
     """Faces that a tile can show at any time of the path"""
 
 
-def plan_tiles(faces: Faces, path: CameraPath, height: int, width: int, bound_px: float) -> TilePlan:
-    """Equal steps in each tile, in none of which its image moves farther than ``bound_px``.
+def plan_tiles(standing: Faces, path: CameraPath, height: int, width: int, bound_px: float) -> TilePlan:
+    """Equal steps in each tile, in none of which its image moves farther than ``bound_px``; faces as yet unmoved.
 
     What moves into a tile comes from a neighbour: a tile is sampled as densely as the densest around it, and its faces
     are those of a square that is larger by the motion.
     """
-    views = [_view(faces, path, part / PARTS) for part in range(PARTS + 1)]
-    motions_px = PARTS * _motions_px(views, height, width)
+    views = [_view(standing, path, part / PARTS) for part in range(PARTS + 1)]
+    motions_px = PARTS * _motions_px(views, standing.bodies, height, width)
     samples = np.clip(np.ceil(motions_px / bound_px), FEWEST_SAMPLES, _most_samples(path)).astype(np.int64)
     samples[motions_px <= STILL_PX] = 1
-    marked = np.zeros((samples.size, len(faces.textures)), dtype=np.bool_)
+    marked = np.zeros((samples.size, len(standing.textures)), dtype=np.bool_)
     for view in views:
         front = np.flatnonzero(view.front)
         kernels.mark_faces(view.lines[front], front, motions_px / PARTS + 1, height, width, marked)
@@ -63,25 +63,27 @@ def plan_tiles(faces: Faces, path: CameraPath, height: int, width: int, bound_px
 @dataclass(frozen=True, slots=True)
 class _View:
     rays: Floats
-    camera_m: Floats
+    cameras_m: Floats
     lines: Floats
     front: NDArray[np.bool_]
 
 
-def _view(faces: Faces, path: CameraPath, share: float) -> _View:
-    rays, camera_m = path.at(share)
-    lines = np.empty((len(faces.textures), 7, 3))
-    return _View(rays, camera_m, lines, project_every_face(faces.frames, camera_m, rays, lines))
+def _view(standing: Faces, path: CameraPath, share: float) -> _View:
+    rays, cameras_m = path.at(share)
+    lines = np.empty((len(standing.textures), LINES_PER_FACE, 3))
+    faces = moved(standing, cameras_m[0] - cameras_m)
+    return _View(rays, cameras_m, lines, project_every_face(faces.frames, cameras_m[0], rays, lines))
 
 
-def _motions_px(views: list[_View], height: int, width: int) -> Floats:
+def _motions_px(views: list[_View], bodies: NDArray[np.int64], height: int, width: int) -> Floats:
     """Largest displacement (tiles,) from any view to the next or the one before, of a tile and its neighbours."""
     rows, columns = math.ceil(height / TILE), math.ceil(width / TILE)
     motions_px = np.zeros(rows * columns)
     for here, there in itertools.chain(itertools.pairwise(views), itertools.pairwise(reversed(views))):
         to_there = np.linalg.inv(there.rays)
-        H, t = to_there @ here.rays, to_there @ (here.camera_m - there.camera_m)
-        kernels.largest_motions(here.lines[here.front], H, t, height, width, motions_px)
+        H, ts = to_there @ here.rays, (here.cameras_m - there.cameras_m) @ to_there.T
+        seen = (here.lines[here.front], bodies[here.front])
+        kernels.largest_motions(*seen, H, ts, height, width, motions_px)
     return np.asarray(maximum_filter(motions_px.reshape(rows, columns), size=3, mode="nearest").ravel())
 
 

@@ -13,16 +13,17 @@ from fedora_generator.surfaces.visibility_kernels import W, nearest_face, value
 @njit(parallel=True, cache=True, error_model="numpy")
 def largest_motions(
     lines: NDArray[np.float64],
+    bodies: NDArray[np.int64],
     H: NDArray[np.float64],
-    t: NDArray[np.float64],
+    ts: NDArray[np.float64],
     height: int,
     width: int,
     motions_px: NDArray[np.float64],
 ) -> None:
     """Raise ``motions_px`` (tiles,) to the largest displacement of any pixel of a tile to another pose.
 
-    ``lines`` (n, 7, 3) are the faces from here; (column, row, 1) goes to H p + t / z, as ``displacements`` has it. What
-    passes behind the camera has no displacement.
+    ``lines`` (n, 7, 3) are the faces from here, of ``bodies`` (n,); (column, row, 1) goes to H p + t / z, where t is
+    the body's row of ``ts`` (bodies, 3). What passes behind the camera has no displacement.
     """
     for tile in prange(tile_count(height, width)):
         column, row = tile_origin(tile, width)
@@ -33,6 +34,7 @@ def largest_motions(
             for x in range(column, min(column + TILE, width)):
                 face = in_tile[0] if uniform else nearest_face(lines, in_tile, count, x, y)
                 w = value(lines, face, W, x, y) if face >= 0 else 0.0
+                t = ts[bodies[face] if face >= 0 else 0]
                 ahead = H[2, 0] * x + H[2, 1] * y + H[2, 2] + w * t[2]
                 if ahead > 0.0:
                     dx = (H[0, 0] * x + H[0, 1] * y + H[0, 2] + w * t[0]) / ahead - x

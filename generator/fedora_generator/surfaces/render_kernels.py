@@ -128,10 +128,10 @@ def render_inverse_depth(view: View, inverse_depth: NDArray[np.float64]) -> None
 def render_bodies(view: View, body_of_face: NDArray[np.int64], bodies: NDArray[np.int64]) -> None:
     """Fill ``bodies`` (height, width) with the body that each pixel centre shows; 0 for what stands and the sky."""
     height, width = bodies.shape
-    for tile in prange(_tile_count(height, width)):
-        column, row = _tile_origin(tile, width)
+    for tile in prange(tile_count(height, width)):
+        column, row = tile_origin(tile, width)
         in_tile = np.empty(len(view.front), np.int64)
-        count, uniform = _faces_in_tile(view, column, row, in_tile)
+        count, uniform = faces_around_tile(view.lines, column, row, 0.0, in_tile)
         for y in range(row, min(row + TILE, height)):
             for x in range(column, min(column + TILE, width)):
                 face = in_tile[0] if uniform else nearest_face(view.lines, in_tile, count, x, y)

@@ -17,6 +17,7 @@ from fedora_generator.surfaces.shading_kernels import View
 from fedora_qa.conventions import NS_PER_S
 
 SCENE = load_scene("fast-turn").with_size(72, 54)
+WORLD = ExactWorld.of(SCENE.world, SCENE.light)
 CAMERA = event_camera(SCENE.camera)
 
 
@@ -26,14 +27,14 @@ def test_a_path_is_the_flight_to_rounding(start_s: float, length_s: float, share
     """At any instant of a path of the fastest turn, rays and position are the flight's to 1e-12."""
     start_ns = round(start_s * NS_PER_S)
     flight = SCENE.fly()
-    paths = camera_paths(CAMERA, flight, start_ns, start_ns + round(length_s * NS_PER_S))
+    paths = camera_paths(WORLD, CAMERA, flight, start_ns, start_ns + round(length_s * NS_PER_S))
     for path in paths:
         for share in shares:
             time_s = (path.start_ns + share * (path.stop_ns - path.start_ns)) / NS_PER_S
             pose = CAMERA.poses_between(flight, np.array([time_s]))[0]
-            rays, camera_m = path.at(share)
+            rays, places_m = path.at(share)
             np.testing.assert_allclose(rays, pose[:3, :3] @ np.linalg.inv(CAMERA.K), atol=1e-12)
-            np.testing.assert_allclose(camera_m, pose[:3, 3], atol=1e-12)
+            np.testing.assert_allclose(places_m, pose[None, :3, 3], atol=1e-12)
 
 
 def test_what_shakes_is_cut_into_more_paths() -> None:
@@ -41,7 +42,7 @@ def test_what_shakes_is_cut_into_more_paths() -> None:
     flight = Flight(
         FlightOptions(position_m=(0.0, 0.0, 1.0), terms=(HarmonicTerm(axis="yaw", amplitude=1.0, frequency_hz=300.0),))
     )
-    paths = camera_paths(CAMERA, flight, 0, 20_000_000)
+    paths = camera_paths(WORLD, CAMERA, flight, 0, 20_000_000)
     assert len(paths) > 1
     assert [path.start_ns for path in paths] == [0, *(path.stop_ns for path in paths[:-1])]
     assert paths[-1].stop_ns == 20_000_000
@@ -55,16 +56,16 @@ def test_what_no_polynomial_holds_is_refused() -> None:
     shake = HarmonicTerm(axis="x", amplitude=1.0, frequency_hz=1e9)
     flight = Flight(FlightOptions(position_m=(0.0, 0.0, 1.0), terms=(shake,)))
     with pytest.raises(SceneError, match="Expected a flight that moves smoothly"):
-        camera_paths(CAMERA, flight, 0, 20_000_000)
+        camera_paths(WORLD, CAMERA, flight, 0, 20_000_000)
 
 
 def test_a_look_is_the_projection_of_the_faces() -> None:
     """The lines of every face at an instant of a path are those of the pose there; a face turned away is nowhere."""
-    faces = ExactWorld.of(SCENE.world, SCENE.light).faces
-    (path,) = camera_paths(CAMERA, SCENE.fly(), 980_000_000, 990_000_000)
+    faces = WORLD.faces
+    (path,) = camera_paths(WORLD, CAMERA, SCENE.fly(), 980_000_000, 990_000_000)
     every = np.arange(len(faces.textures))
     view = View(every, np.empty((len(every), 7, 3)), np.empty((3, 3)))
-    look(faces.frames, path.coefficients, 0.37, view, np.empty(3), np.empty((2, 12)))
+    look(faces.frames, faces.bodies, path.coefficients, 0.37, view, np.empty((1, 3)), np.empty((2, 12)))
     pose = CAMERA.poses_between(SCENE.fly(), np.array([0.9837]))[0]
     front, lines = project_faces(faces, CAMERA.K, pose)
     np.testing.assert_allclose(view.lines[front], lines, atol=1e-11 * np.abs(lines).max())

@@ -9,9 +9,13 @@ import pytest
 
 from fedora_generator.adaptive import follower
 from fedora_generator.adaptive.follower import Follower
-from fedora_generator.event_sensor import EventBatch, EventSensor, Pixels
+from fedora_generator.camera import event_camera
+from fedora_generator.event_keys import KeyLayout
+from fedora_generator.event_sensor import EventBatch, EventSensor, Pixels, decode
 from fedora_generator.flight import Flight, FlightOptions
+from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import FIDELITY, Fidelity
+from fedora_generator.scene import load_scene
 from tests.benchmarks.event_timing import THRESHOLD, Truth, timing_error, truth_of
 from tests.benchmarks.timing_scenes import TEXTURES, TimingScene
 from tests.generator.event_sensor_cases import as_rows, join, options
@@ -75,6 +79,23 @@ def test_the_signal_that_is_left_is_that_of_the_image() -> None:
     Follower(scene.world, scene.camera, scene.flight, FIDELITY["draft"]).crossings(pixels, 0, STEP_NS)
     np.testing.assert_allclose(pixels.signal, np.log(scene.luma_dn(0.02) + 2.5), atol=1e-11)
     assert np.abs(pixels.signal - pixels.reference).max() < THRESHOLD
+
+
+def test_what_moves_is_followed_too() -> None:
+    """Past a cart and a drone that move, the sensor ends where the image of the world at that time would have put it."""
+    scene = load_scene("park-traffic").with_size(360, 270)
+    world, camera, flight = ExactWorld.of(scene.world, scene.light), event_camera(scene.camera), scene.fly()
+    signal = np.log(world.at(0).luma_dn(camera, camera.pose_at(flight, 0)))
+    threshold = np.full((1, camera.width), THRESHOLD)
+    pixels = Pixels(reference=signal.copy(), signal=signal, threshold_on=threshold, threshold_off=threshold)
+    keys = Follower(world, camera, flight, FIDELITY["standard"]).crossings(pixels, 0, 100_000_000)
+    expected = np.log(world.at(100_000).luma_dn(camera, camera.pose_at(flight, 100_000)))
+    np.testing.assert_allclose(pixels.signal, expected, atol=1e-10)
+    assert np.abs(pixels.signal - pixels.reference).max() < THRESHOLD
+    moving = world.at(100_000).bodies_seen(camera, camera.pose_at(flight, 100_000)) > 0
+    layout = KeyLayout(camera.height, camera.width)
+    events = decode(keys, layout, 0)
+    assert moving[events.y, events.x].sum() > 100
 
 
 def test_leak_raises_the_reference_of_a_still_pixel() -> None:

@@ -24,7 +24,7 @@ def planned(name: str, start_us: int = 980_000) -> tuple[ExactWorld, Scene, Came
     """A scene at 160x120 events, and the plan of the 20 ms from a start."""
     scene = load_scene(name).with_size(360, 270)
     world, camera = ExactWorld.of(scene.world, scene.light), event_camera(scene.camera)
-    (path,) = camera_paths(camera, scene.fly(), start_us * 1000, (start_us + 20_000) * 1000)
+    (path,) = camera_paths(world, camera, scene.fly(), start_us * 1000, (start_us + 20_000) * 1000)
     return world, scene, camera, path, plan_tiles(world.faces, path, camera.height, camera.width, BOUND_PX)
 
 
@@ -74,7 +74,7 @@ def test_a_still_camera_asks_for_one_sample() -> None:
     """Where nothing moves, the end of the path is enough."""
     scene = load_scene("hover").with_size(360, 270)
     world, camera = ExactWorld.of(scene.world, scene.light), event_camera(scene.camera)
-    (path,) = camera_paths(camera, Flight(FlightOptions(position_m=(0.0, 0.0, 1.7))), 0, 20_000_000)
+    (path,) = camera_paths(world, camera, Flight(FlightOptions(position_m=(0.0, 0.0, 1.7))), 0, 20_000_000)
     assert (plan_tiles(world.faces, path, camera.height, camera.width, BOUND_PX).samples == 1).all()
 
 
