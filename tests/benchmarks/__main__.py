@@ -1,4 +1,4 @@
-"""Measures, and writes the tables: ``python -m tests.benchmarks``, about a minute on one core."""
+"""Measures, and writes the tables: ``python -m tests.benchmarks``, about three minutes on one core."""
 
 import os
 import platform
@@ -7,14 +7,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from fedora_generator.sampling import MOTION_BOUND_PX
 from tests.benchmarks.event_throughput import dense_sinusoid, measure, sparse_edge
-from tests.benchmarks.event_timing import timing_error, truth_of
-from tests.benchmarks.timing_scenes import TEXTURES, TimingScene
+from tests.benchmarks.timing_page import scenes, walls
 
 TARGET: Final = Path(__file__).parents[2] / "docs" / "benchmarks.md"
+PLOT: Final = TARGET.with_name("event-timing.svg")
 HEIGHT, WIDTH, FRAMES, RUNS = 480, 640, 81, 5
-TIMED_US: Final = 100_000
 
 THROUGHPUT: Final = """\
 ## Event kernel
@@ -29,21 +27,12 @@ own: both read memory most of the time, and share it with whatever else the mach
 | --- | --- | --- | --- | --- | --- |
 """
 
-TIMING: Final = """\
-## Event timing
-
-Stamps on the internal clock against float64 bisection of the closed form, pixel by pixel, 0.1 s of a wall that sways
-before a camera of 40x30 pixels; 48 pixels less those with a turning point within 1e-9 of a threshold. A wrong pixel
-has another sequence of polarities; the errors are of all others.
-
-| scene | quality | motion bound, px | renders | events | wrong pixels | RMS, us | largest, us |
-| --- | --- | --- | --- | --- | --- | --- | --- |
-"""
-
 
 def main() -> None:
     """Write docs/benchmarks.md and print it."""
-    text = "# Benchmarks\n\nWritten by `make bench`.\n\n" + "".join([*_facts(), *_throughput(), "\n", *_timing()])
+    text = "# Benchmarks\n\nWritten by `make bench`.\n\n" + "".join(
+        [*_facts(), *_throughput(), "\n", *walls(PLOT), *scenes()]
+    )
     TARGET.write_text(text, encoding="utf-8")
     print(text)
 
@@ -63,19 +52,6 @@ def _throughput() -> Iterator[str]:
             yield (
                 f"| {name} | {found.events:.0f} | {1 / found.comparator_s:.0f} "
                 f"| {found.events / found.comparator_s / 1e6:.1f} | {1 / found.plain_s:.0f} | {found.ratio:.2f} |\n"
-            )
-
-
-def _timing() -> Iterator[str]:
-    yield TIMING
-    for texture in TEXTURES:
-        scene = TimingScene.named(texture)
-        truth = truth_of(scene, TIMED_US)
-        for quality, bound_px in MOTION_BOUND_PX.items():
-            error = timing_error(scene, quality, TIMED_US, truth)
-            yield (
-                f"| {texture} | {quality} | {bound_px:g} | {error.renders} | {error.events} "
-                f"| {error.wrong_pixels} of {error.pixels} | {error.rms_us:.3g} | {error.largest_us:.3g} |\n"
             )
 
 

@@ -1,13 +1,14 @@
-"""Stamps on the sensor's internal clock against the closed form, for each quality of sampling."""
+"""Stamps on the sensor's internal clock against the closed form: light followed, and images at a fixed rate."""
 
+import time
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from fedora_generator.adaptive.follower import Follower, Pixels
+from fedora_generator.adaptive.follower import Follower
 from fedora_generator.event_keys import KeyLayout
-from fedora_generator.event_sensor import EventBatch, decode
+from fedora_generator.event_sensor import EventBatch, EventSensor, EventSensorOptions, Pixels, decode
 from fedora_generator.sampling import Fidelity
 from fedora_qa.conventions import NS_PER_S, NS_PER_US, US_PER_S
 from tests.benchmarks.closed_form_events import true_events
@@ -22,10 +23,19 @@ PIXEL_STRIDE: Final = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Events whose stamps (``t_us``) are nanoseconds, and what they cost."""
+
+    events: EventBatch
+    rendered: float
+    """Renders of the whole image, or as many pixels"""
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TimingError:
     """Of the events of the pixels that were compared; times of those whose sequence of polarities is right."""
 
-    rendered_pixels: int
     events: int
     pixels: int
     wrong_pixels: int
@@ -48,11 +58,38 @@ def truth_of(scene: TimingScene, duration_us: int) -> Truth:
     return truth
 
 
-def timing_error(scene: TimingScene, fidelity: Fidelity, duration_us: int, truth: Truth) -> TimingError:
-    """Record the scene as a sequence would, stamped in nanoseconds, and compare with the truth."""
+def followed(scene: TimingScene, fidelity: Fidelity, duration_us: int) -> Recording:
+    """Record the scene as a sequence of the exact world is."""
     follower = Follower(scene.world, scene.camera, scene.flight, fidelity, tick_ns=1)
-    batch = _record(scene, follower, duration_us)
-    late_ns, events, wrong = [], 0, 0
+    started = time.perf_counter()
+    signal = np.log(scene.luma_dn(0.0))
+    threshold = np.full((1, scene.camera.width), THRESHOLD)
+    pixels = Pixels(reference=signal.copy(), signal=signal, threshold_on=threshold, threshold_off=threshold)
+    intervals = range(0, duration_us * NS_PER_US, FRAME_US * NS_PER_US)
+    keys = [follower.crossings(pixels, start_ns, start_ns + FRAME_US * NS_PER_US) for start_ns in intervals]
+    events = decode(np.concatenate(keys), KeyLayout(*signal.shape), 0)
+    rendered = 1 + follower.rendered_pixels / signal.size
+    return Recording(events=events, rendered=rendered, seconds=time.perf_counter() - started)
+
+
+def at_fixed_rate(scene: TimingScene, step_us: int, duration_us: int) -> Recording:
+    """Record the scene from images every ``step_us``, with a straight line between.
+
+    The sensor's arithmetic knows no unit of time: told times 1000 times as long, its microseconds are nanoseconds.
+    """
+    options = EventSensorOptions(model="log", threshold_on=THRESHOLD, threshold_off=THRESHOLD)
+    sensor = EventSensor(options, scene.camera.height, scene.camera.width, np.random.SeedSequence(0))
+    started = time.perf_counter()
+    sensor.start(0, scene.luma_dn(0.0))
+    times_us = range(step_us, duration_us + 1, step_us)
+    batches = [sensor.advance(t_us * NS_PER_US * 1_000, scene.luma_dn(t_us / US_PER_S)) for t_us in times_us]
+    events = EventBatch(*(np.concatenate([getattr(b, name) for b in batches]) for name in ("x", "y", "t_us", "p")))
+    return Recording(events=events, rendered=1 + len(times_us), seconds=time.perf_counter() - started)
+
+
+def timing_error(recording: Recording, truth: Truth) -> TimingError:
+    """Compare a recording with the truth, pixel by pixel."""
+    batch, late_ns, events, wrong = recording.events, [np.empty(0)], 0, 0
     for (column, row), expected in truth.items():
         mine = (batch.x == column) & (batch.y == row)
         times_s, polarities = [time_s for time_s, _ in expected], [p for _, p in expected]
@@ -63,20 +100,9 @@ def timing_error(scene: TimingScene, fidelity: Fidelity, duration_us: int, truth
             wrong += 1
     all_ns = np.concatenate(late_ns)
     return TimingError(
-        rendered_pixels=follower.rendered_pixels,
         events=events,
         pixels=len(truth),
         wrong_pixels=wrong,
         rms_us=float(np.sqrt(np.mean(all_ns**2)) / NS_PER_US),
         largest_us=float(np.abs(all_ns).max() / NS_PER_US),
     )
-
-
-def _record(scene: TimingScene, follower: Follower, duration_us: int) -> EventBatch:
-    """Events whose stamps are nanoseconds."""
-    signal = np.log(scene.luma_dn(0.0))
-    threshold = np.full((1, scene.camera.width), THRESHOLD)
-    pixels = Pixels(reference=signal.copy(), signal=signal, threshold_on=threshold, threshold_off=threshold)
-    intervals = range(0, duration_us * NS_PER_US, FRAME_US * NS_PER_US)
-    keys = [follower.crossings(pixels, start_ns, start_ns + FRAME_US * NS_PER_US) for start_ns in intervals]
-    return decode(np.concatenate(keys), KeyLayout(scene.camera.height, scene.camera.width), 0)

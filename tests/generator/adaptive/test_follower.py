@@ -16,7 +16,7 @@ from fedora_generator.flight import Flight, FlightOptions
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import FIDELITY, Fidelity
 from fedora_generator.scene import load_scene
-from tests.benchmarks.event_timing import THRESHOLD, Truth, timing_error, truth_of
+from tests.benchmarks.event_timing import THRESHOLD, Truth, followed, timing_error, truth_of
 from tests.benchmarks.timing_scenes import TEXTURES, TimingScene
 from tests.generator.event_sensor_cases import as_rows, join, options
 
@@ -46,7 +46,8 @@ def follow(
 @pytest.mark.parametrize("texture", TEXTURES)
 def test_every_event_is_there_and_on_time(texture: str, quality: str, truths: dict[str, Truth]) -> None:
     """No wrong sequence, and an RMS error on the internal clock of at most 5 us (standard) or 0.2 us (reference)."""
-    error = timing_error(TimingScene.named(texture), FIDELITY[quality], TIMED_US, truths[texture])  # type: ignore[index]
+    recording = followed(TimingScene.named(texture), FIDELITY[quality], TIMED_US)  # type: ignore[index]
+    error = timing_error(recording, truths[texture])
     assert error.events > 80
     assert error.wrong_pixels == 0
     assert error.rms_us < RMS_US[quality]
@@ -82,7 +83,7 @@ def test_the_signal_that_is_left_is_that_of_the_image() -> None:
 
 
 def test_what_moves_is_followed_too() -> None:
-    """Past a cart and a drone that move, the sensor ends where the image of the world at that time would have put it."""
+    """Past a cart and a drone that move, the sensor ends where the image of that time would."""
     scene = load_scene("park-traffic").with_size(360, 270)
     world, camera, flight = ExactWorld.of(scene.world, scene.light), event_camera(scene.camera), scene.fly()
     signal = np.log(world.at(0).luma_dn(camera, camera.pose_at(flight, 0)))
