@@ -31,9 +31,9 @@ WALLS: Final = """\
 
 Stamps on the internal clock against float64 bisection of the closed form, 0.1 s of a wall that sways before a camera of
 40x30 pixels: 48 pixels, less those with a turning point within 1e-9 of a threshold. A wrong pixel has another sequence
-of polarities; the errors are of all others. *Rendered* is how often each pixel was, on average. *Fixed* shows the sensor
-images at equal steps, with a straight line between, as other simulators do. What the bounds mean says `Fidelity` in
-`sampling.py`, how light is followed `adaptive/README.md`, both in `generator/fedora_generator`.
+of polarities; the errors are of all others. *Rendered* is how often each pixel was, on average. *Fixed* shows the
+sensor images at equal steps, with a straight line between, as other simulators do. What the bounds mean says `Fidelity`
+in `sampling.py`, how light is followed `adaptive/README.md`, both in `generator/fedora_generator`.
 
 | scene | sampling | motion, px | caution | tolerance, us | rendered | s | wrong pixels | RMS, us | largest, us |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -43,8 +43,8 @@ SCENES_HEAD: Final = """\
 
 Whole scenes have what the walls do not: edges of things, corners, grazing planes. There is no closed form of their
 events; the yardstick is the same algorithm at a bound of 0.125 px, caution 128 and a tolerance of 0.5 us. Frames of
-{width}x{height}, 0.1 s, C = 0.2; stamps in whole microseconds. Where a turning point is missed and the sequence is right all
-the same, another one was reached instead, milliseconds away: these few make the RMS.
+{width}x{height}, 0.1 s, C = 0.2; stamps in whole microseconds. Where a turning point is missed and the sequence is
+right all the same, another one was reached instead, milliseconds away: these few make the RMS.
 
 | scene | sampling | motion, px | caution | rendered | events | wrong pixels | of | RMS, us | largest, us |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
