@@ -8,9 +8,12 @@ A ``.plan`` file is JSON. Of its mission these items are flown (numbers of MAV_C
  19 LOITER_TIME     rest for its time
 178 DO_CHANGE_SPEED the speed from the place before it on
  21 LAND            fly above its place without changing altitude, then straight down; must be last
+ 20 RETURN          land where home is
 === =============== ==================================================================================
 
-Acceptance radii are not read: ``corner_s`` says how corners are cut. Everything else is refused by name.
+Surveys, corridor scans and structure scans hold the simple items that they stand for, and these are flown. Orders to a
+camera move nothing and are passed over. Acceptance radii are not read: ``corner_s`` says how corners are cut.
+Everything else is refused by name.
 Source: QGroundControl developer guide, Plan File Format, version 1 and its mission, version 2.
 """
 
@@ -33,6 +36,10 @@ WAYPOINT: Final = 16
 LOITER_TIME: Final = 19
 DO_CHANGE_SPEED: Final = 178
 LAND: Final = 21
+RETURN: Final = 20
+
+TO_A_CAMERA: Final = frozenset({205, 206, 530, 531, 532, 1000, 2000, 2001, 2500, 2501})
+"""Mount, trigger distance, mode, zoom, focus, gimbal, start and stop of capture and of video."""
 
 ABOVE_SEA: Final = (0, 5)
 ABOVE_HOME: Final = (3, 6)
@@ -122,7 +129,8 @@ def read_plan(document: Any) -> Mission:
     flown = Mission((home[0], home[1], home[2]), float(speed_m_s) if _is_number(speed_m_s) and speed_m_s > 0 else None)
     for number, item in enumerate(mission["items"], start=1):
         try:
-            _fly(flown, item)
+            for simple in _simple_items(item):
+                _fly(flown, simple)
         except ValueError as error:
             raise ValueError(f"{error}, at mission item {number}") from error
     if not flown.waypoints:
@@ -130,13 +138,25 @@ def read_plan(document: Any) -> Mission:
     return flown
 
 
-def _fly(mission: Mission, item: Any) -> None:
-    """Add one item to the mission."""
-    if not isinstance(item, Mapping) or item.get("type") != "SimpleItem":
-        kind = item.get("complexItemType", item.get("type")) if isinstance(item, Mapping) else item
-        raise ValueError(f"Expected simple items only, got {kind!r}; use waypoints in its place")
+def _simple_items(item: Any) -> list[Mapping[str, Any]]:
+    """Return the item, or those that a complex one stands for, but for orders to a camera."""
+    items = [item]
+    if isinstance(item, Mapping) and item.get("type") == "ComplexItem":
+        transects = item.get("TransectStyleComplexItem")
+        items = transects.get("Items") if isinstance(transects, Mapping) else None
+        if not (isinstance(items, list) and items):
+            kind = item.get("complexItemType")
+            raise ValueError(f"Expected a complex item with the simple Items it stands for, got {kind!r} without")
+    for simple in items:
+        if not isinstance(simple, Mapping) or simple.get("type") != "SimpleItem":
+            raise ValueError(f"Expected an item of type SimpleItem or ComplexItem, got {simple!r:.60}")
+    return [simple for simple in items if simple.get("command") not in TO_A_CAMERA]
+
+
+def _fly(mission: Mission, item: Mapping[str, Any]) -> None:
+    """Add one simple item to the mission."""
     if mission.landed:
-        raise ValueError("Expected LAND to be the last item, got another one after it")
+        raise ValueError("Expected LAND or RETURN to be the last item, got another one after it")
     command, params = item.get("command"), _params(item)
     if command == DO_CHANGE_SPEED:
         _change_speed(mission, params)
@@ -149,10 +169,12 @@ def _fly(mission: Mission, item: Any) -> None:
         mission.fly_to(_place_m(mission, item, params), _or_zero(params[0]))
     elif command == LAND:
         _land(mission, _place_m(mission, item, params))
+    elif command == RETURN:
+        _land(mission, np.zeros(3))
     else:
         raise ValueError(
-            f"Expected a command among TAKEOFF (22), WAYPOINT (16), LOITER_TIME (19), DO_CHANGE_SPEED (178) and "
-            f"LAND (21), got {command!r}; remove or replace it"
+            f"Expected a command among TAKEOFF (22), WAYPOINT (16), LOITER_TIME (19), DO_CHANGE_SPEED (178), "
+            f"LAND (21) and RETURN (20), got {command!r}; remove or replace it"
         )
 
 
@@ -165,7 +187,7 @@ def _take_off(mission: Mission, position_m: NDArray[np.float64]) -> None:
 
 def _land(mission: Mission, position_m: NDArray[np.float64]) -> None:
     if not mission.waypoints:
-        raise ValueError("Expected a place before LAND, got none")
+        raise ValueError("Expected a place before LAND or RETURN, got none")
     above_m = position_m.copy()
     above_m[2] = mission.waypoints[-1].position_m[2]
     mission.fly_to(above_m)

@@ -62,6 +62,24 @@ def test_an_item_without_a_place_is_where_it_was() -> None:
     np.testing.assert_allclose(mission.waypoints[-1].position_m, [0, NORTH_M, 0], atol=0.02)
 
 
+def test_a_survey_is_the_items_it_stands_for() -> None:
+    """Its own transects are flown as waypoints, its camera's triggers are passed over, and RETURN lands at home."""
+    trigger = item(206, 25, 0, 1, 0, 0, 0, 0, frame=2)
+    corners = [item(16, 0, 0, 0, None, 37.4 + north * NORTH_DEG, -122.0, 30) for north in (1, 3, 2)]
+    inner = [corners[0], trigger, corners[1], corners[2]]
+    survey = {
+        "type": "ComplexItem",
+        "complexItemType": "survey",
+        "TransectStyleComplexItem": {"Items": inner, "VisualTransectPoints": []},
+        "polygon": [],
+    }
+    mission = read_plan(plan(TAKEOFF, survey, item(20, 0, 0, 0, 0, 0, 0, 0, frame=2)))
+    positions_m = [waypoint.position_m for waypoint in mission.waypoints]
+    north_m = [0, 0, NORTH_M, 3 * NORTH_M, 2 * NORTH_M, 0, 0]
+    up_m = [0, 10, 30, 30, 30, 30, 0]
+    np.testing.assert_allclose(positions_m, np.stack([np.zeros(7), north_m, up_m], axis=-1), atol=0.05)
+
+
 def test_a_scene_flies_a_plan(tmp_path: Path) -> None:
     """The file beside the scene becomes waypoints, moved to where home lies; speeds of the plan, or of the scene."""
     (tmp_path / "north.plan").write_text(json.dumps(plan(TAKEOFF, AWAY)))
@@ -89,10 +107,13 @@ def test_a_scene_flies_a_plan(tmp_path: Path) -> None:
         ({"fileType": "Plan"}, "a mission with a list of items"),
         (plan(AWAY, plannedHomePosition=None), "plannedHomePosition to be latitude"),
         (plan(), "at least one place"),
-        (plan(TAKEOFF, item(20, 0, 0, 0, 0, 0, 0, 0)), r"a command among .*, got 20; .* at mission item 2"),
-        (plan({"type": "ComplexItem", "complexItemType": "survey"}), "simple items only, got 'survey'"),
-        (plan("fly"), "simple items only, got 'fly'"),
-        (plan(TAKEOFF, LAND, AWAY), "LAND to be the last item"),
+        (plan(TAKEOFF, item(82, 0, 0, 0, 0, 0, 0, 0)), r"a command among .*, got 82; .* at mission item 2"),
+        (
+            plan({"type": "ComplexItem", "complexItemType": "survey"}),
+            "the simple Items it stands for, got 'survey' without",
+        ),
+        (plan("fly"), "type SimpleItem or ComplexItem, got 'fly'"),
+        (plan(TAKEOFF, LAND, AWAY), "LAND or RETURN to be the last item"),
         (plan(LAND), "a place before LAND"),
         (plan(AWAY, TAKEOFF), "TAKEOFF to be the first place"),
         (plan(item(16, 0, 0, 0, 0, 37.4, -122, 9, frame=10)), "frame 10"),
