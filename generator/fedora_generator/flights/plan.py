@@ -140,7 +140,7 @@ def read_plan(document: Any) -> Mission:
 
 def _simple_items(item: Any) -> list[Mapping[str, Any]]:
     """Return the item, or those that a complex one stands for, but for orders to a camera."""
-    items = [item]
+    items: Any = [item]
     if isinstance(item, Mapping) and item.get("type") == "ComplexItem":
         transects = item.get("TransectStyleComplexItem")
         items = transects.get("Items") if isinstance(transects, Mapping) else None
