@@ -16,12 +16,13 @@ from fedora_generator.frames import create_frames
 from fedora_generator.imu import sample_imu
 from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, POSE_RATE_HZ, stamps_us, whole_us
 from fedora_generator.metadata import write_imu, write_pose, write_root
+from fedora_generator.partial_file import partial_file
 from fedora_generator.pose import sample_pose
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import Scene
 from fedora_generator.surroundings import Surroundings, render_surroundings, surroundings_of
-from fedora_generator.write import atomic_file, write_dataset
+from fedora_generator.write import write_dataset
 from fedora_qa.conventions import US_PER_S
 
 STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
@@ -82,11 +83,16 @@ def generate_sequence(
     duration_us = whole_us(request.duration_s)
     surroundings = surroundings_of(scene)
     _require_free_flight(scene, surroundings, duration_us)
-    with atomic_file(target, overwrite=overwrite) as file:
+
+    def keep_going(time_us: int) -> None:
+        partial.go_on()
+        progress(time_us)
+
+    with partial_file(target, overwrite=overwrite) as partial, h5py.File(partial, "w") as file:
         write_root(file, scene, surroundings.name)
         _write_samples(file, scene, duration_us, request.streams)
         world = render_surroundings(scene, surroundings, request.quality, _path_world_m(scene, duration_us))
-        frames, events, renders = _walk(file, scene, world, duration_us, request, progress)
+        frames, events, renders = _walk(file, scene, world, duration_us, request, keep_going)
     return Summary(frames, events, renders, target.stat().st_size)
 
 

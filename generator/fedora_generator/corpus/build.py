@@ -1,11 +1,12 @@
 """Making a corpus: file by file, each whole or not there, and the manifest last."""
 
+import shutil
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Final
 
 from fedora_generator.corpus.manifest import (
     MANIFEST,
@@ -25,6 +26,8 @@ from fedora_generator.generate import Request, generate_sequence, require_free_f
 from fedora_generator.instants import whole_us
 from fedora_generator.metadata import generator_version
 from fedora_generator.scene import Scene
+
+_BETWEEN: Final = ".between-"
 
 Report = Callable[[int, int, str], None]
 """Is told the files done, the files planned, and the file that is being made."""
@@ -123,6 +126,8 @@ class _Work:
         self._earlier = earlier
         self._items: dict[str, Item] = {}
         self._skipped: list[Item] = []
+        for left_by_a_killed_run in folder.glob(f"*/{_BETWEEN}*"):
+            shutil.rmtree(left_by_a_killed_run)
         self._list(PROGRESS)  # before the manifest goes, so that an interrupt loses neither
         (folder / MANIFEST).unlink(missing_ok=True)
 
@@ -175,7 +180,7 @@ def plant_together(base: Path, target: Path, faults: tuple[PlannedFault, ...], d
     FaultError
         One of them cannot be planted; nothing is written.
     """
-    with TemporaryDirectory(dir=target.parent, prefix=".between-") as between:
+    with TemporaryDirectory(dir=target.parent, prefix=_BETWEEN) as between:
         source = base
         for index, fault in enumerate(faults):
             last = index == len(faults) - 1
