@@ -18,7 +18,9 @@ from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, POSE_RATE_HZ, 
 from fedora_generator.metadata import write_imu, write_pose, write_root
 from fedora_generator.partial_file import partial_file
 from fedora_generator.pose import sample_pose
+from fedora_generator.preflight import RENDERED_STREAMS, require_possible
 from fedora_generator.rendered_world import RenderedWorld
+from fedora_generator.room import expected_bytes, shortage
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import Scene
 from fedora_generator.surroundings import Surroundings, render_surroundings, surroundings_of
@@ -64,25 +66,35 @@ class Summary:
 
 
 def generate_sequence(
-    scene: Scene, target: Path, request: Request, *, overwrite: bool = False, progress: Progress = lambda _: None
+    scene: Scene,
+    target: Path,
+    request: Request,
+    *,
+    overwrite: bool = False,
+    progress: Progress = lambda _: None,
+    warn: Callable[[str], None] = lambda _: None,
 ) -> Summary:
     """Write the sequence of a scene to ``target``: all of it, or nothing.
 
     The same scene, seed and request give the same datasets, bit for bit, on any number of threads. ``progress`` is
-    told the time that was reached, microseconds.
+    told the time that was reached, microseconds; ``warn`` is told, before any work, that the disk may not suffice.
 
     Raises
     ------
     SceneError
-        The flight meets the world, or the size is too small.
+        The flight meets or leaves the world, or the size does not fit the sensors or the memory.
     GraphicsMissingError
         The scene is drawn by OpenGL, and there is none.
     OutputError
-        The target exists and ``overwrite`` is false, or cannot be written.
+        The target exists and ``overwrite`` is false, or cannot be written; or the disk is full.
     """
     duration_us = whole_us(request.duration_s)
-    surroundings = surroundings_of(scene)
+    require_possible(scene, target, duration_us, request.streams, overwrite=overwrite)
+    drawn = bool(request.streams & RENDERED_STREAMS)
+    surroundings = surroundings_of(scene, drawn=drawn)
     _require_free_flight(scene, surroundings, duration_us)
+    if too_little := shortage(target.parent, expected_bytes(scene, request.duration_s, request.streams)):
+        warn(too_little)
 
     def keep_going(time_us: int) -> None:
         partial.go_on()
@@ -91,8 +103,10 @@ def generate_sequence(
     with partial_file(target, overwrite=overwrite) as partial, h5py.File(partial, "w") as file:
         write_root(file, scene, surroundings.name)
         _write_samples(file, scene, duration_us, request.streams)
-        world = render_surroundings(scene, surroundings, request.quality, _path_world_m(scene, duration_us))
-        frames, events, renders = _walk(file, scene, world, duration_us, request, keep_going)
+        frames, events, renders = 0, 0, 0
+        if drawn:
+            world = render_surroundings(scene, surroundings, request.quality, _path_world_m(scene, duration_us))
+            frames, events, renders = _walk(file, scene, world, duration_us, request, keep_going)
     return Summary(frames, events, renders, target.stat().st_size)
 
 
@@ -106,11 +120,13 @@ def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: 
     camera, flight = colour_camera(scene.camera), scene.fly()
     for times_us in _pieces(stamps_us(duration_us, IMU_RATE_HZ)):
         positions_world_m = camera.poses_at(flight, times_us)[:, :3, 3]
+        if not np.isfinite(positions_world_m).all():
+            raise SceneError(f"Expected a flight through places that are finite, got one of {scene.name} that is not")
         collision = surroundings.collision(positions_world_m)
         if collision is not None:
             index, what = collision
             raise SceneError(
-                f"Expected the camera to stay free of the world of {scene.name}, got {what} at "
+                f"Expected the camera to stay in the open world of {scene.name}, got {what} at "
                 f"{times_us[index] / US_PER_S:g} s; shorten the sequence or change the flight"
             )
 

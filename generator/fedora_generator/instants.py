@@ -10,6 +10,7 @@ from fedora_generator.errors import SceneError
 from fedora_qa.conventions import US_PER_S
 
 FRAME_RATE_HZ: Final = 50
+FRAME_INTERVAL_US: Final = US_PER_S // FRAME_RATE_HZ
 IMU_RATE_HZ: Final = 1000
 POSE_RATE_HZ: Final = 200
 
@@ -21,7 +22,9 @@ def whole_us(duration_s: float) -> int:
     """Duration in whole microseconds."""
     if not (math.isfinite(duration_s) and 0 < duration_s <= LONGEST_S):
         raise SceneError(f"Expected a duration above 0 and up to {LONGEST_S:g} s, got {duration_s:g} s")
-    return round(duration_s * US_PER_S)
+    if (duration_us := round(duration_s * US_PER_S)) == 0:
+        raise SceneError(f"Expected a duration of at least a microsecond, got {duration_s:g} s")
+    return duration_us
 
 
 def stamps_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:

@@ -19,12 +19,12 @@ from fedora_generator.corpus.manifest import (
     write_listing,
 )
 from fedora_generator.corpus.plan import CorpusOptions, PlannedFault, PlannedFile, plan_corpus
-from fedora_generator.corpus.room import expected_bytes, require_room
 from fedora_generator.errors import OutputError
 from fedora_generator.faults import FaultError, plant_fault
 from fedora_generator.generate import Request, generate_sequence, require_free_flight
 from fedora_generator.instants import whole_us
 from fedora_generator.metadata import generator_version
+from fedora_generator.room import expected_bytes, require_room
 from fedora_generator.scene import Scene
 
 _BETWEEN: Final = ".between-"
@@ -61,7 +61,7 @@ def build_corpus(
     for scene in scenes:
         require_free_flight(scene, whole_us(options.duration_s))
     sizes = {scene.name: expected_bytes(scene, options.duration_s) for scene in scenes}
-    require_room(folder, missing_bytes(plan, sizes, earlier))
+    _require_room(folder, missing_bytes(plan, sizes, earlier))
     folder.mkdir(parents=True, exist_ok=True)
     work = _Work(folder, options, {scene.name: scene for scene in scenes}, made_with, earlier)
     for done, planned in enumerate(plan):
@@ -69,9 +69,14 @@ def build_corpus(
         work.make(planned)
         if planned.base is None:
             sizes[planned.scene] = (folder / planned.file).stat().st_size
-            require_room(folder, missing_bytes(plan[done + 1 :], sizes, earlier))
+            _require_room(folder, missing_bytes(plan[done + 1 :], sizes, earlier))
     report(len(plan), len(plan), MANIFEST)
     return work.finish()
+
+
+def _require_room(folder: Path, needed_bytes: int) -> None:
+    remedy = "ask for fewer causes, rungs or scenes, or a smaller size"
+    require_room(folder, needed_bytes, "the corpus", remedy)
 
 
 def missing_bytes(plan: tuple[PlannedFile, ...], sizes: dict[str, int], earlier: dict[str, Item]) -> int:
