@@ -79,7 +79,7 @@ def _fitting_size(scene: Scene, streams: frozenset[str], available: float) -> st
 
 def available_bytes() -> float:
     """Memory that this process can still get, as far as the system tells: of the machine, its cgroup and its limits."""
-    return min((*_of_the_machine(), *_of_the_cgroups(), *_of_the_limits()), default=float("inf"))
+    return min((*_of_the_machine(), *of_the_cgroups(), *_of_the_limits()), default=float("inf"))
 
 
 def _of_the_machine() -> Iterator[float]:
@@ -101,7 +101,7 @@ def _kilobytes(path: Path, name: str) -> Iterator[float]:
             yield 1024.0 * int(value.split()[0])
 
 
-def _of_the_cgroups(
+def of_the_cgroups(
     root: Path = Path("/sys/fs/cgroup"), membership: Path = Path("/proc/self/cgroup")
 ) -> Iterator[float]:
     """Yield what each memory limit above this process leaves, page cache that can be dropped not counted as used."""

@@ -21,8 +21,9 @@ from fedora_generator.corpus.manifest import (
 from fedora_generator.corpus.plan import CorpusOptions, PlannedFault, PlannedFile, plan_corpus
 from fedora_generator.errors import OutputError
 from fedora_generator.faults import FaultError, plant_fault
-from fedora_generator.generate import Request, generate_sequence, require_free_flight
+from fedora_generator.generate import STREAMS, Request, generate_sequence, require_free_flight
 from fedora_generator.instants import whole_us
+from fedora_generator.memory import require_memory
 from fedora_generator.metadata import generator_version
 from fedora_generator.room import expected_bytes, require_room
 from fedora_generator.scene import Scene
@@ -51,7 +52,7 @@ def build_corpus(
     FaultError
         A cause that cannot be planted.
     SceneError
-        A flight meets its world, or the duration is impossible.
+        A flight meets its world, or the duration is impossible, or the size does not fit the memory.
     OutputError
         The folder holds something else and ``force`` is false, or the disk has too little room.
     """
@@ -59,10 +60,11 @@ def build_corpus(
     made_with = _made_with(options, scenes)
     earlier = _earlier_items(folder, made_with, force=force)
     for scene in scenes:
+        require_memory(scene, frozenset(STREAMS))
         require_free_flight(scene, whole_us(options.duration_s))
     sizes = {scene.name: expected_bytes(scene, options.duration_s) for scene in scenes}
     _require_room(folder, missing_bytes(plan, sizes, earlier))
-    folder.mkdir(parents=True, exist_ok=True)
+    _make_folder(folder)
     work = _Work(folder, options, {scene.name: scene for scene in scenes}, made_with, earlier)
     for done, planned in enumerate(plan):
         report(done, len(plan), planned.file)
@@ -72,6 +74,13 @@ def build_corpus(
             _require_room(folder, missing_bytes(plan[done + 1 :], sizes, earlier))
     report(len(plan), len(plan), MANIFEST)
     return work.finish()
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"Expected to be able to make the folder {folder}, got: {error.strerror}") from error
 
 
 def _require_room(folder: Path, needed_bytes: int) -> None:
