@@ -20,6 +20,7 @@ from fedora_generator.generate import STREAMS, Request, generate_sequence
 from fedora_generator.instants import whole_us
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import Scene, list_scenes, load_scene
+from fedora_generator.scene_values import MOST_SEED
 
 MISUSE_EXIT_CODE = 2
 INTERRUPT_EXIT_CODE = 130
@@ -75,7 +76,7 @@ def _read_size(_: click.Context, __: click.Parameter, value: str | None) -> tupl
     type=click.Choice(list(MOTION_BOUND_PX)),
     help="Image motion between two event renders: 1, 0.5 or 0.1 px.",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of every noise.  [default: the scene's]")
+@click.option("--seed", type=click.IntRange(0, MOST_SEED), help="Seed of every noise.  [default: the scene's]")
 @click.option("--force", is_flag=True, help="Overwrite the file if it exists.")
 def sequence(
     scene: str,
@@ -108,7 +109,12 @@ def _generate(scene: Scene, output: Path, request: Request, *, force: bool, star
     with Progress("{task.description}", *columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task(scene.name, total=whole_us(request.duration_s))
         summary = generate_sequence(
-            scene, output, request, overwrite=force, progress=lambda time_us: bar.update(task, completed=time_us)
+            scene,
+            output,
+            request,
+            overwrite=force,
+            progress=lambda time_us: bar.update(task, completed=time_us),
+            warn=lambda message: click.echo(f"Warning: {message}", err=True),
         )
     click.echo(
         f"{output}: {summary.frames} frames, {summary.events} events, {summary.size_bytes / 1e6:.1f} MB "
@@ -130,6 +136,8 @@ def main() -> None:
         _fail(error.format_message())
     except GeneratorError as error:
         _fail(str(error))
+    except MemoryError as error:
+        _fail(f"Expected enough memory, got none left ({error or 'out of memory'}); use a smaller --size")
     except (click.Abort, KeyboardInterrupt):
         click.echo("Interrupted; no file was left that is not whole", err=True)
         sys.exit(INTERRUPT_EXIT_CODE)

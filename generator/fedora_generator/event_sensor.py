@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict
 
 from fedora_generator import event_kernels
+from fedora_generator.errors import SceneError
 from fedora_generator.event_comparator import Comparator, SignalNotFiniteError
 from fedora_generator.event_keys import KeyLayout
 from fedora_generator.event_noise import LowPass, PoissonEvents, draw_hot_pixels, draw_thresholds
@@ -343,7 +344,7 @@ class EventSensor:
         broken = np.flatnonzero(~np.isfinite(self._signal))
         if broken.size:
             row, column = divmod(int(broken[0]), self._layout.width)
-            raise ValueError(
+            raise SceneError(
                 f"Expected luma_dn + log_eps_dn above 0 and finite, got {broken.size} pixels without a logarithm, "
                 f"first (column {column}, row {row}); give the scene light or set log_eps_dn"
             )

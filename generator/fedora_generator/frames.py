@@ -48,12 +48,15 @@ class FrameRenderer:
 
     def render(self, index: int, stamp_us: int) -> None:
         """Write everything that belongs to frame ``index`` at ``stamp_us``: the flow of intervals that start here."""
+        starting = self._flow_from(index)
+        needs_depth = self.depth is not None or bool(starting)
+        if self.rgb is None and not needs_depth:
+            return
         camera, world = colour_camera(self.scene.camera), self.world.at(stamp_us)
         T_world_camera = self._pose_at(stamp_us)
         if self.rgb is not None:
             self.rgb[index] = as_8_bit(world.rgb_dn(camera, T_world_camera))
-        starting = self._flow_from(index)
-        if self.depth is None and not starting:
+        if not needs_depth:
             return
         inverse_depth = in_range(world.inverse_depth_per_m(camera, T_world_camera), self.scene.depth_range_m)
         if self.depth is not None:

@@ -13,20 +13,19 @@ from fedora_generator.camera import colour_camera, event_camera
 from fedora_generator.errors import SceneError
 from fedora_generator.event_stream import EventRecorder
 from fedora_generator.frames import create_frames
-from fedora_generator.imu import sample_imu
-from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, POSE_RATE_HZ, stamps_us, whole_us
-from fedora_generator.metadata import write_imu, write_pose, write_root
-from fedora_generator.pose import sample_pose
+from fedora_generator.inertial_streams import write_imu_stream, write_pose_stream
+from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, pieces, stamps_us, whole_us
+from fedora_generator.metadata import write_root
+from fedora_generator.partial_file import partial_file
+from fedora_generator.preflight import RENDERED_STREAMS, require_possible
 from fedora_generator.rendered_world import RenderedWorld
+from fedora_generator.room import expected_bytes, shortage
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import Scene
 from fedora_generator.surroundings import Surroundings, render_surroundings, surroundings_of
-from fedora_generator.write import atomic_file, write_dataset
 from fedora_qa.conventions import US_PER_S
 
 STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
-
-CHECKED_AT_ONCE: Final = 1 << 16
 
 # Keys of the random streams: each sensor draws from its own, whatever else is generated.
 _EVENTS_KEY, _IMU_KEY, _POSE_KEY = range(3)
@@ -64,30 +63,51 @@ class Summary:
 
 
 def generate_sequence(
-    scene: Scene, target: Path, request: Request, *, overwrite: bool = False, progress: Progress = lambda _: None
+    scene: Scene,
+    target: Path,
+    request: Request,
+    *,
+    overwrite: bool = False,
+    progress: Progress = lambda _: None,
+    warn: Callable[[str], None] = lambda _: None,
 ) -> Summary:
     """Write the sequence of a scene to ``target``: all of it, or nothing.
 
     The same scene, seed and request give the same datasets, bit for bit, on any number of threads. ``progress`` is
-    told the time that was reached, microseconds.
+    told the time that was reached, microseconds; ``warn`` is told, before any work, that the disk may not suffice.
 
     Raises
     ------
     SceneError
-        The flight meets the world, or the size is too small.
+        The flight meets or leaves the world, or the size does not fit the sensors or the memory.
     GraphicsMissingError
         The scene is drawn by OpenGL, and there is none.
     OutputError
-        The target exists and ``overwrite`` is false, or cannot be written.
+        The target exists and ``overwrite`` is false, or cannot be written; or the disk is full.
     """
     duration_us = whole_us(request.duration_s)
-    surroundings = surroundings_of(scene)
+    require_possible(scene, target, duration_us, request.streams, overwrite=overwrite)
+    drawn = bool(request.streams & RENDERED_STREAMS)
+    surroundings = surroundings_of(scene, drawn=drawn)
     _require_free_flight(scene, surroundings, duration_us)
-    with atomic_file(target, overwrite=overwrite) as file:
+    if too_little := shortage(target.parent, expected_bytes(scene, request.duration_s, request.streams)):
+        warn(too_little)
+
+    def keep_going(time_us: int) -> None:
+        partial.go_on()
+        progress(time_us)
+
+    # Whole chunks are written once: a cache of them would only fill, up to 1 MB a dataset.
+    with partial_file(target, overwrite=overwrite) as partial, h5py.File(partial, "w", rdcc_nbytes=0) as file:
         write_root(file, scene, surroundings.name)
-        _write_samples(file, scene, duration_us, request.streams)
-        world = render_surroundings(scene, surroundings, request.quality, _path_world_m(scene, duration_us))
-        frames, events, rendered_pixels = _walk(file, scene, world, duration_us, request, progress)
+        if "imu" in request.streams:
+            write_imu_stream(file, scene, duration_us, _seed(scene, _IMU_KEY))
+        if "pose" in request.streams:
+            write_pose_stream(file, scene, duration_us, _seed(scene, _POSE_KEY))
+        frames, events, rendered_pixels = 0, 0, 0
+        if drawn:
+            world = render_surroundings(scene, surroundings, request.quality, _path_world_m(scene, duration_us))
+            frames, events, rendered_pixels = _walk(file, scene, world, duration_us, request, keep_going)
     return Summary(frames, events, rendered_pixels, target.stat().st_size)
 
 
@@ -99,26 +119,24 @@ def require_free_flight(scene: Scene, duration_us: int) -> None:
 def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: int) -> None:
     event_camera(scene.camera)  # raises where it would have no pixel
     camera, flight = colour_camera(scene.camera), scene.fly()
-    for times_us in _pieces(stamps_us(duration_us, IMU_RATE_HZ)):
+    for times_us in pieces(stamps_us(duration_us, IMU_RATE_HZ)):
         positions_world_m = camera.poses_at(flight, times_us)[:, :3, 3]
+        if not np.isfinite(positions_world_m).all():
+            raise SceneError(f"Expected a flight through places that are finite, got one of {scene.name} that is not")
         collision = surroundings.collision(positions_world_m, times_us / US_PER_S)
         if collision is not None:
             index, what = collision
             raise SceneError(
-                f"Expected the camera to stay free of the world of {scene.name}, got {what} at "
+                f"Expected the camera to stay in the open world of {scene.name}, got {what} at "
                 f"{times_us[index] / US_PER_S:g} s; shorten the sequence or change the flight"
             )
 
 
 def _path_world_m(scene: Scene, duration_us: int) -> NDArray[np.float64]:
     """Positions (n, 3) of the camera at every frame."""
-    poses = colour_camera(scene.camera).poses_at(scene.fly(), stamps_us(duration_us, FRAME_RATE_HZ))
-    return np.asarray(poses[:, :3, 3])
-
-
-def _pieces(times_us: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Cut times into pieces of bounded size."""
-    return np.split(times_us, range(CHECKED_AT_ONCE, len(times_us), CHECKED_AT_ONCE))
+    camera, flight = colour_camera(scene.camera), scene.fly()
+    frames_us = pieces(stamps_us(duration_us, FRAME_RATE_HZ))
+    return np.concatenate([camera.poses_at(flight, times_us)[:, :3, 3] for times_us in frames_us])
 
 
 def _walk(
@@ -147,25 +165,6 @@ def _event_recorder(
     sizes = {"rgb": "N", "depth": "D"}
     maps = {f"metadata/{name}_to_event": (size, stamps) for name, size in sizes.items() if name in request.streams}
     return EventRecorder(file, scene, world, request.quality, maps, _seed(scene, _EVENTS_KEY))
-
-
-def _write_samples(file: h5py.File, scene: Scene, duration_us: int, streams: frozenset[str]) -> None:
-    """Inertial and pose samples, which are small: all at once."""
-    flight = scene.fly()
-    if "imu" in streams:
-        stamps = stamps_us(duration_us, IMU_RATE_HZ)
-        imu = sample_imu(flight, stamps, scene.imu, np.random.default_rng(_seed(scene, _IMU_KEY)))
-        write_dataset(file, "path/imu/angular_velocity", imu.angular_velocities_body_rad_s, M=len(stamps))
-        write_dataset(file, "path/imu/linear_acceleration", imu.specific_forces_body_m_s2, M=len(stamps))
-        write_dataset(file, "path/imu/ts", stamps, M=len(stamps))
-        write_imu(file, scene)
-    if "pose" in streams:
-        stamps = stamps_us(duration_us, POSE_RATE_HZ)
-        pose = sample_pose(flight, stamps, scene.pose, np.random.default_rng(_seed(scene, _POSE_KEY)))
-        write_dataset(file, "path/pose/position", pose.positions_world_m, P=len(stamps))
-        write_dataset(file, "path/pose/orientation", pose.orientations_xyzw, P=len(stamps))
-        write_dataset(file, "path/pose/ts", stamps, P=len(stamps))
-        write_pose(file, scene)
 
 
 def _seed(scene: Scene, key: int) -> np.random.SeedSequence:

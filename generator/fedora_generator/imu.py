@@ -53,35 +53,68 @@ class ImuSamples:
 def sample_imu(
     flight: Flight, times_us: NDArray[np.int64], options: ImuOptions, rng: np.random.Generator
 ) -> ImuSamples:
-    """Sample the unit at ``times_us`` (m,), int64 microseconds of the flight's clock.
+    """Sample a unit of its own at ``times_us`` (m,), int64 microseconds of the flight's clock."""
+    return Imu(options, rng).sample(flight, times_us)
 
-    The specific force is ``f = R_world_body^T (a - g)`` with g = (0, 0, -gravity). Each noise has a random stream
-    of its own, so that adding one leaves the others as they were, and a longer recording begins like a shorter one.
+
+class Imu:
+    """A unit that is asked for one piece of time after the other; what it answers does not depend on the cuts.
+
+    Each noise has a random stream of its own, so that adding one leaves the others as they were, and a longer recording
+    begins like a shorter one.
     """
-    states = flight.states_at(times_us / US_PER_S)
-    gravity_world_m_s2 = np.array([0.0, 0.0, -options.gravity_m_s2])
-    proper_accelerations = states.accelerations_world_m_s2 - gravity_world_m_s2
-    specific_forces = np.einsum("nji,nj->ni", states.R_world_body, proper_accelerations)
-    gyro_white, accel_white, gyro_walk, accel_walk = rng.spawn(4)
-    return ImuSamples(
-        states.angular_velocities_body_rad_s
-        + _white_noise(times_us, options.gyro_noise_density, options.rate_hz, gyro_white)
-        + _bias_walk(times_us, options.gyro_bias_walk, gyro_walk),
-        specific_forces
-        + _white_noise(times_us, options.accel_noise_density, options.rate_hz, accel_white)
-        + _bias_walk(times_us, options.accel_bias_walk, accel_walk),
-    )
+
+    def __init__(self, options: ImuOptions, rng: np.random.Generator) -> None:
+        gyro_white, accel_white, gyro_walk, accel_walk = rng.spawn(4)
+        self._gravity_world_m_s2 = np.array([0.0, 0.0, -options.gravity_m_s2])
+        sigmas_per_density = math.sqrt(options.rate_hz)
+        self._gyro_noise = WhiteNoise(options.gyro_noise_density * sigmas_per_density, gyro_white)
+        self._accel_noise = WhiteNoise(options.accel_noise_density * sigmas_per_density, accel_white)
+        self._gyro_bias = BiasWalk(options.gyro_bias_walk, gyro_walk)
+        self._accel_bias = BiasWalk(options.accel_bias_walk, accel_walk)
+
+    def sample(self, flight: Flight, times_us: NDArray[np.int64]) -> ImuSamples:
+        """Sample at ``times_us`` (m,), int64 microseconds of the flight's clock, later than those before.
+
+        The specific force is ``f = R_world_body^T (a - g)`` with g = (0, 0, -gravity).
+        """
+        states = flight.states_at(times_us / US_PER_S)
+        proper_accelerations = states.accelerations_world_m_s2 - self._gravity_world_m_s2
+        specific_forces = np.einsum("nji,nj->ni", states.R_world_body, proper_accelerations)
+        return ImuSamples(
+            states.angular_velocities_body_rad_s + self._gyro_noise.draw(times_us) + self._gyro_bias.draw(times_us),
+            specific_forces + self._accel_noise.draw(times_us) + self._accel_bias.draw(times_us),
+        )
 
 
-def _white_noise(times_us: NDArray[np.int64], density: float, rate_hz: float, rng: np.random.Generator) -> Floats:
-    if density == 0:
-        return np.zeros((times_us.size, 3))
-    return density * math.sqrt(rate_hz) * rng.standard_normal((times_us.size, 3))
+class WhiteNoise:
+    """Independent normal samples of standard deviation ``sigma``; none are drawn where it is 0."""
+
+    def __init__(self, sigma: float, rng: np.random.Generator) -> None:
+        self._sigma, self._rng = sigma, rng
+
+    def draw(self, times_us: NDArray[np.int64]) -> Floats:
+        """Draw samples (m, 3) for the next times (m,)."""
+        if self._sigma == 0:
+            return np.zeros((times_us.size, 3))
+        return self._sigma * self._rng.standard_normal((times_us.size, 3))
 
 
-def _bias_walk(times_us: NDArray[np.int64], walk: float, rng: np.random.Generator) -> Floats:
-    if walk == 0:
-        return np.zeros((times_us.size, 3))
-    steps_s = np.diff(times_us, prepend=times_us[:1]) / US_PER_S  # the first step is 0: the bias starts at 0
-    increments = walk * np.sqrt(steps_s)[:, None] * rng.standard_normal((times_us.size, 3))
-    return np.cumsum(increments, axis=0)
+class BiasWalk:
+    """A bias (3,) that starts at 0 and moves by ``walk * sqrt(dt)`` between samples; nothing is drawn where it is 0."""
+
+    def __init__(self, walk: float, rng: np.random.Generator) -> None:
+        self._walk, self._rng = walk, rng
+        self._bias = np.zeros(3)
+        self._last_us: int | None = None
+
+    def draw(self, times_us: NDArray[np.int64]) -> Floats:
+        """Biases (m, 3) at the next times (m,)."""
+        if self._walk == 0 or times_us.size == 0:
+            return np.zeros((times_us.size, 3))
+        before_us = times_us[0] if self._last_us is None else self._last_us
+        steps_s = np.diff(times_us, prepend=before_us) / US_PER_S
+        increments = self._walk * np.sqrt(steps_s)[:, None] * self._rng.standard_normal((times_us.size, 3))
+        biases: Floats = np.cumsum(np.concatenate([self._bias[None], increments]), axis=0)[1:]
+        self._bias, self._last_us = biases[-1], int(times_us[-1])
+        return biases

@@ -10,23 +10,34 @@ from fedora_generator.errors import SceneError
 from fedora_qa.conventions import US_PER_S
 
 FRAME_RATE_HZ: Final = 50
+FRAME_INTERVAL_US: Final = US_PER_S // FRAME_RATE_HZ
 IMU_RATE_HZ: Final = 1000
 POSE_RATE_HZ: Final = 200
 
 LONGEST_S: Final = 3600.0
-"""Images are streamed, but inertial samples are kept in memory while they are made: about 0.3 MB a second."""
+"""All streams are written piece by piece; only stamps are kept for the whole length, 29 MB an hour."""
+
+PIECE: Final = 1 << 16
+"""Instants that are looked at together: about a minute of the fastest clock, and whole chunks of its dataset."""
 
 
 def whole_us(duration_s: float) -> int:
     """Duration in whole microseconds."""
     if not (math.isfinite(duration_s) and 0 < duration_s <= LONGEST_S):
         raise SceneError(f"Expected a duration above 0 and up to {LONGEST_S:g} s, got {duration_s:g} s")
-    return round(duration_s * US_PER_S)
+    if (duration_us := round(duration_s * US_PER_S)) == 0:
+        raise SceneError(f"Expected a duration of at least a microsecond, got {duration_s:g} s")
+    return duration_us
 
 
 def stamps_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:
     """Stamps (n,) of a stream, from 0 to the last that fits; both ends are written: n = floor(rate T) + 1."""
     return np.arange(duration_us * rate_hz // US_PER_S + 1, dtype=np.int64) * US_PER_S // rate_hz
+
+
+def pieces(times_us: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Cut times (n,) into pieces of bounded size, so that what is computed of them does not grow with n."""
+    return np.split(times_us, range(PIECE, len(times_us), PIECE))
 
 
 def intervals_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:

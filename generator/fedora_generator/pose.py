@@ -44,17 +44,28 @@ class PoseSamples:
 def sample_pose(
     flight: Flight, times_us: NDArray[np.int64], options: PoseOptions, rng: np.random.Generator
 ) -> PoseSamples:
-    """Sample poses at ``times_us`` (m,), int64 microseconds; orientation = q * Exp(N(0, rotation_sigma^2 I)).
+    """Sample poses of a sensor of its own at ``times_us`` (m,), int64 microseconds of the flight's clock."""
+    return PoseSensor(options, rng).sample(flight, times_us)
 
-    Position and rotation noise come from random streams of their own, one row of draws a sample.
-    """
-    states = flight.states_at(times_us / US_PER_S)
-    position_rng, rotation_rng = rng.spawn(2)
-    positions_world_m, orientations_xyzw = states.positions_world_m, states.orientations_xyzw
-    if options.position_sigma_m > 0:
-        noise_m = options.position_sigma_m * position_rng.standard_normal(positions_world_m.shape)
-        positions_world_m = positions_world_m + noise_m
-    if options.rotation_sigma_rad > 0:
-        noise_rad = options.rotation_sigma_rad * rotation_rng.standard_normal(positions_world_m.shape)
-        orientations_xyzw = multiply_quaternions(orientations_xyzw, quaternions_from_rotation_vectors(noise_rad))
-    return PoseSamples(positions_world_m, normalise_quaternions(orientations_xyzw))
+
+class PoseSensor:
+    """A source of poses, asked for one piece of time after the other; what it answers does not depend on the cuts."""
+
+    def __init__(self, options: PoseOptions, rng: np.random.Generator) -> None:
+        self._options = options
+        self._position_rng, self._rotation_rng = rng.spawn(2)
+
+    def sample(self, flight: Flight, times_us: NDArray[np.int64]) -> PoseSamples:
+        """Sample at ``times_us`` (m,), int64 microseconds; orientation = q * Exp(N(0, rotation_sigma^2 I)).
+
+        Position and rotation noise come from random streams of their own, one row of draws a sample.
+        """
+        states, options = flight.states_at(times_us / US_PER_S), self._options
+        positions_world_m, orientations_xyzw = states.positions_world_m, states.orientations_xyzw
+        if options.position_sigma_m > 0:
+            noise_m = options.position_sigma_m * self._position_rng.standard_normal(positions_world_m.shape)
+            positions_world_m = positions_world_m + noise_m
+        if options.rotation_sigma_rad > 0:
+            noise_rad = options.rotation_sigma_rad * self._rotation_rng.standard_normal(positions_world_m.shape)
+            orientations_xyzw = multiply_quaternions(orientations_xyzw, quaternions_from_rotation_vectors(noise_rad))
+        return PoseSamples(positions_world_m, normalise_quaternions(orientations_xyzw))

@@ -40,8 +40,10 @@ from fedora_generator.event_sensor import EventSensorOptions
 from fedora_generator.flight import Flight
 from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice, looked_up
 from fedora_generator.imu import ImuOptions
+from fedora_generator.instants import FRAME_INTERVAL_US, IMU_RATE_HZ
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
+from fedora_generator.scene_values import impossible_value
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.world import World
 
@@ -62,6 +64,8 @@ SCENE_NAMES: Final = (
 
 _SCENES: Final = Path(__file__).parent / "scenes"
 _WORLDS: Final = _SCENES / "worlds"
+
+_LONGEST_SHOWN: Final = 60
 
 # What pydantic calls the two problems that deserve words of their own.
 _UNKNOWN_KEY: Final = ("unexpected_keyword_argument", "extra_forbidden")
@@ -110,14 +114,21 @@ class Scene:
         near_m, far_m = self.depth_range_m
         if not 0 < near_m < far_m:
             raise ValueError(f"Expected depth_range_m to ascend from above 0, got {near_m} to {far_m}")
-        if self.event_step_us < 0:
-            raise ValueError(f"Expected event_step_us >= 0, got {self.event_step_us}")
+        if not 0 <= self.event_step_us <= FRAME_INTERVAL_US:
+            raise ValueError(
+                f"Expected event_step_us from 0 to {FRAME_INTERVAL_US}, the interval of the frames, at which events "
+                f"are rendered anyway, got {self.event_step_us}"
+            )
         if self.events.model == "linear" and self.event_step_us == 0:
             raise ValueError(
                 "Expected event_step_us with the linear model, which compares one rendered step to the next"
             )
         if self.seed < 0:
             raise ValueError(f"Expected seed >= 0, got {self.seed}")
+        if not self.name or "/" in self.name:
+            raise ValueError(f"Expected a name, without a slash as files are called after it, got {self.name!r}")
+        if self.imu.rate_hz != IMU_RATE_HZ:
+            raise ValueError(f"Expected an imu.rate_hz of {IMU_RATE_HZ}, as it is sampled, got {self.imu.rate_hz:g}")
 
     def _require_something_to_draw(self) -> None:
         if self.renderer not in ("exact", "mesh"):
@@ -174,9 +185,12 @@ def load_scene(name_or_path: str | Path) -> Scene:
     path = _scene_path(str(name_or_path))
     tables = _read_scene(path)
     try:
-        return _ADAPTER.validate_python(tables)
+        scene = _ADAPTER.validate_python(tables)
     except ValidationError as error:
         raise SceneError(f"{_one_sentence(error)} ({path.name})") from error
+    if impossible := impossible_value(tables):
+        raise SceneError(f"{impossible} ({path.name})")
+    return scene
 
 
 def _scene_path(name_or_path: str) -> Path:
@@ -189,17 +203,27 @@ def _scene_path(name_or_path: str) -> Path:
     )
 
 
-def _read_scene(path: Path) -> dict[str, Any]:
+def _read_scene(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """Tables of a scene; those of ``started_from`` name it as their base."""
+    if path.resolve() in started_from:
+        raise SceneError(f"Expected a base that starts from something else, got {path.name}, which starts from itself")
     tables = _read_toml(path)
     base = tables.pop("base", None)
     if base is not None:
-        tables = _merged(_without_rivals(_read_scene(_scene_path(str(base))), tables), tables)
+        base_tables = _read_scene(_base_path(str(base), beside=path), (*started_from, path.resolve()))
+        tables = _merged(_without_rivals(base_tables, tables), tables)
     if isinstance(tables.get("world"), str):
         tables["world"] = _read_toml(_world_path(tables["world"], beside=path))
     flight = tables.get("flight")
     if isinstance(flight, Mapping):
         tables["flight"] = looked_up(flight, path.parent)
     return tables
+
+
+def _base_path(name_or_path: str, beside: Path) -> Path:
+    """Scene of the package, or a TOML file beside the scene that starts from it."""
+    own = beside.parent / name_or_path
+    return _scene_path(str(own) if own.is_file() else name_or_path)
 
 
 def _world_path(name_or_path: str, beside: Path) -> Path:
@@ -246,5 +270,15 @@ def _one_sentence(error: ValidationError) -> str:
         return f"Expected only known keys, got {key}; remove or correct it"
     if first["type"] in _MISSING_KEY:
         return f"Expected a value for {key}, got none; add it"
-    message = first["msg"].removeprefix("Value error, ")
-    return f"{message}, at {key}" if first["type"] == "value_error" else f"{message}, got {first['input']!r} at {key}"
+    if first["type"] == "value_error":
+        return f"{first['msg'].removeprefix('Value error, ')}, at {key}"
+    expected = first["msg"].replace("Input should be", "Expected", 1)
+    if first["type"] == "dataclass_type":
+        expected = "Expected a table"
+    if first["type"] == "too_long":
+        expected = f"Expected at most {first['ctx']['max_length']} values"
+    return f"{expected}, got {_shortened(repr(first['input']))} at {key}"
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."

@@ -44,14 +44,15 @@ class Surroundings(Protocol):
         """First of the points (n, 3), at its time (n,), that is inside or below something, and which; else None."""
 
 
-def surroundings_of(scene: Scene) -> World | MeshModel:
-    """World of a scene, or its place, built from its seed."""
+def surroundings_of(scene: Scene, *, drawn: bool = True) -> World | MeshModel:
+    """World of a scene, or its place, built from its seed; painted only where it is to be ``drawn``."""
     if scene.world is not None:
         return scene.world
     if scene.place is None:
         raise SceneError(f"Expected a world or a place, got neither in {scene.name}")
     try:
-        return places.build_place(scene.place.name, scene.place.seed)
+        build = places.build_place if drawn else places.outline_place
+        return build(scene.place.name, scene.place.seed)
     except ValueError as error:
         raise SceneError(f"{error}, at place of {scene.name}") from error
 

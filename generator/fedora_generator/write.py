@@ -1,55 +1,14 @@
-"""Writing a sequence: a temporary file beside the target that takes its place only when it is whole."""
+"""Writing the datasets of a sequence, and what grows while events stream past."""
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator.errors import OutputError
 from fedora_generator.event_sensor import EventBatch
 from fedora_qa.layout.canonical import EVENT_CHUNK_ROWS
 from fedora_qa.layout.create import create_dataset
-
-
-@contextmanager
-def atomic_file(target: Path, *, overwrite: bool) -> Iterator[h5py.File]:
-    """Open a new HDF5 file that becomes ``target`` when the block ends; on any error or interrupt nothing is left.
-
-    Raises
-    ------
-    OutputError
-        The target exists and ``overwrite`` is false, or its folder cannot be written.
-    """
-    _require_writable(target, overwrite=overwrite)
-    partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
-    try:
-        file = h5py.File(partial, "w")
-    except OSError as error:
-        raise OutputError(f"Expected to be able to write into {target.parent}, got: {error}") from error
-    try:
-        with file:
-            yield file
-        partial.replace(target)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise OutputError(f"Expected to be able to write {target}, got: {error}") from error
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
-
-
-def _require_writable(target: Path, *, overwrite: bool) -> None:
-    if target.is_dir():
-        raise OutputError(f"Expected the path of a file to write, got the folder {target}")
-    if target.exists() and not overwrite:
-        raise OutputError(f"Expected a new file, got {target}, which exists; choose another name or use --force")
-    if not target.parent.is_dir():
-        raise OutputError(f"Expected an existing folder to write into, got {target.parent}; create it first")
 
 
 def write_dataset(file: h5py.File, key: str, values: NDArray[Any], **sizes: int) -> None:

@@ -13,12 +13,14 @@ import h5py
 import pytest
 from click.testing import CliRunner, Result
 
-from fedora_generator.corpus import CorpusOptions, PlannedFile, build, plan_corpus, room
+from fedora_generator import room
+from fedora_generator.corpus import CorpusOptions, PlannedFile, build, plan_corpus
 from fedora_generator.corpus.cli import corpus as corpus_command
 from fedora_generator.corpus.ladders import STEP, ladder_of
 from fedora_generator.corpus.manifest import MANIFEST, PROGRESS, digest_of
 from fedora_generator.errors import GeneratorError
 from fedora_generator.faults import BYTE_FAULTS, FAULTS, knows_region, plant_fault
+from fedora_generator.partial_file import PartialFile
 from fedora_generator.scene import Scene, load_scene
 from tests.generator.tiny_sequence import HEIGHT, WIDTH, declare_noise, write_tiny_sequence
 
@@ -158,21 +160,21 @@ def test_too_little_disk_is_refused_before_any_work(
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(room.shutil, "disk_usage", lambda _: usage._replace(free=1_000))
     result = corpus(tmp_path / "corpus")
-    assert "GB free for the corpus" in str(result.exception)
+    assert "free for the corpus" in str(result.exception)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_disk_that_fills_up_ends_the_work(corpus: Corpus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No space left while a fault is planted: said as such, no manifest, no file that is not whole."""
-    copy, left = shutil.copyfile, [2]
+    become, left = PartialFile.become, [2]
 
-    def copy_while_there_is_room(source: Path, target: Path) -> None:
-        copy(source, target)
-        left[0] -= target.name.endswith(".partial")
+    def become_while_there_is_room(file: PartialFile, target: Path) -> None:
+        left[0] -= 1
         if left[0] < 0:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            file.failure = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        become(file, target)
 
-    monkeypatch.setattr("fedora_generator.faults.plant.shutil.copyfile", copy_while_there_is_room)
+    monkeypatch.setattr(PartialFile, "become", become_while_there_is_room)
     result = corpus(tmp_path, "--causes", "gyro_bias", "--clean", "1")
     assert "full disk" in str(result.exception)
     assert sum(name.startswith("single/") for name in files(tmp_path)) < 3

@@ -9,7 +9,7 @@ import numba
 import numpy as np
 import pytest
 
-from fedora_generator import generate
+from fedora_generator import generate, instants
 from fedora_generator.camera import event_camera
 from fedora_generator.errors import OutputError, SceneError
 from fedora_generator.flight import Flight
@@ -246,11 +246,11 @@ def test_the_frame_stores_rounded_radiance() -> None:
 
 def test_the_flight_is_looked_at_in_pieces_from_end_to_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """A collision is found at the same instant however the times are cut."""
-    monkeypatch.setattr(generate, "CHECKED_AT_ONCE", 1000)
+    monkeypatch.setattr(instants, "PIECE", 1000)
     scene = load_scene("park-day")
     with pytest.raises(SceneError, match="got inside") as in_pieces:
         generate.require_free_flight(scene, 60_000_000)
-    monkeypatch.setattr(generate, "CHECKED_AT_ONCE", 1 << 20)
+    monkeypatch.setattr(instants, "PIECE", 1 << 20)
     with pytest.raises(SceneError) as at_once:
         generate.require_free_flight(scene, 60_000_000)
     assert str(in_pieces.value) == str(at_once.value)

@@ -67,11 +67,11 @@ def test_who_draws_is_part_of_the_digest(yard: Scene) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ('renderer = "magic"\n', r"Input should be 'exact' or 'mesh'"),
+        ('renderer = "magic"\n', r"Expected 'exact' or 'mesh'"),
         ('place = {name = "park"}\n', r"Expected a world with the exact renderer, got a place; set renderer = 'mesh'"),
         ("mesh = {event_factor = 2}\n", r"Expected no table mesh with the exact renderer"),
         ('renderer = "mesh"\nmesh = {event_factor = 0}\n', r"Expected event_factor from 1 to 16, got 0"),
-        ('renderer = "mesh"\nmesh = {precision = "half"}\n', r"Input should be 'float' or '8bit'"),
+        ('renderer = "mesh"\nmesh = {precision = "half"}\n', r"Expected 'float' or '8bit'"),
         (
             'renderer = "mesh"\nworld = "park"\nplace = {name = "park"}\n',
             r"Expected either a world or a place, got both",

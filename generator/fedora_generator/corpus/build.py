@@ -1,11 +1,12 @@
 """Making a corpus: file by file, each whole or not there, and the manifest last."""
 
+import shutil
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Final
 
 from fedora_generator.corpus.manifest import (
     MANIFEST,
@@ -18,13 +19,16 @@ from fedora_generator.corpus.manifest import (
     write_listing,
 )
 from fedora_generator.corpus.plan import CorpusOptions, PlannedFault, PlannedFile, plan_corpus
-from fedora_generator.corpus.room import expected_bytes, require_room
 from fedora_generator.errors import OutputError
 from fedora_generator.faults import FaultError, plant_fault
-from fedora_generator.generate import Request, generate_sequence, require_free_flight
+from fedora_generator.generate import STREAMS, Request, generate_sequence, require_free_flight
 from fedora_generator.instants import whole_us
+from fedora_generator.memory import require_memory
 from fedora_generator.metadata import generator_version
+from fedora_generator.room import expected_bytes, require_room
 from fedora_generator.scene import Scene
+
+_BETWEEN: Final = ".between-"
 
 Report = Callable[[int, int, str], None]
 """Is told the files done, the files planned, and the file that is being made."""
@@ -48,7 +52,7 @@ def build_corpus(
     FaultError
         A cause that cannot be planted.
     SceneError
-        A flight meets its world, or the duration is impossible.
+        A flight meets its world, or the duration is impossible, or the size does not fit the memory.
     OutputError
         The folder holds something else and ``force`` is false, or the disk has too little room.
     """
@@ -56,19 +60,32 @@ def build_corpus(
     made_with = _made_with(options, scenes)
     earlier = _earlier_items(folder, made_with, force=force)
     for scene in scenes:
+        require_memory(scene, frozenset(STREAMS))
         require_free_flight(scene, whole_us(options.duration_s))
     sizes = {scene.name: expected_bytes(scene, options.duration_s) for scene in scenes}
-    require_room(folder, missing_bytes(plan, sizes, earlier))
-    folder.mkdir(parents=True, exist_ok=True)
+    _require_room(folder, missing_bytes(plan, sizes, earlier))
+    _make_folder(folder)
     work = _Work(folder, options, {scene.name: scene for scene in scenes}, made_with, earlier)
     for done, planned in enumerate(plan):
         report(done, len(plan), planned.file)
         work.make(planned)
         if planned.base is None:
             sizes[planned.scene] = (folder / planned.file).stat().st_size
-            require_room(folder, missing_bytes(plan[done + 1 :], sizes, earlier))
+            _require_room(folder, missing_bytes(plan[done + 1 :], sizes, earlier))
     report(len(plan), len(plan), MANIFEST)
     return work.finish()
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"Expected to be able to make the folder {folder}, got: {error.strerror}") from error
+
+
+def _require_room(folder: Path, needed_bytes: int) -> None:
+    remedy = "ask for fewer causes, rungs or scenes, or a smaller size"
+    require_room(folder, needed_bytes, "the corpus", remedy)
 
 
 def missing_bytes(plan: tuple[PlannedFile, ...], sizes: dict[str, int], earlier: dict[str, Item]) -> int:
@@ -123,6 +140,8 @@ class _Work:
         self._earlier = earlier
         self._items: dict[str, Item] = {}
         self._skipped: list[Item] = []
+        for left_by_a_killed_run in folder.glob(f"*/{_BETWEEN}*"):
+            shutil.rmtree(left_by_a_killed_run)
         self._list(PROGRESS)  # before the manifest goes, so that an interrupt loses neither
         (folder / MANIFEST).unlink(missing_ok=True)
 
@@ -175,7 +194,7 @@ def plant_together(base: Path, target: Path, faults: tuple[PlannedFault, ...], d
     FaultError
         One of them cannot be planted; nothing is written.
     """
-    with TemporaryDirectory(dir=target.parent, prefix=".between-") as between:
+    with TemporaryDirectory(dir=target.parent, prefix=_BETWEEN) as between:
         source = base
         for index, fault in enumerate(faults):
             last = index == len(faults) - 1

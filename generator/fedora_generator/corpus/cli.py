@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from fedora_generator.corpus.build import build_corpus
 from fedora_generator.corpus.plan import CorpusOptions, PlannedFile, plan_corpus
-from fedora_generator.corpus.room import expected_bytes
+from fedora_generator.room import expected_bytes
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import Scene, load_scene
 

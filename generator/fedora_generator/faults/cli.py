@@ -27,7 +27,7 @@ def _read_region(_: click.Context, __: click.Parameter, value: str | None) -> Re
 @click.option("--stream", default="events", show_default=True, help="Stream that the fault befalls.")
 @click.option("--magnitude", type=float, help="Size; positive is too late, or too large. Needed where it has a unit.")
 @click.option("--unit", help="Unit of the magnitude; for a time ms unless given.")
-@click.option("--seed", type=int, default=0, show_default=True, help="For what is placed at random.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="For what is placed at random.")
 @click.option("--start", "start_s", type=float, help="Confine the fault: seconds after the file's first stamp.")
 @click.option("--stop", "stop_s", type=float, help="End of the confinement, not included.")
 @click.option(

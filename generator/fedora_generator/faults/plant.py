@@ -1,10 +1,8 @@
 """Planting a fault: in a copy, complete or not at all."""
 
-import errno
 import math
-import os
-import shutil
 from pathlib import Path
+from typing import Final
 
 import h5py
 import hdf5plugin  # noqa: F401 - its import makes the codec of the layout known to HDF5
@@ -23,7 +21,10 @@ from fedora_generator.faults.table import (
     legal_causes,
     legal_streams,
 )
+from fedora_generator.partial_file import PartialFile, partial_file
 from fedora_qa.causes import stream_family
+
+_COPIED_AT_ONCE: Final = 1 << 20
 
 
 def plant_fault(
@@ -92,27 +93,24 @@ def plant_fault(
         donor=donor,
     )
     _require_two_files(source, target)
-    partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
     try:
-        shutil.copyfile(source, partial)
-        _apply(source, partial, fault, consistent_maps=consistent_maps)
+        with source.open("rb") as clean, partial_file(target, overwrite=True) as copy:
+            while copy.write(clean.read(_COPIED_AT_ONCE)):
+                copy.go_on()
+            _apply(source, copy, fault, consistent_maps=consistent_maps)
+    except OutputError:
+        raise
     except (KeyError, OSError) as error:
-        if _says_full(error):
-            raise OutputError(f"Expected room for {target}, got a full disk; make room and plant it again") from error
         raise FaultError(f"Expected a readable file of the canonical layout, got {source}: {error}") from error
-    else:
-        partial.replace(target)
-    finally:
-        partial.unlink(missing_ok=True)
     return fault
 
 
-def _apply(source: Path, path: Path, fault: Fault, *, consistent_maps: bool) -> None:
+def _apply(source: Path, copy: PartialFile, fault: Fault, *, consistent_maps: bool) -> None:
     key = (fault.cause, stream_family(fault.stream))
     if key in BYTE_FAULTS:
-        BYTE_FAULTS[key](path, fault)
+        BYTE_FAULTS[key](copy.path, fault)
         return
-    with h5py.File(path, "r+") as file:
+    with h5py.File(copy, "r+") as file:
         if fault.stream != "metadata":
             streams_in(file, fault.stream)  # says so if there is none
         FAULTS[key](file, fault)
@@ -120,11 +118,6 @@ def _apply(source: Path, path: Path, fault: Fault, *, consistent_maps: bool) -> 
             confine_to_region(file, source, fault, fault.region)
         if consistent_maps and maps_follow(fault):
             remake_index_maps(file)
-
-
-def _says_full(error: Exception) -> bool:
-    """Whether the disk is full; HDF5 tells it in words alone."""
-    return getattr(error, "errno", None) == errno.ENOSPC or os.strerror(errno.ENOSPC) in str(error)
 
 
 def _size_of(cause: str, stream: str, magnitude: float | None, unit: str) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from fedora_generator.flights.kinds import QuadrotorOptions, require_positive
+from fedora_generator.flights.kinds import QuadrotorOptions, require_few, require_positive
 from fedora_generator.flights.route import Route
 from fedora_generator.flights.smoothed_line import SmoothedLine
 from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
@@ -70,6 +70,7 @@ class BurstOptions(QuadrotorOptions):
             raise ValueError(f"Expected finite numbers, got {self.position_m}, {self.yaw_deg} and {self.first_s}")
         if self.count < 1:
             raise ValueError(f"Expected count >= 1, got {self.count}")
+        require_few("count", self.count)
         if self.axis == "roll" and self.angle_deg >= 90:
             raise ValueError(f"Expected angle_deg below 90 for a roll, got {self.angle_deg}")
 

@@ -16,13 +16,16 @@
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import ConfigDict
 
 from fedora_generator.flights.gusts import WindOptions
 from fedora_generator.flights.route import Route, Waypoint, route_through
+
+MOST_REPEATS: Final = 3600
+"""The longest sequence lasts an hour, and nothing is flown in less than a second."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +94,7 @@ class LoopOptions(LegsOptions):
         """All laps, one after the other."""
         if self.laps < 1 or len(self.waypoints) < 2:
             raise ValueError(f"Expected at least two waypoints and one lap, got {len(self.waypoints)} and {self.laps}")
+        require_few("laps", self.laps)
         return self.waypoints * self.laps + self.waypoints[:1]
 
 
@@ -116,6 +120,7 @@ class SurveyOptions(LegsOptions):
         require_positive(self, "lane_m")
         if self.lanes < 1 or self.spacing_m == 0:
             raise ValueError(f"Expected lanes >= 1, spacing_m not 0, got {self.lanes} and {self.spacing_m}")
+        require_few("lanes", self.lanes)
         course_rad = math.radians(self.course_deg)
         along = np.array([math.cos(course_rad), math.sin(course_rad), 0.0])
         left = np.array([-along[1], along[0], 0.0])
@@ -140,6 +145,12 @@ class HoverOptions(QuadrotorOptions):
         return route_through(
             [Waypoint(position_m=self.position_m, yaw_deg=self.yaw_deg)], speed_m_s=1.0, corner_s=1.0, turn_s=1.0
         )
+
+
+def require_few(name: str, value: int) -> None:
+    """Raise ValueError where something is repeated more often than an hour's flight can hold."""
+    if value > MOST_REPEATS:
+        raise ValueError(f"Expected {name} up to {MOST_REPEATS}, got {value}")
 
 
 def require_positive(options: QuadrotorOptions, *names: str) -> None:

@@ -1,11 +1,14 @@
 """What a world of triangles consists of, before anything is drawn."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator.surfaces.world import Box, Lamp
+from fedora_generator.surfaces.world import Box, Lamp, departures
+
+GROUND: Final = "ground"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +45,10 @@ class TexturedMesh:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshModel:
-    """Everything that stands in a world of triangles. ``solids`` are what a camera must not enter."""
+    """Everything that stands in a world of triangles.
+
+    ``solids`` are what a camera must not enter; it must stay over the one that is called ``GROUND``, if there is one.
+    """
 
     name: str
     meshes: tuple[TexturedMesh, ...]
@@ -52,6 +58,16 @@ class MeshModel:
     def collision(
         self, positions_world_m: NDArray[np.float64], times_s: NDArray[np.float64] | None = None
     ) -> tuple[int, str] | None:
-        """First of the points (n, 3) that is inside a solid, and which; None if none is. Nothing moves with time."""
-        inside = [(solid.contains(positions_world_m), f"inside {solid.name!r}") for solid in self.solids]
-        return min(((int(np.argmax(flags)), what) for flags, what in inside if flags.any()), default=None)
+        """First of the points (n, 3) that is inside a solid or not over the ground, and which; None if none is.
+
+        Nothing moves with time.
+        """
+        hits = [
+            (int(np.argmax(inside)), f"inside {solid.name!r}")
+            for solid in self.solids
+            if (inside := solid.contains(positions_world_m)).any()
+        ]
+        for ground in (solid for solid in self.solids if solid.name == GROUND):
+            departed = departures(ground.heights_m(positions_world_m))
+            hits += [(index, what) for index, what in departed if index is not None]
+        return min(hits, default=None)

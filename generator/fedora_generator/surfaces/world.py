@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,9 @@ from fedora_generator.surfaces.movement import Movement
 from fedora_generator.surfaces.textures import Texture
 
 Vector = tuple[float, float, float]
+
+HIGHEST_M: Final = 1000.0
+"""Higher than this over the ground, as far up as the rims of the package's worlds are away, nothing is worth a look."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +58,13 @@ class Box:
         in_box_m = (positions_world_m - np.array(self.center_m)) @ self.axes_world
         return np.asarray((np.abs(in_box_m) <= 0.5 * np.array(self.size_m)).all(axis=-1))
 
+    def heights_m(self, positions_world_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Heights (n,) of points (n, 3) over the top, NaN beside it."""
+        in_box_m = (positions_world_m - np.array(self.center_m)) @ self.axes_world
+        half_m = 0.5 * np.array(self.size_m)
+        over = (np.abs(in_box_m[:, :2]) <= half_m[:2]).all(axis=-1)
+        return np.where(over, in_box_m[:, 2] - half_m[2], np.nan)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mover(Box):
@@ -97,7 +108,7 @@ class World:
     def collision(
         self, positions_world_m: NDArray[np.float64], times_s: NDArray[np.float64] | None = None
     ) -> tuple[int, str] | None:
-        """First of the points (n, 3) that is inside a box or under a flat rectangle, and which; None if none is.
+        """First of the points (n, 3) that is inside a box, under the ground or beyond its rim, and which; or None.
 
         ``times_s`` (n,) says when each point is looked at; without it, movers are where they are at time 0.
         """
@@ -106,15 +117,37 @@ class World:
             displacement_m = mover.movement.displacement_m(np.zeros(1) if times_s is None else times_s)
             hits.append((_first(mover.contains(positions_world_m - displacement_m)), f"inside {mover.name!r}"))
         hits += [(_first(_is_under(flat, positions_world_m)), f"below {flat.name!r}") for flat in self.rectangles]
+        heights_m = [
+            heights for flat in self.rectangles if (heights := _heights_m(flat, positions_world_m)) is not None
+        ]
+        if heights_m:  # a world without ground has no rim
+            heights_m += [box.heights_m(positions_world_m) for box in self.boxes]
+            hits += departures(np.fmin.reduce(heights_m))
         return min(((index, what) for index, what in hits if index is not None), default=None)
 
 
-def _is_under(rectangle: Rectangle, positions_world_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    axes = np.array([rectangle.u_axis, rectangle.v_axis])
+def departures(heights_m: NDArray[np.float64]) -> list[tuple[int | None, str]]:
+    """First of the heights (n,) over the ground with no ground below (NaN), and first too far above; None if none."""
+    return [
+        (_first(np.isnan(heights_m)), "beyond the rim of the ground"),
+        (_first(heights_m > HIGHEST_M), f"more than {HIGHEST_M:g} m above the ground"),
+    ]
+
+
+def _heights_m(flat: Rectangle, positions_world_m: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Heights (n,) over a rectangle, NaN beside it; None if it does not face up."""
+    axes = np.array([flat.u_axis, flat.v_axis])
     normal = np.cross(*axes)
-    offsets_m = positions_world_m - np.array(rectangle.center_m)
-    over = (np.abs(offsets_m @ axes.T) <= 0.5 * np.array(rectangle.size_m)).all(axis=-1)
-    return np.asarray(over & (offsets_m @ normal <= 0) & bool(normal[2] > 0.5))
+    if normal[2] <= 0.5:
+        return None
+    offsets_m = positions_world_m - np.array(flat.center_m)
+    over = (np.abs(offsets_m @ axes.T) <= 0.5 * np.array(flat.size_m)).all(axis=-1)
+    return np.where(over, offsets_m @ normal, np.nan)
+
+
+def _is_under(flat: Rectangle, positions_world_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    heights_m = _heights_m(flat, positions_world_m)
+    return np.zeros(len(positions_world_m), np.bool_) if heights_m is None else np.asarray(heights_m <= 0)
 
 
 def _first(flags: NDArray[np.bool_]) -> int | None:

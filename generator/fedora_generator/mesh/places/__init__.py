@@ -30,13 +30,8 @@ def build_place(name: str, seed: int) -> MeshModel:
     ValueError
         There is no such place, or the seed is negative.
     """
-    if name not in PLACES:
-        raise ValueError(f"Expected one of the places {', '.join(PLACES)}, got {name!r}")
-    if seed < 0:
-        raise ValueError(f"Expected seed >= 0, got {seed}")
-    build, own_materials = PLACES[name]
-    materials = {**MATERIALS, **own_materials}
-    group = build(_generator(name, seed))
+    group = _group(name, seed)
+    materials = {**MATERIALS, **PLACES[name][1]}
     by_material: dict[str, list[Surface]] = {}
     for material, surface in group.surfaces:
         by_material.setdefault(material, []).append(surface)
@@ -45,6 +40,27 @@ def build_place(name: str, seed: int) -> MeshModel:
         for material, surfaces in by_material.items()
     )
     return MeshModel(name=name, meshes=meshes, lamps=group.lamps, solids=group.solids)
+
+
+def outline_place(name: str, seed: int) -> MeshModel:
+    """Return the solids of a place and nothing to draw, for who only needs to know what not to fly into.
+
+    Raises
+    ------
+    ValueError
+        There is no such place, or the seed is negative.
+    """
+    group = _group(name, seed)
+    return MeshModel(name=name, meshes=(), lamps=group.lamps, solids=group.solids)
+
+
+def _group(name: str, seed: int) -> Group:
+    if name not in PLACES:
+        raise ValueError(f"Expected one of the places {', '.join(PLACES)}, got {name!r}")
+    if seed < 0:
+        raise ValueError(f"Expected seed >= 0, got {seed}")
+    build, _ = PLACES[name]
+    return build(_generator(name, seed))
 
 
 def _painted(name: str, material: Material, surface: Surface, rng: np.random.Generator) -> TexturedMesh:

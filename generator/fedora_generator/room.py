@@ -1,0 +1,73 @@
+"""How much a sequence takes on the disk, and whether there is room for it."""
+
+import shutil
+from pathlib import Path
+from typing import Final
+
+from fedora_generator.camera import event_camera
+from fedora_generator.errors import OutputError
+from fedora_generator.instants import FRAME_RATE_HZ
+from fedora_generator.scene import Scene
+from fedora_qa.conventions import FLOW_RATES_HZ, US_PER_S
+
+_COLOUR_BYTES, _DEPTH_BYTES, _FLOW_BYTES = 3, 4, 8
+_EVENTS_PER_PIXEL_S: Final = 10
+_EVENT_BYTES: Final = 13
+_COMPRESSED: Final = 0.6
+"""Of a second of ``park-day`` at 270x200, 0.53 of the bytes are left; flow and depth hardly compress."""
+
+_BEST_COMPRESSION: Final = 8192
+"""Images of one colour reach 7600 at 1440x1080, whatever they show; the least that a sequence takes follows from it."""
+
+ALL_STREAMS: Final = frozenset({"rgb", "depth", "events", "flow"})
+
+_SPARE: Final = 1.05
+
+
+def expected_bytes(scene: Scene, duration_s: float, streams: frozenset[str] = ALL_STREAMS) -> int:
+    """Estimate the size of one sequence from its images; events are guessed at, for only the light decides on them."""
+    sensor = event_camera(scene.camera)
+    event_bytes = sensor.width * sensor.height * _EVENTS_PER_PIXEL_S * _EVENT_BYTES if "events" in streams else 0
+    return round(duration_s * (_image_bytes_a_second(scene, streams) + event_bytes) * _COMPRESSED)
+
+
+def least_bytes(scene: Scene, duration_us: int, streams: frozenset[str]) -> int:
+    """Size that a sequence has at least, however little its images show."""
+    return round(_image_bytes_a_second(scene, streams) * duration_us / US_PER_S / _BEST_COMPRESSION)
+
+
+def require_room(folder: Path, needed_bytes: int, what: str, remedy: str) -> None:
+    """Raise OutputError where the disk of a folder, which need not exist yet, has too little left for ``what``."""
+    there, free_bytes = _free_bytes(folder)
+    if needed_bytes * _SPARE > free_bytes or free_bytes == 0:
+        raise OutputError(
+            f"Expected {_in_words(needed_bytes * _SPARE)} free for {what}, got {_in_words(free_bytes)} at {there}; "
+            f"{remedy}"
+        )
+
+
+def shortage(folder: Path, expected: int) -> str:
+    """Say that a sequence is expected to take more than the disk of a folder has left; nothing where it is not."""
+    there, free_bytes = _free_bytes(folder)
+    if expected <= free_bytes:
+        return ""
+    return (
+        f"about {_in_words(expected)} are expected, and {_in_words(free_bytes)} are free at {there}; "
+        "should the disk fill up, nothing is left of the sequence"
+    )
+
+
+def _image_bytes_a_second(scene: Scene, streams: frozenset[str]) -> int:
+    pixels = scene.camera.width * scene.camera.height
+    frame_bytes = _COLOUR_BYTES * ("rgb" in streams) + _DEPTH_BYTES * ("depth" in streams)
+    return pixels * (frame_bytes * FRAME_RATE_HZ + _FLOW_BYTES * sum(FLOW_RATES_HZ) * ("flow" in streams))
+
+
+def _free_bytes(folder: Path) -> tuple[Path, int]:
+    """Return the folder, or what there is of the way to it, and how much is free on its disk."""
+    there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    return there, shutil.disk_usage(there).free
+
+
+def _in_words(size_bytes: float) -> str:
+    return f"{size_bytes / 1e9:.2f} GB" if size_bytes >= 1e7 else f"{size_bytes / 1e6:.2f} MB"

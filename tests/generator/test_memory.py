@@ -1,0 +1,121 @@
+"""Memory: the estimate holds, the machine's word is read, and the length of a sequence does not matter."""
+
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fedora_generator import memory
+from fedora_generator.errors import SceneError
+from fedora_generator.scene import load_scene
+
+ALL = frozenset({"rgb", "depth", "events", "flow", "imu", "pose"})
+
+MEASURE = """
+import sys
+from pathlib import Path
+from resource import RUSAGE_SELF, getrusage
+from fedora_generator.generate import Request, generate_sequence
+from fedora_generator.memory import peak_bytes
+from fedora_generator.scene import load_scene
+
+name, width, height, duration_s, streams = sys.argv[2:]
+scene, names = load_scene(name).with_size(int(width), int(height)), frozenset(streams.split(","))
+before = 1024 * getrusage(RUSAGE_SELF).ru_maxrss
+request = Request(duration_s=float(duration_s), quality="draft", streams=names)
+generate_sequence(scene, Path(sys.argv[1]) / "a.h5", request)
+print(1024 * getrusage(RUSAGE_SELF).ru_maxrss - before, peak_bytes(scene, names))
+"""
+
+
+def measured(folder: Path, name: str, size: tuple[int, int], duration_s: float, streams: str) -> tuple[float, float]:
+    """Bytes that generating took beyond what was there before, and the estimate of them."""
+    folder.mkdir()
+    command = [sys.executable, "-c", MEASURE, str(folder), name, *map(str, size), str(duration_s), streams]
+    taken, estimate = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    return float(taken), float(estimate)
+
+
+def test_the_estimate_is_above_what_is_taken(tmp_path: Path) -> None:
+    """For large images, where it matters, by no more than the half of a GB of them."""
+    taken, estimate = measured(tmp_path / "large", "park-noisy", (1800, 1350), 0.01, ",".join(ALL))
+    assert taken < estimate < taken + 0.5e9
+
+
+def test_memory_does_not_grow_with_the_length(tmp_path: Path) -> None:
+    """Four times the sequence takes what the sequence takes, but for the allocator's whims, 3 MB.
+
+    What the file holds more, before it is compressed, are 9 MB.
+    """
+    taken = [
+        measured(tmp_path / f"{duration_s}", "park-day", (90, 68), duration_s, ",".join(ALL))[0]
+        for duration_s in (0.5, 2)
+    ]
+    assert taken[1] < taken[0] + 3e6
+
+
+def test_inertial_samples_are_written_in_pieces(tmp_path: Path) -> None:
+    """Ten minutes of samples and poses, 200 MB as states of the flight, take the half of it."""
+    taken, _ = measured(tmp_path / "long", "hover", (90, 68), 600, "imu,pose")
+    assert taken < 100e6
+
+
+def test_what_does_not_fit_is_refused_with_a_size_that_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The size that is named fits, and is the largest to do so; all numbers are in the message."""
+    monkeypatch.setattr(memory, "available_bytes", lambda: 400e6)
+    scene = load_scene("park-day").with_size(4000, 3000)
+    with pytest.raises(SceneError, match=r"most 400 MB .* got 4000x3000 of depth, .* about 1\d{3} MB; use") as refused:
+        memory.require_memory(scene, ALL)
+    width, height = map(int, str(refused.value).split("--size ")[1].split(",")[0].split("x"))
+    memory.require_memory(scene.with_size(width, height), ALL)
+    with pytest.raises(SceneError):
+        memory.require_memory(scene.with_size(width + 8, height + 6), ALL)
+    memory.require_memory(scene, frozenset({"imu", "pose"}))
+
+
+@pytest.mark.parametrize("streams", [frozenset({each}) for each in sorted(ALL)], ids=sorted(ALL))
+def test_fewer_streams_never_take_more(streams: frozenset[str]) -> None:
+    """Whatever is left out."""
+    for name in ("park-noisy", "park-mesh-day"):
+        assert memory.peak_bytes(load_scene(name), streams) <= memory.peak_bytes(load_scene(name), ALL)
+
+
+def test_a_limit_of_the_address_space_counts() -> None:
+    """As ``ulimit -v`` sets it: what is left of it is what there is."""
+    code = (
+        "import resource; from fedora_generator.memory import available_bytes\n"
+        "from pathlib import Path\n"
+        "used = 1024 * int(Path('/proc/self/status').read_text().split('VmSize:')[1].split()[0])\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (used + 50_000_000, resource.RLIM_INFINITY))\n"
+        "assert 40e6 < available_bytes() <= 50e6, available_bytes()"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    assert resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY
+
+
+@pytest.mark.parametrize(
+    ("membership", "files", "expected"),
+    [
+        ("0::/a", {"a/memory.max": "1000", "a/memory.current": "400", "a/memory.stat": "inactive_file 150"}, 750),
+        ("0::/job", {"job/memory.max": "max", "job/memory.current": "400"}, None),
+        ("0::/a/b", {"a/b/memory.max": "900", "a/memory.max": "500", "a/memory.current": "100"}, 400),
+        ("0::/elsewhere", {"memory.max": "700", "memory.current": "200"}, 500),
+        (
+            "4:memory:/job\n1:cpu:/job",
+            {"memory/job/memory.limit_in_bytes": "1000", "memory/job/memory.usage_in_bytes": "300"},
+            700,
+        ),
+        ("", {}, None),
+    ],
+)  # fmt: skip
+def test_the_limit_of_a_cgroup_counts(
+    tmp_path: Path, membership: str, files: dict[str, str], expected: float | None
+) -> None:
+    """Of either version, of whichever group above; page cache can be dropped."""
+    (tmp_path / "membership").write_text(membership)
+    for name, content in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(content)
+    assert min(memory.of_the_cgroups(tmp_path, tmp_path / "membership"), default=None) == expected
