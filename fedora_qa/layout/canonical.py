@@ -38,7 +38,7 @@ class DatasetSpec:
     meaning
         One line for people.
     optional
-        Whether a file may leave it out without a word. It is then a stream of its own, named after its key.
+        Whether the stream is whole without it.
     """
 
     key: str
@@ -74,11 +74,6 @@ class AttributeSpec:
     choices: tuple[str, ...] = ()
 
 
-def moving_of(flow_stream: str) -> str:
-    """Return the name of the masks that say which pixels of a flow move by themselves."""
-    return f"{flow_stream}_moving"
-
-
 def _flow(rate_hz: int) -> tuple[DatasetSpec, ...]:
     stream, count = f"flow/{rate_hz}hz", f"K{rate_hz}"
     return (
@@ -86,7 +81,7 @@ def _flow(rate_hz: int) -> tuple[DatasetSpec, ...]:
                     "displacement over the interval (u right, v down), NaN where depth is invalid"),
         DatasetSpec(f"path/{stream}_ts", stream, "int64", (count, 2), "us", SAMPLE_CHUNK_ROWS,
                     "start and end of the interval"),
-        DatasetSpec(f"path/{moving_of(stream)}", moving_of(stream), "uint8", (count, "H", "W"), "1", 1,
+        DatasetSpec(f"path/{stream}_moving", stream, "uint8", (count, "H", "W"), "1", 1,
                     "1 where the pixel shows an object that moves by itself", optional=True),
     )  # fmt: skip
 
@@ -205,7 +200,12 @@ PROMISED_BY: Final[Mapping[str, str]] = MappingProxyType(
 
 def datasets_of(stream: str) -> tuple[DatasetSpec, ...]:
     """Return the datasets that make up a stream."""
-    return tuple(spec for spec in _DATASETS if spec.stream == stream)
+    return tuple(spec for spec in _DATASETS if spec.stream == stream and not spec.optional)
+
+
+def companions_of(stream: str) -> tuple[DatasetSpec, ...]:
+    """Return the datasets that may lie beside those of a stream, row by row."""
+    return tuple(spec for spec in _DATASETS if spec.stream == stream and spec.optional)
 
 
 def attributes_of(owner: str) -> tuple[AttributeSpec, ...]:

@@ -9,14 +9,14 @@ import numpy as np
 
 from fedora_qa.causes import INDEX_MAPS, allowed
 from fedora_qa.layout.binding import Binding, instant_ns
-from fedora_qa.layout.canonical import FLOW_STREAMS, PROMISED_BY, STREAMS, DatasetSpec, datasets_of, moving_of
+from fedora_qa.layout.canonical import FLOW_STREAMS, PROMISED_BY, STREAMS, DatasetSpec, companions_of, datasets_of
 from fedora_qa.layout.conform import require_readable_type, require_shape, unwritten_chunks
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, Dialect, Place, scale_of
 from fedora_qa.layout.links import RefusedError, find_dataset, has_group, reading
 
-_OWNERS: Final = {"depth_range": "metadata"} | {moving_of(stream): stream for stream in FLOW_STREAMS}
-"""Datasets of the layout that say something of another stream: where their problems belong."""
+_EXTRA_STREAMS: Final = ("depth_range",)
+"""Datasets of the layout that are declarations, not streams."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def resolve(file: h5py.File, dialect: Dialect | None = None) -> Layout:
         if not declares_fedora(file):
             inferred["layout.dialect"] = dialect.name
     finder = _Finder(file, dialect)
-    for stream in (*STREAMS, *_OWNERS):
+    for stream in (*STREAMS, *_EXTRA_STREAMS):
         finder.find(stream)
     if dialect.canonical_elsewhere:
         finder.hold_to_promises()
@@ -127,6 +127,23 @@ class _Finder:
             self._report(stream, broken.key, broken.reason)
             return
         self.bindings.update(bound)
+        for spec in companions_of(stream):
+            self._find_beside(spec)
+
+    def _find_beside(self, spec: DatasetSpec) -> None:
+        """Bind what may lie beside a stream, which is whole without it."""
+        if self.dialect.place_of(spec.key) is None:
+            return
+        try:
+            dataset = self._dataset(spec)
+            if dataset is None:
+                return
+            bound = {spec.key: self._bind(spec, dataset)}
+            self._agree_on_sizes((spec,), bound)
+        except _BrokenError as broken:
+            self._report(spec.stream, broken.key, broken.reason)
+            return
+        self.bindings.update(bound)
 
     def hold_to_promises(self) -> None:
         """Report streams that the metadata declare and that are not there at all."""
@@ -144,7 +161,7 @@ class _Finder:
 
     def _report(self, stream: str, key: str, reason: RefusedError) -> None:
         code = f"integrity.layout.{reason.rule}"
-        stream = _OWNERS.get(stream, stream)
+        stream = "metadata" if stream in _EXTRA_STREAMS else stream
         cause = reason.cause if allowed(reason.cause, stream) else "unknown"
         self.problems.append(LayoutProblem(code, cause, stream, key, str(reason), reason.magnitude))
 

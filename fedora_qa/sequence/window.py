@@ -134,6 +134,13 @@ class Window:
         """Return a flow field of the stream (``flow/10hz``), (H, W, 2), px over its interval, NaN where invalid."""
         return cast(NDArray[np.float32], self.rows(f"path/{stream}", field, field + 1)[0])
 
+    def moving(self, stream: str, field: int) -> NDArray[np.bool_] | None:
+        """Return which pixels of a flow field move by themselves, (H, W); None where the file does not say."""
+        key = f"path/{stream}_moving"
+        if key not in self.facts.sizes:
+            return None
+        return cast(NDArray[np.bool_], self.rows(key, field, field + 1)[0] > 0)
+
     def events(self, before_ns: int = 0, after_ns: int = 0) -> Events:
         """Return the window's events, and those up to a margin before its start and after its stop, sorted by time."""
         return self.once(("events", before_ns, after_ns), lambda: self._read_events(before_ns, after_ns))

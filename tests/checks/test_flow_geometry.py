@@ -26,6 +26,31 @@ def noisy() -> FlowWorld:
     return make_world((25, 50), noise=NOISE)
 
 
+def with_mover(marked: bool) -> FlowWorld:
+    """A world in which a patch of 30 x 40 pixels moves by itself, 2 px an interval; masks say so, or nothing."""
+    world = clean()
+    moving = np.zeros(world.rows_by_key["path/depth"].shape[1:], np.uint8)
+    moving[20:50, 30:70] = 1
+    off = world.with_flow(lambda _, flow: flow + 2.0 * moving[..., None])
+    masks = {
+        f"path/{stream}_moving": np.repeat(marked * moving[None], len(world.rows_by_key[f"path/{stream}"]), axis=0)
+        for stream in world.facts.flow_streams
+    }
+    sizes = {**off.facts.sizes, **{key: len(mask) for key, mask in masks.items()}}
+    facts = replace(off.facts, sizes=sizes, declared=replace(off.facts.declared, flow_model="scene"))
+    return replace(off, facts=facts, rows_by_key={**off.rows_by_key, **masks})
+
+
+@pytest.mark.parametrize("share", [1.0, 0.1])
+def test_what_moves_by_itself_is_left_out_where_it_is_marked(share: float) -> None:
+    """A patch with a flow of its own passes under its mask, fails without, and a gain of the rest is still found."""
+    assert judged(Endpoint(), with_mover(marked=True), tile_share=share).result.outcome == "passed"
+    assert judged(Endpoint(), with_mover(marked=False), tile_share=share).result.outcome == "failed"
+    gain = with_mover(marked=True).with_flow(lambda _, flow: flow * 1.02)
+    suspect = first_suspect(judged(Endpoint(), gain, tile_share=share))
+    assert (suspect.cause, suspect.stream) == ("flow_gain", "flow")
+
+
 def with_camera(world: FlowWorld, K_declared: np.ndarray = K, T: np.ndarray = T_BODY_CAMERA) -> FlowWorld:
     cameras = {
         name: replace(camera, K=K_declared, T_body_camera=T) for name, camera in world.facts.declared.cameras.items()

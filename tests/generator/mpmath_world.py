@@ -92,7 +92,11 @@ def _plane_of(flat: Rectangle, texture: Texture, number: int) -> Plane:
 
 def _planes_of_box(box: Box, texture: Texture, first: int) -> list[Plane]:
     yaw = MP.mpf(box.yaw_deg) * MP.pi / 180
-    to_world = lambda p: [MP.cos(yaw) * p[0] - MP.sin(yaw) * p[1], MP.sin(yaw) * p[0] + MP.cos(yaw) * p[1], p[2]]  # noqa: E731
+    cos, sin = MP.cos(yaw), MP.sin(yaw)
+
+    def to_world(p: Vector) -> Vector:
+        return [cos * p[0] - sin * p[1], sin * p[0] + cos * p[1], p[2]]
+
     half, center = [MP.mpf(size) / 2 for size in box.size_m], vector(box.center_m)
     planes = []
     for i, (axis, sign, u, v) in enumerate(BOX_FACES):

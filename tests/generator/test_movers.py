@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 from fedora_generator.camera import Camera, CameraOptions, colour_camera, event_camera
 from fedora_generator.depth import depth_mm
 from fedora_generator.errors import SceneError
+from fedora_generator.faults.plant import plant_fault
 from fedora_generator.flight import FlightOptions
 from fedora_generator.flow import scene_flow_px
 from fedora_generator.generate import Request, generate_sequence
@@ -271,3 +272,17 @@ def _value(value: object) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_value, value)) + "]"
     return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+@pytest.mark.parametrize("cause", ["dropped_samples", "unsorted"])
+def test_masks_stay_with_their_fields_when_rows_go(cause: str, tmp_path: Path) -> None:
+    """Rows of the flow that a fault takes out or exchanges take their masks along."""
+    request = Request(duration_s=0.4, streams=frozenset({"flow"}))
+    generate_sequence(still_camera(), tmp_path / "s.h5", request)
+    plant_fault(tmp_path / "s.h5", tmp_path / "faulty.h5", cause, "flow", 2.0, seed=3)
+    with h5py.File(tmp_path / "s.h5") as clean, h5py.File(tmp_path / "faulty.h5") as faulty:
+        whole, left = (file["path/flow/50hz"][:] for file in (clean, faulty))
+        rows = [int(np.flatnonzero([np.array_equal(field, one, equal_nan=True) for one in whole])[0]) for field in left]
+        assert rows != list(range(len(whole)))
+        masks = clean["path/flow/50hz_moving"][:]
+        np.testing.assert_array_equal(faulty["path/flow/50hz_moving"][:], masks[rows])

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.depth.pairs import DepthPair, step_share
+from fedora_qa.checks.depth.pairs import DepthPair, standing_m, step_share
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.intervals import PoseTrack
 from fedora_qa.conventions import NS_PER_S
@@ -175,13 +175,13 @@ def _family_of_focal(pair: DepthPair) -> Family:
 
 def _changed(pair: DepthPair, change: Callable[[Depth], Depth]) -> tuple[DepthImage, DepthImage]:
     share = step_share(pair.window)
-    first, second = (depth_image(change(pair.window.depth_m(row)), share) for row in (pair.first, pair.second))
+    first, second = (depth_image(change(standing_m(pair.window, row)), share) for row in (pair.first, pair.second))
     return first, second
 
 
 def _images_of(pair: DepthPair, *rows: int) -> tuple[DepthImage, DepthImage]:
     share = step_share(pair.window)
-    first, second = (depth_image(pair.window.depth_m(row), share) for row in rows)
+    first, second = (depth_image(standing_m(pair.window, row), share) for row in rows)
     return first, second
 
 

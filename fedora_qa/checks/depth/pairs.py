@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.intervals import PoseTrack, pose_track
+from fedora_qa.checks.standing import standing_depth_m, why_not_told_apart
 from fedora_qa.estimators.depth_fit import noise_directions
 from fedora_qa.estimators.depth_image import DepthImage, depth_image
 from fedora_qa.estimators.depth_step import DepthStep, depth_step
@@ -88,7 +89,8 @@ def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
     rows = np.flatnonzero(clock.advancing)
     track = pose_track(window, facts.declared.cameras["depth"])
     for first, second in zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True):
-        if first in window.owned("depth") and first % window.sampling.field_stride == 0:
+        wanted = first in window.owned("depth") and first % window.sampling.field_stride == 0
+        if wanted and all(standing_depth_m(window, frame) is not None for frame in (first, second)):
             yield pair_between(window, track, first, second)
 
 
@@ -107,7 +109,13 @@ def pair_between(window: Window, track: PoseTrack, first: int, second: int) -> D
 
 def image_of(window: Window, frame: int) -> DepthImage:
     """Return a depth frame ready to be read, made once a window."""
-    return window.once(("depth image", frame), lambda: depth_image(window.depth_m(frame), step_share(window)))
+    return window.once(("depth image", frame), lambda: depth_image(standing_m(window, frame), step_share(window)))
+
+
+def standing_m(window: Window, frame: int) -> NDArray[np.float32]:
+    """Return what of a depth frame stands, NaN elsewhere: everywhere, where the file does not tell."""
+    depth_m = standing_depth_m(window, frame)
+    return np.full_like(window.depth_m(frame), np.nan) if depth_m is None else depth_m
 
 
 def step_share(window: Window) -> float:
@@ -123,15 +131,13 @@ def step_of(window: Window) -> DepthStep | None:
 
 
 def why_no_geometry(facts: Facts) -> str:
-    """Say what of the model does not hold: intrinsics, a pinhole, a rigid world."""
+    """Say what of the model does not hold: intrinsics, a pinhole, a world of which it is known what stands."""
     camera = facts.declared.cameras.get("depth")
     if camera is None:
         return "the depth camera's intrinsics and mounting are not declared"
     if camera.model != "pinhole":
         return f"the depth camera is declared as {camera.model}, and only a pinhole is modelled"
-    if facts.declared.flow_model == "scene":
-        return "objects move on their own (flow model 'scene'), which the camera's motion does not explain"
-    return ""
+    return why_not_told_apart(facts)
 
 
 def place(facts: Facts, first: int, last: int, pixel: tuple[int, int] | None = None,

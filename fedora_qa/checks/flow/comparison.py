@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.intervals import Interval, PoseTrack
+from fedora_qa.checks.standing import still_pixels
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_motion_fit import (
     Evidence,
@@ -157,6 +158,7 @@ def _lattice_of(window: Window, interval: Interval, frame: int) -> _Lattice | No
     pixels = (slice(first_row, None, stride), slice(first_column, None, stride))
     depths_m, flow = depth_m[pixels].astype(np.float64), flow_px[pixels].astype(np.float64)
     valid = (depths_m > 0) & np.isfinite(depths_m) & np.isfinite(flow[..., 0]) & np.isfinite(flow[..., 1])
+    valid &= np.broadcast_to(still_pixels(window, interval.stream, interval.row), depth_m.shape)[pixels]
     return _Lattice(
         np.arange(first_column, depth_m.shape[1], stride, dtype=np.float64)[None, :],
         np.arange(first_row, depth_m.shape[0], stride, dtype=np.float64)[:, None],

@@ -12,6 +12,7 @@ from fedora_qa.checks.flow.hypotheses import Weighed, weigh_hypotheses
 from fedora_qa.checks.flow.intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
 from fedora_qa.checks.flow.suspects import spreads_over
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.standing import why_not_told_apart
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -56,6 +57,8 @@ class Endpoint(WindowCheck[WindowErrors]):
     pose) are fitted to what disagrees, and inverse transforms are tried on the worst fields (sign, axes, units,
     mirrors, other rates and intervals, depth units and ray lengths, quaternion conventions).
 
+    Pixels that the file marks as moving by themselves are left out: the camera's motion does not explain them.
+
     It cannot see faults that depth, pose and flow share, and in a hovering sequence the translation's scale.
     """
 
@@ -69,9 +72,7 @@ class Endpoint(WindowCheck[WindowErrors]):
             return "the depth camera's intrinsics and mounting are not declared"
         if camera.model != "pinhole":
             return f"the depth camera is declared as {camera.model}, and only a pinhole is modelled"
-        if facts.declared.flow_model == "scene":
-            return "objects move on their own (flow model 'scene'), which the camera's motion does not explain"
-        return ""
+        return why_not_told_apart(facts)
 
     def measure(self, window: Window) -> WindowErrors | None:
         """Compare every field that the window owns."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_qa.conventions import US_PER_S
-from fedora_qa.layout.canonical import FLOW_STREAMS, STAMPS_OF, datasets_of
+from fedora_qa.layout.canonical import FLOW_STREAMS, STAMPS_OF, companions_of, datasets_of
 
 Array = NDArray[Any]
 
@@ -27,8 +27,9 @@ def streams_in(file: h5py.File, stream: str) -> tuple[str, ...]:
 
 
 def datasets_in(file: h5py.File, stream: str) -> dict[str, h5py.Dataset]:
-    """Return every dataset of one stream by its key."""
-    return {spec.key: file[spec.key] for spec in datasets_of(stream) if spec.key in file}
+    """Return every dataset of one stream by its key, and those that lie beside it row by row."""
+    specs = (*datasets_of(stream), *companions_of(stream))
+    return {spec.key: file[spec.key] for spec in specs if spec.key in file}
 
 
 def values_in(file: h5py.File, stream: str) -> list[h5py.Dataset]:

@@ -1,0 +1,93 @@
+"""Objects that move by themselves: left out where they are marked, and missed where they are not."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from fedora_generator.generate import Request, generate_sequence
+from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.record.types import Result
+from tests.support.sequences import small_scene
+
+GEOMETRY = ("flow_geometry", "depth")
+RATES_HZ = (10, 25, 50)
+
+
+@pytest.fixture(scope="module")
+def traffic(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Half a second of the park with a cart and a drone: depth, pose and flow."""
+    path = tmp_path_factory.mktemp("traffic") / "traffic.h5"
+    request = Request(duration_s=0.5, streams=frozenset({"depth", "pose", "flow"}))
+    generate_sequence(small_scene("park-traffic", 144, 108), path, request)
+    return path
+
+
+def checked(path: Path, tmp_path: Path, edit: Callable[[h5py.File], None] | None = None) -> dict[str, Result]:
+    changed = tmp_path / "changed.h5"
+    shutil.copy(path, changed)
+    if edit is not None:
+        with h5py.File(changed, "r+") as file:
+            edit(file)
+    record = check_file(changed, CheckOptions(select=GEOMETRY)).record
+    return {result.check: result for result in record.results}
+
+
+def each_rate(file: h5py.File, name: str) -> list[h5py.Dataset]:
+    return [file[name.format(rate_hz)] for rate_hz in RATES_HZ]
+
+
+def without_masks(file: h5py.File) -> None:
+    for rate_hz in RATES_HZ:
+        del file[f"path/flow/{rate_hz}hz_moving"]
+
+
+def empty_masks(file: h5py.File) -> None:
+    for mask in each_rate(file, "path/flow/{}hz_moving"):
+        mask[...] = np.zeros_like(mask[...])
+
+
+def flow_too_large(file: h5py.File) -> None:
+    for flow in each_rate(file, "path/flow/{}hz"):
+        flow[...] = 1.01 * flow[...]
+
+
+def depth_too_large(file: h5py.File) -> None:
+    file["path/depth"][...] = 1.02 * file["path/depth"][...]
+
+
+def test_what_stands_is_checked_to_rounding(traffic: Path, tmp_path: Path) -> None:
+    """Flow, depth and pose of a world with movers agree as closely as those of a world without."""
+    results = checked(traffic, tmp_path)
+    assert {result.outcome for result in results.values()} == {"passed"}
+    worst = {m.name: m.value for m in results["flow_geometry.endpoint"].measurements}
+    assert worst["flow/50hz worst_endpoint_error"] < 1e-3
+
+
+def test_without_masks_nothing_is_said_of_a_moving_world(traffic: Path, tmp_path: Path) -> None:
+    """The camera's motion explains nothing then, and the reason says why."""
+    results = checked(traffic, tmp_path, without_masks)
+    for name in ("flow_geometry.endpoint", "depth.consistency", "depth.scale", "depth.projection"):
+        assert results[name].outcome == "not_applicable"
+        assert "no mask says which" in results[name].reason
+    assert results["flow_geometry.validity"].outcome == "passed"
+
+
+def test_what_moves_without_a_mark_is_found(traffic: Path, tmp_path: Path) -> None:
+    """A cart that is said to stand makes flow and depth disagree with the pose."""
+    results = checked(traffic, tmp_path, empty_masks)
+    assert results["flow_geometry.endpoint"].outcome == "failed"
+    assert results["depth.consistency"].outcome == "failed"
+
+
+@pytest.mark.parametrize(
+    ("edit", "failing"), [(flow_too_large, "flow_geometry.endpoint"), (depth_too_large, "depth.scale")]
+)
+def test_faults_of_what_stands_are_found(
+    edit: Callable[[h5py.File], None], failing: str, traffic: Path, tmp_path: Path
+) -> None:
+    """Leaving out what moves hides no fault of the rest."""
+    assert checked(traffic, tmp_path, edit)[failing].outcome == "failed"
