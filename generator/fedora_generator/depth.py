@@ -20,5 +20,5 @@ def in_range(inverse_depth_per_m: Floats, depth_range_m: tuple[float, float]) ->
 
 def depth_mm(inverse_depth_per_m: Floats) -> NDArray[np.float32]:
     """Z-depth in millimetres as the file stores it; NaN stays NaN, and the sky (0) is infinitely far."""
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         return (MM_PER_M / inverse_depth_per_m).astype(np.float32)

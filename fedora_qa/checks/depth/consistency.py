@@ -227,7 +227,9 @@ def _why_none(state: Sequence[WindowAgreement]) -> str:
         "share too few pixels clear of edges": sum(one.too_few_pixels for one in state),
     }
     found = [f"{count} {reason}" for reason, count in reasons.items() if count]
-    return "of the pairs of depth frames " + ", ".join(found) if found else "there are no two depth frames"
+    if found:
+        return "of the pairs of depth frames " + ", ".join(found)
+    return "there are no two depth frames, or it is not known what stands in them"
 
 
 def _noise_not_declared() -> Notice:
