@@ -18,7 +18,7 @@ share = st.floats(0.05, 0.95)
 def rounding_of(pattern: StepPattern, u: float, v: float, a: list[float], b: list[float]) -> float:
     """Bound on what float64 can make of an average between -1 and 1.
 
-    A phase of w turns is known to a few roundings of w, on each of four sides: 16; an edge that moves by d sweeps d / h of the footprint, h its
+    A phase of w turns is known to a few roundings of w; an edge that moves by d sweeps d / h of the footprint, h its
     height across the edge: its area over its extent along the edge. Each edge inside does so.
     """
     corners = [phases(pattern, u + p * a[0] + q * b[0], v + p * a[1] + q * b[1]) for p, q in UNIT_SQUARE]
@@ -26,7 +26,7 @@ def rounding_of(pattern: StepPattern, u: float, v: float, a: list[float], b: lis
     for axis in range(2):
         extent, along = (float(max(c[k] for c in corners) - min(c[k] for c in corners)) for k in (axis, 1 - axis))
         turns = max(float(abs(corner[axis])) for corner in corners)
-        total += (2 * math.ceil(extent) + 2) * 16 * EPS * (1 + turns) * along / float(area(corners))
+        total += (2 * math.ceil(extent) + 2) * 8 * EPS * (1 + turns) * along / float(area(corners))
     return 2 * total
 
 
