@@ -125,18 +125,20 @@ def _follow_tile(
     count = 0
     for pixel in range(rows * columns):
         x, y = column + pixel % columns, row + pixel // columns
+        if not math.isfinite(values[:, pixel].sum()):
+            sensor.signal[y, x] = math.nan
+            return NOT_FINITE
         if not _is_quiet(sensor, care, x, y, values[:, pixel]):
             count = _follow_pixel(stage, sensor, care, clock, x, y, values[:, pixel], stack, keys, count)
         if count == NO_ROOM:
             for y in range(rows):
                 for x in range(columns):
                     sensor.reference[row + y, column + x] = references[y * columns + x]
-            return NO_ROOM
+        if count < 0:
+            return count
     for y in range(rows):
         for x in range(columns):
             sensor.signal[row + y, column + x] = values[steps, y * columns + x]
-            if not math.isfinite(values[steps, y * columns + x]):
-                count = NOT_FINITE
     return count
 
 
@@ -168,7 +170,7 @@ def _follow_pixel(
     keys: Integers,
     count: int,
 ) -> int:
-    """Events of a pixel from its samples (n + 1,) at equal steps; how many the tile has now, or NO_ROOM.
+    """Events of a pixel from its samples (n + 1,) at equal steps; how many the tile has now, or why not.
 
     ``stack`` holds the pieces of a step that are still to be looked at, the earliest last: share of the path, signal
     and second difference at the start, then at the stop.
@@ -198,7 +200,7 @@ def _follow_pixel(
                 _put(stack[top, 3:], middle, value, bend)
             else:
                 count = _fire(stage, sensor, care, clock, x, y, stack[top], keys, count)
-                if count == NO_ROOM:
+                if count < 0:
                     return count
                 top -= 1
     return count
@@ -243,6 +245,9 @@ def _fire(
     on = sensor.threshold_on[y if len(sensor.threshold_on) > 1 else 0, x]
     off = sensor.threshold_off[y if len(sensor.threshold_off) > 1 else 0, x]
     start, before, stop, after = piece[0], piece[1], piece[3], piece[4]
+    if not math.isfinite(after - before):
+        sensor.signal[y, x] = math.nan
+        return NOT_FINITE
     rising = after > before
     direction, threshold = (1.0, on) if rising else (-1.0, -off)
     level = sensor.reference[y, x] + threshold

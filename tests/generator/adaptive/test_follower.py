@@ -152,10 +152,13 @@ def test_how_time_is_cut_moves_no_event_by_more_than_rounding() -> None:
     assert np.abs(coarse.t_us[one] - fine.t_us[other]).max() <= 1
 
 
-def test_what_has_no_logarithm_is_named() -> None:
-    """A black wall: the message of the images, with its pixel."""
-    scene = TimingScene.named("smooth")
-    black = replace(scene.world, grey=scene.world.grey._replace(dark_dn=-scene.world.grey.dark_dn))
+@pytest.mark.parametrize("texture", TEXTURES)
+def test_what_has_no_logarithm_is_named(texture: str) -> None:
+    """A wall that is below black in places, or just black on its dark checkers: the message of the images."""
+    scene = TimingScene.named(texture)
+    dark_dn = scene.world.grey.dark_dn
+    grey = scene.world.grey._replace(dark_dn=-dark_dn if texture == "smooth" else 0 * dark_dn)
+    black = replace(scene.world, grey=grey)
     sensor = EventSensor(options(), 30, 40, np.random.SeedSequence(0))
     sensor.start(0, scene.luma_dn(0.0))
     with pytest.raises(ValueError, match=r"got \d+ pixels without a logarithm, first \(column \d+, row \d+\)"):
