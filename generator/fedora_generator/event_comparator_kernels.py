@@ -1,8 +1,7 @@
-"""Compiled loops of the comparator: which pixels have left their thresholds, and the events that follow.
+"""Compiled loops of the comparator: the events of those pixels that have left their thresholds.
 
-Most pixels are quiet most of the time, so a row is first compared as a whole, without branches, eight answers to a
-64-bit word; only words that are not quiet throughout are looked into. Thresholds are (1, width), where all rows share
-them, or (height, width).
+Thresholds, and how near is quiet, are (1, width), where all rows share them, or (height, width). ``middle`` and
+``near`` are as in ``event_quiet_kernels``.
 """
 
 import math
@@ -12,24 +11,27 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_generator.event_quiet_kernels import (
+    COLUMN_BITS,
+    COLUMN_MASK,
+    Floats,
+    Middles,
+    list_active,
+    mark_quiet,
+    middle_of,
+    room_for_a_row,
+    room_for_pixels,
+)
+from fedora_generator.prefetch_kernels import prefetch
 from fedora_qa.conventions import NS_PER_US
 
-Floats = NDArray[np.float64]
 Keys = NDArray[np.int64]
-Flags = NDArray[np.uint8]
 
 NOT_FINITE: Final = -1
 """Returned instead of a number of events where a signal is not finite."""
 
-_LANES: Final = 8
-_ALL_QUIET: Final = np.uint64(0x0101_0101_0101_0101)
-_GATHER_BITS: Final = np.uint64(0x0102_0408_1020_4080)
-"""Times a word of flags, its highest byte holds one bit a lane, the first lane's lowest."""
-
-_IS_ACTIVE: Final = np.arange(256)[:, None] >> np.arange(_LANES) & 1
-_ACTIVE_COUNT: Final = _IS_ACTIVE.sum(axis=1)
-_ACTIVE_LANES: Final = np.argsort(1 - _IS_ACTIVE, axis=1, kind="stable")
-"""(256, 8): for each byte of such bits, the lanes whose bit is set, and then the others."""
+_BAND: Final = 8
+"""Rows that are compared before the crossings of the rows above: about the time that memory takes to answer."""
 
 
 @njit(cache=True, error_model="numpy")  # no test for a division by zero: a crossed level lies between the samples
@@ -37,6 +39,9 @@ def emit_crossings(
     previous: Floats,
     signal: Floats,
     reference: Floats,
+    middle: Middles,
+    near: Floats,
+    largest: float,
     threshold_on: Floats,
     threshold_off: Floats,
     start_ns: int,
@@ -54,37 +59,54 @@ def emit_crossings(
     many keys there are now. Where there was no room left, calling again with more finds what was not written yet, as
     every reference stands at the last level written. NOT_FINITE instead of a row: a signal is not.
     """
-    quiet, active, candidates = _room_for_a_row(signal.shape[1])
-    befores = np.empty(active.size)
-    for row in range(first_row, signal.shape[0]):
-        line = row if len(threshold_on) > 1 else 0
-        on, off, signals, references = threshold_on[line], threshold_off[line], signal[row], reference[row]
-        _mark_quiet(signals, references, on, off, quiet)
-        found = _list_active(quiet, candidates, active)
-        _gather(previous[row], active[:found], befores)
-        for index in range(found):
-            column = active[index]
-            before, value, level = befores[index], signals[column], references[column]
+    height, width = signal.shape
+    quiet, words, candidates = room_for_a_row(width)
+    active, coming = room_for_pixels(width, _BAND), room_for_pixels(width, _BAND)
+    shares = np.empty(keys.size)
+    found = 0
+    for band in range(first_row, height + _BAND, _BAND):
+        active, coming, found_here, found = coming, active, found, 0
+        for row in range(band, min(band + _BAND, height)):
+            mark_quiet(signal, middle, near, row, quiet)
+            found = list_active(words, row, candidates, coming, found)
+        for pixel in coming[:found]:
+            prefetch(previous, pixel >> COLUMN_BITS, pixel & COLUMN_MASK)
+            prefetch(reference, pixel >> COLUMN_BITS, pixel & COLUMN_MASK)
+        first_key, is_full = count, False
+        for pixel in active[:found_here]:
+            row, column = pixel >> COLUMN_BITS, pixel & COLUMN_MASK
+            line = row if len(threshold_on) > 1 else np.uint64(0)
+            on, off = threshold_on[line, column], threshold_off[line, column]
+            before, value, level = previous[row, column], signal[row, column], reference[row, column]
             if not math.isfinite(value):
                 return NOT_FINITE, count
             rising = value > level
-            direction, step = (1.0, on[column]) if rising else (-1.0, -off[column])
-            level += step
-            while (value - level) * direction >= 0:
-                if count == keys.size:
-                    return row, count
-                stamp_us = _crossing_us((level - before) / (value - before), start_ns, stop_ns)
-                keys[count] = stamp_us << stamp_shift | (row << column_bits | column) << 1 | rising
-                count += 1
-                references[column] = level
+            step = on if rising else -off
+            direction = 1.0 if rising else -1.0
+            while (value - (level + step)) * direction >= 0:
+                is_full = count == keys.size
+                if is_full:
+                    break
                 level += step
-    return signal.shape[0], count
+                shares[count] = (level - before) / (value - before)
+                keys[count] = np.int64(row << column_bits | column) << 1 | rising
+                count += 1
+            reference[row, column], middle[row, column] = level, middle_of(level, on, off, largest)
+            if is_full:
+                break
+        _stamp(keys[first_key:count], shares[first_key:count], start_ns, stop_ns, stamp_shift)
+        if is_full:
+            return band - _BAND, count
+    return height, count
 
 
 @njit(cache=True)
 def emit_steps(
     signal: Floats,
     reference: Floats,
+    middle: Middles,
+    near: Floats,
+    largest: float,
     threshold_on: Floats,
     threshold_off: Floats,
     stamp_us: int,
@@ -97,71 +119,35 @@ def emit_steps(
     The reference becomes the current value, however large the step. ``keys`` has room for every pixel. Returns how
     many there are, sorted; or NOT_FINITE.
     """
-    quiet, active, candidates = _room_for_a_row(signal.shape[1])
+    height, width = signal.shape
+    quiet, words, candidates = room_for_a_row(width)
+    active = room_for_pixels(width, 1)
     count = 0
-    for row in range(signal.shape[0]):
+    for row in range(height):
         line = row if len(threshold_on) > 1 else 0
-        on, off, references = threshold_on[line], threshold_off[line], reference[row]
-        _mark_quiet(signal[row], references, on, off, quiet)
-        for column in active[: _list_active(quiet, candidates, active)]:
-            value = signal[row, column]
+        mark_quiet(signal, middle, near, row, quiet)
+        for pixel in active[: list_active(words, row, candidates, active, 0)]:
+            column = pixel & COLUMN_MASK
+            on, off = threshold_on[line, column], threshold_off[line, column]
+            value, level = signal[row, column], reference[row, column]
             if not math.isfinite(value):
                 return NOT_FINITE
-            rising = value > references[column] + on[column]
-            if rising or value < references[column] - off[column]:
-                keys[count] = stamp_us << stamp_shift | (row << column_bits | column) << 1 | rising
+            rising = value > level + on
+            if rising or value < level - off:
+                keys[count] = stamp_us << stamp_shift | (row << column_bits | np.int64(column)) << 1 | rising
                 count += 1
-                references[column] = value
+                reference[row, column], middle[row, column] = value, middle_of(value, on, off, largest)
     return count
 
 
 @njit(cache=True)
-def _room_for_a_row(width: int) -> tuple[Flags, NDArray[np.int64], NDArray[np.int64]]:
-    """Return flags of a row filled up to whole words, and lists of columns and words, with room to spare."""
-    words = (width + _LANES - 1) // _LANES
-    return np.ones(words * _LANES, np.uint8), np.empty((words + 1) * _LANES, np.int64), np.empty(words + 1, np.int64)
+def _stamp(keys: Keys, shares: Floats, start_ns: int, stop_ns: int, stamp_shift: int) -> None:
+    """Put into keys the first whole microsecond not before the crossing, which lies at a share of the interval.
 
-
-@njit(cache=True)
-def _mark_quiet(signal: Floats, reference: Floats, on: Floats, off: Floats, quiet: Flags) -> None:
-    """Mark with 1 the columns strictly between their thresholds, with 0 the others and what is not a number."""
-    for column in range(signal.size):
-        value, middle = signal[column], reference[column]
-        quiet[column] = (value < middle + on[column]) & (value > middle - off[column])
-
-
-@njit(cache=True)
-def _list_active(quiet: Flags, candidates: NDArray[np.int64], active: NDArray[np.int64]) -> int:
-    """List the columns that are not quiet; return how many. No branch depends on the flags, which nobody can predict.
-
-    Of each word that is not all quiet, the lanes are found in a table; eight columns are written and only those
-    that are active are kept.
+    In float64, of which a processor rounds several at once, and without error for intervals up to 52 days.
     """
-    words = quiet.view(np.uint64)
-    found = 0
-    for word in range(words.size):
-        candidates[found] = word
-        found += words[word] != _ALL_QUIET
-    count = 0
-    for word in candidates[:found]:
-        mask = ((words[word] ^ _ALL_QUIET) * _GATHER_BITS) >> np.uint64(56)
-        for lane in range(_LANES):
-            active[count + lane] = _LANES * word + _ACTIVE_LANES[mask, lane]
-        count += _ACTIVE_COUNT[mask]
-    return count
-
-
-@njit(cache=True)
-def _gather(values: Floats, columns: NDArray[np.int64], gathered: Floats) -> None:
-    """Fetch the values of some columns: loads that do not wait for each other, as those among the crossings would."""
-    for index, column in enumerate(columns):
-        gathered[index] = values[column]
-
-
-@njit(cache=True)
-def _crossing_us(share: float, start_ns: int, stop_ns: int) -> int:
-    """First whole microsecond not before the crossing, which lies at ``share`` of the interval."""
-    span_ns = stop_ns - start_ns
-    offset_ns = math.floor(share * span_ns + 0.5)
-    offset_ns = min(max(offset_ns, 1), span_ns)  # the level was not yet reached at the previous sample
-    return (start_ns + offset_ns + NS_PER_US - 1) // NS_PER_US
+    span_ns, start_us, after_us_ns = float(stop_ns - start_ns), start_ns // NS_PER_US, float(start_ns % NS_PER_US)
+    for index in range(keys.size):
+        offset_ns = np.floor(shares[index] * span_ns + 0.5)
+        offset_ns = min(max(offset_ns, 1.0), span_ns)  # the level was not yet reached at the previous sample
+        keys[index] |= (start_us + np.int64(np.ceil((after_us_ns + offset_ns) / NS_PER_US))) << stamp_shift

@@ -89,3 +89,23 @@ def decode_keys(
         p[index] = key & 1
         x[index], y[index] = place & columns, place >> column_bits
         t_us[index] = start_us + (key >> stamp_shift)
+
+
+@njit(cache=True)
+def sort_and_decode_keys(
+    keys: Keys,
+    column_bits: int,
+    stamp_shift: int,
+    first_us: int,
+    last_us: int,
+    start_us: int,
+    x: NDArray[np.uint16],
+    y: NDArray[np.uint16],
+    t_us: NDArray[np.int64],
+    p: NDArray[np.uint8],
+) -> None:
+    """Take the keys, stamps in [first, last], apart into columns in order of their stamps.
+
+    Both in one call, as a call that finds the caches cold costs 10 us, as much as 500 events.
+    """
+    decode_keys(sort_by_stamp(keys, stamp_shift, first_us, last_us), column_bits, stamp_shift, start_us, x, y, t_us, p)

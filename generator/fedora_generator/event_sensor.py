@@ -109,13 +109,24 @@ class EventBatch:
 
 def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
     """Events of sorted keys, whose stamps count from ``start_us``."""
-    count = keys.size
-    batch = EventBatch(
-        np.empty(count, np.uint16), np.empty(count, np.uint16), np.empty(count, np.int64), np.empty(count, np.uint8)
-    )
+    batch = _room_for_events(keys.size)
     bits = (layout.column_bits, layout.stamp_shift)
     event_kernels.decode_keys(keys, *bits, start_us, batch.x, batch.y, batch.t_us, batch.p)
     return batch
+
+
+def sort_and_decode(keys: Keys, layout: KeyLayout, first_us: int, last_us: int, start_us: int) -> EventBatch:
+    """Events of keys in raster order, their stamps in [first, last], counting from ``start_us``."""
+    batch = _room_for_events(keys.size)
+    stamps = (layout.column_bits, layout.stamp_shift, first_us, last_us, start_us)
+    event_kernels.sort_and_decode_keys(keys, *stamps, batch.x, batch.y, batch.t_us, batch.p)
+    return batch
+
+
+def _room_for_events(count: int) -> EventBatch:
+    return EventBatch(
+        np.empty(count, np.uint16), np.empty(count, np.uint16), np.empty(count, np.int64), np.empty(count, np.uint8)
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,10 +223,10 @@ class EventSensor:
             self._low_pass = LowPass(self._options.bandwidth_hz, self._signal)
         if self._options.model == "linear":
             np.rint(self._signal, out=self._signal)
-        np.copyto(self._comparator.reference, self._signal)
+        reference = self._signal.copy()
         if self._options.initial_phase == "uniform":
-            excursions = self._rng(_PHASE).uniform(-self._threshold_off, self._threshold_on, self._shape)
-            self._comparator.reference -= excursions
+            reference -= self._rng(_PHASE).uniform(-self._threshold_off, self._threshold_on, self._shape)
+        self._comparator.reset(reference)
         self._start_ns = self._now_ns = t_ns
 
     def advance(self, t_ns: int, luma_dn: Floats) -> EventBatch:
@@ -231,9 +242,14 @@ class EventSensor:
         self._signal, self._previous = self._previous, self._signal
         self._respond(luma_dn)
         self._shape_signal((t_ns - self._now_ns) / NS_PER_S, (t_ns - self._start_ns) / NS_PER_S)
-        keys = self._fire(self._now_ns - self._start_ns, t_ns - self._start_ns)
+        start_ns, stop_ns = self._now_ns - self._start_ns, t_ns - self._start_ns
+        keys = self._fire(start_ns, stop_ns)
         self._now_ns = t_ns
-        return self._decode(self._with_effects(keys, (t_ns - self._start_ns) // NS_PER_US))
+        first_us, last_us = start_ns // NS_PER_US, stop_ns // NS_PER_US
+        if not self._has_effects_on_keys():
+            return sort_and_decode(keys, self._layout, first_us, last_us, self._start_ns // NS_PER_US)
+        keys = event_kernels.sort_by_stamp(keys, self._layout.stamp_shift, first_us, last_us)
+        return self._decode(self._with_effects(keys, last_us))
 
     def follow(self, t_ns: int, source: CrossingSource) -> EventBatch:
         """Watch the light until ``t_ns``, a whole microsecond; return the events since the last time, as ``advance``.
@@ -264,6 +280,7 @@ class EventSensor:
         except SignalNotFiniteError:
             self._require_finite()
             raise
+        self._comparator.reset(pixels.reference)
         self._now_ns = t_ns
         return self._decode(self._with_effects(keys, (t_ns - self._start_ns) // NS_PER_US))
 
@@ -319,6 +336,9 @@ class EventSensor:
         except SignalNotFiniteError:
             self._require_finite()
             raise
+
+    def _has_effects_on_keys(self) -> bool:
+        return bool(self._spurious or self._options.refractory_us or self._options.packet_interval_us)
 
     def _with_effects(self, keys: Keys, stop_us: int) -> Keys:
         """Return sorted keys up to ``stop_us``: spurious events added, lost ones gone, packets formed."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from fedora_generator.event_comparator import Comparator
 from fedora_generator.event_keys import KeyLayout
-from fedora_generator.event_sensor import EventBatch, decode
+from fedora_generator.event_sensor import EventBatch, sort_and_decode
+from fedora_qa.conventions import NS_PER_US
 from tests.benchmarks.plain_scan_kernels import PlainScan
 
 Floats = NDArray[np.float64]
@@ -113,7 +114,12 @@ def comparator_from(reference: Floats) -> Advance:
     layout = KeyLayout(*reference.shape)
     threshold = np.full((1, layout.width), THRESHOLD)
     comparator = Comparator(layout, threshold, threshold, reference.copy())
-    return lambda *interval: decode(comparator.crossings(*interval), layout, 0)
+
+    def advance(previous: Floats, signal: Floats, start_ns: int, stop_ns: int) -> EventBatch:
+        keys = comparator.crossings(previous, signal, start_ns, stop_ns)
+        return sort_and_decode(keys, layout, start_ns // NS_PER_US, -(-stop_ns // NS_PER_US), 0)
+
+    return advance
 
 
 def require_identical(ours: EventBatch, plain: EventBatch) -> None:

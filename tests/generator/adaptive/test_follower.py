@@ -123,6 +123,20 @@ def test_thresholds_may_differ_between_pixels() -> None:
     assert ((last - first - net < on) & (last - first - net > -off)).all()
 
 
+def test_images_may_follow_light() -> None:
+    """20 ms of light, then an image at 40 ms: every pixel's net change explains the whole way to within a threshold."""
+    scene = TimingScene.named("sharp")
+    sensor = EventSensor(options(), 30, 40, np.random.SeedSequence(0))
+    sensor.start(0, scene.luma_dn(0.0))
+    source = Follower(scene.world, scene.camera, scene.flight, FIDELITY["standard"])
+    events = join([sensor.follow(STEP_NS, source), sensor.advance(2 * STEP_NS, scene.luma_dn(0.04))])
+    net = np.zeros((30, 40))
+    np.add.at(net, (events.y, events.x), THRESHOLD * np.where(events.p == 1, 1, -1))
+    change = np.log(scene.luma_dn(0.04)) - np.log(scene.luma_dn(0.0))
+    assert np.abs(change).max() > 5 * THRESHOLD
+    assert np.abs(change - net).max() < THRESHOLD
+
+
 def test_the_result_does_not_depend_on_threads_or_room(monkeypatch: pytest.MonkeyPatch) -> None:
     """One thread or two, room for all events of a tile or for one: the same events, bit for bit."""
     scene = TimingScene.named("sharp")
