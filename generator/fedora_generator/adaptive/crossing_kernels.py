@@ -15,7 +15,7 @@ from numba import njit, prange
 from numba.np.ufunc.parallel import get_thread_id
 from numpy.typing import NDArray
 
-from fedora_generator.adaptive.light_kernels import Scratch, Sensor, Stage, sample_tile, signal_at, stage_of
+from fedora_generator.adaptive.light_kernels import Scratch, Sensor, Stage, sample_block, signal_at, stage_of
 from fedora_generator.surfaces.projection_kernels import FaceFrames
 from fedora_generator.surfaces.render_kernels import TILE, tile_origin
 from fedora_generator.surfaces.shading_kernels import Surfaces
@@ -121,7 +121,7 @@ def _follow_tile(
             values[0, y * columns + x] = sensor.signal[row + y, column + x]
             references[y * columns + x] = sensor.reference[row + y, column + x]
     for sample in range(1, steps + 1):
-        sample_tile(stage, sensor, column, row, rows, columns, sample / steps, values[sample])
+        sample_block(stage, sensor, column, row, rows, columns, sample / steps, values[sample])
     count = 0
     for pixel in range(rows * columns):
         x, y = column + pixel % columns, row + pixel // columns

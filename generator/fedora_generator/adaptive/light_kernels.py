@@ -54,6 +54,7 @@ class Scratch(NamedTuple):
     piece_corners: Integers
     terms: Floats
     radiance_dn: Floats
+    signal: Floats
     values: Floats
     stack: Floats
     before: Floats
@@ -75,6 +76,7 @@ def scratch_for(threads: int, faces: int, waves: int, samples: int, entries: int
         piece_corners=np.empty((threads, MAX_PIECES), np.int64),
         terms=np.empty((threads, waves)),
         radiance_dn=np.empty((threads, 1)),
+        signal=np.empty((threads, 1)),
         values=np.empty((threads, samples + 1, pixels)),
         stack=np.empty((threads, depth, 6)),
         before=np.empty((threads, pixels)),
@@ -104,6 +106,7 @@ class Stage(NamedTuple):
     pieces: Pieces
     terms: Floats
     radiance_dn: Floats
+    signal: Floats
     asked: Integers
 
 
@@ -138,23 +141,25 @@ def stage_of(
         Pieces(scratch.piece_x[thread], scratch.piece_y[thread], scratch.piece_corners[thread]),
         scratch.terms[thread],
         scratch.radiance_dn[thread],
+        scratch.signal[thread],
         scratch.asked[thread],
     )
 
 
 @njit(cache=True, error_model="numpy")
-def sample_tile(
+def sample_block(
     stage: Stage, sensor: Sensor, column: int, row: int, rows: int, columns: int, share: float, values: Floats
 ) -> None:
-    """Fill ``values`` (pixels,) in raster order with the signals of a tile at a share of the path."""
+    """Fill ``values`` (pixels,) in raster order with the signals of a block of a tile at a share of the path."""
     textures, surfaces, given, in_pixel = stage.textures, stage.surfaces, stage.given, stage.in_pixel
     pieces, terms, radiance_dn = stage.pieces, stage.terms, stage.radiance_dn
     view = View(stage.view_front, stage.view_lines, stage.view_rays)
     look(stage.frames, stage.bodies, stage.coefficients, share, view, stage.cameras_m, stage.sums)
     _give_all(given)
-    half = 0.5 * TILE
+    x_middle, y_middle = column + 0.5 * (columns - 1), row + 0.5 * (rows - 1)
+    half = 0.5 * max(rows, columns)
     # The list is shortened in place: a face moves to the front of itself.
-    count, uniform = possible_faces(view.lines, given, len(given), column + half - 0.5, row + half - 0.5, half, given)
+    count, uniform = possible_faces(view.lines, given, len(given), x_middle, y_middle, half, given)
     for y in range(rows):
         for x in range(columns):
             render_pixel(
@@ -182,26 +187,8 @@ def sample_tile(
 @njit(cache=True, error_model="numpy")
 def signal_at(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> float:
     """Signal of one pixel of the tile at any share of the path."""
-    view = View(stage.view_front, stage.view_lines, stage.view_rays)
-    look(stage.frames, stage.bodies, stage.coefficients, share, view, stage.cameras_m, stage.sums)
-    _give_all(stage.given)
-    render_pixel(
-        stage.textures,
-        stage.surfaces,
-        view,
-        stage.given,
-        len(stage.given),
-        False,
-        x,
-        y,
-        stage.in_pixel,
-        stage.pieces,
-        stage.terms,
-        stage.radiance_dn,
-    )
-    stage.asked[0] += 1
-    value = math.log(stage.radiance_dn[0] + sensor.log_eps_dn)
-    return value + _leaked(stage, sensor, x, y, share) if sensor.leak_per_s > 0.0 else value
+    sample_block(stage, sensor, x, y, 1, 1, share, stage.signal)
+    return float(stage.signal[0])
 
 
 @njit(cache=True, error_model="numpy")
