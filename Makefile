@@ -2,6 +2,7 @@
 #   make demo         environment, a generated sequence, its check and report; says where things are
 #   make test         format, lint, types, contracts, tests
 #   make bench        speed and timing of the event sensor against a yardstick and the closed form: docs/benchmarks.md
+#   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
 #   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
 
 PYTHON ?= python3
@@ -10,7 +11,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint bench study-mesh clean
+.PHONY: demo test lint bench bench-costs study-mesh clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -25,6 +26,9 @@ demo: $(READY)
 
 bench: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks
+
+bench-costs: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.generation_costs
 
 study-mesh: $(READY)
 	$(BIN)/python -m fedora_generator.mesh.study

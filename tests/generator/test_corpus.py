@@ -241,3 +241,13 @@ def test_the_file_of_a_fault_does_not_hang_on_the_others() -> None:
     everything: set[PlannedFile] = set(plan_corpus(CorpusOptions(), scenes))
     assert {*alone} <= everything
     assert {replace(planned, faults=()) for planned in alone if planned.faults}
+
+
+def test_what_a_killed_run_left_between_two_faults_is_removed(corpus: Corpus, tmp_path: Path) -> None:
+    """The next run goes on, and its folder holds nothing that is hidden."""
+    assert corpus(tmp_path, "--causes", "gyro_bias", "--clean", "1").exit_code == 0
+    left = tmp_path / "single" / ".between-killed"
+    left.mkdir()
+    (left / "0.h5").write_bytes(b"half a file")
+    assert corpus(tmp_path, "--causes", "gyro_bias", "--clean", "1").exit_code == 0
+    assert not list(tmp_path.rglob(".*"))
