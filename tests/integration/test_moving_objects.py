@@ -45,6 +45,11 @@ def without_masks(file: h5py.File) -> None:
         del file[f"path/flow/{rate_hz}hz_moving"]
 
 
+def one_mask_only(file: h5py.File) -> None:
+    for rate_hz in (10, 25):
+        del file[f"path/flow/{rate_hz}hz_moving"]
+
+
 def empty_masks(file: h5py.File) -> None:
     for mask in each_rate(file, "path/flow/{}hz_moving"):
         mask[...] = np.zeros_like(mask[...])
@@ -74,6 +79,11 @@ def test_without_masks_nothing_is_said_of_a_moving_world(traffic: Path, tmp_path
         assert results[name].outcome == "not_applicable"
         assert "no mask says which" in results[name].reason
     assert results["flow_geometry.validity"].outcome == "passed"
+
+
+def test_the_mask_of_one_rate_serves_all(traffic: Path, tmp_path: Path) -> None:
+    """What moves in a frame moves in every field that starts with it."""
+    assert {result.outcome for result in checked(traffic, tmp_path, one_mask_only).values()} == {"passed"}
 
 
 def test_what_moves_without_a_mark_is_found(traffic: Path, tmp_path: Path) -> None:
