@@ -23,17 +23,11 @@ def masked_flows(facts: Facts) -> tuple[str, ...]:
 def standing_depth_m(window: Window, frame: int) -> NDArray[np.float32] | None:
     """Return a depth frame, (H, W) in metres, with NaN where an object moves by itself.
 
-    Which pixels do, the masks of flow say at the start of each field; None where no field starts with the frame.
+    Which pixels do, the masks of flow say, each at its field's start; None where no such field starts with the frame.
     """
     if window.facts.declared.flow_model != "scene":
         return window.depth_m(frame)
     return window.once(("standing depth", frame), lambda: _standing(window, frame))
-
-
-def still_pixels(window: Window, stream: str, field: int) -> NDArray[np.bool_] | bool:
-    """Return which pixels of a flow field stand, (H, W), as its mask says; True where it says nothing."""
-    moving = window.moving(stream, field)
-    return True if moving is None else ~moving
 
 
 def _standing(window: Window, frame: int) -> NDArray[np.float32] | None:

@@ -61,10 +61,17 @@ class FrameRenderer:
         inverse_depth = in_range(world.inverse_depth_per_m(camera, T_world_camera), self.scene.depth_range_m)
         if self.depth is not None:
             self.depth[index] = depth_mm(inverse_depth)
-        bodies = world.bodies_seen(camera, T_world_camera) if starting else np.zeros((0, 0), np.int64)
+        if starting:
+            self._write_flow(starting, world, inverse_depth, stamp_us)
+
+    def _write_flow(
+        self, starting: list[tuple[FlowRows, int]], world: RenderedWorld, inverse_depth: Floats, start_us: int
+    ) -> None:
+        camera, start_pose = colour_camera(self.scene.camera), self._pose_at(start_us)
+        bodies = world.bodies_seen(camera, start_pose)
         for rows, k in starting:
             end_us = int(rows.intervals_us[k, 1])
-            poses, times_us = (T_world_camera, self._pose_at(end_us)), (stamp_us, end_us)
+            poses, times_us = (start_pose, self._pose_at(end_us)), (start_us, end_us)
             rows.flow[k] = scene_flow_px(world, camera, inverse_depth, bodies, poses, times_us)
             if rows.moving is not None:
                 rows.moving[k] = bodies > 0

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.intervals import Interval, PoseTrack
-from fedora_qa.checks.standing import still_pixels
+from fedora_qa.checks.standing import standing_depth_m
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_motion_fit import (
     Evidence,
@@ -150,15 +150,14 @@ class _Lattice:
 
 def _lattice_of(window: Window, interval: Interval, frame: int) -> _Lattice | None:
     """Return the lattice that the effort asks for; its phase steps from field to field until every pixel was seen."""
-    depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
-    if depth_m.shape != flow_px.shape[:2]:
+    depth_m, flow_px = standing_depth_m(window, frame), window.flow_px(interval.stream, interval.row)
+    if depth_m is None or depth_m.shape != flow_px.shape[:2]:
         return None
     stride = max(1, round(1 / window.sampling.tile_share))
     first_row, first_column = divmod(interval.row % stride**2, stride)
     pixels = (slice(first_row, None, stride), slice(first_column, None, stride))
     depths_m, flow = depth_m[pixels].astype(np.float64), flow_px[pixels].astype(np.float64)
     valid = (depths_m > 0) & np.isfinite(depths_m) & np.isfinite(flow[..., 0]) & np.isfinite(flow[..., 1])
-    valid &= np.broadcast_to(still_pixels(window, interval.stream, interval.row), depth_m.shape)[pixels]
     return _Lattice(
         np.arange(first_column, depth_m.shape[1], stride, dtype=np.float64)[None, :],
         np.arange(first_row, depth_m.shape[0], stride, dtype=np.float64)[:, None],

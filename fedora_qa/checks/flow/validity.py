@@ -19,7 +19,7 @@ from fedora_qa.checks.flow.intervals import (
 from fedora_qa.checks.flow.stamps import stamp_measurements
 from fedora_qa.checks.flow.suspects import DISPLACEMENTS, spreads_over
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
-from fedora_qa.checks.standing import still_pixels
+from fedora_qa.checks.standing import standing_depth_m
 from fedora_qa.geometry.rigid_flow import moved_points
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import PoseModel
@@ -56,8 +56,8 @@ class Validity(WindowCheck[tuple[FieldPattern, ...]]):
 
     Every pixel of every field: a value where the depth at the interval's start is valid and the point stays before the
     camera, NaN elsewhere. Counts must be zero; only points within eight sigma of declared pose noise of the camera's
-    plane are left out, and so are missing values of pixels that are marked as moving by themselves. Without poses, or
-    where no pose covers an interval, missing values are not counted.
+    plane are left out, and so are missing values of what moves by itself. Without poses, where no pose covers an
+    interval, or where it is not known what moves, missing values are not counted.
 
     The intervals, from their stamps: each starts and ends on a depth frame, begins where the last one ended, and lasts
     as long as its rate says, to half a frame. It cannot see intervals that are shifted by whole frames in step with
@@ -98,8 +98,9 @@ def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame:
     valid = np.isfinite(depth_m) & (depth_m > 0)
     unfounded, missing = present & ~valid, valid & ~present
     behind = np.zeros_like(valid)
-    if track is not None:
-        still = valid & still_pixels(window, interval.stream, interval.row)
+    standing_m = standing_depth_m(window, frame)
+    if track is not None and standing_m is not None:
+        still = valid & np.isfinite(standing_m)
         before, behind = _before_and_behind(track, interval, depth_m, still, window.facts.declared.pose)
         unfounded |= present & behind
         missing &= before
