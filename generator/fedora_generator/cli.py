@@ -74,7 +74,7 @@ def _read_size(_: click.Context, __: click.Parameter, value: str | None) -> tupl
     default="standard",
     show_default=True,
     type=click.Choice(list(MOTION_BOUND_PX)),
-    help="Image motion between two event renders: 1, 0.5 or 0.1 px.",
+    help="How closely events follow the light: docs/generator.md says what each costs and leaves.",
 )
 @click.option("--seed", type=click.IntRange(0, MOST_SEED), help="Seed of every noise.  [default: the scene's]")
 @click.option("--force", is_flag=True, help="Overwrite the file if it exists.")
