@@ -26,6 +26,8 @@ from fedora_qa.conventions import US_PER_S
 
 STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
 
+DEFAULT_DURATION_S: Final = 2.0
+
 CHECKED_AT_ONCE: Final = 1 << 16
 
 # Keys of the random streams: each sensor draws from its own, whatever else is generated.
@@ -38,7 +40,7 @@ Progress = Callable[[int], None]
 class Request:
     """What to make of a scene: how long, which streams, how densely the events are rendered."""
 
-    duration_s: float = 2.0
+    duration_s: float = DEFAULT_DURATION_S
     streams: frozenset[str] = frozenset(STREAMS)
     quality: Quality = "standard"
 
