@@ -3,6 +3,7 @@
 #   make test         format, lint, types, contracts, tests
 #   make bench        speed and timing of the event sensor against a yardstick and the closed form: docs/benchmarks.md
 #   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
+#   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
 #   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
 
 PYTHON ?= python3
@@ -11,7 +12,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint bench bench-costs study-mesh clean
+.PHONY: demo test lint bench bench-costs study-mesh study-presets clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -32,6 +33,9 @@ bench-costs: $(READY)
 
 study-mesh: $(READY)
 	$(BIN)/python -m fedora_generator.mesh.study
+
+study-presets: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.presets
 
 test: lint
 	$(BIN)/pytest

@@ -16,7 +16,7 @@ from rich.table import Table
 from fedora_generator.corpus.cli import corpus
 from fedora_generator.errors import GeneratorError
 from fedora_generator.faults.cli import fault
-from fedora_generator.generate import STREAMS, Request, generate_sequence
+from fedora_generator.generate import DEFAULT_DURATION_S, STREAMS, Request, generate_sequence
 from fedora_generator.instants import whole_us
 from fedora_generator.sampling import MOTION_BOUND_PX, Quality
 from fedora_generator.scene import Scene, list_scenes, load_scene
@@ -61,7 +61,15 @@ def _read_size(_: click.Context, __: click.Parameter, value: str | None) -> tupl
 @commands.command()
 @click.argument("scene", metavar="SCENE")
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The file to write.")
-@click.option("--duration", default=2.0, show_default=True, metavar="S", help="Seconds.")
+@click.option(
+    "--start", type=float, metavar="S", help="Seconds into the flight, where stamps are 0.  [default: the scene's]"
+)
+@click.option(
+    "--duration",
+    type=float,
+    metavar="S",
+    help=f"Seconds.  [default: to the end of the flight; {DEFAULT_DURATION_S:g} where it has none]",
+)
 @click.option(
     "--size",
     metavar="WxH",
@@ -81,7 +89,8 @@ def _read_size(_: click.Context, __: click.Parameter, value: str | None) -> tupl
 def sequence(
     scene: str,
     output: Path,
-    duration: float,
+    start: float | None,
+    duration: float | None,
     size: tuple[int, int] | None,
     streams: str,
     quality: str,
@@ -91,6 +100,10 @@ def sequence(
     """Generate one sequence of SCENE, a name of `fedora-generate scenes` or the path of a TOML file."""
     started = time.monotonic()
     description = load_scene(scene)
+    if start is not None:
+        description = description.starting_at(start)
+    if duration is None:
+        duration = description.remaining_s or DEFAULT_DURATION_S
     if size is not None:
         description = description.with_size(*size)
     if seed is not None:

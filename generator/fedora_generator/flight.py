@@ -98,17 +98,21 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """The flight that ``options`` describe, at any time, however long; ``seed`` is that of its wind."""
+    """The flight that ``options`` describe, at any time, however long.
+
+    ``seed`` is that of its wind. ``start_s`` is the second of the flight at which the clock shows 0.
+    """
 
     options: AnyFlightOptions
     seed: int | None = None
+    start_s: float = 0.0
     _motion: Motion = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_motion", _motion_of(self.options, self.seed))
 
     def states_at(self, times_s: Floats) -> FlightState:
-        """State at ``times_s`` (n,), seconds, in closed form.
+        """State at ``times_s`` (n,), seconds of the clock, in closed form.
 
         Raises
         ------
@@ -118,7 +122,7 @@ class Flight:
         times_s = np.asarray(times_s, dtype=np.float64)
         if times_s.ndim != 1 or not np.all(np.isfinite(times_s)):
             raise ValueError(f"Expected times_s to be finite and of shape (n,), got shape {times_s.shape}")
-        return self._motion.states_at(times_s)
+        return self._motion.states_at(self.start_s + times_s)
 
 
 def _motion_of(options: AnyFlightOptions, seed: int | None) -> Motion:

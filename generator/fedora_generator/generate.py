@@ -27,6 +27,8 @@ from fedora_qa.conventions import US_PER_S
 
 STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
 
+DEFAULT_DURATION_S: Final = 2.0
+
 # Keys of the random streams: each sensor draws from its own, whatever else is generated.
 _EVENTS_KEY, _IMU_KEY, _POSE_KEY = range(3)
 
@@ -37,7 +39,7 @@ Progress = Callable[[int], None]
 class Request:
     """What to make of a scene: how long, which streams, how densely the events are rendered."""
 
-    duration_s: float = 2.0
+    duration_s: float = DEFAULT_DURATION_S
     streams: frozenset[str] = frozenset(STREAMS)
     quality: Quality = "standard"
 

@@ -1,7 +1,8 @@
 """A scene: world, light, flight and sensors, read from TOML.
 
 ``world`` names a world of the package, or a TOML file beside the scene, or is a table itself. ``base`` names a scene
-whose tables this one starts from.
+whose tables this one starts from. A world has a ``base`` as well: its textures are put over those of the other, its
+rectangles, boxes and lamps are added.
 
 ``renderer`` says who draws: ``"exact"`` (the default) casts rays in float64; ``"mesh"`` draws triangles through OpenGL,
 either the same ``world``, or a place built in code, which only it can draw::
@@ -26,6 +27,7 @@ Boxes that move are ``movers`` of an exact world; a scene may add them to the wo
 
 import hashlib
 import json
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -39,6 +41,8 @@ from fedora_generator.errors import SceneError
 from fedora_generator.event_sensor import EventSensorOptions
 from fedora_generator.flight import Flight
 from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice, looked_up
+from fedora_generator.flights.kinds import QuadrotorOptions
+from fedora_generator.flights.presets import PRESET_NAMES
 from fedora_generator.imu import ImuOptions
 from fedora_generator.instants import FRAME_INTERVAL_US, IMU_RATE_HZ
 from fedora_generator.mesh.detail import MeshDetail
@@ -50,7 +54,7 @@ from fedora_generator.surfaces.world import World
 SCENE_NAMES: Final = (
     "park-day",
     "park-night",
-    "racetrack-day",
+    "racetrack",
     "hover",
     "fast-turn",
     "park-noisy",
@@ -59,8 +63,9 @@ SCENE_NAMES: Final = (
     "park-mesh-night",
     "racetrack-mesh-day",
     "racetrack-mesh-night",
+    *PRESET_NAMES,
 )
-"""Scenes of the package; the first has an exact world and every stream."""
+"""Scenes of the package; the first has an exact world and every stream, the last are the paper's sequences."""
 
 _SCENES: Final = Path(__file__).parent / "scenes"
 _WORLDS: Final = _SCENES / "worlds"
@@ -88,7 +93,7 @@ class Scene:
 
     It has either a ``world`` or a ``place``. ``mesh`` is None where the quality asked for decides. ``event_step_us``
     fixes the renders of the event camera to a grid, as a game engine has it; 0 lets image motion decide.
-    ``depth_range_m`` is the nearest and farthest valid z-depth.
+    ``depth_range_m`` is the nearest and farthest valid z-depth. The sequence begins ``start_s`` into the flight.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
@@ -101,6 +106,7 @@ class Scene:
     mesh: MeshDetail | None = None
     light: Light
     flight: FlightChoice
+    start_s: float = 0.0
     events: EventSensorOptions
     event_step_us: int = 0
     camera: CameraOptions = field(default_factory=CameraOptions)
@@ -123,6 +129,8 @@ class Scene:
             raise ValueError(
                 "Expected event_step_us with the linear model, which compares one rendered step to the next"
             )
+        if not (math.isfinite(self.start_s) and self.start_s >= 0):
+            raise ValueError(f"Expected start_s >= 0, got {self.start_s}")
         if self.seed < 0:
             raise ValueError(f"Expected seed >= 0, got {self.seed}")
         if not self.name or "/" in self.name:
@@ -155,8 +163,26 @@ class Scene:
         return hashlib.sha256(document.encode()).hexdigest()
 
     def fly(self) -> Flight:
-        """Flight of the scene, in the wind of its seed."""
-        return Flight(self.flight, self.seed)
+        """Flight of the scene from its start on, in the wind of its seed."""
+        return Flight(self.flight, self.seed, self.start_s)
+
+    @property
+    def remaining_s(self) -> float | None:
+        """How long the flight lasts from the start on; None where it has no end, as a hover or a sum of sines."""
+        length_s = self.flight.route().duration_s if isinstance(self.flight, QuadrotorOptions) else 0.0
+        return length_s - self.start_s if length_s > 0 else None
+
+    def starting_at(self, start_s: float) -> "Scene":
+        """Return the scene with its sequence beginning ``start_s`` seconds into the flight, while that lasts."""
+        try:
+            scene = replace(self, start_s=start_s)
+        except ValueError as error:
+            raise SceneError(str(error)) from error
+        if scene.remaining_s is not None and scene.remaining_s <= 0:
+            raise SceneError(
+                f"Expected a start before the end of the flight at {start_s + scene.remaining_s:g} s, got {start_s:g} s"
+            )
+        return scene
 
     def with_size(self, width: int, height: int) -> "Scene":
         """Return the scene with another size of the colour and depth camera."""
@@ -205,15 +231,14 @@ def _scene_path(name_or_path: str) -> Path:
 
 def _read_scene(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any]:
     """Tables of a scene; those of ``started_from`` name it as their base."""
-    if path.resolve() in started_from:
-        raise SceneError(f"Expected a base that starts from something else, got {path.name}, which starts from itself")
+    _require_no_circle(path, started_from)
     tables = _read_toml(path)
     base = tables.pop("base", None)
     if base is not None:
         base_tables = _read_scene(_base_path(str(base), beside=path), (*started_from, path.resolve()))
         tables = _merged(_without_rivals(base_tables, tables), tables)
     if isinstance(tables.get("world"), str):
-        tables["world"] = _read_toml(_world_path(tables["world"], beside=path))
+        tables["world"] = _read_world(_world_path(tables["world"], beside=path))
     flight = tables.get("flight")
     if isinstance(flight, Mapping):
         tables["flight"] = looked_up(flight, path.parent)
@@ -224,6 +249,23 @@ def _base_path(name_or_path: str, beside: Path) -> Path:
     """Scene of the package, or a TOML file beside the scene that starts from it."""
     own = beside.parent / name_or_path
     return _scene_path(str(own) if own.is_file() else name_or_path)
+
+
+def _require_no_circle(path: Path, started_from: tuple[Path, ...]) -> None:
+    if path.resolve() in started_from:
+        raise SceneError(f"Expected a base that starts from something else, got {path.name}, which starts from itself")
+
+
+def _read_world(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """Tables of a world; where it has a base, what stands there comes first."""
+    _require_no_circle(path, started_from)
+    tables = _read_toml(path)
+    name = tables.pop("base", None)
+    if name is None:
+        return tables
+    base = _read_world(_world_path(str(name), beside=path), (*started_from, path.resolve()))
+    solids = {key: [*base.get(key, ()), *tables.get(key, ())] for key in ("rectangles", "boxes", "movers", "lamps")}
+    return {**_merged(base, tables), **solids}
 
 
 def _world_path(name_or_path: str, beside: Path) -> Path:

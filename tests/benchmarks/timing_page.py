@@ -23,7 +23,7 @@ LADDER: Final = (
     Fidelity(motion_px=0.5, caution=32.0, tolerance_us=2.0),
     FIDELITY["reference"],
 )
-SCENES: Final = ("park-day", "racetrack-day", "fast-turn")
+SCENES: Final = ("park-day", "racetrack", "fast-turn")
 SCENE_NS: Final = 100_000_000
 
 WALLS: Final = """\

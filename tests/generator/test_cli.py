@@ -48,6 +48,17 @@ def test_a_sequence_is_written_and_summed_up(
         assert f"4 frames, {len(file['path/events/t'])} events" in captured.err
 
 
+def test_a_flight_with_an_end_is_written_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a duration: what is left of the flight from the start on; two seconds where it has no end."""
+    for scene, start, seconds in (("racetrack-day", "111.5", 0.494), ("hover", "7", 2.0)):
+        target = tmp_path / f"{scene}.h5"
+        assert run(monkeypatch, "sequence", scene, "-o", str(target), "--start", start, "--streams", "imu") == 0
+        with h5py.File(target) as file:
+            stamps_us = file["path/imu/ts"][:]
+        assert stamps_us[0] == 0
+        assert stamps_us[-1] == pytest.approx(1e6 * seconds, abs=2000)
+
+
 def test_force_replaces_a_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -75,6 +86,8 @@ def test_force_replaces_a_file(
         (("sequence", "park-day", "-o", "{target}", "--streams", "rgb,sonar"), "got sonar"),
         (("sequence", "park-day", "-o", "{target}", "--duration", "-1"), "Expected a duration above 0"),
         (("sequence", "park-day", "-o", "{target}", "--duration", "300"), "got inside 'pavilion'"),
+        (("sequence", "park-day", "-o", "{target}", "--start", "-1"), "Expected start_s >= 0, got -1"),
+        (("sequence", "racetrack-day", "-o", "{target}", "--start", "200"), "end of the flight at 111.994 s, got"),
         (("sequence", "park-day", "-o", "{target}", "--quality", "best"), "'best' is not one of"),
         (("sequence", "park-day", "-o", "{target}", "--seed", "-3"), "-3 is not in the range"),
         (("sequence", "park-day", "-o", "{target}/no/seq.h5"), "Expected an existing folder"),

@@ -108,7 +108,7 @@ def test_the_images_use_the_range_without_saturating(generated: Path) -> None:
         assert np.std(rgb) > 5
 
 
-@pytest.mark.parametrize("name", ["park-noisy", "racetrack-day"])
+@pytest.mark.parametrize("name", ["park-noisy", "racetrack"])
 def test_the_same_seed_gives_the_same_bytes(tmp_path: Path, name: str) -> None:
     """On one thread and on two, all datasets are equal bit for bit, noise included."""
     before = numba.get_num_threads()
@@ -178,7 +178,7 @@ def test_the_events_follow_the_logarithm_of_the_luminance(tmp_path: Path) -> Non
 
 def test_a_duration_that_fits_no_grid_is_cut_down(tmp_path: Path) -> None:
     """0.0333 s: 2 frames, 34 IMU samples, 7 poses, one 50 Hz flow and no slower one; events run to the end."""
-    generate_sequence(tiny("racetrack-day"), tmp_path / "a.h5", replace(SHORT, duration_s=0.0333))
+    generate_sequence(tiny("racetrack"), tmp_path / "a.h5", replace(SHORT, duration_s=0.0333))
     with h5py.File(tmp_path / "a.h5") as file:
         keys = ("path/rgb_ts", "path/imu/ts", "path/pose/ts", *(f"path/flow/{rate_hz}hz" for rate_hz in (50, 25, 10)))
         assert [len(file[key]) for key in keys] == [2, 34, 7, 1, 0, 0]

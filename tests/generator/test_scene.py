@@ -96,6 +96,42 @@ def test_a_world_beside_the_scene(tmp_path: Path) -> None:
     assert scene.world == load_scene("hover").world
 
 
+def test_a_world_is_built_upon_another(tmp_path: Path) -> None:
+    """Textures are put over those of the base key by key; boxes and lamps are added; the base may be one's own."""
+    (tmp_path / "own.toml").write_text(
+        'base = "park"\nname = "own"\n[textures.lawn]\ndark_rgb = [0.1, 0.1, 0.1]\n'
+        '[[boxes]]\nname = "crate"\ncenter_m = [5, 5, 0.5]\nsize_m = [1, 1, 1]\ntexture = "wood"\n'
+    )
+    (tmp_path / "next.toml").write_text('base = "own.toml"\nname = "next"\n[[lamps]]\nposition_m = [0, 0, 9]\n')
+    park = load_scene("hover").world
+    world = load_scene(written(tmp_path, 'base = "hover"\nworld = "next.toml"\n')).world
+    assert world.name == "next"
+    assert world.textures["lawn"] == replace(park.textures["lawn"], dark_rgb=(0.1, 0.1, 0.1))
+    assert {**world.textures, "lawn": park.textures["lawn"]} == park.textures
+    assert [box.name for box in world.boxes] == [*(box.name for box in park.boxes), "crate"]
+    assert world.rectangles == park.rectangles
+    assert (world.lamps[:-1], world.lamps[-1].position_m) == (park.lamps, (0, 0, 9))
+
+
+def test_a_scene_starts_anywhere_on_its_flight() -> None:
+    """A second of the clock is a second of the flight later; what is left of the flight is less by as much."""
+    scene = load_scene("baylands-ngt1")
+    later, times_s = scene.starting_at(34.0), np.linspace(0, 2, 9)
+    np.testing.assert_array_equal(
+        later.fly().states_at(times_s).orientations_xyzw, scene.fly().states_at(34.0 + times_s).orientations_xyzw
+    )
+    assert later.remaining_s == pytest.approx(scene.remaining_s - 34.0)
+    assert load_scene("hover").starting_at(5.0).remaining_s is None
+    assert later.digest != scene.digest
+
+
+@pytest.mark.parametrize("start_s", [-1.0, float("nan"), float("inf"), 160.0])
+def test_a_start_off_the_flight_is_refused(start_s: float) -> None:
+    """Before it, after it, or nowhere."""
+    with pytest.raises(SceneError, match=r"Expected (a start before the end|start_s >= 0)"):
+        load_scene("baylands-ngt1").starting_at(start_s)
+
+
 def test_the_digest_tells_scenes_apart() -> None:
     """Any value changes it; reading the same scene again does not."""
     scene = load_scene("park-day")
@@ -135,13 +171,13 @@ def test_what_cannot_be_is_refused_in_one_sentence(tmp_path: Path, old: str, new
 @pytest.mark.parametrize("name", ["no-such", "no-such.toml", "", "scenes/park-day"])
 def test_an_unknown_scene_is_refused(name: str) -> None:
     """The known ones are listed."""
-    with pytest.raises(SceneError, match="park-day, park-night, racetrack-day"):
+    with pytest.raises(SceneError, match="park-day, park-night, racetrack, hover"):
         load_scene(name)
 
 
 def test_an_unknown_world_is_refused(tmp_path: Path) -> None:
     """The known ones are listed."""
-    with pytest.raises(SceneError, match="Expected one of the worlds park, racetrack"):
+    with pytest.raises(SceneError, match="Expected one of the worlds baylands, park, racetrack, speedway"):
         load_scene(written(tmp_path, 'base = "hover"\nworld = "moon"\n'))
 
 

@@ -2,7 +2,7 @@
 
 Each is as long, goes as far and is at most as fast and turns as fast as the sequence of that name in the table of the
 FEDORA paper; where it goes is its own. Those called baylands fit the avenue of the park, the others the straight of the
-racetrack.
+racetrack. The package's scenes of the same names fly them.
 """
 
 import tomllib
@@ -15,6 +15,7 @@ from fedora_generator.errors import SceneError
 _PRESETS: Final = Path(__file__).parents[1] / "scenes" / "flights"
 
 PRESET_NAMES: Final = ("baylands-day1", "baylands-day2", "baylands-ngt1", "racetrack-day", "racetrack-ngt")
+"""Of flights, and of scenes."""
 
 
 def preset_table(flight: Mapping[str, Any]) -> dict[str, Any]:

@@ -99,6 +99,29 @@ def test_what_moves_is_followed_too() -> None:
     assert moving[events.y, events.x].sum() > 100
 
 
+@pytest.mark.parametrize("name", ["park-day", "racetrack", "fast-turn", "park-traffic"])
+def test_on_whole_scenes_events_are_those_of_a_dense_movie(name: str) -> None:
+    """Against 50 000 images a second, between edges, corners and things that move: the same events, to 2 us."""
+    scene = load_scene(name).with_size(90, 68)
+    world, camera, flight = ExactWorld.of(scene.world, scene.light), event_camera(scene.camera), scene.fly()
+    start_us, stop_us, step_us = 960_000, 1_000_000, 20
+    first = world.at(start_us).luma_dn(camera, camera.pose_at(flight, start_us))
+    sensitive = options(threshold_on=0.02, threshold_off=0.02)
+    movie, light = (EventSensor(sensitive, 30, 40, np.random.SeedSequence(0)) for _ in range(2))
+    movie.start(start_us * 1000, first)
+    light.start(start_us * 1000, first)
+    followed_events = light.follow(stop_us * 1000, Follower(world, camera, flight, FIDELITY["standard"]))
+    shown = join(
+        movie.advance(time_us * 1000, world.at(time_us).luma_dn(camera, camera.pose_at(flight, time_us)))
+        for time_us in range(start_us + step_us, stop_us + 1, step_us)
+    )
+    one, other = (np.lexsort((batch.t_us, batch.x, batch.y)) for batch in (followed_events, shown))
+    assert len(shown) > 100
+    for column in ("x", "y", "p"):
+        np.testing.assert_array_equal(getattr(followed_events, column)[one], getattr(shown, column)[other])
+    assert np.abs(followed_events.t_us[one] - shown.t_us[other]).max() <= 2
+
+
 def test_leak_raises_the_reference_of_a_still_pixel() -> None:
     """A wall that stands still: each pixel fires leak_rate_hz times a second, at the multiples of its period."""
     scene = replace(TimingScene.named("smooth"), flight=Flight(FlightOptions(position_m=(0.0, 0.0, 2.0))))

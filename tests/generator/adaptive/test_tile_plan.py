@@ -16,7 +16,7 @@ from fedora_generator.surfaces.projection import project_faces
 from fedora_generator.surfaces.render_kernels import TILE
 from fedora_qa.conventions import NS_PER_S
 
-EXACT = ("park-day", "racetrack-day", "fast-turn")
+EXACT = ("park-day", "racetrack", "fast-turn")
 BOUND_PX = 0.5
 
 
@@ -80,6 +80,6 @@ def test_a_still_camera_asks_for_one_sample() -> None:
 
 def test_a_fast_corner_does_not_set_the_cost_of_the_image() -> None:
     """In forward flight the densest tile is sampled twice as often as the mean one."""
-    world, _, camera, path, _ = planned("racetrack-day")
+    world, _, camera, path, _ = planned("racetrack")
     samples = plan_tiles(world.faces, path, camera.height, camera.width, 0.05).samples
     assert samples.max() > 2 * samples.mean()
