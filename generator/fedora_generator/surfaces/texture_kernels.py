@@ -159,8 +159,10 @@ def _share_to_edge(edge: int, turns: float, rate: float, duty: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _border_integral(one: float, two: float, to_one: float, to_two: float, duty_one: float, duty_two: float) -> float:
-    """Integral of f(w1) G(w2) dw1 along a straight side from phases (one, two), by (to_one, to_two).
+def _border_integral(
+    one: float, two: float, to_one: float, to_two: float, duty_one: float, duty_two: float, zero: float
+) -> float:
+    """Integral of f(w1) (G(w2) - zero) dw1 along a straight side from phases (one, two), by (to_one, to_two).
 
     f is the first square wave less its mean, G the antiderivative of the second. From edge to edge f is constant
     and G linear, so that the midpoint is exact. Edges are counted, not searched for: which side of one we are on never
@@ -175,7 +177,7 @@ def _border_integral(one: float, two: float, to_one: float, to_two: float, duty_
         stop = max(s, min(at_one, at_two, 1.0))
         high = (edge_one & 1) == (on_one > 0)  # up to a falling edge, or down to a rising one
         middle = two + 0.5 * (s + stop) * to_two
-        total += (stop - s) * ((1.0 if high else 0.0) - duty_one) * _antiderivative(middle, duty_two)
+        total += (stop - s) * ((1.0 if high else 0.0) - duty_one) * (_antiderivative(middle, duty_two) - zero)
         s = stop
         if at_one <= at_two:
             edge_one += on_one
@@ -190,17 +192,19 @@ def _covariance(
 ) -> float:
     """Average of the product of two square waves, less their means, over the parallelogram of sides a and b (phases).
 
-    Green's theorem: the integral of f(w1) g(w2) over an area is the integral of -f(w1) G(w2) dw1 around it.
+    Green's theorem: the integral of f(w1) g(w2) over an area is the integral of -f(w1) G(w2) dw1 around it. A constant
+    in G adds nothing; taking it off keeps the rounding of opposite sides as small as the footprint.
     """
     area = a[0] * b[1] - a[1] * b[0]
     length = abs(a[0]) + abs(a[1]) + abs(b[0]) + abs(b[1])
     if abs(area) < THREAD * length or length > MOST_PERIODS:
         return 0.0
     p, q = one - math.floor(one) - 0.5 * (a[0] + b[0]), two - math.floor(two) - 0.5 * (a[1] + b[1])
-    total = _border_integral(p, q, a[0], a[1], duty_one, duty_two)
-    total += _border_integral(p + a[0], q + a[1], b[0], b[1], duty_one, duty_two)
-    total -= _border_integral(p + b[0], q + b[1], a[0], a[1], duty_one, duty_two)
-    total -= _border_integral(p, q, b[0], b[1], duty_one, duty_two)
+    zero = _antiderivative(two, duty_two)
+    total = _border_integral(p, q, a[0], a[1], duty_one, duty_two, zero)
+    total += _border_integral(p + a[0], q + a[1], b[0], b[1], duty_one, duty_two, zero)
+    total -= _border_integral(p + b[0], q + b[1], a[0], a[1], duty_one, duty_two, zero)
+    total -= _border_integral(p, q, b[0], b[1], duty_one, duty_two, zero)
     return -total / area
 
 
