@@ -52,6 +52,7 @@ class Scratch(NamedTuple):
     piece_x: Floats
     piece_y: Floats
     piece_corners: Integers
+    piece_states: Integers
     terms: Floats
     radiance_dn: Floats
     signal: Floats
@@ -74,6 +75,7 @@ def scratch_for(threads: int, faces: int, waves: int, samples: int, entries: int
         piece_x=np.empty((threads, MAX_PIECES, MAX_CORNERS)),
         piece_y=np.empty((threads, MAX_PIECES, MAX_CORNERS)),
         piece_corners=np.empty((threads, MAX_PIECES), np.int64),
+        piece_states=np.empty((threads, faces), np.int64),
         terms=np.empty((threads, waves)),
         radiance_dn=np.empty((threads, 1)),
         signal=np.empty((threads, 1)),
@@ -138,7 +140,12 @@ def stage_of(
         scratch.sums[thread],
         scratch.given[thread, :count],
         scratch.in_pixel[thread, :count],
-        Pieces(scratch.piece_x[thread], scratch.piece_y[thread], scratch.piece_corners[thread]),
+        Pieces(
+            scratch.piece_x[thread],
+            scratch.piece_y[thread],
+            scratch.piece_corners[thread],
+            scratch.piece_states[thread],
+        ),
         scratch.terms[thread],
         scratch.radiance_dn[thread],
         scratch.signal[thread],

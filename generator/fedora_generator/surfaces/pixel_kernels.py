@@ -10,72 +10,135 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_generator.surfaces.visibility_kernels import FIRST_BORDER, SLIVER, STOP_BORDER, W, spread, value
+from fedora_generator.surfaces.visibility_kernels import FIRST_BORDER, SLIVER, STOP_BORDER, W, value
 
 MAX_PIECES: Final = 64
+"""Open at once. Each cut opens one, and a line cuts a piece once: more than enough for 64 lines."""
+
 MAX_CORNERS: Final = 24
+
+CUT: Final = -2
+NO_ROOM: Final = -3
+
+COVERS: Final = -1
+MISSES: Final = -2
+IN_FRONT: Final = 1
+BEHIND: Final = -1
+THROUGH: Final = 0
+
+SAME_PLANE: Final = 1e-12
+"""Inverse depths that differ by less, relatively, are of one plane: two tops at one height, for example."""
 
 
 class Pieces(NamedTuple):
-    """Room for the pieces of one pixel: corners (64, 24) and how many each piece has (64,)."""
+    """Room for the pieces of one pixel: corners (64, 24), how many each piece has (64,), and notes on faces (n,)."""
 
     x: NDArray[np.float64]
     y: NDArray[np.float64]
     corners: NDArray[np.int64]
+    states: NDArray[np.int64]
 
 
 @njit(cache=True, error_model="numpy")
-def room_for_pieces() -> Pieces:
-    """Empty buffers."""
+def room_for_pieces(faces: int) -> Pieces:
+    """Empty buffers for a pixel of at most so many faces."""
     return Pieces(
-        np.empty((MAX_PIECES, MAX_CORNERS)), np.empty((MAX_PIECES, MAX_CORNERS)), np.zeros(MAX_PIECES, np.int64)
+        np.empty((MAX_PIECES, MAX_CORNERS)),
+        np.empty((MAX_PIECES, MAX_CORNERS)),
+        np.zeros(MAX_PIECES, np.int64),
+        np.empty(faces, np.int64),
     )
 
 
 @njit(cache=True, error_model="numpy")
-def cut_pixel(
-    lines: NDArray[np.float64], faces: NDArray[np.int64], count: int, x: float, y: float, pieces: Pieces
-) -> int:
-    """Cut the pixel at (x, y) along the borders of the given faces and where two of them pierce each other.
-
-    Returns the number of pieces. When the room is used up, the last pieces stay uncut.
-    """
+def start_pieces(pieces: Pieces) -> None:
+    """Make the whole pixel the first piece."""
     for i, (corner_x, corner_y) in enumerate(((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))):
         pieces.x[0, i], pieces.y[0, i] = corner_x, corner_y
     pieces.corners[0] = 4
-    number = 1
-    for i in range(count):
-        face = faces[i]
-        for border in range(FIRST_BORDER, STOP_BORDER):
-            center = value(lines, face, border, x, y)
-            if abs(center) < spread(lines, face, border, 0.5):
-                number = _cut_all(pieces, number, lines[face, border, 0], lines[face, border, 1], center)
-        for j in range(i):
-            other = faces[j]
-            l_x = lines[face, W, 0] - lines[other, W, 0]
-            l_y = lines[face, W, 1] - lines[other, W, 1]
-            center = value(lines, face, W, x, y) - value(lines, other, W, x, y)
-            if abs(center) < 0.5 * (abs(l_x) + abs(l_y)):
-                number = _cut_all(pieces, number, l_x, l_y, center)
-    return number
 
 
 @njit(cache=True, error_model="numpy")
-def _cut_all(pieces: Pieces, number: int, l_x: float, l_y: float, center: float) -> int:
-    """Cut every piece by the line ``l_x x + l_y y + center = 0``, but spare what would lose less than a sliver."""
-    sliver = SLIVER * (abs(l_x) + abs(l_y))
-    before = number
-    for piece in range(before):
-        if number == MAX_PIECES or pieces.corners[piece] + 2 > MAX_CORNERS:
-            break
-        lowest, highest = math.inf, -math.inf
-        for i in range(pieces.corners[piece]):
-            side = l_x * pieces.x[piece, i] + l_y * pieces.y[piece, i] + center
-            lowest, highest = min(lowest, side), max(highest, side)
-        if lowest < -sliver and highest > sliver:
-            _cut(pieces, piece, number, l_x, l_y, center)
-            number += 1
-    return number
+def face_or_cut(
+    lines: NDArray[np.float64], faces: NDArray[np.int64], count: int, x: float, y: float, pieces: Pieces, last: int
+) -> int:
+    """Face of the pixel (x, y) that the last piece shows, -1 for the sky; or CUT, and there is one more piece.
+
+    A piece is cut along the border of a face that shares it, or where one face pierces another, and only as long as
+    that face may be seen there: what is hidden behind one that covers the piece cuts nothing. NO_ROOM: it would have
+    to be cut, and there is no room for it.
+    """
+    corners, xs, ys, states = pieces.corners[last], pieces.x[last], pieces.y[last], pieces.states
+    hidden_from = 0.0  # as inverse depth: the farthest point of the nearest face that covers the piece
+    for i in range(count):
+        face = faces[i]
+        states[i] = COVERS
+        for border in range(FIRST_BORDER, STOP_BORDER):
+            l_x, l_y = lines[face, border, 0], lines[face, border, 1]
+            center = value(lines, face, border, x, y)
+            lowest, highest = _range_over(xs, ys, corners, l_x, l_y, center)
+            side = _side(lowest, highest, center, SLIVER * (abs(l_x) + abs(l_y)))
+            if side == BEHIND:
+                states[i] = MISSES
+                break
+            if side == THROUGH and states[i] == COVERS:
+                states[i] = border
+        if states[i] == COVERS:
+            center = value(lines, face, W, x, y)
+            lowest, _ = _range_over(xs, ys, corners, lines[face, W, 0], lines[face, W, 1], center)
+            hidden_from = max(hidden_from, lowest)
+    nearest = -1
+    for i in range(count):
+        face, border = faces[i], states[i]
+        if border == MISSES:
+            continue
+        l_x, l_y, center = lines[face, W, 0], lines[face, W, 1], value(lines, face, W, x, y)
+        _, highest = _range_over(xs, ys, corners, l_x, l_y, center)
+        if highest < hidden_from:
+            continue
+        if border != COVERS:
+            l_x, l_y, center = lines[face, border, 0], lines[face, border, 1], value(lines, face, border, x, y)
+            return _cut_last(pieces, last, l_x, l_y, center)
+        if nearest >= 0:
+            rounding = SAME_PLANE * highest
+            l_x, l_y = l_x - lines[nearest, W, 0], l_y - lines[nearest, W, 1]
+            center -= value(lines, nearest, W, x, y)
+            lowest, highest = _range_over(xs, ys, corners, l_x, l_y, center)
+            side = _side(lowest, highest, center, max(SLIVER * (abs(l_x) + abs(l_y)), rounding))
+            if side == THROUGH:
+                return _cut_last(pieces, last, l_x, l_y, center)
+            if side == BEHIND:
+                continue
+        nearest = face
+    return nearest
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _side(lowest: float, highest: float, center: float, sliver: float) -> int:
+    """Whether a line has all of a piece IN_FRONT or BEHIND, but for a sliver, or passes THROUGH it."""
+    if lowest < -sliver:
+        return THROUGH if highest > sliver else BEHIND
+    return IN_FRONT if highest > sliver or center >= 0.0 else BEHIND
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _range_over(
+    xs: NDArray[np.float64], ys: NDArray[np.float64], corners: int, l_x: float, l_y: float, center: float
+) -> tuple[float, float]:
+    """Least and greatest value of a linear function on a polygon."""
+    lowest, highest = math.inf, -math.inf
+    for i in range(corners):
+        here = l_x * xs[i] + l_y * ys[i] + center
+        lowest, highest = min(lowest, here), max(highest, here)
+    return lowest, highest
+
+
+@njit(cache=True, error_model="numpy")
+def _cut_last(pieces: Pieces, last: int, l_x: float, l_y: float, center: float) -> int:
+    if last + 1 == MAX_PIECES or pieces.corners[last] + 2 > MAX_CORNERS:
+        return NO_ROOM
+    _cut(pieces, last, last + 1, l_x, l_y, center)
+    return CUT
 
 
 @njit(cache=True, error_model="numpy")

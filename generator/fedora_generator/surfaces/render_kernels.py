@@ -6,7 +6,15 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from fedora_generator.surfaces.pixel_kernels import Pieces, cut_pixel, piece_footprint, room_for_pieces
+from fedora_generator.surfaces.pixel_kernels import (
+    CUT,
+    NO_ROOM,
+    Pieces,
+    face_or_cut,
+    piece_footprint,
+    room_for_pieces,
+    start_pieces,
+)
 from fedora_generator.surfaces.shading_kernels import Surfaces, View, add_face, add_sky
 from fedora_generator.surfaces.texture_kernels import TextureTable
 from fedora_generator.surfaces.visibility_kernels import W, nearest_face, possible_faces, value
@@ -46,7 +54,7 @@ def render_radiance(textures: TextureTable, surfaces: Surfaces, view: View, radi
         in_tile = np.empty(len(view.front), np.int64)
         in_pixel = np.empty(len(view.front), np.int64)
         count, uniform = faces_around_tile(view.lines, column, row, 0.0, in_tile)
-        pieces = room_for_pieces()
+        pieces = room_for_pieces(len(view.front))
         terms = np.empty(textures.waves.shape[1])
         for y in range(row, min(row + TILE, height)):
             for x in range(column, min(column + TILE, width)):
@@ -101,13 +109,21 @@ def _add_pieces(
     pixel_dn: NDArray[np.float64],
 ) -> None:
     """Radiance of a pixel that several faces, or a face and the sky, share."""
-    for piece in range(cut_pixel(view.lines, faces, count, x, y, pieces)):
-        area, dx, dy, a_x, a_y, b_y = piece_footprint(pieces, piece)
-        face = nearest_face(view.lines, faces, count, x + dx, y + dy)
+    start_pieces(pieces)
+    last = 0
+    while last >= 0:
+        face = face_or_cut(view.lines, faces, count, x, y, pieces, last)
+        if face == CUT:
+            last += 1
+            continue
+        area, dx, dy, a_x, a_y, b_y = piece_footprint(pieces, last)
+        if face == NO_ROOM:
+            face = nearest_face(view.lines, faces, count, x + dx, y + dy)
         if face < 0:
             add_sky(surfaces, view, x + dx, y + dy, area, pixel_dn)
         elif area > 0.0:
             add_face(textures, surfaces, view, face, x + dx, y + dy, a_x, a_y, 0.0, b_y, area, terms, pixel_dn)
+        last -= 1
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
