@@ -174,6 +174,7 @@ def test_a_base_beside_the_scene_is_found(tmp_path: Path, monkeypatch: pytest.Mo
         (("corpus", "-o", "{out}", "--scenes", ""), "at least one scene"),
         (("corpus", "-o", "{out}", "--scenes", "park-day,moon"), "got 'moon'"),
         (("corpus", "-o", "{out}", "--causes", "gremlins"), "choose from"),
+        (("corpus", "-o", "{out}", "--scenes", "hover,{scene}"), "Expected scenes of different names"),
         (("corpus", "-o", "{out}", "--duration", "nan"), "Expected a duration"),
         (("corpus", "-o", "{out}", "--size", "90000x90000", "--duration", "0.1"), "MB of memory"),
         (("corpus", "-o", "{out}", "--size", "9000x9000", "--duration", "20"), "free for the corpus"),
