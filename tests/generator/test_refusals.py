@@ -105,7 +105,6 @@ def test_an_impossible_option_is_refused(
         ("[flight]\nvelocity_m_s = [50000, 0, 0]\nposition_m = [0, 5, 30]", "beyond the rim of the ground at 0.02 s"),
         ("[flight]\nposition_m = [0, 0, 1e9]", "got more than 1000 m above the ground at 0 s"),
         (f"{OWN_WORLD}[flight]\nposition_m = [51, 0, 2]", "got beyond the rim of the ground at 0 s"),
-        ("renderer = 'mesh'\nplace = { name = 'park' }\n[flight]\nposition_m = [800, 0, 2]", "beyond the rim"),
         ("[flight]\nkind = 'hover'\nposition_m = [0, 0, 1e6]", "got more than 1000 m above the ground"),
         ("[flight]\nkind = 'survey'\nstart_m = [0, 0, 3]\nlane_m = 1\nlanes = 1000000000\nspacing_m = 1", "up to 3600"),
         ("[flight]\nkind = 'wings'", "Expected kind to be one of waypoints, survey"),
