@@ -23,7 +23,7 @@ Stops = tuple[tuple[signal.Signals, float], ...]
 STOPS: Final[dict[str, Stops]] = {
     "often": (
         *((signal.SIGINT, share) for share in (0.1, 0.5, 0.9)),
-        (signal.SIGTERM, 0.4),
+        *((signal.SIGTERM, 0.4), (signal.SIGHUP, 0.6)),
         *((signal.SIGKILL, share) for share in (0.3, 0.7)),
     ),
     "seldom": ((signal.SIGINT, 0.3), (signal.SIGKILL, 0.6)),
