@@ -24,7 +24,6 @@ from fedora_generator.scene_values import MOST_SEED
 
 MISUSE_EXIT_CODE = 2
 INTERRUPT_EXIT_CODE = 130
-TERMINATED_EXIT_CODE = 128 + signal.SIGTERM
 
 
 @click.group(no_args_is_help=False)
@@ -142,7 +141,9 @@ commands.add_command(corpus)
 
 def main() -> None:
     """Entry point: an error that people can act on is one line on stderr and exit code 2."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED_EXIT_CODE))  # so that temporary files are removed
+    for number in (signal.SIGTERM, signal.SIGHUP):  # so that temporary files are removed
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
+            signal.signal(number, lambda number, _: sys.exit(128 + number))
     try:
         commands.main(prog_name="fedora-generate", standalone_mode=False)
     except click.ClickException as error:

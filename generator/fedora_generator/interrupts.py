@@ -9,11 +9,11 @@ import threading
 from types import FrameType, TracebackType
 from typing import Final, Self
 
-_HELD: Final = (signal.SIGINT, signal.SIGTERM)
+_HELD: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class HeldInterrupts:
-    """A block in which SIGINT and SIGTERM wait for ``deliver``, or for its end; a second one does not wait.
+    """A block in which SIGINT, SIGTERM and SIGHUP wait for ``deliver``, or for its end; a second one does not wait.
 
     Only the main thread is interrupted, so elsewhere it does nothing.
     """

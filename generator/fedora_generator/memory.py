@@ -38,16 +38,22 @@ def peak_bytes(scene: Scene, streams: frozenset[str]) -> float:
     drawn = scene.renderer == "mesh"
     images = [_COLOUR_BYTES] * ("rgb" in streams) + [_DEPTH_BYTES] * bool({"depth", "flow"} & streams)
     frame_bytes = pixels * (max(images, default=0) + (_OPENGL_BYTES if drawn and images else 0))
-    event_bytes = _event_bytes(scene.camera, scene.events) if "events" in streams else 0.0
+    pixel_bytes = _event_pixels(scene.camera) * _EVENT_PIXEL_BYTES
+    event_bytes = pixel_bytes + _spurious_bytes(scene.camera, scene.events) if "events" in streams else 0.0
     return frame_bytes + event_bytes + _COMPILED_BYTES + (_DRAWN_BYTES if drawn else 0)
 
 
-def _event_bytes(camera: CameraOptions, events: EventSensorOptions) -> float:
+def _event_pixels(camera: CameraOptions) -> int:
     sensor = event_camera(camera)
-    pixels = sensor.width * sensor.height
-    spurious_hz = events.shot_rate_hz * pixels + events.hot_pixel_rate_hz * events.hot_pixel_count
-    at_once = spurious_hz * _SPURIOUS_BLOCK_S + events.leak_rate_hz * pixels * _LONGEST_STEP_S
-    return pixels * _EVENT_PIXEL_BYTES + at_once * _EVENT_BYTES
+    return sensor.width * sensor.height
+
+
+def _spurious_bytes(camera: CameraOptions, events: EventSensorOptions) -> float:
+    """Of the events that no motion causes, as many as are in memory at once."""
+    pixels = _event_pixels(camera)
+    drawn_hz = events.shot_rate_hz * pixels + events.hot_pixel_rate_hz * events.hot_pixel_count
+    at_once = drawn_hz * _SPURIOUS_BLOCK_S + events.leak_rate_hz * pixels * _LONGEST_STEP_S
+    return at_once * _EVENT_BYTES
 
 
 def require_memory(scene: Scene, streams: frozenset[str]) -> None:
@@ -55,12 +61,19 @@ def require_memory(scene: Scene, streams: frozenset[str]) -> None:
     needed, available = peak_bytes(scene, streams), available_bytes()
     if needed <= available:
         return
-    fitting = _fitting_size(scene, streams, available)
-    remedy = f"use --size {fitting}, or fewer streams" if fitting else "lower the rates of events that nothing causes"
     raise SceneError(
         f"Expected at most {available / _MB:.0f} MB of memory, which is free, got {scene.camera.width}x"
-        f"{scene.camera.height} of {', '.join(sorted(streams))}, which takes about {needed / _MB:.0f} MB; {remedy}"
+        f"{scene.camera.height} of {', '.join(sorted(streams))}, which takes about {needed / _MB:.0f} MB; "
+        f"{_remedy(scene, streams, available)}"
     )
+
+
+def _remedy(scene: Scene, streams: frozenset[str], available: float) -> str:
+    if fitting := _fitting_size(scene, streams, available):
+        return f"use --size {fitting}, or fewer streams"
+    if "events" in streams and _spurious_bytes(scene.camera, scene.events) > available:
+        return "lower the rates of events that nothing causes"
+    return "free some, or raise its limit"
 
 
 def _fitting_size(scene: Scene, streams: frozenset[str], available: float) -> str:

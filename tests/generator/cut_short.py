@@ -1,7 +1,8 @@
 """Runs ``fedora-generate`` again and again, each time stopped by a signal or by a limit of the file size.
 
-``python -m tests.generator.cut_short FOLDER ARGUMENT...`` imports once and forks for each run, into a folder of its
-own beneath FOLDER; the word ``{out}`` in an argument stands for it. Prints one JSON document: a list of runs.
+``python -m tests.generator.cut_short often|seldom FOLDER ARGUMENT...`` imports once and forks for each run, into a
+folder of its own beneath FOLDER; the word ``{out}`` in an argument stands for it. Prints one JSON document: a list of
+runs.
 """
 
 import json
@@ -16,14 +17,19 @@ from typing import Final
 
 from fedora_generator.cli import main
 
-STOPS: Final = (
-    *((signal.SIGINT, share) for share in (0.1, 0.5, 0.9)),
-    (signal.SIGTERM, 0.4),
-    *((signal.SIGKILL, share) for share in (0.3, 0.7)),
-)
+Stops = tuple[tuple[signal.Signals, float], ...]
 """Which signal comes when, as a share of the time that a run takes that is left alone."""
 
-SHARES_OF_SIZE: Final = (0.1, 0.6, 0.95)
+STOPS: Final[dict[str, Stops]] = {
+    "often": (
+        *((signal.SIGINT, share) for share in (0.1, 0.5, 0.9)),
+        *((signal.SIGTERM, 0.4), (signal.SIGHUP, 0.6)),
+        *((signal.SIGKILL, share) for share in (0.3, 0.7)),
+    ),
+    "seldom": ((signal.SIGINT, 0.3), (signal.SIGKILL, 0.6)),
+}
+
+SHARES_OF_SIZE: Final = {"often": (0.1, 0.6, 0.95), "seldom": (0.6,)}
 """Largest size that a file may have, of that of the whole one: EFBIG, which is to a program what a full disk is."""
 
 
@@ -78,7 +84,7 @@ def _largest_file(folder: Path) -> int:
     return max(path.stat().st_size for path in folder.rglob("*") if path.is_file())
 
 
-def cut_short(folder: Path, arguments: list[str]) -> list[Run]:
+def cut_short(how: str, folder: Path, arguments: list[str]) -> list[Run]:
     """Run once here, so that each fork finds everything compiled; once left alone; then cut short each time."""
     for name in ("warm", "timed"):
         (folder / name).mkdir()
@@ -86,12 +92,12 @@ def cut_short(folder: Path, arguments: list[str]) -> list[Run]:
         _generate(folder / name, arguments)
     alone_s, size = time.monotonic() - begun, _largest_file(folder / "timed")
     runs = [run(folder / "alone", arguments)]
-    for stop, share in STOPS:
+    for stop, share in STOPS[how]:
         runs.append(run(folder / f"{stop.name}-{share}", arguments, stop=stop, after_s=share * alone_s))
-    for share in SHARES_OF_SIZE:
+    for share in SHARES_OF_SIZE[how]:
         runs.append(run(folder / f"limit-{share}", arguments, most_bytes=round(share * size)))
     return runs
 
 
 if __name__ == "__main__":
-    print(json.dumps([asdict(each) for each in cut_short(Path(sys.argv[1]), sys.argv[2:])]))
+    print(json.dumps([asdict(each) for each in cut_short(sys.argv[1], Path(sys.argv[2]), sys.argv[3:])]))

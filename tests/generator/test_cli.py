@@ -122,3 +122,17 @@ def test_an_interrupt_leaves_nothing(
     assert run(monkeypatch, "sequence", "hover", "-o", str(tmp_path / "seq.h5"), "--size", "72x54") == 130
     assert "no file was left that is not whole" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_memory_that_runs_out_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where the estimate was too low after all: exit 2, no traceback, no file."""
+
+    def run_out(*_: object) -> None:
+        raise MemoryError("Unable to allocate 9 GiB")
+
+    monkeypatch.setattr("fedora_generator.frames.FrameRenderer.render", run_out)
+    assert run(monkeypatch, "sequence", "hover", "-o", str(tmp_path / "seq.h5"), "--size", "72x54") == 2
+    assert "Unable to allocate 9 GiB" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

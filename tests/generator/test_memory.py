@@ -57,9 +57,9 @@ def test_memory_does_not_grow_with_the_length(tmp_path: Path) -> None:
 
 
 def test_inertial_samples_are_written_in_pieces(tmp_path: Path) -> None:
-    """Ten minutes of samples and poses, 200 MB as states of the flight, take the half of it."""
-    taken, _ = measured(tmp_path / "long", "hover", (90, 68), 600, "imu,pose")
-    assert taken < 100e6
+    """Five minutes of samples and poses, which are 100 MB as states of the flight, take two thirds of it."""
+    taken, _ = measured(tmp_path / "long", "hover", (90, 68), 300, "imu,pose")
+    assert taken < 70e6
 
 
 def test_what_does_not_fit_is_refused_with_a_size_that_does(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -73,6 +73,13 @@ def test_what_does_not_fit_is_refused_with_a_size_that_does(monkeypatch: pytest.
     with pytest.raises(SceneError):
         memory.require_memory(scene.with_size(width + 8, height + 6), ALL)
     memory.require_memory(scene, frozenset({"imu", "pose"}))
+
+
+def test_no_size_is_named_where_none_fits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Next to no memory is not the fault of the size, nor of the rates of events."""
+    monkeypatch.setattr(memory, "available_bytes", lambda: 50e6)
+    with pytest.raises(SceneError, match="free some, or raise its limit"):
+        memory.require_memory(load_scene("park-day"), ALL)
 
 
 @pytest.mark.parametrize("streams", [frozenset({each}) for each in sorted(ALL)], ids=sorted(ALL))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_generator.camera import colour_camera
 from fedora_generator.flight import Flight
 from fedora_generator.mesh.model import MeshModel
-from fedora_generator.mesh.places import PLACES, build_place
+from fedora_generator.mesh.places import PLACES, build_place, outline_place
 from fedora_generator.mesh.places.race_furniture import GATE_CENTER_M
 from fedora_generator.mesh.world import MeshWorld
 from fedora_generator.scene import Scene, load_scene
@@ -183,6 +183,18 @@ def test_gates_are_open_and_solid(place: MeshModel) -> None:
     assert place.collision(free) is None
     assert place.collision(beam) is not None
     assert place.collision(np.array([[0.0, 0.0, -0.1]])) == (0, "inside 'ground'")
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_the_outline_is_where_a_camera_can_be(name: str) -> None:
+    """The solids of the whole place and nothing to draw; it ends where the ground does, and far above it."""
+    outline = outline_place(name, 3)
+    assert outline.solids == built(name, 3).solids
+    assert outline.meshes == ()
+    middle, near_rim, beyond, above = ([0, 0, 200], [0, 690, 200], [710, 0, 200], [0, 0, 1100])
+    assert outline.collision(np.array([middle, near_rim])) is None
+    assert outline.collision(np.array([middle, beyond])) == (1, "beyond the rim of the ground")
+    assert outline.collision(np.array([above])) == (0, "more than 1000 m above the ground")
 
 
 @pytest.mark.usefixtures("opengl")

@@ -10,7 +10,8 @@ import fedora_generator.scene
 from fedora_generator.errors import SceneError
 from fedora_generator.generate import require_free_flight
 from fedora_generator.scene import SCENE_NAMES, list_scenes, load_scene
-from fedora_generator.surfaces.world import Box
+from fedora_generator.surfaces.textures import Texture
+from fedora_generator.surfaces.world import Box, Rectangle, World
 
 SCENES = Path(fedora_generator.scene.__file__).parent / "scenes"
 
@@ -200,3 +201,31 @@ def test_a_box_knows_its_inside() -> None:
     along, across = np.array([1.0, 1.0, 0.0]), np.array([-1.0, 1.0, 0.0])
     points = np.array([1.0, 1.0, 1.0]) + np.array([along, across, 1.5 * along, [0, 0, 1.1]])
     np.testing.assert_array_equal(box.contains(points), [True, False, False, False])
+
+
+def yard(*rectangles: Rectangle, boxes: tuple[Box, ...] = ()) -> World:
+    """A world of one texture."""
+    grey = Texture(dark_rgb=(0.2, 0.2, 0.2), light_rgb=(0.8, 0.8, 0.8))
+    return World(name="yard", textures={"grey": grey}, rectangles=rectangles, boxes=boxes)
+
+
+def test_a_world_ends_where_nothing_but_sky_is_below() -> None:
+    """Over the ground, a second piece of it, or the top of a box a camera is in the world; beyond all, it is not."""
+    here = Rectangle(name="here", center_m=(0, 0, 0), size_m=(10, 10), texture="grey")
+    there = Rectangle(name="there", center_m=(20, 0, 3), size_m=(10, 10), texture="grey")
+    tower = Box(name="tower", center_m=(0, 9, 2), size_m=(8, 8, 4), texture="grey", yaw_deg=45.0)
+    world = yard(here, there, boxes=(tower,))
+    inside = np.array([[0, 0, 1], [4.9, -4.9, 30], [20, 4, 4], [0, 14, 5], [0, 0, 999]], dtype=float)
+    assert world.collision(inside) is None
+    for outside in ([10, 0, 1], [0, -5.1, 1], [3.9, 12.9, 5], [np.nan, 0, 1]):
+        assert world.collision(np.array([[0, 0, 1], outside])) == (1, "beyond the rim of the ground")
+    assert world.collision(np.array([[0.0, 0.0, 1001.0]])) == (0, "more than 1000 m above the ground")
+    assert world.collision(np.array([[20.0, 0.0, 1.0]])) == (0, "below 'there'")
+
+
+def test_a_world_without_ground_has_no_rim() -> None:
+    """A wall, or a box that hangs in the sky, may be looked at from anywhere."""
+    wall = Rectangle(name="wall", center_m=(5, 0, 0), size_m=(2, 2), texture="grey", u_axis=(0, 1, 0), v_axis=(0, 0, 1))
+    far = np.array([[-5000.0, 0.0, 1e6]])
+    assert yard(wall).collision(far) is None
+    assert yard(boxes=(Box(name="box", center_m=(0, 0, 0), size_m=(1, 1, 1), texture="grey"),)).collision(far) is None

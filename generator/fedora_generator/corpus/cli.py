@@ -65,6 +65,8 @@ def corpus(
     if not scenes:
         raise click.UsageError("Expected at least one scene, got none; see `fedora-generate scenes`")
     described = tuple(load_scene(name).with_size(*size) for name in scenes)
+    if len({scene.name for scene in described}) < len(described):
+        raise click.UsageError("Expected scenes of different names, got one name twice; files are called after them")
     options = CorpusOptions(
         clean=clean, causes=causes, ladder=ladder, duration_s=duration_s, quality=cast(Quality, quality), seed=seed
     )
