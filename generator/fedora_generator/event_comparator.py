@@ -51,7 +51,7 @@ class Comparator:
         self._middle = np.empty(reference.shape, np.float32)
         self.reset(reference)
         self._layout = layout
-        self._room = np.empty(_FIRST_ROOM, np.int64)
+        self._room, self._shares = np.empty(_FIRST_ROOM, np.int64), np.empty(_FIRST_ROOM)
 
     def reset(self, reference: Floats) -> None:
         """Start from other references (H, W), which are taken over and changed."""
@@ -71,10 +71,11 @@ class Comparator:
         """
         bits = (self._layout.column_bits, self._layout.stamp_shift)
         interval = (previous, signal, *self._levels(), start_ns, stop_ns, *bits)
-        row, count = kernels.emit_crossings(*interval, self._room, 0, 0)
+        row, count = kernels.emit_crossings(*interval, self._room, self._shares, 0, 0)
         while 0 <= row < self._layout.height:
             self._room = np.concatenate([self._room, np.empty_like(self._room)])
-            row, count = kernels.emit_crossings(*interval, self._room, row, count)
+            self._shares = np.empty(self._room.size)
+            row, count = kernels.emit_crossings(*interval, self._room, self._shares, row, count)
         _require_finite(row)
         return self._room[:count]
 

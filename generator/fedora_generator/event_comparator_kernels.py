@@ -49,20 +49,21 @@ def emit_crossings(
     column_bits: int,
     stamp_shift: int,
     keys: Keys,
+    shares: Floats,
     first_row: int,
     count: int,
 ) -> tuple[int, int]:
     """Write a key for each level crossed between two samples, and leave ``reference`` (H, W) at the last level.
 
     The signal is a straight line between the samples; times are nanoseconds since the start. Keys come in raster
-    order and each pixel's in order of time, after the ``count`` that there are. Returns the row to go on from, and how
-    many keys there are now. Where there was no room left, calling again with more finds what was not written yet, as
-    every reference stands at the last level written. NOT_FINITE instead of a row: a signal is not.
+    order and each pixel's in order of time, after the ``count`` that there are; ``shares`` is room for as many numbers.
+    Returns the row to go on from, and how many keys there are now. Where there was no room left, calling again with
+    more finds what was not written yet, as every reference stands at the last level written. NOT_FINITE instead of a
+    row: a signal is not.
     """
     height, width = signal.shape
     quiet, words, candidates = room_for_a_row(width)
     active, coming = room_for_pixels(width, _BAND), room_for_pixels(width, _BAND)
-    shares = np.empty(keys.size)
     found = 0
     for band in range(first_row, height + _BAND, _BAND):
         active, coming, found_here, found = coming, active, found, 0

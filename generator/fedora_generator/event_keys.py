@@ -4,7 +4,7 @@ Sorting keys is sorting events by (t, y, x, p). Stamps are microseconds since th
 leave hold 278 years of them at 640x480.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -22,16 +22,15 @@ class KeyLayout:
 
     height: int
     width: int
+    column_bits: int = field(init=False)
+    """Bits of a column, the lowest of a place"""
+    stamp_shift: int = field(init=False)
+    """Bits below the stamp"""
 
-    @property
-    def column_bits(self) -> int:
-        """Bits of a column, the lowest of a place."""
-        return (self.width - 1).bit_length()
-
-    @property
-    def stamp_shift(self) -> int:
-        """Bits below the stamp."""
-        return (self.height - 1).bit_length() + self.column_bits + POLARITY_BITS
+    def __post_init__(self) -> None:
+        column_bits = (self.width - 1).bit_length()
+        object.__setattr__(self, "column_bits", column_bits)
+        object.__setattr__(self, "stamp_shift", (self.height - 1).bit_length() + column_bits + POLARITY_BITS)
 
     @property
     def places(self) -> int:
