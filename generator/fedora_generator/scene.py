@@ -28,11 +28,9 @@ Boxes that move are ``movers`` of an exact world; a scene may add them to the wo
 import hashlib
 import json
 import math
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
@@ -40,35 +38,16 @@ from fedora_generator.camera import CameraOptions
 from fedora_generator.errors import SceneError
 from fedora_generator.event_sensor import EventSensorOptions
 from fedora_generator.flight import Flight
-from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice, looked_up
+from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice
 from fedora_generator.flights.kinds import QuadrotorOptions
-from fedora_generator.flights.presets import PRESET_NAMES
 from fedora_generator.imu import ImuOptions
 from fedora_generator.instants import FRAME_INTERVAL_US, IMU_RATE_HZ
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.pose import PoseOptions
+from fedora_generator.scene_tables import SCENE_NAMES, read_scene, scene_path
 from fedora_generator.scene_values import impossible_value
 from fedora_generator.surfaces.light import Light
 from fedora_generator.surfaces.world import World
-
-SCENE_NAMES: Final = (
-    "park-day",
-    "park-night",
-    "racetrack",
-    "hover",
-    "fast-turn",
-    "park-noisy",
-    "park-traffic",
-    "park-mesh-day",
-    "park-mesh-night",
-    "racetrack-mesh-day",
-    "racetrack-mesh-night",
-    *PRESET_NAMES,
-)
-"""Scenes of the package; the first has an exact world and every stream, the last are the paper's sequences."""
-
-_SCENES: Final = Path(__file__).parent / "scenes"
-_WORLDS: Final = _SCENES / "worlds"
 
 _LONGEST_SHOWN: Final = 60
 
@@ -208,8 +187,8 @@ def load_scene(name_or_path: str | Path) -> Scene:
     SceneError
         No such scene, not TOML, a key that is unknown or missing, or a value that cannot be.
     """
-    path = _scene_path(str(name_or_path))
-    tables = _read_scene(path)
+    path = scene_path(str(name_or_path))
+    tables = read_scene(path)
     try:
         scene = _ADAPTER.validate_python(tables)
     except ValidationError as error:
@@ -217,90 +196,6 @@ def load_scene(name_or_path: str | Path) -> Scene:
     if impossible := impossible_value(tables):
         raise SceneError(f"{impossible} ({path.name})")
     return scene
-
-
-def _scene_path(name_or_path: str) -> Path:
-    if name_or_path in SCENE_NAMES:
-        return _SCENES / f"{name_or_path}.toml"
-    if name_or_path.endswith(".toml") and Path(name_or_path).is_file():
-        return Path(name_or_path)
-    raise SceneError(
-        f"Expected one of the scenes {', '.join(SCENE_NAMES)}, or the path of a TOML file, got {name_or_path!r}"
-    )
-
-
-def _read_scene(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Tables of a scene; those of ``started_from`` name it as their base."""
-    _require_no_circle(path, started_from)
-    tables = _read_toml(path)
-    base = tables.pop("base", None)
-    if base is not None:
-        base_tables = _read_scene(_base_path(str(base), beside=path), (*started_from, path.resolve()))
-        tables = _merged(_without_rivals(base_tables, tables), tables)
-    if isinstance(tables.get("world"), str):
-        tables["world"] = _read_world(_world_path(tables["world"], beside=path))
-    flight = tables.get("flight")
-    if isinstance(flight, Mapping):
-        tables["flight"] = looked_up(flight, path.parent)
-    return tables
-
-
-def _base_path(name_or_path: str, beside: Path) -> Path:
-    """Scene of the package, or a TOML file beside the scene that starts from it."""
-    own = beside.parent / name_or_path
-    return _scene_path(str(own) if own.is_file() else name_or_path)
-
-
-def _require_no_circle(path: Path, started_from: tuple[Path, ...]) -> None:
-    if path.resolve() in started_from:
-        raise SceneError(f"Expected a base that starts from something else, got {path.name}, which starts from itself")
-
-
-def _read_world(path: Path, started_from: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Tables of a world; where it has a base, what stands there comes first."""
-    _require_no_circle(path, started_from)
-    tables = _read_toml(path)
-    name = tables.pop("base", None)
-    if name is None:
-        return tables
-    base = _read_world(_world_path(str(name), beside=path), (*started_from, path.resolve()))
-    solids = {key: [*base.get(key, ()), *tables.get(key, ())] for key in ("rectangles", "boxes", "movers", "lamps")}
-    return {**_merged(base, tables), **solids}
-
-
-def _world_path(name_or_path: str, beside: Path) -> Path:
-    packaged, own = _WORLDS / f"{name_or_path}.toml", beside.parent / name_or_path
-    for path in (packaged, own):
-        if path.is_file():
-            return path
-    known = ", ".join(sorted(path.stem for path in _WORLDS.glob("*.toml")))
-    raise SceneError(f"Expected one of the worlds {known}, or a TOML file beside the scene, got {name_or_path!r}")
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise SceneError(f"Expected a readable TOML file, got {path}: {error}") from error
-
-
-def _without_rivals(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the base without what the changes replace: its world by a place, its flight by one of another kind."""
-    rivals = {"world": "place", "place": "world"}
-    kept = {key: value for key, value in base.items() if rivals.get(key) not in changes}
-    old, new = kept.get("flight"), changes.get("flight")
-    if isinstance(old, Mapping) and isinstance(new, Mapping) and new.get("kind", old.get("kind")) != old.get("kind"):
-        kept.pop("flight")
-    return kept
-
-
-def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables of ``base`` with those of ``changes`` put over them, key by key."""
-    both = dict(base)
-    for key, value in changes.items():
-        old = both.get(key)
-        both[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
-    return both
 
 
 def _one_sentence(error: ValidationError) -> str:

@@ -16,7 +16,8 @@ from fedora_generator.flight import Flight
 from fedora_generator.frames import as_8_bit
 from fedora_generator.generate import STREAMS, Request, generate_sequence
 from fedora_generator.render import ExactWorld
-from fedora_generator.scene import SCENE_NAMES, Scene, load_scene
+from fedora_generator.scene import Scene, load_scene
+from fedora_generator.scene_tables import SCENE_NAMES
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS
 
 KEYS = [key for key, spec in DATASETS.items() if not spec.optional]

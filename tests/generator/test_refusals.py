@@ -96,7 +96,7 @@ def test_an_impossible_option_is_refused(
         ("name = 'a/b'", "Expected a name, without a slash"),
         ("depth_range_m = [3, 1]", "Expected depth_range_m to ascend"),
         ("light = 3", "Expected a table, got 3 at light"),
-        ("world = 'moon'", "Expected one of the worlds park, racetrack"),
+        ("world = 'moon'", "Expected one of the worlds baylands, park, racetrack, speedway"),
         ("renderer = 'mesh'\nplace = { name = 'mars' }", "Expected one of the places park, racetrack, got 'mars'"),
         ("[flight]\nposition_m = [nan, 0, 2]", "Expected position_m to be finite"),
         ("[flight]\nposition_m = [14, 13, 4]", "got inside 'library' at 0 s"),
