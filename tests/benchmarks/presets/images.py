@@ -15,7 +15,7 @@ from fedora_qa.conventions import FLOW_RATES_HZ, US_PER_S
 
 Floats = NDArray[np.float64]
 
-COARSER: Final = 12
+COARSER: Final = 30
 """Images are rendered so many times smaller; flow is scaled to the full size."""
 
 
