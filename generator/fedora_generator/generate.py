@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fedora_generator.camera import colour_camera, event_camera
 from fedora_generator.errors import SceneError
-from fedora_generator.event_stream import EventRecorder
+from fedora_generator.events.stream import EventRecorder
 from fedora_generator.frames import create_frames
 from fedora_generator.inertial_streams import write_imu_stream, write_pose_stream
 from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, pieces, stamps_us, whole_us

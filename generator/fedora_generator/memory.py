@@ -11,7 +11,7 @@ from typing import Final
 
 from fedora_generator.camera import CameraOptions, event_camera
 from fedora_generator.errors import SceneError
-from fedora_generator.event_sensor import EventSensorOptions
+from fedora_generator.events.options import EventSensorOptions
 from fedora_generator.scene import Scene
 
 _MB: Final = 1e6

@@ -36,7 +36,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from fedora_generator.camera import CameraOptions
 from fedora_generator.errors import SceneError
-from fedora_generator.event_sensor import EventSensorOptions
+from fedora_generator.events.options import EventSensorOptions
 from fedora_generator.flight import Flight
 from fedora_generator.flights.choice import TAG_PREFIX, FlightChoice
 from fedora_generator.flights.kinds import QuadrotorOptions

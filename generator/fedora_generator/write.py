@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator.event_sensor import EventBatch
+from fedora_generator.events.batch import EventBatch
 from fedora_qa.layout.canonical import EVENT_CHUNK_ROWS
 from fedora_qa.layout.create import create_dataset
 

@@ -15,7 +15,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from fedora_generator.event_sensor import EventSensorOptions
+from fedora_generator.events.options import EventSensorOptions
 from fedora_generator.flights.gusts import WindOptions
 from fedora_generator.flights.kinds import HoverOptions
 from fedora_generator.generate import STREAMS, Request, generate_sequence

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator.event_sensor import EventBatch, EventSensor, EventSensorOptions
+from fedora_generator.events.batch import EventBatch
+from fedora_generator.events.options import EventSensorOptions
+from fedora_generator.events.sensor import EventSensor
 
 Floats = NDArray[np.float64]
 MS = 1_000_000  # ns

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from fedora_generator.event_comparator import Comparator, SignalNotFiniteError
-from fedora_generator.event_keys import KeyLayout
-from fedora_generator.event_quiet_kernels import COLUMN_MASK, list_active, mark_quiet, room_for_a_row, room_for_pixels
+from fedora_generator.events.comparator import Comparator, SignalNotFiniteError
+from fedora_generator.events.keys import KeyLayout
+from fedora_generator.events.quiet_kernels import COLUMN_MASK, list_active, mark_quiet, room_for_a_row, room_for_pixels
 from tests.generator.event_sensor_cases import Floats
 
 EXTREMES = [0.0, -0.0, 5e-324, -2.2e-308, 1e-45, 1.2e-38, 1.0, 819.2, -4096.0, 3.4e38, -3.5e38, 1e300, -1.7e308]

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from fedora_generator.event_sensor import EventSensor
+from fedora_generator.events.sensor import EventSensor
 from tests.generator.event_sensor_cases import MS, as_rows, options, pixel, play, sensor_for
 
 movies = st.integers(0, 2**32 - 1).map(

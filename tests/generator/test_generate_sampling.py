@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fedora_generator.camera import event_camera
-from fedora_generator.event_sensor import EventBatch
+from fedora_generator.events.batch import EventBatch
 from fedora_generator.flight import Flight
 from fedora_generator.instants import intervals_us, stamps_us
 from fedora_generator.render import ExactWorld

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fedora_generator.camera import CameraOptions, colour_camera, event_camera
-from fedora_generator.event_sensor import EventBatch
+from fedora_generator.events.batch import EventBatch
 from fedora_generator.flight import Flight
 from fedora_generator.mesh.detail import MeshDetail
 from fedora_generator.mesh.from_world import model_of_world

@@ -9,9 +9,10 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_generator import event_noise
 from fedora_generator.camera import Camera
-from fedora_generator.event_sensor import EventSensor, EventSensorOptions
+from fedora_generator.events import noise
+from fedora_generator.events.options import EventSensorOptions
+from fedora_generator.events.sensor import EventSensor
 from fedora_generator.flight import Flight
 from fedora_generator.flights.gusts import WindOptions
 from fedora_generator.flights.kinds import HoverOptions
@@ -113,13 +114,13 @@ def test_flow_is_rendered_only_where_an_interval_starts(tmp_path: Path, monkeypa
 EFFECTS = {
     "LowPass": {"bandwidth_hz": 100.0},
     "PoissonEvents.take_until": {"shot_rate_hz": 1.0},
-    "event_kernels.drop_refractory": {"refractory_us": 10},
-    "event_kernels.align_to_packets": {"packet_interval_us": 200},
+    "key_kernels.drop_refractory": {"refractory_us": 10},
+    "key_kernels.align_to_packets": {"packet_interval_us": 200},
 }
 
 
 def guard(monkeypatch: pytest.MonkeyPatch, part: str) -> None:
-    monkeypatch.setattr(f"fedora_generator.event_sensor.{part}", never)
+    monkeypatch.setattr(f"fedora_generator.events.sensor.{part}", never)
 
 
 def show(options: EventSensorOptions) -> int:
@@ -152,7 +153,7 @@ def test_equal_thresholds_are_one_row() -> None:
     class Refusing:
         normal = staticmethod(never)
 
-    thresholds = event_noise.draw_thresholds(0.2, 0.0, (480, 640), Refusing())  # type: ignore[arg-type]
+    thresholds = noise.draw_thresholds(0.2, 0.0, (480, 640), Refusing())  # type: ignore[arg-type]
     assert thresholds.shape == (1, 640)
     assert np.all(thresholds == 0.2)
 

@@ -12,9 +12,9 @@ from fedora_generator.adaptive.crossing_kernels import DEEPEST, NO_ROOM, NOT_FIN
 from fedora_generator.adaptive.light_kernels import Sensor, scratch_for
 from fedora_generator.adaptive.tile_plan import plan_tiles
 from fedora_generator.camera import Camera
-from fedora_generator.event_comparator import SignalNotFiniteError
-from fedora_generator.event_keys import KeyLayout
-from fedora_generator.event_sensor import Pixels
+from fedora_generator.events.comparator import SignalNotFiniteError
+from fedora_generator.events.keys import KeyLayout
+from fedora_generator.events.light import Pixels
 from fedora_generator.flight import Flight
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import Fidelity
@@ -44,7 +44,7 @@ class Follower:
     """So far"""
 
     def crossings(self, pixels: Pixels, start_ns: int, stop_ns: int) -> Keys:
-        """Sorted keys (``event_keys``) of the events in (start, stop], nanoseconds of the flight's clock.
+        """Sorted keys (``events/keys.py``) of the events in (start, stop], nanoseconds of the flight's clock.
 
         Raises
         ------

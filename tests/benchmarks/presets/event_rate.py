@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from fedora_generator.camera import Camera, event_camera
-from fedora_generator.event_sensor import EventSensor
+from fedora_generator.events.sensor import EventSensor
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.sampling import FixedSteps
 from fedora_generator.scene import Scene

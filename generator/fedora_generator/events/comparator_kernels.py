@@ -1,7 +1,7 @@
 """Compiled loops of the comparator: the events of those pixels that have left their thresholds.
 
 Thresholds, and how near is quiet, are (1, width), where all rows share them, or (height, width). ``middle`` and
-``near`` are as in ``event_quiet_kernels``.
+``near`` are as in ``events/quiet_kernels``.
 """
 
 import math
@@ -11,7 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_generator.event_quiet_kernels import (
+from fedora_generator.events.prefetch_kernels import prefetch
+from fedora_generator.events.quiet_kernels import (
     COLUMN_BITS,
     COLUMN_MASK,
     Floats,
@@ -22,7 +23,6 @@ from fedora_generator.event_quiet_kernels import (
     room_for_a_row,
     room_for_pixels,
 )
-from fedora_generator.prefetch_kernels import prefetch
 from fedora_qa.conventions import NS_PER_US
 
 Keys = NDArray[np.int64]

@@ -5,163 +5,27 @@ which then is the new reference, as many as fit. ``linear``: the sensor's own ri
 the reference by strictly more than the threshold, the reference becomes the value (as the simulated DVS plugin does).
 """
 
-import math
-from dataclasses import dataclass, fields
-from typing import ClassVar, Final, Literal, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict
 
-from fedora_generator import event_kernels
 from fedora_generator.errors import SceneError
-from fedora_generator.event_comparator import Comparator, SignalNotFiniteError
-from fedora_generator.event_keys import KeyLayout
-from fedora_generator.event_noise import LowPass, PoissonEvents, draw_hot_pixels, draw_thresholds
+from fedora_generator.events import key_kernels
+from fedora_generator.events.batch import EventBatch, decode, sort_and_decode
+from fedora_generator.events.comparator import Comparator, SignalNotFiniteError
+from fedora_generator.events.keys import KeyLayout
+from fedora_generator.events.light import CrossingSource, Pixels, follows_light
+from fedora_generator.events.noise import LowPass, PoissonEvents, draw_hot_pixels, draw_thresholds
+from fedora_generator.events.options import EventSensorOptions
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 
 Floats = NDArray[np.float64]
 Keys = NDArray[np.int64]
 
-LEAST_THRESHOLD: Final = 1e-6
-"""Below, a reference could no longer move by its threshold in float64, and one edge would fill the memory."""
-
 # Keys of the random streams: adding one effect leaves the draws of the others as they were.
 _ON, _OFF, _PHASE, _SHOT, _HOT_PLACE, _HOT = range(6)
 _LONG_AGO_US: Final = -(1 << 62)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EventSensorOptions:
-    """The sensor model and its effects; an effect of 0 is not added and costs nothing.
-
-    Attributes
-    ----------
-    model
-        ``log`` or ``linear``.
-    threshold_on, threshold_off
-        Contrast thresholds, nat (log) or DN (linear).
-    log_eps_dn
-        DN added before the logarithm.
-    initial_phase
-        ``zero``: the first reference is the first signal. ``uniform``: the first reference is such that the signal
-        lies anywhere between its two thresholds, as in a pixel that has been running.
-    packet_interval_us
-        Stamps are moved up to multiples of this, counted from the start; 0 is asynchronous.
-    threshold_sigma
-        Spread of the thresholds over pixels, in their own unit.
-    leak_rate_hz
-        The reference falls by ``leak_rate_hz * threshold_on`` a second: that many brighter events at rest.
-    shot_rate_hz
-        Spurious events a pixel, half of each polarity.
-    bandwidth_hz
-        First-order low-pass of the signal before the comparator.
-    refractory_us
-        An event sooner than this after its pixel's last one is lost; the reference moves all the same.
-    hot_pixel_count, hot_pixel_rate_hz
-        Pixels that fire at random besides, and how often each does.
-    """
-
-    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
-
-    model: Literal["log", "linear"]
-    threshold_on: float
-    threshold_off: float
-    log_eps_dn: float = 0.0
-    initial_phase: Literal["zero", "uniform"] = "zero"
-    packet_interval_us: int = 0
-    threshold_sigma: float = 0.0
-    leak_rate_hz: float = 0.0
-    shot_rate_hz: float = 0.0
-    bandwidth_hz: float = 0.0
-    refractory_us: int = 0
-    hot_pixel_count: int = 0
-    hot_pixel_rate_hz: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.model not in ("log", "linear"):
-            raise ValueError(f"Expected model to be 'log' or 'linear', got {self.model!r}")
-        if self.initial_phase not in ("zero", "uniform"):
-            raise ValueError(f"Expected initial_phase to be 'zero' or 'uniform', got {self.initial_phase!r}")
-        for field in fields(self):
-            value = getattr(self, field.name)
-            least = LEAST_THRESHOLD if field.name in ("threshold_on", "threshold_off") else 0
-            if not isinstance(value, str) and not (math.isfinite(value) and value >= least):
-                raise ValueError(f"Expected {field.name} to be finite and at least {least}, got {value}")
-
-
-@dataclass(frozen=True, slots=True)
-class EventBatch:
-    """Events in the order (t, y, x, p)."""
-
-    x: NDArray[np.uint16]
-    """(n,) column"""
-    y: NDArray[np.uint16]
-    """(n,) row"""
-    t_us: NDArray[np.int64]
-    """(n,) microseconds"""
-    p: NDArray[np.uint8]
-    """(n,) 1 brighter, 0 darker"""
-
-    def __len__(self) -> int:
-        return self.t_us.size
-
-
-def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
-    """Events of sorted keys, whose stamps count from ``start_us``."""
-    batch = _room_for_events(keys.size)
-    bits = (layout.column_bits, layout.stamp_shift)
-    event_kernels.decode_keys(keys, *bits, start_us, batch.x, batch.y, batch.t_us, batch.p)
-    return batch
-
-
-def sort_and_decode(keys: Keys, layout: KeyLayout, first_us: int, last_us: int, start_us: int) -> EventBatch:
-    """Events of keys in raster order, their stamps in [first, last], counting from ``start_us``."""
-    batch = _room_for_events(keys.size)
-    stamps = (layout.column_bits, layout.stamp_shift, first_us, last_us, start_us)
-    event_kernels.sort_and_decode_keys(keys, *stamps, batch.x, batch.y, batch.t_us, batch.p)
-    return batch
-
-
-def _room_for_events(count: int) -> EventBatch:
-    return EventBatch(
-        np.empty(count, np.uint16), np.empty(count, np.uint16), np.empty(count, np.int64), np.empty(count, np.uint8)
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pixels:
-    """The state of a log sensor that crossings need; ``reference`` and ``signal`` (H, W) are changed in place.
-
-    Thresholds are (H, W), or (1, W) where all rows share them. The signal is ln(luma_dn + log_eps_dn) plus what has
-    leaked: ``leak_per_s`` times ``threshold_on`` a second since the recording began, at ``origin_ns``.
-    """
-
-    reference: Floats
-    signal: Floats
-    threshold_on: Floats
-    threshold_off: Floats
-    log_eps_dn: float = 0.0
-    leak_per_s: float = 0.0
-    origin_ns: int = 0
-
-
-class CrossingSource(Protocol):
-    """Light that is known at all times, not in images only."""
-
-    def crossings(self, pixels: Pixels, start_ns: int, stop_ns: int) -> Keys:
-        """Sorted keys of the events in (start, stop]; reference and signal are left as at ``stop_ns``.
-
-        Raises
-        ------
-        SignalNotFiniteError
-            A pixel has no logarithm; it is left in the signal.
-        """
-
-
-def follows_light(options: EventSensorOptions) -> bool:
-    """Whether a sensor can follow light: one with a bandwidth sees what it was, and ``linear`` compares images."""
-    return options.model == "log" and options.bandwidth_hz == 0
 
 
 class EventSensor:
@@ -248,7 +112,7 @@ class EventSensor:
         first_us, last_us = start_ns // NS_PER_US, stop_ns // NS_PER_US
         if not self._has_effects_on_keys():
             return sort_and_decode(keys, self._layout, first_us, last_us, self._start_ns // NS_PER_US)
-        keys = event_kernels.sort_by_stamp(keys, self._layout.stamp_shift, first_us, last_us)
+        keys = key_kernels.sort_by_stamp(keys, self._layout.stamp_shift, first_us, last_us)
         return self._decode(self._with_effects(keys, last_us))
 
     def follow(self, t_ns: int, source: CrossingSource) -> EventBatch:
@@ -345,13 +209,13 @@ class EventSensor:
         if self._spurious:
             keys = np.sort(np.concatenate([keys, *(source.take_until(stop_us) for source in self._spurious)]))
         if self._options.refractory_us:
-            kept = event_kernels.drop_refractory(
+            kept = key_kernels.drop_refractory(
                 keys, self._layout.stamp_shift, self._options.refractory_us, self._last_us
             )
             keys = keys[:kept]
         if not self._options.packet_interval_us:
             return keys
-        event_kernels.align_to_packets(keys, self._layout.stamp_shift, self._options.packet_interval_us)
+        key_kernels.align_to_packets(keys, self._layout.stamp_shift, self._options.packet_interval_us)
         keys = np.sort(np.concatenate([self._pending, keys]))
         split = int(np.searchsorted(keys, self._layout.first_key_after(stop_us)))
         self._pending = keys[split:]

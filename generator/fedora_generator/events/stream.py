@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from fedora_generator.adaptive.follower import Follower
 from fedora_generator.camera import event_camera
-from fedora_generator.event_sensor import EventBatch, EventSensor, follows_light
+from fedora_generator.events.batch import EventBatch
+from fedora_generator.events.light import follows_light
+from fedora_generator.events.sensor import EventSensor
 from fedora_generator.metadata import write_camera, write_events
 from fedora_generator.render import ExactWorld
 from fedora_generator.rendered_world import RenderedWorld

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator.event_keys import KeyLayout
+from fedora_generator.events.keys import KeyLayout
 from fedora_qa.conventions import US_PER_S
 
 Floats = NDArray[np.float64]

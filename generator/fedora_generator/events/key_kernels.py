@@ -1,4 +1,4 @@
-"""Compiled loops over event keys (``event_keys``): order, lose, align, take apart."""
+"""Compiled loops over event keys (``events/keys.py``): order, lose, align, take apart."""
 
 from typing import Final
 

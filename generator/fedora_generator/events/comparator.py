@@ -5,9 +5,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_generator import event_comparator_kernels as kernels
-from fedora_generator.event_keys import KeyLayout
-from fedora_generator.event_quiet_kernels import find_middles
+from fedora_generator.events import comparator_kernels as kernels
+from fedora_generator.events.keys import KeyLayout
+from fedora_generator.events.quiet_kernels import find_middles
 from fedora_qa.conventions import NS_PER_US
 
 Floats = NDArray[np.float64]
