@@ -34,29 +34,24 @@ def never(*_: object, **__: object) -> Any:
     raise AssertionError("Expected what was not asked for to be left alone")
 
 
-class CountingWorld:
-    """A world that counts what it is asked for, by method and by the width of the camera."""
+def asked_for(monkeypatch: pytest.MonkeyPatch, target: Path, *streams: str) -> set[tuple[str, int]]:
+    """What is rendered for some streams of a short flight, by method and by the width of the camera."""
+    asked: set[tuple[str, int]] = set()
 
-    def __init__(self, world: ExactWorld) -> None:
-        self.asked: set[tuple[str, int]] = set()
-        self._world = world
+    def counting(name: str) -> Callable[..., Floats]:
+        render = getattr(ExactWorld, name)
 
-    def __getattr__(self, name: str) -> Callable[..., Floats]:
-        def ask(camera: Camera, *rest: Any) -> Floats:
-            self.asked.add((name, camera.width))
-            answer: Floats = getattr(self._world, name)(camera, *rest)
+        def ask(world: ExactWorld, camera: Camera, T_world_camera: Floats) -> Floats:
+            asked.add((name, camera.width))
+            answer: Floats = render(world, camera, T_world_camera)
             return answer
 
         return ask
 
-
-def asked_for(monkeypatch: pytest.MonkeyPatch, target: Path, *streams: str) -> set[tuple[str, int]]:
-    """What is rendered for some streams of a short flight."""
-    assert PARK.world is not None
-    world = CountingWorld(ExactWorld.of(PARK.world, PARK.light))
-    monkeypatch.setattr("fedora_generator.generate.render_surroundings", lambda *_, **__: world)
+    for name in METHODS:
+        monkeypatch.setattr(ExactWorld, name, counting(name))
     generate_sequence(PARK, target, Request(duration_s=0.04, streams=frozenset(streams), quality="draft"))
-    return world.asked
+    return asked
 
 
 def test_imu_and_pose_need_no_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,7 +85,7 @@ def test_only_the_images_of_the_streams_are_rendered(
 
 
 def test_events_are_rendered_in_their_own_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Luma, and depth as far as the sampling wants it, in the event camera; nothing in the colour camera."""
+    """Luma in the event camera; nothing in the colour camera."""
     asked = asked_for(monkeypatch, tmp_path / "a.h5", "events")
     assert ("luma_dn", EVENT) in asked
     assert not [name for name, width in asked if width == COLOUR]
