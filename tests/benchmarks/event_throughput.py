@@ -117,7 +117,8 @@ def comparator_from(reference: Floats) -> Advance:
 
     def advance(previous: Floats, signal: Floats, start_ns: int, stop_ns: int) -> EventBatch:
         keys = comparator.crossings(previous, signal, start_ns, stop_ns)
-        return sort_and_decode(keys, layout, start_ns // NS_PER_US, -(-stop_ns // NS_PER_US), 0)
+        span_us = (start_ns // NS_PER_US, -(-stop_ns // NS_PER_US))
+        return sort_and_decode(keys, layout, *span_us, 0, comparator.spare(keys.size))
 
     return advance
 

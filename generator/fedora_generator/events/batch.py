@@ -36,11 +36,16 @@ def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
     return batch
 
 
-def sort_and_decode(keys: Keys, layout: KeyLayout, first_us: int, last_us: int, start_us: int) -> EventBatch:
-    """Events of keys in raster order, their stamps in [first, last], counting from ``start_us``."""
+def sort_and_decode(
+    keys: Keys, layout: KeyLayout, first_us: int, last_us: int, start_us: int, spare: Keys
+) -> EventBatch:
+    """Events of keys in raster order, their stamps in [first, last], counting from ``start_us``.
+
+    ``spare`` has room for as many keys; both are overwritten.
+    """
     batch = _room_for_events(keys.size)
     stamps = (layout.column_bits, layout.stamp_shift, first_us, last_us, start_us)
-    key_kernels.sort_and_decode_keys(keys, *stamps, batch.x, batch.y, batch.t_us, batch.p)
+    key_kernels.sort_and_decode_keys(keys, *stamps, spare, batch.x, batch.y, batch.t_us, batch.p)
     return batch
 
 

@@ -52,6 +52,7 @@ class Comparator:
         self.reset(reference)
         self._layout = layout
         self._room, self._shares = np.empty(_FIRST_ROOM, np.int64), np.empty(_FIRST_ROOM)
+        self._spare = np.empty(0, np.int64)
 
     def reset(self, reference: Floats) -> None:
         """Start from other references (H, W), which are taken over and changed."""
@@ -93,6 +94,12 @@ class Comparator:
         count = kernels.emit_steps(signal, *self._levels(), stamp_us, *bits, keys)
         _require_finite(count)
         return keys[:count]
+
+    def spare(self, count: int) -> Keys:
+        """Room for at least ``count`` keys, to sort them in; the next call may return the same."""
+        if self._spare.size < count:
+            self._spare = np.empty(2 * count, np.int64)
+        return self._spare
 
     def _levels(self) -> tuple[Floats, NDArray[np.float32], Floats, float, Floats, Floats]:
         return self.reference, self._middle, self._near, self._largest, *self._thresholds

@@ -111,8 +111,10 @@ class EventSensor:
         self._now_ns = t_ns
         first_us, last_us = start_ns // NS_PER_US, stop_ns // NS_PER_US
         if not self._has_effects_on_keys():
-            return sort_and_decode(keys, self._layout, first_us, last_us, self._start_ns // NS_PER_US)
-        keys = key_kernels.sort_by_stamp(keys, self._layout.stamp_shift, first_us, last_us)
+            spare = self._comparator.spare(keys.size)
+            return sort_and_decode(keys, self._layout, first_us, last_us, self._start_ns // NS_PER_US, spare)
+        spare = np.empty(keys.size, np.int64)  # effects may keep what they are given
+        keys = key_kernels.sort_by_stamp(keys.copy(), self._layout.stamp_shift, first_us, last_us, spare)
         return self._decode(self._with_effects(keys, last_us))
 
     def follow(self, t_ns: int, source: CrossingSource) -> EventBatch:
