@@ -45,6 +45,8 @@ class ResponseFit:
         The larger of the formal ones and the spread between blocks (delete-one jackknife); infinite where not fitted.
     attenuation
         Bounds on the bias that errors of the regressors cause.
+    coherent_delay_s
+        The delay that errors of the levels make which are as large as the residuals, and all act as one.
     sigma
         Standard deviation of a pair's residual, in the unit of the levels.
     """
@@ -56,6 +58,7 @@ class ResponseFit:
     middle_s: float
     standard_errors: Errors
     attenuation: Errors
+    coherent_delay_s: float
     sigma: float
 
     @property
@@ -105,6 +108,8 @@ def fit_response(blocks: NormalBlocks) -> ResponseFit | None:
         middle_s=middle_s,
         standard_errors=_named(errors),
         attenuation=_named(_attenuation(normal, theta, weight * variance)),
+        # |r'e| <= |r| |e| (Cauchy and Schwarz), with r what other regressors leave of the slope: 1/|r|^2 = (N^-1)_33.
+        coherent_delay_s=float(formal[2] * np.sqrt(weight)),
         sigma=float(np.sqrt(variance)),
     )
 

@@ -16,6 +16,8 @@ SHAPE, FRAME_SHAPE = (40, 56), (90, 126)
 DURATION_MS = 800
 LOG_WORLD = Waves(amplitude_dn=10.0, mean_dn=140.0, velocity_px_s=(200.0, 40.0), seed=3)
 LINEAR_WORLD = replace(LOG_WORLD, velocity_px_s=(80.0, 30.0), amplitude_dn=16.0, mean_dn=128.0)
+JUMPING_WORLD = replace(LOG_WORLD, velocity_px_s=(1050.0, 300.0), amplitude_dn=22.0, mean_dn=128.0, seed=9)
+"""Moves by up to a quarter of its shortest wave in a rendered step."""
 FRAMES_NS = np.arange(0, DURATION_MS + 1, 20) * MS
 
 
@@ -60,7 +62,7 @@ class EventFile:
 def frames_of(world: Waves) -> NDArray[np.uint8]:
     """Grey frames, 8 bit, at 9/4 of the resolution."""
     luma = [world.luma(time_ns * 1e-9, FRAME_SHAPE, 2.25) for time_ns in FRAMES_NS]
-    return np.rint(luma).astype(np.uint8)[..., np.newaxis].repeat(3, axis=3)
+    return np.clip(np.rint(luma), 0, 255).astype(np.uint8)[..., np.newaxis].repeat(3, axis=3)
 
 
 @cache
@@ -70,11 +72,11 @@ def log_file() -> EventFile:
 
 
 @cache
-def linear_file() -> EventFile:
-    """A sensor of grey values with a threshold of 6 DN and a step of 1 ms."""
-    events = linear_events(LINEAR_WORLD, SHAPE, DURATION_MS * MS, threshold=6.0)
-    clean = EventFile(events, frames_of(LINEAR_WORLD))
-    return clean.declaring(model="linear", threshold_on=6.0, threshold_off=6.0)
+def linear_file(world: Waves = LINEAR_WORLD, threshold_dn: float = 6.0) -> EventFile:
+    """A sensor of grey values with a step of 1 ms."""
+    events = linear_events(world, SHAPE, DURATION_MS * MS, threshold=threshold_dn)
+    clean = EventFile(events, frames_of(world))
+    return clean.declaring(model="linear", threshold_on=threshold_dn, threshold_off=threshold_dn)
 
 
 def inserted(events: Stream, new: Stream) -> Stream:

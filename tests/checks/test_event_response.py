@@ -14,6 +14,7 @@ from tests.checks.event_file import (
     DURATION_MS,
     FRAME_SHAPE,
     FRAMES_NS,
+    JUMPING_WORLD,
     LOG_WORLD,
     SHAPE,
     EventFile,
@@ -97,6 +98,24 @@ def test_ideal_linear_events_pass(path: Path) -> None:
     """A sensor that fires on grey values, one event a step, passes as such."""
     linear_file().write(path)
     assert set(outcomes(path).values()) == {"passed"}
+
+
+def test_levels_that_jump_are_not_taken_for_early_events(path: Path) -> None:
+    """Where edges pass within a few rendered steps honest events seem early, and nothing is said of their time."""
+    linear_file(world=JUMPING_WORLD, threshold_dn=30.0).write(path)
+    timing = run_check(path, "event_response.timing")
+    offset = measured(timing, "time_offset")
+    assert offset.value < -5 * offset.standard_error
+    assert timing.outcome == "not_observable"
+
+
+@pytest.mark.parametrize("late_ms", [2, 30])
+def test_late_events_of_grey_values_are_found(late_ms: int, path: Path) -> None:
+    """Levels that move by little in a step tell a delay of two milliseconds, and a gross one, to a twentieth."""
+    events(lambda e: e.shifted(late_ms * MS))(linear_file()).write(path)
+    diagnosis = first_diagnosis(path)
+    assert (diagnosis.stream, diagnosis.cause) == ("events", "time_offset")
+    assert diagnosis.magnitude == pytest.approx(late_ms, rel=0.05)
 
 
 @pytest.mark.parametrize(

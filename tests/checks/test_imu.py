@@ -233,6 +233,28 @@ def test_held_samples_are_counted(path: Path) -> None:
     assert diagnoses_of(path, "imu")[0].cause == "frozen_frames"
 
 
+def steady(file: MotionFile) -> MotionFile:
+    """At rest, rounded: forces flicker by the last digit and rates by what differences of orientations have."""
+    random = np.random.default_rng(5)
+    count = len(file.samples.imu_times_s)
+    repeats = np.repeat(random.integers(-1, 2, (count // 3 + 1, 3)), 3, axis=0)[:count]
+    return file.altered(
+        specific_forces_body_m_s2=[0.0, 0.0, GRAVITY_M_S2] + repeats * np.spacing(GRAVITY_M_S2),
+        angular_velocities_body_rad_s=repeats * 1e-14,
+    )
+
+
+def test_samples_that_repeat_in_steady_flight_are_not_held(path: Path) -> None:
+    """Where nothing but rounding changes, samples repeat because they are the same."""
+    assert run_check(steady(MotionFile()).write(path), "imu.noise").outcome == "passed"
+
+
+def test_held_samples_are_counted_in_hover(path: Path) -> None:
+    """The least of motions is far above rounding: held samples are counted there too."""
+    result = run_check(held(700, 6)(MotionFile(sample_motion(HOVER))).write(path), "imu.noise")
+    assert measured(result, "frozen").value == 6
+
+
 @pytest.mark.parametrize("excess", [0.5, -0.3])
 def test_imu_noise_that_is_declared_wrongly_is_found_to_size(path: Path, excess: float) -> None:
     """Densities that are declared too large or small by a share are found, with that share."""

@@ -123,16 +123,23 @@ def test_repeats_in_motion_are_stops_and_rest_is_not() -> None:
     positions = RESTLESS.positions_m(TIMES_S)
     held = positions.copy()
     held[200:203] = held[199]
-    assert unmoved(held, held).tolist() == [200, 201, 202]
+    assert unmoved(held, held, roundings=(1e-16, 1e-16)).tolist() == [200, 201, 202]
     resting = np.where(TIMES_S[:, None] < 1.0, (1.0 - TIMES_S[:, None]) ** 3 * positions[0], 0.0)
-    assert unmoved(resting, resting).tolist() == []
-    assert unmoved(np.ones((50, 3))).tolist() == []
+    assert unmoved(resting, resting, roundings=(1e-16, 1e-16)).tolist() == []
+    assert unmoved(np.ones((50, 3)), roundings=(1e-16,)).tolist() == []
+
+
+def test_repeats_between_roundings_are_no_stops() -> None:
+    """A value that creeps by one unit of rounding now and then repeats in between; a step of many units shows."""
+    creeping = np.floor(np.arange(50) / 4.0)[:, None]
+    assert unmoved(creeping, roundings=(1.0,)).tolist() == []
+    assert len(unmoved(creeping, roundings=(0.01,))) == 37
 
 
 def test_a_repeat_of_one_array_alone_is_no_stop() -> None:
     """A body that turns on the spot repeats its position."""
     turning = np.outer(TIMES_S, [0.0, 0.0, 1.0])
-    assert unmoved(np.zeros((601, 3)), turning).tolist() == []
+    assert unmoved(np.zeros((601, 3)), turning, roundings=(1e-16, 1e-16)).tolist() == []
 
 
 @pytest.mark.parametrize("stride", [2, 4, 10])
@@ -165,4 +172,4 @@ def test_too_few_samples_say_nothing(count: int) -> None:
     assert noise_level(TIMES_NS[:count], curve, order=8) is None
     assert len(find_steps(TIMES_NS[:count], curve, half_width=6, degree=5, sigma=1.0).before) == 0
     assert find_interpolation(TIMES_NS[:count], curve, resolution=0.0) is None
-    assert unmoved(curve.values).tolist() == []
+    assert unmoved(curve.values, roundings=(1e-16,)).tolist() == []

@@ -58,11 +58,15 @@ class LevelSums:
 
 @dataclass(frozen=True, slots=True)
 class FoundOffset:
-    """An offset at which events follow the frames: how late events are, and the residual left, in thresholds."""
+    """An offset at which events follow the frames.
+
+    How late events are, the residual left, in thresholds, and the delay that level errors of its size could make.
+    """
 
     late_s: float
     standard_error_s: float
     relative_sigma: float
+    coherent_delay_s: float
 
 
 def level_sums(window: Window) -> LevelSums | None:
@@ -113,7 +117,8 @@ def search_offset(window: Window) -> FoundOffset | None:
         fit = again
     if fit.relative_sigma > FOLLOWS or min(fit.threshold_on, fit.threshold_off) < 0:
         return None
-    return FoundOffset(late_ns * 1e-9 + fit.delay_s, fit.standard_errors.delay_s, fit.relative_sigma)
+    late_s = late_ns * 1e-9 + fit.delay_s
+    return FoundOffset(late_s, fit.standard_errors.delay_s, fit.relative_sigma, fit.coherent_delay_s)
 
 
 def _fit_at(window: Window, seen: SeenFrames, declared: EventModel, events: Events, late_ns: int) -> ResponseFit | None:

@@ -19,6 +19,12 @@ from fedora_qa.sequence.window import Window
 
 EVENTS: Final = Where(stream="events")
 
+HELD_LEVEL_BIAS: Final = float(np.sqrt(3.0))
+"""Mean over scatter of the error of levels that stay where an event left them until the next one.
+
+At a share phi of the gap the events tell phi thresholds more than there are: 1/2 on average, with a standard deviation
+of 1/sqrt(12) as phi is uniform."""
+
 DRIFT_KNOWN: Final = 5.0
 """Standard errors of the clock rate beyond which an offset is suspected to be part of it (after an alarm only)."""
 
@@ -34,8 +40,11 @@ class Timing(LevelCheck):
     The coefficient of the level's slope in the regression of ``event_response.threshold`` is the time by which events
     are stamped late. Expected is the mean lateness that is declared: half a tick of the stamps (a stamp is the first
     tick not before the crossing; a sensor that takes its reference at the tick is not late), and the delay of a
-    declared low-pass. Allowances are those of the thresholds. The offset is that at the middle of the sequence; its
-    growth is the difference of the clocks' rates. Where the offset is large, or events do not follow the frames at
+    declared low-pass. Allowances are those of the thresholds. A sensor of the linear model fires once a rendered step,
+    however far the step went; where edges pass within a few steps a pixel's level jumps at an event and holds until
+    the next, and events seem early by up to half their gap. Such levels scatter about the fit: what scatters by its
+    residual may be biased by sqrt(3) times as much. The offset is that at the middle of the sequence; its growth is
+    the difference of the clocks' rates. Where the offset is large, or events do not follow the frames at
     all, offsets up to 100 ms are tried on two windows in a second look.
     """
 
@@ -65,7 +74,8 @@ class Timing(LevelCheck):
             return super().conclude(state, facts)
         late_s = np.array([one.late_s for one in offsets])
         error_s = max(float(np.ptp(late_s)) / 2, *(one.standard_error_s for one in offsets))
-        measured = self._offset(float(late_s.mean()), error_s, 0.0, facts.declared.events, facts)
+        bound_s = _jump_bias_s(max(one.coherent_delay_s for one in offsets), facts.declared.events)
+        measured = self._offset(float(late_s.mean()), error_s, bound_s, facts.declared.events, facts)
         return Observation(level_coverage(state), (measured,))
 
     def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
@@ -75,7 +85,7 @@ class Timing(LevelCheck):
         offset = self._offset(
             fit.delay_s,
             fit.standard_errors.delay_s,
-            found.model_errors.delay_s,
+            found.model_errors.delay_s + _jump_bias_s(fit.coherent_delay_s, declared),
             declared,
             facts,
             drift_weight=0.85 if drifting else 0.1,
@@ -134,6 +144,11 @@ class Timing(LevelCheck):
                 Suspect("clock_rate", "rgb", 0.8, -ppm, "ppm", hypot(error, bound)),
             ),
         )
+
+
+def _jump_bias_s(coherent_delay_s: float, declared: EventModel) -> float:
+    """Bound how early events seem because levels jump at them; only those of the linear model fire once a step."""
+    return HELD_LEVEL_BIAS * coherent_delay_s if declared.model == "linear" else 0.0
 
 
 def _whose_offset(offset_ms: float, facts: Facts) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.motion.samples import measured_pose_sigmas, stored_resolution
+from fedora_qa.checks.motion.samples import imu_roundings, measured_pose_sigmas, stored_resolution
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.local_motion import Interpolation, Vectors, find_interpolation, unmoved
@@ -36,12 +36,15 @@ def rate_hz(poses: PoseSamples) -> float:
 
 def frozen_poses(poses: PoseSamples) -> NDArray[np.intp]:
     """Return poses that repeat the one before while the body moves."""
-    return unmoved(poses.positions_world_m, poses.orientations_xyzw)
+    samples = poses.positions_world_m, poses.orientations_xyzw
+    return unmoved(*samples, roundings=[stored_resolution(values) for values in samples])
 
 
 def frozen_imu(imu: ImuSamples) -> NDArray[np.intp]:
     """Return IMU samples that repeat the one before while others change."""
-    return unmoved(imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2)
+    if len(imu.times_ns) < 2:
+        return np.empty(0, dtype=np.intp)
+    return unmoved(imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2, roundings=imu_roundings(imu))
 
 
 def pose_defects(poses: PoseSamples, model: PoseModel) -> tuple[Suspect, ...]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.motion.defects import frozen_imu
 from fedora_qa.checks.motion.noise_measured import noise_against_declared
-from fedora_qa.checks.motion.samples import NOISE_ORDER, join_imu, owned_imu, place, stored_resolution, why_unusable
+from fedora_qa.checks.motion.samples import NOISE_ORDER, imu_roundings, join_imu, owned_imu, place, why_unusable
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.inertial_samples import STAMP_SIGMA_S
@@ -29,8 +29,9 @@ class Noise(WindowCheck[ImuSamples]):
 
     Divided differences of order 8 of the samples, scaled to unit noise gain: the motion vanishes, white noise stays.
     Its standard deviation is compared with ``density * sqrt(rate)``, or with 0; errors and allowances as in
-    pose.noise. Samples that repeat the one before in every bit while others move are counted as well. Biases and their
-    walks are slow and do not show here.
+    pose.noise. Samples that repeat the one before in every bit while others move, by more than rounding does, are
+    counted as well: a flight that is steady to the last digit repeats itself. Biases and their walks are slow and do
+    not show here.
     """
 
     name = "imu.noise"
@@ -51,13 +52,14 @@ class Noise(WindowCheck[ImuSamples]):
             return Observation(seen, unobservable=unusable or "too few samples in a row to tell noise from motion")
         model = facts.declared.imu or ImuModel()
         root_rate = float(np.sqrt(NS_PER_S / np.median(np.diff(imu.times_ns))))
+        gyro_rounding, accel_rounding = imu_roundings(imu)
         rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
         gyro_noise = noise_against_declared(
             "gyro",
             "rad/s",
             gyro,
             root_rate * model.gyro_noise_density,
-            _floor(imu.times_ns, rates),
+            _floor(imu.times_ns, rates, gyro_rounding),
             "imu.noise",
             "imu",
             units={"unit_deg_rad": _DEGREES},
@@ -67,7 +69,7 @@ class Noise(WindowCheck[ImuSamples]):
             "m/s^2",
             accel,
             root_rate * model.accel_noise_density,
-            _floor(imu.times_ns, forces),
+            _floor(imu.times_ns, forces, accel_rounding),
             "imu.noise",
             "imu",
             units={},
@@ -75,10 +77,10 @@ class Noise(WindowCheck[ImuSamples]):
         return Observation(seen, (gyro_noise, accel_noise, _stops(facts, imu)))
 
 
-def _floor(times_ns: NDArray[np.int64], values: Float64) -> float:
+def _floor(times_ns: NDArray[np.int64], values: Float64, rounding: float) -> float:
     """Return the scatter of exact samples: stored digits, and stamps rounded to a microsecond."""
     changes = np.linalg.norm(np.diff(values, axis=0), axis=1) / (np.diff(times_ns) / NS_PER_S)
-    return float(np.hypot(np.sqrt(np.mean(np.square(changes))) * STAMP_SIGMA_S, stored_resolution(values)))
+    return float(np.hypot(np.sqrt(np.mean(np.square(changes))) * STAMP_SIGMA_S, rounding))
 
 
 def _stops(facts: Facts, imu: ImuSamples) -> Measured:

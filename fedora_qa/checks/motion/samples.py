@@ -116,6 +116,16 @@ def stored_resolution(values: Float64) -> float:
     return float(np.spacing(largest))
 
 
+def imu_roundings(imu: ImuSamples) -> tuple[float, float]:
+    """Return the unit of rounding of angular velocities (rad/s) and specific forces (m/s^2), of two samples or more.
+
+    Rates are how orientations, whose components reach 1, change from sample to sample: they are rounded as those are.
+    """
+    sample_s = float(np.median(np.diff(imu.times_ns))) / NS_PER_S
+    rate = stored_resolution(imu.angular_velocities_body_rad_s)
+    return max(rate, float(np.spacing(1.0)) / sample_s), stored_resolution(imu.specific_forces_body_m_s2)
+
+
 def position_floor_m(poses: PoseSamples) -> float:
     """Return the scatter of exact positions: stored digits, and stamps rounded to a microsecond."""
     steps_s = np.diff(poses.times_ns) / NS_PER_S
