@@ -107,7 +107,8 @@ def by_effect() -> Group:
     return Group(
         "Effects of the event camera",
         "Events of `park-day` alone, with one effect of `park-noisy` at a time. The second row is the first once\n"
-        "more: how far it is from 1 is what the others cannot be told apart by.",
+        "more: how far it is from 1 is what the others cannot be told apart by.\n"
+        "With a bandwidth the camera does not follow the light but is shown images, which costs less and times worse.",
         (
             case("none", clean.events),
             case("none, again", clean.events),
