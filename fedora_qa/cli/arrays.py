@@ -24,7 +24,7 @@ def write_arrays(target: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         if array.dtype.hasobject:
             raise TypeError(f"Expected numbers in the evidence {name!r}, got Python objects")
     with replacing(target) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # names could collide with its one option
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:

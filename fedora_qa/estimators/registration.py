@@ -51,7 +51,7 @@ def registered_shift(autocorrelation: Float64, crosscorrelation: Float64) -> Shi
 
 
 def _way_back(reference: Float64, moved: Float64) -> Float64:
-    back, *_ = phase_cross_correlation(  # type: ignore[no-untyped-call]
+    back, *_ = phase_cross_correlation(  # type: ignore[no-untyped-call]  # scikit-image publishes none
         reference, moved, upsample_factor=UPSAMPLING, normalization=None
     )
     return np.asarray(back, dtype=np.float64)

@@ -15,7 +15,15 @@ from numba import njit, prange
 from numba.np.ufunc.parallel import get_thread_id
 from numpy.typing import NDArray
 
-from fedora_generator.adaptive.light_kernels import Scratch, Sensor, Stage, sample_block, signal_at, stage_of
+from fedora_generator.adaptive.light_kernels import (
+    Scratch,
+    Sensor,
+    Stage,
+    sample_block,
+    signal_at,
+    stage_of,
+    thresholds_of,
+)
 from fedora_generator.surfaces.projection_kernels import FaceFrames
 from fedora_generator.surfaces.render_kernels import TILE, tile_origin
 from fedora_generator.surfaces.shading_kernels import Surfaces
@@ -87,7 +95,7 @@ def follow_tiles(
     """
     rendered = 0
     for index in prange(len(tiles)):
-        thread, tile = get_thread_id(), tiles[index]  # type: ignore[no-untyped-call]
+        thread, tile = get_thread_id(), tiles[index]  # type: ignore[no-untyped-call]  # Numba's is not
         own = faces[face_starts[tile] : face_starts[tile + 1]]
         stage = stage_of(textures, surfaces, frames, bodies, coefficients, clock.span_ns * 1e-9, own, scratch, thread)
         values, stack, before = scratch.values[thread], scratch.stack[thread], scratch.before[thread]
@@ -152,8 +160,7 @@ def _is_quiet(sensor: Sensor, care: Care, x: int, y: int, values: Floats) -> boo
             bend = max(bend, abs(values[sample - 1] - 2 * values[sample] + values[sample + 1]))
     margin = care.caution * bend / 8
     reference = sensor.reference[y, x]
-    on = sensor.threshold_on[y if len(sensor.threshold_on) > 1 else 0, x]
-    off = sensor.threshold_off[y if len(sensor.threshold_off) > 1 else 0, x]
+    on, off = thresholds_of(sensor, x, y)
     return bool(lowest - margin > reference - off and highest + margin < reference + on)
 
 
@@ -175,8 +182,7 @@ def _follow_pixel(
     ``stack`` holds the pieces of a step that are still to be looked at, the earliest last: share of the path, signal
     and second difference at the start, then at the stop.
     """
-    on = sensor.threshold_on[y if len(sensor.threshold_on) > 1 else 0, x]
-    off = sensor.threshold_off[y if len(sensor.threshold_off) > 1 else 0, x]
+    on, off = thresholds_of(sensor, x, y)
     steps, finest = len(values) - 1, FINEST_S / stage.span_s
     for step in range(steps):
         _put(stack[0], step / steps, values[step], _bend(values, step))
@@ -242,8 +248,7 @@ def _fire(
     count: int,
 ) -> int:
     """Cross every level that lies between the ends of a steep piece; each becomes the reference."""
-    on = sensor.threshold_on[y if len(sensor.threshold_on) > 1 else 0, x]
-    off = sensor.threshold_off[y if len(sensor.threshold_off) > 1 else 0, x]
+    on, off = thresholds_of(sensor, x, y)
     start, before, stop, after = piece[0], piece[1], piece[3], piece[4]
     if not math.isfinite(after - before):
         sensor.signal[y, x] = math.nan

@@ -204,8 +204,15 @@ def _give_all(given: Integers) -> None:
         given[index] = index
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def thresholds_of(sensor: Sensor, x: int, y: int) -> tuple[float, float]:
+    """Thresholds of a pixel, brighter and darker."""
+    row_on, row_off = y if len(sensor.threshold_on) > 1 else 0, y if len(sensor.threshold_off) > 1 else 0
+    return sensor.threshold_on[row_on, x], sensor.threshold_off[row_off, x]
+
+
 @njit(cache=True, error_model="numpy")
 def _leaked(stage: Stage, sensor: Sensor, x: int, y: int, share: float) -> float:
     """Leak acts as a signal that rises for ever."""
-    on = sensor.threshold_on[y if len(sensor.threshold_on) > 1 else 0, x]
+    on, _ = thresholds_of(sensor, x, y)
     return float(sensor.leak_per_s * on * (sensor.elapsed_s + share * stage.span_s))
