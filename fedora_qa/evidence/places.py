@@ -91,11 +91,13 @@ def _field(where: Where, rows: Mapping[str, int], time_ns: int | None, facts: Fa
     """Return the field of flow to show: of those that a finding names the one nearest to the instant."""
     if where.stream not in facts.flow_streams or where.index_start is None:
         return {}
+    first = max(where.index_start, 0)
     last = where.index_start + 1 if where.index_stop is None else where.index_stop
-    starts_ns = facts.clocks[where.stream].times_ns[max(where.index_start, 0) : last]
+    starts_ns = facts.clocks[where.stream].times_ns[first : max(last, 0)]
     if time_ns is None or not len(starts_ns):
         return {}
-    return {where.stream: where.index_start + int(np.argmin(np.abs(starts_ns - time_ns)))}
+    # In floating point, as a finding may name a time that is beyond 64-bit nanoseconds.
+    return {where.stream: first + int(np.argmin(np.abs(starts_ns - float(time_ns))))}
 
 
 def _instant_ns(where: Where, rows: Mapping[str, int], facts: Facts) -> int | None:

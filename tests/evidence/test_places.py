@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fedora_qa.evidence.places import WHOLE, box_of, place_of, worst_places
@@ -79,6 +79,7 @@ def test_frames_lead_to_their_window_where_clocks_are_dead() -> None:
     assert (place.span.index, dict(place.rows)) == (1, {"rgb": 16})
 
 
+@example(Where(stream="flow/10hz", start_us=9.3e15, index_start=0))
 @given(st.builds(
     Where,
     stream=st.sampled_from([None, "rgb", "depth", "events", "imu", "flow/10hz", "metadata", "rgb_to_event", "else"]),
