@@ -4,6 +4,8 @@
 #   make bench        speed and timing of the event sensor against a yardstick and the closed form: docs/benchmarks.md
 #   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
+#   make docs         writes the pages of docs/checks from what the checks say of themselves
+#   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
 
 PYTHON ?= python3
@@ -12,7 +14,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint bench bench-costs study-mesh study-presets clean
+.PHONY: demo test lint docs study-false-alarms bench bench-costs study-mesh study-presets clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -30,6 +32,12 @@ bench: $(READY)
 
 bench-costs: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.generation_costs
+
+docs: $(READY)
+	$(BIN)/python -m fedora_qa.cli.check_pages docs/checks
+
+study-false-alarms: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.false_alarms.study --fresh
 
 study-mesh: $(READY)
 	$(BIN)/python -m fedora_generator.mesh.study

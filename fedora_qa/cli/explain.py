@@ -1,6 +1,5 @@
 """``fedora-qa checks`` and ``fedora-qa explain``: what is asked of a file, and how it is answered."""
 
-import inspect
 import sys
 from typing import Any
 
@@ -9,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fedora_qa.checks import CHECKS
+from fedora_qa.checks.explanation import explanation
 from fedora_qa.checks.protocol import Check
 from fedora_qa.cli.terminal import stdout_console
 from fedora_qa.errors import MisuseError
@@ -41,9 +41,13 @@ def explain(name: str) -> int:
     for check in found:
         console.print(Text(check.name, style="bold"))
         console.print(Text(f"needs: {', '.join(check.needs) or 'no stream'}", style="dim"))
-        console.print(Text(f"\n{_explanation(check)}\n"))
+        console.print(_explained(check))
     return 0
 
 
-def _explanation(check: Check[Any]) -> str:
-    return inspect.cleandoc(type(check).__doc__ or "")
+def _explained(check: Check[Any]) -> Text:
+    said = explanation(check)
+    text = Text(f"\n{said.question}\n\n{said.measured}\n")
+    for title, section in said.sections.items():
+        text.append(f"\n{title}\n", style="bold").append(f"{section}\n")
+    return text

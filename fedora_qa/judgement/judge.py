@@ -119,6 +119,7 @@ def _recorded(measured: Measured, tolerance: Tolerance) -> Measurement:
         limit=_finite(tolerance.limit(measured.standard_error, measured.allowance)),
         least_detectable=_finite(_least_detectable(measured, tolerance)),
         side=measured.side,
+        tests=measured.tests,
     )
 
 

@@ -37,7 +37,8 @@ class Measurement:
 
     ``limit`` is the largest deviation from ``expected`` that an honest file gives at the file's false-alarm rate;
     ``least_detectable`` the least deviation that would have been seen with 95% probability. ``side`` says which
-    deviations count: a value below what is expected is fine where only the ``upper`` side does.
+    deviations count: a value below what is expected is fine where only the ``upper`` side does. ``tests`` is the number
+    of comparisons that the value is the worst of.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Measurement:
     limit: float | None
     least_detectable: float | None
     side: Side = "both"
+    tests: int = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,6 +45,19 @@ NOON: Final = Light(
 )
 
 
+def wall_of(texture: str) -> World:
+    """Return the world that is a wall with one of TEXTURES, 3 m ahead."""
+    wall = Rectangle(
+        name="wall",
+        center_m=(3.0, 0.0, 2.0),
+        size_m=(40.0, 40.0),
+        texture=texture,
+        u_axis=(0.0, -1.0, 0.0),
+        v_axis=(0.0, 0.0, 1.0),
+    )
+    return World(name=texture, textures={texture: TEXTURES[texture]}, rectangles=(wall,))
+
+
 @dataclass(frozen=True, slots=True)
 class TimingScene:
     """A world, its camera and flight; log luminance is a function of time alone for each pixel."""
@@ -56,16 +69,7 @@ class TimingScene:
     @classmethod
     def named(cls, texture: str) -> "TimingScene":
         """Return the wall with one of TEXTURES."""
-        wall = Rectangle(
-            name="wall",
-            center_m=(3.0, 0.0, 2.0),
-            size_m=(40.0, 40.0),
-            texture=texture,
-            u_axis=(0.0, -1.0, 0.0),
-            v_axis=(0.0, 0.0, 1.0),
-        )
-        world = World(name=texture, textures={texture: TEXTURES[texture]}, rectangles=(wall,))
-        return cls(ExactWorld.of(world, NOON), event_camera(SIZE), Flight(SWAY))
+        return cls(ExactWorld.of(wall_of(texture), NOON), event_camera(SIZE), Flight(SWAY))
 
     def luma_dn(self, time_s: float) -> Floats:
         """Luma (height, width) at any time, not only whole microseconds."""

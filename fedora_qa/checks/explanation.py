@@ -1,0 +1,47 @@
+"""What a check says of itself: its class docstring, in fixed sections.
+
+The first line is the question, what follows is what is measured; then come the sections of ``SECTIONS``, each under a
+heading that is underlined with dashes.
+"""
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Final
+
+from fedora_qa.checks.protocol import Check
+
+SECTIONS: Final = ("Why it matters", "How", "Noise model", "Cannot see", "Sources")
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """What a check asks, what it measures, and its sections by heading, in order."""
+
+    question: str
+    measured: str
+    sections: Mapping[str, str]
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Headings of which the check says nothing."""
+        return tuple(title for title in SECTIONS if not self.sections.get(title))
+
+
+def explanation(check: Check[Any]) -> Explanation:
+    """Return what the check says of itself."""
+    lines = inspect.cleandoc(type(check).__doc__ or "").splitlines()
+    starts = [i for i in range(len(lines) - 1) if _is_heading(lines[i], lines[i + 1])]
+    bounds = [*starts, len(lines)]
+    sections = {lines[start]: _text(lines[start + 2 : stop]) for start, stop in pairwise(bounds)}
+    head = lines[: bounds[0]]
+    return Explanation(head[0] if head else "", _text(head[1:]), sections)
+
+
+def _is_heading(line: str, below: str) -> bool:
+    return bool(line.strip()) and below == "-" * len(line)
+
+
+def _text(lines: list[str]) -> str:
+    return "\n".join(lines).strip("\n").rstrip()
