@@ -5,6 +5,7 @@
 #   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
 #   make docs         writes the pages of docs/checks from what the checks say of themselves
+#   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
 
@@ -14,7 +15,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint docs study-false-alarms bench bench-costs study-mesh study-presets clean
+.PHONY: demo test lint docs study-causes study-false-alarms bench bench-costs study-mesh study-presets clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -35,6 +36,9 @@ bench-costs: $(READY)
 
 docs: $(READY)
 	$(BIN)/python -m fedora_qa.cli.check_pages docs/checks
+
+study-causes: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.named_causes --fresh
 
 study-false-alarms: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.false_alarms.study --fresh
