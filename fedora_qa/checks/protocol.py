@@ -59,8 +59,6 @@ class Measured:
         The least step by which the value can change (1 for a count).
     matters
         The largest deviation that may go unseen for the measurement still to be of use; None: any.
-    essential
-        Whether the check's question has no answer where this measurement cannot see what matters.
     tests
         How many independent comparisons the value is the worst of.
     suspects
@@ -79,7 +77,6 @@ class Measured:
     side: Literal["both", "upper", "lower"] = "both"
     resolution: float = 0.0
     matters: float | None = None
-    essential: bool = False
     tests: int = 1
     severity: Severity = "error"
     suspects: tuple[Suspect, ...] = ()

@@ -97,7 +97,7 @@ def _outcome(observation: Observation, broken: bool, tolerance: Tolerance) -> tu
     telling = [measured for measured in observation.measurements if measured.matters is not None]
     blind = [measured for measured in telling if _is_blind(measured, tolerance)]
     unseen = _unseen(blind, tolerance)
-    if blind and (len(blind) == len(telling) or any(measured.essential for measured in blind)):
+    if blind and len(blind) == len(telling):
         return "not_observable", unseen
     if observation.notices:
         return "warned", "; ".join(filter(None, (*(notice.message for notice in observation.notices[:3]), unseen)))

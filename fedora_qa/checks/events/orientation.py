@@ -107,7 +107,6 @@ def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Meas
         side="lower",
         # Unrelated events lead from what is due, which may err by the allowance, to nothing.
         matters=1.5 * predicted,
-        essential=True,
         statement=f"Events and frames correlate by {correlations[0]:.2g}; about {predicted:.2g} is due.",
         code="event_response.orientation.unrelated",
         where=Where(stream="events"),
