@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check, Measured, Observation, Suspect
 from fedora_qa.judgement.tolerances import Tolerance, tolerance_for
-from fedora_qa.record.types import Finding, Measurement, Outcome, Result
+from fedora_qa.record.types import Coverage, Finding, Measurement, Outcome, Result
 from fedora_qa.record.wording import with_unit
 
 _TOLD: Final = 3
@@ -94,6 +94,8 @@ def _outcome(observation: Observation, broken: bool, tolerance: Tolerance) -> tu
         return "failed", ""
     if observation.unobservable:
         return "not_observable", observation.unobservable
+    if not observation.coverage.seen and not observation.notices:
+        return "not_observable", _nothing_seen(observation.coverage)
     telling = [measured for measured in observation.measurements if measured.matters is not None]
     blind = [measured for measured in telling if _is_blind(measured, tolerance)]
     unseen = _unseen(blind, tolerance)
@@ -102,6 +104,10 @@ def _outcome(observation: Observation, broken: bool, tolerance: Tolerance) -> tu
     if observation.notices:
         return "warned", "; ".join(filter(None, (*(notice.message for notice in observation.notices[:3]), unseen)))
     return "passed", unseen
+
+
+def _nothing_seen(coverage: Coverage) -> str:
+    return f"none of {coverage.of} {coverage.unit} could be seen" if coverage.of else f"there are no {coverage.unit}"
 
 
 def _is_blind(measured: Measured, tolerance: Tolerance) -> bool:
@@ -119,8 +125,9 @@ def _unseen(blind: Sequence[Measured], tolerance: Tolerance) -> str:
 
 
 def _numbers(measured: Measured, tolerance: Tolerance) -> str:
-    least = with_unit(_least_detectable(measured, tolerance), measured.unit)
-    return f"{measured.name} (from {least} on; {with_unit(measured.matters, measured.unit)} matters)"
+    least = _least_detectable(measured, tolerance)
+    seen = f"from {with_unit(least, measured.unit)} on" if isfinite(least) else "at no size"
+    return f"{measured.name} ({seen}; {with_unit(measured.matters, measured.unit)} matters)"
 
 
 def _least_detectable(measured: Measured, tolerance: Tolerance) -> float:

@@ -100,11 +100,20 @@ def test_blind_to_the_question_is_no_pass(values: tuple[Measured, ...]) -> None:
     assert "drift" in result.reason
 
 
-def test_a_least_fault_that_is_not_a_number_is_none() -> None:
-    """An error that could not be estimated is blindness, not sharpness."""
-    assert judged(Observation(SEEN, (measured(standard_error=float("inf"), matters=2.0),))).result.outcome == (
-        "not_observable"
-    )
+@pytest.mark.parametrize("error", [float("inf"), float("nan")])
+def test_an_error_that_could_not_be_estimated_is_blindness(error: float) -> None:
+    """No error bar is no sharpness."""
+    result = judged(Observation(SEEN, (SHARP, measured(standard_error=error, matters=2.0, allowance=1.0)))).result
+    assert result.outcome == "passed" if error > 1 else "failed"
+
+
+@pytest.mark.parametrize("of", [0, 10])
+def test_a_pass_has_seen_something(of: int) -> None:
+    """No check passes on rows that are not there, or that it did not see."""
+    result = judged(Observation(Coverage(0, of, "rows"), (measured(),))).result
+    assert (result.outcome, result.reason) == (
+        "not_observable", "none of 10 rows could be seen" if of else "there are no rows"
+    )  # fmt: skip
 
 
 def test_unobservable_and_notice() -> None:
