@@ -1,13 +1,17 @@
 """Compare what the checks measured with what an honest file gives."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check, Measured, Observation, Suspect
 from fedora_qa.judgement.tolerances import Tolerance, tolerance_for
-from fedora_qa.record.types import Finding, Measurement, Outcome, Result
+from fedora_qa.record.types import Coverage, Finding, Measurement, Outcome, Result
+from fedora_qa.record.wording import with_unit
+
+_TOLD: Final = 3
+"""Measurements that a reason names; a fit of the IMU can have twenty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,28 +85,49 @@ def out_of_order(measured: Measured, tolerance: Tolerance) -> bool:
 
 
 def _outcome(observation: Observation, broken: bool, tolerance: Tolerance) -> tuple[Outcome, str]:
+    """Return the outcome and its reason.
+
+    A check that sees nothing of what matters is not observable. One that sees a part of it passes, and says what it
+    could not see.
+    """
     if broken:
         return "failed", ""
     if observation.unobservable:
         return "not_observable", observation.unobservable
-    blind = [measured for measured in observation.measurements if not _observable(measured, tolerance)]
-    if blind and len(blind) == len(observation.measurements):
-        return "not_observable", "; ".join(_why_blind(measured, tolerance) for measured in blind[:3])
+    if not observation.coverage.seen and not observation.notices:
+        return "not_observable", _nothing_seen(observation.coverage)
+    telling = [measured for measured in observation.measurements if measured.matters is not None]
+    blind = [measured for measured in telling if _is_blind(measured, tolerance)]
+    unseen = _unseen(blind, tolerance)
+    if blind and len(blind) == len(telling):
+        return "not_observable", unseen
     if observation.notices:
-        return "warned", "; ".join(notice.message for notice in observation.notices[:3])
-    return "passed", ""
+        return "warned", "; ".join(filter(None, (*(notice.message for notice in observation.notices[:3]), unseen)))
+    return "passed", unseen
 
 
-def _observable(measured: Measured, tolerance: Tolerance) -> bool:
-    return measured.matters is None or _least_detectable(measured, tolerance) <= measured.matters
+def _nothing_seen(coverage: Coverage) -> str:
+    return f"none of {coverage.of} {coverage.unit} could be seen" if coverage.of else f"there are no {coverage.unit}"
 
 
-def _why_blind(measured: Measured, tolerance: Tolerance) -> str:
+def _is_blind(measured: Measured, tolerance: Tolerance) -> bool:
+    """Whether a fault that matters could have gone unseen."""
+    return measured.matters is not None and not _least_detectable(measured, tolerance) <= measured.matters
+
+
+def _unseen(blind: Sequence[Measured], tolerance: Tolerance) -> str:
+    """Say what could not be seen, the first of it with the numbers."""
+    if not blind:
+        return ""
+    more = f"; and {len(blind) - _TOLD} more" if len(blind) > _TOLD else ""
+    told = ", ".join(_numbers(measured, tolerance) for measured in blind[:_TOLD])
+    return f"could not be seen where it matters: {told}{more}"
+
+
+def _numbers(measured: Measured, tolerance: Tolerance) -> str:
     least = _least_detectable(measured, tolerance)
-    return (
-        f"{measured.name}: only deviations above {least:.3g} {measured.unit} would be seen, "
-        f"and {measured.matters:.3g} {measured.unit} matters"
-    )
+    seen = f"from {with_unit(least, measured.unit)} on" if isfinite(least) else "at no size"
+    return f"{measured.name} ({seen}; {with_unit(measured.matters, measured.unit)} matters)"
 
 
 def _least_detectable(measured: Measured, tolerance: Tolerance) -> float:

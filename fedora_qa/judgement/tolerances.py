@@ -6,8 +6,16 @@ model error of at most ``allowance`` exceeds::
 
     limit = allowance + z s,      z = Phi^-1(1 - alpha / (2 n))
 
-with probability at most alpha/n. A deviation d is seen with probability ``power`` when d >= limit + z_power s, less
-the worst case in which the model error works against it.
+with probability at most alpha/n. A value that is the worst of m is m of the n comparisons: by the union bound the worst
+exceeds with probability at most m alpha/n. Where only one side counts, the probability is at most half of that.
+
+A fault of size d gives the value d + b + s e, with e standard normal and a model error b of which only |b| <= allowance
+is known: what may feign a fault may as well hide one. It exceeds the limit with probability ``power`` or more, whatever
+b is, from that d on which does so for b = -allowance::
+
+    d - allowance = limit + z_power s,      least = 2 allowance + (z + z_power) s,      z_power = Phi^-1(power)
+
+A value that moves in steps (a count) must also move by one whole step to leave the limit.
 """
 
 from dataclasses import dataclass
@@ -30,8 +38,8 @@ class Tolerance:
         return allowance + self.z_limit * standard_error
 
     def least_detectable(self, standard_error: float, allowance: float, resolution: float) -> float:
-        """Return the least deviation that would have been seen with the stated power."""
-        return self.limit(standard_error, allowance) + max(self.z_power * standard_error, resolution)
+        """Return the least fault that would have been seen with the stated power, whichever way the model errs."""
+        return self.limit(standard_error, allowance) + allowance + max(self.z_power * standard_error, resolution)
 
 
 def tolerance_for(comparisons: int, false_alarm_rate: float, power: float = DEFAULT_POWER) -> Tolerance:

@@ -36,9 +36,9 @@ class Measurement:
     """A measured number beside what an honest file gives.
 
     ``limit`` is the largest deviation from ``expected`` that an honest file gives at the file's false-alarm rate;
-    ``least_detectable`` the least deviation that would have been seen with 95% probability. ``side`` says which
-    deviations count: a value below what is expected is fine where only the ``upper`` side does. ``tests`` is the number
-    of comparisons that the value is the worst of.
+    ``least_detectable`` the least fault that would have been seen with 95% probability, even where the known error of
+    the model works against it. ``side`` says which deviations count: a value below what is expected is fine where only
+    the ``upper`` side does. ``tests`` is the number of comparisons that the value is the worst of.
     """
 
     name: str
@@ -79,7 +79,10 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """The outcome of one check. ``reason`` says why it was not applicable, not observable, warned or crashed."""
+    """The outcome of one check.
+
+    ``reason`` says why it was not applicable, not observable, warned or crashed, and what a pass could not see.
+    """
 
     check: str
     outcome: Outcome

@@ -169,15 +169,22 @@ def check_cells(result: Result) -> tuple[str, str, str, str]:
 
 
 def reasons(results: Sequence[Result]) -> tuple[str, ...]:
-    """Return why checks did not tell, or saw less than all, checks with one reason together.
-
-    What a check warns of stands among its findings.
-    """
+    """Return why checks did not tell, or saw less than all, checks with one reason together."""
     together: dict[tuple[str, str], list[str]] = {}
     for result in results:
-        if result.reason and result.outcome != "warned":
-            together.setdefault((OUTCOME_WORDS[result.outcome], result.reason), []).append(result.check)
+        reason = _beyond_warnings(result)
+        if reason:
+            together.setdefault((OUTCOME_WORDS[result.outcome], reason), []).append(result.check)
     return tuple(f"{', '.join(checks)} ({outcome}): {reason}" for (outcome, reason), checks in together.items())
+
+
+def _beyond_warnings(result: Result) -> str:
+    """Return the reason without what a check warns of, which stands among its findings."""
+    reason = result.reason
+    if result.outcome == "warned":
+        for finding in result.findings:
+            reason = reason.removeprefix(finding.message).removeprefix("; ")
+    return reason
 
 
 def coverage_words(coverage: Coverage | None) -> str:

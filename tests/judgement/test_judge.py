@@ -1,8 +1,11 @@
 """Measured values become outcomes as design.md tells them apart."""
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation
 from fedora_qa.judgement.judge import Judged, judge
@@ -59,10 +62,58 @@ def test_outcome_of_one_value(value: Measured, outcome: str) -> None:
     assert judged(Observation(SEEN, (value,))).result.outcome == outcome
 
 
-def test_one_sharp_value_among_blunt_ones_can_pass() -> None:
-    """A check is not observable only where none of its values is."""
-    observation = Observation(SEEN, (measured(matters=2.0), measured(name="other", matters=20.0)))
-    assert judged(observation).result.outcome == "passed"
+SHARP, BLUNT = measured(matters=20.0), measured(name="drift", unit="ppm", matters=2.0)
+
+
+def test_a_pass_names_what_it_could_not_see() -> None:
+    """One sharp value among blunt ones can pass; the reason says which faults would have gone unseen, with numbers."""
+    result = judged(Observation(SEEN, (SHARP, BLUNT))).result
+    assert result.outcome == "passed"
+    assert result.reason == "could not be seen where it matters: drift (from 5.7 ppm on; 2 ppm matters)"
+
+
+def test_a_warning_names_what_it_could_not_see() -> None:
+    """What is blind does not get lost behind what is unusual."""
+    result = judged(Observation(SEEN, (SHARP, BLUNT), (Notice("toy.whole.odd", "odd but legal"),))).result
+    assert result.outcome == "warned"
+    assert result.reason.startswith("odd but legal; could not be seen where it matters: drift")
+
+
+def test_a_reason_stays_short() -> None:
+    """Of many blind values the first are named, and the others counted."""
+    result = judged(Observation(SEEN, (SHARP, *(replace(BLUNT, name=f"axis_{i}") for i in range(7))))).result
+    assert "axis_2" in result.reason
+    assert result.reason.endswith("; and 4 more")
+
+
+WITHOUT_AN_ANSWER = {
+    "all are blunt": (BLUNT, replace(BLUNT, name="other")),
+    "all that say what matters are blunt": (BLUNT, measured(name="count", standard_error=0.0, resolution=1.0)),
+}
+
+
+@pytest.mark.parametrize("values", WITHOUT_AN_ANSWER.values(), ids=WITHOUT_AN_ANSWER)
+def test_blind_to_the_question_is_no_pass(values: tuple[Measured, ...]) -> None:
+    """A check that sees nothing of what matters is not observable, whatever else it counts."""
+    result = judged(Observation(SEEN, values)).result
+    assert result.outcome == "not_observable"
+    assert "drift" in result.reason
+
+
+@pytest.mark.parametrize("error", [float("inf"), float("nan")])
+def test_an_error_that_could_not_be_estimated_is_blindness(error: float) -> None:
+    """No error bar is no sharpness."""
+    result = judged(Observation(SEEN, (SHARP, measured(standard_error=error, matters=2.0, allowance=1.0)))).result
+    assert result.outcome == "passed" if error > 1 else "failed"
+
+
+@pytest.mark.parametrize("of", [0, 10])
+def test_a_pass_has_seen_something(of: int) -> None:
+    """No check passes on rows that are not there, or that it did not see."""
+    result = judged(Observation(Coverage(0, of, "rows"), (measured(),))).result
+    assert (result.outcome, result.reason) == (
+        "not_observable", "none of 10 rows could be seen" if of else "there are no rows"
+    )  # fmt: skip
 
 
 def test_unobservable_and_notice() -> None:
@@ -93,3 +144,19 @@ def test_passed_value_states_what_it_would_have_seen() -> None:
 def test_record_says_which_side_counts(side: str) -> None:
     """A reader can tell that a value below what is expected is fine."""
     assert judged(Observation(SEEN, (measured(side=side),))).result.measurements[0].side == side
+
+
+def test_all_comparisons_of_a_file_keep_its_rate() -> None:
+    """Honest files with single values, worst of many, and one-sided worst alarm at most at the stated rate.
+
+    The rate is kept nearly in full by what counts on both sides, and at half by what counts on one.
+    """
+    random, files, rate, kinds = np.random.default_rng(3), 1000, 0.2, ((1, "both"), (40, "both"), (40, "upper"))
+    alarms = 0
+    for _ in range(files):
+        worst = (max(random.standard_normal(n), key=abs if side == "both" else float) for n, side in kinds)
+        values = tuple(measured(value=value, tests=n, side=side) for value, (n, side) in zip(worst, kinds, strict=True))
+        alarms += judge({"toy.whole": Observation(SEEN, values)}, [Toy()], rate)[0].result.outcome == "failed"
+    due = rate * (41 / 81 + 40 / 81 / 2)
+    assert binomtest(alarms, files, due).pvalue > 1e-3
+    assert alarms < rate * files

@@ -25,13 +25,38 @@ def test_false_alarms_of_honest_files_keep_the_rate() -> None:
     assert binomtest(alarms, files, rate).pvalue > 1e-3
 
 
-def test_least_detectable_is_seen_with_the_stated_power() -> None:
-    """A fault of the stated size is seen in 95% of files."""
-    tolerance = tolerance_for(100, 1e-4)
-    least = tolerance.least_detectable(standard_error=0.3, allowance=0.0, resolution=0.0)
-    values = least + 0.3 * np.random.default_rng(2).standard_normal(20_000)
-    seen = int(np.sum(values > tolerance.limit(0.3, 0.0)))
-    assert binomtest(seen, 20_000, 0.95).pvalue > 1e-3
+ALLOWANCES = [0.0, 0.1, 1.0, 30.0]
+
+
+@pytest.mark.parametrize("allowance", ALLOWANCES)
+@pytest.mark.parametrize("model_error", [-1.0, 0.0, 1.0], ids=["hides", "absent", "feigns"])
+def test_least_detectable_is_seen_with_the_stated_power(allowance: float, model_error: float) -> None:
+    """A fault of the stated size is seen in 95% of files or more, whichever way the model errs, in either direction."""
+    tolerance, files = tolerance_for(100, 1e-4), 20_000
+    least = tolerance.least_detectable(standard_error=0.3, allowance=allowance, resolution=0.0)
+    values = least + model_error * allowance + 0.3 * np.random.default_rng(2).standard_normal(files)
+    seen = int(np.sum(values > tolerance.limit(0.3, allowance)))
+    assert seen / files >= 0.95 or binomtest(seen, files, 0.95).pvalue > 1e-3
+    if model_error < 0 or not allowance:
+        assert binomtest(seen, files, 0.95).pvalue > 1e-3  # no less would do
+
+
+@given(st.integers(1, 10**6), st.floats(1e-3, 10), st.floats(0, 10))
+def test_honest_values_rarely_exceed(comparisons: int, standard_error: float, allowance: float) -> None:
+    """Whatever the model error within its bound, an honest value exceeds with its share of the rate at most."""
+    tolerance = tolerance_for(comparisons, 1e-4)
+    margin = tolerance.limit(standard_error, allowance) - allowance
+    exceeds = 2 * norm.sf(margin / standard_error)
+    assert exceeds <= 1e-4 / comparisons * (1 + 1e-6)
+
+
+@given(st.integers(0, 5), st.integers(1, 50))
+def test_a_count_is_seen_from_the_first_beyond_its_bound(allowance: int, lost: int) -> None:
+    """Where up to ``allowance`` may be lost without fault, twice that and one more is seen, even if none was."""
+    tolerance = tolerance_for(1, 1e-4)
+    least = tolerance.least_detectable(standard_error=0.0, allowance=allowance, resolution=1.0)
+    seen = lost - allowance > tolerance.limit(0.0, allowance)
+    assert seen == (lost >= least)
 
 
 @pytest.mark.parametrize("rate", [0.0, 1.0, -1.0, float("nan")])

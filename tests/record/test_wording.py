@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.record.types import Coverage, Measurement, Result, Where
+from fedora_qa.record.types import Coverage, Finding, Measurement, Result, Where
 from fedora_qa.record.wording import (
     cause_sentence,
     coverage_words,
@@ -153,10 +153,21 @@ def test_coverage(coverage: Coverage | None, words: str) -> None:
 def test_checks_with_one_reason_stand_together() -> None:
     """What is missing is said once, with the checks that it concerns; what a check warns of is said elsewhere."""
     blind = not_observable()
-    warned = Result("a.b", "warned", "?", reason="unusual")
+    unusual = (Finding("F1", "a.b.c", "warning", "unusual", Where()),)
+    warned = Result("a.b", "warned", "?", reason="unusual", findings=unusual)
     assert reasons((blind, passed(), warned, crashed(), replace(blind, check="imu.rotation"))) == (
         "imu.timing, imu.rotation (not observable): the vehicle hovers",
         "imu.noise (crashed): the check itself failed: ZeroDivisionError: division by zero",
+    )
+
+
+def test_what_went_unseen_is_said_beside_passes_and_warnings() -> None:
+    """A pass that could not see all of what matters says so, and so does a warning, beyond what it warns of."""
+    unusual = (Finding("F1", "a.b.c", "warning", "unusual", Where()),)
+    warned = Result("a.b", "warned", "?", reason="unusual; could not be seen: drift", findings=unusual)
+    assert reasons((replace(passed(), reason="could not be seen: drift"), warned)) == (
+        f"{passed().check} (passed): could not be seen: drift",
+        "a.b (warned): could not be seen: drift",
     )
 
 

@@ -133,9 +133,10 @@ def pool(fits: Sequence[PairFit]) -> Pooled | None:
     weights /= weights.sum()
     value = float(weights @ values)
     spread = np.sqrt(weights**2 @ (values - value) ** 2 * len(fits) / max(len(fits) - 1, 1))
+    left = np.divide(after, declared, out=np.ones_like(after), where=declared > 0)
     return Pooled(
         value=value,
         standard_error=float(max(np.sqrt(weights**2 @ errors**2), spread)),
         bound=float(weights @ bounds),
-        explains=max(float(np.median(1.0 - after / declared)), 0.0),
+        explains=max(float(np.median(1.0 - left)), 0.0),
     )

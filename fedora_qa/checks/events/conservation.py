@@ -71,6 +71,9 @@ class Conservation(Check[Ledger]):
         coverage = Coverage(min(sum(one.frames for one in closed), rgb_count), rgb_count, "frames")
         if not closed:
             return Observation(coverage, unobservable="no two frames with events around them")
+        told = max(one.told for one in closed)
+        if told < self._MATTERS:
+            return Observation(coverage, unobservable=f"frames are black or saturated but for {told:.2g} of the pixels")
         shape = sensor_shape(facts.declared)
         pixels = np.any([one.unpacked(shape) for one in closed], axis=0)
         tile, gathered = self._tile(pixels, facts)

@@ -105,7 +105,8 @@ def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Meas
         expected=predicted,
         allowance=predicted / 2,
         side="lower",
-        matters=predicted,
+        # Unrelated events lead from what is due, which may err by the allowance, to nothing.
+        matters=1.5 * predicted,
         statement=f"Events and frames correlate by {correlations[0]:.2g}; about {predicted:.2g} is due.",
         code="event_response.orientation.unrelated",
         where=Where(stream="events"),

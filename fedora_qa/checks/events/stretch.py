@@ -74,6 +74,8 @@ class Closed:
         The frame interval that most of the violations may lie in; the first one where nothing tells.
     events_per_pixel
         Mean number of events.
+    told
+        Share of the pixels whose level the frames bound from both sides, 0 to 1.
     """
 
     first_frame: int
@@ -82,6 +84,7 @@ class Closed:
     pixels: NDArray[np.uint8]
     suspected: int
     events_per_pixel: float
+    told: float
 
     def unpacked(self, shape: tuple[int, int]) -> Bool:
         """Return the pixels (h, w) that broke the law."""
@@ -197,6 +200,7 @@ def _close(stretches: list[Stretch], declared: EventModel) -> Closed:
         np.packbits(pixels),
         first + int(np.argmax(np.cumsum(changes))),
         sum(float(stretch.events.mean()) for stretch in stretches),
+        float(np.any([stretch.bounds.told() for stretch in stretches], axis=0).mean()),
     )
 
 

@@ -18,6 +18,8 @@ from fedora_qa.sequence.window import Window
 DIGEST_BYTES: Final = 16
 """Two different frames share a digest of this size with a probability of 3e-39."""
 
+FEWEST_FRAMES: Final = 2
+
 
 @dataclass(frozen=True, slots=True)
 class FrameDigest:
@@ -73,6 +75,8 @@ class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
         """Count repeats between which the image must have changed."""
         frames = sorted((one for seen in state for one in seen), key=lambda one: one.frame)
         coverage = Coverage(len(frames), facts.sizes.get("path/rgb", len(frames)), "frames")
+        if sum(not one.blank for one in frames) < FEWEST_FRAMES:
+            return Observation(coverage, unobservable=f"fewer than {FEWEST_FRAMES} frames show anything at all")
         repeats = repeated(frames)
         by_events = moved_by_events(facts, {frame for frame, _ in repeats})
         moved = {one.frame: one.moved or bool(by_events[one.frame]) for one in frames}

@@ -9,8 +9,8 @@ from fedora_qa.estimators.image_levels import Estimate
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 
-MATTERS: Final = 0.5
-"""Half of what the mildest curve of a display, a power of about 2, bends."""
+MATTERS: Final = 1.0
+"""What the mildest curve of a display, a power of about 2, bends."""
 
 THRESHOLD_OR_CURVE: Final = 0.25
 """In the log model a threshold that is wrong by so much passes for one; another check says it better."""
