@@ -106,7 +106,8 @@ def is_rounded(times_ns: Int64) -> bool:
     Samples that are written twice delay all that follow in the count of rows; rounding delays none by more than a step.
     """
     steps = np.diff(times_ns)
-    return np.count_nonzero(steps == 0) >= _FEWEST_DOUBLE_STEPS and _on_one_line(times_ns, int(steps.max()))
+    often = int(np.count_nonzero(steps == 0)) >= _FEWEST_DOUBLE_STEPS
+    return often and _on_one_line(times_ns, int(steps.max()))
 
 
 def _on_one_line(times_ns: Int64, grid_ns: int) -> bool:

@@ -113,5 +113,6 @@ def _incomplete(
         counts = ((start - begin_ns) / period_ns, (finish_ns - stop) / period_ns)
         for count, rule, end in zip(counts, ("first", "last"), ("begin", "end"), strict=True):
             if count >= 1 - fits[stream].jitter_ns / period_ns - 1e-6:
-                message = f"{stream} lacks {int(count + 0.5)} of its samples at its {end}: most other streams go on to where the "
-                yield stream, Notice(f"clocks.span.{rule}_missing", f"{message}{rule} one is due", Where(stream=stream))
+                missing = f"{stream} lacks {int(count + 0.5)} of its samples at its {end}"
+                message = f"{missing}: most other streams go on to where the {rule} one is due"
+                yield stream, Notice(f"clocks.span.{rule}_missing", message, Where(stream=stream))
