@@ -84,8 +84,8 @@ def _candidates(found: WrongMap) -> Iterator[tuple[str, Int64, tuple[Suspect, ..
     yield "they stop at the last event", np.minimum(left, found.events - 1), clipped
     yield f"they are off by {shift:+d}", left + shift, tuple(_suspects_of_shift(found, shift))
     if found.other is not None and not np.array_equal(found.other, left):
-        mixed = (Suspect("index_off_by_one", found.stream, 0.6),)
-        yield "they are those of the other camera", found.other, mixed
+        mixed = Suspect("index_off_by_one", found.stream, 0.6)
+        yield "they are those of the other camera", found.other, (*_suspects_of_stamps(found), mixed)
     for frames in _NEIGHBOURS:
         rows = np.clip(np.arange(len(left)) + frames, 0, len(left) - 1)
         period_ms = 1e3 * float(np.median(np.diff(found.frame_times_ns))) / NS_PER_S if len(left) > 1 else 0.0
@@ -150,13 +150,20 @@ def _drift(found: WrongMap, times_s: Float64, shifts_ms: Float64) -> tuple[str, 
 
 
 def _unnamed(found: WrongMap) -> tuple[str, tuple[Suspect, ...]]:
-    """Where all frames fall before or behind the events, or between two, the stamps are in units of their own."""
+    """Where no rule gives the entries, whatever changed the stamps afterwards is suspected."""
+    of_events = tuple(Suspect(cause, "events", 0.3) for cause in ("unsorted", "dropped_samples", "duplicated_samples"))
+    suspects = (*_suspects_of_stamps(found), *of_events, Suspect("index_off_by_one", found.stream, 0.2))
+    return "no known deviation", suspects
+
+
+def _suspects_of_stamps(found: WrongMap) -> Iterator[Suspect]:
+    """Suspect that a map was made before the stamps of its frames, or of events, were changed."""
     left = found.index_map.expected_left
-    apart = len(left) > 2 and len(np.unique(left[1:-1])) == 1
-    units = tuple(Suspect("time_unit", stream, 0.5) for stream in (found.frames, "events")) if apart else ()
-    others = tuple(Suspect(cause, "events", 0.3) for cause in ("unsorted", "dropped_samples", "duplicated_samples"))
-    stamps = (Suspect("unsorted", found.frames, 0.3), *others)
-    return "no known deviation", (*units, *stamps, Suspect("index_off_by_one", found.stream, 0.2))
+    if len(left) > 2 and len(np.unique(left[1:-1])) == 1:
+        yield Suspect("time_unit", found.frames, 0.65)
+        yield Suspect("time_unit", "events", 0.5)
+    for cause in ("unsorted", "time_offset", "clock_rate", "quantised_time"):
+        yield Suspect(cause, found.frames, 0.3)
 
 
 def _robust(values: Float64) -> tuple[float, float]:
