@@ -163,7 +163,7 @@ class Gaps(FactsCheck):
             f"the first behind row {first}.",
             code="clocks.gaps.missing",
             where=where,
-            suspects=(Suspect("dropped_samples", stream, 0.9, float(fit.missing), "samples"),),
+            suspects=_suspects_of_gaps(stream, facts.clocks[stream], fit),
         )
 
     def _jumps(self, facts: Facts, stream: str, fit: RegularClock) -> Measured:
@@ -194,6 +194,15 @@ def _suspects_of_order(stream: str, clock: Clock, backward: NDArray[np.intp]) ->
     if _is_wrap(step_ns):
         suspects.insert(0, Suspect("time_unit", stream, 0.95))
     return tuple(suspects)
+
+
+def _suspects_of_gaps(stream: str, clock: Clock, fit: RegularClock) -> tuple[Suspect, ...]:
+    """Tell samples that stand elsewhere, and leave a gap where they belong, from those that are lost."""
+    lost = Suspect("dropped_samples", stream, 0.9, float(fit.missing), "samples")
+    behind = clock.times_ns[~clock.advancing]
+    if not fit.missing or len(np.unique(behind)) < fit.missing:
+        return (lost,)
+    return Suspect("unsorted", stream, 0.9), Suspect("time_offset", stream, 0.3), lost
 
 
 def _suspects_of_repeats(stream: str, clock: Clock, repeated: NDArray[np.intp]) -> tuple[Suspect, ...]:
