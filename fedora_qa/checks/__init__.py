@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from fedora_qa.checks.alignment import depth as alignment_depth
 from fedora_qa.checks.alignment import events as alignment_events
-from fedora_qa.checks.clocks import index_maps, rates, stamps
+from fedora_qa.checks.clocks import index_maps, rates, resolution, span, stamps
 from fedora_qa.checks.depth import consistency, projection, scale
 from fedora_qa.checks.depth import range as depth_range
 from fedora_qa.checks.events import alignment as event_alignment
@@ -31,8 +31,8 @@ CHECKS: Final[tuple[Check[Any], ...]] = (
     rates.Unit(),
     rates.Rate(),
     stamps.Gaps(),
-    stamps.Span(),
-    stamps.Resolution(),
+    span.Span(),
+    resolution.Resolution(),
     index_maps.Rgb(),
     index_maps.Depth(),
     rows.Bounds(),

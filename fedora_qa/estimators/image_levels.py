@@ -75,6 +75,15 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True)
+class WeightErrors:
+    """How the weights may err together: covariances (3, 3), formal and by the jackknife over blocks; biases (k, 3)."""
+
+    formal: Float64
+    between_blocks: Float64
+    biases: Float64
+
+
+@dataclass(frozen=True, slots=True)
 class ColourFit:
     """What the events say.
 
@@ -88,6 +97,8 @@ class ColourFit:
         Sum of the coefficients: 1 where thresholds and curve are as declared.
     exponent
         By which linear values would have to be taken; 1 where it was not fitted.
+    weight_errors
+        Of the weights together.
     variance, unexplained
         Of a sample's residual, in the unit of S squared; as a share of the events' variance.
     """
@@ -96,6 +107,7 @@ class ColourFit:
     contrasts: tuple[Estimate, Estimate, Estimate]
     scale: Estimate
     exponent: Estimate
+    weight_errors: WeightErrors
     variance: float
     unexplained: float
 
@@ -103,8 +115,11 @@ class ColourFit:
         """Return this fit, all bounds wider by how far ``other`` lies away."""
         weights = tuple(mine.widened(its) for mine, its in zip(self.weights, other.weights, strict=True))
         contrasts = tuple(mine.widened(its) for mine, its in zip(self.contrasts, other.contrasts, strict=True))
+        moved = np.array([mine.value - its.value for mine, its in zip(self.weights, other.weights, strict=True)])
+        biases = np.vstack([self.weight_errors.biases, np.nan_to_num(moved)])
         return replace(
             self,
+            weight_errors=replace(self.weight_errors, biases=biases),
             weights=(weights[0], weights[1], weights[2]),
             contrasts=(contrasts[0], contrasts[1], contrasts[2]),
             scale=self.scale.widened(other.scale),
@@ -174,8 +189,8 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
     total, count = float(blocks.squares.sum()), float(blocks.weights.sum())
     left = max(total - float(vector @ coefficients), 0.0)
     variance = left / max(count - len(columns), 1.0)
-    formal = np.sqrt(variance * np.maximum(np.einsum("ij,jk,ik->i", slopes, inverse, slopes), 0.0))
-    errors = np.fmax(formal, _jackknife(matrices, vectors, values))
+    formal, between = variance * slopes @ inverse @ slopes.T, _jackknife(matrices, vectors, values)
+    errors = np.sqrt(np.fmax(np.maximum(np.diag(formal), 0.0), np.diag(between)))
     common = _common_error(matrix)
     bias = slopes @ inverse @ common * min(variance, frame_variance) * count / (common @ coefficients)
     bounds = np.abs(bias)
@@ -185,9 +200,10 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
         else Estimate(float("nan"), np.inf, 0.0)
         for value, error, bound in zip(values, errors, bounds, strict=True)
     ]
+    of_weights = WeightErrors(formal[:3, :3], between[:3, :3], bias[np.newaxis, :3])
     share = left / total if total > 0 else 1.0
     weights, contrasts = (found[0], found[1], found[2]), (found[5], found[6], found[7])
-    return ColourFit(weights, contrasts, found[3], found[4], variance, share)
+    return ColourFit(weights, contrasts, found[3], found[4], of_weights, variance, share)
 
 
 def _common_error(matrix: Float64) -> Float64:
@@ -201,11 +217,12 @@ def _common_error(matrix: Float64) -> Float64:
 
 
 def _jackknife(matrices: Float64, vectors: Float64, values: Float64) -> Float64:
-    """Return the standard errors (8,) that leaving each block out in turn tells."""
+    """Return the covariance (8, 8) that leaving each block out in turn tells."""
     matrix, vector, count = matrices.sum(axis=0), vectors.sum(axis=0), len(matrices)
     left_out = np.array([_derived(_inverse(matrix - m) @ (vector - v)) for m, v in zip(matrices, vectors, strict=True)])
-    spread: Float64 = np.sqrt((count - 1) / count * np.sum((left_out - values) ** 2, axis=0))
-    return spread
+    apart = left_out - values
+    covariance: Float64 = (count - 1) / count * apart.T @ apart
+    return covariance
 
 
 def _inverse(matrix: Float64) -> Float64:

@@ -1,9 +1,25 @@
-"""Fit a regular clock to stamps: its period, its jitter, and what is missing."""
+"""Fit a regular clock to stamps: its period, its jitter, its grid, its jumps, and what is missing."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+Int64 = NDArray[np.int64]
+Float64 = NDArray[np.float64]
+
+_ROUNDED_NS: Final = 1_000.0
+"""Two stamps that were each rounded to a microsecond lie by up to this much off the whole periods between them."""
+
+_FEWEST_DOUBLE_STEPS: Final = 10
+"""m samples lost at random places leave one gap in each m-th part of the stream with probability m!/m^m: 4e-4 here."""
+
+_SAME_GRID: Final = 1.25
+"""Residuals of a rounded clock span one grid; the least-squares line is off the true one by a part of that."""
+
+_MOST_JUMPS: Final = 0.1
+"""A clock of which more steps than this are off jitters; it does not jump."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +36,12 @@ class RegularClock:
         Samples that the gaps would have held.
     gap_after
         Rows behind which a gap lies.
+    jump_after, jumps_ns
+        Rows behind which an otherwise exact clock was set forward (positive) or back, and by how much.
     tick_ns
-        Greatest common divisor of the steps: the grid on which the stamps lie.
+        Greatest common divisor of the steps.
+    irregular_steps
+        How many steps are no whole number of periods, jumps aside: 0 for an exact clock.
     """
 
     period_ns: float
@@ -29,35 +49,76 @@ class RegularClock:
     jitter_ns: float
     missing: int
     gap_after: NDArray[np.intp]
+    jump_after: NDArray[np.intp]
+    jumps_ns: Float64
     tick_ns: int
+    irregular_steps: int
 
     @property
     def regular(self) -> bool:
-        """Whether jitter is small enough (a fifth of a period, five sigma) for a gap to be told from it."""
-        return self.jitter_ns < self.period_ns / 10
+        """Whether jitter is small enough for a gap to be told from it: below half a grid, or a tenth of a period."""
+        return self.jitter_ns < max(self.period_ns / 10, self.grid_ns / 2)
+
+    @property
+    def grid_ns(self) -> int:
+        """The grid that stamps were rounded to, 0 for an exact clock: its steps are multiples of whatever it is."""
+        return self.tick_ns if self.irregular_steps else 0
 
 
-def fit_regular_clock(times_ns: NDArray[np.int64]) -> RegularClock | None:
+def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
     """Fit strictly increasing stamps, (N,) ns; None with fewer than three.
 
     The number of each sample counts the periods (the median step) that have passed, so that a gap shifts nothing.
+    Double steps that are spread evenly are no gaps but a clock that was rounded to a coarse grid. Jumps of an
+    otherwise exact clock are taken out before the period is fitted.
     """
     if len(times_ns) < 3:
         return None
     steps = np.diff(times_ns)
+    tick_ns = int(np.gcd.reduce(steps))
     passed = np.maximum(np.rint(steps / np.median(steps)), 1.0)
+    if np.count_nonzero(passed > 1) >= _FEWEST_DOUBLE_STEPS and _on_one_line(times_ns, tick_ns):
+        passed = np.ones_like(passed)
+    off_ns = steps - passed * float(np.median(steps / passed))
+    irregular = np.flatnonzero(np.abs(off_ns) > _ROUNDED_NS)
+    jumps = irregular if len(irregular) <= _MOST_JUMPS * len(steps) and len(irregular) < 3 else irregular[:0]
+    jumped_ns = np.zeros(len(times_ns))
+    jumped_ns[jumps + 1] = off_ns[jumps]
     numbers = np.concatenate(([0.0], np.cumsum(passed)))
-    elapsed = (times_ns - times_ns[0]).astype(np.float64)
-    centred = numbers - numbers.mean()
-    spread = float(centred @ centred)
-    period = float(centred @ elapsed) / spread
-    residuals = elapsed - elapsed.mean() - period * centred
-    sigma = float(np.sqrt(residuals @ residuals / max(len(times_ns) - 2, 1)))
+    period_ns, residuals, spread = _line(numbers, (times_ns - times_ns[0]) - np.cumsum(jumped_ns))
+    sigma_ns = float(np.sqrt(residuals @ residuals / max(len(times_ns) - 2, 1)))
     return RegularClock(
-        period_ns=period,
-        period_error_ns=sigma / np.sqrt(spread),
+        period_ns=period_ns,
+        period_error_ns=sigma_ns / np.sqrt(spread),
         jitter_ns=float(np.median(np.abs(residuals - np.median(residuals)))) / 0.6745,
         missing=int(np.sum(passed - 1)),
         gap_after=np.flatnonzero(passed > 1),
-        tick_ns=int(np.gcd.reduce(steps)),
+        jump_after=jumps,
+        jumps_ns=off_ns[jumps],
+        tick_ns=tick_ns,
+        irregular_steps=int(np.count_nonzero(np.delete(off_ns, jumps))),
     )
+
+
+def is_rounded(times_ns: Int64) -> bool:
+    """Whether stamps (N,) that often repeat are those of a regular clock, rounded to a grid above its period.
+
+    Samples that are written twice delay all that follow in the count of rows; rounding delays none by more than a step.
+    """
+    steps = np.diff(times_ns)
+    often = int(np.count_nonzero(steps == 0)) >= _FEWEST_DOUBLE_STEPS
+    return often and _on_one_line(times_ns, int(steps.max()))
+
+
+def _on_one_line(times_ns: Int64, grid_ns: int) -> bool:
+    """Whether stamps are those of a regular clock without gaps, rounded to a grid."""
+    _, residuals, _ = _line(np.arange(len(times_ns), dtype=np.float64), (times_ns - times_ns[0]).astype(np.float64))
+    return float(np.ptp(residuals)) <= _SAME_GRID * grid_ns
+
+
+def _line(numbers: Float64, elapsed_ns: Float64) -> tuple[float, Float64, float]:
+    """Return the least-squares slope over the numbers, the residuals, and the numbers' sum of squares."""
+    centred = numbers - numbers.mean()
+    spread = float(centred @ centred)
+    slope = float(centred @ elapsed_ns) / spread
+    return slope, elapsed_ns - elapsed_ns.mean() - slope * centred, spread

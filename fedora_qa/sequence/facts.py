@@ -52,6 +52,8 @@ class EventScan:
         How often a stamp is earlier than the one before it.
     first_decrease
         Index of the first such event, -1 where there is none.
+    largest_decrease_ns
+        By how much the earliest of them lies before its predecessor, 0 where there is none.
     grid_ns
         Greatest common divisor of all steps between stamps (0 where all are equal).
     unreadable
@@ -65,6 +67,7 @@ class EventScan:
     first_decrease: int
     grid_ns: int
     unreadable: tuple[tuple[int, int], ...] = ()
+    largest_decrease_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True)

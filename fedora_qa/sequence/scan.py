@@ -56,6 +56,7 @@ class _EventTally:
     count: int = 0
     decreases: int = 0
     first_decrease: int = -1
+    largest_decrease: int = 0
     grid: int = 0
     previous: int | None = None
     cells: list[Int64] = field(default_factory=list)
@@ -72,6 +73,7 @@ class _EventTally:
         if len(backwards) and self.first_decrease < 0:
             self.first_decrease = start + int(backwards[0])
         self.decreases += len(backwards)
+        self.largest_decrease = max(self.largest_decrease, -int(steps.min()))
         self.grid = int(np.gcd(self.grid, np.gcd.reduce(np.abs(steps))))
         low, high = int(times_ns.min()), int(times_ns.max())
         self.earliest = low if self.latest is None else min(self.earliest, low)
@@ -186,6 +188,7 @@ def _event_scan(tally: _EventTally) -> EventScan:
         first_decrease=tally.first_decrease,
         grid_ns=tally.grid,
         unreadable=tuple(tally.unreadable),
+        largest_decrease_ns=tally.largest_decrease,
     )
 
 

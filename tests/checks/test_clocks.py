@@ -71,6 +71,36 @@ def unsorted_events() -> Facts:
     return replace(facts, events=replace(facts.events, decreases=3, first_decrease=77))
 
 
+def wrapped_events() -> Facts:
+    facts = exact_facts()
+    assert facts.events is not None
+    return replace(facts, events=replace(facts.events, decreases=1, first_decrease=7, largest_decrease_ns=2**32 * 1000))
+
+
+def numbered(stream: str) -> Facts:
+    stamps = times(stream)
+    return with_clock(exact_facts(), stream, clock(1000 * np.arange(len(stamps))))
+
+
+def set_forward(stream: str, row: int, ns: int) -> Facts:
+    stamps = times(stream)
+    stamps[row:] += ns
+    return with_clock(exact_facts(), stream, clock(stamps))
+
+
+def rounded(stream: str, grid_ns: int, lost: int | None = None) -> Facts:
+    stamps = (times(stream) + grid_ns // 2) // grid_ns * grid_ns
+    return with_clock(exact_facts(), stream, clock(stamps if lost is None else np.delete(stamps, lost)))
+
+
+def in_single_precision(stream: str) -> Facts:
+    origin_us = 100_000_000
+    stamps_us = origin_us + times(stream) // 1000
+    single_us = np.rint((stamps_us / 1e6).astype(np.float32).astype(np.float64) * 1e6).astype(np.int64)
+    facts = replace(exact_facts(), origin_us=float(origin_us))
+    return with_clock(facts, stream, clock((single_us - origin_us) * 1000))
+
+
 FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
     "two poses exchanged": ("clocks.order", lambda: exchanged("pose", 50), "unsorted", "pose", 1.0),
     "an IMU sample twice": ("clocks.order", lambda: repeated("imu", 50), "duplicated_samples", "imu", 1.0),
@@ -91,8 +121,79 @@ FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
         "depth",
         10.0,
     ),
+    "a 32-bit counter of events wraps": ("clocks.order", wrapped_events, "time_unit", "events", None),
+    "a clock set back by 30 ms": (
+        "clocks.order",
+        lambda: set_forward("imu", 900, -30 * MS),
+        "time_offset",
+        "imu",
+        -30.0,
+    ),
+    "IMU stamps on a grid of 2.1 ms": ("clocks.order", lambda: rounded("imu", 2_100_000), "quantised_time", "imu", 2.1),
+    "numbers of frames for stamps": ("clocks.unit", lambda: numbered("rgb"), "time_unit", "rgb", 5e-5),
+    "a clock set forward by 6 ms": ("clocks.gaps", lambda: set_forward("rgb", 40, 6 * MS), "time_offset", "rgb", 6.0),
+    "depth in nanoseconds, seen by its span": ("clocks.span", lambda: scaled("depth", 1e3), "time_unit", "depth", 1e3),
+    "frames on a grid of 7 ms": ("clocks.resolution", lambda: rounded("rgb", 7 * MS), "quantised_time", "rgb", 7.0),
+    "IMU on a grid of 0.7 ms": ("clocks.resolution", lambda: rounded("imu", 700_000), "quantised_time", "imu", 0.7),
+    "stamps in float32 seconds": (
+        "clocks.resolution",
+        lambda: in_single_precision("imu"),
+        "quantised_time",
+        "imu",
+        0.00763,
+    ),
     "events in milliseconds": ("clocks.resolution", quantised, "quantised_time", "events", 1.0),
 }
+
+
+@pytest.mark.parametrize(("stream", "grid_ns"), [("rgb", 7 * MS), ("imu", 700_000), ("pose", 700_000)])
+def test_a_coarse_grid_is_neither_a_gap_nor_another_rate(stream: str, grid_ns: int) -> None:
+    """Stamps that were rounded keep their rate and lack no sample: only their resolution is broken."""
+    facts = rounded(stream, grid_ns)
+    assert not judged("clocks.rate", facts).alarms
+    assert not judged("clocks.gaps", facts).alarms
+    assert judged("clocks.resolution", facts).alarms
+
+
+def test_a_jump_is_not_another_rate() -> None:
+    """A clock that was set by 6 ms half-way ran at its nominal rate before and after."""
+    assert not judged("clocks.rate", set_forward("rgb", 50, 6 * MS)).alarms
+
+
+@given(st.lists(st.integers(1, 1998), min_size=1, max_size=40, unique=True))
+def test_samples_lost_at_random_are_counted(lost: list[int]) -> None:
+    """However many samples of an exact clock are lost at random places, they are gaps and not a coarse grid."""
+    facts = with_clock(exact_facts(), "imu", clock(np.delete(times("imu"), lost)))
+    value = {m.name: m.value for m in CLOCKS["clocks.gaps"].examine(facts).measurements}
+    assert value["imu.missing"] == len(lost)
+
+
+def test_rounding_moves_the_slope_by_no_more_than_is_allowed() -> None:
+    """The worst phases of rounding, one half of the stamps early and the other late, stay within the allowance."""
+    stamps = np.arange(2000) * MS + np.where(np.arange(2000) < 1000, -500, 500)
+    observation = Rate().examine(with_clock(exact_facts(), "imu", clock(stamps)))
+    error = next(m for m in observation.measurements if m.name == "imu.rate_error")
+    assert error.allowance == pytest.approx(error.value, rel=2e-3)
+
+
+def test_a_last_sample_that_is_missing_is_noted() -> None:
+    """A stream that stops one period before the others is noted, not failed; one that nothing else outlasts is not."""
+    noted = judged("clocks.span", without("rgb", slice(100, None))).result
+    assert noted.outcome == "warned"
+    assert "rgb lacks 1 of its samples at its end" in noted.findings[0].message
+    short = {stream: clock(held.times_ns[held.times_ns < 1995 * MS]) for stream, held in exact_facts().clocks.items()}
+    sampled = {stream: held for stream, held in short.items() if not stream.startswith("flow")}
+    assert judged("clocks.span", replace(exact_facts(), clocks=sampled)).result.outcome == "passed"
+
+
+def test_stamps_from_zero_beside_others_of_an_epoch_are_said_to_be() -> None:
+    """A stream that was counted from zero is named as that, with the offset between the clocks."""
+    epoch_us = 1_700_000_000_000_000
+    facts = replace(exact_facts(), origin_us=0)
+    late = {stream: clock(held.times_ns + epoch_us * 1000) for stream, held in facts.clocks.items() if stream != "imu"}
+    found = judged("clocks.span", replace(facts, clocks={**late, "imu": facts.clocks["imu"]})).alarms[0]
+    assert "its stamps begin at zero" in found.finding.message
+    assert (found.suspects[0].cause, found.suspects[0].stream) == ("time_offset", "imu")
 
 
 @pytest.mark.parametrize("name", CLOCKS)

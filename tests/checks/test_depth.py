@@ -17,7 +17,7 @@ from fedora_qa.checks.protocol import Check, Suspect
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Clock
-from tests.support.flow_world import FlowWorld, judged, make_world, pixel_grid, rays_body
+from tests.support.flow_world import FlowWorld, judged, make_world, observe, pixel_grid, rays_body
 
 Depths = NDArray[Any]
 
@@ -91,16 +91,17 @@ def test_implausible_depths_are_at_fault(factor: float, stream: str) -> None:
     assert named(judged(Scale(), with_depth(lambda depth: depth * factor))).stream == stream
 
 
-def test_plausible_depths_leave_it_to_the_positions() -> None:
-    """Where depths lie in their range, positions in millimetres are more probable, and of about the reciprocal size.
+@pytest.mark.parametrize("factor", [1000.0, 3.2808, 1.02])
+def test_plausible_depths_leave_it_to_the_positions(factor: float) -> None:
+    """Where depths lie in their range, positions in another unit are more probable, by the factor to two thousandths.
 
-    The lever arm stays in metres, which the factor does not know.
+    The lever arm stays in metres: its part of the path does not count.
     """
     positions_m = clean().rows_by_key["path/pose/position"]
-    suspects = judged(Scale(), clean().with_rows(path_pose_position=1000 * positions_m)).alarms[0].suspects
+    suspects = judged(Scale(), clean().with_rows(path_pose_position=factor * positions_m)).alarms[0].suspects
     best = max(suspects, key=lambda suspect: suspect.weight)
     assert (best.cause, best.stream) == ("unit_mm_m", "pose")
-    assert best.magnitude == pytest.approx(1000, rel=0.1)
+    assert best.magnitude == pytest.approx(factor, rel=2e-3)
 
 
 def test_ray_lengths_are_told_from_z() -> None:
@@ -216,6 +217,13 @@ def test_coarse_steps_are_noted() -> None:
     assert coarse.outcome == "warned"
     assert "steps of 50 mm" in coarse.reason
     assert judged(Range(), with_depth(np.rint)).result.outcome == "passed"
+
+
+def test_fine_steps_are_stated() -> None:
+    """Depths in whole millimetres pass, and what was inferred says so; float32 depths have no step."""
+    stated = observe(Range(), with_depth(np.rint))
+    assert stated.inferred["depth_step_mm"] == pytest.approx(1.0, rel=1e-3)
+    assert "depth_step_mm" not in observe(Range(), clean()).inferred
 
 
 def test_depth_cut_off_at_the_end_is_found() -> None:

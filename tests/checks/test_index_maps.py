@@ -1,5 +1,7 @@
 """Index maps are held exactly, and deviations are named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,10 +22,19 @@ def judged(name: str, facts: Facts) -> Judged:
     return judge({check.name: check.examine(facts)}, [check], 1e-4)[0]
 
 
+def half(stored: np.ndarray) -> np.ndarray:
+    return np.where(np.arange(len(LEFT)) < 60, LEFT, stored)
+
+
 FAULTS = {
     "off by one": (LEFT + 1, "index_off_by_one", 1.0),
     "off by minus three": (LEFT - 3, "index_off_by_one", -3.0),
     "zeros": (np.zeros_like(LEFT), "missing_stream", None),
+    "not written to the end": (half(np.zeros_like(LEFT)), "truncated", 100 * 41 / 101),
+    "the nearest event": (LEFT - np.arange(len(LEFT)) % 3 // 2, "index_off_by_one", -1.0),
+    "the frame before": (np.concatenate([LEFT[:1], LEFT[:-1]]), "time_offset", 20.0),
+    "shifted from a frame on": (half(LEFT + 40), "index_off_by_one", 40.0),
+    "an event clock 2000 ppm fast": (LEFT + np.rint(2e-3 * LEFT).astype(int), "clock_rate", 2000.0),
     "events were stamped 2 ms late afterwards": (LEFT + 2 * EVENTS_PER_MS + LEFT % 7, "time_offset", 2.0),
 }
 
@@ -59,3 +70,20 @@ def test_one_wrong_entry_is_found_and_placed() -> None:
     alarm = judged("rgb_to_event", with_map(CLEAN, "rgb_to_event", stored)).alarms[0]
     assert alarm.finding.where.frame == 37
     assert alarm.finding.where.start_us == pytest.approx(37 * 20_000)
+
+
+def test_the_other_cameras_map_is_named() -> None:
+    """Where the cameras run at different instants, a map that was made of the other's stamps is told."""
+    maps = dict(CLEAN.index_maps)
+    later = LEFT + 777 + LEFT // 1000 % 13
+    maps["depth_to_event"] = replace(maps["depth_to_event"], stored=LEFT, expected_left=later, expected_right=later)
+    maps["rgb_to_event"] = replace(maps["rgb_to_event"], stored=later)
+    alarm = judged("rgb_to_event", replace(CLEAN, index_maps=maps)).alarms[0]
+    assert "the other camera" in alarm.finding.message
+
+
+def test_maps_of_no_frame_are_not_judged() -> None:
+    """A map without an entry is neither right nor wrong."""
+    empty = np.empty(0, np.int64)
+    facts = replace(CLEAN, index_maps={"rgb_to_event": replace(CLEAN.index_maps["rgb_to_event"], stored=empty)})
+    assert judged("rgb_to_event", facts).result.outcome == "not_observable"

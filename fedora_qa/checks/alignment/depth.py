@@ -24,18 +24,40 @@ _WHERE: Final = Where(stream="depth")
 class Depth(WindowCheck[DepthEdges]):
     """Do steps of depth lie where colour frames have edges?
 
+    The shift of edges in colour frames against the steps of depth, in px to the right and down; and how much better
+    mirrored frames would fit.
+
+    Why it matters
+    --------------
+    Half a pixel between renderers is half a pixel at every outline: depth of the background on the rim of each thing,
+    and flow that belongs to the other side.
+
+    How
+    ---
     Around each place where depth steps from one surface to a nearer one (by a tenth of inverse depth at least), the
     differences of neighbouring pixels of log luma are read along the row, and along the column. Their mean profile
-    peaks where the image has its edge: to the right and down, for things whose left (upper) and right (lower) outlines
-    are seen. Shifts of up to eight pixels are found. A colour camera that sits elsewhere is looked at through depth,
-    with the depth of the nearer surface. The same is tried with mirrored frames.
+    peaks where the image has its edge: to the right and down, for things whose left (upper) and right (lower)
+    outlines are seen. Shifts of up to eight pixels are found. A colour camera that sits elsewhere is looked at
+    through depth, with the depth of the nearer surface. The same is tried with mirrored frames. Events, where they
+    are, tell which camera is off.
 
-    Edges of texture are the noise. They differ from place to place and hardly over time, so the standard error comes
-    from leaving out tiles of the image in turn (or stretches of time, if that is larger). Texture is not alike on both
-    sides of an outline, which draws left and right outlines apart: by how much is measured, and allowed for.
+    Noise model
+    -----------
+    Edges of texture are the noise. They differ from place to place and hardly over time, so the standard error is the
+    jackknife over tiles of the image (or stretches of time, if that is larger). Texture is not alike on both sides of
+    an outline, which draws left and right outlines apart: half their distance is measured, and is the allowance,
+    since it bounds the error of the mean where both sides lean alike (``fedora_qa/estimators/edge_shift.py``).
 
-    It cannot see a shift along all edges of a scene, or a smooth distortion. Events, where they are, tell which camera
-    is off. The form of the profile: see ``fedora_qa/estimators/edge_profiles.py``.
+    Cannot see
+    ----------
+    A shift along all edges of a scene, a smooth distortion, a shift of less than the texture's lean. Scenes without
+    steps of depth, or whose outlines do not stand out from the texture, where it says so.
+
+    Sources
+    -------
+    I. J. Schoenberg, Quarterly of Applied Mathematics 4 (1946) 45 (an edge of box-filtered pixels is a quadratic
+    B-spline, whose centroid is exact: ``fedora_qa/estimators/edge_profiles.py``); B. Efron, C. Stein, Annals of
+    Statistics 9 (1981).
     """
 
     name = "alignment.depth"

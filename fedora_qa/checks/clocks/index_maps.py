@@ -1,21 +1,13 @@
 """The maps from frames to events, held exactly against the stamps."""
 
-from collections.abc import Iterator
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.clocks.map_deviations import WrongMap, name_deviation
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect
-from fedora_qa.conventions import NS_PER_S
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import EventScan, Facts, IndexMap
-
-Int64 = NDArray[np.int64]
-
-_MOST: Final = 0.9
-"""A deviation is named after a rule that gives at least this share of the wrong entries; most of all entries wins."""
 
 
 class _FrameToEvent(FactsCheck):
@@ -35,15 +27,17 @@ class _FrameToEvent(FactsCheck):
         coverage = Coverage(length, max(len(index_map.stored), len(index_map.expected_left)), "frames")
         if events is None or events.unreadable:
             return Observation(coverage, unobservable="event stamps cannot all be decoded, so that none can be counted")
+        if not length:
+            return Observation(coverage, unobservable="the map, or the stream of its frames, is empty")
         wrong = np.flatnonzero(index_map.stored[:length] != index_map.expected_left[:length])
         return Observation(coverage, (self._wrong(facts, index_map, events, wrong),))
 
     def _wrong(self, facts: Facts, index_map: IndexMap, events: EventScan, wrong: NDArray[np.intp]) -> Measured:
         first = int(wrong[0]) if len(wrong) else None
-        name, suspects = "", tuple[Suspect, ...]()
-        place = ""
+        suspects: tuple[Suspect, ...] = ()
+        times_ns, place = facts.clocks[self.frames].times_ns, ""
         if first is not None:
-            name, suspects = self._name_deviation(facts, index_map, events, wrong)
+            name, suspects = name_deviation(self._found(facts, index_map, events, wrong))
             stored, expected = index_map.stored[first], index_map.expected_left[first]
             place = f": {name}. Frame {first} points to event {stored}, the first not before it is {expected}"
         return count_of_faults(
@@ -56,73 +50,50 @@ class _FrameToEvent(FactsCheck):
                 stream=self.stream,
                 frame=first,
                 index_start=first,
-                start_us=None if first is None else facts.to_file_us(float(self._frame_times(facts)[first])),
+                start_us=None if first is None else facts.to_file_us(float(times_ns[first])),
             ),
             suspects=suspects,
         )
 
-    def _frame_times(self, facts: Facts) -> Int64:
-        return facts.clocks[self.frames].times_ns
-
-    def _name_deviation(
-        self, facts: Facts, index_map: IndexMap, events: EventScan, wrong: NDArray[np.intp]
-    ) -> tuple[str, tuple[Suspect, ...]]:
-        length = len(index_map.expected_left)
-        stored = index_map.stored[:length]
-        fitting = [
-            (float(np.mean(stored == entries)), name, suspect)
-            for name, entries, suspect in self._candidates(index_map, events, wrong)
-            if np.mean(stored[wrong] == entries[wrong]) >= _MOST
-        ]
-        if fitting:
-            _, name, suspect = max(fitting, key=lambda fit: fit[0])
-            return name, (suspect,)
-        shift_ms = self._time_shift_ms(facts, index_map, wrong)
-        if shift_ms is not None:
-            shift, spread = shift_ms
-            late = Suspect("time_offset", "events", 0.8, shift, "ms", spread)
-            early = Suspect("time_offset", self.frames, 0.4, -shift, "ms", spread)
-            return f"the entries fit events that are {shift:+.4g} ms late", (late, early)
-        return "no known deviation", (Suspect("index_off_by_one", self.stream, 0.2),)
-
-    def _candidates(
-        self, index_map: IndexMap, events: EventScan, wrong: NDArray[np.intp]
-    ) -> Iterator[tuple[str, Int64, Suspect]]:
-        left, right = index_map.expected_left, index_map.expected_right
-        shift = int(np.median(index_map.stored[wrong] - left[wrong]))
-        yield "they point behind equal stamps", right, Suspect("index_side", self.stream, 0.95)
-        zeros = np.zeros_like(left)
-        yield "they are zero", zeros, Suspect("missing_stream", self.stream, 0.5)
-        clipped = np.minimum(left, events.count - 1)
-        yield "they stop at the last event", clipped, Suspect("index_off_by_one", self.stream, 0.8, -1.0, "events")
-        off = Suspect("index_off_by_one", self.stream, 0.9, float(shift), "events")
-        yield f"they are off by {shift:+d}", left + shift, off
-
-    def _time_shift_ms(self, facts: Facts, index_map: IndexMap, wrong: NDArray[np.intp]) -> tuple[float, float] | None:
-        """Fit the delay of events that would explain the entries: their deviation over the local event rate.
-
-        If events were stamped d late after the map was made, an entry exceeds the count by rate * d.
-        """
-        times_s = self._frame_times(facts) / NS_PER_S
-        if len(times_s) < 3:
-            return None
-        with np.errstate(divide="ignore", invalid="ignore"):
-            rate = np.gradient(index_map.expected_left.astype(np.float64), times_s)
-            shifts = 1e3 * (index_map.stored - index_map.expected_left)[wrong] / rate[wrong]
-        shifts = shifts[np.isfinite(shifts)]
-        if len(shifts) < 3:
-            return None
-        middle = float(np.median(shifts))
-        spread = float(np.median(np.abs(shifts - middle))) / 0.6745
-        return (middle, spread / np.sqrt(len(shifts))) if spread < 0.3 * abs(middle) else None
+    def _found(self, facts: Facts, index_map: IndexMap, events: EventScan, wrong: NDArray[np.intp]) -> WrongMap:
+        length = min(len(index_map.stored), len(index_map.expected_left))
+        cut = IndexMap(index_map.stored[:length], index_map.expected_left[:length], index_map.expected_right[:length])
+        others = [other.expected_left for stream, other in facts.index_maps.items() if stream != self.stream]
+        other = others[0][:length] if others and len(others[0]) >= length else None
+        times_ns = facts.clocks[self.frames].times_ns[:length]
+        return WrongMap(self.stream, self.frames, cut, times_ns, events.count, wrong, other)
 
 
 class Rgb(_FrameToEvent):
     """Does rgb_to_event name the earliest event not before each colour frame?
 
-    Exact: searchsorted(t_event, t_frame, "left") on the stamps, the number of events where none is left. Every
-    entry is looked at. What deviates is named: behind equal stamps, off by a constant, clipped, zero, or late by a
-    time.
+    The entries that differ from the definition are counted, and what made them is named.
+
+    Why it matters
+    --------------
+    Loaders cut the events between two frames by these numbers alone. An entry that is off by one gives each slice one
+    event of its neighbour; a map of other stamps gives events of another time, and nothing else in the file shows it.
+
+    How
+    ---
+    Exact: searchsorted(t_event, t_frame, "left") on the stamps as stored, the number of events where none is left.
+    Wrong entries are tried against the rules that makers of files follow by mistake: behind equal stamps, off by a
+    constant, the nearest event, the last event where none is left, zeros, the other camera's map, a neighbouring frame;
+    and else against events that are late by a time, or by one that grows (their deviation over the local event rate).
+    The rule is named that gives nine tenths of the wrong entries, and of several the one that gives most entries.
+
+    Noise model
+    -----------
+    None: an entry is right or wrong.
+
+    Cannot see
+    ----------
+    Whether the stamps themselves are right: a map that follows late stamps is right.
+
+    Sources
+    -------
+    The canonical layout, version 1.0, after the dataset's paper: ``frame[i] = k``, k the index of the earliest event
+    with t_k >= t_frame[i].
     """
 
     name = "index_maps.rgb"
@@ -134,9 +105,30 @@ class Rgb(_FrameToEvent):
 class Depth(_FrameToEvent):
     """Does depth_to_event name the earliest event not before each depth frame?
 
-    Exact: searchsorted(t_event, t_frame, "left") on the stamps, the number of events where none is left. Every
-    entry is looked at. What deviates is named: behind equal stamps, off by a constant, clipped, zero, or late by a
-    time.
+    The entries that differ from the definition are counted, and what made them is named.
+
+    Why it matters
+    --------------
+    Loaders cut the events between two depth frames by these numbers alone. An entry that is off by one gives each slice
+    one event of its neighbour; a map of other stamps gives events of another time, and nothing else shows it.
+
+    How
+    ---
+    As ``index_maps.rgb``, with the stamps of depth: exactly searchsorted(t_event, t_frame, "left"), and wrong entries
+    tried against the rules that makers of files follow by mistake.
+
+    Noise model
+    -----------
+    None: an entry is right or wrong.
+
+    Cannot see
+    ----------
+    Whether the stamps themselves are right: a map that follows late stamps is right.
+
+    Sources
+    -------
+    The canonical layout, version 1.0, after the dataset's paper: ``frame[i] = k``, k the index of the earliest event
+    with t_k >= t_frame[i].
     """
 
     name = "index_maps.depth"

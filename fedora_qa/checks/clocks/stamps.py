@@ -1,26 +1,56 @@
-"""The clocks of the streams: order, gaps, common span, resolution. Only stamps are looked at."""
+"""The clocks of the streams: their order, and what is missing. Only stamps are looked at."""
 
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.clocks.streams import all_stamps, clocks_of, extent_ns, file_us, fits_of
+from fedora_qa.checks.clocks.streams import all_stamps, clocks_of, event_scan, file_us, fits_of
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.estimators.regular_clock import RegularClock
-from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.facts import Clock, EventScan, Facts
+from fedora_qa.estimators.regular_clock import RegularClock, is_rounded
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.facts import Clock, Facts
+
+_NS_PER_MS = 1e6
+
+_BEHIND = 2
+"""k samples in reverse make k - 1 steps back and as many stamps that lie behind; a clock that was set back makes one
+step, behind which many lie."""
 
 
 class Order(FactsCheck):
     """Do the stamps of every stream advance?
 
-    Counts steps backwards (events may repeat a stamp, every other stream may not) and repeated stamps. Exact: every
-    stamp of the file is looked at, whatever the effort. A step back by nearly 2^31 or 2^32 us is named as the wrap
-    of a 32-bit counter.
+    Steps backwards are counted in every stream, and repeated stamps in every stream but the events, which may share
+    one.
+
+    Why it matters
+    --------------
+    Whatever interpolates, searches or integrates over time takes stamps to increase. A binary search in stamps that do
+    not increase returns some row without complaint, and an integral over a negative step undoes itself.
+
+    How
+    ---
+    Every stamp of the file is looked at, whatever the effort, and consecutive ones are compared as integers. What broke
+    the order is told from the pattern: a step back by nearly 2^31 or 2^32 us is a 32-bit counter that wrapped; one step
+    behind which more than two stamps lie before the latest one is a clock that was set back, by the size of that step;
+    otherwise samples were exchanged. Ten or more repeated stamps that never delay the rows behind them by more than a
+    step were rounded to a grid above the period (``fedora_qa/estimators/regular_clock.py``); others were written twice.
+
+    Noise model
+    -----------
+    None: the counts are exact, and an honest file has none of either.
+
+    Cannot see
+    ----------
+    Samples that were exchanged together with their stamps and sorted again, and events in a wrong order within one
+    stamp (``event_stream.duplicates``). Of events only the count, the first and the largest step back are kept.
+
+    Sources
+    -------
+    First principles. That 32-bit microseconds overflow after 2147 or 4295 s is from the list of traps of real files.
     """
 
     name = "clocks.order"
@@ -34,19 +64,17 @@ class Order(FactsCheck):
 
     def _of_samples(self, facts: Facts, stream: str, clock: Clock) -> Iterator[Measured]:
         steps = np.diff(clock.times_ns)
-        yield self._count(facts, stream, "backward_steps", np.flatnonzero(steps < 0), clock.times_ns)
-        yield self._count(facts, stream, "repeated_stamps", np.flatnonzero(steps == 0), clock.times_ns)
+        backward, repeated = np.flatnonzero(steps < 0), np.flatnonzero(steps == 0)
+        yield self._count(facts, stream, "backward_steps", backward, _suspects_of_order(stream, clock, backward))
+        yield self._count(facts, stream, "repeated_stamps", repeated, _suspects_of_repeats(stream, clock, repeated))
 
     def _count(
-        self, facts: Facts, stream: str, rule: str, rows: NDArray[np.intp], times_ns: NDArray[np.int64]
+        self, facts: Facts, stream: str, rule: str, rows: NDArray[np.intp], suspects: tuple[Suspect, ...]
     ) -> Measured:
+        times_ns = facts.clocks[stream].times_ns
         first = int(rows[0]) + 1 if len(rows) else None
         said = "earlier than" if rule == "backward_steps" else "equal to"
         place = "" if first is None else f", first at row {first} ({facts.to_file_us(times_ns[first]):.0f} us)"
-        cause = "unsorted" if rule == "backward_steps" else "duplicated_samples"
-        suspects = [Suspect(cause, stream, 0.9, float(len(rows)), "samples")]
-        if first is not None and rule == "backward_steps" and _is_wrap(int(times_ns[first] - times_ns[first - 1])):
-            suspects.insert(0, Suspect("time_unit", stream, 0.95))
         return count_of_faults(
             name=f"{stream}.{rule}",
             value=len(rows),
@@ -55,56 +83,78 @@ class Order(FactsCheck):
             code=f"clocks.order.{rule}",
             where=Where(stream=stream, index_start=first, start_us=file_us(facts, times_ns, first)),
             severity="critical",
-            suspects=tuple(suspects),
+            suspects=suspects,
         )
 
     def _of_events(self, facts: Facts) -> Measured:
-        events = _events(facts)
-        first = events.first_decrease if events.decreases else None
+        events = event_scan(facts)
+        wrapped = _is_wrap(-events.largest_decrease_ns)
+        unsorted = Suspect("unsorted", "events", 0.9, float(events.decreases), "events")
         return count_of_faults(
             name="events.backward_steps",
             value=events.decreases,
             unit="events",
-            statement=f"{events.decreases} events are earlier than the one before, first at row {first}; "
-            "they must be in the order of time.",
+            statement=f"{events.decreases} events are earlier than the one before, first at row "
+            f"{events.first_decrease}, by up to {events.largest_decrease_ns / NS_PER_US:.6g} us; they must be in the "
+            "order of time.",
             code="clocks.order.backward_steps",
-            where=Where(stream="events", index_start=first),
+            where=Where(stream="events", index_start=events.first_decrease if events.decreases else None),
             severity="critical",
-            suspects=(Suspect("unsorted", "events", 0.9, float(events.decreases), "events"),),
+            suspects=(Suspect("time_unit", "events", 0.95), unsorted) if wrapped else (unsorted,),
         )
 
 
 class Gaps(FactsCheck):
-    """Are samples missing?
+    """Are samples missing, or was a clock set?
 
-    A step of about k periods (the median step) hides k - 1 samples. Exact for regular streams; where jitter exceeds
-    a tenth of the period a gap cannot be told from it, and the stream is only noted.
+    Missing samples are counted from the steps between stamps, and steps that are no whole number of periods from a
+    clock that is otherwise exact.
+
+    Why it matters
+    --------------
+    One IMU sample that is lost leaves 1 ms of motion out of every integral across it; a clock that was set by 6 ms
+    shifts all that follows against every other stream.
+
+    How
+    ---
+    A regular clock is fitted to each stream (``fedora_qa/estimators/regular_clock.py``). A step of about k periods (the
+    median step) hides k - 1 samples. Double steps that are spread evenly, as those of m places in m equal parts of the
+    stream, are a clock rounded to a coarse grid: by chance that happens with probability m!/m^m, 4e-4 at the ten steps
+    that are asked for. Where at most two steps of an exact clock, and at most a tenth of all, are off by more than the
+    rounding of their two stamps to a microsecond, the clock was set, or one sample was stamped late.
+
+    Noise model
+    -----------
+    Counts are exact for regular streams. A gap differs from a step by a period; jitter of less than a tenth of it lies
+    five standard deviations from the half way at which one is taken for the other. Streams that jitter more are noted
+    and not judged.
+
+    Cannot see
+    ----------
+    Samples lost at the ends (``clocks.span``), among events (``event_stream.gaps``), or from a stream whose stamps were
+    written anew after the loss: the content tells there (``images.order``, ``imu.timing``).
+
+    Sources
+    -------
+    First principles; the derivations stand with the fit.
     """
 
     name = "clocks.gaps"
 
     def examine(self, facts: Facts) -> Observation:
-        """Count missing samples over all streams."""
+        """Count missing samples and jumps over all streams."""
         measured: list[Measured] = []
         notices: list[Notice] = []
         for stream, fit in fits_of(facts):
             if fit.regular:
-                measured.append(self._missing(facts, stream, fit))
+                measured += [self._missing(facts, stream, fit), self._jumps(facts, stream, fit)]
             else:
-                jitter = f"jitter {fit.jitter_ns / NS_PER_US:.3g} us of a period of {fit.period_ns / NS_PER_US:.4g} us"
-                notices.append(
-                    Notice(
-                        "clocks.gaps.irregular", f"{stream} is irregular ({jitter}): gaps cannot be told", Where(stream)
-                    )
-                )
+                notices.append(_irregular(stream, fit))
         empty = "" if measured or notices else "no stream has three stamps in order"
         return Observation(all_stamps(facts), tuple(measured), tuple(notices), unobservable=empty)
 
     def _missing(self, facts: Facts, stream: str, fit: RegularClock) -> Measured:
-        clock = facts.clocks[stream]
-        rows = np.flatnonzero(clock.advancing)
-        first = int(rows[fit.gap_after[0]]) if len(fit.gap_after) else None
-        stop = None if first is None else first + 1
+        first, where = _behind(facts, stream, fit.gap_after)
         return count_of_faults(
             name=f"{stream}.missing",
             value=fit.missing,
@@ -112,123 +162,73 @@ class Gaps(FactsCheck):
             statement=f"{fit.missing} samples of {stream} are missing in {len(fit.gap_after)} gaps, "
             f"the first behind row {first}.",
             code="clocks.gaps.missing",
-            where=Where(
-                stream=stream,
-                index_start=first,
-                index_stop=stop,
-                start_us=file_us(facts, clock.times_ns, first),
-                stop_us=file_us(facts, clock.times_ns, stop),
-            ),
-            suspects=(Suspect("dropped_samples", stream, 0.9, float(fit.missing), "samples"),),
+            where=where,
+            suspects=_suspects_of_gaps(stream, facts.clocks[stream], fit),
+        )
+
+    def _jumps(self, facts: Facts, stream: str, fit: RegularClock) -> Measured:
+        first, where = _behind(facts, stream, fit.jump_after)
+        jump_ms = float(fit.jumps_ns[0]) / _NS_PER_MS if len(fit.jumps_ns) else 0.0
+        rounding_ms = 1 / _NS_PER_MS * NS_PER_US
+        return count_of_faults(
+            name=f"{stream}.jumps",
+            value=len(fit.jump_after),
+            unit="steps",
+            statement=f"{len(fit.jump_after)} steps of {stream} are no whole number of periods, the first behind row "
+            f"{first} is {jump_ms:+.4g} ms off; all others keep the period of {fit.period_ns / NS_PER_US:.6g} us.",
+            code="clocks.gaps.jump",
+            where=where,
+            suspects=(Suspect("time_offset", stream, 0.9, jump_ms, "ms", rounding_ms),),
         )
 
 
-class Span(FactsCheck):
-    """Do the streams begin and end together?
-
-    Each stream's first and last instant are held against the median first and last of all sampled streams. A stream
-    may begin or end up to a period of its own inside the recording, and so may the median stream: the sum of both
-    periods is the allowance. Events are not held to it, since a still scene gives none.
-    """
-
-    name = "clocks.span"
-
-    def not_applicable(self, facts: Facts) -> str:
-        """Need two sampled streams."""
-        return "" if len(dict(fits_of(facts))) > 1 else "fewer than two streams have three stamps in order"
-
-    def examine(self, facts: Facts) -> Observation:
-        """Measure how much later each stream begins and how much earlier it ends."""
-        fits = dict(fits_of(facts))
-        ends = {stream: extent_ns(facts.clocks[stream]) for stream in fits}
-        begin = _consensus([start for start, _ in ends.values()])
-        finish = _consensus([stop for _, stop in ends.values()])
-        usual_ns = float(np.median([fit.period_ns for fit in fits.values()]))
-        measured: list[Measured] = []
-        for stream, (start, stop) in ends.items():
-            allowance_ns = fits[stream].period_ns + usual_ns
-            late, early = start - begin, finish - stop
-            suspects = self._suspects(stream, late, early, finish - begin)
-            for rule, value in (("begins_late", late), ("ends_early", early)):
-                measured.append(self._one(facts, stream, rule, value, allowance_ns, suspects))
-        return Observation(all_stamps(facts), tuple(measured))
-
-    def _one(
-        self, facts: Facts, stream: str, rule: str, value_ns: float, allowance_ns: float, suspects: tuple[Suspect, ...]
-    ) -> Measured:
-        value_ms = value_ns / 1e6
-        said = "begins {:.4g} ms after" if rule == "begins_late" else "ends {:.4g} ms before"
-        start, stop = extent_ns(facts.clocks[stream])
-        return Measured(
-            name=f"{stream}.{rule}",
-            value=value_ms,
-            unit="ms",
-            standard_error=0.0,
-            allowance=allowance_ns / 1e6,
-            resolution=1e-3,
-            statement=f"{stream} {said.format(value_ms)} the other streams.",
-            code=f"clocks.span.{rule}",
-            where=Where(stream=stream, start_us=facts.to_file_us(start), stop_us=facts.to_file_us(stop)),
-            suspects=suspects,
-        )
-
-    def _suspects(self, stream: str, late_ns: float, early_ns: float, span_ns: float) -> tuple[Suspect, ...]:
-        shift_ns = (late_ns - early_ns) / 2
-        if late_ns * early_ns < 0 and abs(late_ns + early_ns) < 0.1 * abs(shift_ns):
-            return (Suspect("time_offset", stream, 0.9, shift_ns / 1e6, "ms"),)
-        return (Suspect("truncated", stream, 0.8, 100 * (late_ns + early_ns) / max(span_ns, 1.0), "percent"),)
+def _suspects_of_order(stream: str, clock: Clock, backward: NDArray[np.intp]) -> tuple[Suspect, ...]:
+    """Tell a counter that wrapped and a clock that was set back from samples in another order."""
+    if not len(backward):
+        return ()
+    step_ns = int(clock.times_ns[backward[0] + 1] - clock.times_ns[backward[0]])
+    suspects = [Suspect("unsorted", stream, 0.9, float(len(backward)), "samples")]
+    if np.count_nonzero(~clock.advancing) > _BEHIND * len(backward):
+        back_ms = (step_ns - float(np.median(np.diff(clock.times_ns)))) / _NS_PER_MS
+        suspects.insert(0, Suspect("time_offset", stream, 0.92, back_ms, "ms"))
+    if _is_wrap(step_ns):
+        suspects.insert(0, Suspect("time_unit", stream, 0.95))
+    return tuple(suspects)
 
 
-class Resolution(FactsCheck):
-    """Do event stamps have the resolution that the file declares?
-
-    The grid on which all event stamps lie (greatest common divisor of their steps) must be that of the declared
-    packets, or a microsecond for asynchronous events of the log model. By chance alone n honest stamps all fall on
-    a grid of g us with probability g^-n; with a thousand events that is never. Events of the linear model come once
-    a rendered step, which the format does not declare: there a grid is honest.
-    """
-
-    name = "clocks.resolution"
-    needs = ("events",)
-    _ENOUGH_EVENTS: Final = 1000
-
-    def examine(self, facts: Facts) -> Observation:
-        """Measure the grid of the event stamps."""
-        events = _events(facts)
-        coverage = Coverage(events.count, events.count, "events")
-        declared = facts.declared.events
-        if events.count < self._ENOUGH_EVENTS or not events.grid_ns:
-            return Observation(coverage, unobservable=f"only {events.count} events: their grid is left to chance")
-        if declared is not None and declared.model == "linear":
-            return Observation(coverage, unobservable="events of the linear model lie on the grid of rendered steps")
-        expected_us = max(1, declared.packet_interval_us if declared is not None else 0)
-        grid_us = events.grid_ns / NS_PER_US
-        measured = Measured(
-            name="events.grid",
-            value=grid_us,
-            unit="us",
-            expected=float(expected_us),
-            standard_error=0.0,
-            side="upper",
-            resolution=float(expected_us),
-            statement=f"All event stamps lie on a grid of {grid_us:g} us; {expected_us} us is declared.",
-            code="clocks.resolution.grid",
-            where=Where(stream="events"),
-            suspects=(Suspect("quantised_time", "events", 0.95, grid_us / 1e3, "ms"),),
-        )
-        return Observation(coverage, (measured,))
+def _suspects_of_gaps(stream: str, clock: Clock, fit: RegularClock) -> tuple[Suspect, ...]:
+    """Tell samples that stand elsewhere, and leave a gap where they belong, from those that are lost."""
+    lost = Suspect("dropped_samples", stream, 0.9, float(fit.missing), "samples")
+    behind = clock.times_ns[~clock.advancing]
+    if not fit.missing or len(np.unique(behind)) < fit.missing:
+        return (lost,)
+    return Suspect("unsorted", stream, 0.9), Suspect("time_offset", stream, 0.3), lost
 
 
-def _consensus(instants_ns: list[int]) -> float:
-    """Return the median, which one stray stream cannot move."""
-    return float(np.median(instants_ns))
+def _suspects_of_repeats(stream: str, clock: Clock, repeated: NDArray[np.intp]) -> tuple[Suspect, ...]:
+    """Tell stamps that were rounded to a grid above the period from samples that were written twice."""
+    if not len(repeated):
+        return ()
+    twice = Suspect("duplicated_samples", stream, 0.9, float(len(repeated)), "samples")
+    if not is_rounded(clock.times_ns):
+        return (twice,)
+    grid_ms = float(np.max(np.diff(clock.times_ns))) / _NS_PER_MS
+    return Suspect("quantised_time", stream, 0.95, grid_ms, "ms"), twice
+
+
+def _behind(facts: Facts, stream: str, steps: NDArray[np.intp]) -> tuple[int | None, Where]:
+    """Return the row behind which the first of some steps between advancing stamps lies, and its place."""
+    clock = facts.clocks[stream]
+    first = int(np.flatnonzero(clock.advancing)[steps[0]]) if len(steps) else None
+    stop = None if first is None else first + 1
+    start_us, stop_us = file_us(facts, clock.times_ns, first), file_us(facts, clock.times_ns, stop)
+    return first, Where(stream, start_us, stop_us, index_start=first, index_stop=stop)
+
+
+def _irregular(stream: str, fit: RegularClock) -> Notice:
+    jitter = f"jitter {fit.jitter_ns / NS_PER_US:.3g} us of a period of {fit.period_ns / NS_PER_US:.4g} us"
+    return Notice("clocks.gaps.irregular", f"{stream} is irregular ({jitter}): gaps cannot be told", Where(stream))
 
 
 def _is_wrap(step_ns: int) -> bool:
     return any(abs(step_ns / NS_PER_US + 2.0**bits) < 2.0**bits / 100 for bits in (31, 32))
-
-
-def _events(facts: Facts) -> EventScan:
-    if facts.events is None:
-        raise ValueError("Expected the file to have events, got none; the check needs them")
-    return facts.events

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.regular_clock import RegularClock, fit_regular_clock
 from fedora_qa.record.types import Coverage
-from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.sequence.facts import Clock, EventScan, Facts
 
 
 def clocks_of(facts: Facts) -> Iterator[tuple[str, Clock]]:
@@ -41,3 +41,16 @@ def all_stamps(facts: Facts) -> Coverage:
     count = sum(len(clock.times_ns) for clock in facts.clocks.values())
     count += facts.events.count if facts.events else 0
     return Coverage(count, count, "stamps")
+
+
+def event_scan(facts: Facts) -> EventScan:
+    """Return what the scan saw of the events.
+
+    Raises
+    ------
+    ValueError
+        The file has no events.
+    """
+    if facts.events is None:
+        raise ValueError("Expected the file to have events, got none; the check needs them")
+    return facts.events

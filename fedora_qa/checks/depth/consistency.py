@@ -42,21 +42,41 @@ class WindowAgreement:
 class Consistency(WindowCheck[WindowAgreement]):
     """Does each depth frame, carried by the camera's motion, agree with the next?
 
-    Pixels of a frame are moved by the pose's relative motion into the next frame, whose inverse depth is read there
-    bilinearly (exact on planes). Compared are pixels clear of edges and of the border in both frames, by 4 px and by as
-    much as the nearest surface may have moved against them: what is hidden is left out without a look at the residual.
-    Stated is the median deviation of the worst pair, and of the worst of 48 tiles of any pair.
+    The median deviation of the worst pair of frames, and of the worst of 48 tiles of any pair, in percent of the
+    depth; and how large a correction of the motion each pair asks for.
 
-    Noise model. Each pixel has a bound: rounding to float32, half a step where depths are quantised, a quarter of the
-    second differences of the inverse depth around it in both frames (twice the bilinear error of a smooth surface; of
+    Why it matters
+    --------------
+    Flow, scene flow and every reprojection are made of depth and pose together. Where one of them belongs to another
+    instant, another unit or another camera, they contradict each other here first, without any image.
+
+    How
+    ---
+    Pixels of a frame are moved by the pose's relative motion into the next frame, whose inverse depth is read there
+    bilinearly (exact on planes). Compared are pixels clear of edges and of the border in both frames, by 4 px and by
+    as much as the nearest surface may have moved against them: what is hidden is left out without a look at the
+    residual. After an alarm, and only then, gross faults are undone one by one on the worst pairs: units, rays,
+    mirrors, shifts, exchanged and frozen frames, late stamps, conventions of the pose; the share of the residual that
+    undoing a fault removes is its weight.
+
+    Noise model
+    -----------
+    Each pixel has a bound: rounding to float32, half a step where depths are quantised, a quarter of the second
+    differences of the inverse depth around it in both frames (twice Lagrange's bilinear error of a smooth surface; of
     white noise about twice its spread), and the pose's interpolation where stamps fall between its samples. Medians
     must not exceed the bounds' medians. Where the file declares pose noise, each pair may correct its motion; the
-    correction must then be as large as the declared noise makes it (chi-square, by Wilson and Hilferty, 1931).
+    correction must then be as large as the declared noise makes it: chi-square, made normal by the cube root.
 
-    After an alarm, and only then, gross faults are undone one by one on the worst pairs: units, rays, mirrors, shifts,
-    exchanged and frozen frames, late stamps, conventions of the pose.
+    Cannot see
+    ----------
+    A fault that moves depth and pose alike, such as one unit wrong in both; one of a few pixels; anything on pixels
+    beside edges, on moving objects, and in a camera that stands still.
 
-    It cannot see a fault that moves depth and pose alike, or one of a few pixels.
+    Sources
+    -------
+    Y. Chen, G. Medioni, Image and Vision Computing 10 (1992) 145 (point to plane); E. B. Wilson, M. M. Hilferty, PNAS
+    17 (1931) 684 (cube root of chi-square); first principles, ``fedora_qa/estimators/depth_image.py`` and
+    ``depth_warp.py``.
     """
 
     name = "depth.consistency"

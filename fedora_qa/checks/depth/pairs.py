@@ -74,6 +74,12 @@ class DepthPair:
         """Return the same with depths that are lengths of the ray (1), z (0), or between."""
         return replace(self.model(), ray=share)
 
+    def with_path(self, factor: float) -> DepthModel | None:
+        """Return the same with positions that are too small by a factor; None where no pose covers the pair."""
+        track = self.track.transformed(lambda poses: replace(poses, positions_world_m=factor * poses.positions_world_m))
+        motion = track.motion(self.start_ns, self.end_ns)
+        return None if motion is None else replace(self.model(), motion=motion)
+
     def lattice(self, most: int | None = FIT_PIXELS) -> Lattice:
         """Return pixels of the first frame, as dense as the effort asks for and at most so many."""
         image = self.images[0]

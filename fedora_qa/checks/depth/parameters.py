@@ -10,7 +10,7 @@ import numpy as np
 from fedora_qa.checks.depth.pairs import DepthPair, owned_pairs, place, why_no_geometry
 from fedora_qa.checks.flow.intervals import depths_plausible
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
-from fedora_qa.estimators.depth_fit import Family, fit_depth
+from fedora_qa.estimators.depth_fit import DepthFit, Family, fit_depth
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -31,6 +31,7 @@ class PairFit:
 
     ``standard_error`` and ``bound`` are its errors at random and in the worst direction, ``as_declared`` and
     ``after_fit`` the typical residuals; ``as_declared`` is infinite where frames cannot be compared as declared.
+    ``of_path`` is the size of the fault if the camera's path has it, NaN where it cannot.
     """
 
     first: int
@@ -41,6 +42,7 @@ class PairFit:
     as_declared: float
     after_fit: float
     plausible: bool
+    of_path: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,10 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
     @abstractmethod
     def family(self, pair: DepthPair) -> Family:
         """Return what the parameter does to a pair."""
+
+    def of_path(self, pair: DepthPair, fit: DepthFit) -> float:
+        """Return the size of the fault that the camera's path would have instead; NaN where it has none."""
+        return float("nan")
 
     def pooled(self, fits: Sequence[PairFit]) -> Pooled | None:
         """Pool the pairs."""
@@ -111,6 +117,7 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
             as_declared.typical if as_declared else np.inf,
             fit.typical,
             depths_plausible(pair.window.facts, lattice.depths_m),
+            self.of_path(pair, fit),
         )
 
 

@@ -16,11 +16,33 @@ _MATTERS: Final = 0.5
 class Projection(FittedParameter):
     """Is depth measured along the optical axis, or along each pixel's ray?
 
-    With m = (x/z, y/z, 1) the length of the ray is z |m|, which is 15% more at the edge of a 60 degree view. Depths
-    ``z |m|^c`` with an exponent c between 0 (z) and 1 (ray) are fitted to each pair of frames: a turning camera carries
-    surfaces to other |m|, where a length that should have stayed changes, and bends what passes by. Pairs are pooled.
+    The exponent c with which depths are ``z |m|^c``, m = (x/z, y/z, 1): 0 for z, 1 for the length of the ray.
 
-    Noise model: as for ``depth.scale``. A camera that neither turns nor moves shows nothing.
+    Why it matters
+    --------------
+    Ray lengths taken for z bend every plane into a bowl: 15% at the edge of a 60 degree view. Both are called depth,
+    and simulators deliver either.
+
+    How
+    ---
+    The exponent is fitted to each pair of frames: a turning camera carries surfaces to other |m|, where a length that
+    should have stayed changes; what passes by is bent. The motion may err within its declared noise. Pairs are pooled
+    by their errors.
+
+    Noise model
+    -----------
+    As for ``depth.scale``: the bounds of ``depth.consistency`` propagated in the worst direction (allowance), the
+    declared pose noise (standard error; the spread over pairs where that is larger).
+
+    Cannot see
+    ----------
+    Anything where the camera neither turns nor moves; where half of the way from 0 to 1 would not be seen, it says
+    so. A distortion of the lens that depth frames still have looks like a part of the way.
+
+    Sources
+    -------
+    Y. Chen, G. Medioni, Image and Vision Computing 10 (1992) 145; first principles,
+    ``fedora_qa/estimators/depth_fit.py``.
     """
 
     name = "depth.projection"

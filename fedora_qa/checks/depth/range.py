@@ -53,15 +53,37 @@ class WindowRange:
 class Range(WindowCheck[WindowRange]):
     """Do depths keep to the declared range without being cut off at it?
 
-    The nearest and the farthest valid depth of all frames, against ``depth_range``. A sensor that cuts off instead of
-    writing NaN piles pixels up on an end of the range: pixels that equal an end, to the rounding of float32, are
-    counted against those in a neighbourhood of it that is 63 times as wide, where surfaces would leave one in 63. The
-    excess is held to its Poisson spread, and one frame is allowed one line of just that depth. How invalid pixels are
-    marked is for ``integrity.finite``.
+    The nearest and the farthest valid depth of all frames against ``depth_range``, the pixels that lie exactly on
+    either end, and the steps in which depths were stored.
 
-    Noted as unusual: depths in steps coarser than a thousandth of the depth (16-bit millimetres near by, half floats,
-    disparities, a z-buffer of few bits). Steps are told from second differences, which are multiples of one number
-    where depths were rounded.
+    Why it matters
+    --------------
+    A sensor that writes its limit where it sees nothing builds a wall at 30 m: planners avoid it, and scene flow on
+    it is wrong. Steps of a thousandth of the depth move a parallax of 10 px by 0.01 px, which flow is held to.
+
+    How
+    ---
+    Every decoded frame is tallied. Pixels that equal an end, to the rounding of float32, are counted against those in
+    a neighbourhood of it that is 63 times as wide, where surfaces would leave one in 63. Steps are told from second
+    differences along rows and columns, which vanish on planes and are multiples of one number where depths, or their
+    inverses, were rounded (``fedora_qa/estimators/depth_step.py``); steps above a thousandth of the depth are noted
+    (16-bit millimetres near by, half floats, disparities, a z-buffer of few bits), finer ones are stated among what
+    was inferred.
+
+    Noise model
+    -----------
+    The ends are exact but for the rounding of float32, 2^-24, of the depths and of the range, with two bits to spare.
+    The excess on an end is a Poisson count: its variance is what the neighbourhood predicts, plus one. One frame is
+    allowed one line of just that depth, as many pixels as its width and height together.
+
+    Cannot see
+    ----------
+    Depths that are wrong within the range; a range that is declared too wide. How invalid pixels are marked is for
+    ``integrity.finite``. Steps in scenes without a plane or a smooth surface.
+
+    Sources
+    -------
+    The canonical layout, version 1.0; IEEE 754-2019 for the rounding; first principles.
     """
 
     name = "depth.range"
@@ -84,11 +106,15 @@ class Range(WindowCheck[WindowRange]):
         if not frames:
             return Observation(coverage, unobservable="no depth frame has a valid pixel")
         steps = [one.step for one in state if one.step]
-        notices = _coarse(max(steps, key=lambda step: step.relative)) if steps else ()
+        step = max(steps, key=lambda step: step.relative) if steps else None
+        notices = _coarse(step) if step else ()
+        inferred = {"depth_step_mm": MM_PER_M * step.size_m} if step else {}
         if range_m is None:
             why = "the file declares no depth range"
-            return Observation(coverage, _ends(frames, facts, (0.0, np.inf)), notices, unobservable=why)
-        return Observation(coverage, (*_ends(frames, facts, range_m), *_piles(frames, facts, range_m)), notices)
+            ends = _ends(frames, facts, (0.0, np.inf))
+            return Observation(coverage, ends, notices, unobservable=why, inferred=inferred)
+        measured = (*_ends(frames, facts, range_m), *_piles(frames, facts, range_m))
+        return Observation(coverage, measured, notices, inferred=inferred)
 
 
 def _tally(frame: int, depth_m: NDArray[np.float32], range_m: tuple[float, float] | None) -> list[FrameRange]:

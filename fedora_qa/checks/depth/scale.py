@@ -4,13 +4,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, TypeVar
 
+import numpy as np
+
 from fedora_qa.checks.depth.pairs import DepthPair
 from fedora_qa.checks.depth.parameters import FittedParameter, PairFit, Pooled, pool
 from fedora_qa.checks.depth.suspects import ANY_MISFIT
 from fedora_qa.checks.protocol import Measured, Suspect
-from fedora_qa.estimators.depth_fit import Family
+from fedora_qa.estimators.depth_fit import DepthFit, Family, fit_depth
 
 Known = TypeVar("Known", PairFit, Pooled)
+
+_SURELY: Final = 10.0
+"""Errors from 1 at which a pair's factor is wrong, whatever the file's false-alarm rate."""
+
+_STEP: Final = 1e-3
+"""Share of the factor by which it is changed to see its effect."""
 
 _MATTERS: Final = 0.5
 """Metres, millimetres, feet, yards: units differ by more, but for the last of them."""
@@ -19,17 +27,38 @@ _MATTERS: Final = 0.5
 class Scale(FittedParameter):
     """Are depths in the unit that makes them fit the camera's path?
 
+    The factor by which the stored depths are too large beside the positions.
+
+    Why it matters
+    --------------
+    With depth in millimetres and translation in metres the flow made of them looks as if the camera only turned, and
+    still looks like flow.
+
+    How
+    ---
     From one depth frame to the next surfaces come nearer and slide past each other by as much as the camera's path,
-    in metres, is long beside them. The factor by which the stored depths are too large is fitted to each pair of
-    frames, beginning from infinite depth, so that wrong units need not be guessed; pairs are pooled.
+    in metres, is long beside them. The factor is fitted to each pair of frames by Gauss-Newton, beginning from
+    infinite depth, so that wrong units need not be guessed; the motion may err within its declared noise. Pairs are
+    pooled by their errors, pairs far from the others weighing less. A wrong factor is as well one of the positions:
+    where depths lie far outside the declared range they are at fault, otherwise the inertial checks tell. Where the
+    factor is surely not 1, that of the positions is fitted as well, since the lever arm of the camera does not scale
+    with them.
 
-    Noise model: the bounds of ``depth.consistency``, propagated through the fit in the worst direction (allowance), and
-    the declared pose noise, which moves the motion of each pair (standard error; the spread over pairs where that is
-    larger). Where the camera hovers the factor is known to no better than a half and nothing is said.
+    Noise model
+    -----------
+    The bounds of ``depth.consistency``, propagated through the fit in the worst direction (allowance), and the
+    declared pose noise, which moves the motion of each pair (standard error; the spread over pairs where that is
+    larger).
 
-    A wrong factor is as well one of the positions: where depths lie far outside the declared range they are at fault,
-    otherwise the inertial checks tell. The factor of the positions is then approximate, as the camera's lever arm is
-    taken to be scaled with them.
+    Cannot see
+    ----------
+    Depths and positions that are wrong by one factor, which gravity tells (``imu.translation``). Where the camera
+    hovers the factor is known to no better than a half, and nothing is said.
+
+    Sources
+    -------
+    Y. Chen, G. Medioni, Image and Vision Computing 10 (1992) 145; first principles,
+    ``fedora_qa/estimators/depth_fit.py``.
     """
 
     name = "depth.scale"
@@ -37,6 +66,17 @@ class Scale(FittedParameter):
     def family(self, pair: DepthPair) -> Family:
         """Let depths be too large by a factor."""
         return pair.scaled
+
+    def of_path(self, pair: DepthPair, fit: DepthFit) -> float:
+        """Fit, where the factor is surely not 1, that of the positions instead: the lever arm does not scale with them.
+
+        The fit begins from the path that the factor of the depths asks for.
+        """
+        if abs(fit.value - 1) <= _SURELY * (fit.standard_error + fit.bound):
+            return float("nan")
+        lattice, image1 = pair.lattice(), pair.images[1]
+        found = fit_depth(pair.with_path, lattice, image1, pair.noise, start=fit.value, step=_STEP * abs(fit.value))
+        return 1 / found.value if found is not None and found.value else float("nan")
 
     def pooled(self, fits: Sequence[PairFit]) -> Pooled | None:
         """Pool reciprocals: noise of the positions is normal in the path over the depths, and skew the other way."""
@@ -46,7 +86,9 @@ class Scale(FittedParameter):
     def stated(self, pooled: Pooled, fits: Sequence[PairFit]) -> Measured:
         """State the factor."""
         plausible = 2 * sum(fit.plausible for fit in fits) > len(fits)
-        inverse = 1 / pooled.value if pooled.value else None
+        of_positions = np.array([fit.of_path for fit in fits])
+        known = of_positions[np.isfinite(of_positions)]
+        of_pose = float(np.median(known)) if len(known) else None
         return Measured(
             name="scale",
             value=pooled.value,
@@ -60,7 +102,7 @@ class Scale(FittedParameter):
             suspects=(
                 Suspect("unit_mm_m", "depth", (0.5 if plausible else 0.95) * pooled.explains, pooled.value, "1",
                         pooled.standard_error),
-                Suspect("unit_mm_m", "pose", (0.9 if plausible else 0.3) * pooled.explains, inverse, "1"),
+                Suspect("unit_mm_m", "pose", (0.9 if plausible else 0.3) * pooled.explains, of_pose, "1"),
                 *ANY_MISFIT,
             ),
         )  # fmt: skip

@@ -1,104 +1,93 @@
 """Colours against events: the order of the channels."""
 
-from itertools import permutations
 from math import hypot
 from typing import Final
 
-import numpy as np
-
 from fedora_qa.checks.images.colours import ColourAnswer, ColourCheck
 from fedora_qa.checks.protocol import Measured, Suspect
-from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.image_levels import CONTRASTS, ColourFit, Estimate
+from fedora_qa.estimators.channel_orders import WRONG_ORDERS, nearest_order, towards
+from fedora_qa.estimators.image_levels import ColourFit, Estimate
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
-
-CONTRAST_NAMES: Final = ("first_less_third", "second_less_first", "second_less_third")
-CHANNELS: Final = ("RB", "GR", "GB")
-"""What the contrasts of ``image_levels`` are where channels are in order."""
-
-
-LEVEL_BIAS: Final = 0.02
-"""What errors of the level between events do to a difference of weights: not derived, but seen.
-
-With closed-form frames and events, where the true levels give the weights to 0.0002, levels read between events move
-differences by up to 0.015, many times their standard error. It is a tenth of the least change that matters.
-"""
+from fedora_qa.sequence.facts import Facts
 
 SURELY: Final = 7.0
 """Standard errors at which a deviation would surely be seen; judgement draws its own line."""
+
+EXCHANGED: Final = "BGR"
+"""The usual wrong order, and the hardest to tell: red and blue have the nearest weights."""
 
 
 class Channels(ColourCheck):
     """Are the channels of the frames R, G and B, in this order?
 
+    How far the weights that events give to the three channels lie on the way from R, G, B to each of the five wrong
+    orders: 0 in the right order, 1 in the wrong one.
+
+    Why it matters
+    --------------
+    BGR frames look like frames. A network that was trained on them sees blue skin elsewhere, and their luma is wrong
+    by the difference of 0.3 and 0.11 of red and blue.
+
+    How
+    ---
     Events carry the luma 0.299 R + 0.587 G + 0.114 B of linear values. At frame times where a pixel's own events tell
     its level, what the events say between two such times is regressed on the changes of the three channels, with the
-    time offset as a nuisance (``image_levels``). The weights of the channels are the
-    coefficients over their sum, which is the threshold's. Judged are the signs of the three differences of two weights,
-    all positive where channels are in order: in any wrong order one is negative. Their size is not judged: errors of
-    frames and levels that follow the image stretch them, 1.5 times in a second and 2.2 times in half a second of one
-    clean scene of little colour. The order that comes nearest to the weights is named.
+    time offset as a nuisance (``fedora_qa/estimators/image_levels.py``). Coefficients over their sum are the weights.
+    The line that tells a wrong order from the right one with the least error is Fisher's, with the covariance of the
+    weights (``fedora_qa/estimators/channel_orders.py``): it uses all three weights, which halves the error against a
+    difference of two. The nearest order is named.
 
-    Standard errors are the larger of the formal and the spread between quarters of the image and windows. The allowance
-    bounds how errors of the frames, common to the channels, attenuate the coefficients, and what events do not tell of
-    the level between them (cubics against straight lines). A scene without colours cannot
-    tell: the least that it would show then exceeds the change of sign.
+    Noise model
+    -----------
+    Standard errors are the larger of the formal one and the jackknife over quarters of the image and windows. The
+    allowance adds up what is known to bias the weights: attenuation by errors of the frames that are common to all
+    channels (bounded by the residual), what events do not tell of the level between them (cubics against straight
+    lines), and 0.02 in a difference of weights, seen with closed-form frames and events, where levels read between
+    events move it by up to 0.015.
+
+    Cannot see
+    ----------
+    The order in a scene of little colour or little motion, where it says so. Frames that do not belong to the events
+    at all: ``event_response.orientation``. Constant exposure, and gains of single channels below a third.
+
+    Sources
+    -------
+    R. A. Fisher, "The use of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936); B. Efron, C.
+    Stein, "The jackknife estimate of variance", Annals of Statistics 9 (1981); ITU-R BT.601 for the weights.
     """
 
     name = "images.channels"
 
-    def state(self, found: ColourAnswer, declared: EventModel) -> tuple[Measured, ...]:
-        """State the weight of each stored channel."""
-        order = nearest_order(found.fit)
-        return tuple(self._one(i, contrast, found.fit, order) for i, contrast in enumerate(found.fit.contrasts))
+    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
+        """State how far the weights lie towards each wrong order."""
+        nearest = nearest_order(found.fit)
+        return tuple(_one(towards(found.fit, order), order, found.fit, nearest) for order in WRONG_ORDERS)
 
     def why_blind(self, found: ColourAnswer) -> str:
-        """Red and blue are the nearest weights: where their exchange cannot be seen, the order is not known."""
-        contrast, exchanged = found.fit.contrasts[0], 2 * float(CONTRASTS[0] @ LUMA_WEIGHTS_RGB)
-        least = _allowance(contrast, exchanged / 2) + SURELY * contrast.standard_error
-        if least <= exchanged:
-            return ""
-        return (
-            f"too little colour: red and blue exchanged change R - B by {exchanged:.2f}, and {least:.2f} would be seen"
-        )
-
-    def _one(self, number: int, contrast: Estimate, fit: ColourFit, order: str) -> Measured:
-        expected = float(CONTRASTS[number] @ LUMA_WEIGHTS_RGB)
-        error = hypot(contrast.standard_error, contrast.bound)
-        weights = ", ".join(f"{weight.value:.2f}" for weight in fit.weights)
-        return Measured(
-            name=f"weight_of_{CONTRAST_NAMES[number]}_channel",
-            value=contrast.value,
-            unit="1",
-            standard_error=contrast.standard_error,
-            expected=expected,
-            allowance=_allowance(contrast, expected),
-            side="lower",
-            matters=2 * expected,
-            statement=f"In what events see the channels weigh {weights}, so that {' - '.join(CHANNELS[number])} would "
-            f"be {contrast.value:.2f} +/- {error:.2g}, and {expected:.2f} is due. They are best read as {order}.",
-            code="images.channels.order",
-            where=Where(stream="rgb"),
-            suspects=(Suspect("channel_order", "rgb", 0.1 if order == "RGB" else 0.95), *_WHATEVER_SPOILS_LEVELS),
-        )
+        """Where red and blue exchanged could not be seen, the order is not known."""
+        estimate = towards(found.fit, EXCHANGED)
+        least = estimate.bound + SURELY * estimate.standard_error
+        return "" if least <= 1 else f"too little colour: {least:.2f} of an exchange of red and blue would be seen"
 
 
-def _allowance(contrast: Estimate, expected: float) -> float:
-    """Return by how much a difference of weights may lie below what is due: down to none at least."""
-    return max(expected, LEVEL_BIAS + contrast.bound)
-
-
-def nearest_order(fit: ColourFit) -> str:
-    """Return the order of channels whose weights come nearest to those that were found, for their errors."""
-    found = np.array([weight.value for weight in fit.weights])
-    errors = np.array([hypot(weight.standard_error, weight.bound) for weight in fit.weights])
-    luma = dict(zip("RGB", LUMA_WEIGHTS_RGB, strict=True))
-
-    def distance(order: str) -> float:
-        return float(np.sum(((found - [luma[name] for name in order]) / np.maximum(errors, 1e-12)) ** 2))
-
-    return min(("".join(order) for order in permutations("RGB")), key=distance)
+def _one(estimate: Estimate, order: str, fit: ColourFit, nearest: str) -> Measured:
+    error = hypot(estimate.standard_error, estimate.bound)
+    weights = ", ".join(f"{weight.value:.2f}" for weight in fit.weights)
+    return Measured(
+        name=f"towards_{order}",
+        value=estimate.value,
+        unit="1",
+        standard_error=estimate.standard_error,
+        allowance=estimate.bound,
+        side="upper",
+        matters=1.0,
+        statement=f"In what events see the channels weigh {weights}, {estimate.value:.2f} +/- {error:.2g} of the way "
+        f"from R, G, B to {order}. They are best read as {nearest}.",
+        code="images.channels.order",
+        where=Where(stream="rgb"),
+        suspects=(Suspect("channel_order", "rgb", 0.1 if nearest == "RGB" else 0.95), *_WHATEVER_SPOILS_LEVELS),
+    )
 
 
 _WHATEVER_SPOILS_LEVELS: Final = (

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.events.levels import FEWEST_PAIRS, LINEAR_LEAST_TICKS, LONGEST_GAP_NS, ROUNDING_SHARE
+from fedora_qa.checks.events.levels import FEWEST_PAIRS, LINEAR_LEAST_TICKS, ROUNDING_SHARE
 from fedora_qa.checks.events.rows import local_tick_ns
 from fedora_qa.checks.events.view import (
     ROUNDING_DN,
@@ -37,8 +37,12 @@ from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
 
-ENOUGH_PAIRS: Final = 800
+ENOUGH_PAIRS: Final = 1500
 """Where a window has more, those of the shortest gaps are taken."""
+
+LONGEST_GAP_NS: Final = 40_000_000
+"""Twice what thresholds are read from: weights are differences of what all channels share, so that the level between
+events may err more, and of small frames twice as many samples are had. The straight lines bound what they err by."""
 
 _LINEAR_LEAST_DN: Final = 4.0
 _DARKEST_DN: Final = 0.5
@@ -180,14 +184,14 @@ class ColourCheck(WindowCheck[ColourSums]):
         found = _answer(state, facts)
         if isinstance(found, str) or facts.declared.events is None:
             return Observation(coverage, unobservable=str(found))
-        measured = self.state(found, facts.declared.events)
+        measured = self.state(found, facts.declared.events, facts)
         return Observation(coverage, measured, unobservable=self.why_blind(found))
 
     def why_blind(self, found: ColourAnswer) -> str:
         """Say why the file could not show the least fault, beyond what each measurement says of itself."""
         return ""
 
-    def state(self, found: ColourAnswer, declared: EventModel) -> tuple[Measured, ...]:
+    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
         """Turn the fit into measurements."""
         raise NotImplementedError
 

@@ -45,12 +45,34 @@ class FrameDigest:
 class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
     """Is each frame a picture of its own?
 
-    Frames are compared bit for bit by their digests, each with all before it. A repeat is a fault where something says
-    that the image must have changed in between: the fastest flow or the pose, when they move the frame's steep places
-    by more than rounding can hide, or events that are as many as while frames do change. A camera at rest may repeat
-    its frames. Where nothing tells, repeats are noted.
+    The frames that repeat an earlier one bit for bit although the image must have changed in between.
 
-    The count is exact. Frames that repeat but for noise are for images.order and event_response.frames.
+    Why it matters
+    --------------
+    A buffer that is written again without being refreshed pairs old frames with new stamps, events and poses. A
+    repeated frame is a training pair with flow and without motion.
+
+    How
+    ---
+    Frames are compared by their digests, each with all before it. A repeat is a fault where something says that the
+    image must have changed in between: the fastest flow or the pose, when they move the frame's steep places by more
+    than rounding can hide, or events that are as many as while frames do change. Frames of one value throughout are
+    for ``images.exposure``.
+
+    Noise model
+    -----------
+    The count is exact: two frames share a digest of 16 bytes by chance with probability 3e-39. That the image must
+    have changed is asked of the steepest hundredth of its pixels, which must change by 2 DN where rounding hides 1
+    DN; of noisy poses six standard deviations are taken off first.
+
+    Cannot see
+    ----------
+    Frames that repeat but for noise: ``images.order`` and ``event_response.frames``. A camera at rest may repeat its
+    frames. Where neither flow nor pose nor events tell, repeats are noted.
+
+    Sources
+    -------
+    First principles; RFC 7693 (BLAKE2).
     """
 
     name = "images.repeats"

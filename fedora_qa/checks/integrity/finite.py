@@ -33,11 +33,35 @@ leave it, and come back, within an interval of frames."""
 class Finite(WindowCheck[tuple[Tally, ...]]):
     """Are all values finite where they must be, and invalid pixels NaN?
 
+    The values that no honest file holds, counted for each dataset, and the images that hold nothing among full ones.
+
+    Why it matters
+    --------------
+    One NaN ends an integral over IMU samples; a zero that stands for "no depth" is a surface at the camera, and pulls
+    every mean towards it.
+
+    How
+    ---
     Samples of IMU and pose must be finite, stamps too. Depth is finite and within ``depth_range`` (above zero where
-    none is declared) or NaN; flow is finite or NaN; neither is ever infinite. Counts the values that break this, and
-    the images that are NaN throughout although the frames before and after them are mostly valid. When depth outside
-    the range falls into it once multiplied by 1000, metres are suspected; when it is all one number, a code for
-    invalid pixels. Exact for what was decoded. Whether NaN lie where they must is for ``flow_geometry.validity``.
+    none is declared) or NaN; flow is finite or NaN; neither is ever infinite. Images that are NaN throughout although
+    those before and after are mostly valid are counted: half of a 60 degree view would have to leave it, and come
+    back, within an interval. When depth outside the range falls into it once multiplied by 1000, metres are
+    suspected; when it is all one number, a code for invalid pixels.
+
+    Noise model
+    -----------
+    None: counts are exact for what was decoded. Depth may exceed its range by the rounding of float32 to the stored
+    value and to the range itself, 2^-24 relative each, with two bits to spare.
+
+    Cannot see
+    ----------
+    A wrong value that is finite and in range; whether NaN lie where they must (``flow_geometry.validity``). Images
+    that are empty for as long as the file is looked at are noted, and no fault: a camera may see nothing nearer than
+    30 m.
+
+    Sources
+    -------
+    The canonical layout, version 1.0; IEEE 754-2019 for the rounding.
     """
 
     name = "integrity.finite"

@@ -19,10 +19,31 @@ from fedora_qa.sequence.window import Window
 class LayoutHolds(FactsCheck):
     """Is everything that the file promises there, in the right shape and type?
 
+    The problems that opening the file met, one finding each.
+
+    Why it matters
+    --------------
+    Loaders index what they expect. A stream that is missing, transposed or one row short is a crash on another
+    machine at best, and a silent misalignment of rows at worst.
+
+    How
+    ---
     Every dataset of the layout is looked for where the file's dialect puts it. Counted as broken: a stream that the
     metadata declare and that is absent or only partly there, shapes that contradict the layout or each other, types
-    that differ from it, links that leave the file or dangle, chunks that were never written. Exact; nothing is
-    sampled. Values are not looked at. Source: the canonical layout, version 1.0.
+    that differ from it, links that leave the file or dangle, chunks that were never written.
+
+    Noise model
+    -----------
+    None: a dataset is as promised or not. Nothing is sampled.
+
+    Cannot see
+    ----------
+    Values: they are not looked at. A stream that the file neither holds nor declares is absent and no fault, unless a
+    profile or a policy promises it. Layouts that no dialect describes: see ``fedora-qa layout``.
+
+    Sources
+    -------
+    The canonical layout, version 1.0; for files of other makers the dialect that was recognised.
     """
 
     name = "integrity.layout"
@@ -72,10 +93,34 @@ class ReadSummary:
 class Readable(WindowCheck[ReadSummary]):
     """Does every stored chunk decode, and do the checksums hold?
 
+    The chunks that cannot be decoded, counted for each stream.
+
+    Why it matters
+    --------------
+    Bytes that were damaged by a disk or a broken copy come back as an error in the middle of a training run, or,
+    without a checksum, as values.
+
+    How
+    ---
     The rows of each planned window are decoded from every dataset of every stream, through the codec and HDF5's
-    Fletcher-32 checksum where the file has one; samples and index maps are read in full with the first window. Counts
-    the chunks that fail. Exact for what was read; the coverage says how much that was. A dataset without checksum or
-    compression decodes whatever its bytes are: damage there is for the other checks to see.
+    Fletcher-32 checksum where the file has one; samples and index maps are read in full with the first window. A
+    chunk that fails is counted once, with its rows, and the other checks go on without them. A stream whose stamps
+    cannot be read is lost as a whole.
+
+    Noise model
+    -----------
+    None: a chunk decodes or not. The coverage says how many of the file's chunks were read.
+
+    Cannot see
+    ----------
+    Damage in a dataset without checksum or compression, which decodes whatever its bytes are: there only the values
+    tell. Fletcher-32 misses a change of 32 bits in 2^32 by chance, and words of 16 bits that were exchanged for zeros
+    or ones.
+
+    Sources
+    -------
+    HDF5 file format specification, filter 3; J. G. Fletcher, "An arithmetic checksum for serial transmissions", IEEE
+    Transactions on Communications 30 (1982).
     """
 
     name = "integrity.readable"

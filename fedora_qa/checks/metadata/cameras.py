@@ -27,12 +27,35 @@ _PRINCIPAL_POINTS: Final = {0.5: "W/2, H/2", 1.0: "(W+1)/2, (H+1)/2"}
 class Cameras(FactsCheck):
     """Are the declared cameras possible, and do they fit the images?
 
-    For each camera: K is upper triangular with zero skew, a last row 0 0 1, positive focal lengths, and its principal
-    point lies in the image; width and height are those of the images; T_body_camera is a rigid motion (a rotation
-    within float32 rounding, determinant +1, last row 0 0 0 1). Depth and events share one centre, as the paper has it.
-    Noted as unusual: principal points of another convention than (W-1)/2, pixels that are not square, cameras without
-    any rotation, cameras farther than 10 m from the body. Whether K is the one that the images were made with is for
-    the checks of flow.
+    For each camera the departures of K from its form and of T_body_camera from a rigid motion, the size against that
+    of the images, and how far the centres of depth and events lie apart.
+
+    Why it matters
+    --------------
+    A transposed K or T_body_camera still multiplies. Flow, reprojection and odometry that are made with it are wrong
+    everywhere, and by amounts that look like noise where the camera looks straight ahead.
+
+    How
+    ---
+    K must be upper triangular without skew, its last row 0 0 1, focal lengths positive, and its principal point in
+    the image; width and height are those of the images; T_body_camera is a rotation of determinant +1 with a last row
+    0 0 0 1. Depth and events share one centre, as the paper has it. Noted as unusual: principal points of another
+    convention than (W-1)/2, pixels that are not square, cameras without any rotation, cameras farther than 10 m from
+    the body.
+
+    Noise model
+    -----------
+    Matrices may have been float32 on their way: 2^-24 an entry, three products and a sum of R^T R, with a margin of
+    four, is the 1e-6 that is allowed. Everything else is exact.
+
+    Cannot see
+    ----------
+    Whether K and T_body_camera are the ones that the images were made with: ``flow_geometry``, ``flow_photometric``,
+    ``depth.consistency`` and ``alignment`` measure that. Lens models other than the pinhole are not looked into.
+
+    Sources
+    -------
+    The canonical layout, version 1.0 (Pixels, Extrinsics); R. Hartley, A. Zisserman, "Multiple View Geometry", 6.1.
     """
 
     name = "metadata.cameras"

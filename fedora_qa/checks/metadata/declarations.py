@@ -29,9 +29,31 @@ _SAME_UNIT: Final = {"µs": "us", "μs": "us", "microseconds": "us", "m/s2": "m/
 class Complete(FactsCheck):
     """Does the file declare all that the format requires?
 
+    The declarations that are missing or malformed, one finding each.
+
+    Why it matters
+    --------------
+    What a file does not say about itself cannot be checked, and cannot be used: flow without intrinsics, events
+    without a threshold, poses without their noise are numbers without a meaning.
+
+    How
+    ---
     Every attribute of the layout is read. A required one that is missing or malformed, of a stream that is there, is
     broken; an optional one that is malformed, or a whole group that is absent, is only noted: what needs it can be
-    tested weakly or not at all. Source: the canonical layout, version 1.0.
+    tested weakly or not at all. A file of the canonical layout without any metadata is one finding, not thirty.
+
+    Noise model
+    -----------
+    None: an attribute is there and of its type, or not.
+
+    Cannot see
+    ----------
+    Whether a declaration is true; that is for the checks that measure what it is about. Declarations of streams that
+    the file does not hold are not asked for.
+
+    Sources
+    -------
+    The canonical layout, version 1.0.
     """
 
     name = "metadata.complete"
@@ -77,9 +99,31 @@ class Complete(FactsCheck):
 class Units(FactsCheck):
     """Do the labels of units agree with the layout that the values are read in?
 
-    Compares the attribute ``units`` of each dataset with the unit of the layout, or of the dialect where the file
-    speaks another. A label that contradicts it is broken; a missing one is noted. Whether the values are in that unit
-    is not asked here: clocks, depth, flow and IMU infer their units from the data.
+    The datasets whose attribute ``units`` names another unit than their values are read in.
+
+    Why it matters
+    --------------
+    A reader who trusts the label converts, and a reader who trusts the layout does not: one of them is off by a
+    thousand.
+
+    How
+    ---
+    The attribute ``units`` of each dataset is compared with the unit of the layout, or of the dialect where the file
+    speaks another; common spellings are taken for the same. A label that contradicts it is broken, a missing one is
+    noted. The suspected fault is the one that the label, if it tells the truth, confesses to.
+
+    Noise model
+    -----------
+    None: a label agrees or not.
+
+    Cannot see
+    ----------
+    Whether the values are in that unit: ``clocks.unit``, ``depth.scale``, ``flow_photometric`` and the inertial
+    checks infer units from the data.
+
+    Sources
+    -------
+    The canonical layout, version 1.0; for files of other makers the dialect that was recognised.
     """
 
     name = "metadata.units"
