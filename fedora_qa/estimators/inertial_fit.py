@@ -55,6 +55,8 @@ class InertialFit:
         Of the residuals after the freed parameters: measured, expected of noise, and the standard error of the former.
     model_rms
         Root mean square of the known error of the model.
+    smoothness
+        Correlation of neighbouring residuals: that of noise is not positive, that of another motion is near 1.
     rows, outliers
         How many comparisons were made, and how many lie so far out that they were left out of the fit.
     worst
@@ -71,6 +73,7 @@ class InertialFit:
     expected_rms: float
     rms_error: float
     model_rms: float
+    smoothness: float
     rows: int
     outliers: int
     worst: WorstRow
@@ -229,6 +232,7 @@ def _summarise(
         expected_rms=expected,
         rms_error=_error_of_rms(expected, sigmas),
         model_rms=float(np.sqrt(np.mean(np.square(np.concatenate([rows.model_errors for rows in stretches]))))),
+        smoothness=_smoothness(left),
         rows=sum(map(len, stretches)),
         outliers=sum(int(np.count_nonzero(~keep)) for keep in kept),
         worst=_worst(stretches, left),
@@ -244,6 +248,12 @@ def _error_of_rms(expected: float, sigmas: Float64) -> float:
     """
     weights = np.square(sigmas) / np.mean(np.square(sigmas))
     return float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (6 * len(sigmas))))
+
+
+def _smoothness(left: list[Float64]) -> float:
+    products = sum(float(np.sum(residuals[1:] * residuals[:-1])) for residuals in left)
+    squares = sum(float(np.sum(np.square(residuals))) for residuals in left)
+    return products / squares if squares > 0 else 0.0
 
 
 def _course(stretches: list[Rows], left: list[Float64]) -> Float64:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.motion.defects import LEAST_EVENNESS, frozen_poses, interpolation_of, rate_hz
+from fedora_qa.checks.motion.defects import LEAST_EVENNESS, frozen_poses, interpolation_of, rate_hz, stamps_rounded
 from fedora_qa.checks.motion.samples import (
     NOISE_ORDER,
     join_poses,
@@ -65,7 +65,7 @@ class Continuity(WindowCheck[PoseSamples]):
         unusable = why_unusable(facts, "pose")
         if unusable or len(poses.times_ns) < _FEWEST_POSES:
             return Observation(seen, unobservable=unusable or f"fewer than {_FEWEST_POSES} poses")
-        still = frozen_poses(poses)
+        still, rounded = frozen_poses(poses), stamps_rounded(pose_times_ns=poses.times_ns)
         model = facts.declared.pose or PoseModel()
         positions, rotations = Vectors(poses.positions_world_m), Orientations(poses.orientations_xyzw)
         position = _steps(poses, positions, max(model.position_sigma_m, position_floor_m(poses)))
@@ -73,10 +73,10 @@ class Continuity(WindowCheck[PoseSamples]):
         return Observation(
             seen,
             (
-                *_jump(facts, poses, still, position, "position", "m", 1.0, 0.1),
-                *_jump(facts, poses, still, rotation, "rotation", "deg", float(np.degrees(1)), 2.0),
+                *_jump(facts, poses, still, rounded, position, "position", "m", 1.0, 0.1),
+                *_jump(facts, poses, still, rounded, rotation, "rotation", "deg", float(np.degrees(1)), 2.0),
                 _stops(facts, poses, still),
-                *_lines(facts, poses),
+                *_lines(facts, poses, rounded),
             ),
         )
 
@@ -96,6 +96,7 @@ def _jump(
     facts: Facts,
     poses: PoseSamples,
     still: NDArray[np.intp],
+    rounded: tuple[Suspect, ...],
     found: tuple[Steps, float],
     name: str,
     unit: str,
@@ -124,6 +125,7 @@ def _jump(
             code=f"pose.continuity.{name}",
             where=place(facts, "pose", int(poses.times_ns[before]), after_ns),
             suspects=(
+                *rounded,
                 Suspect("frozen_frames", "pose", 0.9 if frozen else 0.2),
                 Suspect("teleport", "pose", 0.3 if frozen else 0.9, size if unit == "m" else None, "m",
                         scale * float(errors[row]) if unit == "m" else None),
@@ -145,7 +147,7 @@ def _stops(facts: Facts, poses: PoseSamples, still: NDArray[np.intp]) -> Measure
     )
 
 
-def _lines(facts: Facts, poses: PoseSamples) -> tuple[Measured, ...]:
+def _lines(facts: Facts, poses: PoseSamples, rounded: tuple[Suspect, ...]) -> tuple[Measured, ...]:
     found = interpolation_of(poses)
     if found is None:
         return ()
@@ -164,6 +166,6 @@ def _lines(facts: Facts, poses: PoseSamples) -> tuple[Measured, ...]:
             f"from {lower_hz:.4g} to {own_hz:.4g} Hz.",
             code="pose.continuity.interpolated",
             where=place(facts, "pose", int(poses.times_ns[0]), int(poses.times_ns[-1])),
-            suspects=(Suspect("interpolated_pose", "pose", 0.95, lower_hz, "Hz"),),
+            suspects=(*rounded, Suspect("interpolated_pose", "pose", 0.3 if rounded else 0.95, lower_hz, "Hz")),
         ),
     )

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.motion.defects import frozen_imu, frozen_poses, pose_defects
+from fedora_qa.checks.motion.clues import clues_of
+from fedora_qa.checks.motion.defects import frozen_imu, frozen_poses, pose_defects, stamps_rounded
 from fedora_qa.checks.motion.imu_agreement import (
     Kind,
     Motion,
@@ -89,10 +90,14 @@ def _agreement(
     gross = gross_cause(streams, kind, found)
     if gross is not None:
         return Observation(seen, (disagreement(kind, gross),))
-    defects = pose_defects(streams.poses, facts.declared.pose or PoseModel())
+    defects = (
+        *stamps_rounded(streams.imu.times_ns),
+        *pose_defects(streams.poses, facts.declared.pose or PoseModel()),
+    )
     residual = _residual(found, kind, unit, factor, defects)
     worst = _worst(facts, streams, found, kind, unit, factor, defects)
-    parameters = parameters_measured(kind, f"imu.{kind}", found.parameters, shown, defects) if found.settled else ()
+    stated = found.parameters if found.settled else {}
+    parameters = parameters_measured(kind, f"imu.{kind}", stated, shown, clues_of(facts), defects)
     return Observation(
         seen,
         (residual, worst, *parameters),
@@ -108,7 +113,11 @@ def _course(facts: Facts, streams: Streams, found: InertialFit, factor: float) -
 
 
 def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects: tuple[Suspect, ...]) -> Measured:
-    """State the scatter that is left after the freed parameters. The two streams may share the blame for noise."""
+    """State the scatter that is left after the freed parameters.
+
+    The two streams may share the blame for noise. What is left of another motion is as smooth as that motion.
+    """
+    smooth = max(found.smoothness, 0.0)
     rms, expected = factor * found.rms, factor * found.expected_rms
     return Measured(
         name=f"{kind}_residual",
@@ -124,9 +133,9 @@ def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects:
         where=Where(stream="imu"),
         suspects=(
             *defects,
-            Suspect("noise_misdeclared", "pose", 0.5),
-            Suspect("noise_misdeclared", "imu", 0.5),
-            Suspect("other_sequence", "imu", 0.3),
+            Suspect("noise_misdeclared", "pose", 0.5 * (1 - smooth)),
+            Suspect("noise_misdeclared", "imu", 0.5 * (1 - smooth)),
+            *_other_sequence(smooth),
         ),
     )
 
@@ -154,18 +163,23 @@ def _worst(
         f"{unit}; noise is {factor * worst.sigma:.2g}.",
         code=f"imu.{kind}.worst",
         where=place(facts, "pose", time_ns),
-        suspects=(*_local_suspects(streams, kind, time_ns), *defects),
+        suspects=(*_local_suspects(streams, kind, time_ns, max(found.smoothness, 0.0)), *defects),
     )
 
 
-def _local_suspects(streams: Streams, kind: Kind, time_ns: int) -> tuple[Suspect, ...]:
+def _other_sequence(smooth: float) -> tuple[Suspect, ...]:
+    return tuple(Suspect("other_sequence", stream, 0.8 * smooth) for stream in ("imu", "pose"))
+
+
+def _local_suspects(streams: Streams, kind: Kind, time_ns: int, smooth: float) -> tuple[Suspect, ...]:
     """Causes at one instant: samples that do not move there, else a jump, else lost samples."""
     imu, poses = streams.imu, streams.poses
     reach_ns = 2 * int(np.median(np.diff(poses.times_ns)))
     suspects = [
-        Suspect("teleport", "pose", 0.4 if kind == "translation" else 0.2),
-        Suspect("dropped_samples", "imu", 0.3),
-        Suspect("noise_misdeclared", "pose", 0.3),
+        Suspect("teleport", "pose", (1 - smooth) * (0.4 if kind == "translation" else 0.2)),
+        Suspect("dropped_samples", "imu", (1 - smooth) * 0.3),
+        Suspect("noise_misdeclared", "pose", (1 - smooth) * 0.3),
+        *_other_sequence(smooth),
     ]
     frozen = (("pose", poses.times_ns, frozen_poses(poses)), ("imu", imu.times_ns, frozen_imu(imu)))
     for stream, times_ns, rows in frozen:

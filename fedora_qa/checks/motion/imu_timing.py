@@ -6,6 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from fedora_qa.checks.motion.clues import Clues, clues_of
+from fedora_qa.checks.motion.defects import stamps_rounded
 from fedora_qa.checks.motion.imu_agreement import (
     Kind,
     Motion,
@@ -17,7 +19,7 @@ from fedora_qa.checks.motion.imu_agreement import (
     streams_of,
 )
 from fedora_qa.checks.motion.imu_parameters import TIMING_SHOWN, parameters_measured
-from fedora_qa.checks.protocol import Measured, Notice, Observation, WindowCheck
+from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.grouped_fit import Fitted
 from fedora_qa.sequence.declared import ImuModel
@@ -59,8 +61,9 @@ class Timing(WindowCheck[Motion]):
         fits = _sound_fits(streams)
         if not fits:
             return Observation(seen, unobservable="IMU and pose cannot be compared: see imu.rotation, imu.translation")
-        offset, notices = _without_averaging(_measured(fits, "time_offset"), streams, facts)
-        rates = (_measured(fits, name) for name in ("clock_rate", "pose_clock_rate"))
+        clues, rounded = clues_of(facts), stamps_rounded(streams.imu.times_ns, streams.poses.times_ns)
+        offset, *rates = (_measured(fits, name, clues, rounded) for name in TIMING_SHOWN)
+        offset, notices = (offset, ()) if rounded else _without_averaging(offset, streams, facts)
         return Observation(seen, (offset, *rates), notices)
 
 
@@ -75,7 +78,7 @@ def _sound_fits(streams: Streams) -> dict[Kind, dict[str, Fitted]]:
     return fits
 
 
-def _measured(fits: dict[Kind, dict[str, Fitted]], name: str) -> Measured:
+def _measured(fits: dict[Kind, dict[str, Fitted]], name: str, clues: Clues, besides: tuple[Suspect, ...]) -> Measured:
     """Average a parameter over the comparisons, by their errors; the surest one says what else would explain it."""
     found = {kind: parameters[name] for kind, parameters in fits.items()}
     information = np.array([one.standard_error**-2 for one in found.values()])
@@ -87,7 +90,7 @@ def _measured(fits: dict[Kind, dict[str, Fitted]], name: str) -> Measured:
         standard_error=float(information.sum() ** -0.5),
         model_error=float(shares @ [one.model_error for one in found.values()]),
     )
-    return parameters_measured(surest, "imu.timing", {name: average}, TIMING_SHOWN)[0]
+    return parameters_measured(surest, "imu.timing", {name: average}, TIMING_SHOWN, clues, besides)[0]
 
 
 def _without_averaging(offset: Measured, streams: Streams, facts: Facts) -> tuple[Measured, tuple[Notice, ...]]:
