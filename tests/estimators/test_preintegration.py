@@ -91,7 +91,7 @@ def test_covariance_is_that_of_the_residuals() -> None:
     noise = InertialNoise(gyro_density=0.01, rotation_sigma_rad=0.001, gravity_m_s2=9.81)
     draws = [rotation_rows(sample_motion(noise=noise, duration_s=1.0, seed=seed), noise) for seed in range(40)]
     residuals = np.array([rows.residuals for rows in draws])
-    bands = draws[0].covariance_bands
+    bands = draws[0].covariance_bands[0]
     own = np.mean(residuals**2)
     shared = np.mean(residuals[:, 1:] * residuals[:, :-1])
     # The gyro's share is stated for a spline through free samples; knots that intervals share take up to a tenth.
@@ -102,4 +102,4 @@ def test_covariance_is_that_of_the_residuals() -> None:
 def test_noise_of_the_poses_alone_is_met_exactly() -> None:
     """Pose noise couples neighbours by minus half the variance."""
     rows = rotation_rows(sample_motion(noise=NOISY), NOISY)
-    assert rows.covariance_bands[0, 5] / rows.covariance_bands[1, 5] == pytest.approx(-0.5, abs=1e-2)
+    assert rows.covariance_bands[0, 0, 5] / rows.covariance_bands[0, 1, 5] == pytest.approx(-0.5, abs=1e-2)
