@@ -41,14 +41,39 @@ _FEWEST_POSES: Final = 24
 class Continuity(WindowCheck[PoseSamples]):
     """Does the pose move as a body moves, without jumps, stops or straight lines?
 
-    *Jumps*: at every place, least squares of a polynomial plus a step over the samples around it (a matched filter).
-    Smooth motion of any speed vanishes up to the polynomial's degree; what a degree less by two lets through bounds
-    what is left, locally. The width and degree with the least error on this file are used. Noise is the larger of the
-    declared and the measured. *Stops*: poses equal to the one before in every bit while the body moves. *Straight
-    lines*: curvature that is confined to every n-th pose betrays linear interpolation from a lower rate. Its median
-    off these poses over that at them is 1 for any smooth or noisy motion; it is out of order below 0.2.
+    The largest jump of position (m) and orientation (deg) between two poses, the number of frozen poses, and how evenly
+    curvature is spread over them.
 
-    Cannot see jumps below a few times the noise, interpolation by smooth curves, or interpolation under noise.
+    Why it matters
+    --------------
+    A reset of the simulator or a loop closure moves the body by millimetres within 5 ms: flow and depth warped across
+    it are wrong, velocities are absurd. Poses interpolated from a lower rate miss the motion between their knots.
+
+    How
+    ---
+    *Jumps*: at every place, least squares of a polynomial plus a step over the poses around it, the matched filter of a
+    step. Several widths and degrees are at hand; the one with the least error on this file is used. *Stops*: poses
+    equal to the one before in every bit while the body moves. *Straight lines*: the median curvature off every n-th
+    pose over that at it, n from 2 to 20: 1 for any smooth or noisy motion, near 0 for linear interpolation; out of
+    order below 0.2.
+
+    Noise model
+    -----------
+    White noise of the larger of the declared and the measured sigma (pose.noise), never less than rounded stamps
+    (speed times 0.29 us) and stored digits; the filter's gain turns it into the error of a jump. A polynomial of two
+    degrees less lets more motion through: where the two differ by more than noise can, that is the allowance, locally.
+    Each place and axis is a comparison of its own.
+
+    Cannot see
+    ----------
+    Jumps below about seven times the filter's share of the noise: some 28 mm in poses with 5 mm of noise, 3 um in exact
+    ones. Interpolation by smooth curves, or under noise that hides its kinks (pose.noise sees noise that is then too
+    small or too large). A jump that is spread over many poses.
+
+    Sources
+    -------
+    G. Turin, An introduction to matched filters, IRE Trans. IT-6 (1960) 311; first principles in
+    ``fedora_qa/estimators/local_motion.py``.
     """
 
     name = "pose.continuity"
