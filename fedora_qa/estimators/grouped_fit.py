@@ -114,12 +114,12 @@ def block_equations(
     jacobians
         (n, 3, P + Q): ``residuals = jacobians @ unknowns + noise``; the stretch's own nuisances come last.
     covariance_bands
-        (u + 1, n) covariance of the noise over rows, alike on each axis, in the upper form of
+        (3, u + 1, n) covariance of the noise over rows on each axis, in the upper form of
         ``scipy.linalg.solveh_banded``.
     """
-    count, columns = len(residuals), jacobians.shape[-1]
+    columns = jacobians.shape[-1]
     stacked = np.concatenate((jacobians, residuals[..., None], model_errors[..., None]), axis=-1)
-    whitened = solveh_banded(covariance_bands, stacked.reshape(count, -1)).reshape(stacked.shape)
+    whitened = np.stack([solveh_banded(bands, stacked[:, axis]) for axis, bands in enumerate(covariance_bands)], axis=1)
     gram = np.einsum("nai,naj->ij", stacked, whitened)
     return BlockEquations(
         normal=gram[:columns, :columns],

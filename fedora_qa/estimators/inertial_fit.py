@@ -22,6 +22,9 @@ _MOST_ITERATIONS: Final = 12
 _REACH: Final = 0.5
 """Share of its largest conceivable value beyond which a parameter is no longer followed."""
 
+_LEAST_WALK_S: Final = 1e-3
+"""Keeps the prior of stretches of hardly any length invertible."""
+
 _COURSE_POINTS: Final = 1000
 _OUTLIER: Final = 8.0
 _MOST_OUTLIERS: Final = 0.1
@@ -55,6 +58,8 @@ class InertialFit:
         Of the residuals after the freed parameters: measured, expected of noise, and the standard error of the former.
     model_rms
         Root mean square of the known error of the model.
+    smoothness
+        Correlation of neighbouring residuals: that of noise is not positive, that of another motion is near 1.
     rows, outliers
         How many comparisons were made, and how many lie so far out that they were left out of the fit.
     worst
@@ -71,6 +76,7 @@ class InertialFit:
     expected_rms: float
     rms_error: float
     model_rms: float
+    smoothness: float
     rows: int
     outliers: int
     worst: WorstRow
@@ -138,7 +144,7 @@ def _stretches(
 ) -> list[Rows]:
     times_s = samples.pose_times_s
     found = []
-    for block in blocks_of(times_s):
+    for block in blocks_of(times_s, noise.shortest_stretch_s):
         first_s, last_s = times_s[block.start], times_s[block.stop - 1]
         near = samples.between(first_s - _MARGIN_S, last_s + _MARGIN_S)
         if len(near.imu_times_s) < _FEWEST_ROWS or len(near.pose_times_s) < 3:
@@ -186,22 +192,22 @@ def _fit(
 
 
 def _walk_covariance(stretches: list[Rows], bias_walk: float) -> Float64:
-    """Covariance (B, B) of a random walk from zero between the middles of stretches.
+    """Covariance (B, B) of what a random walk from zero adds to stretches.
 
-    Within a stretch the walk strays from its value in the middle; its mean square there, the mean distance from the
-    middle, a quarter of the length, is added as if it were independent.
+    Between stretches that is the walk's own, the time to the middle of the earlier one. The mean over a stretch of
+    length L varies by L/6 less than its middle does; the walk strays from that mean by L/6 in the mean square. Both
+    disturb a fit, and together they are the time to the middle.
     """
-    middles_s = np.array([rows.times_s.mean() for rows in stretches])
-    lengths_s = np.array([np.ptp(rows.times_s) for rows in stretches])
+    middles_s = np.maximum([rows.times_s.mean() for rows in stretches], 0.0)
     shared_s = np.minimum(middles_s[:, None], middles_s)
-    covariance: Float64 = bias_walk**2 * (np.maximum(shared_s, 0.0) + np.diag(lengths_s / 4 + 1e-3))
+    covariance: Float64 = bias_walk**2 * (shared_s + _LEAST_WALK_S * np.eye(len(stretches)))
     return covariance
 
 
 def _deviations(rows: Rows, values: Float64) -> Float64:
     """Return (n,) the largest of the three residuals of each row, in units of its sigma."""
     left = rows.residuals - rows.jacobians @ values
-    largest: Float64 = np.abs(left).max(axis=-1) / rows.sigmas
+    largest: Float64 = (np.abs(left) / rows.sigmas).max(axis=-1)
     return largest
 
 
@@ -229,6 +235,7 @@ def _summarise(
         expected_rms=expected,
         rms_error=_error_of_rms(expected, sigmas),
         model_rms=float(np.sqrt(np.mean(np.square(np.concatenate([rows.model_errors for rows in stretches]))))),
+        smoothness=_smoothness(left),
         rows=sum(map(len, stretches)),
         outliers=sum(int(np.count_nonzero(~keep)) for keep in kept),
         worst=_worst(stretches, left),
@@ -243,7 +250,13 @@ def _error_of_rms(expected: float, sigmas: Float64) -> float:
     times that of independent ones.
     """
     weights = np.square(sigmas) / np.mean(np.square(sigmas))
-    return float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (6 * len(sigmas))))
+    return float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (2 * sigmas.size)))
+
+
+def _smoothness(left: list[Float64]) -> float:
+    products = sum(float(np.sum(residuals[1:] * residuals[:-1])) for residuals in left)
+    squares = sum(float(np.sum(np.square(residuals))) for residuals in left)
+    return products / squares if squares > 0 else 0.0
 
 
 def _course(stretches: list[Rows], left: list[Float64]) -> Float64:
@@ -257,12 +270,12 @@ def _course(stretches: list[Rows], left: list[Float64]) -> Float64:
 def _worst(stretches: list[Rows], left: list[Float64]) -> WorstRow:
     found = []
     for rows, residuals in zip(stretches, left, strict=True):
-        row, axis = np.unravel_index(np.argmax(np.abs(residuals) / rows.sigmas[:, None]), residuals.shape)
+        row, axis = np.unravel_index(np.argmax(np.abs(residuals) / rows.sigmas), residuals.shape)
         found.append(
             WorstRow(
                 time_s=float(rows.times_s[row]),
                 value=float(residuals[row, axis]),
-                sigma=float(rows.sigmas[row]),
+                sigma=float(rows.sigmas[row, axis]),
                 model_error=float(np.abs(rows.model_errors[row]).max()),
             )
         )

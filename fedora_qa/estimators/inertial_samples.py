@@ -23,7 +23,9 @@ RICHARDSON: Final = 15.0
 _WIDEST_STEP: Final = 2.5
 """Steps of the IMU wider than so many median steps are gaps: a spline across them is a guess."""
 
-_BLOCK_S: Final = (0.5, 5.0)
+_SHORTEST_S: Final = 0.5
+_SHORTEST_IN_NOISE_S: Final = 2.0
+_LONGEST_S: Final = 5.0
 _BLOCKS: Final = 8
 
 
@@ -52,6 +54,16 @@ class InertialNoise:
         Noisy derivatives would bias a fit towards 0. The average bends them by (w s)^2/24, 0.6% at 3 Hz.
         """
         return _SMOOTHING_S if max(self.gyro_density, self.accel_density) > 0 else 0.0
+
+    @property
+    def shortest_stretch_s(self) -> float:
+        """Least length of the stretches that a sequence is cut into.
+
+        Neighbouring rows share the noise of a pose, and a cut forgets that: alone, a stretch of length T tells a bias
+        of the accelerometer to ``27 sigma / (T^2 sqrt(n))`` of its n positions (the quadratic term of a least-squares
+        parabola). Without such noise many short stretches are better: the spread over them is told best.
+        """
+        return _SHORTEST_IN_NOISE_S if max(self.position_sigma_m, self.rotation_sigma_rad) > 0 else _SHORTEST_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +128,7 @@ class Rows:
     jacobians, bias_jacobians
         (n, 3, P) and (n, 3, 3): derivatives of the residuals by the parameters and by a bias of the sensor.
     covariance_bands
-        (u + 1, n), alike on each axis, in the upper form of ``scipy.linalg.solveh_banded``.
+        (3, u + 1, n) for each axis, in the upper form of ``scipy.linalg.solveh_banded``; axes are independent.
     """
 
     poses: NDArray[np.intp]
@@ -133,18 +145,18 @@ class Rows:
 
     @property
     def sigmas(self) -> Float64:
-        """Return (n,) the standard deviation of each residual, each axis."""
-        sigmas: Float64 = np.sqrt(self.covariance_bands[-1])
+        """Return (n, 3) the standard deviation of each residual."""
+        sigmas: Float64 = np.sqrt(self.covariance_bands[:, -1].T)
         return sigmas
 
     def select(self, rows: NDArray[np.bool_]) -> "Rows":
         """Return some rows. Covariances across what is left out are taken for zero."""
-        bands = self.covariance_bands[:, rows].copy()
-        upper = len(bands) - 1
+        bands = self.covariance_bands[:, :, rows].copy()
+        upper = bands.shape[1] - 1
         kept = np.flatnonzero(rows)
         for lag in range(1, upper + 1):
             torn = kept[lag:] - kept[:-lag] != lag if len(kept) > lag else np.empty(0, np.bool_)
-            bands[upper - lag, lag:][torn] = 0.0
+            bands[:, upper - lag, lag:][:, torn] = 0.0
         return Rows(
             self.poses[rows], self.times_s[rows], self.spans_s[rows], self.residuals[rows], self.model_errors[rows],
             self.jacobians[rows], self.bias_jacobians[rows], bands,
@@ -162,12 +174,12 @@ def covered(imu_times_s: Float64, starts_s: Float64, stops_s: Float64) -> NDArra
     return free
 
 
-def blocks_of(times_s: Float64) -> list[slice]:
-    """Cut rows into stretches: eight, but none shorter than half a second or longer than five."""
+def blocks_of(times_s: Float64, shortest_s: float) -> list[slice]:
+    """Cut rows into stretches: eight, but none much shorter than a length or longer than five seconds."""
     if not len(times_s):
         return []
     span_s = float(times_s[-1] - times_s[0])
-    count = max(1, round(span_s / float(np.clip(span_s / _BLOCKS, *_BLOCK_S))))
+    count = max(1, round(span_s / float(np.clip(span_s / _BLOCKS, shortest_s, _LONGEST_S))))
     edges = np.searchsorted(times_s, times_s[0] + span_s * np.arange(1, count) / count)
     bounds = np.unique(np.concatenate(([0], edges, [len(times_s)])))
     return [slice(int(a), int(b)) for a, b in pairwise(bounds)]

@@ -79,8 +79,10 @@ def without_rotation_faults(samples: InertialSamples, at: Float64) -> InertialSa
 def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     """Compare the gyro with consecutive poses.
 
-    The residual of an interval is ``Log(increment^-1 q_k^-1 q_k+1)``, rad, in the body's frame at its end. Its
-    covariance holds pose noise, which neighbours share with opposite sign, the gyro's white noise, and rounded stamps.
+    The residual of an interval is ``R_k+1 Log(increment^-1 q_k^-1 q_k+1)``, rad, in the world. There it is the
+    difference ``R_k+1 n_k+1 - R_k n_k`` of the poses' own errors n, whatever the body turned between: neighbours share
+    one with opposite sign, and over a long time all but the first and last cancel. In the body's frame they would not.
+    Its covariance holds them, the gyro's white noise, and rounded stamps.
     """
     imu_times_s, gyro = samples.imu_times_s, samples.angular_velocities_body_rad_s
     starts_s, stops_s = samples.pose_times_s[:-1], samples.pose_times_s[1:]
@@ -92,13 +94,17 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     sparse = every_second(len(imu_times_s))
     coarse = rotation_increments(imu_times_s[sparse], gyro[sparse], starts_s, stops_s, substeps=substeps // 2)
     by_pose = so3.compose(so3.inverse(samples.orientations_xyzw[:-1]), samples.orientations_xyzw[1:])
-    jacobians = _jacobians(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s), starts_s, stops_s)
+    R_world_end = so3.matrices_from_quaternions(samples.orientations_xyzw[poses + 1])
+    seen_from_end = _jacobians(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s), starts_s, stops_s)
+    residuals = so3.log_quaternion(so3.compose(so3.inverse(fine), by_pose[poses]))
+    model_errors = so3.log_quaternion(so3.compose(so3.inverse(coarse), fine)) / RICHARDSON
+    jacobians = R_world_end @ seen_from_end
     return Rows(
         poses=poses,
         times_s=starts_s,
         spans_s=stops_s - starts_s,
-        residuals=so3.log_quaternion(so3.compose(so3.inverse(fine), by_pose[poses])),
-        model_errors=so3.log_quaternion(so3.compose(so3.inverse(coarse), fine)) / RICHARDSON,
+        residuals=np.einsum("nij,nj->ni", R_world_end, residuals),
+        model_errors=np.einsum("nij,nj->ni", R_world_end, model_errors),
         jacobians=jacobians,
         bias_jacobians=jacobians[..., 3:6],
         covariance_bands=_covariance(samples.pose_times_s, by_pose, noise, poses),
@@ -134,6 +140,7 @@ def _jacobians(imu_times_s: Float64, gyro: Float64, starts_s: Float64, stops_s: 
 
 
 def _covariance(times_s: Float64, by_pose: Float64, noise: InertialNoise, poses: NDArray[np.intp]) -> Float64:
+    """Return the bands (3, 2, n), alike on each axis: every source of noise here is isotropic."""
     steps_s = np.diff(times_s)
     rates = np.linalg.norm(so3.log_quaternion(by_pose), axis=-1) / steps_s
     rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
@@ -143,7 +150,7 @@ def _covariance(times_s: Float64, by_pose: Float64, noise: InertialNoise, poses:
     own = variances[poses] + variances[poses + 1] + noise.gyro_density**2 * steps_s[poses]
     shared = np.zeros(len(poses))
     shared[1:] = np.where(np.diff(poses) == 1, -variances[poses[1:]], 0.0)
-    return np.array([shared, own])
+    return np.tile(np.array([shared, own]), (3, 1, 1))
 
 
 def _widest_s(steps_s: Float64) -> float:

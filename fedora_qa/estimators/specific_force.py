@@ -75,7 +75,7 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
         model_errors=_model_errors(samples, noise.gravity_m_s2, by_force[..., 0], poses),
         jacobians=by_force[..., 1:],
         bias_jacobians=by_force[..., 4:7],
-        covariance_bands=_covariance(samples, noise, poses),
+        covariance_bands=_covariance(samples, noise, poses, _turned_squared(accelerations[known], noise)),
     )
 
 
@@ -147,26 +147,40 @@ def _model_errors(samples: InertialSamples, gravity_m_s2: float, fine: Float64, 
     return (_second_differences(samples.pose_times_s, coarse, poses) - fine) / RICHARDSON
 
 
-def _covariance(samples: InertialSamples, noise: InertialNoise, poses: NDArray[np.intp]) -> Float64:
-    """Return the bands (3, n): position noise through 1/T, -2/T, 1/T, and white acceleration through a triangle."""
+def _turned_squared(accelerations: Float64, noise: InertialNoise) -> Float64:
+    """Return (3,) mean squares of the acceleration, on each axis of the world, that noisy orientations make of force.
+
+    An orientation off by e turns the force f by ``e x f``: with e of sigma on each axis the variance along i is
+    ``sigma^2 (|f|^2 - f_i^2)``. So gravity, being vertical, disturbs the level axes only.
+    """
+    upward = np.array([0.0, 0.0, noise.gravity_m_s2])
+    squares = np.mean(np.square(accelerations + upward), axis=0)
+    turned: Float64 = noise.rotation_sigma_rad**2 * (squares.sum() - squares)
+    return turned
+
+
+def _covariance(
+    samples: InertialSamples, noise: InertialNoise, poses: NDArray[np.intp], turned_squared: Float64
+) -> Float64:
+    """Return the bands (3, 3, n): position noise through 1/T, -2/T, 1/T, and white acceleration through a triangle.
+
+    Errors of orientations are constant over a step of the poses, so their density is their mean square times the step.
+    """
     times_s, positions_m = samples.pose_times_s, samples.positions_world_m
     steps_s = np.diff(times_s)
     speeds = np.linalg.norm(np.gradient(positions_m, times_s, axis=0), axis=-1)
     rounding_m = _ROUNDING * np.spacing(np.maximum(np.abs(positions_m).max(axis=-1), 1e-3))
     variances = noise.position_sigma_m**2 + stamp_scatter(speeds) ** 2 + rounding_m**2 + noise.position_rounding_m**2
-    force = float(np.median(np.linalg.norm(samples.specific_forces_body_m_s2, axis=-1)))
-    turned_density_squared = (force * noise.rotation_sigma_rad) ** 2 * float(np.median(steps_s))
-    density_squared = noise.accel_density**2 + turned_density_squared
+    density_squared = (noise.accel_density**2 + turned_squared * float(np.median(steps_s)))[:, None]
     before, after = 1 / steps_s[poses - 1], 1 / steps_s[poses]
     middle = -(before + after)
-    bands = np.zeros((3, len(poses)))
-    bands[2] = before**2 * variances[poses - 1] + middle**2 * variances[poses] + after**2 * variances[poses + 1]
-    bands[2] += density_squared * (steps_s[poses - 1] + steps_s[poses]) / 3
+    bands = np.zeros((3, 3, len(poses)))
+    bands[:, 2] = before**2 * variances[poses - 1] + middle**2 * variances[poses] + after**2 * variances[poses + 1]
+    bands[:, 2] += density_squared * (steps_s[poses - 1] + steps_s[poses]) / 3
     left, right = poses[:-1], poses[1:]
     neighbours = middle[:-1] * before[1:] * variances[left] + after[:-1] * middle[1:] * variances[right]
-    neighbours += density_squared * steps_s[left] / 6
-    bands[1, 1:] = np.where(right - left == 1, neighbours, 0.0)
-    bands[0, 2:] = np.where(poses[2:] - poses[:-2] == 2, after[:-2] * before[2:] * variances[poses[:-2] + 1], 0.0)
+    bands[:, 1, 1:] = np.where(right - left == 1, neighbours + density_squared * steps_s[left] / 6, 0.0)
+    bands[:, 0, 2:] = np.where(poses[2:] - poses[:-2] == 2, after[:-2] * before[2:] * variances[poses[:-2] + 1], 0.0)
     return bands
 
 
@@ -174,5 +188,5 @@ def _no_rows() -> Rows:
     columns = len(TRANSLATION_PARAMETERS.names)
     return Rows(
         np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((0, 3)), np.empty((0, 3)),
-        np.empty((0, 3, columns)), np.empty((0, 3, 3)), np.empty((3, 0)),
+        np.empty((0, 3, columns)), np.empty((0, 3, 3)), np.empty((3, 3, 0)),
     )  # fmt: skip

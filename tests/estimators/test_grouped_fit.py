@@ -18,6 +18,11 @@ def banded(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return bands, dense
 
 
+def alike(bands: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same bands on each of three axes."""
+    return np.tile(bands, (3, 1, 1))
+
+
 def rows(values: NDArray[np.float64], seed: int, count: int = 60) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Jacobians, and residuals with noise of the banded covariance."""
     random = np.random.default_rng(seed)
@@ -30,7 +35,7 @@ def blocks(values: NDArray[np.float64], number: int = 8, first_seed: int = 0) ->
     made = []
     for seed in range(first_seed, first_seed + number):
         jacobians, residuals = rows(values, seed)
-        made.append(block_equations(residuals, jacobians, banded(60)[0], np.zeros_like(residuals)))
+        made.append(block_equations(residuals, jacobians, alike(banded(60)[0]), np.zeros_like(residuals)))
     return made
 
 
@@ -88,7 +93,7 @@ def test_excess_noise_widens_the_errors_and_frees_nothing() -> None:
     loud_blocks = []
     for seed in range(8):
         jacobians, residuals = rows(AT_ZERO, seed)
-        loud_blocks.append(block_equations(5 * residuals, jacobians, banded(60)[0], np.zeros_like(residuals)))
+        loud_blocks.append(block_equations(5 * residuals, jacobians, alike(banded(60)[0]), np.zeros_like(residuals)))
     loud = GroupedFit(loud_blocks, PARAMETERS, AT_ZERO)
     assert loud.free == ()
     assert loud.misfit == pytest.approx(5, rel=0.1)
@@ -101,7 +106,7 @@ def test_what_the_data_do_not_show_is_as_uncertain_as_it_can_be() -> None:
     jacobians, residuals = rows(AT_ZERO, 0)
     jacobians[..., 0] = 0.0
     fit = GroupedFit(
-        [block_equations(residuals, jacobians, banded(60)[0], np.zeros_like(residuals))], PARAMETERS, AT_ZERO
+        [block_equations(residuals, jacobians, alike(banded(60)[0]), np.zeros_like(residuals))], PARAMETERS, AT_ZERO
     )
     assert fit.fitted()["offset"].standard_error == pytest.approx(1e3, rel=0.2)
 
@@ -111,7 +116,7 @@ def test_known_error_of_the_model_is_carried_to_the_parameters() -> None:
     made = []
     for seed in range(4):
         jacobians, residuals = rows(AT_ZERO, seed)
-        made.append(block_equations(residuals, jacobians, banded(60)[0], 0.01 * jacobians[..., 0]))
+        made.append(block_equations(residuals, jacobians, alike(banded(60)[0]), 0.01 * jacobians[..., 0]))
     assert GroupedFit(made, PARAMETERS, AT_ZERO).fitted()["offset"].model_error == pytest.approx(0.01, rel=1e-6)
 
 
@@ -126,7 +131,7 @@ def test_nuisances_are_eliminated_as_in_a_joint_solution() -> None:
     for place in range(number):
         jacobians, residuals = rows(AT_ZERO, place)
         nuisance = random.standard_normal((60, 3, 1))
-        made.append(block_equations(residuals, np.concatenate((jacobians, nuisance), axis=-1), banded(60)[0],
+        made.append(block_equations(residuals, np.concatenate((jacobians, nuisance), axis=-1), alike(banded(60)[0]),
                                     np.zeros_like(residuals)))  # fmt: skip
         unknowns = [*range(4), 4 + place]
         for axis in range(3):

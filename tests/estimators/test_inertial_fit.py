@@ -159,7 +159,7 @@ def test_hovering_cannot_show_a_lever_arm_under_noise() -> None:
     """The error of what the motion does not show is far larger than where the body turns."""
     still = fitted(TRANSLATION, sample_motion(HOVER, NOISY), NOISY).parameters["lever_x"]
     moving = fitted(TRANSLATION, sample_motion(RESTLESS, NOISY), NOISY).parameters["lever_x"]
-    assert still.standard_error > 0.2
+    assert still.standard_error > 0.07
     assert moving.standard_error < 0.1 * still.standard_error
 
 

@@ -12,7 +12,7 @@ def rows_of(count: int) -> Rows:
     zeros = np.zeros((count, 3))
     bands = np.array([np.full(count, 1.0), np.full(count, -4.0), np.full(count, 6.0)])
     return Rows(np.arange(count), np.arange(count) * 0.005, np.full(count, 0.005), zeros, zeros,
-                np.zeros((count, 3, 2)), np.zeros((count, 3, 3)), bands)  # fmt: skip
+                np.zeros((count, 3, 2)), np.zeros((count, 3, 3)), np.tile(bands, (3, 1, 1)))  # fmt: skip
 
 
 def test_intervals_outside_or_across_a_gap_are_not_covered() -> None:
@@ -23,20 +23,21 @@ def test_intervals_outside_or_across_a_gap_are_not_covered() -> None:
     assert covered(imu_s, starts, stops).tolist() == [False, True, True, False, False, True, False]
 
 
-@given(st.floats(0.05, 300.0), st.integers(2, 400))
-def test_blocks_cut_rows_without_loss(span_s: float, count: int) -> None:
-    """Every row lies in just one stretch, and none of them is shorter than half a second but for a whole that is."""
+@given(st.floats(0.05, 300.0), st.integers(2, 400), st.sampled_from([0.5, 2.0]))
+def test_blocks_cut_rows_without_loss(span_s: float, count: int, shortest_s: float) -> None:
+    """Every row lies in just one stretch; there are eight, or as many as the least and greatest length allow."""
     times_s = np.linspace(3.0, 3.0 + span_s, count)
-    blocks = blocks_of(times_s)
+    blocks = blocks_of(times_s, shortest_s)
     assert [row for block in blocks for row in range(block.start, block.stop)] == list(range(count))
-    assert len(blocks) <= max(1, round(span_s / min(max(span_s / 8, 0.5), 5.0)))
+    assert len(blocks) <= max(1, round(span_s / min(max(span_s / 8, shortest_s), 5.0)))
 
 
 def test_rows_left_out_tear_the_covariance() -> None:
     """Rows that become neighbours because one between them is left out share no noise."""
     keep = np.ones(6, dtype=bool)
     keep[3] = False
-    bands = rows_of(6).select(keep).covariance_bands
+    (bands, *others) = rows_of(6).select(keep).covariance_bands
+    assert all(np.array_equal(bands, other) for other in others)
     assert bands[2].tolist() == [6.0] * 5
     assert bands[1, 1:].tolist() == [-4.0, -4.0, 0.0, -4.0]  # 0-1, 1-2, 2-4, 4-5
     assert bands[0, 2:].tolist() == [1.0, 0.0, 0.0]  # 0-2, 1-4, 2-5

@@ -9,7 +9,7 @@ from fedora_qa.estimators.specific_force import (
     translation_rows,
     without_translation_faults,
 )
-from tests.support.motion_world import EXACT, GRAVITY_M_S2, sample_motion
+from tests.support.motion_world import EXACT, GRAVITY_M_S2, HOVER, sample_motion
 
 
 def test_exact_samples_leave_no_residual() -> None:
@@ -49,7 +49,7 @@ def test_covariance_of_position_noise_is_that_of_second_differences() -> None:
     """For even stamps the bands are sigma^2 / T^2 times 6, -4 and 1, the autocorrelation of 1, -2, 1."""
     noise = InertialNoise(position_sigma_m=0.01, gravity_m_s2=GRAVITY_M_S2)
     bands = translation_rows(sample_motion(), noise).covariance_bands / (0.01 / 0.005) ** 2
-    np.testing.assert_allclose(bands[:, 10], [1.0, -4.0, 6.0], rtol=1e-6)
+    np.testing.assert_allclose(bands[:, :, 10], np.tile([1.0, -4.0, 6.0], (3, 1)), rtol=1e-6)
 
 
 def test_covariance_is_that_of_the_residuals() -> None:
@@ -57,7 +57,20 @@ def test_covariance_is_that_of_the_residuals() -> None:
     noise = InertialNoise(accel_density=0.05, position_sigma_m=1e-5, gravity_m_s2=GRAVITY_M_S2)
     draws = [translation_rows(sample_motion(noise=noise, duration_s=1.0, seed=seed), noise) for seed in range(40)]
     residuals = np.array([rows.residuals for rows in draws])
-    bands = draws[0].covariance_bands
+    bands = draws[0].covariance_bands[0]
     for lag in range(3):
         found = np.mean(residuals[:, lag:] * residuals[:, : residuals.shape[1] - lag])
         assert found == pytest.approx(bands[2 - lag, lag:].mean(), rel=0.06, abs=0.03 * bands[2].mean())
+
+
+def test_noisy_orientations_disturb_across_gravity_only() -> None:
+    """Errors of the attitude turn specific force: near hover that is met level, and nothing upright."""
+    noise = InertialNoise(rotation_sigma_rad=0.001, gravity_m_s2=GRAVITY_M_S2)
+    draws = [translation_rows(sample_motion(HOVER, noise, duration_s=1.0, seed=seed), noise) for seed in range(30)]
+    # Sums of neighbours hold what averages do not take away: the density, which is all that a fit sees.
+    sums = np.array([rows.residuals[10:-10].sum(axis=0) for rows in draws])
+    bands = draws[0].covariance_bands[:, :, 10:-10]
+    expected = bands[:, 2].sum(axis=-1) + 2 * bands[:, 1].sum(axis=-1)
+    assert np.mean(sums[:, :2] ** 2) == pytest.approx(expected[:2].mean(), rel=0.4)
+    assert np.sqrt(np.mean(sums[:, 2] ** 2)) < 0.05 * np.sqrt(expected[0])
+    assert expected[2] < 0.01 * expected[0]

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.motion.samples import imu_roundings, measured_pose_sigmas, stored_resolution
 from fedora_qa.checks.protocol import Suspect
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.local_motion import Interpolation, Vectors, find_interpolation, unmoved
+from fedora_qa.estimators.rounded_stamps import rounding_grid_ns
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.window import ImuSamples, PoseSamples
 
@@ -16,6 +17,7 @@ LEAST_EVENNESS: Final = 0.2
 """Curvature of a smooth motion does not change fivefold within a step, nor does the median of noise."""
 
 _NOISIER: Final = 1.2
+_NS_PER_MS: Final = 1e6
 
 
 def interpolation_of(poses: PoseSamples) -> Interpolation | None:
@@ -47,8 +49,23 @@ def frozen_imu(imu: ImuSamples) -> NDArray[np.intp]:
     return unmoved(imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2, roundings=imu_roundings(imu))
 
 
+def stamps_rounded(
+    imu_times_ns: NDArray[np.int64] | None = None, pose_times_ns: NDArray[np.int64] | None = None
+) -> tuple[Suspect, ...]:
+    """Name the streams whose stamps lie on a coarse grid: all that is computed from them is disturbed."""
+    grids = (
+        (stream, rounding_grid_ns(times_ns, resolution_ns=NS_PER_US))
+        for stream, times_ns in (("imu", imu_times_ns), ("pose", pose_times_ns))
+        if times_ns is not None
+    )
+    return tuple(Suspect("quantised_time", stream, 0.95, grid / _NS_PER_MS, "ms") for stream, grid in grids if grid)
+
+
 def pose_defects(poses: PoseSamples, model: PoseModel) -> tuple[Suspect, ...]:
     """Name what is wrong with the poses themselves and may show in all that is computed from them."""
+    rounded = stamps_rounded(pose_times_ns=poses.times_ns)
+    if rounded:
+        return rounded
     suspects = []
     found = interpolation_of(poses)
     if found is not None and is_interpolated(found):

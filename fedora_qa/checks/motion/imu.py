@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.motion.defects import frozen_imu, frozen_poses, pose_defects
+from fedora_qa.checks.motion.clues import clues_of
+from fedora_qa.checks.motion.defects import frozen_imu, frozen_poses, pose_defects, stamps_rounded
 from fedora_qa.checks.motion.imu_agreement import (
     Kind,
     Motion,
@@ -31,14 +32,39 @@ from fedora_qa.sequence.window import Window
 class Rotation(WindowCheck[Motion]):
     """Does the gyro, integrated, give the rotation between poses?
 
-    Increments between consecutive poses from a cubic spline through the gyro with coning, against the poses' own.
-    Residuals are whitened with the declared noise (pose noise couples neighbours) and a microsecond's rounding of
-    stamps. Bias, axes, gain and the clock are fitted; each is freed only where it explains the residuals far beyond
-    chance, all others are tested alone. Errors are formal ones, widened by the misfit and by the spread over stretches.
-    Biases may walk from zero as declared. Where the streams disagree grossly, readings with exchanged axes, degrees,
-    and other orders of the quaternion are tried instead.
+    The scatter of rotation residuals between neighbouring poses (mrad), the worst of them, and the gyro's bias (rad/s),
+    misalignment (deg) and gain (percent), each with its error. Where the two streams disagree grossly: by how much, and
+    which reading reconciles them.
 
-    Cannot see faults that gyro and pose share, or turns about an axis about which the body never turns.
+    Why it matters
+    --------------
+    Gyro and pose are one motion told twice. Whoever integrates the one between the other's samples inherits every
+    difference: a bias of 0.01 rad/s is 10 deg after 17 s.
+
+    How
+    ---
+    Increments from the integral of a cubic spline through the gyro plus the coning term of each substep, against
+    q_k^-1 q_k+1; residuals in the world's axes. Gross readings first: exchanged axes, degrees, other orders of the
+    quaternion are tried where the fit does not settle. Then weighted least squares over the whole sequence, iterated in
+    the stamps; a group of parameters (bias, axes, gain, clocks) is freed only where it explains the residuals far
+    beyond chance, and every other is tested alone beside those. Rows far out are left out of the fit, and stated.
+
+    Noise model
+    -----------
+    Pose noise as declared, which neighbours share with opposite sign, the gyro's white noise, stamps rounded to a
+    microsecond (0.29 us times the rate), stored digits; a declared walk of the bias as one unknown a stretch. Errors
+    are formal ones, scaled by a misfit above 1, widened where the spread over stretches exceeds them. Allowed for is
+    the integration's own error, from every second sample (Richardson: fourth order, a fifteenth of the difference).
+
+    Cannot see
+    ----------
+    Faults that gyro and pose share; misalignment about an axis about which the body never turns; drops of samples whose
+    stamps went with them (clocks.gaps).
+
+    Sources
+    -------
+    J. Bortz, IEEE Trans. AES 7 (1971) 61; P. Savage, J. Guidance 21 (1998) 19; C. Forster et al., On-manifold
+    preintegration, IEEE Trans. Robotics 33 (2017) 1; ``fedora_qa/estimators/preintegration.py``, ``grouped_fit.py``.
     """
 
     name = "imu.rotation"
@@ -56,12 +82,38 @@ class Rotation(WindowCheck[Motion]):
 class Translation(WindowCheck[Motion]):
     """Does the specific force, integrated twice with gravity, give the path of the poses?
 
-    Second differences of consecutive positions against the double integral of ``R f + g``, R interpolated between the
-    poses: the gyro has no part in it. Whitening, fit and errors as in imu.rotation; fitted are the accelerometer's
-    bias, gravity's size and slope, the lever arm between IMU and poses, and the clock. In level flight gravity and
-    bias along Z are one and the same to these streams: both are then named.
+    The scatter of the residuals of neighbouring second differences (m/s), the worst of them, and the accelerometer's
+    bias (m/s^2), the size and slope of gravity (m/s^2), and the lever arm between IMU and poses (m), each with its
+    error. Where the two streams disagree grossly: by how much, and which reading reconciles them.
 
-    Cannot see what stays below position noise over the time that it takes to average it.
+    Why it matters
+    --------------
+    Specific force with gravity of another size, or none, or of another sign, passes every test of the stream alone and
+    ruins every filter. Lever arms of centimetres are forgotten easily, and look like timing in turns.
+
+    How
+    ---
+    Second differences of consecutive positions against the double integral of ``R f + g``, R interpolated between the
+    poses: no velocity is needed, and the gyro has no part in it. Gross readings and fit as in imu.rotation. In level
+    flight gravity and bias along Z are one and the same to these streams: both are then named. Whether the sensor's
+    gravity or the declared one is odd is told by which of the two is a number in use (9.8, 9.80665, 9.81 ...).
+
+    Noise model
+    -----------
+    Position noise as declared, which three neighbours share (1, -2, 1); white noise of the accelerometer; noisy
+    orientations, which turn the force and so disturb across it only; rounded stamps (0.29 us times the speed), stored
+    digits; a declared walk of the bias as one unknown a stretch. Errors and the integration's allowance as in
+    imu.rotation.
+
+    Cannot see
+    ----------
+    What stays below position noise over the time that it takes to average it; a lever arm where the body does not turn;
+    whether IMU or poses are off the body's origin.
+
+    Sources
+    -------
+    First principles: ``fedora_qa/estimators/specific_force.py``; C. Forster et al., IEEE Trans. Robotics 33 (2017) 1,
+    section VI, for the integrals of which these are differences.
     """
 
     name = "imu.translation"
@@ -89,10 +141,14 @@ def _agreement(
     gross = gross_cause(streams, kind, found)
     if gross is not None:
         return Observation(seen, (disagreement(kind, gross),))
-    defects = pose_defects(streams.poses, facts.declared.pose or PoseModel())
+    defects = (
+        *stamps_rounded(streams.imu.times_ns),
+        *pose_defects(streams.poses, facts.declared.pose or PoseModel()),
+    )
     residual = _residual(found, kind, unit, factor, defects)
     worst = _worst(facts, streams, found, kind, unit, factor, defects)
-    parameters = parameters_measured(kind, f"imu.{kind}", found.parameters, shown, defects) if found.settled else ()
+    stated = found.parameters if found.settled else {}
+    parameters = parameters_measured(kind, f"imu.{kind}", stated, shown, clues_of(facts), defects)
     return Observation(
         seen,
         (residual, worst, *parameters),
@@ -108,7 +164,11 @@ def _course(facts: Facts, streams: Streams, found: InertialFit, factor: float) -
 
 
 def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects: tuple[Suspect, ...]) -> Measured:
-    """State the scatter that is left after the freed parameters. The two streams may share the blame for noise."""
+    """State the scatter that is left after the freed parameters.
+
+    The two streams may share the blame for noise. What is left of another motion is as smooth as that motion.
+    """
+    smooth = max(found.smoothness, 0.0)
     rms, expected = factor * found.rms, factor * found.expected_rms
     return Measured(
         name=f"{kind}_residual",
@@ -124,9 +184,9 @@ def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects:
         where=Where(stream="imu"),
         suspects=(
             *defects,
-            Suspect("noise_misdeclared", "pose", 0.5),
-            Suspect("noise_misdeclared", "imu", 0.5),
-            Suspect("other_sequence", "imu", 0.3),
+            Suspect("noise_misdeclared", "pose", 0.5 * (1 - smooth)),
+            Suspect("noise_misdeclared", "imu", 0.5 * (1 - smooth)),
+            *_other_sequence(smooth),
         ),
     )
 
@@ -154,18 +214,23 @@ def _worst(
         f"{unit}; noise is {factor * worst.sigma:.2g}.",
         code=f"imu.{kind}.worst",
         where=place(facts, "pose", time_ns),
-        suspects=(*_local_suspects(streams, kind, time_ns), *defects),
+        suspects=(*_local_suspects(streams, kind, time_ns, max(found.smoothness, 0.0)), *defects),
     )
 
 
-def _local_suspects(streams: Streams, kind: Kind, time_ns: int) -> tuple[Suspect, ...]:
+def _other_sequence(smooth: float) -> tuple[Suspect, ...]:
+    return tuple(Suspect("other_sequence", stream, 0.8 * smooth) for stream in ("imu", "pose"))
+
+
+def _local_suspects(streams: Streams, kind: Kind, time_ns: int, smooth: float) -> tuple[Suspect, ...]:
     """Causes at one instant: samples that do not move there, else a jump, else lost samples."""
     imu, poses = streams.imu, streams.poses
     reach_ns = 2 * int(np.median(np.diff(poses.times_ns)))
     suspects = [
-        Suspect("teleport", "pose", 0.4 if kind == "translation" else 0.2),
-        Suspect("dropped_samples", "imu", 0.3),
-        Suspect("noise_misdeclared", "pose", 0.3),
+        Suspect("teleport", "pose", (1 - smooth) * (0.4 if kind == "translation" else 0.2)),
+        Suspect("dropped_samples", "imu", (1 - smooth) * 0.3),
+        Suspect("noise_misdeclared", "pose", (1 - smooth) * 0.3),
+        *_other_sequence(smooth),
     ]
     frozen = (("pose", poses.times_ns, frozen_poses(poses)), ("imu", imu.times_ns, frozen_imu(imu)))
     for stream, times_ns, rows in frozen:

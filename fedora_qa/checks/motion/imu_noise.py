@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.motion.defects import frozen_imu
+from fedora_qa.checks.motion.defects import frozen_imu, stamps_rounded
 from fedora_qa.checks.motion.noise_measured import noise_against_declared
 from fedora_qa.checks.motion.samples import NOISE_ORDER, imu_roundings, join_imu, owned_imu, place, why_unusable
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
@@ -27,11 +27,35 @@ _DEGREES: Final = float(np.degrees(1.0))
 class Noise(WindowCheck[ImuSamples]):
     """Is the noise of the IMU what is declared?
 
-    Divided differences of order 8 of the samples, scaled to unit noise gain: the motion vanishes, white noise stays.
-    Its standard deviation is compared with ``density * sqrt(rate)``, or with 0; errors and allowances as in
-    pose.noise. Samples that repeat the one before in every bit while others move, by more than rounding does, are
-    counted as well: a flight that is steady to the last digit repeats itself. Biases and their walks are slow and do
-    not show here.
+    The standard deviation of white noise of gyro and accelerometer, as a ratio to ``density * sqrt(rate)``, or itself
+    where none is declared; and how many samples are frozen.
+
+    Why it matters
+    --------------
+    Filters weigh IMU and cameras by the declared densities. A buffer that is written again without being refreshed
+    gives samples of the past that no filter expects.
+
+    How
+    ---
+    As pose.noise: divided differences of order 8 over nine neighbouring samples, from which motion vanishes. A sample
+    is frozen where it repeats the one before in every bit while its neighbours change by a tenth of what is typical and
+    by more than rounding can: sixteen units in the last place, since a steady motion in rotated axes repeats to within
+    them.
+
+    Noise model
+    -----------
+    As pose.noise: Gaussian and white; correlation of neighbouring differences, what two orders more take away, rounded
+    stamps, stored digits. Rates are differences of orientations, whose components reach 1, and are rounded as those.
+
+    Cannot see
+    ----------
+    Biases and their walks, which are slow (imu.rotation, imu.translation); noise that is not white, but for its fastest
+    part. A body at rest repeats itself: nothing counts as frozen there.
+
+    Sources
+    -------
+    IEEE Std 952-1997, annex C (density and sample noise); first principles in
+    ``fedora_qa/estimators/local_motion.py``.
     """
 
     name = "imu.noise"
@@ -53,6 +77,7 @@ class Noise(WindowCheck[ImuSamples]):
         model = facts.declared.imu or ImuModel()
         root_rate = float(np.sqrt(NS_PER_S / np.median(np.diff(imu.times_ns))))
         gyro_rounding, accel_rounding = imu_roundings(imu)
+        rounded = stamps_rounded(imu.times_ns)
         rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
         gyro_noise = noise_against_declared(
             "gyro",
@@ -63,6 +88,7 @@ class Noise(WindowCheck[ImuSamples]):
             "imu.noise",
             "imu",
             units={"unit_deg_rad": _DEGREES},
+            besides=rounded,
         )
         accel_noise = noise_against_declared(
             "accelerometer",
@@ -73,6 +99,7 @@ class Noise(WindowCheck[ImuSamples]):
             "imu.noise",
             "imu",
             units={},
+            besides=rounded,
         )
         return Observation(seen, (gyro_noise, accel_noise, _stops(facts, imu)))
 

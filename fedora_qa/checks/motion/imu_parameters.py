@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from fedora_qa.checks.motion.clues import Clues
 from fedora_qa.checks.motion.imu_agreement import Kind
 from fedora_qa.checks.motion.imu_suspects import suspects_for
 from fedora_qa.checks.protocol import Measured, Suspect
@@ -68,6 +69,7 @@ def parameters_measured(
     check: str,
     found: Mapping[str, Fitted],
     shown: Mapping[str, Shown],
+    clues: Clues,
     besides: tuple[Suspect, ...] = (),
 ) -> tuple[Measured, ...]:
     """State the fitted parameters that are to be shown; ``besides`` are causes that are known to disturb the fit."""
@@ -75,17 +77,15 @@ def parameters_measured(
     sizes: dict[str, float] = {}
     for name, one in chosen.items():
         sizes[group_of(name)] = max(abs(one.value), sizes.get(group_of(name), 0.0))
-    return tuple(
-        _measured(
-            kind, check, name, one, shown[group_of(name)], abs(one.value) / (sizes[group_of(name)] or 1.0), besides
-        )
-        for name, one in chosen.items()
-    )
+    measured = []
+    for name, one in chosen.items():
+        share = abs(one.value) / (sizes[group_of(name)] or 1.0)
+        suspects = (*besides, *suspects_for(kind, name, one, share, clues))
+        measured.append(_measured(check, name, one, shown[group_of(name)], suspects))
+    return tuple(measured)
 
 
-def _measured(
-    kind: Kind, check: str, name: str, found: Fitted, shown: Shown, share: float, besides: tuple[Suspect, ...]
-) -> Measured:
+def _measured(check: str, name: str, found: Fitted, shown: Shown, suspects: tuple[Suspect, ...]) -> Measured:
     value, error = shown.factor * found.value, shown.factor * found.standard_error
     sentence = shown.says.format(size=f"{abs(value):.4g}", axis=name[-1], sense=shown.senses[int(value < 0)])
     return Measured(
@@ -98,5 +98,5 @@ def _measured(
         statement=f"{sentence} (+- {error:.2g}).",
         code=f"{check}.{group_of(name)}",
         where=Where(stream="imu"),
-        suspects=(*besides, *suspects_for(kind, name, found, share)),
+        suspects=suspects,
     )

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Final
 
+from fedora_qa.checks.motion.clues import Clues
 from fedora_qa.checks.motion.imu_agreement import Kind
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.estimators.grouped_fit import Fitted, group_of
@@ -11,69 +12,71 @@ _ENOUGH: Final = 0.5
 _MS, _PPM = 1e3, 1e6
 
 
-def suspects_for(kind: Kind, name: str, found: Fitted, share: float) -> tuple[Suspect, ...]:
+def suspects_for(kind: Kind, name: str, found: Fitted, share: float, clues: Clues) -> tuple[Suspect, ...]:
     """Return the causes behind a parameter that is off: its own, and those of groups that explain the data as well.
 
     Weights are shares of what can be explained at all that the group explains alone, times the ``share`` that this
-    component has in its group's vector: the largest component tells the size of the fault.
+    component has in its group's vector: the largest component tells the size of the fault. Where either of two
+    streams could be to blame, the ``clues`` decide.
     """
     group = group_of(name)
     own_weight = (0.5 + 0.5 * share) * max(0.5, found.explained.get(group, 0.9))
-    own = _CAUSES[kind, group](found.value, found.standard_error, own_weight)
+    own = _CAUSES[kind, group](found.value, found.standard_error, own_weight, clues)
     others = [
         Suspect(suspect.cause, suspect.stream, suspect.weight)
         for other, explained in found.explained.items()
         if other != group and explained > _ENOUGH
-        for suspect in _CAUSES[kind, other](0.0, 0.0, 0.9 * explained)
+        for suspect in _CAUSES[kind, other](0.0, 0.0, 0.9 * explained, clues)
     ]
     return (*own, *others)
 
 
-def _time_offset(value: float, error: float, weight: float) -> tuple[Suspect, ...]:
-    """Blame either: two clocks cannot tell which of them is late."""
+def _time_offset(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+    """Blame either: two clocks alone cannot tell which of them is late."""
     return (
-        Suspect("time_offset", "imu", weight, _MS * value, "ms", _MS * error),
-        Suspect("time_offset", "pose", weight, -_MS * value, "ms", _MS * error),
+        Suspect("time_offset", "imu", clues.imu_late * weight, _MS * value, "ms", _MS * error),
+        Suspect("time_offset", "pose", clues.pose_late * weight, -_MS * value, "ms", _MS * error),
     )
 
 
-def _clock_rate(value: float, error: float, weight: float) -> tuple[Suspect, ...]:
+def _clock_rate(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
     return (Suspect("clock_rate", "imu", weight, _PPM * value, "ppm", _PPM * error),)
 
 
-def _pose_clock_rate(value: float, error: float, weight: float) -> tuple[Suspect, ...]:
+def _pose_clock_rate(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
     return (Suspect("clock_rate", "pose", weight, _PPM * value, "ppm", _PPM * error),)
 
 
-def _gyro_bias(value: float, error: float, weight: float) -> tuple[Suspect, ...]:
+def _gyro_bias(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
     return (Suspect("gyro_bias", "imu", weight, value, "rad/s", error),)
 
 
-def _accel_bias(value: float, error: float, weight: float) -> tuple[Suspect, ...]:
+def _accel_bias(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
     return (Suspect("accel_bias", "imu", weight, value, "m/s^2", error),)
 
 
-def _turned(value: float, error: float, weight: float) -> tuple[Suspect, ...]:
+def _turned(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
     return (Suspect("frame_convention", "imu", weight), Suspect("frame_convention", "pose", 0.8 * weight))
 
 
-def _gain(value: float, error: float, weight: float) -> tuple[Suspect, ...]:
+def _gain(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
     return (Suspect("unknown", "imu", weight, 100.0 * value, "percent", 100.0 * error),)
 
 
-def _gravity(value: float, error: float, weight: float) -> tuple[Suspect, ...]:
-    """Blame the sensor, or the declaration: these streams cannot tell which."""
+def _gravity(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+    """Blame the sensor, or the declaration: which of the two values is a usual one tells."""
+    sensor, declaration = clues.of_gravity(value, error)
     return (
-        Suspect("gravity_magnitude", "imu", weight, value, "m/s^2", error),
-        Suspect("gravity_magnitude", "metadata", 0.95 * weight, -value, "m/s^2", error),
+        Suspect("gravity_magnitude", "imu", sensor * weight, value, "m/s^2", error),
+        Suspect("gravity_magnitude", "metadata", 0.95 * declaration * weight, -value, "m/s^2", error),
     )
 
 
-def _slope(value: float, error: float, weight: float) -> tuple[Suspect, ...]:
+def _slope(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
     return (Suspect("frame_convention", "pose", weight),)
 
 
-def _lever(value: float, error: float, weight: float) -> tuple[Suspect, ...]:
+def _lever(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
     """Blame the unit for being off the body's origin, or the poses for being off it the other way."""
     return (
         Suspect("lever_arm", "imu", weight, value, "m", error),
@@ -81,7 +84,7 @@ def _lever(value: float, error: float, weight: float) -> tuple[Suspect, ...]:
     )
 
 
-_CAUSES: Final[dict[tuple[Kind, str], Callable[[float, float, float], tuple[Suspect, ...]]]] = {
+_CAUSES: Final[dict[tuple[Kind, str], Callable[[float, float, float, Clues], tuple[Suspect, ...]]]] = {
     ("rotation", "time_offset"): _time_offset,
     ("rotation", "clock_rate"): _clock_rate,
     ("rotation", "pose_clock_rate"): _pose_clock_rate,

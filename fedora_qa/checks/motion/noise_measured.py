@@ -45,7 +45,7 @@ def noise_against_declared(
             suspects=(
                 *besides,
                 *_mistaken_units(stream, ratio, units),
-                Suspect("noise_misdeclared", stream, 0.9, error, "percent",
+                Suspect("noise_misdeclared", stream, 0.5 if besides else 0.9, error, "percent",
                         100.0 * level.standard_error / level.sigma / ratio if ratio > 0 else None),
             ),
         )  # fmt: skip

@@ -42,10 +42,32 @@ class NormTally:
 class Orientation(WindowCheck[NormTally]):
     """Are all orientations unit quaternions?
 
-    The length of every quaternion against 1. Rounding moves it by at most four units in the last place of the stored
-    type (four components off by half a unit, normalising, and the sum): the allowance, for float32 where all values
-    are float32 numbers. The sign of a quaternion means nothing and is not looked at. Noise added component by
-    component shows here; noise that was normalised away afterwards does not.
+    The length of every quaternion against 1, and how many are no numbers.
+
+    Why it matters
+    --------------
+    A rotation made of a quaternion of length 1.01 stretches by 2%: depth, flow and gravity turned by it are wrong by as
+    much. Lengths off 1 betray noise that was added component by component, and interpolation without normalising.
+
+    How
+    ---
+    Every row is looked at, whatever its stamp. The worst length is stated with its row. The sign of a quaternion means
+    nothing, and is not looked at: q and -q are the same rotation, in any order.
+
+    Noise model
+    -----------
+    None; an allowance of four units in the last place of the stored type: four components that are each off by half a
+    unit move the length by one at most, and normalising and the sum by three more. The type is float32 where all values
+    are float32 numbers.
+
+    Cannot see
+    ----------
+    Noise that was normalised away afterwards; a wrong rotation of unit length (imu.rotation, flow_geometry.endpoint).
+
+    Sources
+    -------
+    J. Sola, J. Deray, D. Atchuthan, A micro Lie theory for state estimation in robotics (2018), appendix B; IEEE
+    754-2019, 3.6; first principles, as above.
     """
 
     name = "pose.orientation"
@@ -107,11 +129,36 @@ class Orientation(WindowCheck[NormTally]):
 class Noise(WindowCheck[PoseSamples]):
     """Is the noise of the poses what is declared?
 
-    Divided differences of order 8, scaled to unit noise gain: the motion vanishes, white noise stays. Its standard
-    deviation is compared with the declared sigma, or with 0. The standard error accounts for the correlation of
-    neighbouring differences; what the motion may still add is bounded by two orders more. Where no noise is declared,
-    rounded stamps (speed times 0.29 us) and stored digits are allowed for. Position noise is pooled over the axes of
-    the world, rotation noise over those of the body. Noise that is not white is seen by its fastest part only.
+    The standard deviation of white noise of positions (m, axes of the world) and of orientations (rad, axes of the
+    body), as a ratio to the declared sigma, or itself where none is declared.
+
+    Why it matters
+    --------------
+    Whoever fuses or evaluates with these poses weighs them by the declared sigma, and flow that was made of noisy poses
+    is wrong by pixels: 0.2 deg at 1247 px are 4.4 px.
+
+    How
+    ---
+    Divided differences of order 8 over nine neighbouring poses, scaled to unit noise gain: what a polynomial of degree
+    7 describes vanishes for even and uneven stamps, and white noise stays. Rotations are differences of the vectors
+    Log(q_k^-1 q_j). Sigma follows from the size that nine in ten differences stay below, so that a few jumps do not
+    raise it. Straight lines, frozen poses and stamps on a coarse grid look like noise; where they are found they are
+    named first.
+
+    Noise model
+    -----------
+    Gaussian and white. Neighbouring differences correlate: the variance of their mean square is C(4d, 2d) / C(2d, d)^2
+    times that of independent ones, and the quantile costs another factor of 1.25. Allowed for are what the motion may
+    still add (what differences of two orders more take away), rounded stamps (speed times 0.29 us) and stored digits.
+
+    Cannot see
+    ----------
+    Noise that is not white, but for its fastest part; a drift. Noise under a motion of some 20 Hz.
+
+    Sources
+    -------
+    J. von Neumann et al., Ann. Math. Statist. 12 (1941) 153 (successive differences); first principles in
+    ``fedora_qa/estimators/local_motion.py``; format: position in the world, orientation q * Exp(n).
     """
 
     name = "pose.noise"
