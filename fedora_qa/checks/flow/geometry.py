@@ -108,7 +108,7 @@ class Endpoint(WindowCheck[WindowErrors]):
             off = [field for field in fields if field.interval.stream == stream and field.suspicion > 1]
             if off:
                 worst = max(off, key=lambda field: field.suspicion)
-                weighed += weigh_hypotheses(window, track, worst.interval, worst.frame)
+                weighed += weigh_hypotheses(window, track, worst.interval, worst.frame, worst.region)
         state.append(WindowErrors(window.span.index, weighed=tuple(weighed)))
 
     def conclude(self, state: Sequence[WindowErrors], facts: Facts) -> Observation:
@@ -128,7 +128,7 @@ class Endpoint(WindowCheck[WindowErrors]):
         unmoved = {stream: _squares_ratio(group) < _UNMOVED for stream, group in by_stream.items()}
         measurements: list[Measured] = []
         for stream, group in by_stream.items():
-            suspects = geometry_suspects(stream, group, weighed, off, noise)
+            suspects = geometry_suspects(stream, group, weighed, off, facts.declared)
             measurements += [_typical(stream, group, facts, suspects), _worst(stream, group, facts, suspects)]
             if noise and is_noisy(noise):
                 measurements += _correction(stream, group, facts, suspects, unmoved)

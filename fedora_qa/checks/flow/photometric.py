@@ -10,14 +10,8 @@ from fedora_qa.checks.flow.candidates import residual_maps, weigh_candidates
 from fedora_qa.checks.flow.frames import frame_pair, optics_of
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.intervals import owned_intervals
-from fedora_qa.checks.flow.photometric_measures import (
-    estimate_rate,
-    inferred_unit,
-    is_off,
-    place_measurements,
-    rate_measurements,
-    suspicion,
-)
+from fedora_qa.checks.flow.photometric_measures import inferred_unit, is_off, place_measurements, suspicion
+from fedora_qa.checks.flow.photometric_rates import estimate_rate, rate_measurements
 from fedora_qa.checks.flow.photometric_suspects import photometric_suspects
 from fedora_qa.checks.flow.residuals import FEWEST_TILES, FieldResidual, measure_field
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
