@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.intervals import Interval, PoseTrack
-from fedora_qa.checks.flow.lattice import FEWEST_PIXELS, Region, lattice_of, region_of, thinned
+from fedora_qa.checks.flow.lattice import FEWEST_PIXELS, Lattice, Region, lattice_of, region_of, thinned
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_motion_fit import (
     Evidence,
     FlowSample,
     MotionFit,
+    fit_most,
     fit_motion,
     twist_statistic,
     weigh_templates,
@@ -25,6 +26,7 @@ from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _COARSE_PX: Final = 1.0
 """Pixels whose rounding bound is larger end so near the camera's plane that their flow is not compared."""
@@ -97,18 +99,21 @@ def compare_field(
     sample = None if lattice is None else thinned(lattice)
     if lattice is None or sample is None:
         return None
-    columns, rows, depths_m, flow = lattice.columns, lattice.rows, lattice.depths_m, lattice.flow_px
-    bound = rounding_px(K, motion, columns, rows, depths_m, flow)
+    columns, rows = lattice.columns, lattice.rows
+    bound = rounding_px(K, motion, columns, rows, lattice.depths_m, lattice.flow_px)
     if not is_noisy(noise):
         bound = bound + _interpolation_px(K, track, interval, motion, sample)
     sample = replace(sample, sigma_px=float(np.nanmedian(bound)))
-    fit = fit_motion(K, motion, sample) if is_noisy(noise) else None
-    predicted = rigid_flow(K, fit.motion if fit else motion, columns, rows, depths_m)
-    error = np.linalg.norm(flow - predicted, axis=-1)
     bound = np.linalg.norm(bound, axis=-1)
-    known = np.isfinite(error) & (bound < _COARSE_PX)
+    fit = fit_motion(K, motion, sample) if is_noisy(noise) else None
+    error, known = _errors(K, fit.motion if fit else motion, lattice, bound)
     if np.count_nonzero(known) < FEWEST_PIXELS:
         return None
+    if fit and np.any(error[known] > bound[known]):
+        of_most = fit_most(K, motion, sample, fit)
+        error_of_most, _ = _errors(K, of_most.motion, lattice, bound)
+        if 2 * np.count_nonzero(error_of_most[known] <= bound[known]) > np.count_nonzero(known):
+            fit, error = of_most, error_of_most
     worst = np.unravel_index(np.argmax(np.where(known, error / bound, -1.0)), error.shape)
     result = FieldError(
         interval=interval,
@@ -124,11 +129,19 @@ def compare_field(
         result = _held_to_noise(result, track, fit, noise)
     if result.suspicion <= 1 and result.twist_chi2 <= _ORDINARY * result.twist_dof:
         return result
-    region = None if fit else region_of(lattice, known, known & (error > bound))
-    if region is not None:
+    region = region_of(lattice, known, known & (error > bound))
+    if region is not None:  # the motion that the rest of the image gives is good enough to be exact
         sample = replace(thinned(lattice.within(region)) or sample, sigma_px=sample.sigma_px)
+        motion, fit = (fit.motion, None) if fit else (motion, None)
     result = replace(result, region=region, repeats=_repeats(window, interval, frame, region))
     return _examined(result, track, motion, sample, fit, noise)
+
+
+def _errors(K: Float64, motion: RigidMotion, lattice: Lattice, bound_px: Float64) -> tuple[Float64, Mask]:
+    """Return the endpoint error (h, w) of a lattice, px, and where it is known."""
+    predicted = rigid_flow(K, motion, lattice.columns, lattice.rows, lattice.depths_m)
+    error = np.linalg.norm(lattice.flow_px - predicted, axis=-1)
+    return error, np.isfinite(error) & (bound_px < _COARSE_PX)
 
 
 def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | None) -> Float64 | None:
@@ -197,7 +210,7 @@ def _examined(
     noise: PoseModel | None,
 ) -> FieldError:
     """Add what diagnosis needs: the small faults' evidence, and the best correction whatever the noise."""
-    covariance = field_covariance(track, result.interval, noise)
+    covariance = None if result.region else field_covariance(track, result.interval, noise)
     templates = templates_of(track, result.interval, motion, sample, fit.twist if fit else np.zeros(6))
     evidence = weigh_templates(track.camera.K, motion, sample, templates, fit, covariance)
     free = fit or fit_motion(track.camera.K, motion, sample)

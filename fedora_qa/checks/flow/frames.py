@@ -206,4 +206,5 @@ def inverse_depth_of(window: Window, frame: int) -> Float32:
 
 
 def _edges(window: Window, frame: int) -> NDArray[np.uint8]:
-    return window.of_image("depth edges", frame, lambda: edges(inverse_depth_of(window, frame)))
+    focal_px = float(window.facts.declared.cameras["depth"].K[0, 0])
+    return window.of_image("depth edges", frame, lambda: edges(inverse_depth_of(window, frame), focal_px))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.flow.comparison import field_covariance
 from fedora_qa.checks.flow.intervals import Interval, PoseTrack, depths_plausible, frame_at, interval_at
 from fedora_qa.checks.flow.lattice import FEWEST_PIXELS, Region, sample_field
-from fedora_qa.conventions import MM_PER_M, NS_PER_S, R_BODY_OPTICAL
+from fedora_qa.conventions import MM_PER_M, R_BODY_OPTICAL
 from fedora_qa.estimators.flow_motion_fit import FlowSample, fit_motion, weigh_templates
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import rigid_flow
@@ -27,6 +27,7 @@ _ANOTHER_GAIN: Final = 0.02
 _ANOTHER_CONVENTION_RAD: Final = 0.7
 """Mountings that lie closer to straight ahead are turned, not written in another convention."""
 
+_MS_PER_NS: Final = 1e-6
 _NEIGHBOURS: Final = (-2, -1, 1, 2)
 _NEARBY: Final = (-1, 1, -2, 2, -3, 3)
 
@@ -144,6 +145,9 @@ def _of_the_interval(
         neighbour = interval.shifted(intervals)
         yield belonging(neighbour, "flow_interval_shifted", float(-intervals))
         yield belonging(neighbour, "swapped_frames", float(abs(intervals)))
+    step_ns = _step_ns(window.facts.clocks["depth"])
+    for frames in _NEIGHBOURS:
+        yield belonging(interval.moved(round(frames * step_ns)), "time_offset", -frames * step_ns * _MS_PER_NS)
     for stream in window.facts.flow_streams:
         starts_ns = window.facts.clocks[stream].times_ns
         if stream == interval.stream or not len(starts_ns):
@@ -181,7 +185,7 @@ def _of_the_depth(
     for frames in _NEIGHBOURS:
         if 0 <= frame + frames < window.facts.sizes["path/depth"]:
             depths_m = _at(window.depth_m(frame + frames), column, row)
-            yield undone("time_offset", depths_m, frames * step_ns * 1e3 / NS_PER_S)
+            yield undone("time_offset", depths_m, frames * step_ns * _MS_PER_NS)
             yield undone("swapped_frames", depths_m, float(abs(frames)))
 
 

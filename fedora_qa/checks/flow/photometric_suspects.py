@@ -91,12 +91,15 @@ def _share_a_gain(fields: Sequence[FieldResidual]) -> bool:
 
 
 def _by_own_mean(fields: Sequence[FieldResidual]) -> float:
-    """Return how much of what is explained falls to each field's own mean and no common one, as pose noise makes it."""
+    """Return how much of what is explained falls to each field's own mean, and to nothing that fields have in common.
+
+    So pose noise has it. What they have in common is whatever all templates together explain of all fields.
+    """
     evidences = [one.evidence for one in fields if one.evidence]
     if not evidences:
         return 0.0
     own = sum(one.explained_by(MEAN)[1] * one.total for one in evidences)
-    common = sum_of(evidences).explained_by(MEAN)[1] * sum(one.total for one in evidences)
+    common = sum_of(evidences).explained_by(slice(None))[1] * sum(one.total for one in evidences)
     everything = sum(one.explained_by(OF_THE_FLOW)[1] * one.total for one in evidences)
     return max(own - common, 0.0) / everything if everything > 0 else 0.0
 
