@@ -14,13 +14,28 @@ Float64 = NDArray[np.float64]
 MEAN: Final = slice(0, 2)
 GAIN: Final = slice(2, 3)
 SHIFT: Final = slice(3, 5)
-TEMPLATES: Final = 5
-"""Templates of a tile's residual flow: constant u and v; the flow itself; its slopes along columns and rows."""
+OF_THE_FLOW: Final = slice(0, 5)
+"""Templates of a tile's residual flow that need nothing else: constant u and v; the flow; its slopes along columns and
+rows."""
+
+LOCKING: Final = slice(5, 7)
+"""The sine of 2 pi u, and of 2 pi v: what aliases and interpolation feign, see `lock_in`."""
+
+FOCAL: Final = slice(7, 8)
+CENTRE: Final = slice(8, 10)
+MOUNTING: Final = slice(10, 13)
+TIME: Final = slice(13, 14)
+ROLL: Final = slice(14, 15)
+GEOMETRIC: Final = slice(7, 15)
+"""Templates that depth and the camera's motion give: percent, px, degrees about the camera's axes, percent of the
+interval, degrees of relative roll. Zero where these are not known."""
 
 _HUBER: Final = 2.0
 _ITERATIONS: Final = 5
 _SMALLEST_TRUE: Final = 1e-3
 """Share of the stored flow below which the true one is as good as zero."""
+
+_UNLIKELY: Final = 0.01
 
 _TAIL: Final = 1e-6
 """Probability at which Student's and the normal distribution are matched, near where judgement draws its line."""
@@ -33,7 +48,9 @@ class FieldFit:
     Attributes
     ----------
     mean_px, mean_error_px
-        (2,) robust weighted mean of the tiles' residual flow, and its standard error.
+        (2,) robust weighted mean of the tiles' residual flow, and its formal standard error.
+    spread
+        Mean square of the tiles' deviations for their errors, about 1 where these are right; ``freedom`` of them.
     evidence
         Normal equations of the templates, robustly weighted.
     deviations
@@ -42,15 +59,29 @@ class FieldFit:
 
     mean_px: Float64
     mean_error_px: Float64
+    spread: float
+    freedom: int
     evidence: Evidence
     deviations: Float64
 
 
-def fit_field(errors_px: Float64, covariances_px2: Float64, flows_px: Float64, slopes: Float64) -> FieldFit:
-    """Fit tiles with residual flow (n, 2) of covariance (n, 2, 2), flow (n, 2) and its slopes (n, 2, 2), n > 1.
+def templates_of_flow(flows_px: Float64, slopes: Float64, sines: Float64, geometric: Float64 | None) -> Float64:
+    """Return all templates (n, 2, 15) of tiles, from their flow (n, 2), its slopes, sines, and what geometry gives.
 
-    ``slopes[:, i, j]`` is the derivative of component i along column (j = 0) or row (j = 1). Tiles far from the mean
-    are weighted down after Huber; the standard error is the larger of the formal and the empirical one.
+    ``slopes[:, i, j]`` is the derivative of component i along column (j = 0) or row (j = 1), ``sines`` (n, 2) the mean
+    of sin(2 pi flow), ``geometric`` (n, 2, 8) the columns of ``GEOMETRIC``.
+    """
+    count = len(flows_px)
+    locking = sines[:, :, None] * np.eye(2)
+    known = np.zeros((count, 2, 8)) if geometric is None else geometric
+    constant = np.broadcast_to(np.eye(2), (count, 2, 2))
+    return np.concatenate((constant, flows_px[:, :, None], slopes, locking, known), axis=2)
+
+
+def fit_field(errors_px: Float64, covariances_px2: Float64, templates: Float64) -> FieldFit:
+    """Fit tiles with residual flow (n, 2) of covariance (n, 2, 2) and templates (n, 2, m), n > 1.
+
+    Tiles far from the mean are weighted down after Huber.
     """
     information = np.linalg.inv(covariances_px2)
     mean_px = np.median(errors_px, axis=0)
@@ -59,30 +90,42 @@ def fit_field(errors_px: Float64, covariances_px2: Float64, flows_px: Float64, s
         weights = np.minimum(1.0, _HUBER / np.maximum(deviations, 1e-12))
         matrix = np.einsum("n,nij->ij", weights, information)
         mean_px = np.linalg.solve(matrix, np.einsum("n,nij,nj->i", weights, information, errors_px))
-    scores = np.einsum("n,nij,nj->ni", weights, information, errors_px - mean_px)
+    freedom = errors_px.size - len(mean_px)
     return FieldFit(
         mean_px=mean_px,
-        mean_error_px=robust_errors(matrix, scores),
-        evidence=_evidence(errors_px, information * weights[:, None, None], flows_px, slopes),
+        mean_error_px=np.sqrt(np.diag(np.linalg.inv(matrix))),
+        spread=float(weights @ deviations**2) / freedom,
+        freedom=freedom,
+        evidence=_evidence(errors_px, information * weights[:, None, None], templates),
         deviations=deviations,
     )
 
 
-def robust_errors(matrix: Float64, scores: Float64) -> Float64:
-    """Return the standard errors (p,) of ``matrix^-1 sum(scores)``, the larger of the formal and the empirical ones.
+def widening(freedom: float) -> float:
+    """Return by how much an error of so many degrees of freedom is widened for a normal limit to keep its rate.
 
-    The empirical ones are the sandwich over independent blocks, of which ``scores`` (k, p) has one row each, widened so
-    that a normal limit keeps its false-alarm rate although the spread comes from few blocks (Student).
+    Student's and the normal distribution are matched far out, near where judgement draws its line.
+    """
+    return float(stats.t.isf(_TAIL, freedom) / stats.norm.isf(_TAIL))
+
+
+def robust_errors(matrix: Float64, scores: Float64, scale: float) -> Float64:
+    """Return the standard errors (p,) of ``matrix^-1 sum(scores)``: the formal ones, or the blocks' where these differ.
+
+    ``scale`` multiplies the formal errors: how far tiles really scatter (R. T. Birge, Phys. Rev. 40 (1932) 207). The
+    empirical ones are the sandwich over independent blocks, of which ``scores`` (k, p) has one row each. Honest blocks
+    scatter as the formal errors say, k - p times the ratio of variances being chi-square; only where a ratio is larger
+    than one in a hundred is, blocks have errors of their own, and the empirical error is taken, widened for few blocks.
     """
     blocks, parameters = scores.shape
     freedom = blocks - parameters
-    if freedom < 1:
-        return np.full(parameters, np.inf)
     formal = np.linalg.inv(matrix)
-    empirical = formal @ (scores.T @ scores) @ formal * blocks / freedom
-    widening = float(stats.t.isf(_TAIL, freedom) / stats.norm.isf(_TAIL))
-    errors: Float64 = np.sqrt(np.maximum(np.diag(formal), widening**2 * np.diag(empirical)))
-    return errors
+    variances: Float64 = scale**2 * np.diag(formal)
+    if freedom >= 1:
+        empirical = np.diag(formal @ (scores.T @ scores) @ formal) * blocks / freedom
+        largest = float(stats.chi2.isf(_UNLIKELY, freedom)) / freedom
+        variances = np.where(empirical > largest * variances, widening(freedom) ** 2 * empirical, variances)
+    return np.sqrt(variances)
 
 
 def gain_of_true(share_of_stored: float) -> tuple[float, float]:
@@ -95,9 +138,22 @@ def gain_of_true(share_of_stored: float) -> tuple[float, float]:
     return share_of_stored / rest, rest**-2
 
 
-def _evidence(errors_px: Float64, information: Float64, flows_px: Float64, slopes: Float64) -> Evidence:
-    count = len(errors_px)
-    templates = np.concatenate((np.broadcast_to(np.eye(2), (count, 2, 2)), flows_px[:, :, None], slopes), axis=2)
+def lock_in(total: Evidence, columns: slice) -> Float64:
+    """Return by how much a bias of 1 px times the sine of 2 pi times the flow moves the fitted sizes, (p,), at most.
+
+    A frequency w of the image and its alias, which the pixels fold onto it from w - 2 pi, part by the phase 2 pi d when
+    the scene moves by d, so that least squares errs by (energy of the alias over that of the image) / w times
+    sin(2 pi d): nothing where things move by whole pixels, nothing on the average over many fractions of a pixel.
+    Reading between pixels errs by the same law. (Particle image velocimetry calls it peak locking: J. Westerweel,
+    Meas. Sci. Technol. 8 (1997) 1379.)
+    """
+    matrix = total.matrix[columns, columns]
+    response = np.linalg.lstsq(matrix, total.matrix[columns, LOCKING], rcond=1e-12)[0]
+    moved: Float64 = np.abs(response).sum(axis=1)
+    return moved
+
+
+def _evidence(errors_px: Float64, information: Float64, templates: Float64) -> Evidence:
     return Evidence(
         matrix=np.einsum("nia,nij,njb->ab", templates, information, templates),
         vector=np.einsum("nia,nij,nj->a", templates, information, errors_px),

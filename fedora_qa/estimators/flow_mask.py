@@ -25,6 +25,13 @@ EDGE: Final = 0.01
 At such a step the flow of two neighbouring surfaces differs by 1% of their parallax: by 0.1 px where that is 10 px.
 """
 
+_LONGEST_FOOTPRINT: Final = 8.0
+"""Length over width of a pixel's footprint up to which texture is known to be smoothed over all of it.
+
+P. S. Heckbert, Fundamentals of Texture Mapping and Image Warping (1989), derives the footprint; engines end their
+anisotropic filtering between 4 and 16. Beyond it distant ground shows aliases, which do not follow the flow.
+"""
+
 BREAK_PX: Final = 0.1
 """Second difference of a flow that makes a break: across lesser ones the mixing of two surfaces errs by less."""
 
@@ -47,11 +54,24 @@ def inverse_depth(depth_m: Float32) -> Float32:
     return np.divide(1.0, depth_m, out=np.zeros_like(depth_m), where=valid)
 
 
-def edges(inverse_depth_per_m: Float32) -> NDArray[np.uint8]:
-    """Return 1 within 4 px of an edge of the depth, of an invalid pixel or of the border, else 0; (H, W)."""
+def edges(inverse_depth_per_m: Float32, focal_px: float) -> NDArray[np.uint8]:
+    """Return 1 within 4 px of an edge of the depth, of an invalid or grazed pixel or of the border, else 0; (H, W)."""
     laplacian = np.asarray(cv2.Laplacian(inverse_depth_per_m, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE))
     edge = (np.abs(laplacian) > np.float32(EDGE) * inverse_depth_per_m) | (inverse_depth_per_m <= 0)
-    return _widened(edge)
+    return _widened(edge | _grazed(inverse_depth_per_m, focal_px))
+
+
+def _grazed(inverse_depth_per_m: Float32, focal_px: float) -> Mask:
+    """Return which pixels see their surface at so flat an angle that what they show is not known to be smoothed.
+
+    Over one pixel the inverse depth w of a plane changes by |grad w|, and the pixel's footprint is longer than wide by
+    f |grad w| / w.
+    """
+    image = inverse_depth_per_m
+    right = np.asarray(cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=1)) / 2
+    down = np.asarray(cv2.Sobel(image, cv2.CV_32F, 0, 1, ksize=1)) / 2
+    grazed: Mask = np.hypot(right, down) * np.float32(focal_px) > np.float32(_LONGEST_FOOTPRINT) * image
+    return grazed
 
 
 def seen_in_both(

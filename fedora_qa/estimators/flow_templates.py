@@ -42,11 +42,15 @@ TIME_OFFSET: Final = SmallFault(
     "time_offset", (("pose", 1.0), ("flow", 0.95)), "ms", slice(10, 11), 50.0, opposite=("flow",)
 )
 
+FOCAL: Final = SmallFault("intrinsics_focal", _DECLARED, "percent", slice(1, 2), 30.0, opposite=("flow",))
+CENTRE: Final = SmallFault("intrinsics_centre", _DECLARED, "px", slice(2, 4), 100.0, opposite=("flow",))
+MOUNTING: Final = SmallFault("extrinsic_rotation", _DECLARED, "deg", slice(4, 7), 15.0, opposite=("flow",))
+
 SMALL_FAULTS: Final = (
     FLOW_GAIN,
-    SmallFault("intrinsics_focal", _DECLARED, "percent", slice(1, 2), 30.0),
-    SmallFault("intrinsics_centre", _DECLARED, "px", slice(2, 4), 100.0),
-    SmallFault("extrinsic_rotation", _DECLARED, "deg", slice(4, 7), 15.0),
+    FOCAL,
+    CENTRE,
+    MOUNTING,
     SmallFault("lever_arm", (("metadata", 1.0), ("pose", 0.95)), "m", slice(7, 10), 3.0),
     TIME_OFFSET,
 )

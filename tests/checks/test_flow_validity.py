@@ -1,5 +1,6 @@
 """Flow has values exactly where it must, over intervals that lie on frames: every pixel and every stamp is counted."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -117,7 +118,42 @@ def slow_for_50_hz(c: Clock) -> Clock:
     return replace(c, ends_ns=np.maximum(c.ends_ns, c.times_ns + 40 * MS))
 
 
+def quantised(c: Clock) -> Clock:
+    assert c.ends_ns is not None
+    grid = 7 * MS
+    return replace(c, times_ns=(c.times_ns + grid // 2) // grid * grid, ends_ns=(c.ends_ns + grid // 2) // grid * grid)
+
+
+def second_half(change: Callable[[Clock], Clock]) -> Callable[[Clock], Clock]:
+    """The change, of the later half of the intervals only."""
+
+    def changed(c: Clock) -> Clock:
+        half = len(c.times_ns) // 2
+        part = change(Clock(c.times_ns[half:], None if c.ends_ns is None else c.ends_ns[half:], c.advancing[half:]))
+        assert c.ends_ns is not None
+        assert part.ends_ns is not None
+        return replace(
+            c,
+            times_ns=np.concatenate((c.times_ns[:half], part.times_ns)),
+            ends_ns=np.concatenate((c.ends_ns[:half], part.ends_ns)),
+        )
+
+    return changed
+
+
+def exchanged(c: Clock) -> Clock:
+    assert c.ends_ns is not None
+    order = np.arange(len(c.times_ns))
+    order[[3, 4]] = order[[4, 3]]
+    return replace(c, times_ns=c.times_ns[order], ends_ns=c.ends_ns[order], advancing=order >= np.arange(len(order)))
+
+
 STAMP_FAULTS = {
+    "quantised": (quantised, "off_frames", "quantised_time", 7.0),
+    "half late": (second_half(late), "off_frames", "time_offset", 5.0),
+    "half late, where it begins": (second_half(late), "not_abutting", "time_offset", 5.0),
+    "half fast": (second_half(fast), "off_frames", "clock_rate", 1000.0),
+    "unsorted": (exchanged, "not_abutting", "unsorted", 1.0),
     "late": (late, "off_frames", "time_offset", 5.0),
     "fast": (fast, "off_frames", "clock_rate", 1000.0),
     "dropped": (one_dropped, "not_abutting", "dropped_samples", 1.0),

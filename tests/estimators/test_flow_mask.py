@@ -8,6 +8,7 @@ from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth,
 from fedora_qa.geometry.camera import RigidMotion
 
 HEIGHT, WIDTH = 60, 80
+FOCAL_PX = 70.0
 K = np.array([[70.0, 0.0, 39.5], [0.0, 70.0, 29.5], [0.0, 0.0, 1.0]])
 COLUMNS, ROWS = (a.astype(np.float32) for a in np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT)))
 
@@ -24,8 +25,8 @@ def inner(mask: np.ndarray) -> np.ndarray:
 
 def test_plane_has_no_edge_but_its_end() -> None:
     """Also at a grazing angle, inverse depth of a plane bends nowhere; the pixels without depth do count."""
-    assert not inner(edges(inverse_depth(plane((0.1, 0.05, 1.0))))).any()
-    marked = edges(inverse_depth(plane()))
+    assert not inner(edges(inverse_depth(plane((0.1, 0.05, 1.0))), FOCAL_PX)).any()
+    marked = edges(inverse_depth(plane()), FOCAL_PX)
     no_depth = ~np.isfinite(plane())
     assert marked[no_depth].all()
     assert not marked[35:-5, 5:-5].any()
@@ -35,13 +36,23 @@ def test_step_is_widened_by_four_pixels() -> None:
     """A nearer box marks 4 px on either side of the pixels at its edge, and no more."""
     depth = np.full((HEIGHT, WIDTH), 5.0, dtype=np.float32)
     depth[:, 40:] = 3.0
-    marked = np.flatnonzero(inner(edges(inverse_depth(depth)))[20])
+    marked = np.flatnonzero(inner(edges(inverse_depth(depth), FOCAL_PX))[20])
     assert (marked.min() + 5, marked.max() + 5) == (39 - 4, 40 + 4)
+
+
+def test_grazed_ground_is_left_out() -> None:
+    """Ground below a level camera: r rows below the horizon a footprint is f / r times as long as wide, at most 8."""
+    height_m, horizon = 1.5, 9.5
+    below = np.maximum(ROWS - horizon, 0.5)
+    marked = edges((below / (FOCAL_PX * height_m)).astype(np.float32), FOCAL_PX)[:, 40]
+    last = int(np.floor(horizon + FOCAL_PX / 8))  # 8.75 rows below the horizon
+    assert marked[10 : last + 5].all()
+    assert not marked[last + 5 : -5].any()
 
 
 def seen(depth0: np.ndarray, depth1: np.ndarray, motion: RigidMotion, uncertainty_px: float = 0.0) -> np.ndarray:
     inverse0, inverse1 = inverse_depth(depth0), inverse_depth(depth1)
-    return seen_in_both(K, motion, COLUMNS, ROWS, inverse0, inverse1, edges(inverse1), uncertainty_px)
+    return seen_in_both(K, motion, COLUMNS, ROWS, inverse0, inverse1, edges(inverse1, FOCAL_PX), uncertainty_px)
 
 
 def test_whole_plane_is_seen_from_where_the_camera_goes() -> None:

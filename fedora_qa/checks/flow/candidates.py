@@ -10,14 +10,26 @@ from numpy.typing import NDArray
 from fedora_qa.checks.flow.frames import FramePair, Optics, frame_pair
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.intervals import Interval, interval_at
-from fedora_qa.checks.flow.residuals import FEWEST_TILES, LARGEST_FLOW_PX, Tiles, sample_tiles, textured
+from fedora_qa.checks.flow.residuals import (
+    FEWEST_TILES,
+    LARGEST_FLOW_PX,
+    UNMATCHED,
+    Tiles,
+    sample_tiles,
+    textured,
+)
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_tiles import TileGrid, patches_of
+from fedora_qa.estimators.residual_flow import TileResiduals
 from fedora_qa.sequence.window import Window
 
 Float32 = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
-_TILE_SHARE: Final = 0.25
+_EVERY: Final = 4
+"""Of tiles that are off all over the image every fourth will do, as long as some are left."""
+
+_FEWEST_OFF: Final = 2
 _LESS_LIKELY: Final = 0.95
 """A flow that is mirrored with its sign is to the frames what mirrored frames are to the flow: frames come first."""
 
@@ -39,13 +51,14 @@ class _Candidate:
 def weigh_candidates(window: Window, optics: Optics, interval: Interval) -> list[Weighed]:
     """Weigh every gross fault against one field: the share of the frames' mismatch that undoing it removes."""
     frames = frame_pair(window, optics, interval)
-    tiles = sample_tiles(frames, interval, _TILE_SHARE) if frames else None
+    tiles = sample_tiles(frames, interval, 1.0) if frames else None
     if frames is None or tiles is None:
         return []
-    can_tell = textured(tiles.read(frames))
+    residuals = tiles.read(frames)
+    can_tell = textured(residuals)
     if np.count_nonzero(can_tell) < FEWEST_TILES:
         return []
-    tiles = Tiles(tiles.origins[can_tell], tiles.flow_px[can_tell], tiles.usable[can_tell], tiles.by_depth)
+    tiles = tiles.chosen(_off(residuals, can_tell))
     as_stored = _mismatch(tiles, frames)
     best: dict[tuple[str, str], Weighed] = {}
     if frozen := _repeated_frames(window, frames):
@@ -59,6 +72,17 @@ def weigh_candidates(window: Window, optics: Optics, interval: Interval) -> list
         if key not in best or best[key].weight < weight:
             best[key] = Weighed(interval.stream, *key, weight, candidate.magnitude)
     return list(best.values())
+
+
+def _off(residuals: TileResiduals, can_tell: Mask) -> Mask:
+    """Return the tiles that do not match, where they are few: a fault of a part of the image. Else a share of all."""
+    unmatched = can_tell & (residuals.unexplained > UNMATCHED)
+    count = int(np.count_nonzero(can_tell))
+    if _FEWEST_OFF <= np.count_nonzero(unmatched) < 0.5 * count:
+        return unmatched
+    every = min(_EVERY, count // FEWEST_TILES)
+    share = np.arange(len(can_tell)) % every == 0
+    return can_tell & share if np.any(can_tell & share) else can_tell
 
 
 def _repeated_frames(window: Window, frames: FramePair) -> int:

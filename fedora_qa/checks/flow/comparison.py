@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.intervals import Interval, PoseTrack
-from fedora_qa.checks.standing import standing_depth_m
+from fedora_qa.checks.flow.lattice import FEWEST_PIXELS, Lattice, Region, lattice_of, region_of, thinned
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_motion_fit import (
     Evidence,
     FlowSample,
     MotionFit,
+    fit_most,
     fit_motion,
     twist_statistic,
     weigh_templates,
@@ -25,21 +26,13 @@ from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
-
-FIT_PIXELS: Final = 800
-"""Pixels that a motion is fitted to: plenty for six numbers, since what remains is rounding."""
-
-_GROSS_PX: Final = 0.01
-"""Weight of residuals where no rounding bound is known: fine against any gross fault."""
+Mask = NDArray[np.bool_]
 
 _COARSE_PX: Final = 1.0
 """Pixels whose rounding bound is larger end so near the camera's plane that their flow is not compared."""
 
 _ORDINARY: Final = 2.0
 """Corrections of up to this multiple of the expected square are not examined further: 93% of honest ones."""
-
-FEWEST_PIXELS: Final = 20
-"""Pixels below which a field is not compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +51,12 @@ class FieldError:
         As ``squares``, over the pixels of the fit only, after the best correction whatever the noise; NaN if not asked.
     free_shift_m
         Length of that correction's translation.
+    region
+        Left, top, right, bottom of the part of the image that is off; None where all of it is, or none, or scattered
+        pixels are.
     repeats
-        ``flow`` or ``depth`` where an off field, or the depth at its start, equals the one before it bit for bit.
+        ``flow`` or ``depth`` where what is off of a field, or of the depth at its start, equals the one before it bit
+        for bit.
     evidence
         Normal equations of the small faults; None where nothing called for them.
     """
@@ -77,6 +74,7 @@ class FieldError:
     free_squares: float = float("nan")
     free_pixels: int = 0
     free_shift_m: float = float("nan")
+    region: Region | None = None
     repeats: Literal["", "flow", "depth"] = ""
     evidence: Evidence | None = None
 
@@ -97,22 +95,25 @@ def compare_field(
 ) -> FieldError | None:
     """Compare a field on a lattice of pixels; None where too few pixels are valid or the shapes differ."""
     K, noise = track.camera.K, window.facts.declared.pose
-    lattice = _lattice_of(window, interval, frame)
-    sample = None if lattice is None else _thinned(lattice)
+    lattice = lattice_of(window, interval, frame)
+    sample = None if lattice is None else thinned(lattice)
     if lattice is None or sample is None:
         return None
-    columns, rows, depths_m, flow = lattice.columns, lattice.rows, lattice.depths_m, lattice.flow_px
-    bound = rounding_px(K, motion, columns, rows, depths_m, flow)
+    columns, rows = lattice.columns, lattice.rows
+    bound = rounding_px(K, motion, columns, rows, lattice.depths_m, lattice.flow_px)
     if not is_noisy(noise):
         bound = bound + _interpolation_px(K, track, interval, motion, sample)
     sample = replace(sample, sigma_px=float(np.nanmedian(bound)))
-    fit = fit_motion(K, motion, sample) if is_noisy(noise) else None
-    predicted = rigid_flow(K, fit.motion if fit else motion, columns, rows, depths_m)
-    error = np.linalg.norm(flow - predicted, axis=-1)
     bound = np.linalg.norm(bound, axis=-1)
-    known = np.isfinite(error) & (bound < _COARSE_PX)
+    fit = fit_motion(K, motion, sample) if is_noisy(noise) else None
+    error, known = _errors(K, fit.motion if fit else motion, lattice, bound)
     if np.count_nonzero(known) < FEWEST_PIXELS:
         return None
+    if fit and np.any(error[known] > bound[known]):
+        of_most = fit_most(K, motion, sample, fit)
+        error_of_most, _ = _errors(K, of_most.motion, lattice, bound)
+        if 2 * np.count_nonzero(error_of_most[known] <= bound[known]) > np.count_nonzero(known):
+            fit, error = of_most, error_of_most
     worst = np.unravel_index(np.argmax(np.where(known, error / bound, -1.0)), error.shape)
     result = FieldError(
         interval=interval,
@@ -128,51 +129,19 @@ def compare_field(
         result = _held_to_noise(result, track, fit, noise)
     if result.suspicion <= 1 and result.twist_chi2 <= _ORDINARY * result.twist_dof:
         return result
-    result = replace(result, repeats=_repeats(window, interval, frame))
+    region = region_of(lattice, known, known & (error > bound))
+    if region is not None:  # the motion that the rest of the image gives is good enough to be exact
+        sample = replace(thinned(lattice.within(region)) or sample, sigma_px=sample.sigma_px)
+        motion, fit = (fit.motion, None) if fit else (motion, None)
+    result = replace(result, region=region, repeats=_repeats(window, interval, frame, region))
     return _examined(result, track, motion, sample, fit, noise)
 
 
-def sample_field(window: Window, interval: Interval, frame: int) -> FlowSample | None:
-    """Return pixels of a field that are valid in the depth frame too, evenly thinned; None where there are too few."""
-    lattice = _lattice_of(window, interval, frame)
-    return None if lattice is None else _thinned(lattice)
-
-
-@dataclass(frozen=True, slots=True)
-class _Lattice:
-    """Regular pixels: columns (1, w), rows (h, 1), depths (h, w) with NaN where a value is missing, flow (h, w, 2)."""
-
-    columns: Float64
-    rows: Float64
-    depths_m: Float64
-    flow_px: Float64
-
-
-def _lattice_of(window: Window, interval: Interval, frame: int) -> _Lattice | None:
-    """Return the lattice that the effort asks for; its phase steps from field to field until every pixel was seen."""
-    depth_m, flow_px = standing_depth_m(window, frame), window.flow_px(interval.stream, interval.row)
-    if depth_m is None or depth_m.shape != flow_px.shape[:2]:
-        return None
-    stride = max(1, round(1 / window.sampling.tile_share))
-    first_row, first_column = divmod(interval.row % stride**2, stride)
-    pixels = (slice(first_row, None, stride), slice(first_column, None, stride))
-    depths_m, flow = depth_m[pixels].astype(np.float64), flow_px[pixels].astype(np.float64)
-    valid = (depths_m > 0) & np.isfinite(depths_m) & np.isfinite(flow[..., 0]) & np.isfinite(flow[..., 1])
-    return _Lattice(
-        np.arange(first_column, depth_m.shape[1], stride, dtype=np.float64)[None, :],
-        np.arange(first_row, depth_m.shape[0], stride, dtype=np.float64)[:, None],
-        np.where(valid, depths_m, np.nan),
-        flow,
-    )
-
-
-def _thinned(lattice: _Lattice) -> FlowSample | None:
-    valid = np.flatnonzero(np.isfinite(lattice.depths_m))
-    if len(valid) < FEWEST_PIXELS:
-        return None
-    row, column = np.unravel_index(valid[:: max(1, len(valid) // FIT_PIXELS)], lattice.depths_m.shape)
-    depths_m, flow_px = lattice.depths_m[row, column], lattice.flow_px[row, column]
-    return FlowSample(lattice.columns[0, column], lattice.rows[row, 0], depths_m, flow_px, _GROSS_PX)
+def _errors(K: Float64, motion: RigidMotion, lattice: Lattice, bound_px: Float64) -> tuple[Float64, Mask]:
+    """Return the endpoint error (h, w) of a lattice, px, and where it is known."""
+    predicted = rigid_flow(K, motion, lattice.columns, lattice.rows, lattice.depths_m)
+    error = np.linalg.norm(lattice.flow_px - predicted, axis=-1)
+    return error, np.isfinite(error) & (bound_px < _COARSE_PX)
 
 
 def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | None) -> Float64 | None:
@@ -206,11 +175,14 @@ def templates_of(
     return small_fault_templates(track.camera.K, motion.corrected(correction), sample, remounted, delayed)
 
 
-def _repeats(window: Window, interval: Interval, frame: int) -> Literal["", "flow", "depth"]:
+def _repeats(window: Window, interval: Interval, frame: int, region: Region | None) -> Literal["", "flow", "depth"]:
     """Say which equals the one before it, bit for bit, without being empty or zero throughout."""
-    if interval.row and _same(*(window.flow_px(interval.stream, row) for row in (interval.row, interval.row - 1))):
+    left, top, right, bottom = region or (0, 0, None, None)
+    part = (slice(top, bottom), slice(left, right))
+    stream, row = interval.stream, interval.row
+    if row and _same(window.flow_px(stream, row)[part], window.flow_px(stream, row - 1)[part]):
         return "flow"
-    if frame and _same(window.depth_m(frame), window.depth_m(frame - 1)):
+    if frame and _same(window.depth_m(frame)[part], window.depth_m(frame - 1)[part]):
         return "depth"
     return ""
 
@@ -238,7 +210,7 @@ def _examined(
     noise: PoseModel | None,
 ) -> FieldError:
     """Add what diagnosis needs: the small faults' evidence, and the best correction whatever the noise."""
-    covariance = field_covariance(track, result.interval, noise)
+    covariance = None if result.region else field_covariance(track, result.interval, noise)
     templates = templates_of(track, result.interval, motion, sample, fit.twist if fit else np.zeros(6))
     evidence = weigh_templates(track.camera.K, motion, sample, templates, fit, covariance)
     free = fit or fit_motion(track.camera.K, motion, sample)

@@ -6,8 +6,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow.comparison import is_noisy, sample_field
+from fedora_qa.checks.flow.comparison import is_noisy
 from fedora_qa.checks.flow.intervals import Interval, PoseTrack, frame_at, pose_track
+from fedora_qa.checks.flow.lattice import sample_field
 from fedora_qa.checks.intermediates import luma_dn
 from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both
 from fedora_qa.estimators.flow_motion_fit import fit_motion, twist_statistic
@@ -114,17 +115,18 @@ def visible(window: Window, interval: Interval, origins: Int64) -> tuple[Mask, b
 
     From depth and motion where both are there; otherwise from the flow itself, which is weaker.
     """
-    geometry = _geometry(window, interval)
+    geometry = geometry_of(window, interval)
     if geometry is None:
         return _visible_by_flow(window, interval, origins), False
-    K, motion, frame0, frame1, uncertainty_px = geometry
+    frame0, frame1 = geometry.frames
     near_edge = patches_of(_edges(window, frame0), origins, halo_px=0) > 0
     columns, rows = pixels_of(origins, halo_px=0)
-    inverse0 = patches_of(_inverse_depth(window, frame0), origins, halo_px=0)
+    inverse0 = patches_of(inverse_depth_of(window, frame0), origins, halo_px=0)
     flat = (-1, columns.shape[-1])
     seen = seen_in_both(
-        K, motion, columns.reshape(flat).astype(np.float32), rows.reshape(flat).astype(np.float32),
-        inverse0.reshape(flat), _inverse_depth(window, frame1), _edges(window, frame1), uncertainty_px,
+        geometry.track.camera.K, geometry.motion.corrected(geometry.correction),
+        columns.reshape(flat).astype(np.float32), rows.reshape(flat).astype(np.float32),
+        inverse0.reshape(flat), inverse_depth_of(window, frame1), _edges(window, frame1), geometry.uncertainty_px,
     )  # fmt: skip
     return np.asarray(seen.reshape(columns.shape) & ~near_edge), True
 
@@ -142,8 +144,33 @@ def _visible_by_flow(window: Window, interval: Interval, origins: Int64) -> Mask
     return np.asarray(inside & (there == 0) & (patches_of(breaks, origins, halo_px=0) == 0))
 
 
-def _geometry(window: Window, interval: Interval) -> tuple[Float64, RigidMotion, int, int, float] | None:
-    """Return intrinsics, motion, the depth frames at both ends, and how far the motion may misplace a pixel."""
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """What depth and poses say of an interval.
+
+    Attributes
+    ----------
+    motion, correction
+        As declared, and the twist (6,) by which the flow corrects a noisy motion.
+    frames
+        The depth frames at both ends, by row.
+    uncertainty_px
+        How far the corrected motion may still misplace a pixel.
+    """
+
+    track: PoseTrack
+    motion: RigidMotion
+    correction: Float64
+    frames: tuple[int, int]
+    uncertainty_px: float
+
+
+def geometry_of(window: Window, interval: Interval) -> Geometry | None:
+    """Return what depth and poses say of an interval; None where either does not cover it. Kept for the window."""
+    return window.once(("geometry", interval), lambda: _geometry(window, interval))
+
+
+def _geometry(window: Window, interval: Interval) -> Geometry | None:
     facts, camera = window.facts, window.facts.declared.cameras.get("depth")
     if camera is None or not {"depth", "pose"} <= facts.streams:
         return None
@@ -152,30 +179,32 @@ def _geometry(window: Window, interval: Interval) -> tuple[Float64, RigidMotion,
     motion = track.motion(interval.start_ns, interval.end_ns)
     if frames[0] is None or frames[1] is None or motion is None:
         return None
-    motion, uncertainty_px = _best_motion(window, track, interval, frames[0], motion)
-    return camera.K, motion, frames[0], frames[1], uncertainty_px
+    correction, uncertainty_px = _correction(window, track, interval, frames[0], motion)
+    return Geometry(track, motion, correction, (frames[0], frames[1]), uncertainty_px)
 
 
-def _best_motion(
+def _correction(
     window: Window, track: PoseTrack, interval: Interval, frame: int, motion: RigidMotion
-) -> tuple[RigidMotion, float]:
+) -> tuple[Float64, float]:
     """Correct a noisy motion by the flow, where that takes no more than the noise; six numbers hide no local fault."""
     noise = window.facts.declared.pose
     if noise is None or not is_noisy(noise):
-        return motion, 0.0
+        return np.zeros(6), 0.0
     covariance = track.covariance(interval.start_ns, interval.end_ns, noise.position_sigma_m, noise.rotation_sigma_rad)
     sample = sample_field(window, interval, frame)
     fit = None if sample is None else fit_motion(track.camera.K, motion, sample)
     if fit is not None:
         chi2, dof = twist_statistic(fit, covariance)
         if chi2 <= _PLAUSIBLE * dof:
-            return fit.motion, 0.0
-    return motion, float(track.camera.K[0, 0] * np.sqrt(np.trace(covariance[:3, :3])))
+            return fit.twist, 0.0
+    return np.zeros(6), float(track.camera.K[0, 0] * np.sqrt(np.trace(covariance[:3, :3])))
 
 
-def _inverse_depth(window: Window, frame: int) -> Float32:
+def inverse_depth_of(window: Window, frame: int) -> Float32:
+    """Return 1 / depth (H, W) of a frame, 1/m, 0 where invalid; kept for the window."""
     return window.of_image("inverse depth", frame, lambda: inverse_depth(window.depth_m(frame)))
 
 
 def _edges(window: Window, frame: int) -> NDArray[np.uint8]:
-    return window.of_image("depth edges", frame, lambda: edges(_inverse_depth(window, frame)))
+    focal_px = float(window.facts.declared.cameras["depth"].K[0, 0])
+    return window.of_image("depth edges", frame, lambda: edges(inverse_depth_of(window, frame), focal_px))

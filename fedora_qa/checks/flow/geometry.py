@@ -41,25 +41,45 @@ class WindowErrors:
 class Endpoint(WindowCheck[WindowErrors]):
     """Is the stored flow what depth, intrinsics and the camera's motion give?
 
-    On a lattice of pixels (of a density that the effort states, its phase changing from field to field) the flow is
-    recomputed from the depth at the interval's start and the relative pose, by format.md's definition and this tool's
-    own mathematics, and compared with what is stored: the endpoint error, in pixels, for each rate.
+    On a lattice of pixels the flow is recomputed from the depth at the interval's start and the relative pose, and
+    compared with what is stored: the endpoint error in px, as root mean square and at the worst pixel of each rate;
+    with declared pose noise also how large the corrections of the pose are that the flow asks for.
 
-    Noise model. Where the file declares no pose noise, nothing but rounding may remain; `geometry.rigid_flow` derives
-    its bound for each pixel (float32 flow, float32 depth, single-precision arithmetic of the maker: some 1e-4 to
-    1e-3 px), to which the interpolation of the pose is added where stamps fall between poses. Where the file declares
-    pose noise, the flow comes from the noise-free pose, so each field may correct its relative pose. What remains must
-    again be rounding; and the correction must be as large as the declared noise makes it: its Mahalanobis square over
-    every second field (whose intervals share no pose) is chi-square; the cube root of its mean is normal to good
-    accuracy (Wilson and Hilferty, 1931). A correction of zero means that the flow was made from the noisy pose.
+    Why it matters
+    --------------
+    Flow, depth and pose are made from one another. Where they disagree, one of them belongs to another camera,
+    another instant, another unit or another frame of reference, and whoever uses two of them together inherits that.
 
-    After an alarm, and only then, templates of small faults (gain, focal length, principal point, mounting, time of the
-    pose) are fitted to what disagrees, and inverse transforms are tried on the worst fields (sign, axes, units,
-    mirrors, other rates and intervals, depth units and ray lengths, quaternion conventions).
+    How
+    ---
+    The effort states the lattice's density; its phase changes from field to field. The recomputation is format.md's
+    own definition, X1 = R X0 + t. With declared pose noise each field may correct its relative pose (Gauss-Newton
+    over six numbers). After an alarm, templates of small faults (gain, focal length, principal point, mounting, lever
+    arm, time, drift) are fitted to what disagrees, and inverse transforms are tried on the worst fields (sign, axes,
+    units, mirrors, shifts, other rates and intervals, ray lengths, quaternion conventions). Where only a part of the
+    image is off, all of that is done with this part, and causes that spoil the whole image are not named. Numbers of
+    the camera that look chosen (a round field of view, a centred principal point) are not blamed while flow could be.
 
-    Pixels that the file marks as moving by themselves are left out: the camera's motion does not explain them.
+    Noise model
+    -----------
+    Without pose noise nothing but rounding may remain: a bound for each pixel from float32 flow, float32 depth and
+    single-precision arithmetic, 1e-4 to 1e-3 px; where stamps fall between poses, the interpolation's own error is
+    added. With pose noise what remains after the correction must be rounding again, and the correction must be as
+    large as the noise makes it: its Mahalanobis square over every second field (whose intervals share no pose) is
+    chi-square; the cube root of its mean is normal. A correction of zero means that the flow was made from the noisy
+    pose.
 
-    It cannot see faults that depth, pose and flow share, and in a hovering sequence the translation's scale.
+    Cannot see
+    ----------
+    Faults that depth, pose and flow share; the scale of a translation while hovering; faults of time and mounting
+    that are smaller than the declared pose noise, and any where noise is not declared. What moves by itself is left
+    out.
+
+    Sources
+    -------
+    The paper's flow equation x* = K pi(R z K^-1 x + T). Rounding: first principles, `geometry/rigid_flow.py`.
+    Elimination of the pose: Schur's complement, `estimators/flow_motion_fit.py`. E. B. Wilson, M. M. Hilferty, PNAS
+    17 (1931) 684.
     """
 
     name = "flow_geometry.endpoint"
@@ -108,7 +128,7 @@ class Endpoint(WindowCheck[WindowErrors]):
             off = [field for field in fields if field.interval.stream == stream and field.suspicion > 1]
             if off:
                 worst = max(off, key=lambda field: field.suspicion)
-                weighed += weigh_hypotheses(window, track, worst.interval, worst.frame)
+                weighed += weigh_hypotheses(window, track, worst.interval, worst.frame, worst.region)
         state.append(WindowErrors(window.span.index, weighed=tuple(weighed)))
 
     def conclude(self, state: Sequence[WindowErrors], facts: Facts) -> Observation:
@@ -128,7 +148,7 @@ class Endpoint(WindowCheck[WindowErrors]):
         unmoved = {stream: _squares_ratio(group) < _UNMOVED for stream, group in by_stream.items()}
         measurements: list[Measured] = []
         for stream, group in by_stream.items():
-            suspects = geometry_suspects(stream, group, weighed, off, noise)
+            suspects = geometry_suspects(stream, group, weighed, off, facts.declared)
             measurements += [_typical(stream, group, facts, suspects), _worst(stream, group, facts, suspects)]
             if noise and is_noisy(noise):
                 measurements += _correction(stream, group, facts, suspects, unmoved)

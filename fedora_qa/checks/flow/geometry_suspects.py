@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.flow.chosen_numbers import is_chosen
 from fedora_qa.checks.flow.comparison import FieldError, is_noisy
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.suspects import gain_suspect, gross_suspects, most_probable, spreads_over, weakened
@@ -14,12 +15,19 @@ from fedora_qa.checks.protocol import Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_motion_fit import Evidence, sum_of
 from fedora_qa.estimators.flow_templates import FLOW_GAIN, SMALL_FAULTS, TIME_OFFSET, SmallFault
-from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.declared import Declared, PoseModel
 
 _CERTAIN: Final = 0.98
 """An inverse transform that leaves less than 2% of the deviation is believed before a fitted small fault is."""
 
 _SAME_GAIN: Final = 0.02
+
+_HARDLY: Final = 0.5
+_NEARLY_ALL: Final = 0.9
+"""What is declared holds for all fields; so many of them show it, where some hardly move."""
+
+_OF_IMAGES: Final = ("flow", "depth")
+"""Where a part of the image is off, what is wrong lies in the image: poses and cameras spoil all of it."""
 
 _PPM_PER_MS_PER_S, _PERCENT_PER_MS_PER_S = 1e3, 0.1
 
@@ -32,23 +40,37 @@ def geometry_suspects(
     fields: Sequence[FieldError],
     weighed: Sequence[Weighed],
     off: Mapping[str, bool],
-    noise: PoseModel | None,
+    declared: Declared,
 ) -> tuple[Suspect, ...]:
     """Return the suspects for one rate, most probable first."""
+    noise = declared.pose
     flow = spreads_over(stream, off)
     fields_off = [field for field in fields if field.suspicion > 1]
-    local = 2 * len(fields_off) <= len(fields)
-    gross = gross_suspects(stream, weighed, flow, local=local)
+    share_off = len(fields_off) / len(fields)
+    local = share_off <= 0.5
+    gross = gross_suspects(stream, weighed, flow, share_off=share_off)
     for repeating in ("flow", "depth"):
         repeated = sum(field.repeats == repeating for field in fields_off)
         if repeated:
             where = flow if repeating == "flow" else repeating
             gross.append(Suspect("frozen_frames", where, 1.0 if local else 0.9, float(repeated), "samples"))
     small = _small(fields, flow, noise)
+    in_part = 2 * sum(field.region is not None for field in fields_off) > len(fields_off)
+    if in_part:
+        small = [suspect for suspect in small if suspect.stream in (*_OF_IMAGES, flow)]
+    small = [replace(one, weight=one.weight * _trust(one, declared, share_off)) for one in small]
     if max((suspect.weight for suspect in gross if suspect.cause != "flow_gain"), default=0.0) > _CERTAIN:
         small = weakened(small, 0.8)
-    by_pose = [] if is_noisy(noise) else _of_the_pose(fields_off, local=local)
+    by_pose = [] if is_noisy(noise) or in_part else _of_the_pose(fields_off, local=local)
     return most_probable([*gross, *small, *by_pose]) or (Suspect("unknown", flow, 0.1),)
+
+
+def _trust(suspect: Suspect, declared: Declared, share_off: float) -> float:
+    """Return how likely a declaration is to be wrong: numbers that were chosen are not, nor what holds for a while."""
+    if suspect.stream != "metadata":
+        return 1.0
+    chosen = is_chosen(declared.cameras["depth"], suspect.cause)
+    return _HARDLY if chosen or share_off < _NEARLY_ALL else 1.0
 
 
 def _small(fields: Sequence[FieldError], flow: str, noise: PoseModel | None) -> list[Suspect]:

@@ -7,9 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow.comparison import FEWEST_PIXELS, field_covariance, sample_field
+from fedora_qa.checks.flow.comparison import field_covariance
 from fedora_qa.checks.flow.intervals import Interval, PoseTrack, depths_plausible, frame_at, interval_at
-from fedora_qa.conventions import MM_PER_M, NS_PER_S, R_BODY_OPTICAL
+from fedora_qa.checks.flow.lattice import FEWEST_PIXELS, Region, sample_field
+from fedora_qa.conventions import MM_PER_M, R_BODY_OPTICAL
 from fedora_qa.estimators.flow_motion_fit import FlowSample, fit_motion, weigh_templates
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import rigid_flow
@@ -26,7 +27,9 @@ _ANOTHER_GAIN: Final = 0.02
 _ANOTHER_CONVENTION_RAD: Final = 0.7
 """Mountings that lie closer to straight ahead are turned, not written in another convention."""
 
+_MS_PER_NS: Final = 1e-6
 _NEIGHBOURS: Final = (-2, -1, 1, 2)
+_NEARBY: Final = (-1, 1, -2, 2, -3, 3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,13 +54,15 @@ class _Hypothesis:
     magnitude: float | None = None
 
 
-def weigh_hypotheses(window: Window, track: PoseTrack, interval: Interval, frame: int) -> list[Weighed]:
-    """Weigh every gross fault against one field.
+def weigh_hypotheses(
+    window: Window, track: PoseTrack, interval: Interval, frame: int, region: Region | None = None
+) -> list[Weighed]:
+    """Weigh every gross fault against one field, or against the part of it that is off.
 
     What a hypothesis leaves is compared with the deviation as stored, or with the recomputed flow itself where that is
     smaller, so that dividing a field of garbage explains nothing.
     """
-    sample = sample_field(window, interval, frame)
+    sample = sample_field(window, interval, frame, region)
     motion = track.motion(interval.start_ns, interval.end_ns)
     if sample is None or motion is None:
         return []
@@ -67,7 +72,7 @@ def weigh_hypotheses(window: Window, track: PoseTrack, interval: Interval, frame
     if not 0 < reference < np.inf:
         reference = float(np.sqrt(np.mean(np.sum(sample.flow_px**2, axis=1))))
     best: dict[tuple[str, str], Weighed] = {}
-    for hypothesis in _hypotheses(window, track, interval, sample, motion, frame):
+    for hypothesis in _hypotheses(window, track, interval, sample, motion, frame, region):
         if hypothesis.sample is None or hypothesis.motion is None:
             continue
         left = _deviation(track, interval, hypothesis.sample, hypothesis.motion, window)
@@ -78,10 +83,16 @@ def weigh_hypotheses(window: Window, track: PoseTrack, interval: Interval, frame
 
 
 def _hypotheses(
-    window: Window, track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, frame: int
+    window: Window,
+    track: PoseTrack,
+    interval: Interval,
+    sample: FlowSample,
+    motion: RigidMotion,
+    frame: int,
+    region: Region | None,
 ) -> Iterator[_Hypothesis]:
     yield from _of_the_values(window, track, interval, sample, motion)
-    yield from _of_the_interval(window, track, interval)
+    yield from _of_the_interval(window, track, interval, region)
     yield from _of_the_depth(window, track, sample, motion, frame)
     yield from _of_the_pose(window, track, interval, sample)
 
@@ -120,12 +131,23 @@ def _of_the_values(
             yield undone("spatial_offset", moved, float(shift))
 
 
-def _of_the_interval(window: Window, track: PoseTrack, interval: Interval) -> Iterator[_Hypothesis]:
+def _of_the_interval(
+    window: Window, track: PoseTrack, interval: Interval, region: Region | None
+) -> Iterator[_Hypothesis]:
     """Suppose that the field belongs to a neighbouring interval, or to another rate."""
-    for intervals in (-1, 1):
+
+    def belonging(other: Interval, cause: str, magnitude: float | None = None) -> _Hypothesis:
+        frame = frame_at(window.facts.clocks["depth"], other.start_ns)
+        sample = None if frame is None else sample_field(window, interval, frame, region)
+        return _Hypothesis(cause, "flow", sample, track.motion(other.start_ns, other.end_ns), magnitude)
+
+    for intervals in _NEARBY:
         neighbour = interval.shifted(intervals)
-        yield _belonging(window, track, interval, neighbour, "flow_interval_shifted", -intervals)
-        yield _belonging(window, track, interval, neighbour, "swapped_frames", 1)
+        yield belonging(neighbour, "flow_interval_shifted", float(-intervals))
+        yield belonging(neighbour, "swapped_frames", float(abs(intervals)))
+    step_ns = _step_ns(window.facts.clocks["depth"])
+    for frames in _NEIGHBOURS:
+        yield belonging(interval.moved(round(frames * step_ns)), "time_offset", -frames * step_ns * _MS_PER_NS)
     for stream in window.facts.flow_streams:
         starts_ns = window.facts.clocks[stream].times_ns
         if stream == interval.stream or not len(starts_ns):
@@ -133,9 +155,9 @@ def _of_the_interval(window: Window, track: PoseTrack, interval: Interval) -> It
         latest = max(int(np.searchsorted(starts_ns, interval.start_ns, "right")) - 1, 0)
         for row in {latest, min(interval.row, len(starts_ns) - 1)}:
             other = interval_at(window.facts, stream, row)
-            yield _belonging(window, track, interval, other, "flow_rate_mixed")
+            yield belonging(other, "flow_rate_mixed")
             from_here = replace(other, start_ns=interval.start_ns, end_ns=interval.start_ns + other.length_ns)
-            yield _belonging(window, track, interval, from_here, "flow_rate_mixed")
+            yield belonging(from_here, "flow_rate_mixed")
 
 
 def _of_the_depth(
@@ -163,7 +185,7 @@ def _of_the_depth(
     for frames in _NEIGHBOURS:
         if 0 <= frame + frames < window.facts.sizes["path/depth"]:
             depths_m = _at(window.depth_m(frame + frames), column, row)
-            yield undone("time_offset", depths_m, frames * step_ns * 1e3 / NS_PER_S)
+            yield undone("time_offset", depths_m, frames * step_ns * _MS_PER_NS)
             yield undone("swapped_frames", depths_m, float(abs(frames)))
 
 
@@ -229,16 +251,6 @@ def _at(depth_m: NDArray[np.float32], columns: NDArray[np.int_], rows: NDArray[n
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
     values = depth_m[np.where(inside, rows, 0), np.where(inside, columns, 0)].astype(np.float64)
     return np.where(inside & (values > 0), values, np.nan)
-
-
-def _belonging(
-    window: Window, track: PoseTrack, interval: Interval, other: Interval, cause: str, magnitude: int | None = None
-) -> _Hypothesis:
-    """Suppose that the field's values belong to another interval, and to the depth at its start."""
-    frame = frame_at(window.facts.clocks["depth"], other.start_ns)
-    sample = None if frame is None else sample_field(window, interval, frame)
-    motion = track.motion(other.start_ns, other.end_ns)
-    return _Hypothesis(cause, "flow", sample, motion, None if magnitude is None else float(magnitude))
 
 
 def _deviation(track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, window: Window) -> float:

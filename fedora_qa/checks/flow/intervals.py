@@ -45,8 +45,11 @@ class Interval:
 
     def shifted(self, intervals: int) -> "Interval":
         """Return the interval that lies so many intervals later, under the same row."""
-        step_ns = intervals * self.length_ns
-        return replace(self, start_ns=self.start_ns + step_ns, end_ns=self.end_ns + step_ns)
+        return self.moved(intervals * self.length_ns)
+
+    def moved(self, by_ns: int) -> "Interval":
+        """Return the interval that lies so much later, under the same row."""
+        return replace(self, start_ns=self.start_ns + by_ns, end_ns=self.end_ns + by_ns)
 
 
 def owned_intervals(window: Window, stream: str) -> Iterator[Interval]:

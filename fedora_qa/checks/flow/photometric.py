@@ -10,14 +10,8 @@ from fedora_qa.checks.flow.candidates import residual_maps, weigh_candidates
 from fedora_qa.checks.flow.frames import frame_pair, optics_of
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.intervals import owned_intervals
-from fedora_qa.checks.flow.photometric_measures import (
-    estimate_rate,
-    inferred_unit,
-    is_off,
-    place_measurements,
-    rate_measurements,
-    suspicion,
-)
+from fedora_qa.checks.flow.photometric_measures import inferred_unit, is_off, place_measurements, suspicion
+from fedora_qa.checks.flow.photometric_rates import estimate_rate, rate_measurements
 from fedora_qa.checks.flow.photometric_suspects import photometric_suspects
 from fedora_qa.checks.flow.residuals import FEWEST_TILES, FieldResidual, measure_field
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
@@ -42,21 +36,45 @@ class WindowResiduals:
 class Residual(WindowCheck[WindowResiduals]):
     """Does the stored flow carry each frame onto the next?
 
-    Tiles of 32 px are sampled (their share and every how many-th field are stated by the effort). The frame at the end
-    of a field's interval is warped back by the stored flow, and the flow's error in each tile follows from least
-    squares on the difference to the frame at its start, with a gain and a bias of brightness left free. The errors, in
-    pixels, are gathered by field and by rate: their mean (u, v), the gain of the flow, the worst field, the worst tile;
-    and the share of tiles that do not match at all, which is how errors beyond the capture range of 3 to 4 px show.
+    The frame at the end of a field's interval is warped back by the stored flow. How far it still lies from the frame
+    at its start is measured in tiles of 32 px, as a flow in px with its covariance. All tiles of a rate then give its
+    mean (u, v), its gain, and what it would take of focal length, principal point, mounting, time and roll to explain
+    it; the worst field, the worst tile, and the share of tiles that do not match at all are stated besides.
 
-    Pixels are used where depth and pose (never the flow under test) say that both frames show the same point, 4 px away
-    from edges of the depth; without depth or pose, away from breaks of the flow. Tiles count where the noise floor of
-    8-bit frames alone would let their flow be known to 0.1 px: night and plain walls do not, and are reported as such.
+    Why it matters
+    --------------
+    A network learns flow from frames or events. Flow that is a hundredth too large, half a pixel to the side, in
+    another unit or an interval late trains it to be wrong, and neither depth nor pose need show it.
 
-    Standard errors are the larger of the formal ones and the spread over fields (over tiles, for one field), for
-    Student's distribution. Allowances cover detail that pixels do not resolve.
+    How
+    ---
+    Tiles and fields are sampled by shares that the effort states. In each tile least squares fit the flow's error,
+    with gain and bias of brightness left free; beyond 0.5 px once more about the corrected flow. Pixels count where
+    depth and pose (never the flow under test) say that both frames show the same point, 4 px away from edges of the
+    depth; without depth or pose, away from breaks of the flow. After an alarm, faults are undone one by one (sign,
+    axes, mirrors, units, gains, neighbouring intervals, other rates, frames out of order) on the tiles that do not
+    match, and the share of the mismatch that this removes weighs them.
 
-    It cannot see an error along the edges of a scene that has texture in one direction only, and less of it in slow
-    fields: the gain needs motion. Method: B. D. Lucas, T. Kanade, IJCAI (1981).
+    Noise model
+    -----------
+    Formal errors follow from what each tile's fit leaves. They are multiplied by how far the tiles of a rate really
+    scatter (Birge's ratio, its median over fields); where fields scatter more than one honest rate in a hundred,
+    their own spread is taken, widened after Student. Consecutive fields share a frame, whose rounding enters with
+    opposite signs: z of a mean spreads less than 1. Allowance: aliases and interpolation err by at most 0.005 px
+    times sin(2 pi flow), of which only the mean over the tiles counts (0.02 px for a field, 0.2 px for a tile at
+    grazing angles).
+
+    Cannot see
+    ----------
+    Errors along the edges of a scene with texture in one direction only; much of a gain in slow fields. Tiles in
+    which the rounding of 8-bit frames alone hides 0.1 px do not count: plain walls and nights may be not observable.
+    Where poses are noisy, time is not fitted.
+
+    Sources
+    -------
+    B. D. Lucas, T. Kanade, IJCAI (1981) 674; S. Birchfield (1997) for the symmetric gradient; C. Sigg, M. Hadwiger,
+    GPU Gems 2 (2005) ch. 20 for the spline; J. Westerweel, Meas. Sci. Technol. 8 (1997) 1379 for peak locking; R. T.
+    Birge, Phys. Rev. 40 (1932) 207. Derivations: `estimators/residual_flow.py`, `flow_field_fit.py`.
     """
 
     name = "flow_photometric.residual"

@@ -1,34 +1,22 @@
-"""What a rate's fields together say of the flow against the frames, as measurements with errors and allowances."""
+"""The worst of a rate's fields and tiles against the frames, whether they are off, and the unit that frames infer."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.intervals import place
+from fedora_qa.checks.flow.photometric_rates import MATTERS_PX, RateEstimate, scale_of
 from fedora_qa.checks.flow.residuals import UNMATCHED, FieldResidual
 from fedora_qa.checks.protocol import Measured, Suspect
-from fedora_qa.estimators.flow_field_fit import GAIN, MEAN, gain_of_true, robust_errors
-from fedora_qa.estimators.flow_motion_fit import Evidence, sum_of
+from fedora_qa.estimators.flow_field_fit import GAIN, MEAN
+from fedora_qa.estimators.flow_motion_fit import Evidence
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 
-Float64 = NDArray[np.float64]
-
-_BIAS_PX: Final = 0.005
-"""Largest mean bias of the estimate on scenes whose amplitude spectrum falls as 1/frequency or faster (edges do).
-
-The spline read adds at most 0.0005 px there (measured over all fractions of a pixel, see its test). Detail that the
-camera itself does not resolve moves the wrong way: its energy at w - 2 pi over that at w is ((2 pi - w)/w)^-4 for a
-box-shaped pixel, 0.13% at 1 rad/px, and shifts the estimate by at most 0.0013 px per such frequency; 0.005 px leaves
-room for steeper mixes. For white noise, which no scene is, it would be 0.03 px.
-"""
-
 _FIELD_BIAS_PX: Final = 0.02
-"""The same for a single field, whose few tiles do not average over fractions of a pixel: four times as much."""
+"""The same for a single field, whose few tiles may all be of one steep texture: four times as much."""
 
 _TILE_BIAS_PX: Final = 0.2
 """The same for a single tile: unresolved detail at grazing angles, and surfaces that meet without an edge of depth.
@@ -49,91 +37,6 @@ _SURELY: Final = 6.0
 _ANOTHER_UNIT: Final = 0.5
 """Gains of less than half are no other unit."""
 
-_MATTERS_PX: Final = 0.5
-_MATTERS_PERCENT: Final = 10.0
-
-
-@dataclass(frozen=True, slots=True)
-class RateEstimate:
-    """All fields of one rate together: mean residual (u, v) in px and gain (1 is 100%), with standard errors.
-
-    ``gain_bias`` is the gain that a mean bias of ``_BIAS_PX`` would feign.
-    """
-
-    mean_px: Float64
-    mean_errors_px: Float64
-    gain: float
-    gain_error: float
-    gain_bias: float
-
-
-def estimate_rate(fields: Sequence[FieldResidual]) -> RateEstimate | None:
-    """Gather the fields of one rate; None where in none of them enough tiles match."""
-    evidences = [one.evidence for one in fields if one.evidence]
-    if not evidences:
-        return None
-    total = sum_of(evidences)
-    mean_px, mean_errors_px = _solved(evidences, total, MEAN)
-    of_stored, error = _solved(evidences, total, GAIN)
-    largest = float(np.linalg.eigvalsh(total.matrix[MEAN, MEAN])[-1])
-    gain_bias = _BIAS_PX * float(np.sqrt(largest / max(total.matrix[GAIN, GAIN][0, 0], 1e-300)))
-    gain, slope = gain_of_true(float(of_stored[0]))
-    return RateEstimate(mean_px, mean_errors_px, gain, slope * float(error[0]), slope * gain_bias)
-
-
-def _solved(evidences: Sequence[Evidence], total: Evidence, columns: slice) -> tuple[Float64, Float64]:
-    """Fit some templates alone to all fields; fields are the blocks of the empirical error."""
-    matrix = total.matrix[columns, columns]
-    matrix = matrix + np.eye(len(matrix)) * (1e-12 * np.trace(matrix) + 1e-12)
-    sizes = np.linalg.solve(matrix, total.vector[columns])
-    scores = np.array([one.vector[columns] - one.matrix[columns, columns] @ sizes for one in evidences])
-    return sizes, robust_errors(matrix, scores)
-
-
-def rate_measurements(
-    stream: str,
-    fields: Sequence[FieldResidual],
-    rate: RateEstimate | None,
-    facts: Facts,
-    suspects: tuple[Suspect, ...],
-) -> list[Measured]:
-    """State a rate's mean residual flow and its gain."""
-    if rate is None:
-        return []
-    where = place(facts, (fields[0].interval, fields[-1].interval))
-    measured = [
-        Measured(
-            name=f"{stream} residual_{axis}",
-            value=float(rate.mean_px[i]),
-            unit="px",
-            standard_error=float(rate.mean_errors_px[i]),
-            allowance=_BIAS_PX,
-            matters=_MATTERS_PX,
-            statement=f"{stream} carries frames {abs(rate.mean_px[i]):.3g} px too far "
-            f"{('right', 'down')[i] if rate.mean_px[i] > 0 else ('left', 'up')[i]} on average.",
-            code="flow_photometric.residual.mean",
-            where=where,
-            suspects=suspects,
-        )
-        for i, axis in enumerate("uv")
-    ]
-    percent = 100 * rate.gain
-    measured.append(
-        Measured(
-            name=f"{stream} gain",
-            value=percent,
-            unit="percent",
-            standard_error=100 * rate.gain_error,
-            allowance=100 * rate.gain_bias,
-            matters=_MATTERS_PERCENT,
-            statement=f"{stream} is {abs(percent):.3g}% too {'large' if percent > 0 else 'small'} for the frames.",
-            code="flow_photometric.residual.gain",
-            where=where,
-            suspects=suspects,
-        )
-    )
-    return measured
-
 
 def place_measurements(
     stream: str, fields: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]
@@ -150,15 +53,16 @@ def place_measurements(
 
 
 def _worst_field(stream: str, known: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
-    worst = max(known, key=lambda one: _mean_px(one) / (_FIELD_BIAS_PX + max(one.mean_error_px)))
+    scale = scale_of(known)
+    worst = max(known, key=lambda one: _mean_px(one) / (_field_bias_px(one) + scale * max(one.mean_error_px)))
     return Measured(
         name=f"{stream} worst_field",
         value=_mean_px(worst),
         unit="px",
-        standard_error=max(worst.mean_error_px),
-        allowance=_FIELD_BIAS_PX,
+        standard_error=scale * max(worst.mean_error_px),
+        allowance=_field_bias_px(worst),
         side="upper",
-        matters=_MATTERS_PX,
+        matters=MATTERS_PX,
         tests=len(known),
         statement=f"Field {worst.interval.row} of {stream} carries frame {worst.frame} "
         f"{_mean_px(worst):.3g} px past the frame at its end.",
@@ -231,6 +135,10 @@ def _unmatched_share(one: FieldResidual) -> float:
     return one.unmatched_share if one.textured >= _MANY_TILES else 0.0
 
 
+def _field_bias_px(one: FieldResidual) -> float:
+    return _FIELD_BIAS_PX * one.mean_locking
+
+
 def _mean_px(one: FieldResidual) -> float:
     return float(np.hypot(*one.mean_px))
 
@@ -241,7 +149,7 @@ def suspicion(one: FieldResidual) -> float:
     if one.evidence is None:
         return unmatched
     error_px = max(one.mean_error_px)
-    by_mean = _mean_px(one) / (_FIELD_BIAS_PX + _SURELY * error_px)
+    by_mean = _mean_px(one) / (_field_bias_px(one) + _SURELY * error_px)
     gain_px, gain_error_px = _gain_px(one.evidence)
     by_gain = gain_px / (_FIELD_BIAS_PX + _SURELY * max(gain_error_px, error_px))
     return max(unmatched, by_mean, by_gain)
@@ -259,8 +167,8 @@ def is_off(rate: RateEstimate | None, fields: Sequence[FieldResidual]) -> bool:
     """Whether a rate is surely off, in all its fields or in some."""
     if any(suspicion(one) > 1 for one in fields) or rate is None:
         return True
-    by_mean = np.abs(rate.mean_px) > _BIAS_PX + _SURELY * rate.mean_errors_px
-    return bool(by_mean.any()) or abs(rate.gain) > rate.gain_bias + _SURELY * rate.gain_error
+    known = [rate.mean, rate.gain, *([rate.geometric] if rate.geometric else [])]
+    return any(bool(np.any(np.abs(one.sizes) > one.biases + _SURELY * one.errors)) for one in known)
 
 
 def inferred_unit(
@@ -281,6 +189,6 @@ def _unit_of(
     unmatched = sum(one.unmatched for one in fields) / sum(one.textured for one in fields)
     if rate is None or unmatched > _UNMATCHED_SHARE:
         return "unknown"
-    if _SURELY * rate.gain_error > _ANOTHER_UNIT:
+    if _SURELY * rate.gain.errors[0] > _ANOTHER_UNIT:
         return None
-    return "px" if abs(rate.gain) < _ANOTHER_UNIT else "unknown"
+    return "px" if abs(rate.gain.sizes[0]) < _ANOTHER_UNIT else "unknown"

@@ -10,8 +10,18 @@ from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.residuals import FieldResidual
 from fedora_qa.checks.flow.suspects import gain_suspect, gross_suspects, most_probable, spreads_over, weakened
 from fedora_qa.checks.protocol import Suspect
-from fedora_qa.estimators.flow_field_fit import GAIN, MEAN, SHIFT, gain_of_true
-from fedora_qa.estimators.flow_motion_fit import sum_of
+from fedora_qa.estimators.flow_field_fit import (
+    CENTRE,
+    FOCAL,
+    GAIN,
+    MEAN,
+    MOUNTING,
+    OF_THE_FLOW,
+    SHIFT,
+    TIME,
+    gain_of_true,
+)
+from fedora_qa.estimators.flow_motion_fit import Evidence, sum_of
 from fedora_qa.sequence.declared import PoseModel
 
 _SAME_GAIN: Final = 0.1
@@ -28,8 +38,9 @@ def photometric_suspects(
 ) -> tuple[Suspect, ...]:
     """Return the suspects for one rate against the frames, most probable first."""
     flow = spreads_over(stream, off)
-    local = 2 * len(fields_off) <= len(fields) and not _share_a_gain(fields)
-    gross = gross_suspects(stream, weighed, flow, local=local) if fields_off else []
+    share_off = 1.0 if _share_a_gain(fields) else len(fields_off) / len(fields)
+    local = share_off <= 0.5
+    gross = gross_suspects(stream, weighed, flow, share_off=share_off) if fields_off else []
     small = _small(fields, flow)
     if not fields_off:
         return most_probable(small) or (Suspect("unknown", flow, 0.1),)
@@ -46,6 +57,8 @@ _LEAST_GAIN: Final = 0.005
 
 _GAIN_ERROR: Final = 0.05
 """Share of a gain by which linearisation and the derivative's taps misjudge it."""
+
+_MS_PER_PERCENT_OF_S: Final = 10.0
 
 _LARGEST_SHIFT_PX: Final = 10.0
 """Beyond it a flow's slopes say little about its values."""
@@ -78,21 +91,21 @@ def _share_a_gain(fields: Sequence[FieldResidual]) -> bool:
 
 
 def _by_own_mean(fields: Sequence[FieldResidual]) -> float:
-    """Return how much of what is explained falls to each field's own mean and no common one, as pose noise makes it."""
+    """Return how much of what is explained falls to each field's own mean, and to nothing that fields have in common.
+
+    So pose noise has it. What they have in common is whatever all templates together explain of all fields.
+    """
     evidences = [one.evidence for one in fields if one.evidence]
     if not evidences:
         return 0.0
     own = sum(one.explained_by(MEAN)[1] * one.total for one in evidences)
-    common = sum_of(evidences).explained_by(MEAN)[1] * sum(one.total for one in evidences)
-    everything = sum(one.explained_by(slice(None))[1] * one.total for one in evidences)
+    common = sum_of(evidences).explained_by(slice(None))[1] * sum(one.total for one in evidences)
+    everything = sum(one.explained_by(OF_THE_FLOW)[1] * one.total for one in evidences)
     return max(own - common, 0.0) / everything if everything > 0 else 0.0
 
 
 def _small(fields: Sequence[FieldResidual], flow: str) -> list[Suspect]:
-    """Weigh gain, shift of an image, and a constant, by the share of what all templates together explain.
-
-    A wrong focal length is almost a gain, a wrong principal point a shift of the flow, a turned camera a constant.
-    """
+    """Weigh gain, shift of an image, and what geometry tells, by the share of what all templates together explain."""
     evidences = [one.evidence for one in fields if one.evidence]
     if not evidences:
         return []
@@ -102,19 +115,31 @@ def _small(fields: Sequence[FieldResidual], flow: str) -> list[Suspect]:
         return []
     gain, by_gain = total.explained_by(GAIN)
     shift, by_shift = total.explained_by(SHIFT)
-    _, by_mean = total.explained_by(MEAN)
     error = max(float(total.matrix[GAIN, GAIN][0, 0]), 1e-300) ** -0.5
     of_true, slope = gain_of_true(float(gain[0]))
     size = float(np.copysign(np.linalg.norm(shift), shift[np.argmax(np.abs(shift))]))
-    by_gain, by_shift, by_mean = (share / everything for share in (by_gain, by_shift, by_mean))
+    by_gain, by_shift = by_gain / everything, by_shift / everything
     if abs(size) > _LARGEST_SHIFT_PX:
         by_shift = 0.0
     error = float(np.hypot(slope * error, _GAIN_ERROR * of_true))
     return [
         gain_suspect(flow, of_true, error, 0.95 * by_gain, fields[0].interval.duration_s, _SAME_GAIN),
-        Suspect("intrinsics_focal", flow, 0.9 * by_gain),
         Suspect("spatial_offset", "rgb", by_shift, size, "px"),
         Suspect("spatial_offset", flow, 0.9 * by_shift, -size, "px"),
-        Suspect("extrinsic_rotation", flow, 0.7 * by_mean),
-        Suspect("intrinsics_centre", flow, 0.9 * by_shift),
+        *_geometric(total, everything, flow, fields[0].interval.duration_s),
     ]
+
+
+def _geometric(total: Evidence, everything: float, flow: str, interval_s: float) -> list[Suspect]:
+    """Weigh focal length, principal point, mounting and time, where depth and motion gave their templates."""
+    suspects = []
+    for cause, columns, unit, factor in (
+        ("intrinsics_focal", FOCAL, "percent", 1.0),
+        ("intrinsics_centre", CENTRE, "px", 1.0),
+        ("extrinsic_rotation", MOUNTING, "deg", 1.0),
+        ("time_offset", TIME, "ms", _MS_PER_PERCENT_OF_S * interval_s),
+    ):
+        sizes, share = total.explained_by(columns)
+        size = factor * float(np.copysign(np.linalg.norm(sizes), sizes[np.argmax(np.abs(sizes))]))
+        suspects.append(Suspect(cause, flow, 0.9 * share / everything, size, unit))
+    return suspects

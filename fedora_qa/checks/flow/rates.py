@@ -33,21 +33,38 @@ class WindowComposition:
 class Composition(WindowCheck[WindowComposition]):
     """Do the fields of a faster rate compose to those of a slower one?
 
-    Five fields of 50 Hz lead where one of 10 Hz leads, two where one of 25 Hz does, and five of 25 Hz where two of
-    10 Hz do. Each pixel is followed along the fields of either rate, from the start of an interval that both cover to
-    its end, with bilinear reading between pixels; the distance of the two endpoints is the error, in px. Neither depth
-    nor pose nor frames are needed. Paths that come within 4 px of breaks of the flow, or of places where pixels of
-    different flow meet (one of them is hidden), are left out. Stated are the median of the worst interval, of the worst
-    of 48 tiles of any interval, and the share of pixels that one rate carries out of the image and the other does not.
+    Each pixel is followed along the fields of either rate, from the start of an interval that both cover to its end:
+    five fields of 50 Hz lead where one of 10 Hz leads, two where one of 25 Hz does, five of 25 Hz where two of 10 Hz
+    do. The distance of the two endpoints is the error in px: its median over the worst interval, its median over the
+    worst of 48 tiles, and the share of pixels that only one of the rates carries out of the image.
 
-    Noise model. Each path has a bound: a quarter of the second differences of each field around the place where it is
-    read (twice the bilinear error of a smooth surface), single-precision rounding of each field, both grown by the
+    Why it matters
+    --------------
+    It needs neither depth nor pose nor frames, and it tells which of three rates is wrong: the two others agree. A
+    rate stored under another's name, or one field out of place, shows at once.
+
+    How
+    ---
+    Flow is read bilinearly between pixels. Paths within 4 px of breaks of the flow, or of places where pixels of
+    different flow meet (one of them is hidden midway), are left out. After an alarm the rate that disagrees with the
+    others is named, and faults are undone on it (sign, axes, mirrors, unit, gain, neighbouring intervals, fields of
+    another rate, repeated fields), on the pixels that are off where these are few.
+
+    Noise model
+    -----------
+    Bounds, not spreads: each path has a quarter of the second differences of each field around the place where it is
+    read (twice the bilinear error of a smooth surface) and single-precision rounding of each field, both grown by the
     flow's slope from field to field. Medians must not exceed the bounds' medians.
 
-    After an alarm, and only then, the rate that disagrees with the others is named, where there are three, and faults
-    are undone on it: sign, axes, unit, gain, neighbouring intervals, fields of another rate.
+    Cannot see
+    ----------
+    A fault that all rates share and that composes, such as a turned camera; which of only two rates is wrong; pixels
+    that are hidden midway; faults of stamps, which change which fields are compared and nothing else.
 
-    It cannot see a fault that all rates share and that composes (a turned camera), nor which of two rates is wrong.
+    Sources
+    -------
+    First principles: Lagrange's remainder for the reading, `geometry/rigid_flow.py` for the rounding; the derivation
+    stands in `checks/flow/rates_chain.py`.
     """
 
     name = "flow_rates.composition"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.hypotheses import Weighed
-from fedora_qa.checks.flow.rates_agreement import lattice_of, median_error_px
+from fedora_qa.checks.flow.rates_agreement import FEWEST_PIXELS, lattice_of, median_error_px
 from fedora_qa.checks.flow.rates_chain import Chain, Change, Composed, Segment, compose, exists
 from fedora_qa.checks.flow.suspects import gain_suspect, gross_suspects, most_probable
 from fedora_qa.checks.protocol import Suspect
@@ -32,6 +32,9 @@ left."""
 
 _COPIES: Final = ("flow_rate_mixed", "frozen_frames")
 """Faults that are seen bit for bit; what resembles them is then not named."""
+
+_FEWEST_OFF: Final = 4 * FEWEST_PIXELS
+"""Pixels from which on those that are off are looked at alone: a quarter of them may leave the image."""
 
 _SAME_GAIN: Final = 0.02
 _WEAK: Final = 0.02
@@ -66,7 +69,7 @@ class _Undone:
 
 def weigh_hypotheses(window: Window, segment: Segment) -> list[Weighed]:
     """Weigh faults of either rate, and of both, against one segment: the share of the error that undoing removes."""
-    columns, rows = (values[::4] for values in lattice_of(window, segment))
+    columns, rows = _pixels_off(window, segment)
     slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
     moved_px = np.linalg.norm(slow.displacement_px[slow.clear], axis=-1)
     reference_px = min(median_error_px(slow, fast), float(np.median(moved_px)) if len(moved_px) else np.inf)
@@ -82,12 +85,23 @@ def weigh_hypotheses(window: Window, segment: Segment) -> list[Weighed]:
     return list(best.values())
 
 
+def _pixels_off(window: Window, segment: Segment) -> tuple[Float64, Float64]:
+    """Return pixels of the lattice that are off, where they are few: a fault of a part of the image. All otherwise."""
+    columns, rows = lattice_of(window, segment)
+    slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
+    compared = slow.clear & slow.stays & fast.clear & fast.stays
+    errors_px = np.linalg.norm(slow.displacement_px - fast.displacement_px, axis=-1)
+    off = compared & (errors_px > slow.bound_px + fast.bound_px)
+    if _FEWEST_OFF <= np.count_nonzero(off) < 0.5 * np.count_nonzero(compared):
+        return columns[off], rows[off]
+    return columns[::4], rows[::4]
+
+
 def rates_suspects(pair: Pair, off: Mapping[Pair, float], weighed: Sequence[Weighed]) -> tuple[Suspect, ...]:
     """Return the suspects for one pair of rates, most probable first.
 
     ``off`` is the share of the common intervals of each pair that are off.
     """
-    local = off[pair] <= 0.5
     copies = _copied(weighed)
     weighed = [one for one in weighed if one.stream not in copies or one.cause in _COPIES]
     found: list[Suspect] = []
@@ -95,10 +109,10 @@ def rates_suspects(pair: Pair, off: Mapping[Pair, float], weighed: Sequence[Weig
         blame = _blame(stream, pair, off)
         found += [
             replace(suspect, weight=blame * suspect.weight)
-            for suspect in gross_suspects(stream, weighed, stream, local=local)
+            for suspect in gross_suspects(stream, weighed, stream, share_off=off[pair])
         ]
     if all(off.values()):
-        found += gross_suspects("flow", weighed, "flow", local=local)
+        found += gross_suspects("flow", weighed, "flow", share_off=off[pair])
         mixed = {one.stream for one in weighed if one.cause == "flow_rate_mixed" and one.weight > 0}
         found += [Suspect("flow_rate_mixed", "flow", 1.0)] if len(mixed) > 2 else []
     named = most_probable(found)

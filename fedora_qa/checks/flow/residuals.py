@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.frames import FramePair, visible
 from fedora_qa.checks.flow.intervals import Interval
-from fedora_qa.estimators.flow_field_fit import fit_field
+from fedora_qa.checks.flow.tile_templates import tile_templates
+from fedora_qa.estimators.flow_field_fit import MEAN, fit_field, lock_in, templates_of_flow
 from fedora_qa.estimators.flow_motion_fit import Evidence
 from fedora_qa.estimators.flow_tiles import TileGrid, patches_of, pixels_of
 from fedora_qa.estimators.flow_warp import REMAP_ROUNDING_PX
@@ -66,6 +67,10 @@ class Tiles:
         )
         return tile_residuals(frames.first(self.origins), warped, self.usable, LUMA_ROUNDING_VARIANCE_DN2)
 
+    def chosen(self, mask: Mask) -> "Tiles":
+        """Return some of the tiles, (n,) True for each."""
+        return Tiles(self.origins[mask], self.flow_px[mask], self.usable[mask], self.by_depth)
+
 
 @dataclass(frozen=True, slots=True)
 class FieldResidual:
@@ -76,7 +81,11 @@ class FieldResidual:
     tiles, textured, unmatched
         Tiles looked at, those that can tell, and those of them whose frames do not show the same thing.
     mean_px, mean_error_px
-        Mean residual flow (u, v) and its standard error; NaN where too few tiles match.
+        Mean residual flow (u, v) and its formal standard error; NaN where too few tiles match.
+    spread, freedom
+        Mean square of the tiles' deviations from it for their formal errors, and its degrees of freedom.
+    mean_locking
+        By how much a bias of 1 px times the sine of 2 pi times the flow would move the mean, px.
     evidence
         Normal equations of the templates; None where too few tiles match.
     least_matched, least_matched_tile
@@ -92,6 +101,9 @@ class FieldResidual:
     unmatched: int
     mean_px: tuple[float, float] = (float("nan"), float("nan"))
     mean_error_px: tuple[float, float] = (float("nan"), float("nan"))
+    spread: float = float("nan")
+    freedom: int = 0
+    mean_locking: float = 1.0
     evidence: Evidence | None = None
     least_matched: float = 0.0
     least_matched_tile: tuple[int, int, int, int] | None = None
@@ -156,8 +168,9 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     if np.count_nonzero(matched) < FEWEST_TILES:
         return counts
     covariances_px2 = covariances_px2[matched] + np.eye(2) * REMAP_ROUNDING_PX**2
-    flows_px, slopes = _flow_and_slopes(tiles.flow_px[matched], tiles.usable[matched])
-    return _summary(counts, tiles.origins[matched], errors_px[matched], covariances_px2, flows_px, slopes)
+    geometric = tile_templates(frames.window, interval, tiles.origins[matched], tiles.usable[matched])
+    templates = templates_of_flow(*_flow_slopes_sines(tiles.flow_px[matched], tiles.usable[matched]), geometric)
+    return _summary(counts, tiles.origins[matched], errors_px[matched], covariances_px2, templates)
 
 
 def _summary(
@@ -165,16 +178,18 @@ def _summary(
     origins: Int64,
     errors_px: Float64,
     covariances_px2: Float64,
-    flows_px: Float64,
-    slopes: Float64,
+    templates: Float64,
 ) -> FieldResidual:
-    fit = fit_field(errors_px, covariances_px2, flows_px, slopes)
+    fit = fit_field(errors_px, covariances_px2, templates)
     worst = int(np.argmax(fit.deviations))
     worst_px = float(np.linalg.norm(errors_px[worst] - fit.mean_px))
     return replace(
         counts,
         mean_px=(float(fit.mean_px[0]), float(fit.mean_px[1])),
         mean_error_px=(float(fit.mean_error_px[0]), float(fit.mean_error_px[1])),
+        spread=fit.spread,
+        freedom=fit.freedom,
+        mean_locking=float(lock_in(fit.evidence, MEAN).max()),
         evidence=fit.evidence,
         worst_tile=_tile_at(origins[worst]),
         worst_px=worst_px,
@@ -187,18 +202,19 @@ def _tile_at(origin: Int64) -> tuple[int, int, int, int]:
     return left, top, left + TILE_PX, top + TILE_PX
 
 
-def _flow_and_slopes(flow_px: Float32, usable: Mask) -> tuple[Float64, Float64]:
-    """Return each tile's mean flow (n, 2) and its slopes (n, 2, 2) along columns and rows, over usable pixels.
+def _flow_slopes_sines(flow_px: Float32, usable: Mask) -> tuple[Float64, Float64, Float64]:
+    """Return each tile's mean flow (n, 2), its slopes (n, 2, 2) along columns and rows, and its mean sin(2 pi flow).
 
-    Every other pixel of every other row will do: flow is smooth within a surface.
+    Over usable pixels; every other pixel of every other row will do: flow is smooth within a surface.
     """
     inner = flow_px[:, HALO_PX:-HALO_PX:2, HALO_PX:-HALO_PX:2].astype(np.float64)
     weight = usable[:, ::2, ::2, None].astype(np.float64)
     count = np.maximum(weight.sum(axis=(1, 2)), 1.0)
     mean = (inner * weight).sum(axis=(1, 2)) / count
+    sines = (np.sin(2 * np.pi * inner) * weight).sum(axis=(1, 2)) / count
     slopes = []
     offsets = np.arange(0, TILE_PX, 2, dtype=np.float64)
     for place in (offsets[None, None, :, None], offsets[None, :, None, None]):
         from_centre = (place - ((place * weight).sum(axis=(1, 2)) / count)[:, None, None, :]) * weight
         slopes.append((from_centre * inner).sum(axis=(1, 2)) / np.maximum((from_centre**2).sum(axis=(1, 2)), 1.0))
-    return mean, np.stack(slopes, axis=-1)
+    return mean, np.stack(slopes, axis=-1), sines

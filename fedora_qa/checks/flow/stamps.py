@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.causes import CAUSES, stream_family
+from fedora_qa.checks.flow.stamp_patterns import offsets_from_nearest, stamp_patterns
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.record.types import Where
@@ -16,11 +17,8 @@ Int64 = NDArray[np.int64]
 
 _NS_PER_MS: Final = 1e6
 
-_UNIT_PPM: Final = 5e5
-"""A clock that runs at half its rate or at twice does not drift: its stamps are in another unit."""
-
-_ONE_WAY: Final = 0.9
-"""Share of the steps of a drift that go its way; the others are where the nearest frame changes."""
+_MISSING: Final = 0.75
+"""Share of the frame step beyond which the nearest frame is another one: stamps within a step are half of it off."""
 
 
 def stamp_measurements(facts: Facts) -> list[Measured]:
@@ -51,13 +49,13 @@ def _of_stream(facts: Facts, stream: str) -> list[Measured]:
     lengths_ns = clock.ends_ns - clock.times_ns
     nominal_ns = NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
     wrong_length = np.flatnonzero(np.abs(lengths_ns - nominal_ns) > _frame_step_ns(frames) / 2)
+    suspects = _suspects_off_frames(facts, stream, clock, off_frames)
     return [
-        _count(facts, stream, "off_frames", off_frames, "start or end on no depth frame",
-               _suspects_off_frames(facts, stream, clock, off_frames)),
+        _count(facts, stream, "off_frames", off_frames, "start or end on no depth frame", suspects),
         _count(facts, stream, "not_abutting", gaps, "do not begin where the one before them ends",
-               _suspects_of_gaps(stream, clock, gaps)),
+               _suspects_of_gaps(stream, clock, gaps, suspects)),
         _count(facts, stream, "wrong_length", wrong_length, f"do not last {nominal_ns / _NS_PER_MS:g} ms",
-               _suspects_of_length(facts, stream, lengths_ns, wrong_length)),
+               _suspects_of_length(facts, stream, lengths_ns, wrong_length, suspects)),
     ]  # fmt: skip
 
 
@@ -94,38 +92,32 @@ def _frame_step_ns(frames: Clock) -> float:
 
 
 def _suspects_off_frames(facts: Facts, stream: str, clock: Clock, off: NDArray[np.intp]) -> tuple[Suspect, ...]:
-    """Tell a constant offset from a drift and from single missing frames, and ask the colour frames whose fault it is.
-
-    Offsets are seen modulo the frame step: the nearest frame decides.
-    """
-    if not len(off):
+    """Say in what way the stamps left the frames, and ask the colour frames whose fault it is."""
+    if not len(off) or clock.ends_ns is None:
         return ()
-    if _outlasts(facts.clocks["depth"], clock, off):
+    depth = facts.clocks["depth"]
+    if _outlasts(depth, clock, off):
         return (Suspect("truncated", "depth", 0.6), Suspect("time_offset", stream, 0.5))
-    if len(off) < len(clock.times_ns) / 2:
-        return (Suspect("dropped_samples", "depth", 0.8), Suspect("quantised_time", stream, 0.3))
-    frames_ns = facts.clocks["depth"].times_ns[facts.clocks["depth"].advancing]
-    offsets_ms = _offsets_ns(frames_ns, clock.times_ns) / _NS_PER_MS
-    offset_ms = float(np.median(offsets_ms))
-    spread_ms = float(np.median(np.abs(offsets_ms - offset_ms)))
-    name = "time_offset" if spread_ms <= 0.1 * abs(offset_ms) else _varying(clock.times_ns, offsets_ms)
+    frames_ns = depth.times_ns[depth.advancing]
+    instants_ns = np.unique(np.concatenate((clock.times_ns[off], clock.ends_ns[off])))
+    far_ns = np.abs(offsets_from_nearest(frames_ns, instants_ns[~_on(depth, instants_ns)]))
+    if np.median(far_ns) > _MISSING * _frame_step_ns(depth):
+        return (Suspect("dropped_samples", "depth", 0.8), *_of_patterns(stream, instants_ns, frames_ns, 0.3))
     rgb = facts.clocks.get("rgb")
-    depth_late = rgb is not None and bool(_on(rgb, clock.times_ns).all())
-    unit = CAUSES[name].unit
-    size = {"time_offset": offset_ms, "clock_rate": _drift_ppm(clock.times_ns, offsets_ms)}.get(name)
-    return (
-        Suspect(name, stream, 0.3 if depth_late else 0.9, size, unit),
-        Suspect(name, "depth", 0.9 if depth_late else 0.3, None if size is None else -size, unit),
+    if rgb is not None and _on(rgb, instants_ns).all():
+        alone = np.flatnonzero(~_on(rgb, frames_ns))
+        astray_ns = frames_ns[alone[0] : alone[-1] + 1] if len(alone) else instants_ns[:0]
+        by_depth = _of_patterns("depth", astray_ns, rgb.times_ns[rgb.advancing], 0.9) if len(alone) else ()
+        return (*by_depth, *_of_patterns(stream, instants_ns, frames_ns, 0.3))
+    return (*_of_patterns(stream, instants_ns, frames_ns, 0.9), *_of_patterns("depth", frames_ns, instants_ns, 0.3))
+
+
+def _of_patterns(stream: str, instants_ns: Int64, frames_ns: Int64, weight: float) -> tuple[Suspect, ...]:
+    return tuple(
+        Suspect(pattern.cause, stream, weight * pattern.weight, pattern.magnitude, CAUSES[pattern.cause].unit)
+        for pattern in stamp_patterns(instants_ns, frames_ns)
+        if pattern.weight > 0
     )
-
-
-def _varying(times_ns: Int64, offsets_ms: NDArray[np.float64]) -> str:
-    """Tell what makes offsets differ: a clock's rate from rounding, which turns back, and from another unit."""
-    if abs(_drift_ppm(times_ns, offsets_ms)) > _UNIT_PPM:
-        return "time_unit"
-    steps_ms = np.diff(offsets_ms)
-    forward = max(int(np.count_nonzero(steps_ms > 0)), int(np.count_nonzero(steps_ms < 0)))
-    return "clock_rate" if forward >= _ONE_WAY * np.count_nonzero(steps_ms) else "quantised_time"
 
 
 def _outlasts(frames: Clock, clock: Clock, off: NDArray[np.intp]) -> bool:
@@ -136,43 +128,39 @@ def _outlasts(frames: Clock, clock: Clock, off: NDArray[np.intp]) -> bool:
     return bool(np.all(before | after))
 
 
-def _offsets_ns(frames_ns: Int64, times_ns: Int64) -> NDArray[np.float64]:
-    """Return how much later each instant is than the frame nearest to it."""
-    after = np.clip(np.searchsorted(frames_ns, times_ns), 1, max(len(frames_ns) - 1, 1))
-    around = np.stack((frames_ns[after - 1], frames_ns[np.minimum(after, len(frames_ns) - 1)]))
-    offsets = (times_ns - around).astype(np.float64)
-    nearest: NDArray[np.float64] = np.where(np.abs(offsets[0]) <= np.abs(offsets[1]), offsets[0], offsets[1])
-    return nearest
-
-
-def _drift_ppm(times_ns: Int64, offsets_ms: NDArray[np.float64]) -> float:
-    """Return the slope of the offsets over time, from the median of steps (a step across a frame does not count)."""
-    steps_ms = np.diff(times_ns) / _NS_PER_MS
-    advancing = steps_ms > 0
-    if not advancing.any():
-        return 0.0
-    return float(np.median(np.diff(offsets_ms)[advancing] / steps_ms[advancing]) * 1e6)
-
-
-def _suspects_of_gaps(stream: str, clock: Clock, gaps: NDArray[np.intp]) -> tuple[Suspect, ...]:
+def _suspects_of_gaps(
+    stream: str, clock: Clock, gaps: NDArray[np.intp], off_frames: tuple[Suspect, ...]
+) -> tuple[Suspect, ...]:
+    """Tell intervals that are missing, doubled, or in another order from stamps that merely left the frames."""
     if not len(gaps) or clock.ends_ns is None:
         return ()
-    behind_ns = clock.times_ns[gaps] - clock.ends_ns[gaps - 1]
-    forward = int(np.count_nonzero(behind_ns > 0))
-    missing = Suspect("dropped_samples", stream, 0.9 * forward / len(gaps), float(forward), "samples")
-    repeated = len(gaps) - forward
-    return (
-        (missing, Suspect("duplicated_samples", stream, 0.9 * repeated / len(gaps), float(repeated), "samples"))
-        if repeated
-        else (missing,)
-    )
+    lengths_ns = clock.ends_ns - clock.times_ns
+    if 2 * np.abs(clock.times_ns[gaps] - clock.ends_ns[gaps - 1]).max() < np.median(lengths_ns):
+        return off_frames
+    order = np.argsort(clock.times_ns, kind="stable")
+    behind_ns = clock.times_ns[order][1:] - clock.ends_ns[order][:-1]
+    displaced = int(np.count_nonzero(order != np.arange(len(order))))
+    counts = {
+        "dropped_samples": int(np.count_nonzero(behind_ns > 0)),
+        "duplicated_samples": int(np.count_nonzero(behind_ns < 0)),
+        "unsorted": (displaced + 1) // 2,
+    }
+    total = max(sum(counts.values()), 1)
+    suspects = [Suspect(name, stream, 0.9 * n / total, float(n), "samples") for name, n in counts.items() if n]
+    return (*sorted(suspects, key=lambda suspect: -suspect.weight), *off_frames)
 
 
-def _suspects_of_length(facts: Facts, stream: str, lengths_ns: Int64, wrong: NDArray[np.intp]) -> tuple[Suspect, ...]:
+def _suspects_of_length(
+    facts: Facts, stream: str, lengths_ns: Int64, wrong: NDArray[np.intp], off_frames: tuple[Suspect, ...]
+) -> tuple[Suspect, ...]:
+    """Tell the length of another rate, and another unit, from stamps that merely left the frames."""
     if not len(wrong):
         return ()
     typical_ns = float(np.median(lengths_ns[wrong]))
     rates_hz = [int(other.removeprefix("flow/").removesuffix("hz")) for other in facts.flow_streams]
-    mixed = any(abs(typical_ns - NS_PER_S / rate) < 0.02 * typical_ns for rate in rates_hz)
-    name = "flow_rate_mixed" if mixed else "time_unit"
-    return (Suspect(name, stream, 0.8), Suspect("dropped_samples", stream, 0.3))
+    if any(abs(typical_ns - NS_PER_S / rate) < 0.02 * typical_ns for rate in rates_hz):
+        return (Suspect("flow_rate_mixed", stream, 0.8), *off_frames)
+    thousands = typical_ns * int(stream.removeprefix("flow/").removesuffix("hz")) / NS_PER_S
+    another_unit = thousands > 0 and any(abs(thousands / unit - 1) < 0.02 for unit in (1e-6, 1e-3, 1e3, 1e6))
+    return (Suspect("time_unit", stream, 0.8 if another_unit else 0.2), *off_frames,
+            Suspect("dropped_samples", stream, 0.3))  # fmt: skip

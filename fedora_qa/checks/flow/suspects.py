@@ -16,10 +16,14 @@ _ENOUGH: Final = 0.3
 _COMPARABLE: Final = 0.6
 """Causes that explain less than this share of what the best one does are not rivals."""
 
-_MOST: Final = 6
+_MOST_SUSPECTS: Final = 6
 
-_LOCAL: Final = ("swapped_frames", "frozen_frames", "dropped_samples", "teleport")
-"""Faults of single frames: they spoil some fields, the others spoil all."""
+_OF_FRAMES: Final = ("swapped_frames", "frozen_frames", "dropped_samples", "teleport")
+"""Faults of single frames: they spoil some fields, the others all, or all from some time on."""
+
+_MOST: Final = 0.5
+_FEW: Final = 0.25
+"""Shares of fields that are off above which single frames, and below which the other faults, are half as likely."""
 
 
 DISPLACEMENTS: Final = tuple(
@@ -39,10 +43,11 @@ def spreads_over(stream: str, off: Mapping[str, bool]) -> str:
     return "flow" if all(off.values()) else stream
 
 
-def gross_suspects(stream: str, weighed: Sequence[Weighed], flow: str, *, local: bool) -> list[Suspect]:
+def gross_suspects(stream: str, weighed: Sequence[Weighed], flow: str, *, share_off: float) -> list[Suspect]:
     """Average the weights of each inverse transform over the fields of one rate that it was tried on.
 
-    ``local`` says that less than half of the fields are off; causes of the other kind lose half of their weight.
+    ``share_off`` is the share of fields that are off. Where these are most, faults of single frames lose half of their
+    weight; where they are few, the other faults do.
     """
     by_cause: dict[tuple[str, str], list[Weighed]] = {}
     for one in weighed:
@@ -51,8 +56,8 @@ def gross_suspects(stream: str, weighed: Sequence[Weighed], flow: str, *, local:
     suspects = []
     for (cause, fault_stream), group in by_cause.items():
         weight = float(np.mean([one.weight for one in group]))
-        if (cause in _LOCAL) is not local:
-            weight *= 0.5
+        unlikely = share_off > _MOST if cause in _OF_FRAMES else share_off < _FEW
+        weight *= 0.5 if unlikely else 1.0
         magnitude = max(group, key=lambda one: one.weight).magnitude
         unit = "" if magnitude is None else CAUSES[cause].unit
         suspects.append(Suspect(cause, flow if fault_stream == "flow" else fault_stream, weight, magnitude, unit))
@@ -76,7 +81,7 @@ def most_probable(suspects: Sequence[Suspect]) -> tuple[Suspect, ...]:
     """Return the suspects that explain enough, most probable first."""
     best = max((suspect.weight for suspect in suspects), default=0.0)
     enough = [suspect for suspect in suspects if suspect.weight >= max(_ENOUGH, _COMPARABLE * best)]
-    return tuple(sorted(enough, key=lambda suspect: -suspect.weight)[:_MOST])
+    return tuple(sorted(enough, key=lambda suspect: -suspect.weight)[:_MOST_SUSPECTS])
 
 
 def weakened(suspects: Iterable[Suspect], factor: float) -> list[Suspect]:

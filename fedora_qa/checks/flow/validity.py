@@ -54,14 +54,36 @@ class FieldPattern:
 class Validity(WindowCheck[tuple[FieldPattern, ...]]):
     """Has flow values exactly where it must, over intervals from frame to frame?
 
-    Every pixel of every field: a value where the depth at the interval's start is valid and the point stays before the
-    camera, NaN elsewhere. Counts must be zero; only points within eight sigma of declared pose noise of the camera's
-    plane are left out, and so are missing values of what moves by itself. Without poses, where no pose covers an
-    interval, or where it is not known what moves, missing values are not counted.
+    Counted are pixels that have a flow and no depth, or a depth and no flow, infinite values, and intervals that
+    start or end on no depth frame, leave gaps, overlap, or do not last as long as their rate says. Every count must
+    be zero.
 
-    The intervals, from their stamps: each starts and ends on a depth frame, begins where the last one ended, and lasts
-    as long as its rate says, to half a frame. It cannot see intervals that are shifted by whole frames in step with
-    their fields' stamps: `flow_geometry.endpoint` does.
+    Why it matters
+    --------------
+    A zero where no flow is known reads as standing still. An interval that is stamped beside its frames pairs each
+    field with the wrong images, and a dropped field shifts all that follow.
+
+    How
+    ---
+    Every pixel of every field is looked at: a value where the depth at the interval's start is valid and the point
+    stays before the camera, NaN elsewhere. Stamps are compared as integers. Where they leave the frames, an offset, a
+    drift and a grid are fitted to the distances from the nearest frames, and the share that each takes away weighs
+    it; colour frames decide whether flow or depth is late. Gaps are told from stamps out of order by sorting.
+
+    Noise model
+    -----------
+    None: counts of an honest file are zero. Only points within eight standard deviations of declared pose noise of
+    the camera's plane are left out (two-sided probability 1e-15 each), and missing values of what moves by itself.
+
+    Cannot see
+    ----------
+    Intervals that are shifted by whole frames in step with their stamps: `flow_geometry.endpoint` does. Offsets are
+    seen modulo the frame step. Without poses, where no pose covers an interval, or where it is not known what moves,
+    missing values are not counted.
+
+    Sources
+    -------
+    First principles: format.md fixes where flow is finite; `checks/flow/stamp_patterns.py` derives the patterns.
     """
 
     name = "flow_geometry.validity"

@@ -46,14 +46,36 @@ class Share:
 class Order(WindowCheck[tuple[Share, ...]]):
     """Does each frame lie where the flow carries the frame before it?
 
-    The change from each frame to the next is regressed on the change that the fastest flow predicts (``image_motion``):
-    one number a pair, 1 in an honest file. A frame that repeats the one before gives 0, and the one after it 2;
-    exchanged neighbours give 2, -1, 2. The pair farthest from the median is judged by the spread of all (median
-    absolute deviation) and its own error; half of the flow is allowed for. Pairs that move too little are left out.
+    One number a pair of frames: the share of the flow by which the second lies away from the first. It is 1 in an
+    honest file. A frame that repeats the one before gives 0, and the one after it 2; exchanged neighbours give 2, -1,
+    2.
 
-    With flow slower than the frames, only frames at its ends are seen, and an exchange moves them by a part of the
-    interval. A fault of all frames alike is for flow_photometric; the same question is put to events by
-    event_response.frames, and both failing means the frames.
+    Why it matters
+    --------------
+    A frame out of order, frozen or dropped turns motion round for two intervals. Anything that is learnt from pairs
+    of frames, or aligned to events by them, is wrong there.
+
+    How
+    ---
+    The change from each frame to the next is regressed on the change that the fastest flow predicts, with gain and
+    bias of brightness left free; images are first reduced until the flow is about a pixel. The pair that lies
+    farthest from the median of all is judged. Exchanged frames are told from frozen ones by the sign of their shares.
+
+    Noise model
+    -----------
+    Standard error: the spread of all pairs (1.4826 times the median absolute deviation) and the pair's own, from what
+    its regression leaves, together. Allowance: half of the flow, halfway between a frame in its place and one that
+    repeats. Pairs count where rounding alone lets their share be known to 0.1.
+
+    Cannot see
+    ----------
+    A fault of all frames alike, for which there is `flow_photometric.residual`; anything where little moves. With
+    flow slower than the frames only frames at its ends are seen. Whether flow or frames are out of order is open to
+    this check alone: `event_response.frames` asks events the same, and both failing means the frames.
+
+    Sources
+    -------
+    B. D. Lucas, T. Kanade, IJCAI (1981) 674, with one unknown a pair; `estimators/image_motion.py` derives it.
     """
 
     name = "images.order"
