@@ -85,3 +85,43 @@ def _vote(image: Float64, column: float, row: float) -> None:
         for i in range(-1, 2):
             right = 0.75 - a * a if i == 0 else 0.5 * (0.5 + i * a) ** 2
             image[at_row + j, at_column + i] += down * right
+
+
+@njit(cache=True)
+def meetings_with_oneself(
+    x: Columns,
+    y: Columns,
+    tau: Float64,
+    fields: Float32,
+    which: Int64,
+    turns: Float64,
+    margin: float,
+    sigma: float,
+    memory: int,
+) -> Float64:
+    """Return for each candidate (k,) the density that events of one pixel leave where others of it are carried to.
+
+    As ``vote_warped``, but by the flow at the pixel itself; the density is that of a vote of standard deviation
+    ``sigma`` px on another like it. Of each pixel the last ``memory`` events are remembered.
+    """
+    height, width = fields.shape[1], fields.shape[2]
+    before = np.full((height * width, memory), np.nan)
+    known = np.zeros(height * width, np.int64)
+    met = np.zeros(len(turns))
+    for i in range(len(x)):
+        longest = _longest(fields, y[i], x[i])
+        if not np.isfinite(longest):
+            continue
+        clear = min(1.5 * abs(tau[i] - 0.5) * longest + 2.0, margin)
+        if x[i] < clear or y[i] < clear or x[i] > width - 1 - clear or y[i] > height - 1 - clear:
+            continue
+        at = y[i] * width + x[i]
+        for k in range(len(turns)) if known[at] else range(0):
+            u, v = fields[which[k], y[i], x[i], 0], fields[which[k], y[i], x[i], 1]
+            du, dv = turns[k, 0, 0] * u + turns[k, 0, 1] * v, turns[k, 1, 0] * u + turns[k, 1, 1] * v
+            for j in range(min(known[at], memory)):
+                apart = (tau[i] - before[at, j]) ** 2 * (du * du + dv * dv)
+                met[k] += 2.0 * np.exp(-apart / (4.0 * sigma * sigma)) / (4.0 * np.pi * sigma * sigma)
+        before[at, known[at] % memory] = tau[i]
+        known[at] += 1
+    return met

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
+from scipy.stats import norm
 
 from fedora_qa.estimators.contrast import GAINS, best_gain, sharpness_under
-from fedora_qa.estimators.contrast_kernels import vote_warped
+from fedora_qa.estimators.contrast_kernels import meetings_with_oneself, vote_warped
 
 HEIGHT, WIDTH = 60, 90
 UNIT = np.eye(2)
@@ -82,3 +83,30 @@ def test_nothing_to_carry_is_nothing() -> None:
     for found in (sharpness_under(x[:0], y[:0], tau[:0], [(uniform_flow(1, 1), UNIT)]),
                   sharpness_under(x, y, tau, [(nowhere, UNIT)])):  # fmt: skip
         assert (found.carried, found.sharpness.tolist(), found.way_px) == (0, [0.0], 0.0)
+
+
+def test_meetings_of_a_pixel_with_itself_are_those_of_all_pairs() -> None:
+    """Without an image of votes: the sum over ordered pairs of a pixel's events of the Gaussian at their distance."""
+    rng = np.random.default_rng(8)
+    x, y = (rng.integers(20, 24, 40).astype(np.uint16) for _ in range(2))
+    tau = np.sort(rng.uniform(0, 1, x.size))
+    turns = np.array([0.0 * UNIT, UNIT, 1.5 * UNIT])
+    flow = uniform_flow(4.0, -3.0)[np.newaxis]
+    found = meetings_with_oneself(x, y, tau, flow, np.zeros(3, np.int64), turns, 12.0, 1.2, x.size)
+    same = (x[:, np.newaxis] == x) & (y[:, np.newaxis] == y) & ~np.eye(x.size, dtype=bool)
+    for gain, met in zip((0.0, 1.0, 1.5), found, strict=True):
+        apart = 5.0 * gain * (tau[:, np.newaxis] - tau)
+        assert met == pytest.approx(float(norm.pdf(apart, scale=1.2 * 2**0.5)[same].sum()) / (1.2 * (4 * np.pi) ** 0.5))
+
+
+def test_pixels_that_fire_in_place_move_no_gain() -> None:
+    """As many events that flicker in still pixels as there are drifting ones would draw the gain to 0; they do not."""
+    x, y, tau = events_of_dots((5.0, 2.0))
+    rng = np.random.default_rng(6)
+    pixels = rng.integers((15, 15), (WIDTH - 15, HEIGHT - 15), (400, 2))[rng.integers(0, 400, tau.size)]
+    late = rng.uniform(0, 1, tau.size)
+    columns = [np.concatenate(pair) for pair in ((x, pixels[:, 0]), (y, pixels[:, 1]), (tau, late))]
+    both = columns[0].astype(np.uint16), columns[1].astype(np.uint16), columns[2]
+    flow = uniform_flow(5.0, 2.0)
+    gain = best_gain(sharpness_under(*both, [(flow, gain * UNIT) for gain in GAINS]).sharpness)
+    assert gain == pytest.approx(1.0, abs=0.05)
