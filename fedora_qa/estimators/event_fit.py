@@ -1,5 +1,6 @@
 """Thresholds, delay and clock rate of an event sensor from the normal equations of bracketed level samples."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ FEWEST_BLOCKS = 4
 """Below, the spread between blocks says nothing."""
 FEWEST_TIMES = 4
 """Below, a rate cannot be told from chance."""
+_SINGULAR = 1e8
+"""Condition of scaled normal equations beyond which a parameter is not told at all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,23 +86,53 @@ class ResponseFit:
 
 
 def fit_response(blocks: NormalBlocks) -> ResponseFit | None:
-    """Fit thresholds, delay and rate; None where there are too few pairs or blocks, or one polarity is missing."""
-    if blocks.counts.sum() < FEWEST_PAIRS or len(blocks) < FEWEST_BLOCKS:
+    """Fit level pairs: thresholds, delay and rate; None where there are too few, or one polarity is missing."""
+    if _too_few(blocks):
         return None
     matrix, vector = blocks.matrices.sum(axis=0), blocks.vectors.sum(axis=0)
-    if np.linalg.cond(_scaled(matrix)) > 1e8:
+    if np.linalg.cond(_scaled(matrix)) > _SINGULAR:
         return None
-    middle_s = float(np.average(blocks.times_s, weights=blocks.weights))
     steps = np.linalg.solve(matrix, vector)[:2]
-    normals, sides = _reduced(blocks, steps, blocks.times_s - middle_s)
+    return _fit(blocks, _rates_as_slope(steps), uncertain_counts=True)
+
+
+def fit_readings(blocks: NormalBlocks, groups: Sequence[NDArray[np.intp]] = ()) -> ResponseFit | None:
+    """Fit frames read at events (``event_reading``): thresholds, delay and rate; None where there are too few.
+
+    ``groups`` (b,) number the groups of blocks that may share an error; they are left out together as well.
+    """
+    return None if _too_few(blocks) else _fit(blocks, np.eye(3), uncertain_counts=False, groups=groups)
+
+
+def _too_few(blocks: NormalBlocks) -> bool:
+    return bool(blocks.counts.sum() < FEWEST_PAIRS or len(blocks) < FEWEST_BLOCKS)
+
+
+def _fit(
+    blocks: NormalBlocks,
+    reduction: Float64,
+    *,
+    uncertain_counts: bool,
+    groups: Sequence[NDArray[np.intp]] = (),
+) -> ResponseFit | None:
+    """Fit C+, C-, delay and its rate, to which ``reduction`` (k, 3) takes the columns of the blocks.
+
+    ``uncertain_counts`` says that counts of events may be in error themselves, as interpolated ones are.
+    """
+    middle_s = float(np.average(blocks.times_s, weights=blocks.weights))
+    normals, sides = _with_rate(blocks, reduction, blocks.times_s - middle_s)
     normal, side = normals.sum(axis=0), sides.sum(axis=0)
-    if np.linalg.cond(_scaled(normal)) > 1e8:
+    if np.linalg.cond(_scaled(normal)) > _SINGULAR:
         return None
     theta = np.asarray(np.linalg.solve(normal, side), dtype=np.float64)
     weight = float(blocks.weights.sum())
     variance = max(float(blocks.squares.sum() - theta @ side), 0.0) / weight
     formal = np.sqrt(np.diag(np.linalg.inv(normal)) * variance)
     errors = np.maximum(formal, _jackknife(normal - normals, side - sides))
+    for group in groups:
+        if len(np.unique(group)) >= FEWEST_BLOCKS:
+            errors = np.maximum(errors, _jackknife(normal - _summed(normals, group), side - _summed(sides, group)))
+    attenuation = _attenuation(normal, theta, weight * variance) if uncertain_counts else np.zeros_like(theta)
     return ResponseFit(
         threshold_on=float(theta[0]),
         threshold_off=float(theta[1]),
@@ -107,27 +140,41 @@ def fit_response(blocks: NormalBlocks) -> ResponseFit | None:
         delay_rate=float(theta[3]) if len(theta) > 3 else 0.0,
         middle_s=middle_s,
         standard_errors=_named(errors),
-        attenuation=_named(_attenuation(normal, theta, weight * variance)),
+        attenuation=_named(attenuation),
         # |r'e| <= |r| |e| (Cauchy and Schwarz), with r what other regressors leave of the slope: 1/|r|^2 = (N^-1)_33.
         coherent_delay_s=float(formal[2] * np.sqrt(weight)),
         sigma=float(np.sqrt(variance)),
     )
 
 
-def _reduced(blocks: NormalBlocks, steps: Float64, times_s: Float64) -> tuple[Float64, Float64]:
-    """Return normal equations (b, k, k), (b, k) in which both columns of rates are one, C+ d rate+ - C- d rate-.
+def _rates_as_slope(steps: Float64) -> Float64:
+    """Return the reduction (4, 3) that makes one column of both rates, C+ d rate+ - C- d rate-, with given steps."""
+    reduction = np.zeros((4, 3))
+    reduction[0, 0] = reduction[1, 1] = 1.0
+    reduction[2:, 2] = steps
+    return reduction
 
-    The thresholds are those of a first fit, ``steps``. Where there are times enough, the same column times the time
-    of the block fits the growth of the delay.
+
+def _with_rate(blocks: NormalBlocks, reduction: Float64, times_s: Float64) -> tuple[Float64, Float64]:
+    """Return normal equations (b, m, m), (b, m) of the reduced columns.
+
+    Where there are times enough, the slope times the time of the block fits the growth of the delay.
     """
-    reductions = np.zeros((len(blocks), 4, 4 if len(np.unique(times_s.round(3))) >= FEWEST_TIMES else 3))
-    reductions[:, 0, 0] = reductions[:, 1, 1] = 1.0
-    reductions[:, 2:, 2] = steps
-    if reductions.shape[2] > 3:
-        reductions[:, 2:, 3] = times_s[:, np.newaxis] * steps
+    count = 4 if len(np.unique(times_s.round(3))) >= FEWEST_TIMES else 3
+    reductions = np.zeros((len(blocks), len(reduction), count))
+    reductions[:, :, :3] = reduction
+    if count > 3:
+        reductions[:, :, 3] = times_s[:, np.newaxis] * reduction[:, 2]
     normals: Float64 = np.einsum("bij,bik,bkl->bjl", reductions, blocks.matrices, reductions)
     sides: Float64 = np.einsum("bij,bi->bj", reductions, blocks.vectors)
     return normals, sides
+
+
+def _summed(parts: Float64, group: NDArray[np.intp]) -> Float64:
+    """Return the sums of the blocks of each group."""
+    sums = np.zeros((int(group.max()) + 1, *parts.shape[1:]))
+    np.add.at(sums, group, parts)
+    return sums[np.unique(group)]
 
 
 def _jackknife(normals: Float64, sides: Float64) -> Float64:

@@ -18,6 +18,14 @@ from scipy.sparse import csr_array
 
 Float64 = NDArray[np.float64]
 
+LEFT_BY_SHARP = 0.7
+"""Bound on the error of what follows from the sharp reconstruction, as a share of how far the even one moves it.
+
+On smooth images the cubic has hardly any error. Steps are the worst that frames hold. For unit steps at random places,
+moving by s frame pixels between two readings (footprints of 9/4 frame pixels), the amplitude of the change is too small
+by 6.6, 4.4, 2.8, 2.0% (even) and 2.7, 1.2, 0.5, 0.3% (sharp) at s = 1, 2, 3, 4: the sharp one is off by 0.68, 0.38,
+0.23, 0.20 times what lies between both. Moves below a frame pixel bring few events."""
+
 
 @dataclass(frozen=True, slots=True)
 class Axis:

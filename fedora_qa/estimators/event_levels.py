@@ -121,16 +121,16 @@ def find_level_pairs(
 
 @dataclass(frozen=True, slots=True)
 class NormalBlocks:
-    """Weighted normal equations of blocks of pairs; sums over blocks are the equations of all.
+    """Weighted normal equations of blocks of samples; sums over blocks are the equations of all.
 
     Attributes
     ----------
     matrices, vectors
-        (b, 4, 4) and (b, 4): X'WX and X'Wy.
+        (b, k, k) and (b, k): X'WX and X'Wy of k parameters: four of level pairs, three of readings.
     squares, weights, counts
-        (b,): y'Wy, the sum of weights, and the number of pairs.
+        (b,): y'Wy, the sum of weights, and the number of samples.
     times_s
-        (b,) mean time of the pairs.
+        (b,) mean time of the samples.
     """
 
     matrices: Float64
@@ -153,22 +153,29 @@ def accumulate(
     the median absolute residual.
     """
     weights = huber_weights(pairs.regressors, change)
-    X, Xw = pairs.regressors, pairs.regressors * weights[:, np.newaxis]
-    matrices = np.zeros((blocks, _PARAMETERS, _PARAMETERS))
-    vectors = np.zeros((blocks, _PARAMETERS))
+    return normal_blocks(pairs.regressors, change, weights, block_of_pair, blocks, times_s)
+
+
+def normal_blocks(
+    X: Float64, y: Float64, weights: Float64, block_of_row: NDArray[np.intp], blocks: int, times_s: Float64
+) -> NormalBlocks:
+    """Return the weighted normal equations of y (m,) on X (m, k), summed by block."""
+    Xw = X * weights[:, np.newaxis]
+    matrices = np.zeros((blocks, X.shape[1], X.shape[1]))
+    vectors = np.zeros((blocks, X.shape[1]))
     for block in range(blocks):
-        of_block = block_of_pair == block
+        of_block = block_of_row == block
         matrices[block] = Xw[of_block].T @ X[of_block]
-        vectors[block] = Xw[of_block].T @ change[of_block]
+        vectors[block] = Xw[of_block].T @ y[of_block]
 
     def total(values: Float64) -> Float64:
-        return np.bincount(block_of_pair, values, minlength=blocks).astype(np.float64)
+        return np.bincount(block_of_row, values, minlength=blocks).astype(np.float64)
 
-    counts = total(np.ones(len(pairs)))
+    counts = total(np.ones(len(y)))
     return NormalBlocks(
         matrices,
         vectors,
-        total(weights * change**2),
+        total(weights * y**2),
         total(weights),
         counts,
         total(times_s) / np.maximum(counts, 1.0),

@@ -148,6 +148,39 @@ def test_fault_is_named_with_its_size(
         assert diagnosis.magnitude == pytest.approx(size, rel=within)
 
 
+def test_a_late_stretch_is_placed(path: Path) -> None:
+    """Events that are 2 ms late between 0.2 and 0.4 s only are that, there, by that much."""
+
+    def late(e: Stream) -> Stream:
+        inside = (e.times_ns > 200 * MS) & (e.times_ns < 400 * MS)
+        return sorted_by_time(replace(e, times_ns=e.times_ns + 2 * MS * inside))
+
+    events(late)(log_file()).write(path)
+    timing = run_check(path, "event_response.timing")
+    found = next(one for one in timing.findings if one.code == "event_response.timing.stretch")
+    assert (found.where.start_us, found.where.stop_us) == (200_000, 400_000)
+    assert measured(timing, "late_stretch").value == pytest.approx(2.0, rel=0.15)
+    diagnosis = first_diagnosis(path)
+    assert (diagnosis.stream, diagnosis.cause) == ("events", "time_offset")
+    assert diagnosis.magnitude == pytest.approx(2.0, rel=0.15)
+
+
+def test_a_late_region_is_placed(path: Path) -> None:
+    """Events that are 2 ms late in the right half of the image only are that, there, by that much."""
+    events(lambda e: sorted_by_time(replace(e, times_ns=e.times_ns + 2 * MS * (e.x >= SHAPE[1] // 2))))(
+        log_file()
+    ).write(path)
+    timing = run_check(path, "event_response.timing")
+    found = next(one for one in timing.findings if one.code == "event_response.timing.region")
+    assert abs(measured(timing, "late_region").value) == pytest.approx(2.0, rel=0.15)
+    assert found.where.tile in {(28, 0, 56, 40), (0, 0, 28, 40)}
+    assert first_diagnosis(path).cause == "time_offset"
+
+
+def sorted_by_time(events: Stream) -> Stream:
+    return events.keep(np.argsort(events.times_ns, kind="stable"))
+
+
 def test_each_threshold_is_held_to_its_own(path: Path) -> None:
     """With only C- declared too small by a third, only C- fails, and by +50 percent."""
     declaring(threshold_off=0.2 / 1.5)(log_file()).write(path)

@@ -1,10 +1,11 @@
 """Area averages over the event camera's pixels against closed forms and brute force."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_footprint import footprints
+from fedora_qa.estimators.event_footprint import LEFT_BY_SHARP, footprints
 from tests.estimators.event_world import Waves, camera_matrix
 
 FINE = 4  # steps of a frame pixel: 9 fine pixels make an event pixel at the ratio of 9/4
@@ -75,3 +76,28 @@ def test_footprints_beyond_the_frame_are_marked() -> None:
     inside = footprints(K, FRAME, camera_matrix(12, 8), EVENT).inside
     assert inside[:, 2:].all()
     assert not inside[:, :2].any()
+
+
+@pytest.mark.parametrize(("moved_px", "share"), [(1, 0.68), (2, 0.38), (3, 0.23), (4, 0.20)])
+def test_sharp_reconstruction_of_steps_is_off_by_a_share_of_what_the_even_one_moves(
+    moved_px: int, share: float
+) -> None:
+    """Amplitudes of the change by moving unit steps, integrated over all places of the step, are those documented."""
+    places = np.arange(0, 27, 0.01)
+    columns = np.clip(np.arange(27) + 1 - places[:, np.newaxis], 0, 1)
+    frames = np.broadcast_to(columns[:, np.newaxis, :], (len(places), 18, 27))
+    centres = 2.25 * (np.arange(12) + 0.5)
+    truth = np.clip((centres + 1.125 - places[:, np.newaxis]) / 2.25, 0, 1)
+    even, sharp = (
+        np.array([average(frame)[4] for frame in frames]) for average in (PRINTS.average, PRINTS.sharp_average)
+    )
+    shift = 100 * moved_px
+    inner = slice(4, 8)
+
+    def amplitude(read: np.ndarray) -> float:
+        change, due = (image[shift:, inner] - image[:-shift, inner] for image in (read, truth))
+        return float((change * due).sum() / (due * due).sum())
+
+    off, moved = 1 - amplitude(sharp), amplitude(sharp) - amplitude(even)
+    assert off / moved == pytest.approx(share, abs=0.02)
+    assert off / moved <= LEFT_BY_SHARP

@@ -11,6 +11,7 @@ from fedora_qa.checks.events.levels import FEWEST_PAIRS, FOLLOWS, FoundOffset, L
 from fedora_qa.checks.events.view import why_frames_and_events_do_not_meet
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
 from fedora_qa.estimators.event_fit import Errors, ResponseFit, fit_response
+from fedora_qa.estimators.event_footprint import LEFT_BY_SHARP
 from fedora_qa.estimators.event_levels import NormalBlocks, concatenate
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.declared import EventModel
@@ -117,7 +118,7 @@ def _concatenated(state: Sequence[LevelSums], name: str) -> NormalBlocks:
 def _model_errors(fit: ResponseFit, even: ResponseFit, straight: ResponseFit) -> Errors:
     def bound(name: str) -> float:
         own = getattr(fit, name)
-        moved = abs(own - getattr(even, name)) + abs(own - getattr(straight, name))
+        moved = LEFT_BY_SHARP * abs(own - getattr(even, name)) + abs(own - getattr(straight, name))
         return float(moved + getattr(fit.attenuation, name))
 
     rate_bound = bound("delay_rate") if isfinite(fit.attenuation.delay_rate) else float("inf")

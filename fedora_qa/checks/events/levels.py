@@ -33,6 +33,12 @@ REFINEMENTS: Final = 3
 FOLLOWS: Final = 1.0
 """Residual, in thresholds, beyond which events do not follow the frames."""
 
+HELD_LEVEL_BIAS: Final = float(np.sqrt(3.0))
+"""Mean over scatter of the error of levels that stay where an event left them until the next one.
+
+At a share phi of the gap the events tell phi thresholds more than there are: 1/2 on average, with a standard deviation
+of 1/sqrt(12) as phi is uniform."""
+
 ROUNDING_SHARE: Final = 0.1
 """Pixels so dark that rounding of the frame exceeds this share of the threshold are left out."""
 
@@ -60,13 +66,13 @@ class LevelSums:
 class FoundOffset:
     """An offset at which events follow the frames.
 
-    How late events are, the residual left, in thresholds, and the delay that level errors of its size could make.
+    How late events are, the residual left, in thresholds, and a bound on the bias that levels which jump make.
     """
 
     late_s: float
     standard_error_s: float
     relative_sigma: float
-    coherent_delay_s: float
+    bound_s: float
 
 
 def level_sums(window: Window) -> LevelSums | None:
@@ -81,7 +87,7 @@ def _level_sums(window: Window) -> LevelSums | None:
     pairs = _pairs(window, seen, declared, sensor_events(window))
     if len(pairs) < FEWEST_PAIRS:
         return None
-    log_sharp, log_even = (_log(luma, declared) for luma in (seen.sharp_dn, seen.even_dn))
+    log_sharp, log_even = (log_levels(luma, declared) for luma in (seen.sharp_dn, seen.even_dn))
     return LevelSums(
         _sums(pairs, seen, log_sharp),
         _sums(pairs, seen, log_even),
@@ -118,7 +124,8 @@ def search_offset(window: Window) -> FoundOffset | None:
     if fit.relative_sigma > FOLLOWS or min(fit.threshold_on, fit.threshold_off) < 0:
         return None
     late_s = late_ns * 1e-9 + fit.delay_s
-    return FoundOffset(late_s, fit.standard_errors.delay_s, fit.relative_sigma, fit.coherent_delay_s)
+    held_s = HELD_LEVEL_BIAS * fit.coherent_delay_s if declared.model == "linear" else 0.0
+    return FoundOffset(late_s, fit.standard_errors.delay_s, fit.relative_sigma, held_s)
 
 
 def _fit_at(window: Window, seen: SeenFrames, declared: EventModel, events: Events, late_ns: int) -> ResponseFit | None:
@@ -127,7 +134,7 @@ def _fit_at(window: Window, seen: SeenFrames, declared: EventModel, events: Even
     pairs = _pairs(window, seen, declared, moved)
     if len(pairs) < FEWEST_PAIRS:
         return None
-    levels = seen.sharp_dn if declared.model == "linear" else _log(seen.sharp_dn, declared)
+    levels = seen.sharp_dn if declared.model == "linear" else log_levels(seen.sharp_dn, declared)
     return fit_response(_sums(pairs, seen, levels))
 
 
@@ -139,7 +146,7 @@ def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Event
         events.times_ns,
         events.p,
         seen.times_ns,
-        _usable(seen, declared, ROUNDING_DN[window.facts.declared.transfer]),
+        usable_pixels(seen, declared, ROUNDING_DN[window.facts.declared.transfer]),
         longest_gap_ns=LONGEST_GAP_NS,
         least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else int(burst_ns),
         off_over_on=declared.threshold_off / declared.threshold_on,
@@ -160,7 +167,7 @@ def _sums(pairs: LevelPairs, seen: SeenFrames, levels: NDArray[np.float64]) -> N
     return accumulate(pairs, pairs.change_of(levels), quarter, 4, middle_ns * 1e-9)
 
 
-def _usable(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> NDArray[np.bool_]:
+def usable_pixels(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> NDArray[np.bool_]:
     """Return the pixels (n, h, w) bright enough, not saturated, and not declared hot."""
     least_dn = 4.0
     if declared.model == "log":
@@ -175,6 +182,7 @@ def _usable(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> NDArr
     return usable
 
 
-def _log(luma_dn: NDArray[np.float64], declared: EventModel) -> NDArray[np.float64]:
+def log_levels(luma_dn: NDArray[np.float64], declared: EventModel) -> NDArray[np.float64]:
+    """Return L of luma in DN, NaN staying NaN."""
     level: NDArray[np.float64] = np.log(np.maximum(luma_dn + declared.log_eps_dn, 1e-3))
     return level

@@ -1,0 +1,120 @@
+"""Frames read at the times of events: what events are late by where a pixel fires seldom.
+
+Where light changes slowly from frame to frame, the frames themselves tell a pixel's level at any time between them, and
+each event tells exactly how far that pixel has moved since its others:
+
+    L(t) = a + C+ P - C- M + delta L'(t)
+
+with L and its slope L' read from the frames at the stamp t of each event, P and M the brighter and darker events of the
+pixel so far, a its own constant, and delta the time by which events are stamped late: a level reached at t - delta has
+moved on by delta L' when the stamp comes. Bracketed level samples (``event_levels``) read events at the times of
+frames and need many events a frame; these readings need several frames an event.
+
+A sensor of the linear model compares whole grey values once a rendered step. Its event steps from the last whole value
+by C + 1/2 at the crossing, by half of what the signal moves in a step more until it is looked at, and by what rounding
+adds; both follow from the slope (closed form in ``event_reading_kernels``) and are taken from the level.
+
+Each reading weighs 1 / (1 + (e / s)^2), e being how far four frames in place of six move it and s a small share of the
+threshold: the weight of white noise and an interpolation error of size e, with no regard to what the events say.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.event_levels import NormalBlocks, huber_weights, normal_blocks
+from fedora_qa.estimators.event_reading_kernels import FINE, read_at_events
+
+Float64 = NDArray[np.float64]
+
+MOST_READINGS = 60_000
+"""Beyond so many events, every second, third, ... pixel is read: the rest would tell little more."""
+
+INTERPOLATION_SHARE = 0.03
+"""Of the threshold: the size of interpolation error from which on a reading counts less."""
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """Levels read at events, less the mean of their pixel.
+
+    Attributes
+    ----------
+    pixels
+        (m,) row * width + column.
+    times_s
+        (m,) of the events.
+    regressors
+        (m, 3): P, -M, and the slope L' (1/s).
+    levels
+        (m,) read from six frames each.
+    coarse_levels
+        (m,) read from four.
+    weights
+        (m,) by interpolation error.
+    """
+
+    pixels: NDArray[np.int64]
+    times_s: Float64
+    regressors: Float64
+    levels: Float64
+    coarse_levels: Float64
+    weights: Float64
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+
+def read_frames(
+    x: NDArray[np.uint16],
+    y: NDArray[np.uint16],
+    times_ns: NDArray[np.int64],
+    p: NDArray[np.uint8],
+    frame_times_ns: NDArray[np.int64],
+    levels: Float64,
+    *,
+    threshold: float,
+    tick_s: float = 0.0,
+    leak_rate_hz: float = 0.0,
+) -> Readings | None:
+    """Read ``levels`` (n, h, w), NaN where unusable, at each event; None with fewer than six frames.
+
+    ``tick_s`` is the rendered step of a sensor of the linear model, 0 for one of log intensity. ``leak_rate_hz`` is
+    declared: so many brighter events a second are not due to the light.
+    """
+    if len(frame_times_ns) < FINE:
+        return None
+    inside = int(np.count_nonzero((times_ns > frame_times_ns[0]) & (times_ns <= frame_times_ns[-1])))
+    every = max(1, -(-inside // MOST_READINGS))
+    pixels, columns = np.empty(inside, np.int64), np.empty((inside, 6))
+    count = read_at_events(x, y, times_ns, p, frame_times_ns, levels, every, tick_s, pixels, columns)
+    pixels, columns = pixels[:count], columns[:count]
+    weights = 1 / (1 + (columns[:, 5] / (INTERPOLATION_SHARE * threshold)) ** 2)
+    columns[:, 1] -= leak_rate_hz * columns[:, 0]
+    level, coarse = columns[:, 3], columns[:, 3] + columns[:, 5]
+    centred = [_less_mean(column, pixels, weights) for column in (*columns[:, [1, 2, 4]].T, level, coarse)]
+    times_s = frame_times_ns[0] * 1e-9 + columns[:, 0]
+    return Readings(pixels, times_s, np.column_stack(centred[:3]), centred[3], centred[4], weights)
+
+
+def reading_weights(readings: Readings) -> Float64:
+    """Return the weights (m,) of the readings, those of outliers reduced (Huber)."""
+    root = np.sqrt(readings.weights)
+    robust = huber_weights(readings.regressors * root[:, np.newaxis], readings.levels * root)
+    return readings.weights * robust
+
+
+def reading_blocks(
+    readings: Readings, weights: Float64, block_of_reading: NDArray[np.intp], blocks: int, *, coarse: bool = False
+) -> NormalBlocks:
+    """Return the normal equations of C+, C- and delay, summed by block."""
+    levels = readings.coarse_levels if coarse else readings.levels
+    return normal_blocks(readings.regressors, levels, weights, block_of_reading, blocks, readings.times_s)
+
+
+def _less_mean(values: Float64, pixels: NDArray[np.int64], weights: Float64) -> Float64:
+    total = np.bincount(pixels, weights)
+    mean = np.bincount(pixels, weights * values) / np.maximum(total, 1e-300)
+    centred: Float64 = values - mean[pixels]
+    return centred

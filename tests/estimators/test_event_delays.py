@@ -1,0 +1,85 @@
+"""Which part of a sequence or an image is late."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fedora_qa.estimators.event_delays import CellSums, delays, delays_of_parts, latest_rectangle, latest_stretch
+
+
+def sums_of(late_s: np.ndarray, readings: int = 400, noise: float = 0.05, seed: int = 0) -> CellSums:
+    """Normal equations of cells (w, c) with thresholds of 0.2 and the given delays."""
+    rng = np.random.default_rng(seed)
+    shape = late_s.shape
+    X = rng.normal(size=(*shape, readings, 3)) * [3.0, 3.0, 5.0]
+    y = 0.2 * X[..., 0] + 0.2 * X[..., 1] + late_s[..., np.newaxis] * X[..., 2]
+    y += noise * rng.normal(size=y.shape)
+    ones = np.full(shape, float(readings))
+    return CellSums(
+        np.einsum("wcni,wcnj->wcij", X, X), np.einsum("wcni,wcn->wci", X, y), (y**2).sum(axis=-1), ones, ones
+    )
+
+
+def test_cells_tell_their_delays() -> None:
+    """Each cell's delay is within five of its errors, which are those of independent readings."""
+    late_s = np.linspace(-0.01, 0.01, 24).reshape(4, 6)
+    found = delays(sums_of(late_s))
+    assert np.all(np.abs(found.seconds - late_s.ravel()) < 5 * found.errors_s)
+    assert found.errors_s == pytest.approx(0.05 / 5 / 20, rel=0.2)
+    assert found.known.all()
+
+
+def test_errors_of_honest_parts_have_unit_spread() -> None:
+    """Over many draws windows scatter by their own standard error, to a fifth."""
+    scores = []
+    for seed in range(30):
+        found = delays_of_parts(sums_of(np.zeros((6, 16)), seed=seed), 1)
+        scores.append(found.seconds / found.errors_s)
+    assert 0.75 < np.std(scores) < 1.1
+
+
+def test_late_stretch_is_found_with_its_ends() -> None:
+    """Windows 3 to 5 that are 2 ms late are named, and by how much."""
+    late_s = np.zeros((10, 16))
+    late_s[3:6] = 2e-3
+    found = delays_of_parts(sums_of(late_s), 1)
+    step = latest_stretch(found.seconds, found.errors_s)
+    assert step is not None
+    assert np.flatnonzero(step.chosen).tolist() == [3, 4, 5]
+    assert step.late_s == pytest.approx(2e-3, rel=0.1)
+    assert step.late_s > 10 * step.standard_error_s
+
+
+def test_late_region_is_found_with_its_sides() -> None:
+    """A rectangle of 2 x 3 tiles that is early is named; errors of windows do not hide it."""
+    early = np.zeros((4, 4))
+    early[1:3, 1:4] = -2e-3
+    found = delays_of_parts(sums_of(np.tile(early.ravel(), (8, 1))), 0)
+    step = latest_rectangle(found.seconds, found.errors_s, (4, 4))
+    assert step is not None
+    assert step.chosen.reshape(4, 4).tolist() == (early < 0).tolist()
+    assert step.late_s == pytest.approx(-2e-3, rel=0.1)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20, deadline=None)
+def test_unknown_parts_belong_to_neither_side(seed: int) -> None:
+    """Values that are NaN change neither the step nor its error."""
+    rng = np.random.default_rng(seed)
+    values, errors = rng.normal(size=6), rng.uniform(0.5, 2.0, size=6)
+    spoilt = np.array([*values, np.nan])
+    one, other = latest_stretch(values, errors), latest_stretch(spoilt, np.array([*errors, 1.0]))
+    assert one is not None
+    assert other is not None
+    assert one.late_s == pytest.approx(other.late_s)
+
+
+def test_empty_cells_are_unknown() -> None:
+    """Cells without readings have no delay, and no part of them alone has."""
+    nothing = CellSums(
+        np.zeros((3, 4, 3, 3)), np.zeros((3, 4, 3)), np.zeros((3, 4)), np.zeros((3, 4)), np.zeros((3, 4))
+    )
+    found = delays_of_parts(nothing, 1)
+    assert not np.isfinite(found.seconds).any()
+    assert latest_stretch(found.seconds, found.errors_s) is None

@@ -1,0 +1,111 @@
+"""Frames read at events, on a closed-form world whose levels are known without error at any time."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from fedora_qa.estimators.event_fit import ResponseFit, fit_readings
+from fedora_qa.estimators.event_levels import concatenate
+from fedora_qa.estimators.event_reading import Readings, read_frames, reading_blocks, reading_weights
+from fedora_qa.estimators.event_reading_kernels import _polynomial, _rounded_up
+from tests.estimators.event_world import MS, Stream, Waves, linear_events, log_events
+
+SHAPE = (24, 30)
+STOP_NS = 400 * MS
+FRAMES_NS = np.arange(0, 401, 20) * MS
+SLOW = Waves(amplitude_dn=9.0, mean_dn=120.0, velocity_px_s=(45.0, 20.0), seed=4)
+
+
+@cache
+def events_of(model: str) -> Stream:
+    return log_events(SLOW, SHAPE, STOP_NS) if model == "log" else linear_events(SLOW, SHAPE, STOP_NS, threshold=5.0)
+
+
+@cache
+def luma() -> np.ndarray:
+    return np.array([SLOW.luma(time_ns * 1e-9, SHAPE) for time_ns in FRAMES_NS])
+
+
+def readings(model: str, events: Stream, **options: float) -> Readings:
+    levels = np.log(luma()) if model == "log" else luma()
+    columns = events.x, events.y, events.times_ns, events.p
+    found = read_frames(*columns, FRAMES_NS, levels, threshold=0.2 if model == "log" else 5.0, **options)
+    assert found is not None
+    return found
+
+
+def fit(found: Readings) -> ResponseFit:
+    tiles = (found.pixels % SHAPE[1] >= 15) + 2 * (found.pixels // SHAPE[1] >= 12)
+    fitted = fit_readings(concatenate([reading_blocks(found, reading_weights(found), tiles, 4)]))
+    assert fitted is not None
+    return fitted
+
+
+@pytest.mark.parametrize("late_ms", [-2.0, 0.0, 0.2, 2.0])
+def test_log_events_tell_delay_and_thresholds(late_ms: float) -> None:
+    """Both thresholds come within 1%, the delay within 0.01 ms and 2%."""
+    fitted = fit(readings("log", events_of("log").shifted(round(late_ms * MS))))
+    assert fitted.threshold_on == pytest.approx(0.2, rel=0.01)
+    assert fitted.threshold_off == pytest.approx(0.2, rel=0.01)
+    assert 1e3 * fitted.delay_s == pytest.approx(late_ms, abs=0.01 + 0.02 * abs(late_ms))
+
+
+@pytest.mark.parametrize("late_ms", [0.0, 1.0])
+def test_whole_values_are_unrounded(late_ms: float) -> None:
+    """A sensor of whole values steps by C + 1/2 and is not late, once what a step goes beyond that is taken off."""
+    late = events_of("linear").shifted(round(late_ms * MS))
+    fitted = fit(readings("linear", late, tick_s=1e-3))
+    assert fitted.threshold_on == pytest.approx(5.5, rel=0.015)
+    assert 1e3 * fitted.delay_s == pytest.approx(late_ms, abs=0.03 + 0.03 * late_ms)
+    assert abs(fit(readings("linear", late)).threshold_on / 5.5 - 1) > 0.05
+
+
+def test_leak_is_not_light() -> None:
+    """Brighter events of a declared leak change no threshold."""
+    leaking = log_events(Waves(**{**_fields(SLOW), "leak_nat_s": 0.2 * 1.5}), SHAPE, STOP_NS)
+    assert fit(readings("log", leaking, leak_rate_hz=1.5)).threshold_off == pytest.approx(0.2, rel=0.01)
+    assert abs(fit(readings("log", leaking)).threshold_off / 0.2 - 1) > 0.02
+
+
+def _fields(world: Waves) -> dict[str, object]:
+    return {name: getattr(world, name) for name in world.__dataclass_fields__}
+
+
+def test_polynomial_is_that_through_the_points() -> None:
+    """Value and slope agree with those of NumPy's polynomial at uneven times."""
+    rng = np.random.default_rng(2)
+    seconds, levels = np.sort(rng.uniform(0, 0.1, 6)), rng.normal(size=6)
+    curve = np.polynomial.Polynomial.fit(seconds, levels, 5)
+    assert _polynomial(seconds, levels, 0.04) == pytest.approx((curve(0.04), curve.deriv()(0.04)), rel=1e-6)
+
+
+@pytest.mark.parametrize("step", [0.0, 0.3, 1.0, 1.7, 25.4])
+def test_rounding_beyond_a_half(step: float) -> None:
+    """The mean of rint(v) - v over v = 1/2 + U step, by brute force."""
+    values = 0.5 + step * (np.arange(200_000) + 0.5) / 200_000
+    rounded = np.floor(values + 0.5) - values
+    assert _rounded_up(step) == pytest.approx(float(rounded.mean()), abs=1e-4)
+
+
+def test_too_few_frames_read_nothing() -> None:
+    """Fewer than six frames hold no polynomial of six."""
+    events = events_of("log")
+    columns = events.x, events.y, events.times_ns, events.p
+    assert read_frames(*columns, FRAMES_NS[:5], np.log(luma()[:5]), threshold=0.2) is None
+
+
+def test_unusable_levels_are_not_read() -> None:
+    """A pixel that is NaN in a frame gives no reading that needs it; without any usable pixel there are none."""
+    levels = np.log(luma())
+    levels[7, 3, 4] = np.nan
+    events = events_of("log")
+    columns = events.x, events.y, events.times_ns, events.p
+    found = read_frames(*columns, FRAMES_NS, levels, threshold=0.2)
+    assert found is not None
+    assert np.isfinite(found.levels).all()
+    of_pixel = found.times_s[found.pixels == 3 * SHAPE[1] + 4]
+    assert not np.any((of_pixel > 0.12) & (of_pixel < 0.16))
+    nothing = read_frames(*columns, FRAMES_NS, np.full_like(levels, np.nan), threshold=0.2)
+    assert nothing is not None
+    assert len(nothing) == 0
