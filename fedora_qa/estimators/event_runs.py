@@ -57,7 +57,8 @@ class Runs:
 
     def told(self) -> Bool:
         """Return the pixels (h, w) whose value is bounded from both sides in the first run or in the last."""
-        return np.isfinite(self.head).all(axis=0) | np.isfinite(self.tail).all(axis=0)
+        told: Bool = np.isfinite(self.head).all(axis=0) | np.isfinite(self.tail).all(axis=0)
+        return told
 
 
 def follow_runs(

@@ -56,9 +56,18 @@ def inverse_depth(depth_m: Float32) -> Float32:
 
 def edges(inverse_depth_per_m: Float32, focal_px: float) -> NDArray[np.uint8]:
     """Return 1 within 4 px of an edge of the depth, of an invalid or grazed pixel or of the border, else 0; (H, W)."""
+    return _widened(_edge(inverse_depth_per_m) | _grazed(inverse_depth_per_m, focal_px))
+
+
+def depth_edges(inverse_depth_per_m: Float32) -> NDArray[np.uint8]:
+    """Return what ``edges`` does, for whom surfaces that are seen at a flat angle are as good as any."""
+    return _widened(_edge(inverse_depth_per_m))
+
+
+def _edge(inverse_depth_per_m: Float32) -> Mask:
     laplacian = np.asarray(cv2.Laplacian(inverse_depth_per_m, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE))
-    edge = (np.abs(laplacian) > np.float32(EDGE) * inverse_depth_per_m) | (inverse_depth_per_m <= 0)
-    return _widened(edge | _grazed(inverse_depth_per_m, focal_px))
+    edge: Mask = (np.abs(laplacian) > np.float32(EDGE) * inverse_depth_per_m) | (inverse_depth_per_m <= 0)
+    return edge
 
 
 def _grazed(inverse_depth_per_m: Float32, focal_px: float) -> Mask:

@@ -214,7 +214,7 @@ def _suspects(pairs: Sequence[PairAgreement], weighed: Sequence[Weighed], facts:
     if not off:
         return ()
     local = 2 * len(off) <= len(pairs)
-    gross = gross_suspects("depth", weighed, "flow", local=local)
+    gross = gross_suspects("depth", weighed, "flow", share_off=len(off) / len(pairs))
     repeated = sum(pair.repeats for pair in off)
     if repeated:
         gross.append(Suspect("frozen_frames", "depth", 1.0, float(repeated), "samples", 0.0))
