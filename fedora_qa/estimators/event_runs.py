@@ -57,8 +57,7 @@ class Runs:
 
     def told(self) -> Bool:
         """Return the pixels (h, w) whose value is bounded from both sides in the first run or in the last."""
-        told: Bool = np.isfinite(self.head).all(axis=0) | np.isfinite(self.tail).all(axis=0)
-        return told
+        return np.asarray(np.isfinite(self.head).all(axis=0) | np.isfinite(self.tail).all(axis=0))
 
 
 def follow_runs(
