@@ -55,10 +55,6 @@ class Runs:
             self.limit,
         )
 
-    def told(self) -> Bool:
-        """Return the pixels (h, w) whose value is bounded from both sides in the first run or in the last."""
-        return np.isfinite(self.head).all(axis=0) | np.isfinite(self.tail).all(axis=0)
-
 
 def follow_runs(
     lower: Float64,
