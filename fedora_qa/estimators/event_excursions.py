@@ -60,11 +60,6 @@ class Excursions:
         span: NDArray[np.float64] = (self.highest[0].astype(np.float64) - self.lowest[0]) / UNITS_PER_NAT
         return span
 
-    def told(self) -> NDArray[np.bool_]:
-        """Return the pixels (h, w) whose signal some frame bounds from below and some from above."""
-        told: NDArray[np.bool_] = (self.highest[0] > -_FARTHEST // 2) & (self.lowest[0] < _FARTHEST // 2)
-        return told
-
 
 def bound(
     lower: NDArray[np.float64],

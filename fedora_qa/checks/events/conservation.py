@@ -40,6 +40,7 @@ class Conservation(Check[Ledger]):
     needs = ("events", "rgb")
     _ANTIALIASING_PER_FRAME: Final = 2e-6
     _MATTERS: Final = 0.05
+    """Of the pixels, in which events are lost; it shows in those of them whose level moves by enough."""
     _TILE_ALLOWANCE: Final = 0.25
     """One thin structure may run through a quarter of a tile: a judgement, not derived."""
     _ONE_REGION: Final = 0.8
@@ -71,12 +72,9 @@ class Conservation(Check[Ledger]):
         coverage = Coverage(min(sum(one.frames for one in closed), rgb_count), rgb_count, "frames")
         if not closed:
             return Observation(coverage, unobservable="no two frames with events around them")
-        told = max(one.told for one in closed)
-        if told < self._MATTERS:
-            return Observation(coverage, unobservable=f"frames are black or saturated but for {told:.2g} of the pixels")
         shape = sensor_shape(facts.declared)
         pixels = np.any([one.unpacked(shape) for one in closed], axis=0)
-        tile, gathered = self._tile(pixels, facts)
+        tile, gathered = self._tile(pixels, max(one.telling for one in closed), facts)
         return Observation(
             coverage,
             (self._share(closed, state.model, facts, gathered), tile),
@@ -109,7 +107,7 @@ class Conservation(Check[Ledger]):
             allowance=allowances[worst],
             side="upper",
             resolution=1 / size,
-            matters=self._MATTERS,
+            matters=self._MATTERS * closed[worst].telling,
             tests=len(closed),
             statement=f"In {counts[worst]} of {size} pixels events do not add up to what the frames "
             f"{closed[worst].first_frame} to {closed[worst].last_frame} show, most of them across frame {first}.",
@@ -129,7 +127,7 @@ class Conservation(Check[Ledger]):
             ),
         )
 
-    def _tile(self, pixels: Bool, facts: Facts) -> tuple[Measured, bool]:
+    def _tile(self, pixels: Bool, telling: float, facts: Facts) -> tuple[Measured, bool]:
         """Return the worst tile, and whether the violations lie together around it while other regions give events."""
         silent = facts.events is None or not facts.events.count
         share, row, column, tiles = _worst_tile(pixels)
@@ -145,7 +143,7 @@ class Conservation(Check[Ledger]):
             expected=everywhere,
             allowance=self._TILE_ALLOWANCE,
             side="upper",
-            matters=1.0,
+            matters=telling,  # a dead tile shows in the pixels that would have given events
             tests=tiles,
             statement=f"In {share:.0%} of the pixels of the tile at ({column}, {row}) events do not add up; "
             f"{everywhere:.2%} of all.",

@@ -118,7 +118,8 @@ def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Meas
         unit="1",
         standard_error=errors[1],
         side="upper",
-        matters=1.0,
+        # So much better would the right orientation be than one that is unrelated, if another were the right one.
+        matters=float(np.max(np.abs(correlations))),
         tests=len(others),
         statement=f"Events agree with the frames as {_words(rival)}: correlation {others[rival]:.2g}, "
         f"as they stand {correlations[0]:.2g}.",

@@ -20,6 +20,7 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
 
 Bool = NDArray[np.bool_]
+Float64 = NDArray[np.float64]
 
 GROUP_NS: Final = 2 * NS_PER_S
 """Windows that begin within the same two seconds are joined."""
@@ -40,11 +41,14 @@ class Stretch:
         (h, w) events in the stretch.
     excused
         (h, w): events may honestly be missing (declared hot pixels, bursts within a declared refractory period).
+    extent
+        (2, h, w) largest lower and smallest upper bound of the signal itself, in the unit of the thresholds.
     """
 
     bounds: Excursions | Runs
     events: NDArray[np.int64]
     excused: Bool
+    extent: Float64
 
     def then(self, later: "Stretch") -> "Stretch":
         """Join with the stretch that begins at this one's last frame. Exact."""
@@ -55,7 +59,8 @@ class Stretch:
             joined = one.then(other)
         else:
             raise TypeError(f"Expected stretches of one model, got {type(one).__name__} and {type(other).__name__}")
-        return Stretch(joined, self.events + later.events, self.excused | later.excused)
+        extent = np.stack([np.fmax(self.extent[0], later.extent[0]), np.fmin(self.extent[1], later.extent[1])])
+        return Stretch(joined, self.events + later.events, self.excused | later.excused, extent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +79,8 @@ class Closed:
         The frame interval that most of the violations may lie in; the first one where nothing tells.
     events_per_pixel
         Mean number of events.
-    told
-        Share of the pixels whose level the frames bound from both sides, 0 to 1.
+    telling
+        Share of the pixels in which the law would surely break if they gave no event, 0 to 1.
     """
 
     first_frame: int
@@ -84,7 +89,7 @@ class Closed:
     pixels: NDArray[np.uint8]
     suspected: int
     events_per_pixel: float
-    told: float
+    telling: float
 
     def unpacked(self, shape: tuple[int, int]) -> Bool:
         """Return the pixels (h, w) that broke the law."""
@@ -135,15 +140,21 @@ def stretch_of(window: Window) -> Stretch | None:
     for column, row in declared.hot_pixels:
         if 0 <= row < excused.shape[0] and 0 <= column < excused.shape[1]:
             excused[row, column] = True
-    law = _log_law if declared.model == "log" else _linear_law
-    return Stretch(law(seen, declared), seen.counts.sum(axis=(0, 1), dtype=np.int64), excused)
+    bounds_of, law = (_log_bounds, _log_law) if declared.model == "log" else (_linear_bounds, _linear_law)
+    lower, upper = bounds_of(seen, declared)
+    extent = np.stack([np.fmax.reduce(lower), np.fmin.reduce(upper)])
+    return Stretch(law(lower, upper, seen, declared), seen.counts.sum(axis=(0, 1), dtype=np.int64), excused, extent)
 
 
-def _log_law(seen: SeenFrames, declared: EventModel) -> Excursions:
+def _log_bounds(seen: SeenFrames, declared: EventModel) -> tuple[Float64, Float64]:
+    """Return lower and upper bounds (n, h, w) of the signal at each frame, nat."""
     low = np.maximum(seen.even_dn - seen.error_dn + declared.log_eps_dn, 0.0)
     high = seen.even_dn + seen.error_dn + declared.log_eps_dn
     with np.errstate(divide="ignore"):
-        lower, upper = np.log(low), np.log(high)
+        return np.log(low), np.log(high)
+
+
+def _log_law(lower: Float64, upper: Float64, seen: SeenFrames, declared: EventModel) -> Excursions:
     elapsed_s = np.diff(seen.times_ns) / NS_PER_S
     return bound(
         lower,
@@ -156,12 +167,17 @@ def _log_law(seen: SeenFrames, declared: EventModel) -> Excursions:
     )
 
 
-def _linear_law(seen: SeenFrames, declared: EventModel) -> Runs:
+def _linear_bounds(seen: SeenFrames, declared: EventModel) -> tuple[Float64, Float64]:
+    """Return lower and upper bounds (n, h, w) of the signal at each frame, DN."""
     # The event camera rounds luma to whole values itself.
     error = seen.error_dn + 0.5
+    return seen.even_dn - error, seen.even_dn + error
+
+
+def _linear_law(lower: Float64, upper: Float64, seen: SeenFrames, declared: EventModel) -> Runs:
     return follow_runs(
-        seen.even_dn - error,
-        seen.even_dn + error,
+        lower,
+        upper,
         seen.counts,
         threshold_on=declared.threshold_on + MISMATCH_SIGMAS * declared.threshold_sigma,
         threshold_off=declared.threshold_off + MISMATCH_SIGMAS * declared.threshold_sigma,
@@ -200,7 +216,7 @@ def _close(stretches: list[Stretch], declared: EventModel) -> Closed:
         np.packbits(pixels),
         first + int(np.argmax(np.cumsum(changes))),
         sum(float(stretch.events.mean()) for stretch in stretches),
-        float(np.any([stretch.bounds.told() for stretch in stretches], axis=0).mean()),
+        float(np.any([_telling(stretch, declared) for stretch in stretches], axis=0).mean()),
     )
 
 
@@ -212,3 +228,10 @@ def _broken(stretch: Stretch, declared: EventModel) -> Bool:
     own = MISMATCH_SIGMAS * declared.threshold_sigma * (sqrt(2.0) + np.sqrt(stretch.events))
     broken: Bool = stretch.bounds.excess() > limit + own
     return broken
+
+
+def _telling(stretch: Stretch, declared: EventModel) -> Bool:
+    """Return the pixels (h, w) whose level surely moves by more than a pixel without events may see."""
+    brightest, darkest = stretch.extent
+    telling: Bool = brightest - darkest > declared.threshold_on + declared.threshold_off
+    return telling

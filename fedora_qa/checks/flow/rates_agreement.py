@@ -20,7 +20,8 @@ _TILES: Final = (8, 6)
 _FEWEST_IN_TILE: Final = 20
 
 MOST_LOST: Final = 0.5
-"""Share of pixels that may leave the image by one rate only: at the border some do, most never."""
+"""Share of all pixels that may leave the image by one rate only: where the way of a point bends, some leave it midway
+and return, but never most, however few stay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ class RateAgreement:
         Over all compared pixels, in the tile that is off most, and that tile: left, top, right, bottom. The first two
         are None where too few pixels could be compared.
     lost
-        Share of pixels that one rate keeps within the image and the other does not.
+        Share of all pixels that one rate keeps within the image and the other does not.
     """
 
     segment: Segment
@@ -72,8 +73,7 @@ def compare(window: Window, segment: Segment) -> RateAgreement | None:
     known = slow.clear & slow.stays
     if np.count_nonzero(known | (fast.clear & fast.stays)) < FEWEST_PIXELS:
         return None
-    staying = int(np.count_nonzero(slow.stays | fast.stays))
-    lost = int(np.count_nonzero(slow.stays != fast.stays)) / max(staying, 1)
+    lost = float(np.mean(slow.stays != fast.stays))
     compared = known & fast.clear & fast.stays
     if np.count_nonzero(compared) < FEWEST_PIXELS:
         return RateAgreement(segment, None, None, None, lost)

@@ -147,7 +147,8 @@ def compose(window: Window, chain: Chain, columns: Float64, rows: Float64, chang
         here = _nearest(x, y)
         flow_px, slope, known = _read(field, x, y)
         clear &= known & (alone | (field.flags[here] & _BREAK == 0))
-        bound_px = bound_px * (1.0 + slope) + (place > 0) * field.error_px[here].astype(np.float64)
+        if place > 0:
+            bound_px = bound_px * (1.0 + slope) + field.error_px[here].astype(np.float64)
         bound_px += _ROUNDING_PX * sum(field.flags.shape)
         x, y = x + flow_px[:, 0], y + flow_px[:, 1]
         lands = _inside(x, y, field.flags.shape)
