@@ -16,12 +16,6 @@ Int64 = NDArray[np.int64]
 
 _NS_PER_MS: Final = 1e6
 
-_UNIT_PPM: Final = 5e5
-"""A clock that runs at half its rate or at twice does not drift: its stamps are in another unit."""
-
-_ONE_WAY: Final = 0.9
-"""Share of the steps of a drift that go its way; the others are where the nearest frame changes."""
-
 
 def stamp_measurements(facts: Facts) -> list[Measured]:
     """Count, for each rate, interval ends that lie on no depth frame, gaps, and lengths that are not the rate's."""
@@ -108,24 +102,15 @@ def _suspects_off_frames(facts: Facts, stream: str, clock: Clock, off: NDArray[n
     offsets_ms = _offsets_ns(frames_ns, clock.times_ns) / _NS_PER_MS
     offset_ms = float(np.median(offsets_ms))
     spread_ms = float(np.median(np.abs(offsets_ms - offset_ms)))
-    name = "time_offset" if spread_ms <= 0.1 * abs(offset_ms) else _varying(clock.times_ns, offsets_ms)
+    name = "time_offset" if spread_ms <= 0.1 * abs(offset_ms) else "clock_rate"
     rgb = facts.clocks.get("rgb")
     depth_late = rgb is not None and bool(_on(rgb, clock.times_ns).all())
     unit = CAUSES[name].unit
-    size = {"time_offset": offset_ms, "clock_rate": _drift_ppm(clock.times_ns, offsets_ms)}.get(name)
+    size = offset_ms if name == "time_offset" else _drift_ppm(clock.times_ns, offsets_ms)
     return (
         Suspect(name, stream, 0.3 if depth_late else 0.9, size, unit),
-        Suspect(name, "depth", 0.9 if depth_late else 0.3, None if size is None else -size, unit),
+        Suspect(name, "depth", 0.9 if depth_late else 0.3, -size, unit),
     )
-
-
-def _varying(times_ns: Int64, offsets_ms: NDArray[np.float64]) -> str:
-    """Tell what makes offsets differ: a clock's rate from rounding, which turns back, and from another unit."""
-    if abs(_drift_ppm(times_ns, offsets_ms)) > _UNIT_PPM:
-        return "time_unit"
-    steps_ms = np.diff(offsets_ms)
-    forward = max(int(np.count_nonzero(steps_ms > 0)), int(np.count_nonzero(steps_ms < 0)))
-    return "clock_rate" if forward >= _ONE_WAY * np.count_nonzero(steps_ms) else "quantised_time"
 
 
 def _outlasts(frames: Clock, clock: Clock, off: NDArray[np.intp]) -> bool:
