@@ -101,6 +101,12 @@ def in_single_precision(stream: str) -> Facts:
     return with_clock(facts, stream, clock((single_us - origin_us) * 1000))
 
 
+def drifting(rate: float) -> Facts:
+    stamps = times("imu")
+    late = np.rint(np.clip(stamps - 500 * MS, 0, 1000 * MS) * rate / 1000).astype(np.int64) * 1000
+    return with_clock(exact_facts(), "imu", clock(stamps + late))
+
+
 FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
     "two poses exchanged": ("clocks.order", lambda: exchanged("pose", 50), "unsorted", "pose", 1.0),
     "an IMU sample twice": ("clocks.order", lambda: repeated("imu", 50), "duplicated_samples", "imu", 1.0),
@@ -111,6 +117,13 @@ FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
     "frames in wall-clock time": ("clocks.unit", lambda: scaled("rgb", 32.0), "time_unit", "rgb", 32.0),
     "a pose clock 50 ppm fast": ("clocks.rate", lambda: scaled("pose", 1 + 50e-6), "clock_rate", "pose", 50.0),
     "flow 0.1% slow": ("clocks.rate", lambda: scaled("flow/10hz", 1.001), "clock_rate", "flow/10hz", 1000.0),
+    "an IMU clock 60 ppm fast for a while": (
+        "clocks.rate",
+        lambda: drifting(60e-6),
+        "clock_rate",
+        "imu",
+        60.0,
+    ),
     "one IMU sample lost": ("clocks.gaps", lambda: without("imu", slice(70, 71)), "dropped_samples", "imu", 1.0),
     "seven frames lost": ("clocks.gaps", lambda: without("rgb", slice(20, 27)), "dropped_samples", "rgb", 7.0),
     "poses 30 ms late": ("clocks.span", lambda: shifted("pose", 30 * MS), "time_offset", "pose", 30.0),
@@ -219,6 +232,15 @@ def test_planted_fault_is_named(
 def test_every_clock_check_has_a_planted_fault() -> None:
     """No check is without a proof that it can fail."""
     assert {name for name, *_ in FAULTS.values()} == set(CLOCKS)
+
+
+def test_grids_are_seen_without_events() -> None:
+    """A file without events still betrays rounded stamps; exact clocks alone tell nothing."""
+    check = CLOCKS["clocks.resolution"]
+    exact, coarse = (replace(facts, events=None) for facts in (exact_facts(), rounded("rgb", 7 * MS)))
+    assert judged("clocks.resolution", exact).result.outcome == "not_observable"
+    assert judged("clocks.resolution", coarse).alarms[0].suspects[0].stream == "rgb"
+    assert check.not_applicable(replace(exact, clocks={}))
 
 
 @given(st.sampled_from(sorted(PERIODS_NS)), st.floats(0.3, 2000.0))

@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from fedora_qa.checks.clocks.local_rates import WORST_ROUNDING, rate_change
 from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, fits_of
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
@@ -26,10 +27,6 @@ _UNIT_WITHIN: Final = 0.2
 
 _NTSC_HZ: Final = (24, 30, 48, 60, 120)
 """Rates of video that are also used divided by 1.001."""
-
-_WORST_ROUNDING: Final = 1.5
-"""Slope, in grids over the span, when rounding moves the earlier half of all stamps one way and the later the other:
-(g/2) sum |n - m| / sum (n - m)^2 = (g/2) (N^2/4) / (N^3/12) = 3/2 g/N per sample."""
 
 _NOMINAL_WITHIN: Final = 0.01
 """A rate nearer than this to a nominal one is meant to be that."""
@@ -109,16 +106,18 @@ class Rate(FactsCheck):
 
     How
     ---
-    The period is the least-squares slope of the stamps over their numbers; gaps are counted and jumps of an exact clock
-    taken out first (``fedora_qa/estimators/regular_clock.py``). Flow must keep the rate in its name. Any other stream
-    is held against the nearest nominal rate (a whole number of Hz, a period of whole microseconds, or the 1000/1001 of
-    video) if another stream of the file keeps its own: all stamps are of one clock. Otherwise an odd rate is noted.
+    The period is the least-squares slope of the stamps over their numbers; gaps are counted and jumps of an exact
+    clock taken out first (``fedora_qa/estimators/regular_clock.py``). Flow must keep the rate in its name. Any other
+    stream is held against the nearest nominal rate (a whole number of Hz, a period of whole microseconds, or the
+    1000/1001 of video) if another stream of the file keeps its own: all stamps are of one clock. Otherwise an odd
+    rate is noted. The same is fitted to each quarter of the stamps, and the fastest held against the slowest.
 
     Noise model
     -----------
     Rounding to a grid g (a microsecond, or the coarser grid that the stamps betray) moves each stamp by at most g/2.
     Over a span T, the slope of the regression moves by at most 3/2 g/T, with residuals of +-g/2 all against the same
-    half; that is the allowance. Jitter above the grid adds the slope's standard error, white over samples.
+    half; that is the allowance. Jitter above the grid adds the slope's standard error, white over samples. Between
+    quarters 10 ppm are allowed besides, what a quartz oscillator without compensation moves by over 15 K.
 
     Cannot see
     ----------
@@ -139,10 +138,16 @@ class Rate(FactsCheck):
             return Observation(all_stamps(facts), unobservable="no stream has three stamps in order")
         measured = {stream: self._error(facts, stream, fit) for stream, fit in fits.items()}
         exact = [m for m in measured.values() if m is not None and abs(m.value) <= m.allowance + 3 * m.standard_error]
+        changes = (
+            rate_change(facts, stream, fit, _nominal_period_ns(stream, fit.period_ns))
+            for stream, fit in fits.items()
+            if fit.regular
+        )
         held = {stream for stream in fits if exact or stream.startswith("flow/")}
         return Observation(
             all_stamps(facts),
-            tuple(m for stream, m in measured.items() if m is not None and stream in held),
+            tuple(m for m in changes if m is not None)
+            + tuple(m for stream, m in measured.items() if m is not None and stream in held),
             tuple(self._odd(stream, fit) for stream, fit in fits.items() if stream not in held),
         )
 
@@ -159,7 +164,7 @@ class Rate(FactsCheck):
             value=ppm,
             unit="ppm",
             standard_error=0.0 if fit.jitter_ns <= grid_ns else 1e6 * fit.period_error_ns / nominal_ns,
-            allowance=1e6 * _WORST_ROUNDING * grid_ns / span_ns,
+            allowance=1e6 * WORST_ROUNDING * grid_ns / span_ns,
             statement=f"The period of {stream} is {fit.period_ns / NS_PER_US:.6g} us, {ppm:+.4g} ppm off the nominal "
             f"{nominal_ns / NS_PER_US:.6g} us.",
             code="clocks.rate.error",
