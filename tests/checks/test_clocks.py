@@ -168,6 +168,20 @@ def test_a_coarse_grid_is_neither_a_gap_nor_another_rate(stream: str, grid_ns: i
     assert judged("clocks.resolution", facts).alarms
 
 
+def test_jitter_is_no_change_of_rate() -> None:
+    """Of 300 clocks with white jitter none is said to change its rate, and the scores have about unit spread."""
+    rng = np.random.default_rng(11)
+    scores = []
+    for _ in range(300):
+        stamps = np.rint(np.arange(400) * 5000 + rng.normal(0, 40, 400)).astype(np.int64) * 1000
+        measured = Rate().examine(with_clock(exact_facts(), "pose", clock(stamps))).measurements
+        change = next(m for m in measured if m.name == "pose.rate_change")
+        assert change.value < change.allowance + 5 * change.standard_error
+        scores.append(change.value / change.standard_error)
+    # The range of four standard normal values is 2.06 standard deviations (Tippett, Biometrika 17 (1925)).
+    assert np.mean(scores) == pytest.approx(2.06 / np.sqrt(2), rel=0.1)
+
+
 def test_a_jump_is_not_another_rate() -> None:
     """A clock that was set by 6 ms half-way ran at its nominal rate before and after."""
     assert not judged("clocks.rate", set_forward("rgb", 50, 6 * MS)).alarms

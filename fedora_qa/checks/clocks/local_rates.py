@@ -19,8 +19,8 @@ WORST_ROUNDING: Final = 1.5
 (g/2) sum |n - m| / sum (n - m)^2 = (g/2) (N^2/4) / (N^3/12) = 3/2 g/N per sample."""
 
 _STRETCHES: Final = 4
-_FEWEST_STAMPS: Final = 10
-"""Of a stretch."""
+_FEWEST_STAMPS: Final = 12
+"""Of a stretch: the scatter pooled over two of them then has twenty degrees of freedom."""
 
 _WANDER_PPM: Final = 10.0
 """By how much the rate of an honest clock may change within a file: a quartz oscillator without compensation moves by
@@ -31,13 +31,17 @@ _MATTERS_PPM: Final = 10_000.0
 
 @dataclass(frozen=True, slots=True)
 class _Stretch:
-    """Rows of a stream, and the period there with its error at random and by rounding, relative to the whole's."""
+    """Rows of a stream, the relative error of the period there, how much rounding may add, and how stamps scatter.
+
+    ``lever`` is the root of the sum of squares of the sample numbers: a scatter over it is an error of the period.
+    """
 
     first: int
     last: int
     rate: float
-    standard_error: float
     rounding: float
+    sigma_ns: float
+    lever: float
 
 
 def rate_change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float) -> Measured | None:
@@ -48,6 +52,8 @@ def rate_change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float)
     if len(stretches) < 2:
         return None
     slowest, fastest = (choose(stretches, key=lambda one: one.rate) for choose in (min, max))
+    sigma_ns = float(np.sqrt(np.mean([one.sigma_ns**2 for one in stretches])))
+    jitter_ns = 0.0 if sigma_ns <= max(NS_PER_US, fit.grid_ns) else sigma_ns
     odd = max(slowest, fastest, key=lambda one: abs(one.rate))
     ppm = 1e6 * (fastest.rate - slowest.rate)
     start, stop = int(rows[odd.first]), int(rows[odd.last])
@@ -55,7 +61,7 @@ def rate_change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float)
         name=f"{stream}.rate_change",
         value=ppm,
         unit="ppm",
-        standard_error=1e6 * float(np.hypot(slowest.standard_error, fastest.standard_error)),
+        standard_error=1e6 * jitter_ns / nominal_ns * float(np.hypot(1 / slowest.lever, 1 / fastest.lever)),
         allowance=_WANDER_PPM + 1e6 * (slowest.rounding + fastest.rounding),
         side="upper",
         tests=len(stretches) * (len(stretches) - 1) // 2,
@@ -94,12 +100,11 @@ def _fit(times_ns: NDArray[np.int64], first: int, last: int, fit: RegularClock, 
     square = float(centred @ centred)
     period_ns = float(centred @ elapsed_ns) / square
     residuals_ns = elapsed_ns - elapsed_ns.mean() - period_ns * centred
-    sigma_ns = float(np.sqrt(residuals_ns @ residuals_ns / (len(numbers) - 2)))
-    grid_ns = max(NS_PER_US, fit.grid_ns)
     return _Stretch(
         first,
         last,
         rate=period_ns / nominal_ns - 1,
-        standard_error=0.0 if sigma_ns <= grid_ns else sigma_ns / np.sqrt(square) / nominal_ns,
-        rounding=WORST_ROUNDING * grid_ns / max(float(elapsed_ns[-1]), 1.0),
+        rounding=WORST_ROUNDING * max(NS_PER_US, fit.grid_ns) / max(float(elapsed_ns[-1]), 1.0),
+        sigma_ns=float(np.sqrt(residuals_ns @ residuals_ns / (len(numbers) - 2))),
+        lever=float(np.sqrt(square)),
     )
