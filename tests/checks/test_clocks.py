@@ -101,6 +101,13 @@ def in_single_precision(stream: str) -> Facts:
     return with_clock(facts, stream, clock((single_us - origin_us) * 1000))
 
 
+def partly(stream: str, factor: float) -> Facts:
+    stamps = times(stream)
+    part = slice(len(stamps) // 4, 3 * len(stamps) // 4)
+    stamps[part] = np.rint(stamps[part] * factor / 1000).astype(np.int64) * 1000
+    return with_clock(exact_facts(), stream, clock(stamps))
+
+
 def drifting(rate: float) -> Facts:
     stamps = times("imu")
     late = np.rint(np.clip(stamps - 500 * MS, 0, 1000 * MS) * rate / 1000).astype(np.int64) * 1000
@@ -143,6 +150,14 @@ FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
         -30.0,
     ),
     "IMU stamps on a grid of 2.1 ms": ("clocks.order", lambda: rounded("imu", 2_100_000), "quantised_time", "imu", 2.1),
+    "half of the depth stamps in nanoseconds": (
+        "clocks.unit",
+        lambda: partly("depth", 1000.0),
+        "time_unit",
+        "depth",
+        1e3,
+    ),
+    "half of the pose stamps in milliseconds": ("clocks.unit", lambda: partly("pose", 1e-3), "time_unit", "pose", 1e-3),
     "numbers of frames for stamps": ("clocks.unit", lambda: numbered("rgb"), "time_unit", "rgb", 5e-5),
     "a clock set forward by 6 ms": ("clocks.gaps", lambda: set_forward("rgb", 40, 6 * MS), "time_offset", "rgb", 6.0),
     "depth in nanoseconds, seen by its span": ("clocks.span", lambda: scaled("depth", 1e3), "time_unit", "depth", 1e3),
