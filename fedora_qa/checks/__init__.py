@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from fedora_qa.checks.alignment import depth as alignment_depth
 from fedora_qa.checks.alignment import events as alignment_events
-from fedora_qa.checks.clocks import index_maps, rates, resolution, span, stamps
+from fedora_qa.checks.clocks import index_maps, rates, resolution, span, stamps, units
 from fedora_qa.checks.depth import consistency, projection, scale
 from fedora_qa.checks.depth import range as depth_range
 from fedora_qa.checks.events import alignment as event_alignment
@@ -28,7 +28,7 @@ CHECKS: Final[tuple[Check[Any], ...]] = (
     cameras.Cameras(),
     profile.Profile(),
     stamps.Order(),
-    rates.Unit(),
+    units.Unit(),
     rates.Rate(),
     stamps.Gaps(),
     span.Span(),

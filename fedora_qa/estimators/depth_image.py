@@ -57,6 +57,17 @@ class DepthImage:
         """Inverse depth of the nearest surface; 0 where nothing is valid."""
         return float(self.inverse_per_m.max(initial=0.0))
 
+    def moved(self, axis: int, shift_px: int) -> "DepthImage":
+        """Return the image moved by whole pixels to the right (axis 0) or down (1); what comes in is no clear place."""
+        along = 1 - axis
+        arrays = (
+            np.roll(array, shift_px, along) for array in (self.inverse_per_m, self.error_per_m, self.clearance_px)
+        )
+        inverse_per_m, error_per_m, clearance_px = arrays
+        entered = slice(0, shift_px) if shift_px > 0 else slice(shift_px, None)
+        clearance_px[(slice(None), entered) if axis == 0 else entered] = 0.0
+        return DepthImage(inverse_per_m, error_per_m, clearance_px)
+
 
 def depth_image(depths_m: NDArray[np.floating], relative_step: float = 0.0) -> DepthImage:
     """Prepare depths (H, W) in metres, NaN or not positive where invalid.

@@ -145,6 +145,12 @@ def _parallax_px(
     return np.asarray(moved * np.maximum(nearest_per_m - inverse0_per_m, 0.0))
 
 
+def ray_lengths(K: Float64, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return the length of each pixel's ray (H, W), where z is 1."""
+    rows, columns = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
+    return _ray_lengths(K, columns, rows).astype(np.float32)
+
+
 def _ray_lengths(K: Float64, columns: Float64, rows: Float64) -> Float64:
     y = (rows - K[1, 2]) / K[1, 1]
     x = (columns - K[0, 2] - K[0, 1] * y) / K[0, 0]

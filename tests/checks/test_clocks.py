@@ -101,6 +101,19 @@ def in_single_precision(stream: str) -> Facts:
     return with_clock(facts, stream, clock((single_us - origin_us) * 1000))
 
 
+def partly(stream: str, factor: float) -> Facts:
+    stamps = times(stream)
+    part = slice(len(stamps) // 4, 3 * len(stamps) // 4)
+    stamps[part] = np.rint(stamps[part] * factor / 1000).astype(np.int64) * 1000
+    return with_clock(exact_facts(), stream, clock(stamps))
+
+
+def drifting(rate: float) -> Facts:
+    stamps = times("imu")
+    late = np.rint(np.clip(stamps - 500 * MS, 0, 1000 * MS) * rate / 1000).astype(np.int64) * 1000
+    return with_clock(exact_facts(), "imu", clock(stamps + late))
+
+
 FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
     "two poses exchanged": ("clocks.order", lambda: exchanged("pose", 50), "unsorted", "pose", 1.0),
     "an IMU sample twice": ("clocks.order", lambda: repeated("imu", 50), "duplicated_samples", "imu", 1.0),
@@ -111,6 +124,13 @@ FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
     "frames in wall-clock time": ("clocks.unit", lambda: scaled("rgb", 32.0), "time_unit", "rgb", 32.0),
     "a pose clock 50 ppm fast": ("clocks.rate", lambda: scaled("pose", 1 + 50e-6), "clock_rate", "pose", 50.0),
     "flow 0.1% slow": ("clocks.rate", lambda: scaled("flow/10hz", 1.001), "clock_rate", "flow/10hz", 1000.0),
+    "an IMU clock 60 ppm fast for a while": (
+        "clocks.rate",
+        lambda: drifting(60e-6),
+        "clock_rate",
+        "imu",
+        60.0,
+    ),
     "one IMU sample lost": ("clocks.gaps", lambda: without("imu", slice(70, 71)), "dropped_samples", "imu", 1.0),
     "seven frames lost": ("clocks.gaps", lambda: without("rgb", slice(20, 27)), "dropped_samples", "rgb", 7.0),
     "poses 30 ms late": ("clocks.span", lambda: shifted("pose", 30 * MS), "time_offset", "pose", 30.0),
@@ -130,6 +150,14 @@ FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
         -30.0,
     ),
     "IMU stamps on a grid of 2.1 ms": ("clocks.order", lambda: rounded("imu", 2_100_000), "quantised_time", "imu", 2.1),
+    "half of the depth stamps in nanoseconds": (
+        "clocks.unit",
+        lambda: partly("depth", 1000.0),
+        "time_unit",
+        "depth",
+        1e3,
+    ),
+    "half of the pose stamps in milliseconds": ("clocks.unit", lambda: partly("pose", 1e-3), "time_unit", "pose", 1e-3),
     "numbers of frames for stamps": ("clocks.unit", lambda: numbered("rgb"), "time_unit", "rgb", 5e-5),
     "a clock set forward by 6 ms": ("clocks.gaps", lambda: set_forward("rgb", 40, 6 * MS), "time_offset", "rgb", 6.0),
     "depth in nanoseconds, seen by its span": ("clocks.span", lambda: scaled("depth", 1e3), "time_unit", "depth", 1e3),
@@ -153,6 +181,20 @@ def test_a_coarse_grid_is_neither_a_gap_nor_another_rate(stream: str, grid_ns: i
     assert not judged("clocks.rate", facts).alarms
     assert not judged("clocks.gaps", facts).alarms
     assert judged("clocks.resolution", facts).alarms
+
+
+def test_jitter_is_no_change_of_rate() -> None:
+    """Of 300 clocks with white jitter none is said to change its rate, and the scores have about unit spread."""
+    rng = np.random.default_rng(11)
+    scores = []
+    for _ in range(300):
+        stamps = np.rint(np.arange(400) * 5000 + rng.normal(0, 40, 400)).astype(np.int64) * 1000
+        measured = Rate().examine(with_clock(exact_facts(), "pose", clock(stamps))).measurements
+        change = next(m for m in measured if m.name == "pose.rate_change")
+        assert change.value < change.allowance + 5 * change.standard_error
+        scores.append(change.value / change.standard_error)
+    # The range of four standard normal values is 2.06 standard deviations (Tippett, Biometrika 17 (1925)).
+    assert np.mean(scores) == pytest.approx(2.06 / np.sqrt(2), rel=0.1)
 
 
 def test_a_jump_is_not_another_rate() -> None:
@@ -219,6 +261,15 @@ def test_planted_fault_is_named(
 def test_every_clock_check_has_a_planted_fault() -> None:
     """No check is without a proof that it can fail."""
     assert {name for name, *_ in FAULTS.values()} == set(CLOCKS)
+
+
+def test_grids_are_seen_without_events() -> None:
+    """A file without events still betrays rounded stamps; exact clocks alone tell nothing."""
+    check = CLOCKS["clocks.resolution"]
+    exact, coarse = (replace(facts, events=None) for facts in (exact_facts(), rounded("rgb", 7 * MS)))
+    assert judged("clocks.resolution", exact).result.outcome == "not_observable"
+    assert judged("clocks.resolution", coarse).alarms[0].suspects[0].stream == "rgb"
+    assert check.not_applicable(replace(exact, clocks={}))
 
 
 @given(st.sampled_from(sorted(PERIODS_NS)), st.floats(0.3, 2000.0))

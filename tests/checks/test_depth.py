@@ -129,11 +129,24 @@ def shifted(depth: Depths) -> Depths:
     return moved
 
 
+def from_frame_12(change: Callable[[Depths], Depths]) -> Callable[[Depths], Depths]:
+    return lambda depth: np.concatenate([depth[:12], change(depth[12:])])
+
+
 FAULTS: dict[str, tuple[Callable[[Depths], Depths], str, float | None]] = {
     "frozen": (frozen, "frozen_frames", 3.0),
     "swapped": (swapped, "swapped_frames", 1.0),
     "mirrored": (lambda depth: depth[:, :, ::-1], "mirrored", None),
     "upside down": (lambda depth: depth[:, ::-1], "mirrored", None),
+    "mirrored from frame 12 on": (from_frame_12(lambda depth: depth[:, :, ::-1]), "mirrored", None),
+    "upside down from frame 12 on": (from_frame_12(lambda depth: depth[:, ::-1]), "mirrored", None),
+    "rays from frame 12 on": (
+        from_frame_12(lambda depth: depth * np.linalg.norm(rays_body(), axis=-1)),
+        "depth_ray_not_z",
+        None,
+    ),
+    "shifted from frame 12 on": (from_frame_12(shifted), "spatial_offset", 4.0),
+    "three rows up from frame 12 on": (from_frame_12(lambda depth: np.roll(depth, -3, axis=1)), "spatial_offset", -3.0),
     "shifted": (shifted, "spatial_offset", 4.0),
     "rays": (lambda depth: depth * np.linalg.norm(rays_body(), axis=-1), "depth_ray_not_z", None),
 }

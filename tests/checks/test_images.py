@@ -137,6 +137,17 @@ def test_exposure_jumps_are_sized_and_placed(world: FlowWorld, percent: float, c
     assert size == pytest.approx(percent, rel=0.1, abs=0.02)
 
 
+@pytest.mark.parametrize("percent", [4.0, -6.0])
+def test_a_gain_of_all_frames_betrays_itself_where_it_came_after_rounding(world: FlowWorld, percent: float) -> None:
+    """No frame differs from its neighbours, but the codes that rounded values cannot reach are missing in all."""
+    every = np.rint(frames_of(world) * (1 + percent / 100)).astype(np.uint8)
+    result = judged(Exposure(), world.with_rows(path_rgb=every))
+    assert [alarm.finding.code for alarm in result.alarms] == ["images.exposure.rounded_before"]
+    suspect = result.alarms[0].suspects[0]
+    assert (suspect.cause, suspect.stream) == ("exposure_or_gamma", "rgb")
+    assert suspect.magnitude == pytest.approx(percent, abs=0.1)
+
+
 def test_slow_light_is_no_jump(world: FlowWorld) -> None:
     """Light that grows by half a percent a frame raises no alarm."""
     frames = frames_of(world)

@@ -162,7 +162,7 @@ def _suspects_of_stamps(found: WrongMap) -> Iterator[Suspect]:
     if len(left) > 2 and len(np.unique(left[1:-1])) == 1:
         yield Suspect("time_unit", found.frames, 0.65)
         yield Suspect("time_unit", "events", 0.5)
-    for cause in ("unsorted", "time_offset", "clock_rate", "quantised_time"):
+    for cause in ("time_unit", "unsorted", "time_offset", "clock_rate", "quantised_time"):
         yield Suspect(cause, found.frames, 0.3)
 
 

@@ -96,9 +96,9 @@ def _of_samples(facts: Facts) -> Iterator[Measured]:
 
 def _grid_of(facts: Facts, stream: str, fit: RegularClock) -> tuple[float, str]:
     grid_us = fit.grid_ns / NS_PER_US
-    if grid_us > 1 and surely_no_chance(np.full(fit.irregular_steps, grid_us)):
+    if grid_us > 1 and fit.jitter_ns < fit.period_ns and surely_no_chance(np.full(fit.irregular_steps, grid_us)):
         return grid_us, f"lie on a grid of {grid_us:g} us"
-    times_us = np.array([facts.to_file_us(float(time_ns)) for time_ns in facts.clocks[stream].times_ns])
+    times_us = facts.origin_us + facts.clocks[stream].times_ns / NS_PER_US
     spacing_us = single_precision_spacing_us(times_us)
     return (spacing_us, f"are single-precision seconds, {spacing_us:.3g} us apart") if spacing_us else (1.0, "")
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from fedora_qa.checks.clocks.rates import unit_factor
 from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, fits_of
+from fedora_qa.checks.clocks.units import suspect_of_part, unit_factor
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
 from fedora_qa.estimators.regular_clock import RegularClock
 from fedora_qa.record.types import Where
@@ -64,7 +64,7 @@ class Span(FactsCheck):
         for stream, (start, stop) in ends.items():
             allowance_ns = fits[stream].period_ns + usual_ns
             late, early = start - begin, finish - stop
-            suspects = _suspects(stream, late, early, finish - begin)
+            suspects = (*suspect_of_part(facts, stream), *_suspects(stream, late, early, finish - begin))
             for rule, value in (("begins_late", late), ("ends_early", early)):
                 measured.append(_one(facts, stream, rule, value, allowance_ns, suspects))
         failed = {one.where.stream for one in measured if abs(one.value) > one.allowance}

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.clocks.streams import all_stamps, clocks_of, event_scan, file_us, fits_of
+from fedora_qa.checks.clocks.units import suspect_of_part
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
 from fedora_qa.conventions import NS_PER_US
@@ -65,7 +66,7 @@ class Order(FactsCheck):
     def _of_samples(self, facts: Facts, stream: str, clock: Clock) -> Iterator[Measured]:
         steps = np.diff(clock.times_ns)
         backward, repeated = np.flatnonzero(steps < 0), np.flatnonzero(steps == 0)
-        yield self._count(facts, stream, "backward_steps", backward, _suspects_of_order(stream, clock, backward))
+        yield self._count(facts, stream, "backward_steps", backward, _suspects_of_order(facts, stream, backward))
         yield self._count(facts, stream, "repeated_stamps", repeated, _suspects_of_repeats(stream, clock, repeated))
 
     def _count(
@@ -182,8 +183,9 @@ class Gaps(FactsCheck):
         )
 
 
-def _suspects_of_order(stream: str, clock: Clock, backward: NDArray[np.intp]) -> tuple[Suspect, ...]:
+def _suspects_of_order(facts: Facts, stream: str, backward: NDArray[np.intp]) -> tuple[Suspect, ...]:
     """Tell a counter that wrapped and a clock that was set back from samples in another order."""
+    clock = facts.clocks[stream]
     if not len(backward):
         return ()
     step_ns = int(clock.times_ns[backward[0] + 1] - clock.times_ns[backward[0]])
@@ -193,7 +195,7 @@ def _suspects_of_order(stream: str, clock: Clock, backward: NDArray[np.intp]) ->
         suspects.insert(0, Suspect("time_offset", stream, 0.92, back_ms, "ms"))
     if _is_wrap(step_ns):
         suspects.insert(0, Suspect("time_unit", stream, 0.95))
-    return tuple(suspects)
+    return (*suspect_of_part(facts, stream), *suspects)
 
 
 def _suspects_of_gaps(stream: str, clock: Clock, fit: RegularClock) -> tuple[Suspect, ...]:

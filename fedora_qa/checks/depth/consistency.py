@@ -7,7 +7,7 @@ from typing import Final, Literal
 import numpy as np
 
 from fedora_qa.checks.depth.agreement import Deviation, PairAgreement, compare
-from fedora_qa.checks.depth.hypotheses import weigh_hypotheses
+from fedora_qa.checks.depth.hypotheses import DEPTH, ONE_FRAME, weigh_hypotheses
 from fedora_qa.checks.depth.pairs import owned_pairs, place, why_no_geometry
 from fedora_qa.checks.depth.suspects import ANY_MISFIT
 from fedora_qa.checks.flow.comparison import is_noisy
@@ -214,7 +214,9 @@ def _suspects(pairs: Sequence[PairAgreement], weighed: Sequence[Weighed], facts:
     if not off:
         return ()
     local = 2 * len(off) <= len(pairs)
-    gross = gross_suspects("depth", weighed, "flow", share_off=len(off) / len(pairs))
+    gross = gross_suspects(DEPTH, weighed, "flow", share_off=len(off) / len(pairs))
+    # What begins between the frames of the worst pair spoils that pair alone, whatever part of the file it has.
+    gross = _best_of_each((*gross, *gross_suspects(ONE_FRAME, weighed, "flow", share_off=1.0)))
     repeated = sum(pair.repeats for pair in off)
     if repeated:
         gross.append(Suspect("frozen_frames", "depth", 1.0, float(repeated), "samples", 0.0))
@@ -222,6 +224,13 @@ def _suspects(pairs: Sequence[PairAgreement], weighed: Sequence[Weighed], facts:
         gross.append(Suspect("other_sequence", "depth", _LITTLE))
     named = most_probable(gross)
     return named + tuple(suspect for suspect in ANY_MISFIT if not _is_among(suspect, named))
+
+
+def _best_of_each(suspects: Sequence[Suspect]) -> list[Suspect]:
+    best: dict[tuple[str, str], Suspect] = {}
+    for suspect in sorted(suspects, key=lambda one: one.weight):
+        best[suspect.cause, suspect.stream] = suspect
+    return list(best.values())
 
 
 def _is_among(suspect: Suspect, named: Sequence[Suspect]) -> bool:

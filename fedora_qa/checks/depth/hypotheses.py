@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -10,10 +11,10 @@ from numpy.typing import NDArray
 from fedora_qa.checks.depth.pairs import DepthPair, standing_m, step_share
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.intervals import PoseTrack
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import MM_PER_M, NS_PER_S
 from fedora_qa.estimators.depth_fit import Family, fit_depth, noise_directions
 from fedora_qa.estimators.depth_image import DepthImage, depth_image
-from fedora_qa.estimators.depth_warp import DepthModel, lattice_of
+from fedora_qa.estimators.depth_warp import DepthModel, lattice_of, ray_lengths
 from fedora_qa.geometry.so3 import compose
 
 Depth = NDArray[np.float32]
@@ -23,10 +24,16 @@ _NEIGHBOURS: Final = (-2, -1, 1, 2)
 _DELAYS_MS: Final = (-80.0, -40.0, -20.0, -10.0, 0.0, 10.0, 20.0, 40.0, 80.0)
 """Offsets of the stamps that the fit starts from: it converges from where the motion still is about the same."""
 
+_SHIFTS_PX: Final = (-4, -3, -2, -1, 1, 2, 3, 4)
+"""Shifts of one frame against the other that are tried."""
+
 _LESS_LIKELY: Final = 0.95
 """Where two causes have the same effect on depth, the one that other streams would show is named second."""
 
-_STREAM: Final = "depth"
+DEPTH: Final = "depth"
+ONE_FRAME: Final = "depth frame"
+"""What was changed: all of the depth, or one frame of the pair, where a fault begins or ends between the two."""
+
 _FREE_TWIST: Final = noise_directions(np.eye(6))
 
 
@@ -44,6 +51,7 @@ class _Hypothesis:
     start: float = 0.0
     step: float | None = None
     noise: Float64 | None = None
+    of: str = DEPTH
 
 
 def weigh_hypotheses(pair: DepthPair, as_stored: float) -> list[Weighed]:
@@ -51,7 +59,7 @@ def weigh_hypotheses(pair: DepthPair, as_stored: float) -> list[Weighed]:
 
     ``as_stored`` is that residual, infinite where the frames could not be compared as they stand.
     """
-    best: dict[tuple[str, str], Weighed] = {}
+    best: dict[tuple[str, str, str], Weighed] = {}
     for hypothesis in _hypotheses(pair):
         noise = pair.noise if hypothesis.noise is None else hypothesis.noise
         fit = fit_depth(
@@ -62,8 +70,9 @@ def weigh_hypotheses(pair: DepthPair, as_stored: float) -> list[Weighed]:
             continue
         for cause, stream, likeliness, size in hypothesis.blames:
             weight = likeliness * max(1.0 - fit.typical / as_stored, 0.0)
-            if (cause, stream) not in best or best[cause, stream].weight < weight:
-                best[cause, stream] = Weighed(_STREAM, cause, stream, weight, size(float(fit.value)))
+            key = (hypothesis.of, cause, stream)
+            if key not in best or best[key].weight < weight:
+                best[key] = Weighed(hypothesis.of, cause, stream, weight, size(float(fit.value)))
     return list(best.values())
 
 
@@ -95,20 +104,34 @@ def _of_the_values(pair: DepthPair) -> Iterator[_Hypothesis]:
     """Suppose another unit, or lengths of rays."""
     longer = (("unit_mm_m", "depth", 1.0, float), ("unit_mm_m", "pose", _LESS_LIKELY, _reciprocal))
     yield _Hypothesis(longer, pair.images, pair.scaled, step=1e-3)
+    for factor in (1 / MM_PER_M, MM_PER_M):
+        unit = (("unit_mm_m", "depth", 1.0, _always(factor)),)
+        for images in _either(pair, _changed(pair, _divided_by(factor))):
+            yield _Hypothesis(unit, images, _only(pair.model()), of=ONE_FRAME)
     rays = (("depth_ray_not_z", "depth", 1.0, _sizeless),)
     yield _Hypothesis(rays, pair.images, _only(pair.as_rays(1.0)))
+    for images in _either(pair, _changed(pair, lambda d: d / ray_lengths(pair.model().K, d.shape))):
+        yield _Hypothesis(rays, images, _only(pair.model()), of=ONE_FRAME)
 
 
 def _of_the_grid(pair: DepthPair) -> Iterator[_Hypothesis]:
     """Turn the images over, or move them: what moves all images alike is a principal point."""
     for turn in (lambda d: d[:, ::-1], lambda d: d[::-1]):
-        yield _Hypothesis((("mirrored", "depth", 1.0, _sizeless),), _changed(pair, turn), _only(pair.model()))
+        mirrored, turned = (("mirrored", "depth", 1.0, _sizeless),), _changed(pair, turn)
+        yield _Hypothesis(mirrored, turned, _only(pair.model()))
+        for images in _either(pair, turned):
+            yield _Hypothesis(mirrored, images, _only(pair.model()), of=ONE_FRAME)
     for axis in (0, 1):
         moved = (
             ("spatial_offset", "depth", 1.0, float),
             ("intrinsics_centre", "metadata", _LESS_LIKELY, lambda shift_px: -shift_px),
         )
         yield _Hypothesis(moved, pair.images, _family_of_centre(pair, axis), step=0.01)
+    for axis, shift_px in product((0, 1), _SHIFTS_PX):
+        shifted = (("spatial_offset", "depth", 1.0, _always(float(shift_px))),)
+        back = tuple(image.moved(axis, -shift_px) for image in pair.images)
+        for images in _either(pair, (back[0], back[1])):
+            yield _Hypothesis(shifted, images, _only(pair.model()), of=ONE_FRAME)
     longer = (("intrinsics_focal", "metadata", 1.0, lambda share: -100 * share),)
     yield _Hypothesis(longer, pair.images, _family_of_focal(pair), step=1e-3)
 
@@ -177,6 +200,16 @@ def _changed(pair: DepthPair, change: Callable[[Depth], Depth]) -> tuple[DepthIm
     share = step_share(pair.window)
     first, second = (depth_image(change(standing_m(pair.window, row)), share) for row in (pair.first, pair.second))
     return first, second
+
+
+def _either(pair: DepthPair, changed: tuple[DepthImage, DepthImage]) -> tuple[tuple[DepthImage, DepthImage], ...]:
+    """Return the pair with one frame or the other changed: where a fault begins, or ends, between them."""
+    first, second = pair.images
+    return (changed[0], second), (first, changed[1])
+
+
+def _divided_by(factor: float) -> Callable[[Depth], Depth]:
+    return lambda depths_m: depths_m / np.float32(factor)
 
 
 def _images_of(pair: DepthPair, *rows: int) -> tuple[DepthImage, DepthImage]:

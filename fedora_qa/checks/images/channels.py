@@ -12,7 +12,8 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 
 SURELY: Final = 7.0
-"""Standard errors at which a deviation would surely be seen; judgement draws its own line."""
+"""Standard errors at which a deviation would surely be seen, beyond a bias that may hide it and one that may feign it;
+judgement draws its own line."""
 
 EXCHANGED: Final = "BGR"
 """The usual wrong order, and the hardest to tell: red and blue have the nearest weights."""
@@ -67,7 +68,7 @@ class Channels(ColourCheck):
     def why_blind(self, found: ColourAnswer) -> str:
         """Where red and blue exchanged could not be seen, the order is not known."""
         estimate = towards(found.fit, EXCHANGED)
-        least = estimate.bound + SURELY * estimate.standard_error
+        least = 2 * estimate.bound + SURELY * estimate.standard_error
         return "" if least <= 1 else f"too little colour: {least:.2f} of an exchange of red and blue would be seen"
 
 

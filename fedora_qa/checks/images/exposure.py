@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
+from fedora_qa.checks.images.code_gains import frames_with_gain
 from fedora_qa.checks.images.pairs import flow_rate_of, neighbours, pairs_with_flow, same_points
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.code_gain import CODES
 from fedora_qa.estimators.image_gain import brightness_gain
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -47,25 +49,65 @@ class PairGain:
 
 @dataclass(frozen=True, slots=True)
 class WindowExposure:
-    """Gains of the window's pairs, its frames of one value, the sum over frames of the share of pixels at 255."""
+    """What a window shows.
+
+    Attributes
+    ----------
+    gains
+        Of its pairs.
+    blank
+        Frames of one value.
+    clipped
+        Sum over its frames of the share of pixels at 255.
+    frames, codes
+        Its frames, and how often each code (256,) occurs in them.
+    """
 
     gains: tuple[PairGain, ...]
     blank: tuple[int, ...]
     clipped: float
-    frames: int
+    frames: range
+    codes: NDArray[np.int64]
 
 
 class Exposure(WindowCheck[WindowExposure]):
     """Is the exposure the same in all frames?
 
-    Points that both frames show, by the fastest flow where there is one, and else the same coarse pixels, are compared
-    tile by tile (``image_gain``). What the brightness does by itself, slowly, is the median of the pairs around; the
-    pair that departs from it most is judged by its own error and by the spread of all (median absolute deviation). A
-    frame that differs alone gives a jump up and one down. Frames of one value among others are counted.
+    The largest jump of brightness from one frame to the next, at the same points; the frames of one value throughout;
+    and the frames that were multiplied after they had been rounded.
 
-    Without flow, motion makes tiles differ, so that errors grow by ten; only jumps of many percent are then seen.
-    Exposure that is wrong in all frames alike is not seen here: to the log model of events it means nothing at all, and
-    to the linear model it is a threshold.
+    Why it matters
+    --------------
+    Event cameras see ratios, and so do photometric losses: a frame that is 2% brighter than its neighbours is 0.02
+    nat of change that no event accounts for, a tenth of a usual threshold at every pixel.
+
+    How
+    ---
+    Points that both frames show, by the fastest flow where there is one, and else the same coarse pixels, are
+    compared tile by tile (``fedora_qa/estimators/image_gain.py``): the logarithm of the ratio of sums, and the median
+    over tiles. What the brightness does by itself, slowly, is the median of the pairs around; the pair that departs
+    from it most is judged. A frame that differs alone gives a jump up and one down. A gain of rounded values leaves
+    just those codes out (or puts two on one) that lie between its multiples: histograms of the frames tell it, to a
+    hundredth of a percent (``fedora_qa/estimators/code_gain.py``).
+
+    Noise model
+    -----------
+    A pair's error is that of a median over tiles, from their spread and from rounding, together with the spread of
+    all pairs (median absolute deviation). 0.2% is allowed for points that the flow misses by part of a pixel. Without
+    flow, motion makes tiles differ, so that errors grow by ten; only jumps of many percent are then seen. That the
+    codes of one gain, and no others, are missing by chance has a probability below one in a thousand of that of any
+    code missing among frequent ones.
+
+    Cannot see
+    ----------
+    Exposure that is wrong in all frames alike and was so before rounding: to the log model of events it means nothing
+    at all, and to the linear model it is a threshold. Gains of single tiles of the image, and vignetting that stays.
+    Light that changes slowly is no jump.
+
+    Sources
+    -------
+    The canonical layout, version 1.0: DN = rint(clip(Y)); first principles, the derivations stand with the
+    estimators.
     """
 
     name = "images.exposure"
@@ -78,26 +120,28 @@ class Exposure(WindowCheck[WindowExposure]):
             found = brightness_gain(*same_points(window, pair))
             if found is not None:
                 gains.append(PairGain(pair.before, pair.after, found.log_gain, found.standard_error))
-        blank, clipped = [], []
+        blank, clipped, codes = [], [], np.zeros(CODES, dtype=np.int64)
         for frame in window.owned("rgb"):
             rgb = window.rgb(frame)
             if rgb.size and rgb.min() == rgb.max():
                 blank.append(frame)
             sampled = rgb[::_SAMPLED_EVERY_PX, ::_SAMPLED_EVERY_PX]
             clipped.append(float(np.mean((sampled == CLIPPED_DN).any(axis=-1))))
-        return WindowExposure(tuple(gains), tuple(blank), float(np.sum(clipped)), len(clipped))
+            codes += np.bincount(sampled.ravel(), minlength=CODES)
+        return WindowExposure(tuple(gains), tuple(blank), float(np.sum(clipped)), window.owned("rgb"), codes)
 
     def conclude(self, state: Sequence[WindowExposure], facts: Facts) -> Observation:
         """Find the largest jump, and count blank frames."""
         gains = sorted((one for w in state for one in w.gains), key=lambda one: one.before)
         blank = [frame for w in state for frame in w.blank]
-        frames = sum(w.frames for w in state)
+        frames = sum(len(w.frames) for w in state)
         coverage = Coverage(len(gains), max(facts.sizes.get("path/rgb", 0) - 1, 0), "frame intervals")
         if frames and len(blank) == frames:
             return Observation(coverage, unobservable="every frame is of one value throughout")
         measured = [_blank(blank, facts)]
         if len(gains) >= FEWEST_PAIRS:
             measured.append(_jump(gains, facts))
+        measured += frames_with_gain([(w.frames, w.codes) for w in state], facts)
         clipped = sum(w.clipped for w in state) / max(frames, 1)
         notices = (
             (Notice("images.exposure.clipped", f"{clipped:.0%} of the pixels are at 255.", Where(stream="rgb")),)
