@@ -25,6 +25,10 @@ _LEAST_INFORMATION: Final = 1e-12
 FEWEST_BLOCKS: Final = 4
 """Fewer blocks say nothing about their spread."""
 
+SPREAD_TAIL: Final = 0.01
+"""Probability that chance alone widens an error. Of few stretches the spread is itself uncertain: to count all of it
+that exceeds the formal error would make honest errors a quarter too large with four stretches, a tenth with eight."""
+
 
 @dataclass(frozen=True, slots=True)
 class BlockEquations:
@@ -72,7 +76,8 @@ class Fitted:
     Attributes
     ----------
     standard_error
-        The formal error, scaled by a misfit above 1, and widened where the spread over stretches exceeds it.
+        The formal error, scaled by a misfit above 1, and widened where the spread over stretches exceeds it beyond
+        chance.
     model_error
         What the known error of the model can have added.
     free
@@ -235,7 +240,7 @@ class GroupedFit:
         return free, explained
 
     def _standard_errors(self, columns: list[int], inverse: Float64, values: Float64) -> Float64:
-        """Return the formal error scaled by the misfit, plus what the spread over stretches exceeds it by.
+        """Return the formal error scaled by the misfit, and the spread over stretches where that is beyond chance.
 
         The spread is that about the nuisances as fitted: their own uncertainty is in the formal error alone.
         """
@@ -252,8 +257,9 @@ class GroupedFit:
         own_normal = self._normals.sum(axis=0) + np.diag(1.0 / np.square(self.parameters.largest))
         own = _inverse(own_normal[np.ix_(columns, columns)])
         spread = np.diag(own @ (scores.T @ scores) @ own) * stretches / (stretches - 1)
-        excess = np.maximum(spread - np.diag(own) * max(1.0, self.misfit) ** 2, 0.0)
-        errors: Float64 = np.sqrt(formal + excess)
+        expected = np.diag(own) * max(1.0, self.misfit) ** 2
+        by_chance = chi2.isf(SPREAD_TAIL, stretches - 1) / (stretches - 1)
+        errors: Float64 = np.sqrt(formal + np.where(spread > by_chance * expected, spread - expected, 0.0))
         return errors
 
 
