@@ -22,6 +22,9 @@ _MOST_ITERATIONS: Final = 12
 _REACH: Final = 0.5
 """Share of its largest conceivable value beyond which a parameter is no longer followed."""
 
+_LEAST_OUTSIDE: Final = 0.1
+"""Share of the rows that must agree for a disturbance to be called local."""
+
 _LEAST_WALK_S: Final = 1e-3
 """Keeps the prior of stretches of hardly any length invertible."""
 
@@ -64,6 +67,9 @@ class InertialFit:
         How many comparisons were made, and how many lie so far out that they were left out of the fit.
     worst
         Of all rows, after the freed parameters.
+    disturbed
+        From the first to the last instant, s, at which the streams as declared differ beyond all noise, if they agree
+        outside; None where they agree throughout, or nowhere.
     course
         (n, 2) instant in s and length of the residual, after the freed parameters: the longest of each of at most 1000
         runs of rows.
@@ -80,6 +86,7 @@ class InertialFit:
     rows: int
     outliers: int
     worst: WorstRow
+    disturbed: tuple[float, float] | None
     course: Float64
 
 
@@ -123,6 +130,7 @@ def fit_inertial(
     gives each stretch a bias of its own: a random walk from zero.
     """
     first: InertialFit | None = None
+    disturbed: tuple[float, float] | None = None
     at = np.zeros(len(comparison.parameters.names))
     for _ in range(_MOST_ITERATIONS):
         stretches = _stretches(comparison.without(samples, at), noise, comparison.rows_of)
@@ -130,9 +138,11 @@ def fit_inertial(
             return first
         fit, kept = _robust_fit(stretches, comparison.parameters, at, bias_walk)
         moved = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
-        first = first or _summarise(fit, stretches, kept, fit.values_of_free(), settled=False)
+        if first is None:
+            disturbed = _disturbed(stretches)
+            first = _summarise(fit, stretches, kept, fit.values_of_free(), disturbed, settled=False)
         if _settled(moved - at, fit):
-            return _summarise(fit, stretches, kept, at, settled=True)
+            return _summarise(fit, stretches, kept, at, disturbed, settled=True)
         if np.any(np.abs(moved) > _REACH * np.array(comparison.parameters.largest)):
             return first
         at = moved
@@ -218,7 +228,13 @@ def _settled(step: Float64, fit: GroupedFit) -> bool:
 
 
 def _summarise(
-    fit: GroupedFit, stretches: list[Rows], kept: list[NDArray[np.bool_]], at: Float64, *, settled: bool
+    fit: GroupedFit,
+    stretches: list[Rows],
+    kept: list[NDArray[np.bool_]],
+    at: Float64,
+    disturbed: tuple[float, float] | None,
+    *,
+    settled: bool,
 ) -> InertialFit:
     """Describe the fit; residuals are those of the freed parameters beyond ``at``."""
     values = fit.values_of_free() - at
@@ -239,6 +255,7 @@ def _summarise(
         rows=sum(map(len, stretches)),
         outliers=sum(int(np.count_nonzero(~keep)) for keep in kept),
         worst=_worst(stretches, left),
+        disturbed=disturbed,
         course=_course(stretches, left),
     )
 
@@ -251,6 +268,21 @@ def _error_of_rms(expected: float, sigmas: Float64) -> float:
     """
     weights = np.square(sigmas) / np.mean(np.square(sigmas))
     return float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (2 * sigmas.size)))
+
+
+def _disturbed(stretches: list[Rows]) -> tuple[float, float] | None:
+    times_s = np.concatenate([rows.times_s for rows in stretches])
+    far = np.concatenate(
+        [
+            (np.abs(rows.residuals) > _OUTLIER * rows.sigmas + np.abs(rows.model_errors)).any(axis=1)
+            for rows in stretches
+        ]
+    )
+    if not far.any():
+        return None
+    start_s, stop_s = float(times_s[far][0]), float(times_s[far][-1])
+    outside = np.count_nonzero((times_s < start_s) | (times_s > stop_s))
+    return (start_s, stop_s) if outside >= max(_FEWEST_ROWS, _LEAST_OUTSIDE * len(times_s)) else None
 
 
 def _smoothness(left: list[Float64]) -> float:

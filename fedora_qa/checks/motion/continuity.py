@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.motion.defects import LEAST_EVENNESS, frozen_poses, interpolation_of, rate_hz, stamps_rounded
+from fedora_qa.checks.motion.readings import orientation_readings, position_readings
 from fedora_qa.checks.motion.samples import (
     NOISE_ORDER,
     join_poses,
@@ -136,6 +137,8 @@ def _jump(
     row, axis = np.unravel_index(np.argmax(excess), excess.shape)
     size, before = scale * float(steps.sizes[row, axis]), int(steps.before[row])
     after_ns = int(poses.times_ns[before + 1])
+    readings = (position_readings if name == "position" else orientation_readings)(poses, before)
+    teleport = 0.3 if len(readings) else 0.9
     frozen = bool(len(still)) and bool(np.min(np.abs(still - before)) <= _STEP_FILTERS[-1][0])
     return (
         Measured(
@@ -151,8 +154,9 @@ def _jump(
             where=place(facts, "pose", int(poses.times_ns[before]), after_ns),
             suspects=(
                 *rounded,
+                *readings,
                 Suspect("frozen_frames", "pose", 0.9 if frozen else 0.2),
-                Suspect("teleport", "pose", 0.3 if frozen else 0.9, size if unit == "m" else None, "m",
+                Suspect("teleport", "pose", 0.3 if frozen else teleport, size if unit == "m" else None, "m",
                         scale * float(errors[row]) if unit == "m" else None),
             ),
         ),

@@ -140,7 +140,7 @@ def _agreement(
         return Observation(seen, unobservable="too few poses with IMU samples all the way between them")
     gross = gross_cause(streams, kind, found)
     if gross is not None:
-        return Observation(seen, (disagreement(kind, gross),))
+        return Observation(seen, (disagreement(facts, streams, kind, gross),))
     defects = (
         *stamps_rounded(streams.imu.times_ns),
         *pose_defects(streams.poses, facts.declared.pose or PoseModel()),
