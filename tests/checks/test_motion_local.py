@@ -89,6 +89,16 @@ def test_a_gross_fault_of_a_part_is_named_and_located(
     assert min(abs(diagnosis.where.start_us / 1e6 - instant_s) for instant_s in (START_S, STOP_S)) < 0.03
 
 
+@pytest.mark.parametrize("stream", ["imu", "pose"])
+def test_stamps_of_a_part_that_are_late_are_named_to_size(tmp_path: Path, stream: str) -> None:
+    """A third of a millisecond in the middle disturbs every fit; the stamps themselves show it, exactly."""
+    times_s = getattr(sample_motion(), f"{stream}_times_s").copy()
+    times_s[(times_s >= START_S) & (times_s < STOP_S)] += 300e-6
+    diagnosis = first_diagnosis(MotionFile().altered(**{f"{stream}_times_s": times_s}), tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream) == ("time_offset", stream)
+    assert diagnosis.magnitude == pytest.approx(0.3)
+
+
 def test_a_teleport_and_back_is_no_reading(tmp_path: Path) -> None:
     """A jump that no exchange of axes or units explains stays a teleport, with its size."""
     away = altered_in_part(positions_world_m=lambda p: p + np.array([0.3, 0.0, 0.0]))

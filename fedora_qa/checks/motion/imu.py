@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.motion.clues import clues_of
-from fedora_qa.checks.motion.defects import frozen_imu, frozen_poses, pose_defects, stamps_rounded
+from fedora_qa.checks.motion.defects import frozen_imu, frozen_poses, pose_defects, stamp_defects
 from fedora_qa.checks.motion.imu_agreement import (
     Kind,
     Motion,
@@ -142,8 +142,8 @@ def _agreement(
     if gross is not None:
         return Observation(seen, (disagreement(facts, streams, kind, gross),))
     defects = (
-        *stamps_rounded(streams.imu.times_ns),
-        *pose_defects(streams.poses, facts.declared.pose or PoseModel()),
+        *stamp_defects(facts, "imu"),
+        *pose_defects(facts, streams.poses, facts.declared.pose or PoseModel()),
     )
     residual = _residual(found, kind, unit, factor, defects)
     worst = _worst(facts, streams, found, kind, unit, factor, defects)

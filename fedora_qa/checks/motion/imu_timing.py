@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.motion.clues import Clues, clues_of
-from fedora_qa.checks.motion.defects import stamps_rounded
+from fedora_qa.checks.motion.defects import stamp_defects
 from fedora_qa.checks.motion.imu_agreement import (
     Kind,
     Motion,
@@ -83,9 +83,9 @@ class Timing(WindowCheck[Motion]):
         fits = _sound_fits(streams)
         if not fits:
             return Observation(seen, unobservable="IMU and pose cannot be compared: see imu.rotation, imu.translation")
-        clues, rounded = clues_of(facts), stamps_rounded(streams.imu.times_ns, streams.poses.times_ns)
-        offset, *rates = (_measured(fits, name, clues, rounded) for name in TIMING_SHOWN)
-        offset, notices = (offset, ()) if rounded else _without_averaging(offset, streams, facts)
+        clues, of_stamps = clues_of(facts), stamp_defects(facts, "imu", "pose")
+        offset, *rates = (_measured(fits, name, clues, of_stamps) for name in TIMING_SHOWN)
+        offset, notices = (offset, ()) if of_stamps else _without_averaging(offset, streams, facts)
         return Observation(seen, (offset, *rates), notices)
 
 
