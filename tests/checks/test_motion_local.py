@@ -99,6 +99,18 @@ def test_stamps_of_a_part_that_are_late_are_named_to_size(tmp_path: Path, stream
     assert diagnosis.magnitude == pytest.approx(0.3)
 
 
+def test_a_bias_of_a_part_does_not_average_out(tmp_path: Path) -> None:
+    """A gyro bias of 10 urad/s in the middle is placed, and sized as far as it fills a stretch of half a second."""
+    part = altered_in_part(angular_velocities_body_rad_s=lambda w: w + np.array([0.0, 1e-5, 0.0]))
+    part.write(tmp_path / "motion.h5")
+    record = check_file(tmp_path / "motion.h5", CheckOptions(select=("imu",), evidence=None)).record
+    diagnosis = record.diagnoses[0]
+    assert (diagnosis.cause, diagnosis.stream) == ("gyro_bias", "imu")
+    assert diagnosis.magnitude == pytest.approx(1e-5, rel=0.25)
+    assert "imu.rotation.local_bias" in {one.code for result in record.results for one in result.findings}
+    assert START_S <= (diagnosis.where.start_us or 0.0) / 1e6 + 0.5 <= STOP_S
+
+
 def test_a_teleport_and_back_is_no_reading(tmp_path: Path) -> None:
     """A jump that no exchange of axes or units explains stays a teleport, with its size."""
     away = altered_in_part(positions_world_m=lambda p: p + np.array([0.3, 0.0, 0.0]))

@@ -21,9 +21,10 @@ from fedora_qa.checks.motion.samples import (
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.grouped_fit import group_of
-from fedora_qa.estimators.inertial_fit import ROTATION, TRANSLATION, InertialFit, fit_inertial
+from fedora_qa.estimators.inertial_fit import ROTATION, TRANSLATION, fit_inertial
 from fedora_qa.estimators.inertial_hypotheses import Hypothesis, explain_forces, explain_rates
 from fedora_qa.estimators.inertial_samples import InertialNoise, InertialSamples
+from fedora_qa.estimators.inertial_summary import InertialFit
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import ImuModel, PoseModel
 from fedora_qa.sequence.facts import Facts
