@@ -3,6 +3,7 @@
 #   make test         format, lint, types, contracts, tests
 #   make bench        speed and timing of the event sensor against a yardstick and the closed form: docs/benchmarks.md
 #   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
+#   make bench-imu    what IMU against pose can tell, and whether its errors hold: docs/inertial-limits.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
 #   make docs         writes the pages of docs/checks from what the checks say of themselves
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
@@ -15,7 +16,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint docs study-causes study-false-alarms bench bench-costs study-mesh study-presets clean
+.PHONY: demo test lint docs study-causes study-false-alarms study-mesh study-presets bench bench-costs bench-flow bench-imu clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -33,6 +34,9 @@ bench: $(READY)
 
 bench-costs: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.generation_costs
+
+bench-imu: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.inertial_limits
 
 docs: $(READY)
 	$(BIN)/python -m fedora_qa.cli.check_pages docs/checks

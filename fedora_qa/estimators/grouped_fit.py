@@ -6,51 +6,27 @@ smallest errors, nothing is diluted by parameters that the motion cannot tell ap
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 from scipy.stats import chi2
+
+from fedora_qa.estimators.normal_equations import BlockEquations, inverse_of
 
 Float64 = NDArray[np.float64]
 
 SELECTION_TAIL: Final = 1e-9
 """Probability that chance alone frees a group: that of six standard errors, below a file's false-alarm rate."""
 
-_LEAST_INFORMATION: Final = 1e-12
-"""Of a direction, in units of the best known one, after scaling to unit diagonal."""
 
 FEWEST_BLOCKS: Final = 4
 """Fewer blocks say nothing about their spread."""
 
-
-@dataclass(frozen=True, slots=True)
-class BlockEquations:
-    """Whitened normal equations of one stretch of time, for all P parameters and Q nuisances of the stretch alone.
-
-    Attributes
-    ----------
-    normal, right
-        (P + Q, P + Q) and (P + Q,): ``normal @ unknowns = right`` is the least-squares solution of the stretch alone.
-    model_right
-        (P + Q,) what the known error of the model adds to ``right``.
-    squares, count
-        Sum of whitened squared residuals with all unknowns 0, and how many there are.
-    """
-
-    normal: Float64
-    right: Float64
-    model_right: Float64
-    squares: float
-    count: int
-
-    def linearised_at(self, parameters: Float64) -> "BlockEquations":
-        """Return the equations for unknowns that count from 0, where residuals had ``parameters`` (P,) taken out."""
-        taken = self.normal[:, : len(parameters)] @ parameters
-        squares = self.squares + parameters @ (2 * self.right + taken)[: len(parameters)]
-        return replace(self, right=self.right + taken, squares=float(squares))
+SPREAD_TAIL: Final = 0.01
+"""Probability that chance alone widens an error. Of few stretches the spread is itself uncertain: to count all of it
+that exceeds the formal error would make honest errors a quarter too large with four stretches, a tenth with eight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +48,8 @@ class Fitted:
     Attributes
     ----------
     standard_error
-        The formal error, scaled by a misfit above 1, and widened where the spread over stretches exceeds it.
+        The formal error, scaled by a misfit above 1, and widened where the spread over stretches exceeds it beyond
+        chance.
     model_error
         What the known error of the model can have added.
     free
@@ -88,46 +65,24 @@ class Fitted:
     explained: Mapping[str, float]
 
 
-def _inverse(normal: Float64) -> Float64:
-    """Invert normal equations. Directions that rounding cannot tell from unknown get the least information it can."""
-    scale = np.sqrt(np.diag(normal))
-    information, directions = np.linalg.eigh(normal / np.outer(scale, scale))
-    kept = np.maximum(information, _LEAST_INFORMATION * information[-1])
-    inverse: Float64 = (directions / kept) @ directions.T / np.outer(scale, scale)
-    return inverse
+@dataclass(frozen=True, slots=True)
+class Local:
+    """What single stretches say of one parameter, alone, beside the fit of all.
+
+    Attributes
+    ----------
+    deviations, standard_errors, model_errors
+        (B,) by how much it is off its fitted value in each stretch.
+    """
+
+    deviations: Float64
+    standard_errors: Float64
+    model_errors: Float64
 
 
 def group_of(name: str) -> str:
     """Return the group that a parameter belongs to: ``bias_x`` to ``bias``."""
     return name[:-2] if name.endswith(("_x", "_y", "_z")) else name
-
-
-def block_equations(
-    residuals: Float64, jacobians: Float64, covariance_bands: Float64, model_errors: Float64
-) -> BlockEquations:
-    """Whiten one stretch of rows and sum its normal equations.
-
-    Parameters
-    ----------
-    residuals, model_errors
-        (n, 3): what is left without parameters, and a bound on the model's own error.
-    jacobians
-        (n, 3, P + Q): ``residuals = jacobians @ unknowns + noise``; the stretch's own nuisances come last.
-    covariance_bands
-        (3, u + 1, n) covariance of the noise over rows on each axis, in the upper form of
-        ``scipy.linalg.solveh_banded``.
-    """
-    columns = jacobians.shape[-1]
-    stacked = np.concatenate((jacobians, residuals[..., None], model_errors[..., None]), axis=-1)
-    whitened = np.stack([solveh_banded(bands, stacked[:, axis]) for axis, bands in enumerate(covariance_bands)], axis=1)
-    gram = np.einsum("nai,naj->ij", stacked, whitened)
-    return BlockEquations(
-        normal=gram[:columns, :columns],
-        right=gram[:columns, columns],
-        model_right=gram[:columns, columns + 1],
-        squares=float(gram[columns, columns]),
-        count=residuals.size,
-    )
 
 
 class GroupedFit:
@@ -157,8 +112,9 @@ class GroupedFit:
         self._normals = np.array([block.normal[:count, :count] for block in shifted])
         self._rights = np.array([block.right[:count] for block in shifted])
         self._nuisances = None if nuisance_covariance is None else _Nuisances(shifted, count, nuisance_covariance)
+        self._model_rights = np.array([block.model_right[:count] for block in shifted])
         self._right = self._rights.sum(axis=0)
-        self._model_right = np.sum([block.model_right[:count] for block in shifted], axis=0)
+        self._model_right = self._model_rights.sum(axis=0)
         self._normal = self._normals.sum(axis=0) + np.diag(1.0 / np.square(parameters.largest))
         squares = sum(block.squares for block in shifted)
         if self._nuisances is not None:
@@ -166,7 +122,7 @@ class GroupedFit:
             self._model_right = self._model_right - self._nuisances.model_right
             self._normal = self._normal - self._nuisances.normal
             squares -= self._nuisances.squares
-        misfit = squares - self._right @ _inverse(self._normal) @ self._right
+        misfit = squares - self._right @ inverse_of(self._normal) @ self._right
         rows = sum(block.count for block in shifted)
         self.misfit = float(np.sqrt(max(misfit, 0.0) / max(rows - count, 1)))
         """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
@@ -177,7 +133,7 @@ class GroupedFit:
         found: dict[str, Fitted] = {}
         for group in self.parameters.groups:
             columns = self._columns((*self.free, group) if group not in self.free else self.free)
-            inverse = _inverse(self._normal[np.ix_(columns, columns)])
+            inverse = inverse_of(self._normal[np.ix_(columns, columns)])
             values = inverse @ self._right[columns]
             model_errors = np.abs(inverse @ self._model_right[columns])
             errors = self._standard_errors(columns, inverse, values)
@@ -194,13 +150,29 @@ class GroupedFit:
         values = np.zeros(len(self.parameters.names))
         columns = self._columns(self.free)
         if columns:
-            values[columns] = _inverse(self._normal[np.ix_(columns, columns)]) @ self._right[columns]
+            values[columns] = inverse_of(self._normal[np.ix_(columns, columns)]) @ self._right[columns]
         return values
 
     def values_of_all(self) -> Float64:
         """Return (P,) the values of all parameters fitted together."""
-        values: Float64 = _inverse(self._normal) @ self._right
+        values: Float64 = inverse_of(self._normal) @ self._right
         return values
+
+    def local(self, name: str) -> Local:
+        """Return by how much a parameter deviates in each stretch from the freed parameters' fit.
+
+        Stretches are whitened alone, so that a stretch's score ``J^T C^-1 r`` has the variance ``J^T C^-1 J``.
+        """
+        column, values = self.parameters.names.index(name), self.values_of_free()
+        scores = self._rights - self._normals @ values
+        if self._nuisances is not None:
+            scores = scores - self._nuisances.scores(values)
+        information = self._normals[:, column, column] + self.parameters.largest[column] ** -2
+        return Local(
+            deviations=scores[:, column] / information,
+            standard_errors=max(1.0, self.misfit) * information**-0.5,
+            model_errors=np.abs(self._model_rights[:, column]) / information,
+        )
 
     def _columns(self, groups: Sequence[str]) -> list[int]:
         return [column for group in groups for column in self.parameters.groups[group]]
@@ -211,7 +183,7 @@ class GroupedFit:
         if not columns:
             return 0.0
         right = self._right[columns]
-        return float(right @ _inverse(self._normal[np.ix_(columns, columns)]) @ right)
+        return float(right @ inverse_of(self._normal[np.ix_(columns, columns)]) @ right)
 
     def _select(self) -> tuple[tuple[str, ...], dict[str, dict[str, float]]]:
         """Free groups, the one that explains most first, while that is far beyond chance.
@@ -235,7 +207,7 @@ class GroupedFit:
         return free, explained
 
     def _standard_errors(self, columns: list[int], inverse: Float64, values: Float64) -> Float64:
-        """Return the formal error scaled by the misfit, plus what the spread over stretches exceeds it by.
+        """Return the formal error scaled by the misfit, and the spread over stretches where that is beyond chance.
 
         The spread is that about the nuisances as fitted: their own uncertainty is in the formal error alone.
         """
@@ -250,10 +222,11 @@ class GroupedFit:
             scores = scores - self._nuisances.scores(every)
         scores = (scores - scores.mean(axis=0))[:, columns]
         own_normal = self._normals.sum(axis=0) + np.diag(1.0 / np.square(self.parameters.largest))
-        own = _inverse(own_normal[np.ix_(columns, columns)])
+        own = inverse_of(own_normal[np.ix_(columns, columns)])
         spread = np.diag(own @ (scores.T @ scores) @ own) * stretches / (stretches - 1)
-        excess = np.maximum(spread - np.diag(own) * max(1.0, self.misfit) ** 2, 0.0)
-        errors: Float64 = np.sqrt(formal + excess)
+        expected = np.diag(own) * max(1.0, self.misfit) ** 2
+        by_chance = chi2.isf(SPREAD_TAIL, stretches - 1) / (stretches - 1)
+        errors: Float64 = np.sqrt(formal + np.where(spread > by_chance * expected, spread - expected, 0.0))
         return errors
 
 
@@ -272,7 +245,7 @@ class _Nuisances:
         for place, block in enumerate(blocks):
             here = slice(place * nuisances, (place + 1) * nuisances)
             own[here, here] += block.normal[count:, count:]
-        self._inverse = _inverse(own)
+        self._inverse = inverse_of(own)
         self._mixed = np.array([block.normal[:count, count:] for block in blocks])
         self._joined = np.concatenate(tuple(self._mixed), axis=-1)
         self._right = np.concatenate([block.right[count:] for block in blocks])

@@ -120,7 +120,7 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> Hypothesis | No
     for reading in _READINGS:
         q = _read_as(samples.orientations_xyzw[edges], reading)
         by_pose = so3.log_quaternion(so3.compose(so3.inverse(q[:-1]), q[1:])) / spans_s
-        for axes, unit in product(_signed_permutations(), (1.0, _DEGREES, 1.0 / _DEGREES)):
+        for axes, unit in product(signed_permutations(), (1.0, _DEGREES, 1.0 / _DEGREES)):
             left = _left(by_gyro / unit - by_pose @ np.array(axes).T, by_pose, noise)
             candidates.append(Hypothesis(reading, sensor_axes=axes, rate_unit=unit, left=left, rows=len(by_pose)))
     return _simplest(candidates)
@@ -161,8 +161,8 @@ def _force_candidates(
 ) -> Iterator[Hypothesis]:
     down = np.array([0.0, 0.0, -gravity_m_s2])
     identity = Hypothesis().sensor_axes
-    turnings = [(axes, identity) for axes in _signed_permutations()]
-    turnings += [(identity, axes) for axes in _signed_permutations()]
+    turnings = [(axes, identity) for axes in signed_permutations()]
+    turnings += [(identity, axes) for axes in signed_permutations()]
     for sensor, world in turnings:
         by_force = np.einsum("nijk,kj->ni", turned, np.array(sensor))
         for unit, (gravity, factor) in product((1.0, _MILLIMETRES), _GRAVITIES.items()):
@@ -225,7 +225,7 @@ def _read_as(stored: Float64, reading: Reading) -> Float64:
     return so3.inverse(q) if reading.endswith("inverse") else q
 
 
-def _signed_permutations() -> list[tuple[tuple[int, ...], ...]]:
+def signed_permutations() -> list[tuple[tuple[int, ...], ...]]:
     """Return the 48 matrices that exchange and reverse axes."""
     rows = np.eye(3, dtype=int)
     return [

@@ -27,7 +27,7 @@ def rounding_grid_ns(times_ns: Int64, *, resolution_ns: int) -> int:
     Parameters
     ----------
     times_ns
-        (N,) non-decreasing.
+        (N,) stamps; stretches where they decrease show no grid.
     resolution_ns
         What stamps are rounded to anyway: only coarser grids count.
     """
@@ -42,7 +42,7 @@ def _grid_of(times_ns: Int64) -> int:
     short, long = int(steps.min()), int(steps.max())
     grid = long - short
     rarer = min(np.count_nonzero(steps == short), np.count_nonzero(steps == long))
-    if grid == 0 or short % grid or rarer < _FEWEST_ODD or not np.isin(steps, (short, long)).all():
+    if short < 0 or grid == 0 or short % grid or rarer < _FEWEST_ODD or not np.isin(steps, (short, long)).all():
         return 0
     return grid if _strays_ns(times_ns) <= _OF_A_GRID * grid else 0
 

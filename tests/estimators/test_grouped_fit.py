@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.grouped_fit import BlockEquations, GroupedFit, Parameters, block_equations, group_of
+from fedora_qa.estimators.grouped_fit import GroupedFit, Parameters, group_of
+from fedora_qa.estimators.normal_equations import BlockEquations, block_equations
 
 NAMES = ("offset", "slope_x", "slope_y", "slope_z")
 PARAMETERS = Parameters(NAMES, {"offset": (0,), "slope": (1, 2, 3)}, (1e3,) * 4)
@@ -146,3 +147,18 @@ def test_nuisances_are_eliminated_as_in_a_joint_solution() -> None:
 def test_groups_by_name(name: str, group: str) -> None:
     """An axis at the end of a name is not part of the group's."""
     assert group_of(name) == group
+
+
+def test_stretches_deviate_as_their_own_errors_say() -> None:
+    """Alone, each stretch strays from the fit of all by its own standard error; one that is off stands out, to size."""
+    deviations = []
+    for seed in range(0, 240, 8):
+        local = GroupedFit(blocks(AT_ZERO, first_seed=seed), PARAMETERS, AT_ZERO).local("offset")
+        deviations += list(local.deviations / local.standard_errors)
+    assert np.std(deviations) == pytest.approx(1.0, abs=0.1)
+    made = [*blocks(AT_ZERO, number=7), *blocks(np.array([3.0, 0.0, 0.0, 0.0]), number=1, first_seed=7)]
+    fit = GroupedFit(made, PARAMETERS, AT_ZERO)
+    local = fit.local("offset")
+    assert int(np.argmax(np.abs(local.deviations) / local.standard_errors)) == 7
+    there = fit.values_of_free()[0] + local.deviations[7]
+    assert there == pytest.approx(3.0, abs=4 * local.standard_errors[7])

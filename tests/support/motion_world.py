@@ -48,9 +48,13 @@ class Motion:
             + np.outer(rates[:, 2], _AXES[0])
         )
 
+    def accelerations_m_s2(self, times_s: Float64) -> Float64:
+        """Accelerations (n, 3) in the world."""
+        return self._sines(times_s, 2)[:, 3:]
+
     def specific_forces(self, times_s: Float64, gravity_m_s2: float = GRAVITY_M_S2) -> Float64:
         """Specific force (n, 3) in the body: acceleration and the reaction to gravity."""
-        proper = self._sines(times_s, 2)[:, 3:] + [0.0, 0.0, gravity_m_s2]
+        proper = np.add(self.accelerations_m_s2(times_s), [0.0, 0.0, gravity_m_s2])
         return self.orientations(times_s).inv().apply(proper)
 
     def _sines(self, times_s: Float64, derivative: int) -> Float64:

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.motion.defects import LEAST_EVENNESS, frozen_poses, interpolation_of, rate_hz, stamps_rounded
+from fedora_qa.checks.motion.defects import LEAST_EVENNESS, frozen_poses, interpolation_of, rate_hz, stamp_defects
+from fedora_qa.checks.motion.readings import orientation_readings, position_readings
 from fedora_qa.checks.motion.samples import (
     NOISE_ORDER,
     join_poses,
@@ -90,7 +91,7 @@ class Continuity(WindowCheck[PoseSamples]):
         unusable = why_unusable(facts, "pose")
         if unusable or len(poses.times_ns) < _FEWEST_POSES:
             return Observation(seen, unobservable=unusable or f"fewer than {_FEWEST_POSES} poses")
-        still, rounded = frozen_poses(poses), stamps_rounded(pose_times_ns=poses.times_ns)
+        still, of_stamps = frozen_poses(poses), stamp_defects(facts, "pose")
         model = facts.declared.pose or PoseModel()
         positions, rotations = Vectors(poses.positions_world_m), Orientations(poses.orientations_xyzw)
         position = _steps(poses, positions, max(model.position_sigma_m, position_floor_m(poses)))
@@ -98,10 +99,10 @@ class Continuity(WindowCheck[PoseSamples]):
         return Observation(
             seen,
             (
-                *_jump(facts, poses, still, rounded, position, "position", "m", 1.0, 0.1),
-                *_jump(facts, poses, still, rounded, rotation, "rotation", "deg", float(np.degrees(1)), 2.0),
+                *_jump(facts, poses, still, of_stamps, position, "position", "m", 1.0, 0.1),
+                *_jump(facts, poses, still, of_stamps, rotation, "rotation", "deg", float(np.degrees(1)), 2.0),
                 _stops(facts, poses, still),
-                *_lines(facts, poses, rounded),
+                *_lines(facts, poses, of_stamps),
             ),
         )
 
@@ -121,7 +122,7 @@ def _jump(
     facts: Facts,
     poses: PoseSamples,
     still: NDArray[np.intp],
-    rounded: tuple[Suspect, ...],
+    of_stamps: tuple[Suspect, ...],
     found: tuple[Steps, float],
     name: str,
     unit: str,
@@ -136,6 +137,8 @@ def _jump(
     row, axis = np.unravel_index(np.argmax(excess), excess.shape)
     size, before = scale * float(steps.sizes[row, axis]), int(steps.before[row])
     after_ns = int(poses.times_ns[before + 1])
+    readings = (position_readings if name == "position" else orientation_readings)(poses, before)
+    teleport = 0.3 if len(readings) else 0.9
     frozen = bool(len(still)) and bool(np.min(np.abs(still - before)) <= _STEP_FILTERS[-1][0])
     return (
         Measured(
@@ -150,9 +153,10 @@ def _jump(
             code=f"pose.continuity.{name}",
             where=place(facts, "pose", int(poses.times_ns[before]), after_ns),
             suspects=(
-                *rounded,
+                *of_stamps,
+                *readings,
                 Suspect("frozen_frames", "pose", 0.9 if frozen else 0.2),
-                Suspect("teleport", "pose", 0.3 if frozen else 0.9, size if unit == "m" else None, "m",
+                Suspect("teleport", "pose", 0.3 if frozen else teleport, size if unit == "m" else None, "m",
                         scale * float(errors[row]) if unit == "m" else None),
             ),
         ),
@@ -172,7 +176,7 @@ def _stops(facts: Facts, poses: PoseSamples, still: NDArray[np.intp]) -> Measure
     )
 
 
-def _lines(facts: Facts, poses: PoseSamples, rounded: tuple[Suspect, ...]) -> tuple[Measured, ...]:
+def _lines(facts: Facts, poses: PoseSamples, of_stamps: tuple[Suspect, ...]) -> tuple[Measured, ...]:
     found = interpolation_of(poses)
     if found is None:
         return ()
@@ -191,6 +195,6 @@ def _lines(facts: Facts, poses: PoseSamples, rounded: tuple[Suspect, ...]) -> tu
             f"from {lower_hz:.4g} to {own_hz:.4g} Hz.",
             code="pose.continuity.interpolated",
             where=place(facts, "pose", int(poses.times_ns[0]), int(poses.times_ns[-1])),
-            suspects=(*rounded, Suspect("interpolated_pose", "pose", 0.3 if rounded else 0.95, lower_hz, "Hz")),
+            suspects=(*of_stamps, Suspect("interpolated_pose", "pose", 0.3 if of_stamps else 0.95, lower_hz, "Hz")),
         ),
     )

@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 from fedora_qa.checks.motion.samples import imu_roundings, measured_pose_sigmas, stored_resolution
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.estimators.displaced_stamps import displaced_part
 from fedora_qa.estimators.local_motion import Interpolation, Vectors, find_interpolation, unmoved
 from fedora_qa.estimators.rounded_stamps import rounding_grid_ns
 from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, PoseSamples
 
 LEAST_EVENNESS: Final = 0.2
@@ -18,6 +20,8 @@ LEAST_EVENNESS: Final = 0.2
 
 _NOISIER: Final = 1.2
 _NS_PER_MS: Final = 1e6
+_OF_STAMPS: Final = 0.95
+"""Weight of what the stamps themselves show, exactly."""
 
 
 def interpolation_of(poses: PoseSamples) -> Interpolation | None:
@@ -49,23 +53,31 @@ def frozen_imu(imu: ImuSamples) -> NDArray[np.intp]:
     return unmoved(imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2, roundings=imu_roundings(imu))
 
 
-def stamps_rounded(
-    imu_times_ns: NDArray[np.int64] | None = None, pose_times_ns: NDArray[np.int64] | None = None
-) -> tuple[Suspect, ...]:
-    """Name the streams whose stamps lie on a coarse grid: all that is computed from them is disturbed."""
-    grids = (
-        (stream, rounding_grid_ns(times_ns, resolution_ns=NS_PER_US))
-        for stream, times_ns in (("imu", imu_times_ns), ("pose", pose_times_ns))
-        if times_ns is not None
-    )
-    return tuple(Suspect("quantised_time", stream, 0.95, grid / _NS_PER_MS, "ms") for stream, grid in grids if grid)
+def stamp_defects(facts: Facts, *streams: str) -> tuple[Suspect, ...]:
+    """Name what is wrong with the stamps themselves: all that is computed from these streams is disturbed.
+
+    Stamps on a coarse grid, and a part of an exact clock that was moved, show in the stamps alone.
+    """
+    return tuple(suspect for stream in streams for suspect in _defects_of(stream, facts.clocks[stream].times_ns))
 
 
-def pose_defects(poses: PoseSamples, model: PoseModel) -> tuple[Suspect, ...]:
+def _defects_of(stream: str, times_ns: NDArray[np.int64]) -> tuple[Suspect, ...]:
+    grid_ns = rounding_grid_ns(times_ns, resolution_ns=NS_PER_US)
+    if grid_ns:
+        return (Suspect("quantised_time", stream, _OF_STAMPS, grid_ns / _NS_PER_MS, "ms"),)
+    moved = displaced_part(times_ns, resolution_ns=NS_PER_US)
+    if moved is None:
+        return ()
+    if moved.drift:
+        return (Suspect("clock_rate", stream, _OF_STAMPS, 1e6 * moved.drift, "ppm"),)
+    return (Suspect("time_offset", stream, _OF_STAMPS, moved.offset_ns / _NS_PER_MS, "ms"),)
+
+
+def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Suspect, ...]:
     """Name what is wrong with the poses themselves and may show in all that is computed from them."""
-    rounded = stamps_rounded(pose_times_ns=poses.times_ns)
-    if rounded:
-        return rounded
+    of_stamps = stamp_defects(facts, "pose")
+    if of_stamps:
+        return of_stamps
     suspects = []
     found = interpolation_of(poses)
     if found is not None and is_interpolated(found):

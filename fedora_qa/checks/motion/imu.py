@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.motion.clues import clues_of
-from fedora_qa.checks.motion.defects import frozen_imu, frozen_poses, pose_defects, stamps_rounded
+from fedora_qa.checks.motion.defects import frozen_imu, frozen_poses, pose_defects, stamp_defects
 from fedora_qa.checks.motion.imu_agreement import (
     Kind,
     Motion,
@@ -18,11 +18,17 @@ from fedora_qa.checks.motion.imu_agreement import (
     motion_of,
     streams_of,
 )
-from fedora_qa.checks.motion.imu_parameters import ROTATION_SHOWN, TRANSLATION_SHOWN, Shown, parameters_measured
+from fedora_qa.checks.motion.imu_parameters import (
+    ROTATION_SHOWN,
+    TRANSLATION_SHOWN,
+    Shown,
+    local_measured,
+    parameters_measured,
+)
 from fedora_qa.checks.motion.samples import place
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S, US_PER_S
-from fedora_qa.estimators.inertial_fit import InertialFit
+from fedora_qa.estimators.inertial_summary import InertialFit
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
@@ -33,8 +39,8 @@ class Rotation(WindowCheck[Motion]):
     """Does the gyro, integrated, give the rotation between poses?
 
     The scatter of rotation residuals between neighbouring poses (mrad), the worst of them, and the gyro's bias (rad/s),
-    misalignment (deg) and gain (percent), each with its error. Where the two streams disagree grossly: by how much, and
-    which reading reconciles them.
+    misalignment (deg) and gain (percent), and the stretch where the bias differs most, each with its error. Where the
+    two streams disagree grossly: by how much, and which reading reconciles them, of the whole or of a part.
 
     Why it matters
     --------------
@@ -47,7 +53,9 @@ class Rotation(WindowCheck[Motion]):
     q_k^-1 q_k+1; residuals in the world's axes. Gross readings first: exchanged axes, degrees, other orders of the
     quaternion are tried where the fit does not settle. Then weighted least squares over the whole sequence, iterated in
     the stamps; a group of parameters (bias, axes, gain, clocks) is freed only where it explains the residuals far
-    beyond chance, and every other is tested alone beside those. Rows far out are left out of the fit, and stated.
+    beyond chance, and every other is tested alone beside those. Rows far out are left out of the fit, and stated. The
+    sequence is cut into stretches of 0.5 to 5 s, and each is asked for its own bias: one that steps does not average
+    out.
 
     Noise model
     -----------
@@ -83,8 +91,9 @@ class Translation(WindowCheck[Motion]):
     """Does the specific force, integrated twice with gravity, give the path of the poses?
 
     The scatter of the residuals of neighbouring second differences (m/s), the worst of them, and the accelerometer's
-    bias (m/s^2), the size and slope of gravity (m/s^2), and the lever arm between IMU and poses (m), each with its
-    error. Where the two streams disagree grossly: by how much, and which reading reconciles them.
+    bias (m/s^2), the size and slope of gravity (m/s^2), the lever arm between IMU and poses (m), and the stretch where
+    the bias differs most, each with its error. Where the two streams disagree grossly: by how much, and which reading
+    reconciles them, of the whole or of a part.
 
     Why it matters
     --------------
@@ -140,18 +149,20 @@ def _agreement(
         return Observation(seen, unobservable="too few poses with IMU samples all the way between them")
     gross = gross_cause(streams, kind, found)
     if gross is not None:
-        return Observation(seen, (disagreement(kind, gross),))
+        return Observation(seen, (disagreement(facts, streams, kind, gross),))
     defects = (
-        *stamps_rounded(streams.imu.times_ns),
-        *pose_defects(streams.poses, facts.declared.pose or PoseModel()),
+        *stamp_defects(facts, "imu"),
+        *pose_defects(facts, streams.poses, facts.declared.pose or PoseModel()),
     )
     residual = _residual(found, kind, unit, factor, defects)
     worst = _worst(facts, streams, found, kind, unit, factor, defects)
     stated = found.parameters if found.settled else {}
-    parameters = parameters_measured(kind, f"imu.{kind}", stated, shown, clues_of(facts), defects)
+    clues, check = clues_of(facts), f"imu.{kind}"
+    parameters = parameters_measured(kind, check, stated, shown, clues, defects)
+    local = local_measured(facts, streams, kind, check, found, "bias", shown["bias"], clues, defects)
     return Observation(
         seen,
-        (residual, worst, *parameters),
+        (residual, worst, *parameters, *local),
         evidence={"residual": _course(facts, streams, found, factor)},
         titles={"residual": f"Residuals of IMU and pose in {kind}; x time [s]; y length [{unit}]"},
     )

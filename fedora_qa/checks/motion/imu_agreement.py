@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from fedora_qa.checks.motion.readings import axes_cause
 from fedora_qa.checks.motion.samples import (
     inertial_noise,
     inertial_samples,
@@ -14,14 +15,16 @@ from fedora_qa.checks.motion.samples import (
     measured_pose_sigmas,
     owned_imu,
     owned_poses,
+    place,
     why_unusable,
 )
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.grouped_fit import group_of
-from fedora_qa.estimators.inertial_fit import ROTATION, TRANSLATION, InertialFit, fit_inertial
+from fedora_qa.estimators.inertial_fit import ROTATION, TRANSLATION, fit_inertial
 from fedora_qa.estimators.inertial_hypotheses import Hypothesis, explain_forces, explain_rates
 from fedora_qa.estimators.inertial_samples import InertialNoise, InertialSamples
+from fedora_qa.estimators.inertial_summary import InertialFit
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import ImuModel, PoseModel
 from fedora_qa.sequence.facts import Facts
@@ -31,6 +34,8 @@ Kind = Literal["rotation", "translation"]
 
 _FEWEST_POSES: Final = 16
 _FAR_OFF: Final = 6.0
+_EDGE_STEPS: Final = 1.5
+"""Steps of the poses at either end of a local disturbance that may hold samples of both kinds."""
 _LARGE: Final = {
     "time_offset": 0.1,
     "clock_rate": 0.02,
@@ -108,21 +113,48 @@ def fit(streams: Streams, kind: Kind) -> InertialFit | None:
     return fit_inertial(streams.samples, streams.noise, comparison, bias_walk=walk)
 
 
-def gross_cause(streams: Streams, kind: Kind, found: InertialFit) -> Hypothesis | None:
-    """Return the odd reading under which the streams agree, where they disagree by more than a small fault."""
+@dataclass(frozen=True, slots=True)
+class Gross:
+    """An odd reading under which the streams agree, and from when to when it holds, s; None: throughout."""
+
+    hypothesis: Hypothesis
+    span_s: tuple[float, float] | None = None
+
+
+def gross_cause(streams: Streams, kind: Kind, found: InertialFit) -> Gross | None:
+    """Return the odd reading under which the streams agree, where they disagree by more than a small fault.
+
+    First of the whole sequence; where none explains that, and the disagreement is a local one, of that part alone.
+    """
     large = any(one.free and abs(one.value) > _LARGE[group_of(name)] for name, one in found.parameters.items())
     if found.settled and not large and found.rms - found.model_rms - found.expected_rms < _FAR_OFF * found.rms_error:
         return None
+    for span_s in (None, found.disturbed) if found.disturbed else (None,):
+        hypothesis = _explained(streams, kind, span_s)
+        if hypothesis is not None and hypothesis.oddness > 0:
+            return Gross(hypothesis, span_s)
+    return None
+
+
+def _explained(streams: Streams, kind: Kind, span_s: tuple[float, float] | None) -> Hypothesis | None:
+    samples = streams.samples
+    if span_s is not None:
+        step_s = _EDGE_STEPS * float(np.median(np.diff(samples.pose_times_s)))
+        samples = samples.between(span_s[0] + step_s, span_s[1] - step_s)
+    if len(samples.pose_times_s) < _FEWEST_POSES or len(samples.imu_times_s) < _FEWEST_POSES:
+        return None
     position_m, rotation_rad = measured_pose_sigmas(streams.poses)
     if kind == "rotation":
-        hypothesis = explain_rates(streams.samples, rotation_rad)
-    else:
-        hypothesis = explain_forces(streams.samples, streams.noise.gravity_m_s2, position_m)
-    return hypothesis if hypothesis is not None and hypothesis.oddness > 0 else None
+        return explain_rates(samples, rotation_rad)
+    return explain_forces(samples, streams.noise.gravity_m_s2, position_m)
 
 
-def disagreement(kind: Kind, hypothesis: Hypothesis) -> Measured:
+def disagreement(facts: Facts, streams: Streams, kind: Kind, gross: Gross) -> Measured:
     """State how far the streams disagree as declared, and which reading reconciles them."""
+    hypothesis, where, when = gross.hypothesis, Where(stream="imu"), ""
+    if gross.span_s is not None:
+        where = place(facts, "imu", *(streams.time_ns(time_s) for time_s in gross.span_s))
+        when = f" from {where.start_us:.0f} to {where.stop_us:.0f} us"
     return Measured(
         name="disagreement",
         value=float(np.sqrt(hypothesis.declared_left)),
@@ -130,10 +162,10 @@ def disagreement(kind: Kind, hypothesis: Hypothesis) -> Measured:
         standard_error=1.0 / float(np.sqrt(6 * hypothesis.rows)),
         expected=1.0,
         side="upper",
-        statement=f"Pose and IMU disagree in {kind} {np.sqrt(hypothesis.declared_left):.3g} times as much as noise "
-        f"allows; they agree if {_in_words(hypothesis)}.",
+        statement=f"Pose and IMU disagree in {kind}{when} {np.sqrt(hypothesis.declared_left):.3g} times as much as "
+        f"noise allows; they agree if {_in_words(hypothesis)}.",
         code=f"imu.{kind}.disagreement",
-        where=Where(stream="imu"),
+        where=where,
         severity="critical",
         suspects=_suspects_of(kind, hypothesis),
     )
@@ -151,7 +183,7 @@ def _suspects_of(kind: Kind, hypothesis: Hypothesis) -> tuple[Suspect, ...]:
     if hypothesis.length_unit != 1.0:
         causes.append(Suspect("unit_mm_m", "pose", weight, hypothesis.length_unit, "1"))
     if hypothesis.world_axes != Hypothesis().world_axes:
-        causes.append(Suspect(_axes_cause(hypothesis.world_axes), "pose", weight))
+        causes.append(Suspect(axes_cause(hypothesis.world_axes), "pose", weight))
     if hypothesis.sensor_axes != Hypothesis().sensor_axes:
         causes.extend(_sensor_suspects(kind, hypothesis, weight))
     elif hypothesis.gravity != "declared":
@@ -162,16 +194,11 @@ def _suspects_of(kind: Kind, hypothesis: Hypothesis) -> tuple[Suspect, ...]:
 
 def _sensor_suspects(kind: Kind, hypothesis: Hypothesis, weight: float) -> tuple[Suspect, ...]:
     """Blame turned axes on the sensor, or on the pose: that turns gravity over in the world as well."""
-    cause = _axes_cause(hypothesis.sensor_axes)
+    cause = axes_cause(hypothesis.sensor_axes)
     of_imu, of_pose = Suspect(cause, "imu", weight), Suspect("frame_convention", "pose", weight)
     if kind == "rotation":
         return (of_imu, of_pose) if cause == "frame_convention" else (of_imu,)
     return (of_pose,) if hypothesis.gravity == "reversed" else (of_imu,)
-
-
-def _axes_cause(axes: tuple[tuple[int, ...], ...]) -> str:
-    matrix = np.array(axes)
-    return "axes_swapped" if np.all(matrix >= 0) and int(np.trace(matrix)) == 1 else "frame_convention"
 
 
 def _in_words(hypothesis: Hypothesis) -> str:

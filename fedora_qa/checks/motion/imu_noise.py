@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.motion.defects import frozen_imu, stamps_rounded
+from fedora_qa.checks.motion.defects import frozen_imu, stamp_defects
 from fedora_qa.checks.motion.noise_measured import noise_against_declared
 from fedora_qa.checks.motion.samples import NOISE_ORDER, imu_roundings, join_imu, owned_imu, place, why_unusable
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
@@ -77,7 +77,7 @@ class Noise(WindowCheck[ImuSamples]):
         model = facts.declared.imu or ImuModel()
         root_rate = float(np.sqrt(NS_PER_S / np.median(np.diff(imu.times_ns))))
         gyro_rounding, accel_rounding = imu_roundings(imu)
-        rounded = stamps_rounded(imu.times_ns)
+        of_stamps = stamp_defects(facts, "imu")
         rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
         gyro_noise = noise_against_declared(
             "gyro",
@@ -88,7 +88,7 @@ class Noise(WindowCheck[ImuSamples]):
             "imu.noise",
             "imu",
             units={"unit_deg_rad": _DEGREES},
-            besides=rounded,
+            besides=of_stamps,
         )
         accel_noise = noise_against_declared(
             "accelerometer",
@@ -99,7 +99,7 @@ class Noise(WindowCheck[ImuSamples]):
             "imu.noise",
             "imu",
             units={},
-            besides=rounded,
+            besides=of_stamps,
         )
         return Observation(seen, (gyro_noise, accel_noise, _stops(facts, imu)))
 

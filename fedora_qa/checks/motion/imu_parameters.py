@@ -1,17 +1,20 @@
 """How the fitted parameters of IMU against pose are stated: words, units, and what matters of them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from fedora_qa.checks.motion.clues import Clues
-from fedora_qa.checks.motion.imu_agreement import Kind
+from fedora_qa.checks.motion.imu_agreement import Kind, Streams
 from fedora_qa.checks.motion.imu_suspects import suspects_for
+from fedora_qa.checks.motion.samples import place
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.estimators.grouped_fit import Fitted, group_of
+from fedora_qa.estimators.inertial_summary import InertialFit
 from fedora_qa.record.types import Where
+from fedora_qa.sequence.facts import Facts
 
 _DEGREES: Final = float(np.degrees(1.0))
 
@@ -83,6 +86,44 @@ def parameters_measured(
         suspects = (*besides, *suspects_for(kind, name, one, share, clues))
         measured.append(_measured(check, name, one, shown[group_of(name)], suspects))
     return tuple(measured)
+
+
+def local_measured(
+    facts: Facts,
+    streams: Streams,
+    kind: Kind,
+    check: str,
+    fit: InertialFit,
+    group: str,
+    shown: Shown,
+    clues: Clues,
+    besides: tuple[Suspect, ...] = (),
+) -> tuple[Measured, ...]:
+    """State where a parameter of the group differs most from its value in the whole; nothing of very few stretches."""
+    names = [name for name in fit.uneven if group_of(name) == group]
+    if not names or not fit.settled:
+        return ()
+    name = max(names, key=lambda each: abs(fit.uneven[each].deviation) / fit.uneven[each].standard_error)
+    found = fit.uneven[name]
+    where = place(facts, "imu", streams.time_ns(found.start_s), streams.time_ns(found.stop_s))
+    there = replace(fit.parameters[name], value=found.value, standard_error=found.standard_error)
+    size = f"{shown.factor * found.value:.4g} {shown.unit}"
+    return (
+        Measured(
+            name=f"local_{group}",
+            value=shown.factor * found.deviation,
+            unit=shown.unit,
+            standard_error=shown.factor * found.standard_error,
+            allowance=shown.factor * found.model_error,
+            matters=shown.matters,
+            tests=found.tests * len(names),
+            statement=f"From {where.start_us:.0f} to {where.stop_us:.0f} us {name} is {size}, "
+            f"{shown.factor * found.deviation:+.4g} off its value in the whole sequence.",
+            code=f"{check}.local_{group}",
+            where=where,
+            suspects=(*besides, *suspects_for(kind, name, there, 1.0, clues)),
+        ),
+    )
 
 
 def _measured(check: str, name: str, found: Fitted, shown: Shown, suspects: tuple[Suspect, ...]) -> Measured:

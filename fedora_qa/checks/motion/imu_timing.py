@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.motion.clues import Clues, clues_of
-from fedora_qa.checks.motion.defects import stamps_rounded
+from fedora_qa.checks.motion.defects import stamp_defects
 from fedora_qa.checks.motion.imu_agreement import (
     Kind,
     Motion,
@@ -18,10 +18,10 @@ from fedora_qa.checks.motion.imu_agreement import (
     motion_of,
     streams_of,
 )
-from fedora_qa.checks.motion.imu_parameters import TIMING_SHOWN, parameters_measured
+from fedora_qa.checks.motion.imu_parameters import TIMING_SHOWN, local_measured, parameters_measured
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.grouped_fit import Fitted
+from fedora_qa.estimators.inertial_summary import InertialFit
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -34,8 +34,8 @@ _MS_PER_S: Final = 1e3
 class Timing(WindowCheck[Motion]):
     """Do IMU and poses run on one clock?
 
-    How late the IMU's stamps are against those of the poses at the first sample (ms), and by how much each of the two
-    clocks runs fast (ppm), each with its error.
+    How late the IMU's stamps are against those of the poses at the first sample (ms), by how much each of the two
+    clocks runs fast (ppm), and where the offset differs most from that of the whole sequence, each with its error.
 
     Why it matters
     --------------
@@ -83,26 +83,29 @@ class Timing(WindowCheck[Motion]):
         fits = _sound_fits(streams)
         if not fits:
             return Observation(seen, unobservable="IMU and pose cannot be compared: see imu.rotation, imu.translation")
-        clues, rounded = clues_of(facts), stamps_rounded(streams.imu.times_ns, streams.poses.times_ns)
-        offset, *rates = (_measured(fits, name, clues, rounded) for name in TIMING_SHOWN)
-        offset, notices = (offset, ()) if rounded else _without_averaging(offset, streams, facts)
-        return Observation(seen, (offset, *rates), notices)
+        clues, of_stamps = clues_of(facts), stamp_defects(facts, "imu", "pose")
+        offset, *rates = (_measured(fits, name, clues, of_stamps) for name in TIMING_SHOWN)
+        offset, notices = (offset, ()) if of_stamps else _without_averaging(offset, streams, facts)
+        surest = min(fits, key=lambda kind: fits[kind].parameters["time_offset"].standard_error)
+        shown = TIMING_SHOWN["time_offset"]
+        local = local_measured(facts, streams, surest, self.name, fits[surest], "time_offset", shown, clues, of_stamps)
+        return Observation(seen, (offset, *rates, *local), notices)
 
 
-def _sound_fits(streams: Streams) -> dict[Kind, dict[str, Fitted]]:
-    """Return the parameters of each kind of comparison that does not disagree grossly."""
+def _sound_fits(streams: Streams) -> dict[Kind, InertialFit]:
+    """Return the fit of each kind of comparison that does not disagree grossly."""
     kinds: tuple[Kind, ...] = ("rotation", "translation")
-    fits: dict[Kind, dict[str, Fitted]] = {}
+    fits: dict[Kind, InertialFit] = {}
     for kind in kinds:
         found = fit(streams, kind)
         if found is not None and found.settled and gross_cause(streams, kind, found) is None:
-            fits[kind] = dict(found.parameters)
+            fits[kind] = found
     return fits
 
 
-def _measured(fits: dict[Kind, dict[str, Fitted]], name: str, clues: Clues, besides: tuple[Suspect, ...]) -> Measured:
+def _measured(fits: dict[Kind, InertialFit], name: str, clues: Clues, besides: tuple[Suspect, ...]) -> Measured:
     """Average a parameter over the comparisons, by their errors; the surest one says what else would explain it."""
-    found = {kind: parameters[name] for kind, parameters in fits.items()}
+    found = {kind: fit.parameters[name] for kind, fit in fits.items()}
     information = np.array([one.standard_error**-2 for one in found.values()])
     shares = information / information.sum()
     surest = max(found, key=lambda kind: (found[kind].free, -found[kind].standard_error))

@@ -182,7 +182,7 @@ class Noise(WindowCheck[PoseSamples]):
             ("position", "m", position, model.position_sigma_m, position_floor_m(poses)),
             ("rotation", "rad", rotation, model.rotation_sigma_rad, rotation_floor_rad(poses)),
         )
-        defects = tuple(one for one in pose_defects(poses, model) if one.cause != "noise_misdeclared")
+        defects = tuple(one for one in pose_defects(facts, poses, model) if one.cause != "noise_misdeclared")
         found = (
             noise_against_declared(
                 *kind, check="pose.noise", stream="pose", units={"unit_mm_m": MM_PER_M}, besides=defects

@@ -1,0 +1,126 @@
+"""Faults of a part of the sequence: found, located and named as the same faults of the whole are."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.record.types import Diagnosis
+from tests.support.motion_world import GRAVITY_M_S2, RESTLESS, MotionFile, sample_motion
+
+Float64 = NDArray[np.float64]
+
+START_S, STOP_S = 0.6, 1.4
+
+
+def altered_in_part(**changes: Callable[[Float64], Float64]) -> MotionFile:
+    """Change fields between two instants; what lies outside stays."""
+    samples = sample_motion()
+    altered = {}
+    for name, change in changes.items():
+        pose_like = name in ("positions_world_m", "orientations_xyzw")
+        times_s = samples.pose_times_s if pose_like else samples.imu_times_s
+        values = getattr(samples, name).copy()
+        part = (times_s >= START_S) & (times_s < STOP_S)
+        values[part] = change(values[part])
+        altered[name] = values
+    return MotionFile().altered(**altered)
+
+
+def swapped(values: Float64) -> Float64:
+    return values[:, [1, 0, 2]]
+
+
+def right_down(values: Float64) -> Float64:
+    return values * [1.0, -1.0, -1.0]
+
+
+def without_gravity(_: Float64) -> Float64:
+    times_s = sample_motion().imu_times_s
+    part = (times_s >= START_S) & (times_s < STOP_S)
+    return RESTLESS.specific_forces(times_s[part], 0.0)
+
+
+NED = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+FRD = Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
+
+FAULTS = {
+    "sensor axes": (
+        {"angular_velocities_body_rad_s": swapped, "specific_forces_body_m_s2": swapped},
+        ("axes_swapped", "imu"),
+    ),
+    "sensor right-down": (
+        {"angular_velocities_body_rad_s": right_down, "specific_forces_body_m_s2": right_down},
+        ("frame_convention", "imu"),
+    ),
+    "degrees": ({"angular_velocities_body_rad_s": np.degrees}, ("unit_deg_rad", "imu")),
+    "no gravity": ({"specific_forces_body_m_s2": without_gravity}, ("gravity_missing", "imu")),
+    "world axes": ({"positions_world_m": swapped}, ("axes_swapped", "pose")),
+    "millimetres": ({"positions_world_m": lambda p: 1000 * p}, ("unit_mm_m", "pose")),
+    "wxyz": ({"orientations_xyzw": lambda q: q[:, [3, 0, 1, 2]]}, ("quaternion_order", "pose")),
+    "inverse": ({"orientations_xyzw": lambda q: q * [-1, -1, -1, 1]}, ("quaternion_inverted", "pose")),
+    "north-east-down": (
+        {
+            "positions_world_m": NED.apply,
+            "orientations_xyzw": lambda q: (NED * Rotation.from_quat(q) * FRD).as_quat(),
+        },
+        ("frame_convention", "pose"),
+    ),
+}
+
+
+def first_diagnosis(file: MotionFile, path: Path) -> Diagnosis:
+    file.write(path)
+    return check_file(path, CheckOptions(select=("imu", "pose"), evidence=None)).record.diagnoses[0]
+
+
+@pytest.mark.parametrize(("changes", "cause"), FAULTS.values(), ids=FAULTS)
+def test_a_gross_fault_of_a_part_is_named_and_located(
+    tmp_path: Path, changes: dict[str, Callable[[Float64], Float64]], cause: tuple[str, str]
+) -> None:
+    """Odd axes, units and conventions between two instants are one diagnosis, placed where they begin or end."""
+    diagnosis = first_diagnosis(altered_in_part(**changes), tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream) == cause
+    assert diagnosis.where.start_us is not None
+    assert min(abs(diagnosis.where.start_us / 1e6 - instant_s) for instant_s in (START_S, STOP_S)) < 0.03
+
+
+@pytest.mark.parametrize("stream", ["imu", "pose"])
+def test_stamps_of_a_part_that_are_late_are_named_to_size(tmp_path: Path, stream: str) -> None:
+    """A third of a millisecond in the middle disturbs every fit; the stamps themselves show it, exactly."""
+    times_s = getattr(sample_motion(), f"{stream}_times_s").copy()
+    times_s[(times_s >= START_S) & (times_s < STOP_S)] += 300e-6
+    diagnosis = first_diagnosis(MotionFile().altered(**{f"{stream}_times_s": times_s}), tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream) == ("time_offset", stream)
+    assert diagnosis.magnitude == pytest.approx(0.3)
+
+
+def test_a_bias_of_a_part_does_not_average_out(tmp_path: Path) -> None:
+    """A gyro bias of 10 urad/s in the middle is placed, and sized as far as it fills a stretch of half a second."""
+    part = altered_in_part(angular_velocities_body_rad_s=lambda w: w + np.array([0.0, 1e-5, 0.0]))
+    part.write(tmp_path / "motion.h5")
+    record = check_file(tmp_path / "motion.h5", CheckOptions(select=("imu",), evidence=None)).record
+    diagnosis = record.diagnoses[0]
+    assert (diagnosis.cause, diagnosis.stream) == ("gyro_bias", "imu")
+    assert diagnosis.magnitude == pytest.approx(1e-5, rel=0.25)
+    assert "imu.rotation.local_bias" in {one.code for result in record.results for one in result.findings}
+    assert START_S <= (diagnosis.where.start_us or 0.0) / 1e6 + 0.5 <= STOP_S
+
+
+def test_a_teleport_and_back_is_no_reading(tmp_path: Path) -> None:
+    """A jump that no exchange of axes or units explains stays a teleport, with its size."""
+    away = altered_in_part(positions_world_m=lambda p: p + np.array([0.3, 0.0, 0.0]))
+    diagnosis = first_diagnosis(away, tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream) == ("teleport", "pose")
+    assert abs(diagnosis.magnitude or 0.0) == pytest.approx(0.3, rel=1e-3)
+
+
+def test_the_gravity_of_the_world_is_the_test_files_own() -> None:
+    """The part without gravity differs from the whole by nothing else."""
+    times_s = sample_motion().imu_times_s
+    up = RESTLESS.orientations(times_s).inv().apply([0.0, 0.0, GRAVITY_M_S2])
+    np.testing.assert_allclose(RESTLESS.specific_forces(times_s, 0.0) + up, RESTLESS.specific_forces(times_s))
