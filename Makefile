@@ -3,6 +3,7 @@
 #   make test         format, lint, types, contracts, tests
 #   make bench        speed and timing of the event sensor against a yardstick and the closed form: docs/benchmarks.md
 #   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
+#   make bench-flow   what reading frames between pixels costs, and how far it errs: docs/flow-interpolation.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
 #   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
 
@@ -12,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint bench bench-costs study-mesh study-presets clean
+.PHONY: demo test lint bench bench-costs bench-flow study-mesh study-presets clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -30,6 +31,9 @@ bench: $(READY)
 
 bench-costs: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.generation_costs
+
+bench-flow: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.flow_interpolation
 
 study-mesh: $(READY)
 	$(BIN)/python -m fedora_generator.mesh.study

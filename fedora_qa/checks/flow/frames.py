@@ -87,7 +87,7 @@ class FramePair:
         return self._read(self.before, columns.astype(np.float32), rows.astype(np.float32))
 
     def noise_variances_dn2(self, origins: Int64) -> Float64:
-        """Return the variance (n,) of noise that pixels of the first frame may hold, by tiles of the flow's grid, DN^2."""
+        """Return the variance (n,) of noise that pixels of the first frame may hold, by tiles of the flow, DN^2."""
         luma = luma_dn(self.window, self.before)
         middles = (origins + TILE_PX // 2).astype(np.float32)
         corners = np.stack(self._on_frame(middles[:, 0], middles[:, 1]), axis=-1) - TILE_PX // 2

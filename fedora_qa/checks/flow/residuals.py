@@ -12,7 +12,6 @@ from fedora_qa.checks.flow.tile_templates import tile_templates
 from fedora_qa.estimators.flow_field_fit import MEAN, fit_field, lock_in, templates_of_flow
 from fedora_qa.estimators.flow_motion_fit import Evidence
 from fedora_qa.estimators.flow_tiles import TileGrid, patches_of, pixels_of
-from fedora_qa.estimators.flow_warp import REMAP_ROUNDING_PX
 from fedora_qa.estimators.residual_flow import (
     HALO_PX,
     LUMA_ROUNDING_VARIANCE_DN2,
@@ -177,7 +176,7 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
         )
     if np.count_nonzero(matched) < FEWEST_TILES:
         return counts
-    covariances_px2 = covariances_px2[matched] + np.eye(2) * REMAP_ROUNDING_PX**2
+    covariances_px2 = covariances_px2[matched]
     geometric = tile_templates(frames.window, interval, tiles.origins[matched], tiles.usable[matched])
     templates = templates_of_flow(*_flow_slopes_sines(tiles.flow_px[matched], tiles.usable[matched]), geometric)
     return _summary(counts, tiles.origins[matched], errors_px[matched], covariances_px2, templates)
