@@ -3,6 +3,7 @@
 #   make test         format, lint, types, contracts, tests
 #   make bench        speed and timing of the event sensor against a yardstick and the closed form: docs/benchmarks.md
 #   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
+#   make bench-flow   what reading frames between pixels costs, and how far it errs: docs/flow-interpolation.md
 #   make bench-imu    what IMU against pose can tell, and whether its errors hold: docs/inertial-limits.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
 #   make docs         writes the pages of docs/checks from what the checks say of themselves
@@ -34,6 +35,9 @@ bench: $(READY)
 
 bench-costs: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.generation_costs
+
+bench-flow: $(READY)
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.flow_interpolation
 
 bench-imu: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.inertial_limits

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow_mask import depth_edges
+from fedora_qa.estimators.flow_mask import edges
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -79,7 +79,7 @@ def depth_image(depths_m: NDArray[np.floating], relative_step: float = 0.0) -> D
     single = inverse.astype(np.float32)
     bends = np.asarray(cv2.dilate(_bends(inverse), np.ones((3, 3), np.uint8)), dtype=np.float32)
     floor = np.float32(_ROUNDINGS * SINGLE_PRECISION + relative_step / 2)
-    clear = (depth_edges(single) == 0).astype(np.uint8)
+    clear = (edges(single) == 0).astype(np.uint8)
     return DepthImage(
         inverse_per_m=inverse,
         error_per_m=np.float32(_OF_SECOND_DIFFERENCE) * bends + floor * single,

@@ -54,24 +54,20 @@ def inverse_depth(depth_m: Float32) -> Float32:
     return np.divide(1.0, depth_m, out=np.zeros_like(depth_m), where=valid)
 
 
-def edges(inverse_depth_per_m: Float32, focal_px: float) -> NDArray[np.uint8]:
-    """Return 1 within 4 px of an edge of the depth, of an invalid or grazed pixel or of the border, else 0; (H, W)."""
-    return _widened(_edge(inverse_depth_per_m) | _grazed(inverse_depth_per_m, focal_px))
+def edges(inverse_depth_per_m: Float32, focal_px: float | None = None) -> NDArray[np.uint8]:
+    """Return 1 within 4 px of an edge of the depth, of an invalid pixel or of the border, else 0; (H, W).
 
-
-def depth_edges(inverse_depth_per_m: Float32) -> NDArray[np.uint8]:
-    """Return what ``edges`` does, for whom surfaces that are seen at a flat angle are as good as any."""
-    return _widened(_edge(inverse_depth_per_m))
-
-
-def _edge(inverse_depth_per_m: Float32) -> Mask:
+    With a focal length, too, of pixels whose surface is seen at so flat an angle that its texture may be aliased.
+    """
     laplacian = np.asarray(cv2.Laplacian(inverse_depth_per_m, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE))
-    edge: Mask = (np.abs(laplacian) > np.float32(EDGE) * inverse_depth_per_m) | (inverse_depth_per_m <= 0)
-    return edge
+    edge = (np.abs(laplacian) > np.float32(EDGE) * inverse_depth_per_m) | (inverse_depth_per_m <= 0)
+    if focal_px is not None:
+        edge |= _grazed(inverse_depth_per_m, focal_px)
+    return _widened(edge)
 
 
 def _grazed(inverse_depth_per_m: Float32, focal_px: float) -> Mask:
-    """Return which pixels see their surface at so flat an angle that what they show is not known to be smoothed.
+    """Return which pixels see their surface at so flat an angle that its texture may be aliased.
 
     Over one pixel the inverse depth w of a plane changes by |grad w|, and the pixel's footprint is longer than wide by
     f |grad w| / w.

@@ -99,24 +99,46 @@ def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit
 
 
 def fit_most(K: Float64, motion: RigidMotion, sample: FlowSample, fit: MotionFit) -> MotionFit:
-    """Refit to the half of the sample that fits best, again and again: what a part of the image is off by counts not.
+    """Fit the motion to the half of the sample that it fits best: what a part of the image is off by does not count.
 
     Concentration steps of least trimmed squares (P. J. Rousseeuw, K. Van Driessen, Data Min. Knowl. Discov. 12 (2006)
-    29), from a fit to the whole sample; none makes the half's squares larger. The residuals returned are of the whole.
+    29), none of which makes the half's squares larger, from a fit to the whole sample and from each half of the image:
+    a part of a quarter leaves two of these whole. The residuals returned are of the whole sample.
     """
-    best, best_squares = fit, np.inf
+    starts = [fit]
+    for places in (sample.columns, sample.rows):
+        middle = float(np.median(places))
+        halves = (np.flatnonzero(places <= middle), np.flatnonzero(places > middle))
+        starts += [start for half in halves if (start := _of_part(K, motion, sample, half)) is not None]
+    return min((_concentrated(K, motion, sample, start) for start in starts), key=_least_squares)
+
+
+def _concentrated(K: Float64, motion: RigidMotion, sample: FlowSample, fit: MotionFit) -> MotionFit:
     for _ in range(_CONCENTRATIONS):
-        squares = np.sum(best.residual_px**2, axis=1)
-        half = np.argsort(np.where(np.isfinite(squares), squares, np.inf))[: len(squares) // 2]
-        if not float(np.sum(squares[half])) < best_squares:
+        half = np.argsort(_squares(fit))[: len(sample.columns) // 2]
+        better = _of_part(K, motion, sample, half)
+        if better is None or not _least_squares(better) < _least_squares(fit):
             break
-        best_squares = float(np.sum(squares[half]))
-        of_half = fit_motion(K, motion, sample.chosen(half))
-        if of_half is None:
-            break
-        residual_px = sample.flow_px - rigid_flow(K, of_half.motion, sample.columns, sample.rows, sample.depths_m)
-        best = replace(of_half, residual_px=residual_px)
-    return best
+        fit = better
+    return fit
+
+
+def _of_part(K: Float64, motion: RigidMotion, sample: FlowSample, part: NDArray[np.intp]) -> MotionFit | None:
+    fit = fit_motion(K, motion, sample.chosen(part)) if len(part) else None
+    if fit is None:
+        return None
+    residual_px = sample.flow_px - rigid_flow(K, fit.motion, sample.columns, sample.rows, sample.depths_m)
+    return replace(fit, residual_px=residual_px)
+
+
+def _squares(fit: MotionFit) -> Float64:
+    squares = np.sum(fit.residual_px**2, axis=1)
+    return np.where(np.isfinite(squares), squares, np.inf)
+
+
+def _least_squares(fit: MotionFit) -> float:
+    """Return the sum of the smaller half of the squared residuals, px^2."""
+    return float(np.sum(np.sort(_squares(fit))[: len(fit.residual_px) // 2]))
 
 
 def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Float64, Float64]:

@@ -5,15 +5,18 @@ of an image that was *not* prefiltered is the exact value, between the pixels to
 up to aliases that the spline weakens by (w / (2 pi - w))^4 at frequency w. Bilinear interpolation weakens them by the
 square only, which shifts what it reads by some hundredths of a pixel at quarter-pixel positions.
 
-The spline's 16 coefficients are read as four bilinear samples (C. Sigg, M. Hadwiger, Fast Third-Order Texture
-Filtering, GPU Gems 2 (2005), ch. 20), which `cv2.remap` does.
+A compiled loop sums the spline's 16 coefficients. docs/flow-interpolation.md measures this and other ways to read.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from fedora_qa.estimators.flow_warp_kernels import read_spline
 
 Float32 = NDArray[np.float32]
 
@@ -40,36 +43,39 @@ def read_at_pixels(smoothed: Float32) -> Float32:
 
 
 def read_between(smoothed: Float32, columns: Float32, rows: Float32) -> Float32:
-    """Return the B-spline of ``smoothed`` at any positions (n, m); positions must be finite.
+    """Return the B-spline of ``smoothed`` at any positions (n, m); beyond the image, that of its border."""
+    return np.asarray(read_spline(smoothed, columns, rows), dtype=np.float32)
 
-    Positions beyond the image read its border.
+
+def blur(image: Float32, sigma_px: float = 1.0) -> Float32:
+    """Return the image (H, W) blurred by a Gaussian, to be read by `read_bilinear`."""
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px, borderType=cv2.BORDER_REFLECT_101), dtype=np.float32)
+
+
+def read_bilinear(image: Float32, columns: Float32, rows: Float32) -> Float32:
+    """Return an image bilinearly at any positions (n, m); positions must be finite, and read the border beyond it."""
+    read = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
+    return np.asarray(read, dtype=np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class Interpolator:
+    """One way to see frames between their pixels; docs/flow-interpolation.md measures them.
+
+    Attributes
+    ----------
+    smoothed
+        Image (H, W) and width in px to the image that is read.
+    at_pixels
+        What ``between`` gives at every pixel centre of that, (H, W).
+    between
+        That image and finite positions (n, m), columns and rows, to what is seen there.
     """
-    column_left, column_right, right = _pair(columns)
-    row_above, row_below, below = _pair(rows)
 
-    def bilinear(at_columns: Float32, at_rows: Float32) -> Float32:
-        read = cv2.remap(smoothed, at_columns, at_rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
-        return np.asarray(read, dtype=np.float32)
-
-    above = bilinear(column_left, row_above)
-    above += right * (bilinear(column_right, row_above) - above)
-    under = bilinear(column_left, row_below)
-    under += right * (bilinear(column_right, row_below) - under)
-    above += below * (under - above)
-    return above
+    smoothed: Callable[[Float32, float], Float32]
+    at_pixels: Callable[[Float32], Float32]
+    between: Callable[[Float32, Float32, Float32], Float32]
 
 
-def _pair(positions: Float32) -> tuple[Float32, Float32, Float32]:
-    """Return the two places whose linear reads make the spline along one axis, and the weight of the second.
-
-    With B-spline weights w0..w3 of the pixels i-1..i+2, the reads are at i - 1 + w1/(w0+w1) and i + 1 + w3/(w2+w3).
-    """
-    whole = np.floor(positions)
-    t = positions - whole
-    w0 = (1 - t) ** 3 / 6
-    w1 = (t**2 * (3 * t - 6) + 4) / 6
-    w3 = t**3 / 6
-    first, second = w0 + w1, 1 - w0 - w1
-    places = (whole - 1 + w1 / first, whole + 1 + w3 / second, second)
-    left, right, weight = (np.asarray(place, dtype=np.float32) for place in places)
-    return left, right, weight
+BILINEAR: Final = Interpolator(blur, lambda blurred: blurred, read_bilinear)
+SPLINE: Final = Interpolator(smooth, read_at_pixels, read_between)

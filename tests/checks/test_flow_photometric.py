@@ -5,10 +5,23 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.flow.photometric import Residual
 from fedora_qa.judgement.judge import Judged
-from tests.support.flow_world import FlowWorld, K, judged, make_world, observe
+from tests.support.flow_world import (
+    HEIGHT,
+    T_BODY_CAMERA,
+    WIDTH,
+    FlowWorld,
+    K,
+    body_pose,
+    depth_m,
+    judged,
+    make_world,
+    observe,
+    pixel_grid,
+)
 
 
 @cache
@@ -130,6 +143,69 @@ def test_frames_without_texture_are_not_observable() -> None:
     result = judged(Residual(), with_rgb(clean(), plain))
     assert result.result.outcome == "not_observable"
     assert "texture" in result.result.reason
+
+
+def with_noise(world: FlowWorld, sigma_dn: float) -> FlowWorld:
+    rgb = world.rows_by_key["path/rgb"]
+    noise = np.random.default_rng(8).normal(0.0, sigma_dn, rgb.shape[:3])[..., None]
+    return with_rgb(world, np.clip(np.rint(rgb + noise), 0, 255).astype(np.uint8))
+
+
+def test_noise_that_would_draw_the_estimate_to_zero_withholds_the_verdict() -> None:
+    """Frames of 0.5 DN contrast under noise of 1 DN cannot tell 0.3 px, and say so; of 6 DN they read nine tenths."""
+    pushed = [
+        with_noise(make_world((50,), contrast_dn=contrast), 1.0).with_flow(lambda _, flow: flow + np.array([0.3, 0.0]))
+        for contrast in (0.5, 6.0)
+    ]
+    assert judged(Residual(), pushed[0]).result.outcome == "not_observable"
+    assert value_of(judged(Residual(), pushed[1]), "flow/50hz residual_u") == pytest.approx(0.3, rel=0.1)
+
+
+def made_with(K_wrong: np.ndarray, roll_deg: float = 0.0) -> FlowWorld:
+    """Flow made by another camera, or one that rolls by so much more in each interval."""
+
+    def remade(stream: str, flow: np.ndarray) -> np.ndarray:
+        period_ns = 1_000_000_000 // int(stream.split("/")[1][:-2])
+        starts_s = np.arange(len(flow)) * period_ns / 1e9
+        return np.stack([_flow_of(K_wrong, t, t + period_ns / 1e9, roll_deg) for t in starts_s])
+
+    return clean().with_flow(remade)
+
+
+def _flow_of(K_camera: np.ndarray, start_s: float, end_s: float, roll_deg: float) -> np.ndarray:
+    rays = np.linalg.inv(K_camera) @ np.stack([*pixel_grid(), np.ones((HEIGHT, WIDTH))]).reshape(3, -1)
+    points = (rays * depth_m(start_s).ravel()).T @ T_BODY_CAMERA[:3, :3].T + T_BODY_CAMERA[:3, 3]
+    (R0, p0), (R1, p1) = body_pose(start_s), body_pose(end_s)
+    moved = R1.inv().apply(R0.apply(points) + p0 - p1) - T_BODY_CAMERA[:3, 3]
+    moved = Rotation.from_euler("z", roll_deg, degrees=True).apply(moved @ T_BODY_CAMERA[:3, :3])
+    projected = (moved / moved[:, 2:]) @ K_camera.T
+    return projected[:, :2].reshape(HEIGHT, WIDTH, 2) - np.stack(pixel_grid(), axis=-1)
+
+
+MADE_WRONG = {
+    "focal": (K * np.array([[1.02, 1, 1], [1, 1.02, 1], [1, 1, 1]]), 0.0, 2.0, 0.1),
+    "centre_u": (K + np.array([[0, 0, 3.0], [0, 0, 0], [0, 0, 0]]), 0.0, 3.0, 0.3),
+    "roll": (K, 0.05, 0.05, 0.002),
+}
+
+
+@pytest.mark.parametrize(("name", "case"), MADE_WRONG.items(), ids=MADE_WRONG)
+def test_template_measures_its_fault(name: str, case: tuple[np.ndarray, float, float, float]) -> None:
+    """Flow made with a wrong camera, or a camera that rolls further, is measured in the fault's unit, with its sign."""
+    K_wrong, roll_deg, size, within = case
+    result = judged(Residual(), made_with(K_wrong, roll_deg))
+    assert value_of(result, f"flow/25hz {name}") == pytest.approx(size, abs=within)
+
+
+def test_part_of_the_image_is_named() -> None:
+    """Flow that points backwards in a quarter of the image is named although most tiles match."""
+    flow = {key: values.copy() for key, values in clean().rows_by_key.items() if "flow" in key}
+    for values in flow.values():
+        values[:, HEIGHT // 2 :, WIDTH // 2 :] *= -1
+    result = judged(
+        Residual(), clean().with_rows(path_flow_25hz=flow["path/flow/25hz"], path_flow_50hz=flow["path/flow/50hz"])
+    )
+    assert ("flow_sign", "flow") in causes(result)
 
 
 def test_frames_of_another_size_are_mapped_through_the_cameras() -> None:

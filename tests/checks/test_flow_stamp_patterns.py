@@ -51,3 +51,9 @@ def test_a_single_stamp_is_an_offset() -> None:
     """One stamp beside one frame is late, and neither a drift nor a grid."""
     best = stamp_patterns(np.array([3 * MS]), np.array([0]))[0]
     assert (best.cause, best.magnitude) == ("time_offset", pytest.approx(3.0))
+
+
+def test_another_unit_is_no_offset() -> None:
+    """Stamps in nanoseconds, read as microseconds, lie beyond all frames and step a thousand times as far."""
+    assert [(p.cause, p.magnitude) for p in stamp_patterns(1000 * FRAMES_NS, FRAMES_NS)] == [("time_unit", 1000.0)]
+    assert stamp_patterns(FRAMES_NS + 5_000 * MS, FRAMES_NS) == ()

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 
 from fedora_qa.estimators.flow_warp import REMAP_ROUNDING_PX, read_at_pixels, read_between, smooth
 
@@ -28,6 +29,33 @@ def test_bilinear_remap_is_exact_or_declared() -> None:
     )  # fmt: skip
     read = cv2.remap(image, columns, rows, cv2.INTER_LINEAR)
     assert np.abs(read - expected).max() < 1e-4 + 2 * REMAP_ROUNDING_PX
+
+
+def test_lanczos_remap_rounds_its_positions() -> None:
+    """cv2.remap with Lanczos knows no more than 33 places from one pixel to the next: too coarse for hundredths."""
+    image = np.random.default_rng(2).random((20, 30), dtype=np.float32)
+    columns = np.linspace(10, 11, 1000, dtype=np.float32)[None, :]
+    read = cv2.remap(image, columns, np.full_like(columns, 9.0), cv2.INTER_LANCZOS4)
+    assert len(np.unique(read)) <= 33
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (40, 30)])
+def test_any_position_is_answered(shape: tuple[int, int]) -> None:
+    """Beyond the image its border is read, wherever that is; NaN reads something, and nothing is read outside."""
+    image = np.random.default_rng(4).random(shape, dtype=np.float32)
+    far = np.array([[-1e30, -0.5, 1e30, np.inf, -np.inf, np.nan]], dtype=np.float32)
+    read = read_between(image, far, far[:, ::-1].copy())
+    assert (read >= image.min() - 1e-6).all()
+    assert (read <= image.max() + 1e-6).all()
+
+
+def test_spline_is_that_of_scipy() -> None:
+    """Without prefilter, with the same mirrored border, to single precision."""
+    image = np.random.default_rng(5).random((60, 70), dtype=np.float32)
+    rng = np.random.default_rng(6)
+    columns, rows = rng.uniform(0, 69, (50, 40)).astype(np.float32), rng.uniform(0, 59, (50, 40)).astype(np.float32)
+    expected = map_coordinates(image.astype(np.float64), [rows, columns], order=3, prefilter=False, mode="mirror")
+    np.testing.assert_allclose(read_between(image, columns, rows), expected, atol=2e-6)
 
 
 def test_reading_at_pixels_and_between_agree() -> None:

@@ -129,7 +129,7 @@ def compare_field(
         result = _held_to_noise(result, track, fit, noise)
     if result.suspicion <= 1 and result.twist_chi2 <= _ORDINARY * result.twist_dof:
         return result
-    region = region_of(lattice, known, known & (error > bound))
+    region = region_of(lattice, np.where(known, error / bound, np.nan))
     if region is not None:  # the motion that the rest of the image gives is good enough to be exact
         sample = replace(thinned(lattice.within(region)) or sample, sigma_px=sample.sigma_px)
         motion, fit = (fit.motion, None) if fit else (motion, None)

@@ -14,6 +14,8 @@ from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth,
 from fedora_qa.estimators.flow_motion_fit import fit_motion, twist_statistic
 from fedora_qa.estimators.flow_tiles import patches_of, pixels_of
 from fedora_qa.estimators.flow_warp import read_at_pixels, read_between, smooth
+from fedora_qa.estimators.image_noise import noise_variances
+from fedora_qa.estimators.residual_flow import LUMA_ROUNDING_VARIANCE_DN2, TILE_PX
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
@@ -84,19 +86,32 @@ class FramePair:
         columns, rows = pixels_of(origins)
         return self._read(self.before, columns.astype(np.float32), rows.astype(np.float32))
 
+    def noise_variances_dn2(self, origins: Int64) -> Float64:
+        """Return the variance (n,) of noise that pixels of the first frame may hold, by tiles of the flow, DN^2."""
+        luma = luma_dn(self.window, self.before)
+        middles = (origins + TILE_PX // 2).astype(np.float32)
+        corners = np.stack(self._on_frame(middles[:, 0], middles[:, 1]), axis=-1) - TILE_PX // 2
+        inside = np.clip(np.rint(corners), 0, np.array(luma.shape[::-1]) - TILE_PX).astype(np.int64)
+        patches = patches_of(luma, inside, halo_px=0)
+        return np.maximum(noise_variances(patches), LUMA_ROUNDING_VARIANCE_DN2)
+
     def second(self, columns: Float32, rows: Float32) -> Float32:
         """Return the second frame at positions (n, s, s) on the flow's grid; NaN positions read anything."""
         return self._read(self.after, columns, rows)
 
     def _read(self, frame: int, columns: Float32, rows: Float32) -> Float32:
-        H = self.optics.H_rgb_flow
-        if H is not None:
-            scale = H[2, 0] * columns + H[2, 1] * rows + H[2, 2]
-            columns, rows = (
-                ((H[i, 0] * columns + H[i, 1] * rows + H[i, 2]) / scale).astype(np.float32) for i in range(2)
-            )
+        columns, rows = self._on_frame(columns, rows)
         flat = (-1, columns.shape[-1])
         return read_between(self._smoothed(frame), columns.reshape(flat), rows.reshape(flat)).reshape(columns.shape)
+
+    def _on_frame(self, columns: Float32, rows: Float32) -> tuple[Float32, Float32]:
+        """Return positions on the colour frame of positions on the flow's grid."""
+        H = self.optics.H_rgb_flow
+        if H is None:
+            return columns, rows
+        scale = H[2, 0] * columns + H[2, 1] * rows + H[2, 2]
+        x, y = (((H[i, 0] * columns + H[i, 1] * rows + H[i, 2]) / scale).astype(np.float32) for i in range(2))
+        return x, y
 
     def _smoothed(self, frame: int) -> Float32:
         sigma_px = self.optics.sigma_px

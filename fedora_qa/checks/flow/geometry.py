@@ -19,6 +19,9 @@ from fedora_qa.sequence.window import Window
 
 _CLOSER_LOOKS: Final = 8
 
+_SHOWN: Final = 2.0
+"""Times its bound by which a fault must exceed it in proportion to be surely seen at another rate."""
+
 _UNMOVED: Final = 0.01
 """Squared corrections below this share of their expectation are none: the flow knows the noise."""
 
@@ -144,7 +147,7 @@ class Endpoint(WindowCheck[WindowErrors]):
         noise = facts.declared.pose
         by_stream = {s: [f for f in fields if f.interval.stream == s] for s in facts.flow_streams}
         by_stream = {stream: group for stream, group in by_stream.items() if group}
-        off = {stream: _suspicion(group) > 1 for stream, group in by_stream.items()}
+        off = _off(by_stream)
         unmoved = {stream: _squares_ratio(group) < _UNMOVED for stream, group in by_stream.items()}
         measurements: list[Measured] = []
         for stream, group in by_stream.items():
@@ -252,6 +255,17 @@ def _squares_ratio(fields: Sequence[FieldError]) -> float:
 def _where(fields: Sequence[FieldError], facts: Facts) -> Where:
     worst = max(fields, key=lambda field: field.suspicion)
     return place(facts, (fields[0].interval, fields[-1].interval), frame=worst.frame, pixel=worst.worst_pixel)
+
+
+def _off(by_stream: Mapping[str, Sequence[FieldError]]) -> Mapping[str, bool]:
+    """Say which rates are off, or would not show it: what is wrong with all rates grows with their intervals."""
+    suspicions = {stream: _suspicion(fields) for stream, fields in by_stream.items()}
+    lengths_s = {stream: fields[0].interval.duration_s for stream, fields in by_stream.items()}
+    growth = max(
+        (suspicion / max(lengths_s[stream], 1e-9) for stream, suspicion in suspicions.items() if suspicion > 1),
+        default=0.0,
+    )
+    return {stream: suspicions[stream] > 1 or 0 < growth * lengths_s[stream] <= _SHOWN for stream in by_stream}
 
 
 def _suspicion(fields: Sequence[FieldError]) -> float:

@@ -22,6 +22,7 @@ _CERTAIN: Final = 0.98
 
 _SAME_GAIN: Final = 0.02
 
+_TOUCHED: Final = 0.1
 _HARDLY: Final = 0.5
 _NEARLY_ALL: Final = 0.9
 """What is declared holds for all fields; so many of them show it, where some hardly move."""
@@ -46,7 +47,7 @@ def geometry_suspects(
     noise = declared.pose
     flow = spreads_over(stream, off)
     fields_off = [field for field in fields if field.suspicion > 1]
-    share_off = len(fields_off) / len(fields)
+    share_off = _share_touched(fields, fields_off)
     local = share_off <= 0.5
     gross = gross_suspects(stream, weighed, flow, share_off=share_off)
     for repeating in ("flow", "depth"):
@@ -63,6 +64,18 @@ def geometry_suspects(
         small = weakened(small, 0.8)
     by_pose = [] if is_noisy(noise) or in_part else _of_the_pose(fields_off, local=local)
     return most_probable([*gross, *small, *by_pose]) or (Suspect("unknown", flow, 0.1),)
+
+
+def _share_touched(fields: Sequence[FieldError], fields_off: Sequence[FieldError]) -> float:
+    """Return the share of fields that a fault touches: off, or as far from honest as a smaller motion would make them.
+
+    Honest fields lie a hundred times within their bounds; those that move little show a fault that all fields share by
+    less than the typical one that is off, but not by much less.
+    """
+    if not fields_off:
+        return 0.0
+    typical = float(np.median([field.suspicion for field in fields_off]))
+    return sum(field.suspicion > _TOUCHED * typical for field in fields) / len(fields)
 
 
 def _trust(suspect: Suspect, declared: Declared, share_off: float) -> float:

@@ -91,14 +91,14 @@ def _hypotheses(
     frame: int,
     region: Region | None,
 ) -> Iterator[_Hypothesis]:
-    yield from _of_the_values(window, track, interval, sample, motion)
+    yield from _of_the_values(window, track, interval, sample, motion, frame)
     yield from _of_the_interval(window, track, interval, region)
     yield from _of_the_depth(window, track, sample, motion, frame)
     yield from _of_the_pose(window, track, interval, sample)
 
 
 def _of_the_values(
-    window: Window, track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion
+    window: Window, track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, frame: int
 ) -> Iterator[_Hypothesis]:
     """Undo what may have happened to the stored numbers, and to the grid that they lie on."""
     flow, seconds = sample.flow_px, interval.duration_s
@@ -122,9 +122,11 @@ def _of_the_values(
     for factor in (ratio, 2.0, 0.5):
         if factor > 0 and all(abs(factor / unit - 1) > _ANOTHER_GAIN for unit in units):
             yield undone("flow_gain", flow / factor, 100 * (factor - 1))
-    for mirrored in (stored[row, width - 1 - column], stored[height - 1 - row, column]):
+    for columns, rows in ((width - 1 - column, row), (column, height - 1 - row)):
+        depths_m = _at(window.depth_m(frame), columns, rows)
         for signs in ((1, 1), (-1, 1), (1, -1)):
-            yield undone("mirrored", mirrored * np.array(signs))
+            there = FlowSample(columns.astype(np.float64), rows.astype(np.float64), depths_m, flow, sample.sigma_px)
+            yield _Hypothesis("mirrored", "flow", _with_flow(there, flow * np.array(signs)), motion)
     for shift in _SHIFTS_PX:
         for dx, dy in ((shift, 0), (0, shift), (shift, shift)):
             moved = stored[np.clip(row + dy, 0, height - 1), np.clip(column + dx, 0, width - 1)]
@@ -273,8 +275,8 @@ def _deviation(track: PoseTrack, interval: Interval, sample: FlowSample, motion:
 
 
 def _with_flow(sample: FlowSample, values: NDArray[np.floating]) -> FlowSample | None:
-    """Return the sample with other flow, where that is finite; None where too little is."""
-    finite = np.isfinite(values).all(axis=-1)
+    """Return the sample with other flow, where that and the depth are finite; None where too little is."""
+    finite = np.isfinite(values).all(axis=-1) & np.isfinite(sample.depths_m)
     if np.count_nonzero(finite) < FEWEST_PIXELS:
         return None
     return FlowSample(

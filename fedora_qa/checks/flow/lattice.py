@@ -28,6 +28,9 @@ FEWEST_PIXELS: Final = 20
 _FILLED: Final = 0.5
 """Share of a region's pixels that must be off: faults of a part of the image leave few of them as they were."""
 
+_UNTOUCHED: Final = 0.1
+"""Share of the error within a region up to which what lies around it is not touched."""
+
 _PART: Final = 0.9
 """Share of the image's pixels from which on a region is no part of it but all."""
 
@@ -57,14 +60,23 @@ class Lattice:
         return replace(self, depths_m=np.where(inside, self.depths_m, np.nan))
 
 
-def region_of(lattice: Lattice, known: Mask, off: Mask) -> Region | None:
-    """Return the rectangle about the pixels that are off, where it is a part of the image and most of it is off."""
-    rows, columns = np.nonzero(off)
+def region_of(lattice: Lattice, excess: Float64) -> Region | None:
+    """Return the rectangle about the pixels that are off, where it is a part of the image and only there is it off.
+
+    ``excess`` (h, w) is the error over its bound, NaN where not known: off from 1 on. A small fault of the whole image
+    exceeds its bound in a part only, but lies not far below it elsewhere.
+    """
+    known = np.isfinite(excess)
+    rows, columns = np.nonzero(known & (excess > 1))
     if len(rows) < FEWEST_PIXELS:
         return None
     part = (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1))
-    inside = np.count_nonzero(known[part])
-    if len(rows) < _FILLED * inside or inside > _PART * np.count_nonzero(known):
+    inside = np.zeros_like(known)
+    inside[part] = known[part]
+    count = np.count_nonzero(inside)
+    if len(rows) < _FILLED * count or count > _PART * np.count_nonzero(known):
+        return None
+    if np.median(excess[known & ~inside]) > _UNTOUCHED * np.median(excess[inside]):
         return None
     left, right = (int(lattice.columns[0, column]) for column in (columns.min(), columns.max()))
     top, bottom = (int(lattice.rows[row, 0]) for row in (rows.min(), rows.max()))

@@ -90,8 +90,8 @@ def _pixels_off(window: Window, segment: Segment) -> tuple[Float64, Float64]:
     columns, rows = lattice_of(window, segment)
     slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
     compared = slow.clear & slow.stays & fast.clear & fast.stays
-    errors_px = np.linalg.norm(slow.displacement_px - fast.displacement_px, axis=-1)
-    off = compared & (errors_px > slow.bound_px + fast.bound_px)
+    apart_px = np.where(compared[:, None], slow.displacement_px - fast.displacement_px, 0.0)
+    off = np.linalg.norm(apart_px, axis=-1) > np.where(compared, slow.bound_px + fast.bound_px, 0.0)
     if _FEWEST_OFF <= np.count_nonzero(off) < 0.5 * np.count_nonzero(compared):
         return columns[off], rows[off]
     return columns[::4], rows[::4]

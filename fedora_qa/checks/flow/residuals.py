@@ -12,7 +12,6 @@ from fedora_qa.checks.flow.tile_templates import tile_templates
 from fedora_qa.estimators.flow_field_fit import MEAN, fit_field, lock_in, templates_of_flow
 from fedora_qa.estimators.flow_motion_fit import Evidence
 from fedora_qa.estimators.flow_tiles import TileGrid, patches_of, pixels_of
-from fedora_qa.estimators.flow_warp import REMAP_ROUNDING_PX
 from fedora_qa.estimators.residual_flow import (
     HALO_PX,
     LUMA_ROUNDING_VARIANCE_DN2,
@@ -30,7 +29,12 @@ LARGEST_FLOW_PX: Final = 1e4
 """Larger values are no flow."""
 
 TEXTURED_PX: Final = 0.1
-"""A tile counts where the noise floor alone lets its flow be known to this standard error."""
+"""A tile counts where noise alone lets its flow be known to this standard error.
+
+Noise of variance s^2 in N pixels adds N s^2 / (16 pi) to the sum of squares G of the smoothed mean's slopes, which
+draws the estimate to zero by that share of G; with 2 s^2 / G below 0.01 px^2 and N = 1024 it is less than a tenth. At
+night with noise of 1 DN it would be most.
+"""
 
 FEWEST_VALID: Final = 0.4
 """Share of a tile's pixels that both frames must show."""
@@ -50,12 +54,14 @@ _SECOND_STEP_PX: Final = 0.5
 class Tiles:
     """Sampled tiles of one field: origins (n, 2), flow patches (n, 36, 36, 2), finite; and the pixels to use.
 
+    ``noise_dn2`` (n,) is the variance of noise that the frames' pixels may hold, texture of one pixel's size included.
     ``by_depth`` says that depth and motion told which pixels both frames show, so that every tile must match.
     """
 
     origins: Int64
     flow_px: Float32
     usable: Mask
+    noise_dn2: Float64
     by_depth: bool
 
     def read(self, frames: FramePair, extra_px: Float64 | None = None) -> TileResiduals:
@@ -65,11 +71,13 @@ class Tiles:
         warped = frames.second(
             (columns + flow_px[..., 0]).astype(np.float32), (rows + flow_px[..., 1]).astype(np.float32)
         )
-        return tile_residuals(frames.first(self.origins), warped, self.usable, LUMA_ROUNDING_VARIANCE_DN2)
+        found = tile_residuals(frames.first(self.origins), warped, self.usable, LUMA_ROUNDING_VARIANCE_DN2)
+        noisier = self.noise_dn2 / LUMA_ROUNDING_VARIANCE_DN2
+        return replace(found, noise_covariances_px2=found.noise_covariances_px2 * noisier[:, None, None])
 
     def chosen(self, mask: Mask) -> "Tiles":
         """Return some of the tiles, (n,) True for each."""
-        return Tiles(self.origins[mask], self.flow_px[mask], self.usable[mask], self.by_depth)
+        return Tiles(self.origins[mask], self.flow_px[mask], self.usable[mask], self.noise_dn2[mask], self.by_depth)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +138,8 @@ def sample_tiles(frames: FramePair, interval: Interval, share: float) -> Tiles |
         finite = (np.abs(flow_px[..., 0]) < LARGEST_FLOW_PX) & (np.abs(flow_px[..., 1]) < LARGEST_FLOW_PX)
     shown, by_depth = visible(frames.window, interval, origins)
     usable = finite[:, HALO_PX:-HALO_PX, HALO_PX:-HALO_PX] & shown
-    return Tiles(origins, np.where(finite[..., None], flow_px, np.float32(0)), usable, by_depth)
+    known_px = np.where(finite[..., None], flow_px, np.float32(0))
+    return Tiles(origins, known_px, usable, frames.noise_variances_dn2(origins), by_depth)
 
 
 def textured(residuals: TileResiduals) -> Mask:
@@ -167,7 +176,7 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
         )
     if np.count_nonzero(matched) < FEWEST_TILES:
         return counts
-    covariances_px2 = covariances_px2[matched] + np.eye(2) * REMAP_ROUNDING_PX**2
+    covariances_px2 = covariances_px2[matched]
     geometric = tile_templates(frames.window, interval, tiles.origins[matched], tiles.usable[matched])
     templates = templates_of_flow(*_flow_slopes_sines(tiles.flow_px[matched], tiles.usable[matched]), geometric)
     return _summary(counts, tiles.origins[matched], errors_px[matched], covariances_px2, templates)

@@ -20,6 +20,9 @@ _ROUNDING_NS: Final = 1_000
 _FEWEST_ON_A_GRID: Final = 3
 """Instants from which on a common divisor of their steps means something."""
 
+_UNITS: Final = (1e-6, 1e-3, 1e3, 1e6)
+_SAME_UNIT: Final = 0.02
+
 
 @dataclass(frozen=True, slots=True)
 class StampPattern:
@@ -38,6 +41,8 @@ def stamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[StampPattern, 
     offsets_ns = offsets_from_nearest(frames_ns, instants_ns)
     steps_ns = np.diff(np.sort(frames_ns))
     step_ns = float(np.median(steps_ns)) if len(steps_ns) else np.inf
+    if np.median(np.abs(offsets_ns)) > step_ns:
+        return _another_unit(instants_ns, step_ns)
     before = _typical(offsets_ns)
     patterns = []
     for fit in (_constant, _drift, _grid):
@@ -47,6 +52,17 @@ def stamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[StampPattern, 
         left = _typical(np.maximum(left_ns - _ROUNDING_NS, 0.0))
         patterns.append(StampPattern(cause, magnitude, max(1.0 - left / before, 0.0) if before > 0 else 0.0))
     return tuple(sorted(patterns, key=lambda pattern: -round(pattern.weight, 2)))
+
+
+def _another_unit(instants_ns: Int64, frame_step_ns: float) -> tuple[StampPattern, ...]:
+    """Return another unit of time where instants that lie beyond all frames step by a thousand times as much, or less.
+
+    Anything else that far away is no offset: these are seen modulo the frame step.
+    """
+    steps_ns = np.diff(np.unique(instants_ns))
+    ratio = float(np.median(steps_ns)) / frame_step_ns if len(steps_ns) else 0.0
+    unit = next((unit for unit in _UNITS if abs(ratio / unit - 1) < _SAME_UNIT), None)
+    return () if unit is None else (StampPattern("time_unit", unit, 1.0),)
 
 
 def offsets_from_nearest(frames_ns: Int64, instants_ns: Int64) -> Float64:

@@ -1,0 +1,53 @@
+"""Numbers of a camera that look chosen, and those that do not once they are wrong by any amount."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from fedora_qa.checks.flow.chosen_numbers import is_chosen
+from fedora_qa.sequence.declared import Camera
+
+FORWARD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+def camera(
+    view_deg: float = 60.0, centre_off_px: float = 0.0, turn_deg: tuple[float, float, float] = (0, 0, 0)
+) -> Camera:
+    width, height = 270, 200
+    f = width / (2 * np.tan(np.radians(view_deg) / 2))
+    K = np.array([[f, 0, (width - 1) / 2 + centre_off_px], [0, f, (height - 1) / 2], [0, 0, 1]])
+    T_body_camera = np.eye(4)
+    T_body_camera[:3, :3] = Rotation.from_rotvec(turn_deg, degrees=True).as_matrix() @ FORWARD
+    return Camera(width, height, K, T_body_camera)
+
+
+CAUSES = ("intrinsics_focal", "intrinsics_centre", "extrinsic_rotation")
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+@pytest.mark.parametrize("view_deg", [45.0, 60.0, 90.0])
+def test_designed_camera_looks_chosen(cause: str, view_deg: float) -> None:
+    """A round view, a centre in the middle, a look straight ahead."""
+    assert is_chosen(camera(view_deg), cause)
+
+
+def test_round_tilt_and_whole_focal_length_look_chosen() -> None:
+    """20 degrees down, 234 px, and a principal point at W / 2."""
+    assert is_chosen(camera(turn_deg=(0, 20, 0)), "extrinsic_rotation")
+    whole = camera(centre_off_px=0.5)
+    K = whole.K.copy()
+    K[0, 0] = K[1, 1] = 234.0
+    assert is_chosen(replace(whole, K=K), "intrinsics_focal")
+    assert not is_chosen(camera(), "time_offset")
+
+
+@given(error=st.floats(1e-5, 0.05))
+def test_what_is_off_by_any_amount_does_not(error: float) -> None:
+    """A millionth of the view, 1e-4 px, 1e-5 degrees and more."""
+    assert not is_chosen(camera(60.0 * (1 + 0.1 * error)), "intrinsics_focal")
+    assert not is_chosen(camera(centre_off_px=0.49 * error / 0.1 + 1e-4), "intrinsics_centre")
+    assert not is_chosen(camera(turn_deg=(error, 0, 0)), "extrinsic_rotation")
