@@ -19,6 +19,7 @@ from tests.checks.event_file import (
     SHAPE,
     EventFile,
     frames_of,
+    inserted,
     linear_file,
     log_file,
 )
@@ -181,6 +182,48 @@ def test_conservation_sees_scattered_losses(share: float, path: Path) -> None:
     events(keep)(log_file()).write(path)
     failed = {name for name, outcome in outcomes(path).items() if outcome == "failed"}
     assert failed == {"conservation"}
+
+
+def from_the_signal() -> EventFile:
+    """A sensor whose first reference is the signal at the first frame."""
+    begun = log_events(LOG_WORLD, SHAPE, DURATION_MS * MS, phase=0.0)
+    return log_file().altered(events=begun).declaring(initial_phase="zero")
+
+
+def test_a_declared_start_sharpens_conservation(path: Path) -> None:
+    """Where E begins at nothing, one event in a thousand lost or doubled is seen in most of its pixels."""
+    from_the_signal().write(path)
+    assert measured(run_check(path, "event_response.conservation"), "violating_pixels").value == 0
+    rng = np.random.default_rng(5)
+    chosen = rng.uniform(size=len(from_the_signal().events)) < 0.001
+    for change in (
+        lambda e: e.keep(~chosen),
+        lambda e: inserted(e, replace(e.keep(chosen), times_ns=e.times_ns[chosen] + 5000)),
+    ):
+        events(change)(from_the_signal()).write(path)
+        result = run_check(path, "event_response.conservation")
+        found = measured(result, "violating_pixels").value
+        assert found is not None
+        assert found * SHAPE[0] * SHAPE[1] >= 0.6 * np.count_nonzero(chosen)
+        assert diagnoses_of(path, "event_response")[0].cause == "dropped_samples"
+
+
+def test_a_start_that_is_misdeclared_alarms_nobody(path: Path) -> None:
+    """References that begin anywhere within the thresholds are not held to a start at the signal, declared or not."""
+    log_file().declaring(initial_phase="zero").write(path)
+    assert measured(run_check(path, "event_response.conservation"), "violating_pixels").value == 0
+
+
+def test_dead_region_is_named(path: Path) -> None:
+    """Nine by nine pixels that never fire are a dead region, at their place."""
+    dead = events(lambda e: e.keep((e.x < 20) | (e.x >= 29) | (e.y < 10) | (e.y >= 19)))
+    dead(log_file()).write(path)
+    diagnosis = next(d for d in diagnoses_of(path, "event_response") if d.cause == "dead_region")
+    assert (diagnosis.stream, diagnosis.magnitude) == ("events", pytest.approx(9.0, abs=1.5))
+    tile = run_check(path, "event_response.conservation").findings[-1].where.tile
+    assert tile is not None
+    assert 16 <= tile[0] < 29
+    assert 8 <= tile[1] < 19
 
 
 def test_frozen_frame_is_placed(path: Path) -> None:

@@ -24,6 +24,12 @@ Bool = NDArray[np.bool_]
 GROUP_NS: Final = 2 * NS_PER_S
 """Windows that begin within the same two seconds are joined."""
 
+TELLS_THE_PHASE: Final = 1.2
+"""Share of a threshold by which E must have varied to tell where it began. From a start at random at least a third of
+such pixels leave the thresholds around it: of a range of r thresholds, 2 - r may be left before it is passed."""
+FEWEST_TO_TELL: Final = 30
+MOST_BEYOND: Final = 0.1
+
 MISMATCH_SIGMAS: Final = 5.0
 """Of the declared spread of thresholds: beyond lies one pixel in two million."""
 
@@ -74,6 +80,10 @@ class Closed:
         The frame interval that most of the violations may lie in; the first one where nothing tells.
     events_per_pixel
         Mean number of events.
+    mute
+        Pixels that broke the law without a single event.
+    from_start
+        Whether the reference was held to be the signal at the first frame.
     """
 
     first_frame: int
@@ -82,6 +92,8 @@ class Closed:
     pixels: NDArray[np.uint8]
     suspected: int
     events_per_pixel: float
+    mute: int
+    from_start: bool
 
     def unpacked(self, shape: tuple[int, int]) -> Bool:
         """Return the pixels (h, w) that broke the law."""
@@ -93,6 +105,8 @@ class Ledger:
     """Groups of stretches in the order of time; all but the first and the last are closed."""
 
     model: EventModel
+    phase_known: bool = False
+    """Whether the first reference is declared to be the signal at frame 0, and no event comes before it."""
     groups: list[tuple[int, list[Stretch] | Closed]] = field(default_factory=list)
 
     def add(self, group: int, stretches: list[Stretch] | Closed) -> None:
@@ -107,7 +121,7 @@ class Ledger:
 
     def then(self, later: "Ledger") -> "Ledger":
         """Return the ledger of both."""
-        merged = Ledger(self.model, list(self.groups))
+        merged = Ledger(self.model, self.phase_known, list(self.groups))
         for group, stretches in later.groups:
             merged.add(group, stretches)
         return merged
@@ -117,7 +131,7 @@ class Ledger:
         return [self._closed(stretches) for _, stretches in self.groups]
 
     def _closed(self, stretches: list[Stretch] | Closed) -> Closed:
-        return stretches if isinstance(stretches, Closed) else _close(stretches, self.model)
+        return stretches if isinstance(stretches, Closed) else _close(stretches, self.model, self.phase_known)
 
 
 def stretch_of(window: Window) -> Stretch | None:
@@ -178,14 +192,22 @@ def _joined(known: list[Stretch] | Closed, following: list[Stretch] | Closed) ->
     return joined
 
 
-def _close(stretches: list[Stretch], declared: EventModel) -> Closed:
+def _close(stretches: list[Stretch], declared: EventModel, phase_known: bool) -> Closed:
     first, last = stretches[0].bounds.first_frame, stretches[-1].bounds.last_frame
     pixels = np.zeros(stretches[0].excused.shape, np.bool_)
+    mute = pixels.copy()
+    from_start = False
     # How many violations begin at or end with a frame: their running sum counts those that a frame interval may hold.
     changes = np.zeros(last - first + 2, np.int64)
     for stretch in stretches:
-        broken = _broken(stretch, declared) & ~stretch.excused
+        broken = _broken(stretch, declared)
+        if phase_known and stretch.bounds.first_frame == 0 and isinstance(stretch.bounds, Excursions):
+            beyond = _beyond_start(stretch, stretch.bounds, declared)
+            from_start = beyond is not None
+            broken |= False if beyond is None else beyond
+        broken &= ~stretch.excused
         pixels |= broken
+        mute |= broken & (stretch.events == 0)
         if isinstance(stretch.bounds, Excursions):
             highest, lowest = stretch.bounds.highest[1, broken] - first, stretch.bounds.lowest[1, broken] - first
             np.add.at(changes, np.minimum(highest, lowest), 1)
@@ -197,14 +219,29 @@ def _close(stretches: list[Stretch], declared: EventModel) -> Closed:
         np.packbits(pixels),
         first + int(np.argmax(np.cumsum(changes))),
         sum(float(stretch.events.mean()) for stretch in stretches),
+        int(np.count_nonzero(mute)),
+        from_start,
     )
 
 
 def _broken(stretch: Stretch, declared: EventModel) -> Bool:
     if isinstance(stretch.bounds, Runs):
         return stretch.bounds.broken
-    limit = declared.threshold_on + declared.threshold_off
-    # Each event steps by the pixel's own threshold, and the law's ends are its own as well.
-    own = MISMATCH_SIGMAS * declared.threshold_sigma * (sqrt(2.0) + np.sqrt(stretch.events))
-    broken: Bool = stretch.bounds.excess() > limit + own
+    broken: Bool = stretch.bounds.excess() > declared.threshold_on + declared.threshold_off + _own(stretch, declared)
     return broken
+
+
+def _beyond_start(stretch: Stretch, bounds: Excursions, declared: EventModel) -> Bool | None:
+    """Return where E left the thresholds around its start; None where the file does not bear the declared phase out."""
+    own = _own(stretch, declared)
+    beyond: Bool = bounds.departure(declared.threshold_on, declared.threshold_off) > own
+    telling = bounds.excess() > TELLS_THE_PHASE * max(declared.threshold_on, declared.threshold_off) + own
+    if np.count_nonzero(telling) < FEWEST_TO_TELL or beyond[telling].mean() > MOST_BEYOND:
+        return None
+    return beyond
+
+
+def _own(stretch: Stretch, declared: EventModel) -> NDArray[np.float64]:
+    """Return what the spread of thresholds adds: each event steps by the pixel's own, and so are the law's ends."""
+    own: NDArray[np.float64] = MISMATCH_SIGMAS * declared.threshold_sigma * (sqrt(2.0) + np.sqrt(stretch.events))
+    return own
