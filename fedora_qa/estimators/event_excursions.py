@@ -69,7 +69,8 @@ class Excursions:
         """Return how far (h, w) E has surely gone beyond the thresholds around its start, nat; mostly negative."""
         rise = (self.highest[0].astype(np.float64) - self.start[1]) / UNITS_PER_NAT - threshold_on
         fall = (self.start[0].astype(np.float64) - self.lowest[0]) / UNITS_PER_NAT - threshold_off
-        return np.maximum(rise, fall)
+        farthest: NDArray[np.float64] = np.maximum(rise, fall)
+        return farthest
 
 
 def bound(
