@@ -101,6 +101,10 @@ class Conservation(Check[Ledger]):
             return Observation(coverage, unobservable="no two frames with events around them")
         shape = sensor_shape(facts.declared)
         pixels = np.any([one.unpacked(shape) for one in closed], axis=0)
+        if not pixels.any() and not any(one.telling for one in closed):
+            return Observation(
+                coverage, unobservable="nowhere do frames show so much change that an event could be missed"
+            )
         tile, dead = self._tile(pixels, closed, facts)
         return Observation(
             coverage,

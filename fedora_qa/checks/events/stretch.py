@@ -82,6 +82,8 @@ class Closed:
         Mean number of events.
     mute
         Pixels that broke the law without a single event.
+    telling
+        Pixels in which a single event too many or too few could break the law.
     from_start
         Whether the reference was held to be the signal at the first frame.
     """
@@ -93,6 +95,7 @@ class Closed:
     suspected: int
     events_per_pixel: float
     mute: int
+    telling: int
     from_start: bool
 
     def unpacked(self, shape: tuple[int, int]) -> Bool:
@@ -195,12 +198,13 @@ def _joined(known: list[Stretch] | Closed, following: list[Stretch] | Closed) ->
 def _close(stretches: list[Stretch], declared: EventModel, phase_known: bool) -> Closed:
     first, last = stretches[0].bounds.first_frame, stretches[-1].bounds.last_frame
     pixels = np.zeros(stretches[0].excused.shape, np.bool_)
-    mute = pixels.copy()
+    mute, telling = pixels.copy(), pixels.copy()
     from_start = False
     # How many violations begin at or end with a frame: their running sum counts those that a frame interval may hold.
     changes = np.zeros(last - first + 2, np.int64)
     for stretch in stretches:
         broken = _broken(stretch, declared)
+        telling |= _telling(stretch, declared)
         if phase_known and stretch.bounds.first_frame == 0 and isinstance(stretch.bounds, Excursions):
             beyond = _beyond_start(stretch, stretch.bounds, declared)
             from_start = beyond is not None
@@ -220,6 +224,7 @@ def _close(stretches: list[Stretch], declared: EventModel, phase_known: bool) ->
         first + int(np.argmax(np.cumsum(changes))),
         sum(float(stretch.events.mean()) for stretch in stretches),
         int(np.count_nonzero(mute)),
+        int(np.count_nonzero(telling)),
         from_start,
     )
 
@@ -229,6 +234,15 @@ def _broken(stretch: Stretch, declared: EventModel) -> Bool:
         return stretch.bounds.broken
     broken: Bool = stretch.bounds.excess() > declared.threshold_on + declared.threshold_off + _own(stretch, declared)
     return broken
+
+
+def _telling(stretch: Stretch, declared: EventModel) -> Bool:
+    """Return where the signal is known at all (linear), or varies by so much that an event more would break the law."""
+    if isinstance(stretch.bounds, Runs):
+        known: Bool = np.isfinite(stretch.bounds.tail).all(axis=0)
+        return known
+    varied: Bool = stretch.bounds.excess() > max(declared.threshold_on, declared.threshold_off)
+    return varied
 
 
 def _beyond_start(stretch: Stretch, bounds: Excursions, declared: EventModel) -> Bool | None:
