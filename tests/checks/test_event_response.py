@@ -15,6 +15,7 @@ from tests.checks.event_file import (
     FRAME_SHAPE,
     FRAMES_NS,
     JUMPING_WORLD,
+    LINEAR_WORLD,
     LOG_WORLD,
     SHAPE,
     EventFile,
@@ -23,7 +24,7 @@ from tests.checks.event_file import (
     linear_file,
     log_file,
 )
-from tests.estimators.event_world import MS, Stream, Waves, log_events
+from tests.estimators.event_world import MS, Stream, Waves, linear_events, log_events
 from tests.support.checked import diagnoses_of, run_check
 
 Change = Callable[[EventFile], EventFile]
@@ -213,11 +214,18 @@ def test_a_start_that_is_misdeclared_alarms_nobody(path: Path) -> None:
     log_file().declaring(initial_phase="zero").write(path)
     assert measured(run_check(path, "event_response.conservation"), "violating_pixels").value == 0
 
+    begun = linear_events(LINEAR_WORLD, SHAPE, DURATION_MS * MS, phase=1.0)
+    linear_file().altered(events=begun).declaring(initial_phase="zero").write(path)
+    assert run_check(path, "event_response.conservation").outcome == "passed"
 
-def test_dead_region_is_named(path: Path) -> None:
+
+@pytest.mark.parametrize(
+    "clean", [log_file, lambda: linear_file().declaring(initial_phase="zero")], ids=["log", "linear"]
+)
+def test_dead_region_is_named(clean: Callable[[], EventFile], path: Path) -> None:
     """Nine by nine pixels that never fire are a dead region, at their place."""
     dead = events(lambda e: e.keep((e.x < 20) | (e.x >= 29) | (e.y < 10) | (e.y >= 19)))
-    dead(log_file()).write(path)
+    dead(clean()).write(path)
     diagnosis = next(d for d in diagnoses_of(path, "event_response") if d.cause == "dead_region")
     assert (diagnosis.stream, diagnosis.magnitude) == ("events", pytest.approx(9.0, abs=1.5))
     tile = run_check(path, "event_response.conservation").findings[-1].where.tile

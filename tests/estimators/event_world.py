@@ -94,9 +94,16 @@ def log_events(
     return _stream(found, shape[1])
 
 
-def linear_events(world: Waves, shape: tuple[int, int], stop_ns: int, threshold: float = 6.0) -> Stream:
-    """One event a pixel and step of 1 ms where rint(Y) has moved by strictly more than the threshold."""
+def linear_events(
+    world: Waves, shape: tuple[int, int], stop_ns: int, threshold: float = 6.0, *, phase: float = 0.0
+) -> Stream:
+    """One event a pixel and step of 1 ms where rint(Y) has moved by strictly more than the threshold.
+
+    The first reference is off the value by up to ``phase`` thresholds.
+    """
+    rng = np.random.default_rng(1)
     reference = np.rint(world.luma(0.0, shape)).ravel()
+    reference += np.rint(phase * rng.uniform(-threshold, threshold, reference.size))
     found: list[Floats] = []
     for now_ns in range(MS, stop_ns + 1, MS):
         value = np.rint(world.luma(now_ns * 1e-9, shape)).ravel()

@@ -40,7 +40,8 @@ class Conservation(Check[Ledger]):
     reference is declared to be the signal at the first frame, and nine tenths of the pixels that could contradict that
     do not, E also stays within C+ and C- of its start: in the first two seconds that sees a single event in most
     pixels. Linear model: a silent pixel varies by at most C+ + C-, and P brighter events alone mean a rise of at least
-    P (C+ + 1) - C+ - C- (``event_runs``). Frames bound L at their times; two seconds are followed at a time.
+    P (C+ + 1) - C+ - C- (``event_runs``); from a declared start its first run keeps to C+ and C-. Frames bound L at
+    their times; two seconds are followed at a time.
 
     Noise model
     -----------
@@ -69,7 +70,7 @@ class Conservation(Check[Ledger]):
     _MATTERS: Final = 0.05
     _TILE_ALLOWANCE: Final = 1 / TILE_PX
     """A structure one pixel wide runs through as many pixels of a tile as its side has."""
-    _ONE_REGION: Final = 0.8
+    _ONE_REGION: Final = 0.6
     """Share of the violating pixels that lie together, and share of them that give no event, where a region is dead
     (in the diagnosis, after an alarm)."""
 

@@ -26,7 +26,8 @@ GROUP_NS: Final = 2 * NS_PER_S
 
 TELLS_THE_PHASE: Final = 1.2
 """Share of a threshold by which E must have varied to tell where it began. From a start at random at least a third of
-such pixels leave the thresholds around it: of a range of r thresholds, 2 - r may be left before it is passed."""
+such pixels leave the thresholds around it: of a range of r thresholds, 2 - r may be left before it is passed. First
+runs of the linear model end with an event; there a range of one threshold has to do, and tells less."""
 FEWEST_TO_TELL: Final = 30
 MOST_BEYOND: Final = 0.1
 
@@ -205,8 +206,8 @@ def _close(stretches: list[Stretch], declared: EventModel, phase_known: bool) ->
     for stretch in stretches:
         broken = _broken(stretch, declared)
         telling |= _telling(stretch, declared)
-        if phase_known and stretch.bounds.first_frame == 0 and isinstance(stretch.bounds, Excursions):
-            beyond = _beyond_start(stretch, stretch.bounds, declared)
+        if phase_known and stretch.bounds.first_frame == 0:
+            beyond = _beyond_start(stretch, declared)
             from_start = beyond is not None
             broken |= False if beyond is None else beyond
         broken &= ~stretch.excused
@@ -239,17 +240,18 @@ def _broken(stretch: Stretch, declared: EventModel) -> Bool:
 def _telling(stretch: Stretch, declared: EventModel) -> Bool:
     """Return where the signal is known at all (linear), or varies by so much that an event more would break the law."""
     if isinstance(stretch.bounds, Runs):
-        known: Bool = np.isfinite(stretch.bounds.tail).all(axis=0)
+        known: Bool = np.all(np.isfinite(stretch.bounds.tail), axis=0)
         return known
     varied: Bool = stretch.bounds.excess() > max(declared.threshold_on, declared.threshold_off)
     return varied
 
 
-def _beyond_start(stretch: Stretch, bounds: Excursions, declared: EventModel) -> Bool | None:
+def _beyond_start(stretch: Stretch, declared: EventModel) -> Bool | None:
     """Return where E left the thresholds around its start; None where the file does not bear the declared phase out."""
     own = _own(stretch, declared)
-    beyond: Bool = bounds.departure(declared.threshold_on, declared.threshold_off) > own
-    telling = bounds.excess() > TELLS_THE_PHASE * max(declared.threshold_on, declared.threshold_off) + own
+    beyond: Bool = stretch.bounds.departure(declared.threshold_on, declared.threshold_off) > own
+    enough = TELLS_THE_PHASE if isinstance(stretch.bounds, Excursions) else 1.0
+    telling: Bool = stretch.bounds.excess() > enough * max(declared.threshold_on, declared.threshold_off) + own
     if np.count_nonzero(telling) < FEWEST_TO_TELL or beyond[telling].mean() > MOST_BEYOND:
         return None
     return beyond
