@@ -2,7 +2,8 @@
 
 An ideal pixel keeps ``-C- < L - ref < C+``, and ``ref`` moves by C+ and C- only. So over any times, however far apart,
 ``E = L - C+ P + C- M`` varies by less than C+ + C-. Each frame bounds L at its time; the pixel violates the law where
-the largest lower bound of E exceeds the smallest upper bound by C+ + C- or more.
+the largest lower bound of E exceeds the smallest upper bound by C+ + C- or more. Where the reference is the signal at
+the first frame, E is nothing there, and stays within the thresholds of it: -C- < E < C+.
 
 Signals are int64 multiples of 2^-40 nat, so that neighbouring stretches join exactly in any order.
 """
@@ -34,6 +35,8 @@ class Excursions:
     highest, lowest
         (2, h, w) the largest lower bound and the smallest upper bound of E, counted from the first frame, and the frame
         of each.
+    start
+        (2, h, w) lower and upper bound of E at the first frame.
     """
 
     first_frame: int
@@ -41,6 +44,7 @@ class Excursions:
     total: Int64
     highest: Int64
     lowest: Int64
+    start: Int64
 
     def then(self, later: "Excursions") -> "Excursions":
         """Join with the stretch that begins at this one's last frame. Exact, hence associative."""
@@ -53,12 +57,20 @@ class Excursions:
             self.total + later.total,
             np.where(highest[0] > self.highest[0], highest, self.highest),
             np.where(lowest[0] < self.lowest[0], lowest, self.lowest),
+            self.start,
         )
 
     def excess(self) -> NDArray[np.float64]:
         """Return by how much (h, w) E has surely varied, nat; negative where nothing is sure."""
         span: NDArray[np.float64] = (self.highest[0].astype(np.float64) - self.lowest[0]) / UNITS_PER_NAT
         return span
+
+    def departure(self, threshold_on: float, threshold_off: float) -> NDArray[np.float64]:
+        """Return how far (h, w) E has surely gone beyond the thresholds around its start, nat; mostly negative."""
+        rise = (self.highest[0].astype(np.float64) - self.start[1]) / UNITS_PER_NAT - threshold_on
+        fall = (self.start[0].astype(np.float64) - self.lowest[0]) / UNITS_PER_NAT - threshold_off
+        farthest: NDArray[np.float64] = np.maximum(rise, fall)
+        return farthest
 
 
 def bound(
@@ -89,4 +101,10 @@ def bound(
     on, off = (round(threshold * UNITS_PER_NAT) for threshold in (threshold_on, threshold_off))
     moved = np.rint(drift * UNITS_PER_NAT).astype(np.int64)
     total = bound_excursions(lower, upper, counts, UNITS_PER_NAT, on, off, moved, frames, highest, lowest)
-    return Excursions(int(frames[0]), int(frames[-1]), total, highest, lowest)
+    known = np.isfinite(lower[0]) & np.isfinite(upper[0])
+    ends = [np.where(known, end, 0.0) * UNITS_PER_NAT for end in (lower[0], upper[0])]
+    start = np.stack([
+        np.where(known, np.floor(ends[0]).astype(np.int64), -_FARTHEST),
+        np.where(known, np.ceil(ends[1]).astype(np.int64), _FARTHEST),
+    ])  # fmt: skip
+    return Excursions(int(frames[0]), int(frames[-1]), total, highest, lowest, start)

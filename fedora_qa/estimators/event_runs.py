@@ -3,7 +3,8 @@
 While a pixel gives no event, its value stays within [ref - C-, ref + C+]: over a run without events it varies by at
 most C+ + C-. Each brighter event raises the reference by at least C+ + 1 (thresholds are strict, values whole), so that
 P brighter events and no darker one between two frames raise the value by at least P (C+ + 1) - C+ - C-. There is no
-upper bound: one event can stand for any step.
+upper bound: one event can stand for any step. Where the first reference is the value at the first frame, the first run
+stays within the thresholds of that value.
 """
 
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ class Runs:
         (h, w): a law was violated within the stretch.
     limit
         C+ + C-, the most that a value may vary in a run.
+    start
+        (2, h, w) lower and upper bound of the value at the first frame.
     """
 
     first_frame: int
@@ -41,6 +44,19 @@ class Runs:
     quiet: Bool
     broken: Bool
     limit: float
+    start: Float64
+
+    def departure(self, threshold_on: float, threshold_off: float) -> Float64:
+        """Return how far (h, w) the first run has surely gone beyond the thresholds around its start, DN."""
+        rise = self.head[0] - self.start[1] - threshold_on
+        fall = self.start[0] - self.head[1] - threshold_off
+        farthest: Float64 = np.maximum(rise, fall)
+        return farthest
+
+    def excess(self) -> Float64:
+        """Return by how much (h, w) the value has surely varied in the first run, DN; negative where nothing is."""
+        varied: Float64 = self.head[0] - self.head[1]
+        return varied
 
     def then(self, later: "Runs") -> "Runs":
         """Join with the stretch that begins at this one's last frame. Exact, hence associative."""
@@ -53,6 +69,7 @@ class Runs:
             self.quiet & later.quiet,
             self.broken | later.broken | (across[0] - across[1] > self.limit),
             self.limit,
+            self.start,
         )
 
     def told(self) -> Bool:
@@ -78,7 +95,7 @@ def follow_runs(
     quiet = np.ones(lower.shape[1:], np.bool_)
     bounds = np.stack([lower, upper], axis=1)
     numbers = frames.tolist()
-    runs = Runs(numbers[0], numbers[0], bounds[0], bounds[0], quiet, ~quiet, limit)
+    runs = Runs(numbers[0], numbers[0], bounds[0], bounds[0], quiet, ~quiet, limit, bounds[0])
     for i in range(len(counts)):
         off, on = counts[i]
         silent = (on == 0) & (off == 0)
@@ -88,7 +105,7 @@ def follow_runs(
         broken |= (on > 0) & (off == 0) & (rise < on * (threshold_on + 1) - limit)
         broken |= (off > 0) & (on == 0) & (fall < off * (threshold_off + 1) - limit)
         head, tail = np.where(silent, step, bounds[i]), np.where(silent, step, bounds[i + 1])
-        runs = runs.then(Runs(numbers[i], numbers[i + 1], head, tail, silent, broken, limit))
+        runs = runs.then(Runs(numbers[i], numbers[i + 1], head, tail, silent, broken, limit, bounds[i]))
     return runs
 
 

@@ -48,6 +48,8 @@ class EventModel:
     refractory_us: float = 0.0
     hot_pixels: tuple[tuple[int, int], ...] = ()
     hot_pixel_rate_hz: float = 0.0
+    initial_phase: str = "uniform"
+    """``zero``: the first reference is the signal at the first frame."""
 
 
 @dataclass(frozen=True, slots=True)

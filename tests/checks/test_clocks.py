@@ -10,12 +10,17 @@ from hypothesis import strategies as st
 
 from fedora_qa.checks import CHECKS
 from fedora_qa.checks.clocks.rates import Rate
+from fedora_qa.checks.clocks.resolution import Resolution
 from fedora_qa.checks.protocol import FactsCheck
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts
 from tests.support.facts import FLOW_PERIODS_NS, MS, PERIODS_NS, clock, exact_facts, with_clock
 
-CLOCKS = {check.name: check for check in CHECKS if check.name.startswith("clocks.") and isinstance(check, FactsCheck)}
+CLOCKS = {
+    check.name: check
+    for check in CHECKS
+    if check.name.startswith("clocks.") and isinstance(check, FactsCheck | Resolution)
+}
 
 
 def judged(name: str, facts: Facts) -> Judged:

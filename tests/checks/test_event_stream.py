@@ -134,6 +134,18 @@ def test_steps_of_a_linear_sensor_are_its_tick(path: Path) -> None:
     assert rules(run_check(path, "event_stream.gaps")) == ["silence"]
 
 
+def test_rounded_stamps_of_a_part_are_found(path: Path) -> None:
+    """Stamps rounded to 0.3 ms in a third of the columns are a grid of a part, with its step; clean ones are none."""
+    log_file().write(path)
+    assert run_check(path, "clocks.resolution").outcome == "passed"
+    rounded = lambda e: np.where(e.x < 19, e.times_ns // 300_000 * 300_000, e.times_ns)  # noqa: E731
+    order = lambda e: np.argsort(rounded(e), kind="stable")  # noqa: E731
+    altered(lambda e: replace(e, times_ns=rounded(e)).keep(order(e))).write(path)
+    assert rules(run_check(path, "clocks.resolution")) == ["partial_grid"]
+    diagnosis = diagnoses_of(path, "clocks")[0]
+    assert (diagnosis.cause, diagnosis.magnitude) == ("quantised_time", pytest.approx(0.3))
+
+
 def test_one_sided_polarity_is_noticed(path: Path) -> None:
     """A stream of brighter events only is legal and unusual."""
     altered(lambda e: e.keep(e.p == 1)).write(path)

@@ -67,11 +67,16 @@ def camera_matrix(width: int, height: int) -> Floats:
     return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
 
 
-def log_events(world: Waves, shape: tuple[int, int], stop_ns: int, on: float = 0.2, off: float = 0.2) -> Stream:
-    """Crossings of L = ln Y, a straight line within 0.2 ms, stamped with the first microsecond not before them."""
+def log_events(
+    world: Waves, shape: tuple[int, int], stop_ns: int, on: float = 0.2, off: float = 0.2, *, phase: float = 1.0
+) -> Stream:
+    """Crossings of L = ln Y, a straight line within 0.2 ms, stamped with the first microsecond not before them.
+
+    The first reference is off the signal by up to ``phase`` thresholds.
+    """
     rng = np.random.default_rng(1)
     signal = np.log(world.luma(0.0, shape)).ravel()
-    reference = signal - rng.uniform(-off, on, signal.size)
+    reference = signal - phase * rng.uniform(-off, on, signal.size)
     found: list[Floats] = []
     for start_ns in range(0, stop_ns, STEP_NS):
         stop_s = (start_ns + STEP_NS) * 1e-9
@@ -89,9 +94,16 @@ def log_events(world: Waves, shape: tuple[int, int], stop_ns: int, on: float = 0
     return _stream(found, shape[1])
 
 
-def linear_events(world: Waves, shape: tuple[int, int], stop_ns: int, threshold: float = 6.0) -> Stream:
-    """One event a pixel and step of 1 ms where rint(Y) has moved by strictly more than the threshold."""
+def linear_events(
+    world: Waves, shape: tuple[int, int], stop_ns: int, threshold: float = 6.0, *, phase: float = 0.0
+) -> Stream:
+    """One event a pixel and step of 1 ms where rint(Y) has moved by strictly more than the threshold.
+
+    The first reference is off the value by up to ``phase`` thresholds.
+    """
+    rng = np.random.default_rng(1)
     reference = np.rint(world.luma(0.0, shape)).ravel()
+    reference += np.rint(phase * rng.uniform(-threshold, threshold, reference.size))
     found: list[Floats] = []
     for now_ns in range(MS, stop_ns + 1, MS):
         value = np.rint(world.luma(now_ns * 1e-9, shape)).ravel()

@@ -16,10 +16,12 @@ STEP_ON, STEP_OFF = 6.0, 8.0
 seeds = st.integers(0, 2**32 - 1)
 
 
-def ideal_log(rng: np.random.Generator, frames: int = 30, pixels: int = 6) -> tuple[np.ndarray, np.ndarray]:
+def ideal_log(
+    rng: np.random.Generator, frames: int = 30, pixels: int = 6, phase: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
     """A random level (n, 1, pixels) and the events (n - 1, 2, 1, pixels) of an ideal sensor between the frames."""
     level = np.cumsum(rng.normal(0, 0.3, (frames, pixels)), axis=0)
-    reference = level[0] - rng.uniform(-OFF, ON, pixels)
+    reference = level[0] - phase * rng.uniform(-OFF, ON, pixels)
     counts = np.zeros((frames - 1, 2, 1, pixels), np.int32)
     for i, target in enumerate(level[1:]):
         for pixel in range(pixels):
@@ -61,6 +63,16 @@ def runs(values: np.ndarray, counts: np.ndarray, error: float = 0.0, first: int 
 def test_ideal_log_events_keep_the_law(seed: int) -> None:
     """Whatever the level does, it never strays from its events by the sum of the thresholds."""
     assert np.all(excursions(*ideal_log(np.random.default_rng(seed))).excess() < ON + OFF)
+
+
+@given(seeds)
+@settings(max_examples=50, deadline=None)
+def test_references_that_begin_at_the_signal_keep_the_law_of_the_start(seed: int) -> None:
+    """From a first reference at the signal no level strays from its events by a threshold; from others some do."""
+    signal, counts = ideal_log(np.random.default_rng(seed), phase=0.0)
+    assert np.all(excursions(signal, counts).departure(ON, OFF) < 0)
+    signal, counts = ideal_log(np.random.default_rng(seed), pixels=60)
+    assert np.any(excursions(signal, counts).departure(ON, OFF) > 0)
 
 
 @given(seeds)

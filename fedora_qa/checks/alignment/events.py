@@ -60,17 +60,37 @@ class Registration:
 class Events(WindowCheck[Registration]):
     """Do events lie at the pixels where frames change, whatever their polarity, thresholds and sensor model?
 
+    The shift of events against colour frames, in px of the event camera, to the right and down.
+
+    Why it matters
+    --------------
+    Frames and events are used together, pixel by pixel: one wrong crop or half-pixel convention and edges of the one
+    lie beside edges of the other. It asks what ``event_response.alignment`` asks, without declared thresholds.
+
+    How
+    ---
     The number of events between two frames is cross-correlated with the absolute change of log luma, and the sum over
-    intervals is registered on the autocorrelation of that change (Guizar-Sicairos et al., Opt. Lett. 33 (2008)). Shifts
-    of up to four pixels are found. It asks what ``event_response.alignment`` asks, without declared thresholds, and so
-    with less precision.
+    intervals is registered on the autocorrelation of that change, to a hundredth of a pixel and up to four pixels.
+    Depth, where it is there, tells which camera is off: a shift must explain colour against depth and events against
+    depth too.
 
-    The size of a step is taken from the data: the change of all pixels that fire over their events. With it, standard
-    error and lag are those of ``event_response.alignment``; the spread when stretches of time are left out in turn
-    counts where it is larger.
+    Noise model
+    -----------
+    The size of a step, C, is taken from the data: the change of all pixels that fire over their events. What a level
+    leaves open between two events has a variance of 2/3 C^2, from which the standard error follows; the spread when
+    stretches of time are left out in turn counts where it is larger. The allowance is the lag: a level that has risen
+    lies above its reference by C/2 on average, so that events follow an even drift by at most C/2 mean|g| / mean g^2,
+    with g the slope of the level where pixels fire.
 
-    A late stream appears shifted along the mean motion of the image as well. Depth, where it is there, tells which
-    camera is off: a shift must explain colour against depth and events against depth too.
+    Cannot see
+    ----------
+    A shift of less than the lag; a shift of a part of the time or of the image, except in the mean; shifts beyond four
+    pixels, which leave no correlation. A late stream appears shifted along the mean motion and is suspected as well.
+
+    Sources
+    -------
+    M. Guizar-Sicairos, S. Thurman, J. Fienup, Opt. Lett. 33 (2008) for the registration; derivations in
+    ``registration_errors``.
     """
 
     name = "alignment.events"

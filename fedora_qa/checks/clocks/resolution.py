@@ -1,25 +1,29 @@
 """The grids that stamps lie on."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
 
+from fedora_qa.checks.clocks.combs import Comb, comb_of, declared_tick_us, worst_comb
 from fedora_qa.checks.clocks.streams import event_scan, fits_of
-from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.regular_clock import RegularClock
 from fedora_qa.estimators.stamp_grid import single_precision_spacing_us, surely_no_chance
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
 
 _ENOUGH_EVENTS: Final = 1000
 
 
-class Resolution(FactsCheck):
+class Resolution(WindowCheck[Comb]):
     """Do stamps have the resolution that the file declares?
 
-    The grid on which all stamps of a stream lie: the greatest common divisor of the steps between them, in us.
+    The grid on which all stamps of a stream lie: the greatest common divisor of the steps between them, in us; and of
+    events the comb on which more of the stamps of a window lie than chance would put there, with the share of its
+    teeth that hold an event.
 
     Why it matters
     --------------
@@ -30,22 +34,29 @@ class Resolution(FactsCheck):
     ---
     Events must lie on the grid of the declared packets, or of one microsecond for asynchronous events of the log model.
     A sampled stream betrays its grid where its steps vary: all of them are then multiples of a number above 1 us. The
-    same stamps are held against single-precision seconds, whose spacing doubles at each power of two.
+    same stamps are held against single-precision seconds, whose spacing doubles at each power of two. Where all events
+    together lie on no coarse grid, each window of 0.2 s is held against every comb of 2 to 2000 ticks through the
+    clock's zero and against the steps of single-precision seconds, 7.6 to 122 us: they find the rounding of a part of
+    the image or of the time.
 
     Noise model
     -----------
     By chance alone n stamps at random microseconds all fall on a grid of g us with probability g^-n. Events are judged
-    from 1000 on; a sampled stream where its irregular steps make that probability less than one in a million.
+    from 1000 on; a sampled stream where its irregular steps make that probability less than one in a million. A comb's
+    teeth hit occupied ticks with the binomial chance of the share of ticks that are occupied; a tick counts once
+    however many events it holds, so that an edge which fires a whole column is one witness. The deviate of that chance
+    is the number of standard errors; all combs and windows are counted as tests.
 
     Cannot see
     ----------
     A grid that divides the period: an exact clock fits every such grid, and loses nothing by it. Events of the linear
-    model come once a rendered step, which the format does not declare: there a grid is honest. Events are not held
-    against single precision, since only their divisor is kept.
+    model come once a rendered step, which the format does not declare: there a grid is honest. Grids of a
+    part of the events that do not pass through zero, or are coarser than 2 ms.
 
     Sources
     -------
-    IEEE 754-2019, 3.6 (24 bits of binary32); first principles, ``fedora_qa/estimators/stamp_grid.py``.
+    IEEE 754-2019, 3.6 (24 bits of binary32); first principles, ``fedora_qa/estimators/stamp_grid.py`` and
+    ``stamp_combs.py``.
     """
 
     name = "clocks.resolution"
@@ -54,15 +65,22 @@ class Resolution(FactsCheck):
         """Need stamps."""
         return "" if facts.events is not None or facts.clocks else "the file has no stamps"
 
-    def examine(self, facts: Facts) -> Observation:
-        """Measure the grid of each stream whose stamps show one."""
+    def measure(self, window: Window) -> Comb | None:
+        """Find what a part of the events keeps to, where grids are not honest."""
+        facts = window.facts
+        return None if facts.events is None or _why_events_show_none(facts) else comb_of(window)
+
+    def conclude(self, state: Sequence[Comb], facts: Facts) -> Observation:
+        """Measure the grid of each stream whose stamps show one, and that of a part of the events."""
         measured = list(_of_samples(facts))
         count = sum(len(facts.clocks[one.where.stream or ""].times_ns) for one in measured)
         unobservable = "" if measured else "all clocks are exact, and so lie on every grid that divides their periods"
         if facts.events is not None:
             unobservable = _why_events_show_none(facts)
             count += facts.events.count
-            measured += [] if unobservable else [_of_events(facts)]
+            if not unobservable:
+                whole = _of_events(facts)
+                measured += [whole, worst_comb(state, facts)] if state and whole.value == whole.expected else [whole]
         return Observation(Coverage(count, count, "stamps"), tuple(measured), unobservable=unobservable)
 
 
@@ -76,8 +94,7 @@ def _why_events_show_none(facts: Facts) -> str:
 
 
 def _of_events(facts: Facts) -> Measured:
-    declared = facts.declared.events
-    expected_us = max(1, declared.packet_interval_us if declared is not None else 0)
+    expected_us = declared_tick_us(facts)
     grid_us = event_scan(facts).grid_ns / NS_PER_US
     said = f"All event stamps lie on a grid of {grid_us:g} us; {expected_us} us is declared."
     return _grid("events", grid_us, float(expected_us), said)

@@ -101,7 +101,11 @@ class Order(FactsCheck):
             code="clocks.order.backward_steps",
             where=Where(stream="events", index_start=events.first_decrease if events.decreases else None),
             severity="critical",
-            suspects=(Suspect("time_unit", "events", 0.95), unsorted) if wrapped else (unsorted,),
+            suspects=(
+                *((Suspect("time_unit", "events", 0.95),) if wrapped else ()),
+                unsorted,
+                Suspect("quantised_time", "events", 0.3),  # rounded in a part, some come before their neighbours
+            ),
         )
 
 

@@ -20,10 +20,34 @@ from fedora_qa.sequence.window import Window
 class Rates(Check[NDArray[np.int64]]):
     """Does any pixel fire without cause?
 
-    Events of every pixel are counted (by polarity) and held against the 24 neighbours: what moves over a sensor moves
-    over them as well. The excess over the third largest neighbour is judged by Poisson's spread and that of the
-    neighbours. Declared hot pixels are excused, and their declared rate is held to. Dead regions show in
-    ``event_response.conservation``, where frames say what should have fired.
+    The excess of the loudest pixel over its neighbourhood, in events a second, and the rate of declared hot pixels.
+
+    Why it matters
+    --------------
+    One hot pixel of 200 Hz gives more events than hundreds of others; it draws optical flow and learned features to
+    itself. If its polarity alternates, it breaks no law of brightness either.
+
+    How
+    ---
+    Events of every pixel are counted over the whole file, whatever their polarity, and held against the 24 neighbours:
+    what moves over a sensor moves over them as well. The excess is over the third largest neighbour, so that two hot
+    pixels side by side do not hide each other. Declared hot pixels are excused, and held to their declared rate.
+
+    Noise model
+    -----------
+    Standard error: Poisson's of the third largest neighbour, with the distance of that from their median, which
+    measures how much edges and textures make neighbours differ (1.1 standard deviations of a normal distribution), and
+    of one event. A declared spread of thresholds allows the rate to be larger by five sigma of it. All pixels are
+    tests. Declared hot pixels have the Poisson error of their sum, and lose what falls into refractory periods.
+
+    Cannot see
+    ----------
+    Pixels that are hot for a short time only, or less than the scene itself is loud; three and more hot pixels side by
+    side. Dead pixels and regions: without frames they are scenes at rest (``event_response.conservation``).
+
+    Sources
+    -------
+    First principles: order statistics of 24 neighbours; derivation in ``event_rates``.
     """
 
     name = "event_stream.rates"

@@ -1,4 +1,4 @@
-"""The event stream by itself: places and repeats."""
+"""The event stream by itself: places."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,13 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.events.view import all_events, own, sensor_events, sensor_shape
+from fedora_qa.checks.events.view import all_events, own, sensor_shape
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
-from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.event_kernels import find_repeats
+from fedora_qa.conventions import NS_PER_US
 from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
 
@@ -77,8 +75,31 @@ class BoundsCount:
 class Bounds(WindowCheck[BoundsCount]):
     """Does every event lie on the sensor, with a polarity of 0 or 1?
 
-    x < width and y < height of the declared event camera, p one of the declared code. Exact counts over every event
-    of the windows seen; the first offender is named. Events that would all fit with x and y exchanged are named so.
+    The number of events beyond the declared width and height, and of those with a polarity of neither code.
+
+    Why it matters
+    --------------
+    An event outside the image overruns the arrays of whoever accumulates events, or wraps round to another pixel;
+    exchanged x and y show first in this way.
+
+    How
+    ---
+    Every event of the windows seen is compared with the declared event camera; the first offender is named by row,
+    stamp and pixel. Where all events would fit with x and y exchanged, that is said. A stream of one polarity alone is
+    noted, not failed.
+
+    Noise model
+    -----------
+    None: counts are exact, and one is too many.
+
+    Cannot see
+    ----------
+    Wrong places on the sensor (``event_response.orientation``), exchanged axes of a square sensor, and polarities that
+    are merely exchanged. A declaration that is too large hides events that should not be there.
+
+    Sources
+    -------
+    First principles: the layout of ``/path/events`` and the declared camera.
     """
 
     name = "event_stream.bounds"
@@ -101,7 +122,7 @@ class Bounds(WindowCheck[BoundsCount]):
             seen=len(events),
             outside=int(np.count_nonzero(outside)),
             bad_polarity=int(np.count_nonzero(unknown)),
-            first=_event_at(events, int(rows[0]), window.owned("events").start) if len(rows) else None,
+            first=event_at(events, int(rows[0]), window.owned("events").start) if len(rows) else None,
             farthest=(int(events.x.max()), int(events.y.max())) if len(events) else (0, 0),
             polarities=(int(np.count_nonzero(events.p == 0)), int(np.count_nonzero(events.p == 1))),
         )
@@ -135,7 +156,7 @@ class Bounds(WindowCheck[BoundsCount]):
             statement=f"{outside} events lie outside the declared {width} x {height} px (largest column {columns - 1}, "
             f"largest row {rows - 1}){hint}.",
             code="event_stream.bounds.outside",
-            where=_where(facts, first),
+            where=where_of(facts, first),
             severity="critical",
             suspects=tuple(suspects),
         )
@@ -147,7 +168,7 @@ class Bounds(WindowCheck[BoundsCount]):
             unit="events",
             statement=f"{unknown} events have a polarity that is neither 0 nor 1.",
             code="event_stream.bounds.polarity",
-            where=_where(facts, first),
+            where=where_of(facts, first),
             severity="critical",
             suspects=(Suspect("nan_in_stream", "events", 0.4, float(unknown), "samples"),),
         )
@@ -160,110 +181,13 @@ class Bounds(WindowCheck[BoundsCount]):
         return (Notice("event_stream.bounds.one_polarity", f"every event is {said}", Where(stream="events")),)
 
 
-@dataclass(frozen=True, slots=True)
-class RepeatCount:
-    """Events of one window with the pixel and stamp of another, and ticks in which all events come in pairs."""
-
-    seen: int
-    repeats: int
-    doubled_ticks: int
-    first: tuple[int, int, int, int, int] | None
-    first_doubled: tuple[int, int, int, int, int] | None
-
-
-class Repeats(WindowCheck[RepeatCount]):
-    """Does every event occur once?
-
-    A pixel of a sensor that stamps to the microsecond fires at most once in it: twice would be a slope of a threshold
-    a microsecond. A sensor that gives one event a rendered step does so once a stamp as well. On a grid of packets a
-    pixel may honestly fire several times a tick; there a tick counts in which every pixel fires an even number of
-    times with each polarity, eight events at least: a packet that was written twice. Declared spurious events fall on
-    a true one with the chance of their rate times the tick.
-    """
-
-    name = "event_stream.duplicates"
-    needs = ("events",)
-
-    def not_applicable(self, facts: Facts) -> str:
-        """Need the size of the sensor."""
-        return why_no_sensor(facts)
-
-    def measure(self, window: Window) -> RepeatCount:
-        """Count repeats."""
-        events = own(window, sensor_events(window))
-        shape = sensor_shape(window.facts.declared)
-        repeats, first, doubled, first_doubled = find_repeats(events.x, events.y, events.times_ns, events.p, shape)
-        start = window.owned("events").start
-        return RepeatCount(
-            len(events),
-            repeats,
-            doubled,
-            _event_at(events, first, start) if repeats else None,
-            _event_at(events, first_doubled, start) if doubled else None,
-        )
-
-    def conclude(self, state: Sequence[RepeatCount], facts: Facts) -> Observation:
-        """Sum over the windows; on a grid only doubled ticks count."""
-        seen = sum(count.seen for count in state)
-        if not seen:
-            return Observation(event_coverage(facts, 0), unobservable=NO_EVENTS)
-        repeats = sum(count.repeats for count in state)
-        doubled = sum(count.doubled_ticks for count in state)
-        first_doubled = next((count.first_doubled for count in state if count.first_doubled is not None), None)
-        measured = [
-            count_of_faults(
-                name="doubled_ticks",
-                value=doubled,
-                unit="ticks",
-                statement=f"In {doubled} instants every event occurs twice: packets were written twice.",
-                code="event_stream.duplicates.packet",
-                where=_where(facts, first_doubled),
-                suspects=(Suspect("duplicated_samples", "events", 0.95, float(repeats), "samples"),),
-            )
-        ]
-        if self._once_a_tick(facts):
-            first = next((count.first for count in state if count.first is not None), None)
-            measured.append(self._repeats(facts, repeats, seen, first))
-        return Observation(event_coverage(facts, seen), tuple(measured))
-
-    def _once_a_tick(self, facts: Facts) -> bool:
-        declared = facts.declared.events
-        linear = declared is not None and declared.model == "linear"
-        packets = declared is not None and declared.packet_interval_us > 0
-        return not packets and (linear or tick_ns(facts) == NS_PER_US)
-
-    def _repeats(self, facts: Facts, repeats: int, seen: int, first: tuple[int, int, int, int, int] | None) -> Measured:
-        chance = _spurious_per_pixel_hz(facts.declared.events) * tick_ns(facts) / NS_PER_S * seen
-        return Measured(
-            name="repeats",
-            value=float(repeats),
-            unit="events",
-            expected=chance,
-            # A count of rare coincidences; where none is declared even one is out of order.
-            standard_error=float(np.sqrt(chance)),
-            allowance=1.0 if chance > 0 else 0.0,
-            side="upper",
-            resolution=1.0,
-            statement=f"{repeats} events repeat pixel and stamp of another.",
-            code="event_stream.duplicates.event",
-            where=_where(facts, first),
-            suspects=(Suspect("duplicated_samples", "events", 0.95, float(repeats), "samples"),),
-        )
-
-
-def _spurious_per_pixel_hz(declared: EventModel | None) -> float:
-    """Return the declared rate of events that no brightness explains, averaged over the events that they may meet."""
-    if declared is None:
-        return 0.0
-    # An event of a hot pixel meets others at the hot rate; take all events as if they did.
-    return declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)
-
-
-def _event_at(events: Events, i: int, first_row: int) -> tuple[int, int, int, int, int]:
+def event_at(events: Events, i: int, first_row: int) -> tuple[int, int, int, int, int]:
+    """Return row, stamp (ns), x, y and p of one event."""
     return first_row + i, int(events.times_ns[i]), int(events.x[i]), int(events.y[i]), int(events.p[i])
 
 
-def _where(facts: Facts, first: tuple[int, int, int, int, int] | None) -> Where:
+def where_of(facts: Facts, first: tuple[int, int, int, int, int] | None) -> Where:
+    """Place a finding at an event; the row is known where events are in order."""
     if first is None:
         return Where(stream="events")
     row, time_ns, x, y, _ = first

@@ -20,10 +20,16 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
 
 Bool = NDArray[np.bool_]
-Float64 = NDArray[np.float64]
 
 GROUP_NS: Final = 2 * NS_PER_S
 """Windows that begin within the same two seconds are joined."""
+
+TELLS_THE_PHASE: Final = 1.2
+"""Share of a threshold by which E must have varied to tell where it began. From a start at random at least a third of
+such pixels leave the thresholds around it: of a range of r thresholds, 2 - r may be left before it is passed. First
+runs of the linear model end with an event; there a range of one threshold has to do, and tells less."""
+FEWEST_TO_TELL: Final = 30
+MOST_BEYOND: Final = 0.1
 
 MISMATCH_SIGMAS: Final = 5.0
 """Of the declared spread of thresholds: beyond lies one pixel in two million."""
@@ -41,14 +47,11 @@ class Stretch:
         (h, w) events in the stretch.
     excused
         (h, w): events may honestly be missing (declared hot pixels, bursts within a declared refractory period).
-    extent
-        (2, h, w) largest lower and smallest upper bound of the signal itself, in the unit of the thresholds.
     """
 
     bounds: Excursions | Runs
     events: NDArray[np.int64]
     excused: Bool
-    extent: Float64
 
     def then(self, later: "Stretch") -> "Stretch":
         """Join with the stretch that begins at this one's last frame. Exact."""
@@ -59,8 +62,7 @@ class Stretch:
             joined = one.then(other)
         else:
             raise TypeError(f"Expected stretches of one model, got {type(one).__name__} and {type(other).__name__}")
-        extent = np.stack([np.fmax(self.extent[0], later.extent[0]), np.fmin(self.extent[1], later.extent[1])])
-        return Stretch(joined, self.events + later.events, self.excused | later.excused, extent)
+        return Stretch(joined, self.events + later.events, self.excused | later.excused)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +81,12 @@ class Closed:
         The frame interval that most of the violations may lie in; the first one where nothing tells.
     events_per_pixel
         Mean number of events.
+    mute
+        Pixels that broke the law without a single event.
     telling
-        Share of the pixels in which the law would surely break if they gave no event, 0 to 1.
+        Pixels in which a single event too many or too few could break the law.
+    from_start
+        Whether the reference was held to be the signal at the first frame.
     """
 
     first_frame: int
@@ -89,7 +95,9 @@ class Closed:
     pixels: NDArray[np.uint8]
     suspected: int
     events_per_pixel: float
-    telling: float
+    mute: int
+    telling: int
+    from_start: bool
 
     def unpacked(self, shape: tuple[int, int]) -> Bool:
         """Return the pixels (h, w) that broke the law."""
@@ -101,6 +109,8 @@ class Ledger:
     """Groups of stretches in the order of time; all but the first and the last are closed."""
 
     model: EventModel
+    phase_known: bool = False
+    """Whether the first reference is declared to be the signal at frame 0, and no event comes before it."""
     groups: list[tuple[int, list[Stretch] | Closed]] = field(default_factory=list)
 
     def add(self, group: int, stretches: list[Stretch] | Closed) -> None:
@@ -115,7 +125,7 @@ class Ledger:
 
     def then(self, later: "Ledger") -> "Ledger":
         """Return the ledger of both."""
-        merged = Ledger(self.model, list(self.groups))
+        merged = Ledger(self.model, self.phase_known, list(self.groups))
         for group, stretches in later.groups:
             merged.add(group, stretches)
         return merged
@@ -125,7 +135,7 @@ class Ledger:
         return [self._closed(stretches) for _, stretches in self.groups]
 
     def _closed(self, stretches: list[Stretch] | Closed) -> Closed:
-        return stretches if isinstance(stretches, Closed) else _close(stretches, self.model)
+        return stretches if isinstance(stretches, Closed) else _close(stretches, self.model, self.phase_known)
 
 
 def stretch_of(window: Window) -> Stretch | None:
@@ -140,21 +150,15 @@ def stretch_of(window: Window) -> Stretch | None:
     for column, row in declared.hot_pixels:
         if 0 <= row < excused.shape[0] and 0 <= column < excused.shape[1]:
             excused[row, column] = True
-    bounds_of, law = (_log_bounds, _log_law) if declared.model == "log" else (_linear_bounds, _linear_law)
-    lower, upper = bounds_of(seen, declared)
-    extent = np.stack([np.fmax.reduce(lower), np.fmin.reduce(upper)])
-    return Stretch(law(lower, upper, seen, declared), seen.counts.sum(axis=(0, 1), dtype=np.int64), excused, extent)
+    law = _log_law if declared.model == "log" else _linear_law
+    return Stretch(law(seen, declared), seen.counts.sum(axis=(0, 1), dtype=np.int64), excused)
 
 
-def _log_bounds(seen: SeenFrames, declared: EventModel) -> tuple[Float64, Float64]:
-    """Return lower and upper bounds (n, h, w) of the signal at each frame, nat."""
+def _log_law(seen: SeenFrames, declared: EventModel) -> Excursions:
     low = np.maximum(seen.even_dn - seen.error_dn + declared.log_eps_dn, 0.0)
     high = seen.even_dn + seen.error_dn + declared.log_eps_dn
     with np.errstate(divide="ignore"):
-        return np.log(low), np.log(high)
-
-
-def _log_law(lower: Float64, upper: Float64, seen: SeenFrames, declared: EventModel) -> Excursions:
+        lower, upper = np.log(low), np.log(high)
     elapsed_s = np.diff(seen.times_ns) / NS_PER_S
     return bound(
         lower,
@@ -167,17 +171,12 @@ def _log_law(lower: Float64, upper: Float64, seen: SeenFrames, declared: EventMo
     )
 
 
-def _linear_bounds(seen: SeenFrames, declared: EventModel) -> tuple[Float64, Float64]:
-    """Return lower and upper bounds (n, h, w) of the signal at each frame, DN."""
+def _linear_law(seen: SeenFrames, declared: EventModel) -> Runs:
     # The event camera rounds luma to whole values itself.
     error = seen.error_dn + 0.5
-    return seen.even_dn - error, seen.even_dn + error
-
-
-def _linear_law(lower: Float64, upper: Float64, seen: SeenFrames, declared: EventModel) -> Runs:
     return follow_runs(
-        lower,
-        upper,
+        seen.even_dn - error,
+        seen.even_dn + error,
         seen.counts,
         threshold_on=declared.threshold_on + MISMATCH_SIGMAS * declared.threshold_sigma,
         threshold_off=declared.threshold_off + MISMATCH_SIGMAS * declared.threshold_sigma,
@@ -197,14 +196,23 @@ def _joined(known: list[Stretch] | Closed, following: list[Stretch] | Closed) ->
     return joined
 
 
-def _close(stretches: list[Stretch], declared: EventModel) -> Closed:
+def _close(stretches: list[Stretch], declared: EventModel, phase_known: bool) -> Closed:
     first, last = stretches[0].bounds.first_frame, stretches[-1].bounds.last_frame
     pixels = np.zeros(stretches[0].excused.shape, np.bool_)
+    mute, telling = pixels.copy(), pixels.copy()
+    from_start = False
     # How many violations begin at or end with a frame: their running sum counts those that a frame interval may hold.
     changes = np.zeros(last - first + 2, np.int64)
     for stretch in stretches:
-        broken = _broken(stretch, declared) & ~stretch.excused
+        broken = _broken(stretch, declared)
+        telling |= _telling(stretch, declared)
+        if phase_known and stretch.bounds.first_frame == 0:
+            beyond = _beyond_start(stretch, declared)
+            from_start = beyond is not None
+            broken |= False if beyond is None else beyond
+        broken &= ~stretch.excused
         pixels |= broken
+        mute |= broken & (stretch.events == 0)
         if isinstance(stretch.bounds, Excursions):
             highest, lowest = stretch.bounds.highest[1, broken] - first, stretch.bounds.lowest[1, broken] - first
             np.add.at(changes, np.minimum(highest, lowest), 1)
@@ -216,22 +224,40 @@ def _close(stretches: list[Stretch], declared: EventModel) -> Closed:
         np.packbits(pixels),
         first + int(np.argmax(np.cumsum(changes))),
         sum(float(stretch.events.mean()) for stretch in stretches),
-        float(np.any([_telling(stretch, declared) for stretch in stretches], axis=0).mean()),
+        int(np.count_nonzero(mute)),
+        int(np.count_nonzero(telling)),
+        from_start,
     )
 
 
 def _broken(stretch: Stretch, declared: EventModel) -> Bool:
     if isinstance(stretch.bounds, Runs):
         return stretch.bounds.broken
-    limit = declared.threshold_on + declared.threshold_off
-    # Each event steps by the pixel's own threshold, and the law's ends are its own as well.
-    own = MISMATCH_SIGMAS * declared.threshold_sigma * (sqrt(2.0) + np.sqrt(stretch.events))
-    broken: Bool = stretch.bounds.excess() > limit + own
+    broken: Bool = stretch.bounds.excess() > declared.threshold_on + declared.threshold_off + _own(stretch, declared)
     return broken
 
 
 def _telling(stretch: Stretch, declared: EventModel) -> Bool:
-    """Return the pixels (h, w) whose level surely moves by more than a pixel without events may see."""
-    brightest, darkest = stretch.extent
-    telling: Bool = brightest - darkest > declared.threshold_on + declared.threshold_off
-    return telling
+    """Return where the signal is known at all (linear), or varies by so much that an event more would break the law."""
+    if isinstance(stretch.bounds, Runs):
+        known: Bool = np.all(np.isfinite(stretch.bounds.tail), axis=0)
+        return known
+    varied: Bool = stretch.bounds.excess() > max(declared.threshold_on, declared.threshold_off)
+    return varied
+
+
+def _beyond_start(stretch: Stretch, declared: EventModel) -> Bool | None:
+    """Return where E left the thresholds around its start; None where the file does not bear the declared phase out."""
+    own = _own(stretch, declared)
+    beyond: Bool = stretch.bounds.departure(declared.threshold_on, declared.threshold_off) > own
+    enough = TELLS_THE_PHASE if isinstance(stretch.bounds, Excursions) else 1.0
+    telling: Bool = stretch.bounds.excess() > enough * max(declared.threshold_on, declared.threshold_off) + own
+    if np.count_nonzero(telling) < FEWEST_TO_TELL or beyond[telling].mean() > MOST_BEYOND:
+        return None
+    return beyond
+
+
+def _own(stretch: Stretch, declared: EventModel) -> NDArray[np.float64]:
+    """Return what the spread of thresholds adds: each event steps by the pixel's own, and so are the law's ends."""
+    own: NDArray[np.float64] = MISMATCH_SIGMAS * declared.threshold_sigma * (sqrt(2.0) + np.sqrt(stretch.events))
+    return own

@@ -1,0 +1,44 @@
+"""Combs of stamps: chance is chance, a grid of a part of the stamps stands out, and only ticks are counted."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fedora_qa.estimators.stamp_combs import STEPS, comb_counts
+
+WINDOW_US = 200_000
+
+
+def random_stamps(seed: int, count: int, first_us: int = 0) -> np.ndarray:
+    return np.sort(np.random.default_rng(seed).integers(first_us, first_us + WINDOW_US, count))
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([200, 5000, 60_000]), st.integers(0, 2**53))
+@settings(max_examples=20, deadline=None)
+def test_stamps_without_a_grid_keep_to_chance(seed: int, count: int, first_us: int) -> None:
+    """At no density, and at no epoch, does any of 2000 combs stand out by seven deviations."""
+    assert comb_counts(random_stamps(seed, count, first_us)).deviates().max() < 7.0
+
+
+@pytest.mark.parametrize("step", [7, 100, 300, 1000])
+def test_a_grid_of_a_quarter_is_seen(step: int) -> None:
+    """A quarter of the stamps, rounded, stands out by more than twenty deviations at its own step."""
+    stamps = random_stamps(3, 8000, 5_000_000_123)
+    stamps[::4] = stamps[::4] // step * step
+    assert comb_counts(np.sort(stamps)).deviates()[STEPS.index(step)] > 20
+
+
+def test_float32_seconds_are_seen() -> None:
+    """Seconds that went through float32 at 100 s lie on steps of 2^-17 s."""
+    seconds = (random_stamps(4, 8000, 100_000_000) * 1e-6).astype(np.float32).astype(np.float64)
+    stamps = np.rint(seconds * 1e6).astype(np.int64)
+    assert comb_counts(stamps).deviates()[STEPS.index(1e6 * 2.0**-17)] > 20
+
+
+def test_events_of_one_tick_count_once() -> None:
+    """Thousand events at one stamp are one occupied tick; without stamps there is nothing."""
+    stamps = random_stamps(5, 500)
+    crowded = np.sort(np.concatenate([stamps, np.full(1000, stamps[10])]))
+    assert np.array_equal(comb_counts(crowded).hits, comb_counts(stamps).hits)
+    assert comb_counts(stamps[:0]).deviates().max() == 0
