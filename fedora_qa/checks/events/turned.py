@@ -18,6 +18,9 @@ LEAST_PREDICTED: Final = 0.3
 FEWEST_BLOCKS: Final = 100
 """A part with fewer blocks, over all its frames, correlates by chance."""
 
+FEWEST_UPRIGHT: Final = 0.25
+"""Share of the parts that must agree as declared, by half of what is due, for others to be the odd ones."""
+
 DEPENDENT: Final = 3.0
 """Standard error of a correlation in those of independent blocks: blocks of one moving texture are not."""
 
@@ -55,7 +58,7 @@ def others_of(correlations: Float64) -> Float64:
 
 
 def most_turned(parts: Sequence[Moments], noise: float) -> Turned | None:
-    """Return the part (each under the eight symmetries) that gains most; None where no part can tell.
+    """Return the part (each under the eight symmetries) that gains most; None where few parts agree as declared.
 
     ``noise`` is the variance that events leave open in a block.
     """
@@ -63,10 +66,12 @@ def most_turned(parts: Sequence[Moments], noise: float) -> Turned | None:
     counts = sums[:, 0, 0]
     signal = np.array([part.frame_variance() for part in parts])
     telling = (counts >= FEWEST_BLOCKS) & (sums[:, 0, 4] > 0)
-    telling &= np.sqrt(signal / (signal + noise)) >= LEAST_PREDICTED
-    if not telling.any():
-        return None
+    due = np.sqrt(signal / (signal + noise))
+    telling &= due >= LEAST_PREDICTED
     declared = np.array([part.correlations()[0] for part in parts])
+    upright = np.count_nonzero(telling & (declared > due / 2))
+    if upright <= FEWEST_UPRIGHT * np.count_nonzero(telling):
+        return None
     others = np.array([others_of(part.correlations()) for part in parts])
     gains = np.where(telling, others.max(axis=1) - declared, -np.inf)
     worst = int(np.argmax(gains))
