@@ -37,6 +37,22 @@ def cross_correlation(change: Float64, events: Float64, usable: NDArray[np.bool_
     return patch
 
 
+def turned_pixels(counts: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Return where events changed sign within an interval or since the events before it, (n, h, w).
+
+    ``counts`` (n, 2, h, w) are darker and brighter events of successive intervals. Events of the first one, and others
+    that nothing is known before, count as changed.
+    """
+    darker, brighter = counts[:, 0] > 0, counts[:, 1] > 0
+    sign = np.zeros(counts.shape[2:], np.int8)
+    turned = np.empty(darker.shape, np.bool_)
+    for i, (off, on) in enumerate(zip(darker, brighter, strict=True)):
+        now = on.astype(np.int8) - off
+        turned[i] = (on & off) | ((on ^ off) & (now != sign))
+        sign = np.where(on | off, now, sign)
+    return turned
+
+
 def peak(correlation: Float64) -> Shift | None:
     """Return the shift of the peak to a fraction of a pixel (parabola along each axis); None where it has none."""
     row, column = (int(i) for i in np.unravel_index(int(np.argmax(correlation)), correlation.shape))

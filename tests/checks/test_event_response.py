@@ -180,6 +180,24 @@ def test_a_late_region_is_placed(path: Path) -> None:
     assert first_diagnosis(path).cause == "time_offset"
 
 
+@pytest.mark.parametrize("part", ["stretch", "region"])
+def test_polarity_is_asked_of_parts(part: str, path: Path) -> None:
+    """Polarity that is inverted for 0.2 s, or in the middle of the image, is found there and named."""
+
+    def partly(e: Stream) -> Stream:
+        inside = (e.times_ns > 200 * MS) & (e.times_ns <= 400 * MS)
+        if part == "region":
+            inside = (e.x >= 14) & (e.x < 42) & (e.y >= 10) & (e.y < 30)
+        return replace(e, p=np.where(inside, 1 - e.p, e.p).astype(np.uint8))
+
+    events(partly)(log_file()).write(path)
+    result = run_check(path, "event_response.orientation")
+    found = next(one for one in result.findings if one.code == f"event_response.orientation.{part}")
+    place = (found.where.start_us, found.where.stop_us) if part == "stretch" else found.where.tile
+    assert place == ((200_000, 400_000) if part == "stretch" else (14, 10, 42, 30))
+    assert first_diagnosis(path).cause == "polarity_inverted"
+
+
 def sorted_by_time(events: Stream) -> Stream:
     return events.keep(np.argsort(events.times_ns, kind="stable"))
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fedora_qa.estimators.event_kernels import count_between_frames, count_by_pixel, find_repeats, mark_bursts
+from fedora_qa.estimators.event_shift import turned_pixels
 from tests.estimators.event_world import Stream
 
 SHAPE = (3, 4)
@@ -93,3 +94,14 @@ def test_an_event_at_a_frame_belongs_before_it(stamp_ns: int) -> None:
     frames_ns = np.array([0, 20_000, 40_000])
     count_between_frames(zero, zero, np.array([stamp_ns]), np.ones(1, np.uint8), frames_ns, counts)
     assert counts[:, 1, 0, 0].tolist() == ([1, 0] if stamp_ns == 20_000 else [0, 1])
+
+
+def test_pixels_whose_events_change_sign_have_turned() -> None:
+    """Both signs in an interval, another sign than before, or nothing known before: turned; no events: not."""
+    counts = np.zeros((3, 2, 1, 4), np.int32)
+    counts[0, 1, 0, :3] = 1  # brighter; the last pixel is silent
+    counts[1, :, 0, 0] = 1  # both signs
+    counts[1, 0, 0, 1] = 2  # darker
+    counts[2, 1, 0, 2] = 1  # brighter again
+    turned = turned_pixels(counts)[:, 0]
+    assert turned.tolist() == [[True, True, True, False], [True, True, False, False], [False] * 4]

@@ -40,11 +40,33 @@ class IntervalMoments:
 class Frames(WindowCheck[IntervalMoments]):
     """Does each frame show what the events since the frame before it say?
 
-    The change of L between two successive frames is regressed on the signed events in between, averaged over 4x4
-    blocks. The coefficient is near 1 in every interval of an honest file. A frame that repeats the one before gives
-    0 and the next one 2; exchanged frames give 2, -1, 2. The interval farthest from the median is judged by the spread
-    of all (median absolute deviation) and by what events leave open in it, 2/3 C^2 a pixel; half a frame's change is
-    allowed for. Intervals in which little changes are left out.
+    The change of the signal between two successive frames over what the events in between say, relative to the usual
+    share of all intervals: 1 in an honest file. The interval that is farthest off is judged.
+
+    Why it matters
+    --------------
+    A repeated or exchanged frame is a wrong label for everything that is derived from images, and hardly shows to the
+    eye at 50 Hz. Events are an independent witness of each single interval.
+
+    How
+    ---
+    The change of the signal is regressed on the signed events in between, averaged over 4 x 4 px blocks. A frame that
+    repeats the one before gives 0 and the next one 2; exchanged frames give 2, -1, 2. Intervals in which events leave
+    the coefficient open by more than a twentieth are left out.
+
+    Noise model
+    -----------
+    The spread of all coefficients (median absolute deviation) together with what events leave open in the interval,
+    2/3 C+ C- a pixel. Half a frame's change is allowed for: halfway between a frame in its place and a repeated one.
+
+    Cannot see
+    ----------
+    Fewer than five telling intervals (hovering, no texture): not_observable. A file most of whose frames are wrong
+    (event_response.orientation), or frames shown a fraction of an interval late (event_response.timing).
+
+    Sources
+    -------
+    First principles (event_orientation).
     """
 
     name = "event_response.frames"

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.events.answer import TOLD_WITHIN_S, Answer
 from fedora_qa.checks.events.levels import HELD_LEVEL_BIAS
-from fedora_qa.checks.events.readings import GRID, ReadingFits, ReadingSums, cell_sums
+from fedora_qa.checks.events.readings import ReadingFits, ReadingSums, cell_sums
+from fedora_qa.checks.events.tiles import GRID
 from fedora_qa.estimators.event_delays import (
     Step,
     delays,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.events.levels import FEWEST_PAIRS, log_levels, usable_pixels
 from fedora_qa.checks.events.rows import local_tick_ns
+from fedora_qa.checks.events.tiles import GRID
 from fedora_qa.checks.events.view import ROUNDING_DN, SeenFrames, seen_frames, sensor_events
 from fedora_qa.estimators.event_delays import CellSums
 from fedora_qa.estimators.event_fit import ResponseFit, fit_readings
@@ -18,9 +19,6 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
-
-GRID: Final = 4
-"""Tiles of the image along each side, for offsets that are local."""
 
 KINDS: Final = ("fine", "coarse", "even")
 

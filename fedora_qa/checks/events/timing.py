@@ -10,8 +10,9 @@ import numpy as np
 from fedora_qa.checks.events.answer import Answer, answer, level_coverage
 from fedora_qa.checks.events.lateness import Lateness, Local, by_levels, by_readings, late_region, late_stretch
 from fedora_qa.checks.events.levels import FoundOffset, LevelSums, level_sums, search_offset
-from fedora_qa.checks.events.readings import GRID, ReadingSums, fit_all, reading_sums
+from fedora_qa.checks.events.readings import ReadingSums, fit_all, reading_sums
 from fedora_qa.checks.events.rows import tick_ns
+from fedora_qa.checks.events.tiles import tile_around
 from fedora_qa.checks.events.timing_causes import Shapes, shapes_of, whose_offset
 from fedora_qa.checks.events.view import sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
@@ -208,7 +209,7 @@ class Timing(WindowCheck[Seen]):
 
     def _region(self, local: Local, facts: Facts) -> Measured:
         late, error = 1e3 * local.step.late_s, 1e3 * local.step.standard_error_s
-        tile = _rectangle(local, sensor_shape(facts.declared))
+        tile = tile_around(local.step.chosen, sensor_shape(facts.declared))
         return Measured(
             name="late_region",
             value=late,
@@ -281,15 +282,6 @@ def _drifting(found: Lateness, share: float) -> tuple[Suspect, ...]:
         Suspect("clock_rate", "events", 0.9 * share, ppm, "ppm", error),
         Suspect("clock_rate", "rgb", 0.8 * share, -ppm, "ppm", error),
     )
-
-
-def _rectangle(local: Local, shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Return left, top, right, bottom in pixels of the event camera."""
-    rows, columns = np.nonzero(local.step.chosen.reshape(GRID, GRID))
-    height, width = shape
-    left, right = (-(-int(edge) * width // GRID) for edge in (columns.min(), columns.max() + 1))
-    top, bottom = (-(-int(edge) * height // GRID) for edge in (rows.min(), rows.max() + 1))
-    return left, top, right, bottom
 
 
 def _expected_delay_ms(declared: EventModel | None, facts: Facts) -> tuple[float, float]:

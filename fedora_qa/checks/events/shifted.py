@@ -1,0 +1,108 @@
+"""Events that lie elsewhere than in the rest of the sequence, in a stretch of time or in a part of the image."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.events.tiles import GRID
+from fedora_qa.estimators.event_shift import cross_correlation, peak
+from fedora_qa.estimators.registration_errors import open_level_errors, slope_sums
+
+Float64 = NDArray[np.float64]
+
+CLEAR: Final = 0.5
+"""Correlation from which on the peak of a tile is that of its own scene: tiles hold few edges, which agree by chance
+where they are parallel."""
+
+FEWEST_PARTS: Final = 4
+"""Parts with a shift of their own below which none stands out."""
+
+_FREEDOM: Final = 8
+"""Parts beyond two from which on their scatter says more than their errors do."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartSums:
+    """Sums of parts, as of the whole image: cross-correlations (k, s, s), squares (k, 2), slopes (k, 3, 2)."""
+
+    patches: Float64
+    squares: Float64
+    slopes: Float64
+
+
+@dataclass(frozen=True, slots=True)
+class Shifted:
+    """The part whose shift along an axis differs most from the usual one.
+
+    Attributes
+    ----------
+    part, axis
+        Its number, and 0 (right) or 1 (down).
+    alike
+        (k,) parts that are shifted by more than half as much.
+    shift_px, standard_error_px
+        Its shift less the median of all parts; the other way round where that lies farther from zero.
+    compared
+        Parts that were compared.
+    """
+
+    part: int
+    axis: int
+    alike: NDArray[np.bool_]
+    shift_px: float
+    standard_error_px: float
+    compared: int
+
+
+def tile_sums(level: Float64, change: Float64, events: Float64, usable: NDArray[np.bool_]) -> PartSums:
+    """Return the sums of each of the tiles of an image."""
+    patches, squares, slopes = [], [], []
+    rows, columns = ([-(-edge * size // GRID) for edge in range(GRID + 1)] for size in change.shape)
+    for top, bottom in pairwise(rows):
+        for left, right in pairwise(columns):
+            tile = slice(top, bottom), slice(left, right)
+            inside = usable[tile]
+            patches.append(cross_correlation(change[tile], events[tile], inside))
+            squares.append([np.sum(image[tile][inside] ** 2) for image in (change, events)])
+            slopes.append(slope_sums(level[tile], change[tile], inside))
+    return PartSums(np.array(patches), np.array(squares), np.array(slopes))
+
+
+def most_shifted(sums: PartSums, intervals: int, threshold: float, least: float) -> Shifted | None:
+    """Return the part that is shifted most against the others; None where too few have a shift of their own.
+
+    ``intervals`` were summed in each part; what events leave open hardly changes from one to the next. Parts that
+    correlate by less than ``least`` have no peak of their own.
+    """
+    count = len(sums.patches)
+    shifts, errors = np.full((count, 2), np.nan), np.full((count, 2), np.inf)
+    strengths = sums.patches.max(axis=(1, 2)) / np.maximum(np.sqrt(sums.squares.prod(axis=1)), 1e-300)
+    for i in np.flatnonzero(strengths >= least):
+        found = peak(sums.patches[i])
+        if found is not None:
+            shifts[i] = found.right_px, found.down_px
+            errors[i] = open_level_errors(sums.slopes[i] / intervals, threshold)[0]
+    known = np.isfinite(shifts).all(axis=1)
+    if np.count_nonzero(known) < FEWEST_PARTS:
+        return None
+    usual = np.median(shifts[known], axis=0)
+    deviations = shifts - usual
+    errors = errors * _scatter(deviations[known] / errors[known])
+    scores = np.where(known[:, np.newaxis], np.abs(deviations) / errors, 0.0)
+    part, axis = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))
+    shift = float(deviations[part, axis])
+    alike = known & (deviations[:, axis] / shift > 1 / 2) if shift else known
+    if abs(usual[axis] + shift) < abs(usual[axis]):
+        # Most parts are shifted, and this one is not.
+        alike, shift = known & ~alike, -shift
+    return Shifted(part, axis, alike, shift, float(errors[part, axis]), int(np.count_nonzero(known)))
+
+
+def _scatter(scores: Float64) -> float:
+    """Return by how much parts usually scatter beyond their errors, 1 at least (median absolute deviation)."""
+    if len(scores) < _FREEDOM + 2:
+        return 1.0
+    return max(1.0, 1.4826 * float(np.median(np.abs(scores))))
