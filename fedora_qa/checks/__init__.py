@@ -8,7 +8,7 @@ from fedora_qa.checks.clocks import index_maps, rates, resolution, span, stamps,
 from fedora_qa.checks.depth import consistency, projection, scale
 from fedora_qa.checks.depth import range as depth_range
 from fedora_qa.checks.events import alignment as event_alignment
-from fedora_qa.checks.events import conservation, frames, orientation, response, rows, silence, timing
+from fedora_qa.checks.events import conservation, duplicates, frames, orientation, response, rows, silence, timing
 from fedora_qa.checks.events import rates as event_rates
 from fedora_qa.checks.flow import events as flow_events
 from fedora_qa.checks.flow import geometry, photometric, validity
@@ -36,7 +36,7 @@ CHECKS: Final[tuple[Check[Any], ...]] = (
     index_maps.Rgb(),
     index_maps.Depth(),
     rows.Bounds(),
-    rows.Repeats(),
+    duplicates.Repeats(),
     silence.Gaps(),
     event_rates.Rates(),
     orientation.Orientation(),
