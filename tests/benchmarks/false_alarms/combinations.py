@@ -14,6 +14,7 @@ import numpy as np
 
 from fedora_generator.flight import FlightOptions, HarmonicTerm
 from fedora_generator.generate import STREAMS, Request, generate_sequence
+from fedora_generator.sampling import Quality
 from fedora_generator.scene import Scene, load_scene
 from fedora_qa.layout.canonical import DATASETS
 from tests.benchmarks.timing_scenes import NOON, SWAY, wall_of
@@ -39,6 +40,8 @@ class Combination:
         The scene of the n-th file.
     duration_s, streams, files
         Length and streams of each; how many of them a whole study makes.
+    quality
+        Of the events. Drafts of a fast turn stamp some of them badly enough for that to be found.
     epoch
         Whether stamps are wall-clock time.
     drop_streams
@@ -50,13 +53,14 @@ class Combination:
     duration_s: float = 1.0
     streams: frozenset[str] = frozenset(STREAMS)
     files: int = 12
+    quality: Quality = "draft"
     epoch: bool = False
     drop_streams: bool = False
 
     def write(self, number: int, target: Path) -> None:
         """Write the n-th file of this kind."""
         streams = self._streams(number)
-        request = Request(duration_s=self.duration_s, streams=streams, quality="draft")
+        request = Request(duration_s=self.duration_s, streams=streams, quality=self.quality)
         generate_sequence(self.scene(number), target, request, overwrite=True)
         if self.epoch:
             _move_to_epoch(target)
@@ -124,7 +128,7 @@ COMBINATIONS: Final = (
     Combination(name="park-night", scene=along("park-night", step_s=0.4), files=16),
     Combination(name="hover", scene=along("hover", step_s=0.7)),
     Combination(name="fast-turn", scene=along("fast-turn", step_s=0.02)),
-    Combination(name="bursts of 10 rad/s", scene=_bursts),
+    Combination(name="bursts of 10 rad/s", scene=_bursts, quality="standard"),
     Combination(name="park-noisy", scene=along("park-noisy", step_s=0.3), files=24),
     Combination(name="park-noisy, half a second", scene=along("park-noisy", step_s=0.3), duration_s=0.5, files=16),
     Combination(
