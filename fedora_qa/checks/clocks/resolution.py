@@ -1,6 +1,7 @@
 """The grids that stamps lie on."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -71,16 +72,20 @@ class Resolution(WindowCheck[Comb]):
         return None if facts.events is None or _why_events_show_none(facts) else comb_of(window)
 
     def conclude(self, state: Sequence[Comb], facts: Facts) -> Observation:
-        """Measure the grid of each stream whose stamps show one, and that of a part of the events."""
+        """Measure the grid of each stream; where that of all events is as declared, also what a part keeps to."""
+        whole = self.examine(facts)
+        fine = any(one.where.stream == "events" and one.value == one.expected for one in whole.measurements)
+        return replace(whole, measurements=(*whole.measurements, worst_comb(state, facts))) if state and fine else whole
+
+    def examine(self, facts: Facts) -> Observation:
+        """Measure the grid of each stream whose stamps show one."""
         measured = list(_of_samples(facts))
         count = sum(len(facts.clocks[one.where.stream or ""].times_ns) for one in measured)
         unobservable = "" if measured else "all clocks are exact, and so lie on every grid that divides their periods"
         if facts.events is not None:
             unobservable = _why_events_show_none(facts)
             count += facts.events.count
-            if not unobservable:
-                whole = _of_events(facts)
-                measured += [whole, worst_comb(state, facts)] if state and whole.value == whole.expected else [whole]
+            measured += [] if unobservable else [_of_events(facts)]
         return Observation(Coverage(count, count, "stamps"), tuple(measured), unobservable=unobservable)
 
 
