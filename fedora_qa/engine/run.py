@@ -1,7 +1,7 @@
 """Check one file from beginning to end."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -40,7 +40,8 @@ class CheckOptions:
     Attributes
     ----------
     select, ignore
-        Names of checks (``subject`` or ``subject.property``) to run, all where empty, and to leave out.
+        Names of checks (``subject`` or ``subject.property``) to run, all where empty, and to leave out. What is
+        selected also bounds the statistics: values of streams that no selected check needs are not decoded.
     dialect
         How the file names and scales things; recognised from the file when None.
     memory_bytes
@@ -142,7 +143,7 @@ def _check_open(
     reasons = {check.name: why_not_applicable(check, facts) for check in checks}
     asked = [check for check in checks if not reasons[check.name]]
     chosen = [ready.spans[number] for number in plan.chosen]
-    statistics = StatisticsCollector()
+    statistics = StatisticsCollector(_needed_by(asked) if options.select else None)
     keeper = EvidenceCollector(ready.spans, chosen, options.evidence) if options.evidence else None
     accumulators: list[Accumulator] = [*asked, statistics, *([keeper] if keeper else [])]
     with watch.stage("measuring"):
@@ -178,6 +179,11 @@ def _check_open(
     )
     seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
     return FileRun(record, kept.arrays, seconds, ready.decoder.decoded_bytes)
+
+
+def _needed_by(checks: Iterable[Check[Any]]) -> frozenset[str]:
+    """Return the streams that the checks ask for: where some are selected, statistics shall cost no others."""
+    return frozenset(stream for check in checks for stream in check.needs)
 
 
 def _inferred(sequence: Sequence, observations: Mapping[str, Observation]) -> dict[str, Scalar]:

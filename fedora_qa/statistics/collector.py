@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.causes import stream_family
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB, NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.record.types import Scalar
@@ -46,10 +47,14 @@ class StatisticsCollector:
 
     Images, depth and flow are sampled at every fourth column and row (see ``pixel_sample``), in every frame of the
     windows that it is shown. Rows that cannot be decoded are left out here; the check ``integrity.readable`` names
-    them.
+    them. Of streams beyond ``families`` (``flow`` is every rate) only the stamps are told, and nothing is decoded;
+    None: all.
     """
 
     name = "statistics"
+
+    def __init__(self, families: frozenset[str] | None = None) -> None:
+        self._families = families
 
     def start(self, facts: Facts) -> list[WindowStatistics]:
         """Return the state that has seen nothing."""
@@ -57,19 +62,26 @@ class StatisticsCollector:
 
     def update(self, state: list[WindowStatistics], window: Window) -> None:
         """Add what a window shows. Windows come in order."""
-        depths_m = [pixel_sample(depth) for depth in _readable(window, "depth", window.depth_m)]
-        events, brighter = _count_events(window)
+        streams = self._streams(window.facts)
+        depths_m = [pixel_sample(depth) for depth in _readable(window, "depth", window.depth_m, streams)]
+        events, brighter = _count_events(window, streams)
         state.append(
             replace(
-                _poses(window),
+                _poses(window) if "pose" in streams else WindowStatistics(),
                 events=events,
                 brighter_events=brighter,
-                speeds_px={stream: _flow_speeds(window, stream) for stream in window.facts.flow_streams},
+                speeds_px={stream: _flow_speeds(window, stream, streams) for stream in window.facts.flow_streams},
                 depth_m=added(Moments.of(depth, _is_depth(depth)) for depth in depths_m),
                 disparity_per_m=added(_disparities(depth) for depth in depths_m),
-                luma_dn=added(_luma(image) for image in _readable(window, "rgb", window.rgb)),
+                luma_dn=added(_luma(image) for image in _readable(window, "rgb", window.rgb, streams)),
             )
         )
+
+    def _streams(self, facts: Facts) -> frozenset[str]:
+        """Return the streams that are decoded."""
+        if self._families is None:
+            return facts.streams
+        return frozenset(stream for stream in facts.streams if stream_family(stream) in self._families)
 
     def merge(self, state: list[WindowStatistics], later: list[WindowStatistics]) -> list[WindowStatistics]:
         """Return the state that has seen what both have, ``later`` being of later windows."""
@@ -81,13 +93,14 @@ class StatisticsCollector:
         Distance and speeds are null where not every pose was seen, or too few are there.
         """
         groups: dict[str, Mapping[str, Scalar]] = {"sequence": _sequence(state, facts), "motion": _motion(state, facts)}
-        if "events" in facts.streams:
+        streams = self._streams(facts)
+        if "events" in streams:
             groups["events"] = _events(state, facts)
-        for stream in facts.flow_streams:
+        for stream in (stream for stream in facts.flow_streams if stream in streams):
             groups[stream] = _flow(added(one.speeds_px[stream] for one in state))
-        if "depth" in facts.streams:
+        if "depth" in streams:
             groups["depth"] = _depth(added(s.depth_m for s in state), added(s.disparity_per_m for s in state))
-        if "rgb" in facts.streams:
+        if "rgb" in streams:
             groups["rgb"] = {"brightness_mean_dn": added(one.luma_dn for one in state).mean}
         groups["rates"] = {f"{stream}_hz": _rate_hz(clock) for stream, clock in sorted(facts.clocks.items())}
         return groups
@@ -114,9 +127,9 @@ def _poses(window: Window) -> WindowStatistics:
     )
 
 
-def _readable(window: Window, stream: str, read: Callable[[int], Image]) -> Iterable[Image]:
-    """Yield the window's own images of a stream that can be decoded."""
-    if stream not in window.facts.streams:
+def _readable(window: Window, stream: str, read: Callable[[int], Image], streams: frozenset[str]) -> Iterable[Image]:
+    """Yield the window's own images of a stream that can be decoded, if it is one of ``streams``."""
+    if stream not in streams:
         return
     for row in window.owned(stream):
         try:
@@ -125,9 +138,9 @@ def _readable(window: Window, stream: str, read: Callable[[int], Image]) -> Iter
             continue
 
 
-def _count_events(window: Window) -> tuple[int, int]:
+def _count_events(window: Window, streams: frozenset[str]) -> tuple[int, int]:
     rows = window.owned("events")
-    if "events" not in window.facts.streams or not rows:
+    if "events" not in streams or not rows:
         return 0, 0
     try:
         return len(rows), int(np.count_nonzero(window.rows("path/events/p", rows.start, rows.stop)))
@@ -135,8 +148,8 @@ def _count_events(window: Window) -> tuple[int, int]:
         return 0, 0
 
 
-def _flow_speeds(window: Window, stream: str) -> Moments:
-    fields = _readable(window, stream, lambda row: window.flow_px(stream, row))
+def _flow_speeds(window: Window, stream: str, streams: frozenset[str]) -> Moments:
+    fields = _readable(window, stream, lambda row: window.flow_px(stream, row), streams)
     speeds = (np.linalg.norm(pixel_sample(flow), axis=2) for flow in fields)
     return added(Moments.of(speed, np.isfinite(speed)) for speed in speeds)
 

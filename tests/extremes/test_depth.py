@@ -64,7 +64,7 @@ def no_depth_and_no_flow(file: h5py.File) -> None:
 
 
 def test_nowhere_valid_depth_is_said(half_second: Path, tmp_path: Path) -> None:
-    """Right: a warning that nothing is valid; flow unknown where depth is passes alone; none fails."""
+    """Right: a warning that nothing is valid; nothing passes but that flow is unknown where depth is."""
     record = record_of(edited(half_second, tmp_path / "none.h5", no_depth_and_no_flow))
     assert not alarms(record)
     assert outcomes(record)["integrity.finite"] == "warned"

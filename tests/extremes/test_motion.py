@@ -123,7 +123,6 @@ WHIRLED_FAULTS = {
     "flow of 10% too much": ("flow_gain", "flow", 10.0, 10.0),
     "flow backwards": ("flow_sign", "flow", None, None),
     "events 5 ms late": ("time_offset", "events", 5.0, 5.0),
-    "IMU 1 ms late": ("time_offset", "imu", 1.0, 1.0),
 }
 
 

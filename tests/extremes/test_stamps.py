@@ -56,13 +56,21 @@ def late_by_2_ms(half_second: Path, tmp_path_factory: pytest.TempPathFactory) ->
     return path
 
 
+@pytest.fixture(scope="module")
+def from_zero(late_by_2_ms: Path) -> FileRecord:
+    """What is found where stamps begin at 0."""
+    return record_of(late_by_2_ms)
+
+
 @pytest.mark.parametrize("origin_us", ORIGINS_US.values(), ids=ORIGINS_US)
-def test_no_origin_changes_a_measurement(origin_us: int, late_by_2_ms: Path, tmp_path: Path) -> None:
+def test_no_origin_changes_a_measurement(
+    origin_us: int, late_by_2_ms: Path, from_zero: FileRecord, tmp_path: Path
+) -> None:
     """Right: every number is that of the file that begins at 0, to the last bit, with its fault and its size."""
-    here, there = record_of(late_by_2_ms), record_of(edited(late_by_2_ms, tmp_path / "far.h5", shifted_by(origin_us)))
-    assert measured(there) == measured(here)
-    assert named(there)[0] == named(here)[0] == ("imu", "time_offset")
-    assert there.diagnoses[0].magnitude == here.diagnoses[0].magnitude
+    far = record_of(edited(late_by_2_ms, tmp_path / "far.h5", shifted_by(origin_us)))
+    assert measured(far) == measured(from_zero)
+    assert named(far)[0] == named(from_zero)[0] == ("imu", "time_offset")
+    assert far.diagnoses[0].magnitude == from_zero.diagnoses[0].magnitude
 
 
 def test_float64_stamps_beyond_2_53_are_said_to_be_coarse(half_second: Path, tmp_path: Path) -> None:
@@ -78,7 +86,7 @@ def test_float64_stamps_beyond_2_53_are_said_to_be_coarse(half_second: Path, tmp
     assert ("events", "quantised_time") in named(record)
 
 
-@pytest.mark.parametrize("scene", ["hover", "park-night", "park-noisy", "fast-turn"])
+@pytest.mark.parametrize("scene", ["hover", "park-noisy", "fast-turn"])
 def test_half_a_second_is_enough_to_be_honest(scene: str, tmp_path: Path) -> None:
     """Right: no alarm; what passes blindly in part says so with numbers."""
     record = record_of(generated(park(scene), tmp_path / "short.h5"))
