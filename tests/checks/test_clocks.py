@@ -268,6 +268,11 @@ def test_every_clock_check_has_a_planted_fault() -> None:
     assert {name for name, *_ in FAULTS.values()} == set(CLOCKS)
 
 
+def test_whole_seconds_are_no_single_precision() -> None:
+    """A part in nanoseconds makes steps of 20 s, which float32 holds: the unit is wrong, not the resolution."""
+    assert not judged("clocks.resolution", partly("rgb", 1000.0)).alarms
+
+
 def test_grids_are_seen_without_events() -> None:
     """A file without events still betrays rounded stamps; exact clocks alone tell nothing."""
     check = CLOCKS["clocks.resolution"]

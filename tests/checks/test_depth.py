@@ -191,6 +191,19 @@ def test_a_bad_corner_is_placed() -> None:
     assert (right, bottom) <= (192, 144)
 
 
+def test_a_region_that_is_shifted_is_named() -> None:
+    """A fault of one corner is undone in the tile that is off most, where the rest of the image would hide it."""
+
+    def shift_corner(depth: Depths) -> Depths:
+        corner = depth[:, :60, :80]
+        corner[:, :, 3:] = corner[:, :, :-3].copy()
+        return depth
+
+    suspect = named(judged(Consistency(), with_depth(shift_corner)))
+    assert (suspect.cause, suspect.stream) == ("spatial_offset", "depth")
+    assert suspect.magnitude == pytest.approx(3.0, rel=0.1)
+
+
 def test_noise_that_is_declared_too_small_is_found() -> None:
     """Corrections larger than the declared noise are found, and their size named.
 

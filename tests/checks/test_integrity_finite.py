@@ -76,6 +76,16 @@ def test_metres_are_suspected(path: Path) -> None:
     assert (diagnosis.cause, diagnosis.stream, diagnosis.magnitude) == ("unit_mm_m", "depth", 0.001)
 
 
+def test_metres_in_a_part_of_the_image_are_suspected(path: Path) -> None:
+    """Values of many sizes that all fall into the range once multiplied by 1000 are metres, wherever they are."""
+    with h5py.File(path, "r+") as file:
+        depth = file[DEPTH][...] * np.linspace(0.8, 1.2, 36, dtype=np.float32)
+        depth[..., ::2] /= 1000
+        file[DEPTH][...] = depth
+    diagnosis = diagnoses_of(path, "integrity")[0]
+    assert (diagnosis.cause, diagnosis.stream, diagnosis.magnitude) == ("unit_mm_m", "depth", 0.001)
+
+
 def test_frame_without_values(path: Path) -> None:
     """A depth frame that is NaN throughout between full ones was never written."""
     alter(path, DEPTH, 3, np.nan)

@@ -122,7 +122,9 @@ def _grid_of(facts: Facts, stream: str, fit: RegularClock) -> tuple[float, str]:
         return grid_us, f"lie on a grid of {grid_us:g} us"
     times_us = facts.origin_us + facts.clocks[stream].times_ns / NS_PER_US
     spacing_us = single_precision_spacing_us(times_us)
-    return (spacing_us, f"are single-precision seconds, {spacing_us:.3g} us apart") if spacing_us else (1.0, "")
+    if grid_us >= spacing_us:  # whole seconds, say, are single-precision seconds too
+        return 1.0, ""
+    return spacing_us, f"are single-precision seconds, {spacing_us:.3g} us apart"
 
 
 def _grid(stream: str, grid_us: float, expected_us: float, statement: str) -> Measured:

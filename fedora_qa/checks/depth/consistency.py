@@ -7,7 +7,7 @@ from typing import Final, Literal
 import numpy as np
 
 from fedora_qa.checks.depth.agreement import Deviation, PairAgreement, compare
-from fedora_qa.checks.depth.hypotheses import DEPTH, ONE_FRAME, weigh_hypotheses
+from fedora_qa.checks.depth.hypotheses import DEPTH, PART, weigh_hypotheses
 from fedora_qa.checks.depth.pairs import owned_pairs, place, why_no_geometry
 from fedora_qa.checks.depth.suspects import ANY_MISFIT
 from fedora_qa.checks.flow.comparison import is_noisy
@@ -108,7 +108,9 @@ class Consistency(WindowCheck[WindowAgreement]):
         worst = max(of_window, key=lambda pair: pair.suspicion)
         for pair in owned_pairs(window):
             if pair is not None and pair.first == worst.first:
-                weighed = weigh_hypotheses(pair, worst.whole.typical)
+                local = worst.whole.suspicion <= 1 and worst.noise_square <= 0
+                residual, tile = (worst.worst_tile.typical, worst.tile) if local else (worst.whole.typical, None)
+                weighed = weigh_hypotheses(pair, residual, tile)
                 state.append(WindowAgreement(window.span.index, weighed=tuple(weighed)))
 
     def conclude(self, state: Sequence[WindowAgreement], facts: Facts) -> Observation:
@@ -216,7 +218,7 @@ def _suspects(pairs: Sequence[PairAgreement], weighed: Sequence[Weighed], facts:
     local = 2 * len(off) <= len(pairs)
     gross = gross_suspects(DEPTH, weighed, "flow", share_off=len(off) / len(pairs))
     # What begins between the frames of the worst pair spoils that pair alone, whatever part of the file it has.
-    gross = _best_of_each((*gross, *gross_suspects(ONE_FRAME, weighed, "flow", share_off=1.0)))
+    gross = _best_of_each((*gross, *gross_suspects(PART, weighed, "flow", share_off=1.0)))
     repeated = sum(pair.repeats for pair in off)
     if repeated:
         gross.append(Suspect("frozen_frames", "depth", 1.0, float(repeated), "samples", 0.0))

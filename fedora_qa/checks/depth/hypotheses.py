@@ -14,11 +14,13 @@ from fedora_qa.checks.flow.intervals import PoseTrack
 from fedora_qa.conventions import MM_PER_M, NS_PER_S
 from fedora_qa.estimators.depth_fit import Family, fit_depth, noise_directions
 from fedora_qa.estimators.depth_image import DepthImage, depth_image
-from fedora_qa.estimators.depth_warp import DepthModel, lattice_of, ray_lengths
+from fedora_qa.estimators.depth_warp import DepthModel, Lattice, lattice_of, ray_lengths
 from fedora_qa.geometry.so3 import compose
 
 Depth = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Tile = tuple[int, int, int, int]
+"""Left, top, right, bottom, px."""
 
 _NEIGHBOURS: Final = (-2, -1, 1, 2)
 _DELAYS_MS: Final = (-80.0, -40.0, -20.0, -10.0, 0.0, 10.0, 20.0, 40.0, 80.0)
@@ -27,12 +29,15 @@ _DELAYS_MS: Final = (-80.0, -40.0, -20.0, -10.0, 0.0, 10.0, 20.0, 40.0, 80.0)
 _SHIFTS_PX: Final = (-4, -3, -2, -1, 1, 2, 3, 4)
 """Shifts of one frame against the other that are tried."""
 
+_PIXELS: Final = 1000
+
 _LESS_LIKELY: Final = 0.95
 """Where two causes have the same effect on depth, the one that other streams would show is named second."""
 
 DEPTH: Final = "depth"
-ONE_FRAME: Final = "depth frame"
-"""What was changed: all of the depth, or one frame of the pair, where a fault begins or ends between the two."""
+PART: Final = "part of the depth"
+"""What was changed: all of the depth, or a part: one frame of the pair, where a fault begins or ends between the two,
+or one tile of both."""
 
 _FREE_TWIST: Final = noise_directions(np.eye(6))
 
@@ -54,16 +59,17 @@ class _Hypothesis:
     of: str = DEPTH
 
 
-def weigh_hypotheses(pair: DepthPair, as_stored: float) -> list[Weighed]:
+def weigh_hypotheses(pair: DepthPair, as_stored: float, tile: Tile | None = None) -> list[Weighed]:
     """Weigh every gross fault against one pair: the share of the typical residual that undoing it removes.
 
-    ``as_stored`` is that residual, infinite where the frames could not be compared as they stand.
+    ``as_stored`` is that residual, infinite where the frames could not be compared as they stand. Only the pixels of
+    the tile are looked at, where one is given.
     """
     best: dict[tuple[str, str, str], Weighed] = {}
-    for hypothesis in _hypotheses(pair):
+    for hypothesis in _hypotheses(pair) if tile is None else _hypotheses_of_a_tile(pair):
         noise = pair.noise if hypothesis.noise is None else hypothesis.noise
         fit = fit_depth(
-            hypothesis.family, lattice_of(hypothesis.images[0], 1, 1000), hypothesis.images[1], noise,
+            hypothesis.family, _lattice(hypothesis.images[0], tile), hypothesis.images[1], noise,
             start=hypothesis.start, step=hypothesis.step,
         )  # fmt: skip
         if fit is None:
@@ -76,12 +82,29 @@ def weigh_hypotheses(pair: DepthPair, as_stored: float) -> list[Weighed]:
     return list(best.values())
 
 
+def _lattice(image: DepthImage, tile: Tile | None) -> Lattice:
+    if tile is None:
+        return lattice_of(image, 1, _PIXELS)
+    left, top, right, bottom = tile
+    within = np.zeros_like(image.clearance_px)
+    within[top:bottom, left:right] = 1.0
+    return lattice_of(replace(image, clearance_px=image.clearance_px * within), 1, _PIXELS)
+
+
 def _hypotheses(pair: DepthPair) -> Iterator[_Hypothesis]:
     yield from _of_the_values(pair)
     yield from _of_the_grid(pair)
     yield from _of_the_frames(pair)
     yield from _of_the_stamps(pair)
     yield from _of_the_pose(pair)
+
+
+def _hypotheses_of_a_tile(pair: DepthPair) -> Iterator[_Hypothesis]:
+    """Suppose what can befall a part of the image: there in both frames, and no fault of pose or camera."""
+    for hypothesis in (*_of_the_values(pair), *_of_the_grid(pair)):
+        blames = tuple(blame for blame in hypothesis.blames if blame[1] == DEPTH)
+        if hypothesis.of == DEPTH and blames:
+            yield replace(hypothesis, blames=blames, of=PART)
 
 
 def _sizeless(_: float) -> None:
@@ -107,11 +130,11 @@ def _of_the_values(pair: DepthPair) -> Iterator[_Hypothesis]:
     for factor in (1 / MM_PER_M, MM_PER_M):
         unit = (("unit_mm_m", "depth", 1.0, _always(factor)),)
         for images in _either(pair, _changed(pair, _divided_by(factor))):
-            yield _Hypothesis(unit, images, _only(pair.model()), of=ONE_FRAME)
+            yield _Hypothesis(unit, images, _only(pair.model()), of=PART)
     rays = (("depth_ray_not_z", "depth", 1.0, _sizeless),)
     yield _Hypothesis(rays, pair.images, _only(pair.as_rays(1.0)))
     for images in _either(pair, _changed(pair, lambda d: d / ray_lengths(pair.model().K, d.shape))):
-        yield _Hypothesis(rays, images, _only(pair.model()), of=ONE_FRAME)
+        yield _Hypothesis(rays, images, _only(pair.model()), of=PART)
 
 
 def _of_the_grid(pair: DepthPair) -> Iterator[_Hypothesis]:
@@ -120,7 +143,7 @@ def _of_the_grid(pair: DepthPair) -> Iterator[_Hypothesis]:
         mirrored, turned = (("mirrored", "depth", 1.0, _sizeless),), _changed(pair, turn)
         yield _Hypothesis(mirrored, turned, _only(pair.model()))
         for images in _either(pair, turned):
-            yield _Hypothesis(mirrored, images, _only(pair.model()), of=ONE_FRAME)
+            yield _Hypothesis(mirrored, images, _only(pair.model()), of=PART)
     for axis in (0, 1):
         moved = (
             ("spatial_offset", "depth", 1.0, float),
@@ -131,7 +154,7 @@ def _of_the_grid(pair: DepthPair) -> Iterator[_Hypothesis]:
         shifted = (("spatial_offset", "depth", 1.0, _always(float(shift_px))),)
         back = tuple(image.moved(axis, -shift_px) for image in pair.images)
         for images in _either(pair, (back[0], back[1])):
-            yield _Hypothesis(shifted, images, _only(pair.model()), of=ONE_FRAME)
+            yield _Hypothesis(shifted, images, _only(pair.model()), of=PART)
     longer = (("intrinsics_focal", "metadata", 1.0, lambda share: -100 * share),)
     yield _Hypothesis(longer, pair.images, _family_of_focal(pair), step=1e-3)
 

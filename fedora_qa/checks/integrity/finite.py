@@ -177,6 +177,8 @@ def _outside_suspects(total: Tally) -> tuple[Suspect, ...]:
         return (Suspect("unit_mm_m", "depth", 0.9, 1 / MM_PER_M, "1"),)
     if total.low == total.high:
         return (Suspect("invalid_encoding", "depth", 1.0),)
+    if total.rescaled > _MOST * total.outside:  # a part of the file, or of the image
+        return (Suspect("unit_mm_m", "depth", 0.85, 1 / MM_PER_M, "1"), Suspect("invalid_encoding", "depth", 0.4))
     return (Suspect("invalid_encoding", "depth", 0.5), Suspect("unit_mm_m", "depth", 0.3))
 
 
