@@ -8,9 +8,9 @@ import pytest
 
 from fedora_qa.checks.motion.clues import Clues, clues_of
 from fedora_qa.sequence.facts import Facts
-from tests.support.checked import diagnoses_of
+from tests.support.checked import diagnoses_of, run_check
 from tests.support.facts import MS, clock, exact_facts, with_clock
-from tests.support.motion_world import HOVER, RESTLESS, MotionFile, sample_motion
+from tests.support.motion_world import HOVER, NOISY, RESTLESS, MotionFile, sample_motion
 
 US = 1000
 
@@ -68,6 +68,19 @@ def test_another_sequence_is_named(tmp_path: Path) -> None:
         specific_forces_body_m_s2=other.specific_forces_body_m_s2,
     )
     file.write(tmp_path / "motion.h5")
+    assert diagnoses_of(tmp_path / "motion.h5", "imu")[0].cause == "other_sequence"
+
+
+def test_another_sequence_never_passes_in_noise(tmp_path: Path) -> None:
+    """Where pose noise hides each residual, and no set of parameters settles, the fit's own values fail and name it."""
+    other = sample_motion(replace(RESTLESS, phases=(2.0, 0.1, 1.0, 3.0, 0.2, 1.0)), NOISY, seed=3)
+    file = MotionFile(sample_motion(noise=NOISY), NOISY).altered(
+        angular_velocities_body_rad_s=other.angular_velocities_body_rad_s,
+        specific_forces_body_m_s2=other.specific_forces_body_m_s2,
+    )
+    file.write(tmp_path / "motion.h5")
+    for check in ("imu.rotation", "imu.translation"):
+        assert run_check(tmp_path / "motion.h5", check).outcome == "failed"
     assert diagnoses_of(tmp_path / "motion.h5", "imu")[0].cause == "other_sequence"
 
 

@@ -156,9 +156,9 @@ def _agreement(
     )
     residual = _residual(found, kind, unit, factor, defects)
     worst = _worst(facts, streams, found, kind, unit, factor, defects)
-    stated = found.parameters if found.settled else {}
     clues, check = clues_of(facts), f"imu.{kind}"
-    parameters = parameters_measured(kind, check, stated, shown, clues, defects)
+    besides = defects if found.settled else (*defects, *_other_sequence(1.0))
+    parameters = parameters_measured(kind, check, found.parameters, shown, clues, besides)
     local = local_measured(facts, streams, kind, check, found, "bias", shown["bias"], clues, defects)
     return Observation(
         seen,
