@@ -286,6 +286,15 @@ def test_dead_region_is_named(clean: Callable[[], EventFile], path: Path) -> Non
     assert 8 <= tile[1] < 19
 
 
+def test_small_dead_region_is_seen_wherever_it_lies(path: Path) -> None:
+    """Five by five dead pixels, across the borders of tiles, are in one tile together."""
+    dead = events(lambda e: e.keep((e.x < 22) | (e.x >= 27) | (e.y < 14) | (e.y >= 19)))
+    dead(log_file()).write(path)
+    result = run_check(path, "event_response.conservation")
+    assert "event_response.conservation.region" in {finding.code for finding in result.findings}
+    assert measured(result, "worst_tile").value == pytest.approx(25 / 64, abs=4 / 64)
+
+
 def test_frozen_frame_is_placed(path: Path) -> None:
     """The frame that repeats the one before is named."""
     frames(repeated)(log_file()).write(path)

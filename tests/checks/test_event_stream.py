@@ -179,3 +179,34 @@ def test_events_outside_the_sensor_leave_the_rest_alone(path: Path) -> None:
     assert {r.check: r.outcome for r in results} == {
         **dict.fromkeys(CHECKS, "passed"), "event_stream.bounds": "failed"
     }  # fmt: skip
+
+
+def test_a_stream_of_one_pixel_is_a_hot_pixel(path: Path) -> None:
+    """Forty thousand events of one pixel are hot, and what the frames show is missing."""
+    one = lambda e: hot(20, 10, 50_000.0)(e.keep(np.zeros(len(e), bool)))  # noqa: E731
+    altered(one).write(path)
+    assert rules(run_check(path, "event_stream.rates")) == ["hot_pixel"]
+    assert run_check(path, "event_response.conservation").outcome == "failed"
+
+
+def test_a_late_epoch_changes_nothing(path: Path) -> None:
+    """Stamps just below 2^53 us, where float64 ends, give the outcomes of a clock that starts at 0."""
+    late_ns = (2**53 - 2_000_000) * 1000
+    file = log_file()
+    moved = replace(file.events, times_ns=file.events.times_ns + late_ns)
+    file.altered(events=moved, frames_ns=file.frames_ns + late_ns).write(path)
+    names = (*CHECKS, "clocks.resolution", "event_response.conservation")
+    assert {name: run_check(path, name).outcome for name in names} == dict.fromkeys(names, "passed")
+
+
+def test_a_burst_is_no_crash(path: Path) -> None:
+    """A million events in one millisecond, all over the sensor, are found to be out of order."""
+    rng, count = np.random.default_rng(7), 1_000_000
+    times_ns = np.sort(rng.integers(400_000, 401_000, count)) * 1000
+    x, y = (rng.integers(0, size, count).astype(np.uint16) for size in (56, 40))
+    burst = Stream(x, y, times_ns, rng.integers(0, 2, count).astype(np.uint8))
+    altered(lambda e: inserted(e, burst)).write(path)
+    results = check_file(path, CheckOptions(select=("event_stream", "event_response.conservation"))).record.results
+    found = {result.check: result.outcome for result in results}
+    assert "crashed" not in found.values()
+    assert found["event_stream.duplicates"] == found["event_response.conservation"] == "failed"
