@@ -36,6 +36,14 @@ LEAST_CORRELATION: Final = 0.1
 FEWEST_INTERVALS: Final = 4
 
 
+_OF_FRAMES: Final = (
+    Suspect("spatial_offset", "rgb", 0.7),
+    Suspect("swapped_frames", "rgb", 0.5),
+    Suspect("frozen_frames", "rgb", 0.5),
+)
+"""What frames do for a while to make events seem shifted; a region of events cannot come from them."""
+
+
 @dataclass(frozen=True, slots=True)
 class Correlations:
     """Sums over the lit pixels of some frame intervals.
@@ -199,7 +207,8 @@ class Alignment(WindowCheck[Correlations]):
             where=where,
             suspects=(
                 Suspect("spatial_offset", "events", 0.9, found.shift_px if found.axis == 0 else None, "px", error),
-                *((Suspect("spatial_offset", "rgb", 0.7),) if rule == "stretch" else ()),
+                *(_OF_FRAMES if rule == "stretch" else ()),
+                Suspect("event_model_misdeclared", "events", 0.5),
                 Suspect("time_offset", "events", 0.5),
                 Suspect("clock_rate", "events", 0.4),
             ),
@@ -225,6 +234,7 @@ class Alignment(WindowCheck[Correlations]):
                 Suspect("time_offset", "events", 0.5),
                 Suspect("time_offset", "rgb", 0.5),
                 Suspect("clock_rate", "events", 0.4),
+                Suspect("event_model_misdeclared", "events", 0.3),
                 Suspect("intrinsics_centre", "metadata", 0.4),
             ),
         )

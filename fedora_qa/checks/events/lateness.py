@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import pi
 from typing import Final
 
 import numpy as np
@@ -10,7 +11,9 @@ from numpy.typing import NDArray
 from fedora_qa.checks.events.answer import TOLD_WITHIN_S, Answer
 from fedora_qa.checks.events.levels import HELD_LEVEL_BIAS
 from fedora_qa.checks.events.readings import ReadingFits, ReadingSums, cell_sums
+from fedora_qa.checks.events.rows import tick_ns
 from fedora_qa.checks.events.tiles import GRID
+from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.event_delays import (
     Step,
     delays,
@@ -20,6 +23,7 @@ from fedora_qa.estimators.event_delays import (
 )
 from fedora_qa.estimators.event_footprint import LEFT_BY_SHARP
 from fedora_qa.sequence.declared import EventModel
+from fedora_qa.sequence.facts import Facts
 
 Float64 = NDArray[np.float64]
 
@@ -57,6 +61,19 @@ class Local:
     step: Step
     values_s: Float64
     errors_s: Float64
+
+
+def expected_delay_ms(declared: EventModel | None, facts: Facts) -> tuple[float, float]:
+    """Return the mean lateness of events, and the error of that expectation."""
+    if declared is None:
+        return 0.0, 0.0
+    low_pass_ms = 1e3 / (2 * pi * declared.bandwidth_hz) if declared.bandwidth_hz > 0 else 0.0
+    tick_ms = tick_ns(facts) / 1e6
+    if declared.model == "linear":
+        return low_pass_ms, 0.0
+    declared_ms = max(declared.packet_interval_us, 1) * NS_PER_US / 1e6
+    # A grid that nobody declared may come from rounding up, down or to the nearest tick.
+    return declared_ms / 2 + low_pass_ms, max(tick_ms - declared_ms, 0.0)
 
 
 def by_levels(found: Answer, declared: EventModel) -> Lateness:

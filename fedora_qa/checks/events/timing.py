@@ -2,23 +2,29 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import hypot, pi
+from math import hypot
 from typing import Final
 
 import numpy as np
 
 from fedora_qa.checks.events.answer import Answer, answer, level_coverage
-from fedora_qa.checks.events.lateness import Lateness, Local, by_levels, by_readings, late_region, late_stretch
+from fedora_qa.checks.events.lateness import (
+    Lateness,
+    Local,
+    by_levels,
+    by_readings,
+    expected_delay_ms,
+    late_region,
+    late_stretch,
+)
 from fedora_qa.checks.events.levels import FoundOffset, LevelSums, level_sums, search_offset
 from fedora_qa.checks.events.readings import ReadingSums, fit_all, reading_sums
-from fedora_qa.checks.events.rows import tick_ns
 from fedora_qa.checks.events.tiles import tile_around
 from fedora_qa.checks.events.timing_causes import Shapes, shapes_of, whose_offset
 from fedora_qa.checks.events.view import sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
-from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 
@@ -28,6 +34,10 @@ WINDOWS_SEARCHED: Final = 2
 
 CLEARLY_LOCAL: Final = 5.0
 """Standard errors by which a region must be late for an offset of all events to be doubted (after an alarm only)."""
+
+
+_WRONG_MODEL: Final = Suspect("event_model_misdeclared", "events", 0.15)
+"""Thresholds of another model spoil delays as well; event_response.model says so better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +142,7 @@ class Timing(WindowCheck[Seen]):
             return Observation(coverage, unobservable=why)
         readings = _readings(sums)
         stretch, region = late_stretch(readings), late_region(readings)
-        shapes = _shapes(stretch, sums, 1e-3 * _expected_delay_ms(declared, facts)[0])
+        shapes = _shapes(stretch, sums, 1e-3 * expected_delay_ms(declared, facts)[0])
         everywhere = region is None or abs(region.step.late_s) < CLEARLY_LOCAL * region.step.standard_error_s
         measured = [self._offset(found, facts, shapes, told=everywhere), self._rate(found, shapes)]
         if stretch is not None:
@@ -143,7 +153,7 @@ class Timing(WindowCheck[Seen]):
 
     def _offset(self, found: Lateness, facts: Facts, shapes: Shapes, *, told: bool) -> Measured:
         """State the offset; ``told`` where it is that of all events."""
-        expected, tick_error = _expected_delay_ms(facts.declared.events, facts)
+        expected, tick_error = expected_delay_ms(facts.declared.events, facts)
         late, error, bound = 1e3 * found.late_s, 1e3 * found.error_s, 1e3 * found.bound_s + tick_error
         offset = late - expected
         return Measured(
@@ -162,6 +172,7 @@ class Timing(WindowCheck[Seen]):
                 *_late(offset, hypot(error, bound), facts, shapes.constant + shapes.stretch,
                        told=told and shapes.constant > shapes.stretch),
                 *_drifting(found, shapes.drift),
+                _WRONG_MODEL,
             ),
         )  # fmt: skip
 
@@ -182,6 +193,7 @@ class Timing(WindowCheck[Seen]):
                 *_drifting(found, 1.0 - shapes.stretch),
                 Suspect("time_offset", "events", 0.9 * shapes.stretch),
                 Suspect("time_offset", "rgb", 0.8 * shapes.stretch),
+                _WRONG_MODEL,
             ),
         )
 
@@ -204,6 +216,7 @@ class Timing(WindowCheck[Seen]):
                 *_late(late, error, facts, shapes.stretch),
                 Suspect("clock_rate", "events", 0.9 * shapes.drift),
                 Suspect("clock_rate", "rgb", 0.8 * shapes.drift),
+                _WRONG_MODEL,
             ),
         )
 
@@ -221,7 +234,7 @@ class Timing(WindowCheck[Seen]):
             f"{abs(late):.3g} +/- {error:.2g} ms {'later' if late > 0 else 'earlier'} than elsewhere.",
             code="event_response.timing.region",
             where=Where(stream="events", tile=tile),
-            suspects=(Suspect("time_offset", "events", 0.9, late, "ms", error),),
+            suspects=(Suspect("time_offset", "events", 0.9, late, "ms", error), _WRONG_MODEL),
         )
 
 
@@ -282,16 +295,3 @@ def _drifting(found: Lateness, share: float) -> tuple[Suspect, ...]:
         Suspect("clock_rate", "events", 0.9 * share, ppm, "ppm", error),
         Suspect("clock_rate", "rgb", 0.8 * share, -ppm, "ppm", error),
     )
-
-
-def _expected_delay_ms(declared: EventModel | None, facts: Facts) -> tuple[float, float]:
-    """Return the mean lateness of events, and the error of that expectation."""
-    if declared is None:
-        return 0.0, 0.0
-    low_pass_ms = 1e3 / (2 * pi * declared.bandwidth_hz) if declared.bandwidth_hz > 0 else 0.0
-    tick_ms = tick_ns(facts) / 1e6
-    if declared.model == "linear":
-        return low_pass_ms, 0.0
-    declared_ms = max(declared.packet_interval_us, 1) * NS_PER_US / 1e6
-    # A grid that nobody declared may come from rounding up, down or to the nearest tick.
-    return declared_ms / 2 + low_pass_ms, max(tick_ms - declared_ms, 0.0)
