@@ -93,6 +93,20 @@ def test_a_frame_that_comes_back_is_a_repeat(world: FlowWorld) -> None:
     assert first(judged(Repeats(), world.with_rows(path_rgb=frames))) == ("rgb:frozen_frames", 1, FRAME + 4)
 
 
+def test_a_camera_that_comes_back_may_see_the_same(world: FlowWorld) -> None:
+    """A frame that equals an earlier one is no fault where the pose is that of the earlier one, too."""
+    frames, poses, clocks = frames_of(world), world.rows_by_key, world.facts.clocks
+    frames[FRAME + 4] = frames[FRAME]
+    there, back = np.searchsorted(clocks["pose"].times_ns, clocks["rgb"].times_ns[[FRAME, FRAME + 4]])
+    returned = {}
+    for name in ("position", "orientation"):
+        rows = poses[f"path/pose/{name}"].copy()
+        rows[back - 4 : back + 5] = rows[there - 4 : there + 5]
+        returned[f"path_pose_{name}"] = rows
+    world = world.with_rows(path_rgb=frames, **returned)
+    assert judged(Repeats(), world).result.outcome == "passed"
+
+
 def test_resting_camera_may_repeat_its_frames(world: FlowWorld) -> None:
     """All frames alike, no flow and one pose: nothing is wrong, and order cannot be told."""
     frames, pose = frames_of(world), world.rows_by_key

@@ -102,6 +102,11 @@ class PoseTrack:
             return None
         return camera_motion(R[0], positions_m[0], R[1], positions_m[1], self.camera.T_body_camera)
 
+    def pose(self, time_ns: int) -> tuple[Float64, Float64]:
+        """Return R_world_body (3, 3) and position in the world (3,) m at an instant; NaN where no pose covers it."""
+        R, positions_m = self._at(time_ns, time_ns)
+        return R[0], positions_m[0]
+
     def covariance(self, start_ns: int, end_ns: int, position_sigma_m: float, rotation_sigma_rad: float) -> Float64:
         """Return the covariance (6, 6) of the motion's twist under the declared pose noise.
 

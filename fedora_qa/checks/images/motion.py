@@ -1,5 +1,6 @@
 """Whether an image must have changed between two frames, by what other streams say."""
 
+from dataclasses import dataclass
 from math import hypot, sqrt
 from typing import Final
 
@@ -10,11 +11,14 @@ from numpy.typing import NDArray
 from fedora_qa.checks.flow.intervals import interval_at, pose_track
 from fedora_qa.checks.images.pairs import flow_rate_of, luma_on_flow_grid
 from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.geometry.camera import RigidMotion, camera_motion
 from fedora_qa.geometry.so3 import log
+from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 
 Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
 
 HIDDEN_DN: Final = 2.0
 """Rounding hides changes of up to 1 DN; twice that must show."""
@@ -44,6 +48,35 @@ def surely_turned(window: Window, frame: int) -> bool | None:
     """Whether the pose moves the image by a pixel or more since the frame before; None where there is no pose."""
     moved_px = _least_motion_px(window, frame)
     return None if moved_px is None else moved_px > 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """From where a frame was taken, and by how much the image must move for that to show."""
+
+    R_world_body: Float64
+    position_world_m: Float64
+    shows_px: float
+
+
+def view_of(window: Window, frame: int) -> View | None:
+    """Return the view of a frame; None where there is no pose."""
+    camera = window.facts.declared.cameras.get("rgb")
+    if camera is None or "pose" not in window.facts.streams:
+        return None
+    R_world_body, position_world_m = pose_track(window, camera).pose(int(window.facts.clocks["rgb"].times_ns[frame]))
+    if not (np.isfinite(R_world_body).all() and np.isfinite(position_world_m).all()):
+        return None
+    return View(R_world_body, position_world_m, 2 * HIDDEN_DN / max(_steepness(window, frame), 1e-9))
+
+
+def is_elsewhere(view: View, earlier: View, facts: Facts) -> bool:
+    """Whether two views differ by so much that their images must; a camera that comes back may see the same."""
+    camera = facts.declared.cameras["rgb"]
+    motion = camera_motion(
+        earlier.R_world_body, earlier.position_world_m, view.R_world_body, view.position_world_m, camera.T_body_camera
+    )
+    return _least_shift_px(motion, camera, facts) > view.shows_px
 
 
 def moved_by_events(facts: Facts, repeats: set[int]) -> NDArray[np.bool_]:
@@ -83,24 +116,29 @@ def _by_flow(window: Window, frame: int) -> bool | None:
 def _by_pose(window: Window, frame: int) -> bool | None:
     """Compare what the pose moves the image by, along steep gradients, with what rounding hides."""
     moved_px = _least_motion_px(window, frame)
-    if moved_px is None:
-        return None
-    steep = float(np.percentile(np.hypot(*_gradients(luma_dn(window, frame))), STEEP_PERCENTILE))
-    return moved_px * steep > 2 * HIDDEN_DN
+    return None if moved_px is None else moved_px * _steepness(window, frame) > 2 * HIDDEN_DN
+
+
+def _steepness(window: Window, frame: int) -> float:
+    """Return the slope of the image at its steep places, DN per px."""
+    return float(np.percentile(np.hypot(*_gradients(luma_dn(window, frame))), STEEP_PERCENTILE))
 
 
 def _least_motion_px(window: Window, frame: int) -> float | None:
-    """Return by how much the image moves at least, by the rotation or by the parallax of the farthest points.
-
-    Rotation about the optical axis leaves the middle of the image; half of it moves by a quarter of its width or more.
-    """
+    """Return by how much the image moves at least since the frame before; None where there is no pose."""
     facts, camera = window.facts, window.facts.declared.cameras.get("rgb")
     if camera is None or "pose" not in facts.streams:
         return None
     times_ns = facts.clocks["rgb"].times_ns
     motion = pose_track(window, camera).motion(int(times_ns[frame - 1]), int(times_ns[frame]))
-    if motion is None:
-        return None
+    return None if motion is None else _least_shift_px(motion, camera, facts)
+
+
+def _least_shift_px(motion: RigidMotion, camera: Camera, facts: Facts) -> float:
+    """Return by how much a motion shifts the image at least, by its rotation or by the parallax of the farthest points.
+
+    Rotation about the optical axis leaves the middle of the image; half of it moves by a quarter of its width or more.
+    """
     focal_px, noise = float(camera.K[0, 0]), facts.declared.pose
     farthest_m = facts.declared.depth_range_m[1] if facts.declared.depth_range_m else FARTHEST_M
     turned_rad = log(motion.R) * [1.0, 1.0, camera.width / (4 * focal_px)]

@@ -1,6 +1,6 @@
 """Frames against each other: repeats."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Final
@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.images.motion import moved_by_events, must_have_changed, surely_turned
+from fedora_qa.checks.images.motion import (
+    View,
+    is_elsewhere,
+    moved_by_events,
+    must_have_changed,
+    surely_turned,
+    view_of,
+)
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -33,6 +40,8 @@ class FrameDigest:
         It equals the frame before it, bit for bit.
     moved
         Pose or flow say that the camera moved since the frame before; None where they are not there.
+    view
+        From where it was taken; None where there is no pose.
     """
 
     frame: int
@@ -40,6 +49,7 @@ class FrameDigest:
     blank: bool
     repeats: bool
     moved: bool | None
+    view: View | None
 
 
 class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
@@ -56,7 +66,8 @@ class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
     ---
     Frames are compared by their digests, each with all before it. A repeat is a fault where something says that the
     image must have changed in between: the fastest flow or the pose, when they move the frame's steep places by more
-    than rounding can hide, or events that are as many as while frames do change. Frames of one value throughout are
+    than rounding can hide, or events that are as many as while frames do change. A camera that by its pose comes back
+    to where it was may see what it saw. Frames of one value throughout are
     for ``images.exposure``.
 
     Noise model
@@ -89,7 +100,8 @@ class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
             digest = _digest(rgb)
             repeats = previous is not None and previous[1] == digest
             moved = (must_have_changed if repeats else surely_turned)(window, frame) if frame > 0 else None
-            seen.append(FrameDigest(frame, digest, bool(rgb.size and rgb.min() == rgb.max()), repeats, moved))
+            blank = bool(rgb.size and rgb.min() == rgb.max())
+            seen.append(FrameDigest(frame, digest, blank, repeats, moved, view_of(window, frame)))
             previous = frame, digest
         return tuple(seen)
 
@@ -102,8 +114,13 @@ class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
         repeats = repeated(frames)
         by_events = moved_by_events(facts, {frame for frame, _ in repeats})
         moved = {one.frame: one.moved or bool(by_events[one.frame]) for one in frames}
+        views = {one.frame: one.view for one in frames}
         known = "rgb_to_event" in facts.index_maps or any(one.moved is not None for one in frames)
-        frozen = [(frame, first) for frame, first in repeats if any(moved.get(i) for i in range(first + 1, frame + 1))]
+        frozen = [
+            (frame, first)
+            for frame, first in repeats
+            if any(moved.get(i) for i in range(first + 1, frame + 1)) and not _came_back(frame, first, views, facts)
+        ]
         if frozen:
             return Observation(coverage, (_count(frozen, facts),))
         notices = () if known or not repeats else (_noted(repeats),)
@@ -122,6 +139,12 @@ def repeated(frames: Sequence[FrameDigest]) -> list[tuple[int, int]]:
                 found.append((one.frame, latest[one.digest]))
             latest[one.digest] = one.frame
     return found
+
+
+def _came_back(frame: int, first: int, views: Mapping[int, View | None], facts: Facts) -> bool:
+    """Whether by its pose a camera that was away saw the later frame from where it saw the first."""
+    view, earlier = views.get(frame), views.get(first)
+    return frame - first > 1 and view is not None and earlier is not None and not is_elsewhere(view, earlier, facts)
 
 
 def _digest(rgb: NDArray[np.uint8]) -> bytes:
