@@ -39,7 +39,10 @@ class _Candidate:
 
 
 def diagnose(alarms: Sequence[Alarm]) -> tuple[Diagnosis, ...]:
-    """Return the probable causes of the alarms, most probable first. Alarms without a suspect become ``unknown``."""
+    """Return the probable causes of the alarms, that which explains most first.
+
+    Alarms without a suspect become ``unknown``, one for each stream (all rates of flow are one).
+    """
     places = {alarm.finding.id: alarm.finding.where for alarm in alarms}
     checks = {alarm.finding.id: alarm.finding.code.rpartition(".")[0] for alarm in alarms}
     candidates = _candidates(alarms)
@@ -58,10 +61,14 @@ def diagnose(alarms: Sequence[Alarm]) -> tuple[Diagnosis, ...]:
     explained = {finding for candidate, _ in chosen for finding in candidate.evidence}
     rest = [alarm for alarm in alarms if alarm.finding.id not in explained]
     diagnoses = [_as_diagnosis(f"D{i}", candidate, share, places) for i, (candidate, share) in enumerate(chosen, 1)]
-    for stream in dict.fromkeys(alarm.finding.where.stream for alarm in rest):
-        of_stream = [alarm for alarm in rest if alarm.finding.where.stream == stream]
-        diagnoses.append(_unknown(f"D{len(diagnoses) + 1}", of_stream))
+    for family in dict.fromkeys(_family(alarm) for alarm in rest):
+        of_family = [alarm for alarm in rest if _family(alarm) == family]
+        diagnoses.append(_unknown(f"D{len(diagnoses) + 1}", of_family))
     return tuple(diagnoses)
+
+
+def _family(alarm: Alarm) -> str:
+    return stream_family(alarm.finding.where.stream or _UNKNOWN)
 
 
 def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
@@ -146,10 +153,11 @@ def _precision(suspect: Suspect, fair: float) -> tuple[bool, bool, bool, float, 
 
 def _unknown(name: str, alarms: Sequence[Alarm]) -> Diagnosis:
     where = alarms[0].finding.where
+    streams = {alarm.finding.where.stream for alarm in alarms}
     return Diagnosis(
         id=name,
         cause=_UNKNOWN,
-        stream=where.stream or "unknown",
+        stream=_family(alarms[0]) if len(streams) > 1 else where.stream or _UNKNOWN,
         magnitude=None,
         unit="",
         standard_error=None,

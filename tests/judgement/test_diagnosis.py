@@ -54,6 +54,17 @@ def test_nothing_fits_is_unknown() -> None:
     assert found[1].explains == ("F1",)
 
 
+def test_what_is_unknown_of_all_rates_is_unknown_of_flow() -> None:
+    """What nothing explains in two rates is one thing that is not known; in one rate, that rate is named."""
+
+    def off(number: int, stream: str) -> Alarm:
+        return Alarm(Finding(f"F{number}", "toy.rule", "error", "off", Where(stream=stream)), ())
+
+    found = diagnose([off(1, "flow/10hz"), off(2, "flow/25hz"), off(3, "pose")])
+    assert [(d.stream, d.explains) for d in found] == [("flow", ("F1", "F2")), ("pose", ("F3",))]
+    assert diagnose([off(1, "flow/10hz")])[0].stream == "flow/10hz"
+
+
 def test_no_alarm_no_diagnosis() -> None:
     """Diagnosis runs only after an alarm."""
     assert diagnose([]) == ()
