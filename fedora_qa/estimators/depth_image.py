@@ -60,14 +60,12 @@ class DepthImage:
     def moved(self, axis: int, shift_px: int) -> "DepthImage":
         """Return the image moved by whole pixels to the right (axis 0) or down (1); what comes in is no clear place."""
         along = 1 - axis
+        inverse_per_m = np.roll(self.inverse_per_m, shift_px, along)
+        error_per_m = np.roll(self.error_per_m, shift_px, along)
         clearance_px = np.roll(self.clearance_px, shift_px, along)
         entered = slice(0, shift_px) if shift_px > 0 else slice(shift_px, None)
         clearance_px[(slice(None), entered) if axis == 0 else entered] = 0.0
-        return DepthImage(
-            inverse_per_m=np.roll(self.inverse_per_m, shift_px, along),
-            error_per_m=np.roll(self.error_per_m, shift_px, along),
-            clearance_px=clearance_px,
-        )
+        return DepthImage(inverse_per_m, error_per_m, clearance_px)
 
 
 def depth_image(depths_m: NDArray[np.floating], relative_step: float = 0.0) -> DepthImage:

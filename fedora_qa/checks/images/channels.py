@@ -44,8 +44,8 @@ class Channels(ColourCheck):
     Standard errors are the larger of the formal one and the jackknife over quarters of the image and windows. The
     allowance adds up what is known to bias the weights: attenuation by errors of the frames that are common to all
     channels (bounded by the residual), what events do not tell of the level between them (cubics against straight
-    lines), and 0.02 in a difference of weights, seen with closed-form frames and events, where levels read between
-    events move it by up to 0.015.
+    lines), and 0.01 in a difference of weights, seen with closed-form frames and events, where levels read between
+    events move it by up to 0.006.
 
     Cannot see
     ----------

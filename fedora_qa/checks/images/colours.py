@@ -40,9 +40,9 @@ Float64 = NDArray[np.float64]
 ENOUGH_PAIRS: Final = 1500
 """Where a window has more, those of the shortest gaps are taken."""
 
-LONGEST_GAP_NS: Final = 40_000_000
-"""Twice what thresholds are read from: weights are differences of what all channels share, so that the level between
-events may err more, and of small frames twice as many samples are had. The straight lines bound what they err by."""
+LONGEST_GAP_NS: Final = 60_000_000
+"""Three times what thresholds are read from: weights are differences of what all channels share, so that the level
+between events may err more, and small frames have more samples. The straight lines bound what they err by."""
 
 _LINEAR_LEAST_DN: Final = 4.0
 _DARKEST_DN: Final = 0.5
