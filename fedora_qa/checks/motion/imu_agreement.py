@@ -93,7 +93,7 @@ def streams_of(state: Sequence[Motion], facts: Facts) -> Streams | str:
     model = facts.declared.imu or ImuModel()
     return Streams(
         samples=inertial_samples(imu, poses, model),
-        noise=inertial_noise(model, facts.declared.pose or PoseModel(), poses),
+        noise=inertial_noise(model, facts.declared.pose or PoseModel(), imu, poses),
         poses=poses,
         imu=imu,
         origin_ns=int(imu.times_ns[0]),

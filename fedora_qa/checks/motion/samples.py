@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.inertial_samples import STAMP_SIGMA_S, InertialNoise, InertialSamples
-from fedora_qa.estimators.local_motion import Orientations, Vectors, noise_level
+from fedora_qa.estimators.local_motion import Curve, Orientations, Vectors, noise_level
 from fedora_qa.geometry import so3
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import ImuModel, PoseModel
@@ -23,6 +23,11 @@ Float64 = NDArray[np.float64]
 
 NOISE_ORDER: Final = 8
 """Order of differences that tell noise from motion: a motion of 3 Hz and 1 rad leaves 5e-11 rad at 200 samples/s."""
+
+_LEAST_ROUNDING_NOISE: Final = 0.1
+"""Of a step: a third of what uniform rounding leaves."""
+_ROUNDED_UNITS: Final = 4.0
+"""Units in the last place by which a decimal number and its multiple may differ: two products and what was read."""
 
 _RADIANS_PER_COMPONENT: Final = 2.0
 """A quaternion holds half angles: an error of a component turns by twice as much."""
@@ -80,17 +85,19 @@ def inertial_samples(imu: ImuSamples, poses: PoseSamples, model: ImuModel) -> In
     )
 
 
-def inertial_noise(imu: ImuModel, pose: PoseModel, poses: PoseSamples) -> InertialNoise:
-    """Return the declared noise of both streams, and how coarsely the poses are stored."""
+def inertial_noise(imu: ImuModel, pose: PoseModel, samples: ImuSamples, poses: PoseSamples) -> InertialNoise:
+    """Return the declared noise of both streams, and how coarsely they are stored."""
+    gyro = _rounding_density(samples.times_ns, samples.angular_velocities_body_rad_s)
+    accel = _rounding_density(samples.times_ns, samples.specific_forces_body_m_s2)
     return InertialNoise(
-        gyro_density=imu.gyro_noise_density,
-        accel_density=imu.accel_noise_density,
+        gyro_density=float(np.hypot(imu.gyro_noise_density, gyro)),
+        accel_density=float(np.hypot(imu.accel_noise_density, accel)),
         gyro_walk=imu.gyro_bias_walk,
         accel_walk=imu.accel_bias_walk,
         position_sigma_m=pose.position_sigma_m,
         rotation_sigma_rad=pose.rotation_sigma_rad,
-        position_rounding_m=stored_resolution(poses.positions_world_m),
-        rotation_rounding_rad=_RADIANS_PER_COMPONENT * stored_resolution(poses.orientations_xyzw),
+        position_rounding_m=_position_step_m(poses),
+        rotation_rounding_rad=_rotation_step_rad(poses),
         gravity_m_s2=imu.gravity,
     )
 
@@ -116,21 +123,54 @@ def stored_resolution(values: Float64) -> float:
     return float(np.spacing(largest))
 
 
+def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: Curve) -> float:
+    """Return the step of stored numbers: that of their type, or the decimal one to which they were rounded before.
+
+    Numbers of a few decimals need not be rounded, as those of a flight at one speed are not: rounding to a step leaves
+    noise of ``step / sqrt(12)``, and only where that is there it is recognised.
+    """
+    stored = stored_resolution(values)
+    step = _decimal_step(values)
+    if step <= stored:
+        return stored
+    level = noise_level(times_ns, curve, order=NOISE_ORDER)
+    return step if level is not None and level.sigma > _LEAST_ROUNDING_NOISE * step else stored
+
+
+def _rounding_density(times_ns: NDArray[np.int64], values: Float64) -> float:
+    """Return the noise density of samples that were rounded to a decimal step, 0 of others: uniform, so step^2/12."""
+    step = rounding_step(times_ns, values, Vectors(values))
+    if step <= stored_resolution(values):
+        return 0.0
+    return step * float(np.sqrt(np.median(np.diff(times_ns)) / NS_PER_S / 12))
+
+
+def _decimal_step(values: Float64) -> float:
+    """Return the largest power of ten, 1 at most and 1e-9 at least, of which all values are multiples; 0 for none."""
+    for decimals in range(10 if values.size else 0):
+        multiples = values * 10.0**decimals
+        slack = _ROUNDED_UNITS * np.spacing(float(np.abs(multiples).max()))
+        if np.all(np.abs(multiples - np.rint(multiples)) <= slack):
+            return float(10.0**-decimals)
+    return 0.0
+
+
 def imu_roundings(imu: ImuSamples) -> tuple[float, float]:
     """Return the unit of rounding of angular velocities (rad/s) and specific forces (m/s^2), of two samples or more.
 
     Rates are how orientations, whose components reach 1, change from sample to sample: they are rounded as those are.
     """
     sample_s = float(np.median(np.diff(imu.times_ns))) / NS_PER_S
-    rate = stored_resolution(imu.angular_velocities_body_rad_s)
-    return max(rate, float(np.spacing(1.0)) / sample_s), stored_resolution(imu.specific_forces_body_m_s2)
+    rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
+    rate = rounding_step(imu.times_ns, rates, Vectors(rates))
+    return max(rate, float(np.spacing(1.0)) / sample_s), rounding_step(imu.times_ns, forces, Vectors(forces))
 
 
 def position_floor_m(poses: PoseSamples) -> float:
     """Return the scatter of exact positions: stored digits, and stamps rounded to a microsecond."""
     steps_s = np.diff(poses.times_ns) / NS_PER_S
     speeds_m_s = np.linalg.norm(np.diff(poses.positions_world_m, axis=0), axis=1) / steps_s
-    return _scatter(speeds_m_s, stored_resolution(poses.positions_world_m))
+    return _scatter(speeds_m_s, _position_step_m(poses))
 
 
 def rotation_floor_rad(poses: PoseSamples) -> float:
@@ -138,7 +178,16 @@ def rotation_floor_rad(poses: PoseSamples) -> float:
     steps_s = np.diff(poses.times_ns) / NS_PER_S
     pairs = np.arange(len(steps_s))[:, None] + np.arange(2)
     turns_rad = np.linalg.norm(Orientations(poses.orientations_xyzw).seen(pairs, 0)[:, 1], axis=1)
-    return _scatter(turns_rad / steps_s, _RADIANS_PER_COMPONENT * stored_resolution(poses.orientations_xyzw))
+    return _scatter(turns_rad / steps_s, _rotation_step_rad(poses))
+
+
+def _position_step_m(poses: PoseSamples) -> float:
+    return rounding_step(poses.times_ns, poses.positions_world_m, Vectors(poses.positions_world_m))
+
+
+def _rotation_step_rad(poses: PoseSamples) -> float:
+    step = rounding_step(poses.times_ns, poses.orientations_xyzw, Orientations(poses.orientations_xyzw))
+    return _RADIANS_PER_COMPONENT * step
 
 
 def _scatter(speeds: Float64, resolution: float) -> float:
