@@ -22,6 +22,10 @@ from fedora_qa.estimators.flow_field_fit import (
     gain_of_true,
 )
 from fedora_qa.estimators.flow_motion_fit import Evidence, sum_of
+from fedora_qa.estimators.flow_templates import CENTRE as CENTRE_FAULT
+from fedora_qa.estimators.flow_templates import FOCAL as FOCAL_FAULT
+from fedora_qa.estimators.flow_templates import MOUNTING as MOUNTING_FAULT
+from fedora_qa.estimators.flow_templates import TIME_OFFSET
 from fedora_qa.sequence.declared import PoseModel
 
 _SAME_GAIN: Final = 0.1
@@ -60,6 +64,12 @@ _GAIN_ERROR: Final = 0.05
 
 _MS_PER_PERCENT_OF_S: Final = 10.0
 
+_LINEAR: Final = 1 / 3
+"""Share of the largest size of a fault up to which tiles, which capture 3 to 4 px, follow its template."""
+
+_FEWER_NUMBERS: Final = 0.95
+"""For each number that a fault takes: of two that explain as much the simpler one is meant."""
+
 _LARGEST_SHIFT_PX: Final = 10.0
 """Beyond it a flow's slopes say little about its values."""
 
@@ -93,13 +103,14 @@ def _share_a_gain(fields: Sequence[FieldResidual]) -> bool:
 def _by_own_mean(fields: Sequence[FieldResidual]) -> float:
     """Return how much of what is explained falls to each field's own mean, and to nothing that fields have in common.
 
-    So pose noise has it. What they have in common is whatever all templates together explain of all fields.
+    So pose noise has it. What they have in common is what one fault of all fields explains, whichever explains most.
     """
     evidences = [one.evidence for one in fields if one.evidence]
     if not evidences:
         return 0.0
     own = sum(one.explained_by(MEAN)[1] * one.total for one in evidences)
-    common = sum_of(evidences).explained_by(slice(None))[1] * sum(one.total for one in evidences)
+    total = sum_of(evidences)
+    common = max(total.explained_by(fault)[1] for fault in (MEAN, GAIN, FOCAL, CENTRE, MOUNTING)) * total.total
     everything = sum(one.explained_by(OF_THE_FLOW)[1] * one.total for one in evidences)
     return max(own - common, 0.0) / everything if everything > 0 else 0.0
 
@@ -132,14 +143,13 @@ def _small(fields: Sequence[FieldResidual], flow: str) -> list[Suspect]:
 
 def _geometric(total: Evidence, everything: float, flow: str, interval_s: float) -> list[Suspect]:
     """Weigh focal length, principal point, mounting and time, where depth and motion gave their templates."""
+    ms_per_percent = _MS_PER_PERCENT_OF_S * interval_s
     suspects = []
-    for cause, columns, unit, factor in (
-        ("intrinsics_focal", FOCAL, "percent", 1.0),
-        ("intrinsics_centre", CENTRE, "px", 1.0),
-        ("extrinsic_rotation", MOUNTING, "deg", 1.0),
-        ("time_offset", TIME, "ms", _MS_PER_PERCENT_OF_S * interval_s),
-    ):
+    for fault, columns, scale in ((FOCAL_FAULT, FOCAL, 1.0), (CENTRE_FAULT, CENTRE, 1.0),
+                                  (MOUNTING_FAULT, MOUNTING, 1.0), (TIME_OFFSET, TIME, ms_per_percent)):  # fmt: skip
         sizes, share = total.explained_by(columns)
-        size = factor * float(np.copysign(np.linalg.norm(sizes), sizes[np.argmax(np.abs(sizes))]))
-        suspects.append(Suspect(cause, flow, 0.9 * share / everything, size, unit))
+        size = fault.size(scale * sizes)
+        if abs(size) <= _LINEAR * fault.largest:
+            simple = _FEWER_NUMBERS ** len(sizes)
+            suspects.append(Suspect(fault.cause, flow, simple * share / everything, size, fault.unit))
     return suspects
