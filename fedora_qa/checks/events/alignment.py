@@ -176,7 +176,8 @@ class Alignment(WindowCheck[Correlations]):
         found = []
         windows = [PartSums(*(getattr(one, name).sum(axis=0) for name in PartSums.__slots__)) for one in state]
         usual = max(len(one.patches) for one in state)
-        stretch = most_shifted(_stacked(windows), usual, threshold, LEAST_CORRELATION)
+        dragged = np.array([one.with_turned.sum(axis=0) for one in state])
+        stretch = most_shifted(_stacked(windows), usual, threshold, LEAST_CORRELATION, dragged)
         if stretch is not None:
             chosen = [one for one, alike in zip(state, stretch.alike, strict=True) if alike]
             start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)

@@ -71,11 +71,14 @@ def tile_sums(level: Float64, change: Float64, events: Float64, usable: NDArray[
     return PartSums(np.array(patches), np.array(squares), np.array(slopes))
 
 
-def most_shifted(sums: PartSums, intervals: int, threshold: float, least: float) -> Shifted | None:
+def most_shifted(
+    sums: PartSums, intervals: int, threshold: float, least: float, dragged: Float64 | None = None
+) -> Shifted | None:
     """Return the part that is shifted most against the others; None where too few have a shift of their own.
 
     ``intervals`` were summed in each part; what events leave open hardly changes from one to the next. Parts that
-    correlate by less than ``least`` have no peak of their own.
+    correlate by less than ``least`` have no peak of their own. ``dragged`` (k, s, s) are the correlations with pixels
+    that have turned: by how much these drag a peak is an error of its part.
     """
     count = len(sums.patches)
     shifts, errors = np.full((count, 2), np.nan), np.full((count, 2), np.inf)
@@ -85,6 +88,10 @@ def most_shifted(sums: PartSums, intervals: int, threshold: float, least: float)
         if found is not None:
             shifts[i] = found.right_px, found.down_px
             errors[i] = open_level_errors(sums.slopes[i] / intervals, threshold)[0]
+            with_turned = peak(dragged[i]) if dragged is not None else None
+            if with_turned is not None:
+                moved = with_turned.right_px - found.right_px, with_turned.down_px - found.down_px
+                errors[i] = np.hypot(errors[i], moved)
     known = np.isfinite(shifts).all(axis=1)
     if np.count_nonzero(known) < FEWEST_PARTS:
         return None
