@@ -49,18 +49,24 @@ class Silence:
 def strangest_silence(times_ns: Int64, start_ns: int, stop_ns: int, tick_ns: int) -> tuple[Silence | None, int]:
     """Return the most improbable silence that ends in [start, stop), and how many silences end there.
 
-    ``times_ns`` is sorted and reaches beyond both ends, so that neighbours are known.
+    ``times_ns`` is sorted and reaches beyond both ends, so that neighbours are known. Between the ends all is known: a
+    sensor that has hardly begun to fire, as all references are reached at first, was silent before its first event.
     """
     stamps = times_ns[np.flatnonzero(np.diff(times_ns, prepend=times_ns[0] - 1))] if len(times_ns) else times_ns
     empty = np.diff(stamps) - tick_ns
     own = np.flatnonzero((stamps[1:] >= start_ns) & (stamps[1:] < stop_ns))
     longest = own[np.argsort(-empty[own], kind="stable")[:_LONGEST]]
-    found = [_examine(times_ns, int(stamps[i]), int(stamps[i + 1]), int(empty[i])) for i in longest if empty[i] > 0]
-    known = [silence for silence in found if silence is not None]
-    return max(known, key=lambda silence: silence.z, default=None), len(own)
+    known = (min(start_ns, int(times_ns[0])), max(stop_ns, int(times_ns[-1]))) if len(times_ns) else (start_ns, stop_ns)
+    found = [
+        _examine(times_ns, known, int(stamps[i]), int(stamps[i + 1]), int(empty[i])) for i in longest if empty[i] > 0
+    ]
+    told = [silence for silence in found if silence is not None]
+    return max(told, key=lambda silence: silence.z, default=None), len(own)
 
 
-def _examine(times_ns: Int64, before_ns: int, after_ns: int, length_ns: int) -> Silence | None:
+def _examine(
+    times_ns: Int64, known_ns: tuple[int, int], before_ns: int, after_ns: int, length_ns: int
+) -> Silence | None:
     """Hold one silence against both sides; the side that makes it more probable counts."""
     tick_ns = after_ns - before_ns - length_ns
     steps = np.arange(BINS + 1) * length_ns
@@ -68,7 +74,7 @@ def _examine(times_ns: Int64, before_ns: int, after_ns: int, length_ns: int) -> 
     right = after_ns - tick_ns + steps
     sides = [
         np.diff(np.searchsorted(times_ns, edges, side="right"))
-        for edges in (left[left >= times_ns[0]], right[right <= times_ns[-1]])
+        for edges in (left[left >= known_ns[0]], right[right <= known_ns[1]])
         if len(edges) > FEWEST_BINS
     ]
     if not sides:

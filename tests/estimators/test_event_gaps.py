@@ -60,6 +60,13 @@ def test_motion_that_turns_is_excused(turns: int) -> None:
     assert strangest(np.sort((kept * 1e6).astype(np.int64)) * US)[0].z < 6
 
 
+def test_a_sensor_that_begins_to_fire_may_pause() -> None:
+    """A dozen events, 4 ms of nothing, then a steady stream: before the first event it was silent as well."""
+    first_ns, later_ns = np.arange(16, 20) * MS, 24 * MS + poisson(15_000) // 2
+    times_ns = np.concatenate([np.repeat(first_ns, 3), later_ns])
+    assert strangest(times_ns, tick_ns=MS)[0].z < 3
+
+
 def test_grid_of_packets_is_no_silence() -> None:
     """On a grid of 1 ms the time between ticks is not empty; two lost ticks are."""
     rng = np.random.default_rng(0)
