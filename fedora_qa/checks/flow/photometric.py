@@ -67,14 +67,14 @@ class Residual(WindowCheck[WindowResiduals]):
     Cannot see
     ----------
     Errors along the edges of a scene with texture in one direction only; much of a gain in slow fields. Tiles in
-    which the rounding of 8-bit frames alone hides 0.1 px do not count: plain walls and nights may be not observable.
-    Where poses are noisy, time is not fitted.
+    which rounding or noise hides 0.1 px, or whose ground is grazed, do not count: walls and nights may be not
+    observable. Where poses are noisy, time is not fitted.
 
     Sources
     -------
-    B. D. Lucas, T. Kanade, IJCAI (1981) 674; S. Birchfield (1997) for the symmetric gradient; C. Sigg, M. Hadwiger,
-    GPU Gems 2 (2005) ch. 20 for the spline; J. Westerweel, Meas. Sci. Technol. 8 (1997) 1379 for peak locking; R. T.
-    Birge, Phys. Rev. 40 (1932) 207. Derivations: `estimators/residual_flow.py`, `flow_field_fit.py`.
+    B. D. Lucas, T. Kanade, IJCAI (1981) 674; S. Birchfield (1997) for the symmetric gradient; M. Unser, IEEE Signal
+    Process. Mag. 16 (1999) 22 for the spline; J. Westerweel, Meas. Sci. Technol. 8 (1997) 1379 for peak locking; R.
+    T. Birge, Phys. Rev. 40 (1932) 207. Derivations: `estimators/residual_flow.py`, `flow_field_fit.py`.
     """
 
     name = "flow_photometric.residual"
