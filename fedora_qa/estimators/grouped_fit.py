@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from fedora_qa.estimators.normal_equations import BlockEquations, inverse_of
+from fedora_qa.estimators.summed_equations import SummedEquations
 
 Float64 = NDArray[np.float64]
 
@@ -27,6 +28,11 @@ FEWEST_BLOCKS: Final = 4
 SPREAD_TAIL: Final = 0.01
 """Probability that chance alone widens an error. Of few stretches the spread is itself uncertain: to count all of it
 that exceeds the formal error would make honest errors a quarter too large with four stretches, a tenth with eight."""
+
+_SCATTER_IN_SCORE: Final = 3.0
+"""Variance of a score beyond the information, in units of the information N that noise in the regressors feigns. The
+score has S of the motion, at most 2 N of noise (the square of one Gaussian varies twice as the product of two), and at
+most 2 N of what was measured to take its mean off; information has S + N."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +103,9 @@ class GroupedFit:
     nuisance_covariance
         (B, B) prior covariance of a nuisance between the B stretches, the Q nuisances alike and independent. Without
         it there are none.
+    scatters
+        The stretches again, with what noise alone makes of residuals and jacobians (``split_samples``). Its scores are
+        taken off, and its information is not counted as knowledge.
     """
 
     def __init__(
@@ -105,26 +114,21 @@ class GroupedFit:
         parameters: Parameters,
         linearised_at: Float64,
         nuisance_covariance: Float64 | None = None,
+        scatters: Sequence[BlockEquations] | None = None,
     ) -> None:
         self.parameters = parameters
         count = len(parameters.names)
+        self._prior = np.diag(1.0 / np.square(parameters.largest))
         shifted = [block.linearised_at(linearised_at) for block in blocks]
-        self._normals = np.array([block.normal[:count, :count] for block in shifted])
-        self._rights = np.array([block.right[:count] for block in shifted])
-        self._nuisances = None if nuisance_covariance is None else _Nuisances(shifted, count, nuisance_covariance)
-        self._model_rights = np.array([block.model_right[:count] for block in shifted])
-        self._right = self._rights.sum(axis=0)
-        self._model_right = self._model_rights.sum(axis=0)
-        self._normal = self._normals.sum(axis=0) + np.diag(1.0 / np.square(parameters.largest))
-        squares = sum(block.squares for block in shifted)
-        if self._nuisances is not None:
-            self._right = self._right - self._nuisances.right
-            self._model_right = self._model_right - self._nuisances.model_right
-            self._normal = self._normal - self._nuisances.normal
-            squares -= self._nuisances.squares
-        misfit = squares - self._right @ inverse_of(self._normal) @ self._right
+        self._at = linearised_at
+        self._whole = SummedEquations(shifted, count, nuisance_covariance)
+        self._scatter = None if scatters is None else SummedEquations(scatters, count, nuisance_covariance)
+        self._normal = self._whole.normal + self._prior
+        self._right = self._whole.right - (0.0 if self._scatter is None else self._scatter.right)
+        self._score_covariance = self._normal + _SCATTER_IN_SCORE * self._scatter_normal
+        explained = float(self._whole.right @ inverse_of(self._normal) @ self._whole.right)
         rows = sum(block.count for block in shifted)
-        self.misfit = float(np.sqrt(max(misfit, 0.0) / max(rows - count, 1)))
+        self.misfit = float(np.sqrt(max(self._whole.squares - explained, 0.0) / max(rows - count, 1)))
         """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
         self.free, self._explained = self._select()
 
@@ -135,8 +139,11 @@ class GroupedFit:
             columns = self._columns((*self.free, group) if group not in self.free else self.free)
             inverse = inverse_of(self._normal[np.ix_(columns, columns)])
             values = inverse @ self._right[columns]
-            model_errors = np.abs(inverse @ self._model_right[columns])
             errors = self._standard_errors(columns, inverse, values)
+            shares = self._shares_of_motion(columns, inverse, errors)
+            values = self._at[columns] + (values - self._at[columns]) / shares
+            model_errors = np.abs(inverse @ self._whole.model_right[columns]) / shares
+            errors = errors / shares
             for column in self.parameters.groups[group]:
                 place = columns.index(column)
                 found[self.parameters.names[column]] = Fitted(
@@ -164,15 +171,30 @@ class GroupedFit:
         Stretches are whitened alone, so that a stretch's score ``J^T C^-1 r`` has the variance ``J^T C^-1 J``.
         """
         column, values = self.parameters.names.index(name), self.values_of_free()
-        scores = self._rights - self._normals @ values
-        if self._nuisances is not None:
-            scores = scores - self._nuisances.scores(values)
-        information = self._normals[:, column, column] + self.parameters.largest[column] ** -2
+        scores = self._scores(values)[:, column]
+        information = self._whole.normals[:, column, column] + self._prior[column, column]
+        noise = np.zeros(len(scores)) if self._scatter is None else self._scatter.normals[:, column, column]
+        errors = max(1.0, self.misfit) * np.sqrt(information + _SCATTER_IN_SCORE * noise) / information
+        shares = _shares_of_motion(noise / information, errors / self.parameters.largest[column])
         return Local(
-            deviations=scores[:, column] / information,
-            standard_errors=max(1.0, self.misfit) * information**-0.5,
-            model_errors=np.abs(self._model_rights[:, column]) / information,
+            deviations=scores / information / shares,
+            standard_errors=errors / shares,
+            model_errors=np.abs(self._whole.model_rights[:, column]) / information / shares,
         )
+
+    @property
+    def _scatter_normal(self) -> Float64:
+        return np.zeros_like(self._normal) if self._scatter is None else self._scatter.normal
+
+    def _scores(self, values: Float64) -> Float64:
+        """Return (B, P) the stretches' scores beside ``values``, without those of noise alone."""
+        scores = self._whole.scores(values)
+        return scores if self._scatter is None else scores - self._scatter.scores(np.zeros_like(values))
+
+    def _shares_of_motion(self, columns: list[int], inverse: Float64, errors: Float64) -> Float64:
+        """Return which share of the information about each of some parameters, fitted together, is of motion."""
+        noise = np.diag(inverse @ self._scatter_normal[np.ix_(columns, columns)] @ inverse) / np.diag(inverse)
+        return _shares_of_motion(noise, errors / np.array(self.parameters.largest)[columns])
 
     def _columns(self, groups: Sequence[str]) -> list[int]:
         return [column for group in groups for column in self.parameters.groups[group]]
@@ -183,7 +205,7 @@ class GroupedFit:
         if not columns:
             return 0.0
         right = self._right[columns]
-        return float(right @ inverse_of(self._normal[np.ix_(columns, columns)]) @ right)
+        return float(right @ inverse_of(self._score_covariance[np.ix_(columns, columns)]) @ right)
 
     def _select(self) -> tuple[tuple[str, ...], dict[str, dict[str, float]]]:
         """Free groups, the one that explains most first, while that is far beyond chance.
@@ -211,53 +233,28 @@ class GroupedFit:
 
         The spread is that about the nuisances as fitted: their own uncertainty is in the formal error alone.
         """
-        formal = np.diag(inverse) * max(1.0, self.misfit) ** 2
-        stretches = len(self._rights)
+        covariance = self._score_covariance[np.ix_(columns, columns)]
+        formal = np.diag(inverse @ covariance @ inverse) * max(1.0, self.misfit) ** 2
+        stretches = len(self._whole.normals)
         if stretches < FEWEST_BLOCKS:
             return np.sqrt(formal)
         every = np.zeros(len(self.parameters.names))
         every[columns] = values
-        scores = self._rights - self._normals @ every
-        if self._nuisances is not None:
-            scores = scores - self._nuisances.scores(every)
+        scores = self._scores(every)
         scores = (scores - scores.mean(axis=0))[:, columns]
-        own_normal = self._normals.sum(axis=0) + np.diag(1.0 / np.square(self.parameters.largest))
-        own = inverse_of(own_normal[np.ix_(columns, columns)])
+        own_normal = (self._whole.normals.sum(axis=0) + self._prior)[np.ix_(columns, columns)]
+        own, noise = inverse_of(own_normal), _SCATTER_IN_SCORE * self._scatter_normal[np.ix_(columns, columns)]
         spread = np.diag(own @ (scores.T @ scores) @ own) * stretches / (stretches - 1)
-        expected = np.diag(own) * max(1.0, self.misfit) ** 2
+        expected = np.diag(own @ (own_normal + noise) @ own) * max(1.0, self.misfit) ** 2
         by_chance = chi2.isf(SPREAD_TAIL, stretches - 1) / (stretches - 1)
         errors: Float64 = np.sqrt(formal + np.where(spread > by_chance * expected, spread - expected, 0.0))
         return errors
 
 
-class _Nuisances:
-    """Unknowns of single stretches, correlated between stretches by their prior, eliminated from the equations.
+def _shares_of_motion(noise_shares: Float64, relative_errors: Float64) -> Float64:
+    """Return which share of information is of motion, no less than leaves the error at the largest conceivable value.
 
-    Attributes
-    ----------
-    normal, right, model_right, squares
-        What their elimination takes from the parameters' equations (Schur complement).
+    Noise in a regressor draws what is fitted towards 0 by that share (attenuation), and its error with it.
     """
-
-    def __init__(self, blocks: Sequence[BlockEquations], count: int, covariance: Float64) -> None:
-        stretches, nuisances = len(blocks), len(blocks[0].right) - count
-        own = np.kron(np.linalg.inv(covariance), np.eye(nuisances))
-        for place, block in enumerate(blocks):
-            here = slice(place * nuisances, (place + 1) * nuisances)
-            own[here, here] += block.normal[count:, count:]
-        self._inverse = inverse_of(own)
-        self._mixed = np.array([block.normal[:count, count:] for block in blocks])
-        self._joined = np.concatenate(tuple(self._mixed), axis=-1)
-        self._right = np.concatenate([block.right[count:] for block in blocks])
-        self._shape = (stretches, nuisances)
-        model_right = np.concatenate([block.model_right[count:] for block in blocks])
-        self.normal = self._joined @ self._inverse @ self._joined.T
-        self.right = self._joined @ self._inverse @ self._right
-        self.model_right = self._joined @ self._inverse @ model_right
-        self.squares = float(self._right @ self._inverse @ self._right)
-
-    def scores(self, parameters: Float64) -> Float64:
-        """Return (B, P) what the nuisances, fitted beside ``parameters``, take from each stretch's right sides."""
-        fitted = (self._inverse @ (self._right - self._joined.T @ parameters)).reshape(self._shape)
-        taken: Float64 = np.einsum("bpq,bq->bp", self._mixed, fitted)
-        return taken
+    shares: Float64 = np.maximum(1.0 - noise_shares, np.minimum(relative_errors, 1.0))
+    return shares

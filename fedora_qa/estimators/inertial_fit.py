@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from fedora_qa.estimators.grouped_fit import GroupedFit, Parameters
 from fedora_qa.estimators.inertial_samples import InertialNoise, InertialSamples, Rows, blocks_of
 from fedora_qa.estimators.inertial_summary import FEWEST_ROWS, OUTLIER, InertialFit, disturbed_span, summarise
-from fedora_qa.estimators.normal_equations import block_equations
+from fedora_qa.estimators.normal_equations import BlockEquations, block_equations
 from fedora_qa.estimators.preintegration import ROTATION_PARAMETERS, rotation_rows, without_rotation_faults
 from fedora_qa.estimators.specific_force import TRANSLATION_PARAMETERS, translation_rows, without_translation_faults
+from fedora_qa.estimators.split_samples import with_scatter
 
 Float64 = NDArray[np.float64]
 
@@ -99,7 +100,7 @@ def _stretches(
         near = samples.between(first_s - _MARGIN_S, last_s + _MARGIN_S)
         if len(near.imu_times_s) < FEWEST_ROWS or len(near.pose_times_s) < 3:
             continue
-        rows = rows_of(near, noise)
+        rows = with_scatter(rows_of(near, noise), near, noise, rows_of)
         rows = rows.select((rows.times_s >= first_s) & (rows.times_s <= last_s))
         if len(rows) >= FEWEST_ROWS:
             found.append(rows)
@@ -129,16 +130,19 @@ def _fit(
 ) -> GroupedFit:
     chosen = [rows.select(keep) for rows, keep in zip(stretches, kept, strict=True) if np.any(keep)]
     walks = bias_walk > 0
-    equations = [
-        block_equations(
-            rows.residuals,
-            np.concatenate((rows.jacobians, rows.bias_jacobians), axis=-1) if walks else rows.jacobians,
-            rows.covariance_bands,
-            rows.model_errors,
-        )
-        for rows in chosen
-    ]
-    return GroupedFit(equations, parameters, at, _walk_covariance(chosen, bias_walk) if walks else None)
+    scatters = [rows.scatter for rows in chosen if rows.scatter is not None]
+    return GroupedFit(
+        [_equations(rows, walks) for rows in chosen],
+        parameters,
+        at,
+        _walk_covariance(chosen, bias_walk) if walks else None,
+        [_equations(rows, walks) for rows in scatters] if len(scatters) == len(chosen) else None,
+    )
+
+
+def _equations(rows: Rows, walks: bool) -> BlockEquations:
+    jacobians = np.concatenate((rows.jacobians, rows.bias_jacobians), axis=-1) if walks else rows.jacobians
+    return block_equations(rows.residuals, jacobians, rows.covariance_bands, rows.model_errors)
 
 
 def _walk_covariance(stretches: list[Rows], bias_walk: float) -> Float64:

@@ -129,6 +129,8 @@ class Rows:
         (n, 3, P) and (n, 3, 3): derivatives of the residuals by the parameters and by a bias of the sensor.
     covariance_bands
         (3, u + 1, n) for each axis, in the upper form of ``scipy.linalg.solveh_banded``; axes are independent.
+    scatter
+        The same rows with residuals and jacobians as the noise of the IMU alone makes them: see ``split_samples``.
     """
 
     poses: NDArray[np.intp]
@@ -139,6 +141,7 @@ class Rows:
     jacobians: Float64
     bias_jacobians: Float64
     covariance_bands: Float64
+    scatter: "Rows | None" = None
 
     def __len__(self) -> int:
         return len(self.times_s)
@@ -160,6 +163,7 @@ class Rows:
         return Rows(
             self.poses[rows], self.times_s[rows], self.spans_s[rows], self.residuals[rows], self.model_errors[rows],
             self.jacobians[rows], self.bias_jacobians[rows], bands,
+            None if self.scatter is None else self.scatter.select(rows),
         )  # fmt: skip
 
 

@@ -162,3 +162,28 @@ def test_stretches_deviate_as_their_own_errors_say() -> None:
     assert int(np.argmax(np.abs(local.deviations) / local.standard_errors)) == 7
     there = fit.values_of_free()[0] + local.deviations[7]
     assert there == pytest.approx(3.0, abs=4 * local.standard_errors[7])
+
+
+@pytest.mark.parametrize("motion", [0.0, 0.7, 5.0])
+def test_noise_that_regressors_share_with_residuals_is_taken_off(motion: float) -> None:
+    """Values scatter about the truth no wider than their errors say, where a regressor's noise is the residual's own.
+
+    The noise that serves as scatter is another draw of both. Without it the mean is off by nearly 1 at rest.
+    """
+    deviations, parameters = [], Parameters(("gain",), {"gain": (0,)}, (1e3,))
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        signal = motion * random.standard_normal((80, 3))
+        own, other = random.standard_normal((2, 80, 3))
+        white = np.tile(np.ones((1, 80)), (3, 1, 1))
+        nothing = np.zeros((80, 3))
+        found = GroupedFit(
+            [block_equations(own, (signal + own)[..., None], white, nothing)],
+            parameters,
+            np.zeros(1),
+            scatters=[block_equations(other, other[..., None], white, nothing)],
+        ).fitted()["gain"]
+        assert not found.free
+        deviations.append(found.value / found.standard_error)
+    assert abs(np.mean(deviations)) < 0.4
+    assert 0.7 < np.std(deviations) < 1.2
