@@ -15,6 +15,7 @@ Int32 = NDArray[np.int32]
 Bool = NDArray[np.bool_]
 Columns = NDArray[np.uint16]
 Polarities = NDArray[np.uint8]
+Signs = NDArray[np.int8]
 
 _T2, _T1, _T0, _SIGN2, _SIGN1, _ON, _OFF, _BEFORE = range(8)
 _FRAME, _LEVEL_ON, _LEVEL_OFF, _SLOPE, _GAP, _MORE_ON, _MORE_OFF = range(8, 15)
@@ -137,10 +138,21 @@ def count_between_frames(
 
 
 @njit(cache=True)
-def count_by_pixel(x: Columns, y: Columns, p: Polarities, counts: Int64) -> None:
-    """Add events to ``counts`` (2, h, w): darker first, then brighter."""
+def follow_polarities(
+    x: Columns, y: Columns, p: Polarities, events: Int64, runs: Int64, first: Signs, last: Signs
+) -> None:
+    """Add events to ``events``, and sequences of one polarity to ``runs``, (h, w) each.
+
+    ``first`` and ``last`` (h, w) hold the polarity of each pixel's first and last event, negative where there is none.
+    """
     for i in range(len(x)):
-        counts[p[i], y[i], x[i]] += 1
+        row, column = y[i], x[i]
+        events[row, column] += 1
+        if last[row, column] != p[i]:
+            runs[row, column] += 1
+        if first[row, column] < 0:
+            first[row, column] = p[i]
+        last[row, column] = p[i]
 
 
 @njit(cache=True)

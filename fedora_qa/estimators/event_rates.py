@@ -7,39 +7,108 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import rank_filter
 
+from fedora_qa.estimators.event_kernels import follow_polarities
+
 Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
 
 _RING: Final = np.ones((5, 5), np.bool_)
 _RING[2, 2] = False
 _NEIGHBOURS: Final = 24
+_NONE: Final = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """What is counted of every pixel, (h, w) each; whole numbers, so that joining is exact.
+
+    Attributes
+    ----------
+    events
+        Whatever their polarity.
+    runs
+        Sequences of events of one polarity; one more than there are reversals.
+    first, last
+        Polarity of the first and the last event, -1 where there is none.
+    """
+
+    events: Int64
+    runs: Int64
+    first: NDArray[np.int8]
+    last: NDArray[np.int8]
+
+    @classmethod
+    def of_nothing(cls, shape: tuple[int, int]) -> "Tally":
+        """Return the tally of a sensor (rows, columns) that has not fired."""
+        zeros, none = np.zeros(shape, np.int64), np.full(shape, _NONE, np.int8)
+        return cls(zeros, zeros.copy(), none, none.copy())
+
+    def add(self, x: NDArray[np.uint16], y: NDArray[np.uint16], p: NDArray[np.uint8]) -> None:
+        """Count the events that come next, in place."""
+        follow_polarities(x, y, p, self.events, self.runs, self.first, self.last)
+
+    def then(self, later: "Tally") -> "Tally":
+        """Join with what comes later: a run that goes on over the border is one."""
+        goes_on = (self.last == later.first) & (self.last != _NONE)
+        return Tally(
+            self.events + later.events,
+            self.runs + later.runs - goes_on,
+            np.where(self.first == _NONE, later.first, self.first),
+            np.where(later.last == _NONE, self.last, later.last),
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Loudness:
-    """Counts of pixels beside those of their neighbours, (h, w) each.
+    """Events of pixels beside those of their neighbours, (h, w) each.
 
     Attributes
     ----------
     excess
-        Count above the third largest of the 24 neighbours (so that two bad pixels side by side do not hide each other).
+        Events above the third largest of the 24 neighbours, so that two bad pixels side by side do not hide each other.
+    swings
+        Events by which an honest pixel may exceed its neighbours however they are: one a swing of the scene.
     error
-        Its standard deviation: Poisson, and the spread of the neighbours.
+        Standard deviation of the excess: Poisson, of the swings as well, and the spread of the neighbours.
     median
         Of the neighbours.
     """
 
     excess: Float64
+    swings: Float64
     error: Float64
     median: Float64
 
+    @property
+    def z(self) -> Float64:
+        """What is in excess of swings, in standard deviations (h, w)."""
+        return (self.excess - self.swings) / self.error
 
-def loudness(counts: NDArray[np.int64]) -> Loudness:
-    """Compare every pixel's count (h, w) with its 24 neighbours.
+
+def loudness(tally: Tally) -> Loudness:
+    """Compare every pixel with its 24 neighbours.
 
     What moves over a sensor moves over the neighbours as well; edges and textures make neighbours differ, and the
     distance of their third largest from their median (1.1 standard deviations of a normal distribution) measures by
     how much.
+
+    Where a scene swings to and fro, neighbours differ alike in every swing, and that does not average out. Let a swing
+    change the signal by A thresholds, and the signal be r thresholds beyond its reference where it turns, 0 <= r < 1:
+    floor(A - r) events follow. Of two pixels with the same A, one gives at most one event a swing more than the other,
+    and if A is just above 1, one fires in every swing and the other never does. So of a pixel's events one a run of
+    equal polarity is no excess, of as many runs as the scene has swings. These are counted where neighbours bear each
+    other out: the largest number of runs that a pixel and three of its neighbours have all reached. A hot pixel alone
+    adds nothing to it, however often its polarity alternates, and one of a single polarity has one run. Which swings
+    pass the threshold, and which pass it twice, is chance: so many events vary by Poisson's error at most.
     """
-    high = rank_filter(counts, rank=_NEIGHBOURS - 3, footprint=_RING, mode="mirror").astype(np.float64)
-    median = rank_filter(counts, rank=_NEIGHBOURS // 2, footprint=_RING, mode="mirror").astype(np.float64)
-    return Loudness(counts - high, np.sqrt(high + (high - median) ** 2 + 1.0), median)
+    high, median = (_ranked(tally.events, rank) for rank in (_NEIGHBOURS - 3, _NEIGHBOURS // 2))
+    borne_out = np.minimum(tally.runs, _ranked(tally.runs, _NEIGHBOURS - 3))
+    swings = np.minimum(tally.runs, borne_out.max(initial=0.0)).astype(np.float64)
+    error = np.sqrt(high + (high - median) ** 2 + swings + 1.0)
+    return Loudness(tally.events - high, swings, error, median)
+
+
+def _ranked(counts: Int64, rank: int) -> Float64:
+    """Return the neighbours' count of a rank (h, w), 0 the least."""
+    ranked: Float64 = rank_filter(counts, rank=rank, footprint=_RING, mode="mirror").astype(np.float64)
+    return ranked

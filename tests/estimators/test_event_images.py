@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, shift
 
 from fedora_qa.estimators.event_orientation import SYMMETRIES, Moments, block_means, moments, undone
-from fedora_qa.estimators.event_rates import loudness
+from fedora_qa.estimators.event_rates import Tally, loudness
 from fedora_qa.estimators.event_shift import cross_correlation, peak
 
 SHAPE = (24, 36)
@@ -75,20 +76,70 @@ def test_no_peak_where_nothing_agrees() -> None:
     assert peak(cross_correlation(TEXTURE, TEXTURE, ~ALL)) is None
 
 
+def tally(counts: NDArray[np.int64], runs: NDArray[np.int64]) -> Tally:
+    none = np.full(counts.shape, -1, np.int8)
+    return Tally(counts, runs, none, none)
+
+
 @pytest.mark.parametrize("hot", [[(10, 12)], [(10, 12), (10, 13)], [(0, 0)]], ids=["one", "pair", "corner"])
 def test_hot_pixels_are_loud(hot: list[tuple[int, int]]) -> None:
-    """A pixel that fires 200 times beside ones that fire 20 times stands out by more than 10 sigma, pairs as well."""
+    """A pixel that fires 200 times beside ones that fire 20 times stands out, pairs as well, of any polarities."""
     counts = np.random.default_rng(0).poisson(20, SHAPE)
     for place in hot:
         counts[place] += 200
-    found = loudness(counts)
-    z = found.excess / found.error
-    assert {(int(row), int(column)) for row, column in zip(*np.nonzero(z > 10), strict=True)} == set(hot)
+    for runs in (np.ones_like(counts), counts):
+        z = loudness(tally(counts, np.minimum(runs, 20 + 200 * (counts > 100)))).z
+        assert {(int(row), int(column)) for row, column in zip(*np.nonzero(z > 9), strict=True)} == set(hot)
 
 
 def test_edges_and_textures_are_not_loud() -> None:
     """Counts that follow a texture or step at an edge stay below 5 sigma."""
     rate = 20 + 15 * np.abs(gaussian_filter(np.random.default_rng(1).normal(0, 6, SHAPE), 1.0))
     rate[:, 18:] *= 6
-    found = loudness(np.random.default_rng(2).poisson(rate))
-    assert np.max(found.excess / found.error) < 5
+    counts = np.random.default_rng(2).poisson(rate)
+    assert np.max(loudness(tally(counts, np.ones_like(counts))).z) < 5
+
+
+def swinging(amplitudes: NDArray[np.float64], swings: int) -> Tally:
+    """Events of signals (h, w) that swing to and fro by so many thresholds: the sensor followed turn by turn."""
+    counts = Tally.of_nothing(amplitudes.shape)
+    reference = np.zeros(amplitudes.shape)
+    for turn in range(swings):
+        signal = amplitudes * (turn % 2 == 0)
+        moved = np.trunc(signal - reference).astype(int)
+        reference += moved
+        for times in range(1, int(np.abs(moved).max()) + 1):
+            y, x = np.nonzero(np.abs(moved) >= times)
+            counts.add(x.astype(np.uint16), y.astype(np.uint16), (moved[y, x] > 0).astype(np.uint8))
+    return counts
+
+
+def test_pixels_that_just_pass_their_threshold_in_each_swing_are_not_hot() -> None:
+    """Edges of 1.05 thresholds beside ones of 0.95, swung across 60 times, are honest; a hot pixel is not."""
+    amplitudes = np.full(SHAPE, 0.95)
+    amplitudes[5:8, 5:8] = 1.4
+    amplitudes[20, 20] = amplitudes[18, 30] = 1.05
+    counts = swinging(amplitudes, 60)
+    found = loudness(counts)
+    assert found.excess[20, 20] == found.swings[20, 20] == counts.runs[20, 20] == 60
+    assert found.z.max() < 1
+    hot = np.full(200, 12, np.uint16)
+    counts.add(hot, hot, (np.arange(200) % 2).astype(np.uint8))
+    assert loudness(counts).z[12, 12] > 10
+
+
+def test_tallies_join_as_if_never_cut() -> None:
+    """Runs of one polarity that a cut divides are one again, and pixels that fire on one side only lose nothing."""
+    rng = np.random.default_rng(4)
+    x, y, p = (rng.integers(0, top, 400).astype(kind) for top, kind in ((5, np.uint16), (4, np.uint16), (2, np.uint8)))
+    whole = Tally.of_nothing((4, 5))
+    whole.add(x, y, p)
+    joined = Tally.of_nothing((4, 5))
+    for part in np.split(np.arange(400), [3, 3, 10, 200]):
+        later = Tally.of_nothing((4, 5))
+        later.add(x[part], y[part], p[part])
+        joined = joined.then(later)
+    for name in Tally.__slots__:
+        np.testing.assert_array_equal(getattr(joined, name), getattr(whole, name))
+    of_pixel = p[(x == 2) & (y == 1)].astype(int)
+    assert whole.runs[1, 2] == 1 + np.count_nonzero(np.diff(of_pixel))

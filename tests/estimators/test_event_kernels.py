@@ -1,13 +1,14 @@
 """Compiled loops against plain NumPy."""
 
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_kernels import count_between_frames, count_by_pixel, find_repeats, mark_bursts
+from fedora_qa.estimators.event_kernels import count_between_frames, find_repeats, follow_polarities, mark_bursts
 from fedora_qa.estimators.event_shift import turned_pixels
 from tests.estimators.event_world import Stream
 
@@ -40,13 +41,17 @@ def test_events_between_frames_are_counted_once(events: Stream) -> None:
 
 @given(streams())
 @settings(deadline=None)
-def test_pixel_counts_are_a_histogram(events: Stream) -> None:
-    """Every event is counted at its pixel and polarity."""
-    counts = np.zeros((2, *SHAPE), np.int64)
-    count_by_pixel(events.x, events.y, events.p, counts)
-    expected = np.zeros((2, *SHAPE))
-    np.add.at(expected, (events.p, events.y, events.x), 1)
-    assert np.array_equal(counts, expected)
+def test_pixels_are_followed_one_by_one(events: Stream) -> None:
+    """Every pixel gets its number of events and of runs of one polarity, its first and its last polarity."""
+    counts, runs = np.zeros((2, *SHAPE), np.int64)
+    first, last = np.full((2, *SHAPE), -1, np.int8)
+    follow_polarities(events.x, events.y, events.p, counts, runs, first, last)
+    for row, column in np.ndindex(SHAPE):
+        own = events.p[(events.x == column) & (events.y == row)].tolist()
+        reversals = sum(one != other for one, other in pairwise(own))
+        assert counts[row, column] == len(own)
+        assert runs[row, column] == (reversals + 1 if own else 0)
+        assert (first[row, column], last[row, column]) == ((own[0], own[-1]) if own else (-1, -1))
 
 
 @given(streams())

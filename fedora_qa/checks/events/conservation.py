@@ -48,10 +48,13 @@ class Conservation(Check[Ledger]):
     Each frame bounds the value with certainty: half a step of the 8-bit code, which in L grows with 1/I, and what the
     pixels that a footprint cuts may hold; dark and curved regions need no mask, they only show less. Declared spread of
     thresholds widens the law by five sigma an event, leak moves it, spurious events excuse as many pixels as they may
-    have hit, a low-pass those that fire around frame times. What no bound covers is the antialiasing of the frames: 2
-    pixels in a million a frame are allowed, with the Poisson error of so many. That rate is measured, not derived: of
-    10 clean files three, all by night, have any, 3 of 10 680 pixels in 51 frames at most. A structure one pixel wide
-    runs through an eighth of a tile.
+    have hit, a low-pass those that fire around frame times.
+
+    What no bound covers is a renderer that samples its pixels too coarsely. Frames whose cut pixels alone leave the
+    signal open by C+ + C- or more are not believed: there the bound would have to hold to the last, and events tell as
+    much (``stretch``). How often antialiasing fails is measured on the file: pixels that break the law only if those
+    frames are believed. As many are allowed among the others, which are more even, with the Poisson error of so many
+    and one. A structure one pixel wide runs through an eighth of a tile.
 
     Cannot see
     ----------
@@ -66,7 +69,6 @@ class Conservation(Check[Ledger]):
 
     name = "event_response.conservation"
     needs = ("events", "rgb")
-    _ANTIALIASING_PER_FRAME: Final = 2e-6
     _MATTERS: Final = 0.05
     _TILE_ALLOWANCE: Final = 1 / TILE_PX
     """A structure one pixel wide runs through as many pixels of a tile as its side has."""
@@ -121,10 +123,9 @@ class Conservation(Check[Ledger]):
         size = shape[0] * shape[1]
         times_ns = facts.clocks["rgb"].times_ns
         counts = [int(np.bitwise_count(one.pixels).sum()) for one in closed]
-        allowances = [
-            self._ANTIALIASING_PER_FRAME * one.frames + _excused_share(one, declared, times_ns) for one in closed
-        ]
-        errors = [sqrt(allowance / size) for allowance in allowances]
+        excused = [_excused_share(one, declared, times_ns) for one in closed]
+        allowances = [one.flawed / size + share for one, share in zip(closed, excused, strict=True)]
+        errors = [sqrt((one.flawed + 1) / size**2 + share / size) for one, share in zip(closed, excused, strict=True)]
         deviations = [
             (count / size - allowance) / error
             for count, allowance, error in zip(counts, allowances, errors, strict=True)

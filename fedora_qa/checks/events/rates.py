@@ -9,15 +9,14 @@ from fedora_qa.checks.events.rows import event_coverage, why_no_sensor
 from fedora_qa.checks.events.view import own, sensor_events, sensor_shape
 from fedora_qa.checks.protocol import Check, Measured, Observation, Suspect
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.event_kernels import count_by_pixel
-from fedora_qa.estimators.event_rates import loudness
+from fedora_qa.estimators.event_rates import Loudness, Tally, loudness
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 
 
-class Rates(Check[NDArray[np.int64]]):
+class Rates(Check[Tally]):
     """Does any pixel fire without cause?
 
     The excess of the loudest pixel over its neighbourhood, in events a second, and the rate of declared hot pixels.
@@ -33,21 +32,27 @@ class Rates(Check[NDArray[np.int64]]):
     what moves over a sensor moves over them as well. The excess is over the third largest neighbour, so that two hot
     pixels side by side do not hide each other. Declared hot pixels are excused, and held to their declared rate.
 
+    A scene that swings to and fro (hovering) makes neighbours differ alike in every swing: one just passes its
+    threshold each time, the others never do. One event a swing is therefore allowed for. Swings are counted as runs of
+    equal polarity that a pixel and three of its neighbours have all reached, wherever on the sensor that is most.
+
     Noise model
     -----------
-    Standard error: Poisson's of the third largest neighbour, with the distance of that from their median, which
-    measures how much edges and textures make neighbours differ (1.1 standard deviations of a normal distribution), and
-    of one event. A declared spread of thresholds allows the rate to be larger by five sigma of it. All pixels are
-    tests. Declared hot pixels have the Poisson error of their sum, and lose what falls into refractory periods.
+    Standard error: Poisson's of the third largest neighbour and of the swings allowed for, with the distance of the
+    former from the neighbours' median, which measures how much edges and textures make neighbours differ (1.1 standard
+    deviations of a normal distribution), and of one event. A declared spread of thresholds allows the rate to be larger
+    by five sigma of it. All pixels are tests. Declared hot pixels have the Poisson error of their sum, and lose what
+    falls into refractory periods.
 
     Cannot see
     ----------
-    Pixels that are hot for a short time only, or less than the scene itself is loud; three and more hot pixels side by
-    side. Dead pixels and regions: without frames they are scenes at rest (``event_response.conservation``).
+    Pixels that are hot for a short time only, or less than the scene itself is loud or swings; three and more hot
+    pixels side by side. Dead pixels and regions: without frames they are scenes at rest
+    (``event_response.conservation``).
 
     Sources
     -------
-    First principles: order statistics of 24 neighbours; derivation in ``event_rates``.
+    First principles: order statistics of 24 neighbours, the sensor's hysteresis; derivation in ``event_rates``.
     """
 
     name = "event_stream.rates"
@@ -59,37 +64,33 @@ class Rates(Check[NDArray[np.int64]]):
         """Need the size of the sensor."""
         return why_no_sensor(facts)
 
-    def start(self, facts: Facts) -> NDArray[np.int64]:
-        """Return counts (2, h, w) of nothing."""
-        return np.zeros((2, *sensor_shape(facts.declared)), np.int64)
+    def start(self, facts: Facts) -> Tally:
+        """Return the tally of nothing."""
+        return Tally.of_nothing(sensor_shape(facts.declared))
 
-    def update(self, state: NDArray[np.int64], window: Window) -> None:
+    def update(self, state: Tally, window: Window) -> None:
         """Count the window's events."""
         events = own(window, sensor_events(window))
-        count_by_pixel(events.x, events.y, events.p, state)
+        state.add(events.x, events.y, events.p)
 
-    def merge(self, state: NDArray[np.int64], later: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Add."""
-        return state + later
+    def merge(self, state: Tally, later: Tally) -> Tally:
+        """Join."""
+        return state.then(later)
 
-    def conclude(self, state: NDArray[np.int64], facts: Facts) -> Observation:
+    def conclude(self, state: Tally, facts: Facts) -> Observation:
         """Compare pixels with their neighbours."""
-        counts = state.sum(axis=0)
+        counts = state.events
         coverage = event_coverage(facts, int(counts.sum()))
         span_s = _span_s(facts)
         if not counts.any() or min(counts.shape) < 3 or span_s <= 0:
             return Observation(coverage, unobservable="too few events or pixels to compare neighbours")
-        loud = loudness(counts)
-        hot = np.zeros(counts.shape, np.bool_)
-        for column, row in facts.declared.events.hot_pixels if facts.declared.events is not None else ():
-            if 0 <= row < hot.shape[0] and 0 <= column < hot.shape[1]:
-                hot[row, column] = True
-        z = np.where(hot, -np.inf, loud.excess / loud.error)
-        seen_share = coverage.share
-        measured = [self._loudest(counts, z, loud.excess, loud.error, span_s * seen_share, facts)]
+        loud = loudness(state)
+        hot = _declared_hot(facts.declared.events, counts.shape)
+        seconds = span_s * coverage.share
+        measured = [self._loudest(counts, loud, np.where(hot, -np.inf, loud.z), seconds, facts)]
         if hot.any() and facts.declared.events is not None and facts.declared.events.hot_pixel_rate_hz > 0:
             over = (counts - loud.median)[hot]
-            measured.append(self._declared_rate(over, loud.error[hot], facts.declared.events, span_s * seen_share))
+            measured.append(self._declared_rate(over, loud.error[hot], facts.declared.events, seconds))
         return Observation(
             coverage,
             tuple(measured),
@@ -98,28 +99,22 @@ class Rates(Check[NDArray[np.int64]]):
         )
 
     def _loudest(
-        self,
-        counts: NDArray[np.int64],
-        z: NDArray[np.float64],
-        excess: NDArray[np.float64],
-        error: NDArray[np.float64],
-        seconds: float,
-        facts: Facts,
+        self, counts: NDArray[np.int64], loud: Loudness, z: NDArray[np.float64], seconds: float, facts: Facts
     ) -> Measured:
         row, column = (int(i) for i in np.unravel_index(int(np.argmax(z)), z.shape))
         many = int(np.count_nonzero(z > self._SURELY))
-        rate_hz = counts[row, column] / seconds
+        rate_hz, excess_hz = (float(of_all[row, column]) / seconds for of_all in (counts, loud.excess))
         return Measured(
             name="loudest_pixel_excess",
-            value=float(excess[row, column]) / seconds,
+            value=excess_hz,
             unit="Hz",
-            standard_error=float(error[row, column]) / seconds,
-            # A pixel whose threshold is low by five declared sigma fires so much more often than its neighbours.
-            allowance=rate_hz * _mismatch(facts.declared.events),
+            standard_error=float(loud.error[row, column]) / seconds,
+            # One event a swing; and a pixel whose threshold is low by five declared sigma fires so much more often.
+            allowance=float(loud.swings[row, column]) / seconds + rate_hz * _mismatch(facts.declared.events),
             side="upper",
             tests=counts.size,
             statement=f"{max(many, 1)} pixels fire without cause: ({column}, {row}) at {rate_hz:.4g} Hz, "
-            f"{excess[row, column] / seconds:.4g} Hz more than its neighbours.",
+            f"{excess_hz:.4g} Hz more than its neighbours.",
             code="event_stream.rates.hot_pixel",
             where=Where(stream="events", pixel=(column, row)),
             suspects=(Suspect("hot_pixels", "events", 0.95, float(max(many, 1)), "pixels"),),
@@ -145,6 +140,14 @@ class Rates(Check[NDArray[np.int64]]):
             where=Where(stream="events"),
             suspects=(Suspect("noise_misdeclared", "events", 0.8, percent, "percent"),),
         )
+
+
+def _declared_hot(declared: EventModel | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    hot = np.zeros(shape, np.bool_)
+    for column, row in declared.hot_pixels if declared is not None else ():
+        if 0 <= row < shape[0] and 0 <= column < shape[1]:
+            hot[row, column] = True
+    return hot
 
 
 def _mismatch(declared: EventModel | None) -> float:

@@ -4,14 +4,14 @@ A longer stretch sees rarer losses, but gives every flaw of the frames' antialia
 the place. States of any windows merge exactly: what may still grow stays open, at both ends of a state only.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.events.view import SeenFrames, seen_frames, sensor_events, sensor_shape
+from fedora_qa.checks.events.view import ROUNDING_DN, SeenFrames, seen_frames, sensor_events, sensor_shape
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.event_excursions import Excursions, bound
 from fedora_qa.estimators.event_kernels import mark_bursts
@@ -42,7 +42,9 @@ class Stretch:
     Attributes
     ----------
     bounds
-        By the law of the declared model.
+        By the law of the declared model, where frames are even enough to tell more than the events do.
+    of_all
+        The same with every frame: where only these are broken, frames are not the means of their pixels.
     events
         (h, w) events in the stretch.
     excused
@@ -50,19 +52,14 @@ class Stretch:
     """
 
     bounds: Excursions | Runs
+    of_all: Excursions | Runs
     events: NDArray[np.int64]
     excused: Bool
 
     def then(self, later: "Stretch") -> "Stretch":
         """Join with the stretch that begins at this one's last frame. Exact."""
-        one, other = self.bounds, later.bounds
-        if isinstance(one, Excursions) and isinstance(other, Excursions):
-            joined: Excursions | Runs = one.then(other)
-        elif isinstance(one, Runs) and isinstance(other, Runs):
-            joined = one.then(other)
-        else:
-            raise TypeError(f"Expected stretches of one model, got {type(one).__name__} and {type(other).__name__}")
-        return Stretch(joined, self.events + later.events, self.excused | later.excused)
+        bounds, of_all = _then(self.bounds, later.bounds), _then(self.of_all, later.of_all)
+        return Stretch(bounds, of_all, self.events + later.events, self.excused | later.excused)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +82,8 @@ class Closed:
         Pixels that broke the law without a single event.
     telling
         Pixels in which a single event too many or too few could break the law.
+    flawed
+        Pixels that break the law only where uneven frames are believed: how often antialiasing fails here.
     from_start
         Whether the reference was held to be the signal at the first frame.
     """
@@ -97,6 +96,7 @@ class Closed:
     events_per_pixel: float
     mute: int
     telling: int
+    flawed: int
     from_start: bool
 
     def unpacked(self, shape: tuple[int, int]) -> Bool:
@@ -151,7 +151,22 @@ def stretch_of(window: Window) -> Stretch | None:
         if 0 <= row < excused.shape[0] and 0 <= column < excused.shape[1]:
             excused[row, column] = True
     law = _log_law if declared.model == "log" else _linear_law
-    return Stretch(law(seen, declared), seen.counts.sum(axis=(0, 1), dtype=np.int64), excused)
+    believed = _without_uneven(seen, declared, ROUNDING_DN[window.facts.declared.transfer])
+    return Stretch(law(believed, declared), law(seen, declared), seen.counts.sum(axis=(0, 1), dtype=np.int64), excused)
+
+
+def _without_uneven(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> SeenFrames:
+    """Leave frames out where the pixels that a footprint cuts leave the signal open by C+ + C- or more.
+
+    The signal is known that well without them, from the events. They would add something only where their bound holds
+    to the last, and that is so if the frame is the mean over its pixel. Of a renderer with n samples a side, a step of
+    d DN makes it err by up to d / (2 n); the bound of ``event_footprint`` is 0.27 d on average (at 9/4 frame pixels an
+    event pixel: two cut pixels a side of 1/6 d each over 9/4, in both directions). Four samples a side may thus err by
+    half the bound, which is most where the bound is.
+    """
+    scale = seen.even_dn + declared.log_eps_dn if declared.model == "log" else 1.0
+    uneven = 2 * (seen.error_dn - rounding_dn) >= (declared.threshold_on + declared.threshold_off) * scale
+    return replace(seen, error_dn=np.where(uneven, np.inf, seen.error_dn))
 
 
 def _log_law(seen: SeenFrames, declared: EventModel) -> Excursions:
@@ -184,6 +199,14 @@ def _linear_law(seen: SeenFrames, declared: EventModel) -> Runs:
     )
 
 
+def _then(one: Excursions | Runs, other: Excursions | Runs) -> Excursions | Runs:
+    if isinstance(one, Excursions) and isinstance(other, Excursions):
+        return one.then(other)
+    if isinstance(one, Runs) and isinstance(other, Runs):
+        return one.then(other)
+    raise TypeError(f"Expected stretches of one model, got {type(one).__name__} and {type(other).__name__}")
+
+
 def _joined(known: list[Stretch] | Closed, following: list[Stretch] | Closed) -> list[Stretch]:
     if isinstance(known, Closed) or isinstance(following, Closed):
         raise TypeError("Expected groups at the ends of a ledger to be open; add windows in the order of time")
@@ -199,19 +222,17 @@ def _joined(known: list[Stretch] | Closed, following: list[Stretch] | Closed) ->
 def _close(stretches: list[Stretch], declared: EventModel, phase_known: bool) -> Closed:
     first, last = stretches[0].bounds.first_frame, stretches[-1].bounds.last_frame
     pixels = np.zeros(stretches[0].excused.shape, np.bool_)
-    mute, telling = pixels.copy(), pixels.copy()
+    mute, telling, flawed = pixels.copy(), pixels.copy(), pixels.copy()
     from_start = False
     # How many violations begin at or end with a frame: their running sum counts those that a frame interval may hold.
     changes = np.zeros(last - first + 2, np.int64)
     for stretch in stretches:
-        broken = _broken(stretch, declared)
+        known = phase_known and stretch.bounds.first_frame == 0
+        broken, from_start_too = _violations(stretch, stretch.bounds, declared, known)
+        from_start |= from_start_too
         telling |= _telling(stretch, declared)
-        if phase_known and stretch.bounds.first_frame == 0:
-            beyond = _beyond_start(stretch, declared)
-            from_start = beyond is not None
-            broken |= False if beyond is None else beyond
-        broken &= ~stretch.excused
         pixels |= broken
+        flawed |= _violations(stretch, stretch.of_all, declared, from_start_too)[0]
         mute |= broken & (stretch.events == 0)
         if isinstance(stretch.bounds, Excursions):
             highest, lowest = stretch.bounds.highest[1, broken] - first, stretch.bounds.lowest[1, broken] - first
@@ -226,15 +247,24 @@ def _close(stretches: list[Stretch], declared: EventModel, phase_known: bool) ->
         sum(float(stretch.events.mean()) for stretch in stretches),
         int(np.count_nonzero(mute)),
         int(np.count_nonzero(telling)),
+        int(np.count_nonzero(flawed & ~pixels)),
         from_start,
     )
 
 
-def _broken(stretch: Stretch, declared: EventModel) -> Bool:
-    if isinstance(stretch.bounds, Runs):
-        return stretch.bounds.broken
-    broken: Bool = stretch.bounds.excess() > declared.threshold_on + declared.threshold_off + _own(stretch, declared)
-    return broken
+def _violations(
+    stretch: Stretch, bounds: Excursions | Runs, declared: EventModel, phase_known: bool
+) -> tuple[Bool, bool]:
+    """Return where the law is broken, and whether a declared start was part of the law."""
+    own = _own(stretch, declared)
+    if isinstance(bounds, Runs):
+        broken = bounds.broken
+    else:
+        broken = bounds.excess() > declared.threshold_on + declared.threshold_off + own
+    beyond = _beyond_start(bounds, declared, own) if phase_known else None
+    if beyond is not None:
+        broken = broken | beyond
+    return broken & ~stretch.excused, beyond is not None
 
 
 def _telling(stretch: Stretch, declared: EventModel) -> Bool:
@@ -246,12 +276,11 @@ def _telling(stretch: Stretch, declared: EventModel) -> Bool:
     return varied
 
 
-def _beyond_start(stretch: Stretch, declared: EventModel) -> Bool | None:
+def _beyond_start(bounds: Excursions | Runs, declared: EventModel, own: NDArray[np.float64]) -> Bool | None:
     """Return where E left the thresholds around its start; None where the file does not bear the declared phase out."""
-    own = _own(stretch, declared)
-    beyond: Bool = stretch.bounds.departure(declared.threshold_on, declared.threshold_off) > own
-    enough = TELLS_THE_PHASE if isinstance(stretch.bounds, Excursions) else 1.0
-    telling: Bool = stretch.bounds.excess() > enough * max(declared.threshold_on, declared.threshold_off) + own
+    beyond: Bool = bounds.departure(declared.threshold_on, declared.threshold_off) > own
+    enough = TELLS_THE_PHASE if isinstance(bounds, Excursions) else 1.0
+    telling: Bool = bounds.excess() > enough * max(declared.threshold_on, declared.threshold_off) + own
     if np.count_nonzero(telling) < FEWEST_TO_TELL or beyond[telling].mean() > MOST_BEYOND:
         return None
     return beyond
