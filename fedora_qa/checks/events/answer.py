@@ -21,6 +21,9 @@ from fedora_qa.sequence.window import Window
 TOLD_WITHIN_S: Final = 3e-3
 """Offsets beyond this are read too small by one fit, and spoil thresholds."""
 
+LIMIT_ERRORS: Final = 5.0
+"""Standard errors in a limit, nearly: two answers are compared by it, nothing is judged."""
+
 Seen = LevelSums | FoundOffset
 """What a window shows, and what a second look at it shows."""
 
@@ -109,6 +112,23 @@ def answer(seen: Sequence[Seen], facts: Facts) -> Answer | str:
     overshoot = sum(sums.overshoot * sums.pairs for sums in state) / pairs
     preference = _preference(blocks, other_blocks, fit, other)
     return Answer(fit, _model_errors(fit, even, straight), other, preference, overshoot)
+
+
+def surer(alike: Answer | str, sure: Answer | str) -> Answer | str:
+    """Return the answer that knows both thresholds better; ``alike`` where neither does.
+
+    Where edges are sharp that is the one of sure pairs; where light flickers between events, no reading predicts the
+    error, and the number of pairs counts. The choice sees errors and bounds only, never how far thresholds are off.
+    """
+    if isinstance(sure, str) or (not isinstance(alike, str) and _uncertainty(alike) <= _uncertainty(sure)):
+        return alike
+    return sure
+
+
+def _uncertainty(found: Answer) -> float:
+    errors, bounds = found.fit.standard_errors, found.model_errors
+    of_both = bounds.threshold_on + bounds.threshold_off + LIMIT_ERRORS * (errors.threshold_on + errors.threshold_off)
+    return float(of_both)
 
 
 def _concatenated(state: Sequence[LevelSums], name: str) -> NormalBlocks:

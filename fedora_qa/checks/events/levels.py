@@ -10,7 +10,7 @@ from fedora_qa.checks.events.rows import local_tick_ns
 from fedora_qa.checks.events.view import HALO_NS, ROUNDING_DN, SeenFrames, events_around, seen_frames, sensor_events
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.event_fit import ResponseFit, fit_response
-from fedora_qa.estimators.event_levels import LevelPairs, NormalBlocks, accumulate, find_level_pairs
+from fedora_qa.estimators.event_levels import LevelPairs, NormalBlocks, accumulate, find_level_pairs, sureness
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Events, Window
 
@@ -18,7 +18,7 @@ LONGEST_GAP_NS: Final = 20_000_000
 """Events farther apart do not tell a level: between them a pixel may go anywhere within its thresholds."""
 
 ENOUGH_PAIRS: Final = 400
-"""Where a window has more, those of the shortest gaps are taken."""
+"""Where a window has more, those of the shortest gaps are taken where all weigh alike."""
 FEWEST_PAIRS: Final = 20
 """A window with fewer has no scale of its own for outliers."""
 
@@ -75,26 +75,66 @@ class FoundOffset:
     bound_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class WeighedSums:
+    """Sums of a window by two weightings: the pairs of the shortest gaps alike, and all by ``sureness``."""
+
+    alike: LevelSums
+    sure: LevelSums
+
+
 def level_sums(window: Window) -> LevelSums | None:
-    """Return the sums of a window; None where it shows too few levels."""
+    """Return the sums of a window, pairs of the shortest gaps alike; None where it shows too few levels."""
     return window.once("level_sums", lambda: _level_sums(window))
 
 
+def weighed_sums(window: Window) -> WeighedSums | None:
+    """Return the sums of a window by both weightings; None where it shows too few levels."""
+    alike, found = level_sums(window), _level_pairs(window)
+    if alike is None or found is None:
+        return None
+    pairs, seen, declared = found
+    return WeighedSums(alike, _summed(window, pairs, seen, declared, _sureness(pairs, seen, declared)))
+
+
 def _level_sums(window: Window) -> LevelSums | None:
+    found = _level_pairs(window)
+    if found is None:
+        return None
+    pairs, seen, declared = found
+    tight = pairs.tightest(ENOUGH_PAIRS)
+    return _summed(window, tight, seen, declared, np.ones(len(tight)))
+
+
+def _level_pairs(window: Window) -> tuple[LevelPairs, SeenFrames, EventModel] | None:
+    return window.once("level_pairs", lambda: _find_level_pairs(window))
+
+
+def _find_level_pairs(window: Window) -> tuple[LevelPairs, SeenFrames, EventModel] | None:
     seen, declared = seen_frames(window), window.facts.declared.events
     if declared is None or len(seen) < 2:
         return None
     pairs = _pairs(window, seen, declared, sensor_events(window))
-    if len(pairs) < FEWEST_PAIRS:
-        return None
+    return (pairs, seen, declared) if len(pairs) >= FEWEST_PAIRS else None
+
+
+def _summed(
+    window: Window, pairs: LevelPairs, seen: SeenFrames, declared: EventModel, sure: NDArray[np.float64]
+) -> LevelSums:
+    """Return the sums of pairs with weights (m,)."""
     log_sharp, log_even = (log_levels(luma, declared) for luma in (seen.sharp_dn, seen.even_dn))
+    linear = declared.model == "linear"
+
+    def sums(pairs: LevelPairs, levels: NDArray[np.float64]) -> NormalBlocks:
+        return _sums(pairs, seen, levels, sure)
+
     return LevelSums(
-        _sums(pairs, seen, log_sharp),
-        _sums(pairs, seen, log_even),
-        _sums(pairs, seen, seen.sharp_dn),
-        _sums(pairs, seen, seen.even_dn),
-        _sums(pairs.with_straight_lines(), seen, seen.sharp_dn if declared.model == "linear" else log_sharp),
-        float(np.mean(local_tick_ns(window) * 1e-9 / pairs.gaps_s)),
+        sums(pairs, log_sharp),
+        sums(pairs, log_even),
+        sums(pairs, seen.sharp_dn),
+        sums(pairs, seen.even_dn),
+        sums(pairs.with_straight_lines(), seen.sharp_dn if linear else log_sharp),
+        float(np.average(local_tick_ns(window) * 1e-9 / pairs.gaps_s, weights=sure)),
         len(pairs),
         window.span.index,
     )
@@ -131,11 +171,11 @@ def search_offset(window: Window) -> FoundOffset | None:
 def _fit_at(window: Window, seen: SeenFrames, declared: EventModel, events: Events, late_ns: int) -> ResponseFit | None:
     """Fit one window with events taken to be late by so much."""
     moved = Events(events.x, events.y, events.times_ns - late_ns, events.p)
-    pairs = _pairs(window, seen, declared, moved)
+    pairs = _pairs(window, seen, declared, moved).tightest(ENOUGH_PAIRS)
     if len(pairs) < FEWEST_PAIRS:
         return None
     levels = seen.sharp_dn if declared.model == "linear" else log_levels(seen.sharp_dn, declared)
-    return fit_response(_sums(pairs, seen, levels))
+    return fit_response(_sums(pairs, seen, levels, np.ones(len(pairs))))
 
 
 def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Events) -> LevelPairs:
@@ -150,7 +190,7 @@ def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Event
         longest_gap_ns=LONGEST_GAP_NS,
         least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else int(burst_ns),
         off_over_on=declared.threshold_off / declared.threshold_on,
-    ).tightest(ENOUGH_PAIRS)
+    )
     if declared.leak_rate_hz > 0:
         # Leak gives brighter events that the level does not rise by: so many thresholds in the time between.
         elapsed_s = (seen.times_ns[pairs.later] - seen.times_ns[pairs.earlier]) * 1e-9
@@ -158,13 +198,21 @@ def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Event
     return pairs
 
 
-def _sums(pairs: LevelPairs, seen: SeenFrames, levels: NDArray[np.float64]) -> NormalBlocks:
+def _sureness(pairs: LevelPairs, seen: SeenFrames, declared: EventModel) -> NDArray[np.float64]:
+    """Return how surely frames and events tell the levels of pairs, (m,): alike in both domains."""
+    threshold = 0.5 * (declared.threshold_on + declared.threshold_off)
+    if declared.model == "linear":
+        return sureness(pairs, seen.sharp_dn, seen.even_dn, threshold)
+    return sureness(pairs, log_levels(seen.sharp_dn, declared), log_levels(seen.even_dn, declared), threshold)
+
+
+def _sums(pairs: LevelPairs, seen: SeenFrames, levels: NDArray[np.float64], sure: NDArray[np.float64]) -> NormalBlocks:
     """Return the normal equations of four blocks, the quarters of the image."""
     height, width = levels.shape[1:]
     rows, columns = np.divmod(pairs.pixels, width)
     quarter = 2 * (2 * rows // height) + 2 * columns // width
     middle_ns = (seen.times_ns[pairs.earlier] + seen.times_ns[pairs.later]) / 2
-    return accumulate(pairs, pairs.change_of(levels), quarter, 4, middle_ns * 1e-9)
+    return accumulate(pairs, pairs.change_of(levels), quarter, 4, middle_ns * 1e-9, sure)
 
 
 def usable_pixels(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> NDArray[np.bool_]:

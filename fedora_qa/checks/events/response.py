@@ -1,13 +1,17 @@
 """Events against log intensity: thresholds and sensor model."""
 
+from collections.abc import Sequence
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.events.answer import TOLD_WITHIN_S, Answer, LevelCheck
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.events.answer import TOLD_WITHIN_S, Answer, LevelCheck, answer, level_coverage, surer
+from fedora_qa.checks.events.levels import WeighedSums, weighed_sums
+from fedora_qa.checks.events.view import why_frames_and_events_do_not_meet
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
 
 EVENTS: Final = Where(stream="events")
 
@@ -19,7 +23,7 @@ DOMAIN_PREFERRED: Final = 3.0
 """Standard errors by which the other domain must fit better to be suspected (after an alarm only)."""
 
 
-class Threshold(LevelCheck):
+class Threshold(WindowCheck[WeighedSums]):
     """Do events step by the declared thresholds?
 
     C+ and C- are estimated apart, in percent of what is declared: in nat for the log model, in DN for the linear one.
@@ -59,11 +63,25 @@ class Threshold(LevelCheck):
     """
 
     name = "event_response.threshold"
+    needs = ("events", "rgb")
     _MATTERS_PERCENT: Final = 25.0
 
-    def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
-        """State both thresholds in percent of what is declared."""
-        return tuple(self._one(found, declared, facts, side) for side in (0, 1))
+    def not_applicable(self, facts: Facts) -> str:
+        """Need both cameras at one place, and declared thresholds."""
+        return why_frames_and_events_do_not_meet(facts)
+
+    def measure(self, window: Window) -> WeighedSums | None:
+        """Sum the window's level samples by both weightings."""
+        return weighed_sums(window)
+
+    def conclude(self, state: Sequence[WeighedSums], facts: Facts) -> Observation:
+        """State both thresholds in percent of what is declared, by the weighting that tells them better."""
+        alike, sure = [sums.alike for sums in state], [sums.sure for sums in state]
+        declared, coverage = facts.declared.events, level_coverage(sure)
+        found = surer(answer(alike, facts), answer(sure, facts))
+        if isinstance(found, str) or declared is None:
+            return Observation(coverage, unobservable=str(found))
+        return Observation(coverage, tuple(self._one(found, declared, facts, side) for side in (0, 1)))
 
     def _one(self, found: Answer, declared: EventModel, facts: Facts, side: int) -> Measured:
         name, word = (("threshold_on", "Brighter"), ("threshold_off", "Darker"))[side]
