@@ -63,6 +63,8 @@ class Rotation(WindowCheck[Motion]):
     microsecond (0.29 us times the rate), stored digits; a declared walk of the bias as one unknown a stretch. Errors
     are formal ones, scaled by a misfit above 1, widened where the spread over stretches exceeds them. Allowed for is
     the integration's own error, from every second sample (Richardson: fourth order, a fifteenth of the difference).
+    Gain and timing are told by the gyro's own samples: what their noise does to the fit is measured from two halves of
+    them, taken off, and not counted as knowledge, so that quiet flight is uncertain rather than wrong.
 
     Cannot see
     ----------
@@ -72,7 +74,8 @@ class Rotation(WindowCheck[Motion]):
     Sources
     -------
     J. Bortz, IEEE Trans. AES 7 (1971) 61; P. Savage, J. Guidance 21 (1998) 19; C. Forster et al., On-manifold
-    preintegration, IEEE Trans. Robotics 33 (2017) 1; ``fedora_qa/estimators/preintegration.py``, ``grouped_fit.py``.
+    preintegration, IEEE Trans. Robotics 33 (2017) 1; ``fedora_qa/estimators/preintegration.py``, ``grouped_fit.py``,
+    ``split_samples.py``.
     """
 
     name = "imu.rotation"
