@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import R_BODY_OPTICAL
-from tests.estimators.event_world import MS, Stream, Waves, camera_matrix, linear_events, log_events
+from tests.estimators.event_world import MS, Checkers, Stream, Waves, camera_matrix, linear_events, log_events
 
 SHAPE, FRAME_SHAPE = (40, 56), (90, 126)
 DURATION_MS = 800
@@ -18,6 +18,10 @@ LOG_WORLD = Waves(amplitude_dn=10.0, mean_dn=140.0, velocity_px_s=(200.0, 40.0),
 LINEAR_WORLD = replace(LOG_WORLD, velocity_px_s=(80.0, 30.0), amplitude_dn=16.0, mean_dn=128.0)
 JUMPING_WORLD = replace(LOG_WORLD, velocity_px_s=(1050.0, 300.0), amplitude_dn=22.0, mean_dn=128.0, seed=9)
 """Moves by up to a quarter of its shortest wave in a rendered step."""
+SMOOTH_WORLD = Waves(amplitude_dn=58.0, mean_dn=128.0, velocity_px_s=(300.0, 60.0), seed=1, count=2)
+"""Two waves of high contrast, that show several events of 0.5 nat on end."""
+SHARP_WORLD = Checkers(amplitude_dn=90.0, mean_dn=100.0, velocity_px_s=(130.0, 47.0))
+"""Squares of 190 and 10 DN."""
 FRAMES_NS = np.arange(0, DURATION_MS + 1, 20) * MS
 
 
@@ -66,9 +70,10 @@ def frames_of(world: Waves) -> NDArray[np.uint8]:
 
 
 @cache
-def log_file() -> EventFile:
-    """An ideal log sensor with thresholds of 0.2 nat."""
-    return EventFile(log_events(LOG_WORLD, SHAPE, DURATION_MS * MS), frames_of(LOG_WORLD))
+def log_file(world: Waves = LOG_WORLD, threshold: float = 0.2) -> EventFile:
+    """An ideal log sensor with thresholds in nat."""
+    events = log_events(world, SHAPE, DURATION_MS * MS, threshold, threshold)
+    return EventFile(events, frames_of(world)).declaring(threshold_on=threshold, threshold_off=threshold)
 
 
 @cache

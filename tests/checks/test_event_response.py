@@ -18,6 +18,8 @@ from tests.checks.event_file import (
     LINEAR_WORLD,
     LOG_WORLD,
     SHAPE,
+    SHARP_WORLD,
+    SMOOTH_WORLD,
     EventFile,
     frames_of,
     inserted,
@@ -94,6 +96,18 @@ def test_ideal_log_events_pass(path: Path) -> None:
     assert abs(measured(threshold, "threshold_off").value) < 2
     assert abs(measured(run_check(path, "event_response.timing"), "time_offset").value) < 0.15
     assert measured(run_check(path, "event_response.conservation"), "violating_pixels").value == 0
+
+
+@pytest.mark.parametrize("threshold", [0.1, 0.2, 0.35, 0.5])
+@pytest.mark.parametrize(("world", "bias"), [(SMOOTH_WORLD, 1.0), (SHARP_WORLD, 2.0)], ids=["smooth", "sharp"])
+def test_threshold_has_no_bias(world: Waves, bias: float, threshold: float, path: Path) -> None:
+    """C+ and C- are right to 1% on smooth and 2% on sharp ground of contrast 19 : 1, and known to be to 6%."""
+    log_file(world, threshold).write(path)
+    result = run_check(path, "event_response.threshold")
+    assert result.outcome == "passed"
+    for name in ("threshold_on", "threshold_off"):
+        assert abs(measured(result, name).value) < bias
+        assert measured(result, name).limit < 6
 
 
 def test_ideal_linear_events_pass(path: Path) -> None:

@@ -41,6 +41,31 @@ class Waves:
 
 
 @dataclass(frozen=True)
+class Checkers(Waves):
+    """Sharp squares of ``side_px``, mean - amplitude and mean + amplitude in turn.
+
+    A checkerboard is the product of two square waves, and so is its mean over a pixel of theirs.
+    """
+
+    side_px: float = 7.3
+
+    def luma(self, t_s: float, shape: tuple[int, int], scale: float = 1.0) -> Floats:
+        """Mean luma of every pixel of a camera with ``scale`` times the resolution."""
+        columns, rows = (
+            self._square_wave((np.arange(size + 1) / scale - 0.5 - speed * t_s) / self.side_px)
+            for size, speed in zip(shape[::-1], self.velocity_px_s, strict=True)
+        )
+        means: Floats = self.mean_dn + self.amplitude_dn * rows[:, np.newaxis] * columns
+        return means
+
+    @staticmethod
+    def _square_wave(borders: Floats) -> Floats:
+        """Mean between borders of +1 on [0, 1), -1 on [1, 2) and so on: differences of a triangle wave."""
+        triangle = 1 - np.abs(np.mod(borders, 2) - 1)
+        return np.diff(triangle) / np.diff(borders)
+
+
+@dataclass(frozen=True)
 class Stream:
     """Events in the order of time (ns), as the estimators take them."""
 

@@ -1,5 +1,7 @@
 """Bracketed level samples and their regression, on a closed-form world."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,12 +9,14 @@ from hypothesis import strategies as st
 
 from fedora_qa.estimators.event_fit import ResponseFit, fit_response
 from fedora_qa.estimators.event_levels import (
+    SURE_WITHIN,
     LevelPairs,
     NormalBlocks,
     accumulate,
     concatenate,
     find_level_pairs,
     huber_weights,
+    sureness,
 )
 from tests.estimators.event_world import MS, Stream, Waves, log_events
 
@@ -124,6 +128,44 @@ def test_tightest_keeps_the_shortest_gaps(events: Stream) -> None:
     assert 200 <= len(tight) < len(pairs)
     assert tight.gaps_s.max() <= np.sort(pairs.gaps_s)[len(tight)]
     assert len(pairs.tightest(10**9)) == len(pairs)
+
+
+def test_sureness_falls_where_readings_part(events: Stream) -> None:
+    """Pairs of two readings alike weigh 1; a pair whose level is read otherwise by the knee, 1/4."""
+    pairs = pairs_of(events)
+    pairs = replace(pairs, straightened=np.zeros_like(pairs.straightened))
+    otherwise = LEVELS.copy()
+    otherwise[pairs.later[0]].flat[pairs.pixels[0]] += 0.2 * SURE_WITHIN
+    weights = sureness(pairs, LEVELS, otherwise, 0.2)
+    assert weights[0] == pytest.approx(0.25)
+    elsewhere = pairs.pixels != pairs.pixels[0]
+    assert np.all(weights[elsewhere] == 1.0)
+
+
+def test_sureness_falls_where_straight_lines_part_from_cubics(events: Stream) -> None:
+    """With frames read alike, the weight is that of the distance between both readings of the events."""
+    pairs = pairs_of(events)
+    weights = sureness(pairs, LEVELS, LEVELS, 0.2)
+    apart = np.abs(pairs.straightened).sum(axis=1) / SURE_WITHIN
+    assert np.allclose(weights, 1 / (1 + apart**2) ** 2)
+    assert weights.max() > 0.9
+    assert weights.min() < 0.1
+
+
+def test_unsure_pairs_do_not_move_the_fit(events: Stream) -> None:
+    """Half of the changes read at three quarters of their size spoil a plain fit by 5% and more, a sure one by 1%."""
+    pairs = pairs_of(events)
+    change = pairs.change_of(LEVELS)
+    spoilt = np.random.default_rng(0).uniform(size=len(pairs)) < 0.5
+    change[spoilt] *= 0.75
+    block, times_s = np.arange(len(pairs)) % 4, np.zeros(len(pairs))
+    plain = fit_response(accumulate(pairs, change, block, 4, times_s))
+    sure = fit_response(accumulate(pairs, change, block, 4, times_s, np.where(spoilt, 1e-4, 1.0)))
+    assert plain is not None
+    assert sure is not None
+    assert plain.threshold_on < 0.95 * 0.15
+    assert sure.threshold_on == pytest.approx(0.15, rel=0.01)
+    assert sure.threshold_off == pytest.approx(0.2, rel=0.01)
 
 
 def test_blocks_sum_to_the_whole(events: Stream) -> None:
