@@ -14,11 +14,16 @@ A sensor of the linear model compares whole grey values once a rendered step. It
 by C + 1/2 at the crossing, by half of what the signal moves in a step more until it is looked at, and by what rounding
 adds; both follow from the slope (closed form in ``event_reading_kernels``) and are taken from the level.
 
+Light that turns between two frames goes farther than they tell. The last event before a turn comes where it does: a
+step of such a pixel looks too small, and its event too early. By how much, for one threshold in each such reading, the
+``crests`` tell.
+
 Each reading weighs 1 / (1 + (e / s)^2), e being how far four frames in place of six move it and s a small share of the
 threshold: the weight of white noise and an interpolation error of size e, with no regard to what the events say.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +56,8 @@ class Readings:
         (m,) read from six frames each.
     coarse_levels
         (m,) read from four.
+    crests
+        (m,) a threshold in the direction of each event that is the last of its pixel before light turns, else 0.
     weights
         (m,) by interpolation error.
     """
@@ -60,6 +67,7 @@ class Readings:
     regressors: Float64
     levels: Float64
     coarse_levels: Float64
+    crests: Float64
     weights: Float64
 
     def __len__(self) -> int:
@@ -87,15 +95,16 @@ def read_frames(
         return None
     inside = int(np.count_nonzero((times_ns > frame_times_ns[0]) & (times_ns <= frame_times_ns[-1])))
     every = max(1, -(-inside // MOST_READINGS))
-    pixels, columns = np.empty(inside, np.int64), np.empty((inside, 6))
+    pixels, columns = np.empty(inside, np.int64), np.empty((inside, 7))
     count = read_at_events(x, y, times_ns, p, frame_times_ns, levels, every, tick_s, pixels, columns)
     pixels, columns = pixels[:count], columns[:count]
     weights = 1 / (1 + (columns[:, 5] / (INTERPOLATION_SHARE * threshold)) ** 2)
     columns[:, 1] -= leak_rate_hz * columns[:, 0]
     level, coarse = columns[:, 3], columns[:, 3] + columns[:, 5]
-    centred = [_less_mean(column, pixels, weights) for column in (*columns[:, [1, 2, 4]].T, level, coarse)]
+    crests = threshold * columns[:, 6] * _before_turns(pixels, columns[:, 6])
+    centred = [_less_mean(column, pixels, weights) for column in (*columns[:, [1, 2, 4]].T, level, coarse, crests)]
     times_s = frame_times_ns[0] * 1e-9 + columns[:, 0]
-    return Readings(pixels, times_s, np.column_stack(centred[:3]), centred[3], centred[4], weights)
+    return Readings(pixels, times_s, np.column_stack(centred[:3]), centred[3], centred[4], centred[5], weights)
 
 
 def reading_weights(readings: Readings) -> Float64:
@@ -106,11 +115,30 @@ def reading_weights(readings: Readings) -> Float64:
 
 
 def reading_blocks(
-    readings: Readings, weights: Float64, block_of_reading: NDArray[np.intp], blocks: int, *, coarse: bool = False
+    readings: Readings,
+    weights: Float64,
+    block_of_reading: NDArray[np.intp],
+    blocks: int,
+    *,
+    read: Literal["fine", "coarse", "crests"] = "fine",
 ) -> NormalBlocks:
-    """Return the normal equations of C+, C- and delay, summed by block."""
-    levels = readings.coarse_levels if coarse else readings.levels
+    """Return the normal equations of C+, C- and delay, summed by block.
+
+    Levels are read from six frames (``fine``) or four (``coarse``), or from six with the crests added (``crests``).
+    """
+    levels = readings.coarse_levels if read == "coarse" else readings.levels
+    if read == "crests":
+        levels = levels + readings.crests
     return normal_blocks(readings.regressors, levels, weights, block_of_reading, blocks, readings.times_s)
+
+
+def _before_turns(pixels: NDArray[np.int64], signs: Float64) -> NDArray[np.bool_]:
+    """Return the events (m,) after which their pixel has none, or one of the other sign."""
+    order = np.argsort(pixels, kind="stable")
+    goes_on = (pixels[order][1:] == pixels[order][:-1]) & (signs[order][1:] == signs[order][:-1])
+    before = np.ones(len(pixels), np.bool_)
+    before[order[:-1]] = ~goes_on
+    return before
 
 
 def _less_mean(values: Float64, pixels: NDArray[np.int64], weights: Float64) -> Float64:

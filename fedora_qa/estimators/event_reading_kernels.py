@@ -27,9 +27,9 @@ def read_at_events(
     """Read ``levels`` (n, h, w) at each event between the first and the last frame; return how many were read.
 
     A level is that of the polynomial through the six frames around the event, which must all be finite. Of the pixels,
-    one in ``every`` is read. ``pixels`` (m,) receives row * width + column, ``readings`` (m, 6) the seconds since the
-    first frame, the brighter and the darker events so far (darker ones negative), the level, its slope (1/s), and what
-    four frames in place of six would add to the level.
+    one in ``every`` is read. ``pixels`` (m,) receives row * width + column, ``readings`` (m, 7) the seconds since the
+    first frame, the brighter and the darker events so far (darker ones negative), the level, its slope (1/s), what
+    four frames in place of six would add to the level, and the sign of the event.
 
     With ``tick_s`` > 0 events are those of a sensor that compares whole values once a tick: what their steps exceed
     half a value beyond the threshold by is taken from the level.
@@ -64,7 +64,7 @@ def read_at_events(
         pixels[rows] = at
         readings[rows, 0], readings[rows, 1], readings[rows, 2] = now, state[at, 0], state[at, 1]
         readings[rows, 3], readings[rows, 4] = level - state[at, 2] + sign * beyond, slope
-        readings[rows, 5] = coarse - level
+        readings[rows, 5], readings[rows, 6] = coarse - level, sign
         rows += 1
     return rows
 

@@ -1,10 +1,12 @@
 """Frames read at events, on a closed-form world whose levels are known without error at any time."""
 
 from functools import cache
+from typing import Literal
 
 import numpy as np
 import pytest
 
+from fedora_qa.checks.events.lateness import CREST_BIAS
 from fedora_qa.estimators.event_fit import ResponseFit, fit_readings
 from fedora_qa.estimators.event_levels import concatenate
 from fedora_qa.estimators.event_reading import Readings, read_frames, reading_blocks, reading_weights
@@ -35,9 +37,9 @@ def readings(model: str, events: Stream, **options: float) -> Readings:
     return found
 
 
-def fit(found: Readings) -> ResponseFit:
+def fit(found: Readings, read: Literal["fine", "crests"] = "fine") -> ResponseFit:
     tiles = (found.pixels % SHAPE[1] >= 15) + 2 * (found.pixels // SHAPE[1] >= 12)
-    fitted = fit_readings(concatenate([reading_blocks(found, reading_weights(found), tiles, 4)]))
+    fitted = fit_readings(concatenate([reading_blocks(found, reading_weights(found), tiles, 4, read=read)]))
     assert fitted is not None
     return fitted
 
@@ -59,6 +61,31 @@ def test_whole_values_are_unrounded(late_ms: float) -> None:
     assert fitted.threshold_on == pytest.approx(5.5, rel=0.015)
     assert 1e3 * fitted.delay_s == pytest.approx(late_ms, abs=0.03 + 0.03 * late_ms)
     assert abs(fit(readings("linear", late)).threshold_on / 5.5 - 1) > 0.05
+
+
+def test_crests_are_last_events_before_a_turn() -> None:
+    """A crest is a threshold in the direction of an event whose pixel turns next or is silent; others have none."""
+    x, y = np.zeros(5, np.uint16), np.array([0, 1, 0, 0, 0], np.uint16)
+    p = np.array([1, 0, 1, 0, 0], np.uint8)
+    times_ns = np.array([50, 55, 60, 70, 80]) * MS
+    levels = np.full((8, 2, 1), 100.0)
+    found = read_frames(x, y, times_ns, p, FRAMES_NS[:8], levels, threshold=3.0)
+    assert found is not None
+    assert found.crests == pytest.approx(np.array([0.0, 0.0, 3.0, 0.0, -3.0]))
+
+
+def test_crests_between_frames_make_events_early_within_their_bound() -> None:
+    """Where light turns between frames and hardly passes its threshold, delays are early by less than crests allow."""
+    world = Waves(amplitude_dn=9.0, mean_dn=120.0, velocity_px_s=(200.0, 20.0), seed=4)
+    events = linear_events(world, SHAPE, STOP_NS, threshold=25.0)
+    frames = np.array([world.luma(time_ns * 1e-9, SHAPE) for time_ns in FRAMES_NS])
+    columns = events.x, events.y, events.times_ns, events.p
+    found = read_frames(*columns, FRAMES_NS, frames, threshold=25.0, tick_s=1e-3)
+    assert found is not None
+    own, moved = fit(found), fit(found, "crests")
+    bound_s = CREST_BIAS * own.relative_sigma * abs(own.delay_s - moved.delay_s)
+    assert own.delay_s < -4 * own.standard_errors.delay_s
+    assert abs(own.delay_s) < bound_s + 2 * own.standard_errors.delay_s
 
 
 def test_leak_is_not_light() -> None:

@@ -153,7 +153,7 @@ class Conservation(Check[Ledger]):
                 frame=first,
             ),
             suspects=(
-                *_lost_or_doubled(closed[worst].unpacked(shape), float(counts[worst])),
+                *_lost_or_doubled(closed[worst].unpacked(shape), float(counts[worst]), facts),
                 Suspect("dead_region", "events", 0.7 if dead else 0.1),
                 *_cut_off(facts),
                 *_WHATEVER_BREAKS_THE_LAW,
@@ -185,7 +185,7 @@ class Conservation(Check[Ledger]):
             where=Where(stream="events", tile=(column, row, column + side, row + side)),
             suspects=(
                 Suspect("dead_region", "events", 0.8 if dead else 0.1, region, "px"),
-                *_lost_or_doubled(pixels, None),
+                *_lost_or_doubled(pixels, None, facts),
                 *_cut_off(facts),
                 *_WHATEVER_BREAKS_THE_LAW,
             ),
@@ -208,11 +208,13 @@ _WHATEVER_BREAKS_THE_LAW: Final = (
 """Every fault of events or frames breaks it; which one, other checks say better."""
 
 
-def _lost_or_doubled(pixels: Bool, count: float | None) -> tuple[Suspect, Suspect]:
+def _lost_or_doubled(pixels: Bool, count: float | None, facts: Facts) -> tuple[Suspect, ...]:
     """Weigh lost and doubled events: they spoil few pixels, what moves events or frames spoils most that fire.
 
     Doubled events mostly share their stamps as well, which ``event_stream.duplicates`` sees; lost ones leave no trace.
     """
+    if facts.events is None or not facts.events.count:
+        return (Suspect("dropped_samples", "events", 0.9),)
     few = float(pixels.mean()) < _FEW
     return (
         Suspect("dropped_samples", "events", 0.5 if few else 0.2, count, "samples"),

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
 
-KINDS: Final = ("fine", "coarse", "even")
+KINDS: Final = ("fine", "coarse", "even", "crests")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,23 +28,26 @@ class ReadingSums:
     """Normal equations of a window's readings, a block for each tile.
 
     ``fine`` reads the sharp reconstruction of frames through six of them; ``coarse`` through four; ``even`` reads the
-    even reconstruction. ``start_ns`` and ``stop_ns`` are those of the window.
+    even reconstruction; ``crests`` adds a threshold to each last event before light turns, for a sensor of the linear
+    model (0 for one of log intensity). ``start_ns`` and ``stop_ns`` are those of the window.
     """
 
     fine: NormalBlocks
     coarse: NormalBlocks
     even: NormalBlocks
+    crests: NormalBlocks
     start_ns: int
     stop_ns: int
 
 
 @dataclass(frozen=True, slots=True)
 class ReadingFits:
-    """The fit of a file by its readings, and by the two others that bound its error."""
+    """The fit of a file by its readings, and by the others that bound its error."""
 
     fit: ResponseFit
     coarse: ResponseFit
     even: ResponseFit
+    crests: ResponseFit
 
 
 def reading_sums(window: Window) -> ReadingSums | None:
@@ -60,8 +63,9 @@ def reading_sums(window: Window) -> ReadingSums | None:
     weights, shape = reading_weights(sharp), usable.shape[1:]
     return ReadingSums(
         _blocks(sharp, weights, shape),
-        _blocks(sharp, weights, shape, coarse=True),
+        _blocks(sharp, weights, shape, "coarse"),
         _blocks(even, weights, shape),
+        _blocks(sharp, weights, shape, "crests" if declared.model == "linear" else "fine"),
         window.span.start_ns,
         window.span.stop_ns,
     )
@@ -77,12 +81,9 @@ def fit_all(state: Sequence[ReadingSums]) -> ReadingFits | None:
         return None
     there = np.concatenate([one.fine.counts > 0 for one in state])
     windows, tiles = np.divmod(np.flatnonzero(there), GRID**2)
-    fine, coarse, even = (
-        fit_readings(concatenate([getattr(one, kind) for one in state]), groups=(windows, tiles)) for kind in KINDS
-    )
-    if fine is None or coarse is None or even is None:
-        return None
-    return ReadingFits(fine, coarse, even)
+    fits = [fit_readings(concatenate([getattr(one, kind) for one in state]), groups=(windows, tiles)) for kind in KINDS]
+    known = [fit for fit in fits if fit is not None]
+    return ReadingFits(*known) if len(known) == len(KINDS) else None
 
 
 def cell_sums(state: Sequence[ReadingSums], kind: str) -> CellSums:
@@ -107,7 +108,9 @@ def _read(window: Window, seen: SeenFrames, declared: EventModel, levels: Float6
     )
 
 
-def _blocks(readings: Readings, weights: Float64, shape: tuple[int, ...], *, coarse: bool = False) -> NormalBlocks:
+def _blocks(
+    readings: Readings, weights: Float64, shape: tuple[int, ...], read: Literal["fine", "coarse", "crests"] = "fine"
+) -> NormalBlocks:
     rows, columns = np.divmod(readings.pixels, shape[1])
     tiles = GRID * (GRID * rows // shape[0]) + GRID * columns // shape[1]
-    return reading_blocks(readings, weights, tiles, GRID**2, coarse=coarse)
+    return reading_blocks(readings, weights, tiles, GRID**2, read=read)
