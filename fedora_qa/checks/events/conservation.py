@@ -70,6 +70,8 @@ class Conservation(Check[Ledger]):
     name = "event_response.conservation"
     needs = ("events", "rgb")
     _MATTERS: Final = 0.05
+    _MOST: Final = 0.5
+    """Share of the pixels in which events are lost, or of those that could show it where these are fewer."""
     _TILE_ALLOWANCE: Final = 1 / TILE_PX
     """A structure one pixel wide runs through as many pixels of a tile as its side has."""
     _ONE_REGION: Final = 0.6
@@ -141,7 +143,7 @@ class Conservation(Check[Ledger]):
             allowance=allowances[worst],
             side="upper",
             resolution=1 / size,
-            matters=self._MATTERS,
+            matters=min(self._MATTERS, self._MOST * closed[worst].telling / size),
             tests=len(closed),
             statement=f"In {counts[worst]} of {size} pixels events do not add up to what the frames "
             f"{closed[worst].first_frame} to {closed[worst].last_frame} show, most of them across frame {first}.",
@@ -177,7 +179,7 @@ class Conservation(Check[Ledger]):
             expected=everywhere,
             allowance=self._TILE_ALLOWANCE,
             side="upper",
-            matters=1.0,
+            matters=min(1.0, max(one.telling for one in closed) / side**2),
             tests=tiles,
             statement=f"In {share:.0%} of the pixels of the tile at ({column}, {row}) events do not add up; "
             f"{everywhere:.2%} of all.",
