@@ -233,11 +233,11 @@ class GroupedFit:
 
         The spread is that about the nuisances as fitted: their own uncertainty is in the formal error alone.
         """
-        covariance = self._score_covariance[np.ix_(columns, columns)]
-        formal = np.diag(inverse @ covariance @ inverse) * max(1.0, self.misfit) ** 2
+        root = _root(self._score_covariance[np.ix_(columns, columns)])
+        formal = np.sum((inverse @ root) ** 2, axis=1) * max(1.0, self.misfit) ** 2
         stretches = len(self._whole.normals)
         if stretches < FEWEST_BLOCKS:
-            return np.sqrt(formal)
+            return np.asarray(np.sqrt(formal))
         every = np.zeros(len(self.parameters.names))
         every[columns] = values
         scores = self._scores(every)
@@ -258,3 +258,11 @@ def _shares_of_motion(noise_shares: Float64, relative_errors: Float64) -> Float6
     """
     shares: Float64 = np.maximum(1.0 - noise_shares, np.minimum(relative_errors, 1.0))
     return shares
+
+
+def _root(covariance: Float64) -> Float64:
+    """Return R (n, n) with R R^T the covariance (n, n): no sum over it is negative, however alike parameters are."""
+    scales = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scales, scales))
+    root: Float64 = scales[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return root
