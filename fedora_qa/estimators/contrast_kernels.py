@@ -31,11 +31,7 @@ def vote_warped(
     height, width = fields.shape[1], fields.shape[2]
     carried = 0
     for i in range(len(x)):
-        longest = _longest(fields, y[i], x[i])
-        if not np.isfinite(longest):
-            continue
-        clear = min(1.5 * abs(tau[i] - 0.5) * longest + 2.0, margin)
-        if x[i] < clear or y[i] < clear or x[i] > width - 1 - clear or y[i] > height - 1 - clear:
+        if not _is_usable(x[i], y[i], tau[i], fields, margin):
             continue
         carried += 1
         for k in range(len(turns)):
@@ -44,6 +40,16 @@ def vote_warped(
             if 1.0 <= column <= width - 2.0 and 1.0 <= row <= height - 2.0:
                 _vote(images[k], column, row)
     return carried
+
+
+@njit(cache=True)
+def _is_usable(x: int, y: int, tau: float, fields: Float32, margin: float) -> bool:
+    """Whether an event has a flow in every field, and room for its way: see ``vote_warped``."""
+    longest = _longest(fields, y, x)
+    if not np.isfinite(longest):
+        return False
+    clear = min(1.5 * abs(tau - 0.5) * longest + 2.0, margin)
+    return bool(clear <= x <= fields.shape[2] - 1 - clear and clear <= y <= fields.shape[1] - 1 - clear)
 
 
 @njit(cache=True)
@@ -109,11 +115,7 @@ def meetings_with_oneself(
     known = np.zeros(height * width, np.int64)
     met = np.zeros(len(turns))
     for i in range(len(x)):
-        longest = _longest(fields, y[i], x[i])
-        if not np.isfinite(longest):
-            continue
-        clear = min(1.5 * abs(tau[i] - 0.5) * longest + 2.0, margin)
-        if x[i] < clear or y[i] < clear or x[i] > width - 1 - clear or y[i] > height - 1 - clear:
+        if not _is_usable(x[i], y[i], tau[i], fields, margin):
             continue
         at = y[i] * width + x[i]
         for k in range(len(turns)) if known[at] else range(0):

@@ -90,7 +90,7 @@ def test_ideal_log_events_pass(path: Path) -> None:
     """No check fails, nearly all can tell, and their values are what was put in."""
     log_file().write(path)
     assert set(outcomes(path).values()) <= {"passed", "not_observable"}
-    assert list(outcomes(path).values()).count("passed") >= 5
+    assert list(outcomes(path).values()).count("passed") >= 6
     threshold = run_check(path, "event_response.threshold")
     assert abs(measured(threshold, "threshold_on").value) < 2
     assert abs(measured(threshold, "threshold_off").value) < 2
@@ -113,8 +113,7 @@ def test_threshold_has_no_bias(world: Waves, bias: float, threshold: float, path
 def test_ideal_linear_events_pass(path: Path) -> None:
     """A sensor that fires on grey values, one event a step, passes as such."""
     linear_file().write(path)
-    assert set(outcomes(path).values()) <= {"passed", "not_observable"}
-    assert list(outcomes(path).values()).count("passed") >= 6
+    assert set(outcomes(path).values()) == {"passed"}
 
 
 def test_levels_that_jump_are_not_taken_for_early_events(path: Path) -> None:

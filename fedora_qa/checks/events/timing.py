@@ -201,45 +201,41 @@ class Timing(WindowCheck[Seen]):
         )
 
     def _stretch(self, local: Local, readings: Sequence[ReadingSums], facts: Facts, shapes: Shapes) -> Measured:
-        late, error = 1e3 * local.step.late_s, 1e3 * local.step.standard_error_s
         chosen = [one for one, inside in zip(readings, local.step.chosen, strict=True) if inside]
         start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
-        return Measured(
-            name="late_stretch",
-            value=late,
-            unit="ms",
-            standard_error=error,
-            allowance=1e3 * local.bound_s,
-            tests=local.step.tests,
-            matters=self._MATTERS_MS,
-            statement=f"From {start_us / 1e6:.2f} s to {stop_us / 1e6:.2f} s events are {abs(late):.3g} +/- "
-            f"{error:.2g} ms {'later' if late > 0 else 'earlier'} than in the rest of the sequence.",
-            code="event_response.timing.stretch",
-            where=Where(stream="events", start_us=start_us, stop_us=stop_us),
-            suspects=(
-                *_late(late, error, facts, shapes.stretch),
-                Suspect("clock_rate", "events", 0.9 * shapes.drift),
-                Suspect("clock_rate", "rgb", 0.8 * shapes.drift),
-                _WRONG_MODEL,
-            ),
+        where = Where(stream="events", start_us=start_us, stop_us=stop_us)
+        suspects = (
+            *_late(1e3 * local.step.late_s, 1e3 * local.step.standard_error_s, facts, shapes.stretch),
+            Suspect("clock_rate", "events", 0.9 * shapes.drift),
+            Suspect("clock_rate", "rgb", 0.8 * shapes.drift),
         )
+        place = f"From {start_us / 1e6:.2f} s to {stop_us / 1e6:.2f} s"
+        return self._part("stretch", local, where, place, "in the rest of the sequence", suspects)
 
     def _region(self, local: Local, facts: Facts) -> Measured:
-        late, error = 1e3 * local.step.late_s, 1e3 * local.step.standard_error_s
         tile = tile_around(local.step.chosen, sensor_shape(facts.declared))
+        late, error = 1e3 * local.step.late_s, 1e3 * local.step.standard_error_s
+        suspects = (Suspect("time_offset", "events", 0.9, late, "ms", error),)
+        place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
+        return self._part("region", local, Where(stream="events", tile=tile), place, "elsewhere", suspects)
+
+    def _part(
+        self, rule: str, local: Local, where: Where, place: str, rest: str, suspects: tuple[Suspect, ...]
+    ) -> Measured:
+        late, error = 1e3 * local.step.late_s, 1e3 * local.step.standard_error_s
         return Measured(
-            name="late_region",
+            name=f"late_{rule}",
             value=late,
             unit="ms",
             standard_error=error,
             allowance=1e3 * local.bound_s,
             tests=local.step.tests,
             matters=self._MATTERS_MS,
-            statement=f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1} events are "
-            f"{abs(late):.3g} +/- {error:.2g} ms {'later' if late > 0 else 'earlier'} than elsewhere.",
-            code="event_response.timing.region",
-            where=Where(stream="events", tile=tile),
-            suspects=(Suspect("time_offset", "events", 0.9, late, "ms", error), _WRONG_MODEL),
+            statement=f"{place} events are {abs(late):.3g} +/- {error:.2g} ms {'later' if late > 0 else 'earlier'} "
+            f"than {rest}.",
+            code=f"event_response.timing.{rule}",
+            where=where,
+            suspects=(*suspects, _WRONG_MODEL),
         )
 
 

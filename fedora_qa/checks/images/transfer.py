@@ -10,8 +10,8 @@ from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 
-MATTERS: Final = 1.0
-"""What the mildest curve of a display, a power of about 2, bends."""
+MATTERS: Final = 0.5
+"""Half of what the mildest curve of a display, a power of about 2, bends."""
 
 LEVEL_BIAS: Final = 0.04
 """What errors of the level between events take off the exponent: not derived, but seen.
