@@ -37,20 +37,23 @@ def cross_correlation(change: Float64, events: Float64, usable: NDArray[np.bool_
     return patch
 
 
-def turned_pixels(counts: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Return where events changed sign within an interval or since the events before it, (n, h, w).
+def turned_pixels(counts: NDArray[np.int32], changes: Float64) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return where events changed sign within an interval or since those before it, and where these or frames did.
 
-    ``counts`` (n, 2, h, w) are darker and brighter events of successive intervals. Events of the first one, and others
-    that nothing is known before, count as changed.
+    ``counts`` (n, 2, h, w) are darker and brighter events of successive intervals, ``changes`` (n, h, w) what the
+    signal changed by; the results are (n, h, w). A pixel whose signal changes against its last events is on its way
+    back through both thresholds and has not fired yet. Events of the first interval, and others that nothing is known
+    before, count as changed.
     """
     darker, brighter = counts[:, 0] > 0, counts[:, 1] > 0
     sign = np.zeros(counts.shape[2:], np.int8)
-    turned = np.empty(darker.shape, np.bool_)
+    turned, against = np.empty(darker.shape, np.bool_), np.empty(darker.shape, np.bool_)
     for i, (off, on) in enumerate(zip(darker, brighter, strict=True)):
         now = on.astype(np.int8) - off
         turned[i] = (on & off) | ((on ^ off) & (now != sign))
+        against[i] = sign * changes[i] < 0
         sign = np.where(on | off, now, sign)
-    return turned
+    return turned, turned | against
 
 
 def peak(correlation: Float64) -> Shift | None:

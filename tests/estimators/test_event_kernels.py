@@ -108,5 +108,15 @@ def test_pixels_whose_events_change_sign_have_turned() -> None:
     counts[1, :, 0, 0] = 1  # both signs
     counts[1, 0, 0, 1] = 2  # darker
     counts[2, 1, 0, 2] = 1  # brighter again
-    turned = turned_pixels(counts)[:, 0]
+    turned = turned_pixels(counts, np.zeros((3, 1, 4)))[0][:, 0]
     assert turned.tolist() == [[True, True, True, False], [True, True, False, False], [False] * 4]
+
+
+def test_pixels_whose_frames_change_against_their_last_events_have_turned() -> None:
+    """A pixel on its way back through both thresholds is silent: only its frames tell that it has turned."""
+    counts = np.zeros((2, 2, 1, 3), np.int32)
+    counts[0, 1, 0, :2] = 1  # brighter; the last pixel is silent
+    changes = np.array([[[1.0, 1.0, -1.0]], [[-0.5, 0.5, -1.0]]])
+    by_events, known = turned_pixels(counts, changes)
+    assert by_events[1, 0].tolist() == [False] * 3
+    assert known[1, 0].tolist() == [True, False, False]

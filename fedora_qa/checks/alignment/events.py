@@ -71,6 +71,8 @@ class Events(WindowCheck[Registration]):
     ---
     The number of events between two frames is cross-correlated with the absolute change of log luma, and the sum over
     intervals is registered on the autocorrelation of that change, to a hundredth of a pixel and up to four pixels.
+    Pixels with events of both signs are left out: what passed between the frames is not in their difference, and in
+    turns of tens of pixels a frame it comes from other rows.
     Depth, where it is there, tells which camera is off: a shift must explain colour against depth and events against
     depth too.
 
@@ -166,7 +168,8 @@ _OTHERS: Final = (
 
 def _interval(seen: SeenFrames, i: int) -> tuple[Float64, Float64, Float64, Float64]:
     """Return the sums of one frame interval, as in ``Registration``."""
-    usable = np.isfinite(seen.error_dn[i]) & np.isfinite(seen.error_dn[i + 1])
+    turned_within = (seen.counts[i] > 0).all(axis=0)
+    usable = np.isfinite(seen.error_dn[i]) & np.isfinite(seen.error_dn[i + 1]) & ~turned_within
     before, after = (np.log(seen.even_dn[frame] + DARK_DN) for frame in (i, i + 1))
     change = np.where(usable, np.abs(after - before), 0.0)
     events = np.where(usable, seen.counts[i].sum(axis=0), 0.0)

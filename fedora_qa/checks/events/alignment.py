@@ -51,11 +51,11 @@ class Correlations:
     Attributes
     ----------
     patches
-        (k, s, s) cross-correlations of frame changes with event changes, without pixels that have turned.
-    with_turned
-        (k, s, s) with them.
+        (k, s, s) cross-correlations of frame changes with event changes, without pixels whose events have turned.
+    with_turned, settled
+        (k, s, s) with them, and without those too whose frames have turned against their events.
     squares
-        (k, 2) squares of both changes, without pixels that have turned.
+        (k, 2) squares of both changes, without pixels whose events have turned.
     slopes
         (k, 3, 2) to the right and down: as ``registration_errors`` takes them.
     tiles
@@ -66,6 +66,7 @@ class Correlations:
 
     patches: Float64
     with_turned: Float64
+    settled: Float64
     squares: Float64
     slopes: Float64
     tiles: PartSums
@@ -98,8 +99,9 @@ class Alignment(WindowCheck[Correlations]):
     With g the slope of the change in the image and e what events leave open of it (variance 2/3 C^2), the peak moves
     by the regression of e on g: a standard error of C sqrt(2/3 / sum g^2) in one interval. It is not divided by the
     number of intervals, as e hardly changes where little moves. The spread when intervals are left out in turn is
-    taken where it is larger. Pixels that have turned and not yet fired are not known; about as many have fired, so
-    what leaving those out changes is allowed for. Each window and each of 4 x 4 tiles is also held against the median
+    taken where it is larger. Pixels that have turned and not yet fired drag still. Those whose frames change against
+    their last events can be left out too, and others are fewer: what leaving out all that are known changes is allowed
+    for. Each window and each of 4 x 4 tiles is also held against the median
     of all (tiles where they correlate by a half at least); where there are ten or more, their usual scatter counts if
     it exceeds the errors.
 
@@ -127,14 +129,16 @@ class Alignment(WindowCheck[Correlations]):
         if declared is None or len(seen) < 2:
             return None
         levels, lit = signal(seen, declared)
-        turned = turned_pixels(seen.counts)
+        turned = turned_pixels(seen.counts, np.diff(levels, axis=0))
+        last = len(seen) - 2
         # Nothing is known of the events before the first interval, which is taken only where there is no other.
-        chosen = np.unique(np.linspace(min(1, len(turned) - 1), len(turned) - 1, INTERVALS).round().astype(int))
+        chosen = np.unique(np.linspace(min(1, last), last, INTERVALS).round().astype(int))
         sums = [_interval(levels, lit, turned, seen, declared, int(i)) for i in chosen]
-        patches, dragged, squares, slopes, tiles = zip(*sums, strict=True)
+        patches, dragged, settled, squares, slopes, tiles = zip(*sums, strict=True)
         return Correlations(
             np.array(patches),
             np.array(dragged),
+            np.array(settled),
             np.array(squares),
             np.array(slopes),
             _added(tiles),
@@ -164,10 +168,7 @@ class Alignment(WindowCheck[Correlations]):
         slopes = np.concatenate([one.slopes for one in state])
         left_open, lags = open_level_errors(slopes.mean(axis=0), threshold)
         errors = np.maximum(spread, left_open)
-        dragged = peak(np.sum([one.with_turned.sum(axis=0) for one in state], axis=0))
-        if dragged is not None:
-            moved = abs(np.array([dragged.right_px - shift.right_px, dragged.down_px - shift.down_px]))
-            lags = np.minimum(lags, moved)
+        lags = np.minimum(lags, _drag(shift, state))
         whole = [self._one(shift, errors, lags, axis) for axis in (0, 1)]
         return Observation(coverage, (*whole, *self._parts(state, threshold, lags, facts)))
 
@@ -241,6 +242,17 @@ class Alignment(WindowCheck[Correlations]):
         )
 
 
+def _drag(shift: Shift, state: Sequence[Correlations]) -> Float64:
+    """Return (2,) how far pixels that have turned move the peak: those whose events turned, plus those yet to fire."""
+    moved = np.zeros(2)
+    for others in ([one.with_turned for one in state], [one.settled for one in state]):
+        other = peak(np.sum([patches.sum(axis=0) for patches in others], axis=0))
+        if other is None:
+            return np.full(2, np.inf)
+        moved += abs(np.array([other.right_px - shift.right_px, other.down_px - shift.down_px]))
+    return moved
+
+
 def _stacked(parts: Sequence[PartSums]) -> PartSums:
     return PartSums(*(np.array([getattr(part, name) for part in parts]) for name in PartSums.__slots__))
 
@@ -252,20 +264,21 @@ def _added(parts: Sequence[PartSums]) -> PartSums:
 def _interval(
     levels: Float64,
     lit: NDArray[np.bool_],
-    turned: NDArray[np.bool_],
+    turned: tuple[NDArray[np.bool_], NDArray[np.bool_]],
     seen: SeenFrames,
     declared: EventModel,
     i: int,
-) -> tuple[Float64, Float64, Float64, Float64, PartSums]:
+) -> tuple[Float64, Float64, Float64, Float64, Float64, PartSums]:
     """Return the sums of one frame interval, as in ``Correlations``."""
     usable = lit[i] & lit[i + 1]
     change = np.where(usable, levels[i + 1] - levels[i], 0.0)
     events = declared.threshold_on * seen.counts[i, 1] - declared.threshold_off * seen.counts[i, 0]
-    kept = usable & ~turned[i]
+    kept, settled = (usable & ~one[i] for one in turned)
     squares = np.array([np.sum(change[kept] ** 2), np.sum(events[kept] ** 2)])
     return (
         cross_correlation(change, events, kept),
         cross_correlation(change, events, usable),
+        cross_correlation(change, events, settled),
         squares,
         slope_sums(levels[i], change, kept),
         tile_sums(levels[i], change, events, kept),
