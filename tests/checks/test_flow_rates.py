@@ -55,6 +55,27 @@ def test_composition_is_the_true_flow() -> None:
     assert np.median(composed.bound_px[used]) < 0.02
 
 
+def test_steps_too_small_for_a_break_are_in_the_bound() -> None:
+    """Two surfaces meet at 40.2 px, and at 42.8 px one field later; what is read between them mixes both flows."""
+    near_px, far_px = 2.6, 2.52
+
+    def two_surfaces(name: str, fields: Fields) -> Fields:
+        if name != "flow/50hz":
+            return fields
+        flow_px = np.zeros_like(fields)
+        for field, edge in ((0, 40.2), (1, 42.8)):
+            flow_px[field, ..., 0] = np.where(np.arange(fields.shape[2]) <= edge, near_px, far_px)
+        return flow_px
+
+    window = clean().with_flow(two_surfaces).windows(Sampling())[0]
+    columns, rows = np.arange(30.0, 50.0), np.full(20, 60.0)
+    composed = compose(window, Chain("flow/50hz", (0, 1)), columns, rows)
+    errors_px = np.abs(composed.displacement_px[:, 0] - 2 * np.where(columns <= 40.2, near_px, far_px))
+    assert composed.clear.all()
+    assert errors_px.max() > 0.04
+    assert np.all(errors_px <= composed.bound_px)
+
+
 def test_common_intervals() -> None:
     """Two rates meet at the ends of the shortest interval that both fill by whole fields."""
     window = clean().windows(Sampling())[0]

@@ -52,9 +52,10 @@ class Composition(WindowCheck[WindowComposition]):
 
     Noise model
     -----------
-    Bounds, not spreads: each path has a quarter of the second differences of each field around the place where it is
-    read (twice the bilinear error of a smooth surface) and single-precision rounding of each field, both grown by the
-    flow's slope from field to field. Medians must not exceed the bounds' medians.
+    Bounds, not spreads: each path has, of each field around the place where it is read, a quarter of the second
+    differences (twice the bilinear error of a smooth surface) and half of the third (the step where two surfaces meet),
+    and single-precision rounding of each field, all grown by the flow's slope from field to field. Medians must not
+    exceed the bounds' medians.
 
     Cannot see
     ----------

@@ -30,6 +30,11 @@ Four roundings of 2 f (1 + |m|) and of pixel and principal point, with f = 0.87 
 _OF_SECOND_DIFFERENCE: Final = 0.25
 """Twice the error of bilinear reading, which is an eighth of the second differences (Lagrange's remainder)."""
 
+_OF_THIRD_DIFFERENCE: Final = 0.5
+"""Where two surfaces meet, flow steps by s from one pixel to the next, and what is read between them errs by up to s.
+
+The second difference is s before the step and -s behind it, the third 2 s; where flow is smooth it vanishes.
+"""
 
 _KNOWN, _BREAK, _CROWDED = np.uint8(1), np.uint8(2), np.uint8(4)
 
@@ -170,18 +175,21 @@ def _prepared(flow_px: Float32) -> _Field:
     known = np.isfinite(flow_px[..., 0]) & np.isfinite(flow_px[..., 1])
     breaks, crowded = flow_conflicts(flow_px)
     with np.errstate(over="ignore", invalid="ignore"):  # beside unknown pixels nothing is read
-        bends = np.maximum(_bends(flow_px[..., 0]), _bends(flow_px[..., 1]))
-        nearby = np.asarray(cv2.dilate(np.nan_to_num(bends), np.ones((3, 3), np.uint8)))
-        error_px = (np.float32(_OF_SECOND_DIFFERENCE) * nearby).astype(np.float16)
-    return _Field(flow_px, error_px, _KNOWN * known.astype(np.uint8) + _BREAK * breaks + _CROWDED * crowded)
+        error_px = np.maximum(_reading_error(flow_px[..., 0]), _reading_error(flow_px[..., 1]))
+        nearby_px = np.asarray(cv2.dilate(np.nan_to_num(error_px), np.ones((3, 3), np.uint8))).astype(np.float16)
+    return _Field(flow_px, nearby_px, _KNOWN * known.astype(np.uint8) + _BREAK * breaks + _CROWDED * crowded)
 
 
-def _bends(component_px: Float32) -> Float32:
-    """Return the absolute second differences of one component along both axes together."""
-    bends = np.zeros_like(component_px)
-    bends[:, 1:-1] += np.abs(component_px[:, 2:] - 2 * component_px[:, 1:-1] + component_px[:, :-2])
-    bends[1:-1] += np.abs(component_px[2:] - 2 * component_px[1:-1] + component_px[:-2])
-    return bends
+def _reading_error(component_px: Float32) -> Float32:
+    """Return how far reading one component between pixels may err, (H, W), by its bends and steps along both axes."""
+    error_px = np.zeros_like(component_px)
+    for flow_px, error in ((component_px, error_px), (component_px.T, error_px.T)):
+        bends = flow_px[2:] - 2 * flow_px[1:-1] + flow_px[:-2]
+        error[1:-1] += np.float32(_OF_SECOND_DIFFERENCE) * np.abs(bends)
+        steps = np.float32(_OF_THIRD_DIFFERENCE) * np.abs(np.diff(bends, axis=0))
+        error[1:-2] += steps
+        error[2:-1] += steps
+    return error_px
 
 
 def _inside(x: Float64, y: Float64, shape: Sequence[int]) -> Mask:
