@@ -1,0 +1,53 @@
+"""The page of efforts counts what was found, and its plot stands where its numbers say."""
+
+import re
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from tests.benchmarks.trade.page import Cost, Found, chart, mean_cost, page
+from tests.benchmarks.trade.traded import EFFORTS, TIMES_LIMIT, TRADED
+
+COSTS = [
+    Cost(scene, effort, 2.0, seconds, share * 1e6, share, "clean", 3.0)
+    for scene in ("park-day", "park-noisy")
+    for effort, seconds, share in zip(EFFORTS, (1.0, 4.0, 20.0), (0.05, 0.25, 1.0), strict=True)
+]
+
+
+def found(sequences: int) -> list[Found]:
+    """At its limit a fault is found by ``full`` alone, at twice it by ``standard`` too, at four times by all."""
+    least = dict(zip(EFFORTS, (4.0, 2.0, 1.0), strict=True))
+    return [
+        Found(one.name, one.scene, number, times, times * 0.5, one.unit, {e: times >= least[e] for e in EFFORTS})
+        for one in TRADED
+        for number in range(sequences)
+        for times in TIMES_LIMIT
+    ]
+
+
+def test_costs_add_over_scenes() -> None:
+    """Ratios are of sums: a scene that takes long counts for more."""
+    cost = mean_cost(COSTS, "full")
+    assert (cost.checking_s, cost.reading_s, cost.ratio) == (40.0, 4.0, 10.0)
+
+
+def test_page_states_shares_with_their_intervals() -> None:
+    """All of 48 found: above 92.6%; none: below 7.4% (Clopper and Pearson)."""
+    text = "".join(page(COSTS, found(4)))
+    (quick,) = (line for line in text.splitlines() if line.startswith("| quick "))
+    assert quick == "| quick | 5% | 0.5 | 5.0% | 5% | 0% (0% to 7%) | 0% (0% to 7%) | 100% (93% to 100%) |"
+    assert (
+        "| park-noisy, imu:time_offset | 0.5 to 0.5 ms | 0/4 | 0/4 | 4/4 | 0/4 | 4/4 | 4/4 | 4/4 | 4/4 | 4/4 |" in text
+    )
+
+
+def test_plot_is_drawn_to_scale() -> None:
+    """It is well-formed; a line of nothing found lies on 0%, one of everything on 100%."""
+    svg = chart(COSTS, found(1))
+    ET.fromstring(svg)
+    lines = [[float(y) for y in re.findall(r",([\d.]+)", points)] for points in re.findall('points="([^"]*)"', svg)]
+    bottom, top = lines[0][0], lines[0][2]
+    assert bottom == pytest.approx(250.0)
+    assert top == pytest.approx(20.0)
+    assert lines == [[bottom, bottom, top], [bottom, top, top], [top, top, top]]

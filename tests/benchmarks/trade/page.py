@@ -1,0 +1,174 @@
+"""Text and plot of docs/trade.md."""
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Final
+
+from scipy.stats import binomtest
+
+from tests.benchmarks.trade.traded import BASES, DURATION_S, EFFORTS, SIZE, TIMES_LIMIT, TRADED
+
+CONFIDENCE: Final = 0.95
+
+HEAD: Final = """\
+# What each effort costs, and what it finds
+
+Written by `make study-trade`, {date}: {bases} sequences of {duration:g} s and {width}x{height} pixels of each scene. A
+fault is planted at 1, 2 and 4 times what `full` states as its limit in that file, and sought by the check whose limit
+it is. Seconds are of processor time, as a ratio to reading the file once by plain h5py; they are of all checks
+together.
+
+![Detection against cost](trade.svg)
+
+| effort | windows seen | time / reading | share of full's time | decoded | at 1x | at 2x | at 4x |
+| --- | --- | --- | --- | --- | --- | --- | --- |
+"""
+
+FOOT: Final = """
+`full` is the default: it is the only effort whose stated limits are of every event, sample and frame, and releases are
+checked once. `quick` is for a look at a download. What it does not see is of two kinds: its standard errors grow with
+the root of the share, and a fault of an instant may lie between its windows; what reads stamps reads all of them at
+every effort. Small frames make checks look slow beside reading: decoding grows with pixels, the fixed work of a window
+does not.
+
+## By fault
+
+Sequences in which the fault was found, of those in which `full` states a limit.
+
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Processor seconds of reading and of checking one clean file, its verdict, and checks that saw too little."""
+
+    scene: str
+    effort: str
+    reading_s: float
+    checking_s: float
+    decoded_bytes: float
+    window_share: float
+    verdict: str
+    blind: float
+
+    @property
+    def ratio(self) -> float:
+        """Seconds of checking in units of those of reading."""
+        return self.checking_s / self.reading_s
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """One planted fault, and at which efforts it was found."""
+
+    name: str
+    scene: str
+    number: int
+    times_limit: float
+    magnitude: float
+    unit: str
+    seen: Mapping[str, bool]
+
+
+def page(costs: Sequence[Cost], found: Sequence[Found]) -> Iterator[str]:
+    """Text of docs/trade.md."""
+    width, height = SIZE
+    date = time.strftime("%Y-%m-%d")
+    yield HEAD.format(date=date, bases=BASES, duration=DURATION_S, width=width, height=height)
+    whole = mean_cost(costs, "full")
+    for effort in EFFORTS:
+        cost = mean_cost(costs, effort)
+        shares = " | ".join(_share([one for one in found if one.times_limit == times], effort) for times in TIMES_LIMIT)
+        yield (
+            f"| {effort} | {cost.window_share:.0%} | {cost.ratio:.1f} | {cost.checking_s / whole.checking_s:.1%} | "
+            f"{cost.decoded_bytes / whole.decoded_bytes:.0%} | {shares} |\n"
+        )
+    yield f"\nIntervals are {CONFIDENCE:.0%} (Clopper and Pearson).\n"
+    yield FOOT
+    columns = [f"{effort} {times:g}x" for effort in EFFORTS for times in TIMES_LIMIT]
+    yield f"| fault | limits of full | {' | '.join(columns)} |\n|{' --- |' * (len(columns) + 2)}\n"
+    for traded in TRADED:
+        of = [one for one in found if (one.name, one.scene) == (traded.name, traded.scene)]
+        cells = [_count(of, effort, times) for effort in EFFORTS for times in TIMES_LIMIT]
+        yield f"| {traded.scene}, {traded.name} | {_limits(of)} | {' | '.join(cells)} |\n"
+
+
+def mean_cost(costs: Sequence[Cost], effort: str) -> Cost:
+    """Sum of the costs of an effort over the scenes; the share of windows is their mean."""
+    of = [cost for cost in costs if cost.effort == effort]
+    return Cost(
+        "all",
+        effort,
+        sum(cost.reading_s for cost in of),
+        sum(cost.checking_s for cost in of),
+        sum(cost.decoded_bytes for cost in of),
+        sum(cost.window_share for cost in of) / len(of),
+        ", ".join(sorted({cost.verdict for cost in of})),
+        sum(cost.blind for cost in of),
+    )
+
+
+def chart(costs: Sequence[Cost], found: Sequence[Found]) -> str:
+    """Draw the share of faults found against the ratio of checking to reading, a line for each size of fault."""
+    ratios = [mean_cost(costs, effort).ratio for effort in EFFORTS]
+    low, high = math.log10(min(ratios) / 2), math.log10(max(ratios) * 2)
+    width, height, left, top = 640, 300, 60, 20
+
+    def place(ratio: float, share: float) -> tuple[float, float]:
+        across = (math.log10(ratio) - low) / (high - low)
+        return left + across * (width - left - 90), top + (1.0 - share) * (height - top - 50)
+
+    parts = []
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        y = place(ratios[0], share)[1]
+        parts.append(f'<path d="M{left} {y:.1f}H{width - 90}" class="grid"/>')
+        parts.append(f'<text x="{left - 8}" y="{y + 4:.1f}" text-anchor="end">{share:.0%}</text>')
+    for effort, ratio in zip(EFFORTS, ratios, strict=True):
+        x = place(ratio, 0.0)[0]
+        parts.append(f'<text x="{x:.1f}" y="{height - 30}" text-anchor="middle">{effort}</text>')
+        parts.append(f'<text x="{x:.1f}" y="{height - 14}" text-anchor="middle">{ratio:.1f} x reading</text>')
+    for index, times in enumerate(TIMES_LIMIT):
+        of = [one for one in found if one.times_limit == times]
+        points = [
+            place(ratio, sum(one.seen[effort] for one in of) / len(of))
+            for effort, ratio in zip(EFFORTS, ratios, strict=True)
+        ]
+        line = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        parts.append(f'<polyline points="{line}" class="size{index}"/>')
+        parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" class="size{index}"/>' for x, y in points]
+        x, y = points[-1]
+        parts.append(f'<text x="{x + 10:.1f}" y="{y + 4 + 14 * (2 - index):.1f}">{times:g} x limit</text>')
+    title = escape("Share of faults found against the cost of each effort")
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img">\n<title>{title}</title>\n'
+        f"{_STYLE}\n" + "\n".join(parts) + "\n</svg>\n"
+    )
+
+
+_STYLE: Final = """<style>
+text { font: 12px system-ui, sans-serif; fill: #222 } .grid { stroke: #ccc } polyline { fill: none; stroke-width: 2 }
+.size0 { stroke: #b8621b; fill: #b8621b } .size1 { stroke: #3b6ea5; fill: #3b6ea5 }
+.size2 { stroke: #3d7d4c; fill: #3d7d4c } polyline.size0, polyline.size1, polyline.size2 { fill: none }
+@media (prefers-color-scheme: dark) { text { fill: #ddd } .grid { stroke: #444 } }
+</style>"""
+
+
+def _share(of: Sequence[Found], effort: str) -> str:
+    seen = binomtest(sum(one.seen[effort] for one in of), len(of))
+    interval = seen.proportion_ci(CONFIDENCE, method="exact")
+    return f"{seen.k / seen.n:.0%} ({interval.low:.0%} to {interval.high:.0%})"
+
+
+def _count(of: Sequence[Found], effort: str, times: float) -> str:
+    sized = [one for one in of if one.times_limit == times]
+    return f"{sum(one.seen[effort] for one in sized)}/{len(sized)}"
+
+
+def _limits(of: Sequence[Found]) -> str:
+    limits = sorted(one.magnitude for one in of if one.times_limit == 1.0)
+    if not limits:
+        return "none stated"
+    return f"{limits[0]:.2g} to {limits[-1]:.2g} {of[0].unit}"
