@@ -146,6 +146,12 @@ _UNDER_POSE_NOISE: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
         ("gravity_magnitude", "metadata"): Ladder(nominal=0.3, unit="m/s^2"),
         ("lever_arm", "imu"): Ladder(nominal=2.0, unit="m"),
         ("lever_arm", "pose"): Ladder(nominal=2.0, unit="m"),
+        ("lever_arm", "metadata"): Ladder(nominal=2.0, unit="m"),
         ("teleport", "pose"): Ladder(nominal=0.03, unit="m"),
+        # A small error of the pose turns and stretches flow as these do: frames alone tell them from it.
+        ("flow_gain", "flow"): Ladder(nominal=0.3, unit="percent"),
+        **{("intrinsics_focal", stream): Ladder(nominal=0.5, unit="percent") for stream in ("flow", "metadata")},
+        **{("intrinsics_centre", stream): Ladder(nominal=0.4, unit="px") for stream in ("flow", "metadata")},
+        **{("extrinsic_rotation", stream): Ladder(nominal=0.1, unit="deg") for stream in ("flow", "metadata")},
     }
 )
