@@ -12,6 +12,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.few_groups import shared_errors
+
 Float64 = NDArray[np.float64]
 
 FEWEST_READINGS = 100
@@ -111,11 +113,35 @@ def delays_of_parts(sums: CellSums, summed: int) -> Delays:
 
     Errors of the frames are shared by readings of one pixel and of its neighbours, so that cells scatter by more than
     their formal errors. An error is the larger of two: the formal one times the usual excess of the file, and how far
-    leaving one cell of the part out in turn moves its delay (delete-one jackknife).
+    leaving one cell of the part out in turn moves its delay (delete-one jackknife). Both are widened by what tiles of
+    a row or column share.
     """
     parts = delays(sums.over(summed))
     errors_s = np.maximum(parts.errors_s * _excess_scatter(sums), _jackknife(sums, summed))
-    return Delays(parts.seconds, errors_s, parts.relative_sigmas)
+    return Delays(parts.seconds, errors_s * _shared_by_lines(sums), parts.relative_sigmas)
+
+
+def _shared_by_lines(sums: CellSums) -> float:
+    """Return by how much errors exceed those of independent tiles; 1 at least.
+
+    A long straight edge crosses the pixels of a whole row of tiles at one phase: its frames err there alike. Leaving
+    out rows, or columns, of a window's tiles in turn tells such errors from others, over all windows together.
+    """
+    windows, tiles = sums.counts.shape
+    side = round(tiles**0.5)
+    by_tile, formal = _jackknife(sums, 1), delays(sums.over(1)).errors_s
+    widest = 1.0
+    for axis in (1, 2):
+        lines = CellSums(*(getattr(sums, name).reshape(windows, side, side, *getattr(sums, name).shape[2:]).sum(axis)
+                           for name in CellSums.__slots__))  # fmt: skip
+        by_line = _jackknife(lines, 1)
+        known = np.isfinite(by_line) & np.isfinite(by_tile) & (formal > 0)
+        if known.any():
+            by_lines, by_tiles = (np.sqrt(np.sum((each[known] / formal[known]) ** 2)) for each in (by_line, by_tile))
+            count = np.count_nonzero(known)
+            shared = shared_errors(by_tiles, (tiles - 1) * count + 1, by_lines, (side - 1) * count + 1)
+            widest = max(widest, float(shared / by_tiles))
+    return widest
 
 
 def _excess_scatter(sums: CellSums) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.event_levels import NormalBlocks
+from fedora_qa.estimators.few_groups import shared_errors
 
 Float64 = NDArray[np.float64]
 
@@ -128,10 +129,13 @@ def _fit(
     weight = float(blocks.weights.sum())
     variance = max(float(blocks.squares.sum() - theta @ side), 0.0) / weight
     formal = np.sqrt(np.diag(np.linalg.inv(normal)) * variance)
-    errors = np.maximum(formal, _jackknife(normal - normals, side - sides))
+    by_block = np.maximum(formal, _jackknife(normal - normals, side - sides))
+    errors = by_block
     for group in groups:
-        if len(np.unique(group)) >= FEWEST_BLOCKS:
-            errors = np.maximum(errors, _jackknife(normal - _summed(normals, group), side - _summed(sides, group)))
+        count = len(np.unique(group))
+        if count >= FEWEST_BLOCKS:
+            by_group = _jackknife(normal - _summed(normals, group), side - _summed(sides, group))
+            errors = np.maximum(errors, shared_errors(by_block, len(blocks), by_group, count))
     attenuation = _attenuation(normal, theta, weight * variance) if uncertain_counts else np.zeros_like(theta)
     return ResponseFit(
         threshold_on=float(theta[0]),

@@ -18,8 +18,9 @@ Light that turns between two frames goes farther than they tell. The last event 
 step of such a pixel looks too small, and its event too early. By how much, for one threshold in each such reading, the
 ``crests`` tell.
 
-Each reading weighs 1 / (1 + (e / s)^2), e being how far four frames in place of six move it and s a small share of the
-threshold: the weight of white noise and an interpolation error of size e, with no regard to what the events say.
+Each reading weighs 1 / (1 + (e / s)^2), e being how far four frames in place of six move it, and how far off the sharp
+reconstruction of its footprint may be, and s a small share of the threshold: the weight of white noise and an error of
+size e, with no regard to what the events say.
 """
 
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.event_footprint import LEFT_BY_SHARP
 from fedora_qa.estimators.event_levels import NormalBlocks, huber_weights, normal_blocks
 from fedora_qa.estimators.event_reading_kernels import FINE, read_at_events
 
@@ -36,8 +38,11 @@ Float64 = NDArray[np.float64]
 MOST_READINGS = 60_000
 """Beyond so many events, every second, third, ... pixel is read: the rest would tell little more."""
 
-INTERPOLATION_SHARE = 0.03
-"""Of the threshold: the size of interpolation error from which on a reading counts less."""
+ERROR_SHARE = 0.03
+"""Of the threshold: the size of an error of reading from which on a reading counts less."""
+
+Way = Literal["fine", "coarse", "even", "crests"]
+"""How levels are read at events."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +61,12 @@ class Readings:
         (m,) read from six frames each.
     coarse_levels
         (m,) read from four.
+    even_levels
+        (m,) read from six frames whose footprints are reconstructed as even.
     crests
         (m,) a threshold in the direction of each event that is the last of its pixel before light turns, else 0.
     weights
-        (m,) by interpolation error.
+        (m,) by errors of reading.
     """
 
     pixels: NDArray[np.int64]
@@ -67,6 +74,7 @@ class Readings:
     regressors: Float64
     levels: Float64
     coarse_levels: Float64
+    even_levels: Float64
     crests: Float64
     weights: Float64
 
@@ -81,6 +89,7 @@ def read_frames(
     p: NDArray[np.uint8],
     frame_times_ns: NDArray[np.int64],
     levels: Float64,
+    even_levels: Float64 | None = None,
     *,
     threshold: float,
     tick_s: float = 0.0,
@@ -88,6 +97,7 @@ def read_frames(
 ) -> Readings | None:
     """Read ``levels`` (n, h, w), NaN where unusable, at each event; None with fewer than six frames.
 
+    ``even_levels`` are those of the even reconstruction, known at the same places; the same levels where there is none.
     ``tick_s`` is the rendered step of a sensor of the linear model, 0 for one of log intensity. ``leak_rate_hz`` is
     declared: so many brighter events a second are not due to the light.
     """
@@ -98,13 +108,26 @@ def read_frames(
     pixels, columns = np.empty(inside, np.int64), np.empty((inside, 7))
     count = read_at_events(x, y, times_ns, p, frame_times_ns, levels, every, tick_s, pixels, columns)
     pixels, columns = pixels[:count], columns[:count]
-    weights = 1 / (1 + (columns[:, 5] / (INTERPOLATION_SHARE * threshold)) ** 2)
     columns[:, 1] -= leak_rate_hz * columns[:, 0]
-    level, coarse = columns[:, 3], columns[:, 3] + columns[:, 5]
+    level, coarse, even = columns[:, 3], columns[:, 3] + columns[:, 5], columns[:, 3]
+    if even_levels is not None:
+        others, unused = np.empty((inside, 7)), np.empty(inside, np.int64)
+        read_at_events(x, y, times_ns, p, frame_times_ns, even_levels, every, tick_s, unused, others)
+        even = others[:count, 3]
+    by_place = LEFT_BY_SHARP * _less_mean(even - level, pixels, np.ones(count))
+    weights = 1 / (1 + (columns[:, 5] ** 2 + by_place**2) / (ERROR_SHARE * threshold) ** 2)
     crests = threshold * columns[:, 6] * _before_turns(pixels, columns[:, 6])
-    centred = [_less_mean(column, pixels, weights) for column in (*columns[:, [1, 2, 4]].T, level, coarse, crests)]
-    times_s = frame_times_ns[0] * 1e-9 + columns[:, 0]
-    return Readings(pixels, times_s, np.column_stack(centred[:3]), centred[3], centred[4], centred[5], weights)
+    regressors = [_less_mean(column, pixels, weights) for column in columns[:, [1, 2, 4]].T]
+    return Readings(
+        pixels,
+        frame_times_ns[0] * 1e-9 + columns[:, 0],
+        np.column_stack(regressors),
+        _less_mean(level, pixels, weights),
+        _less_mean(coarse, pixels, weights),
+        _less_mean(even, pixels, weights),
+        _less_mean(crests, pixels, weights),
+        weights,
+    )
 
 
 def reading_weights(readings: Readings) -> Float64:
@@ -120,15 +143,19 @@ def reading_blocks(
     block_of_reading: NDArray[np.intp],
     blocks: int,
     *,
-    read: Literal["fine", "coarse", "crests"] = "fine",
+    read: Way = "fine",
 ) -> NormalBlocks:
     """Return the normal equations of C+, C- and delay, summed by block.
 
-    Levels are read from six frames (``fine``) or four (``coarse``), or from six with the crests added (``crests``).
+    Levels are read from six frames (``fine``) or four (``coarse``), from six that are reconstructed as even (``even``),
+    or with the crests added (``crests``).
     """
-    levels = readings.coarse_levels if read == "coarse" else readings.levels
-    if read == "crests":
-        levels = levels + readings.crests
+    levels = {
+        "fine": readings.levels,
+        "coarse": readings.coarse_levels,
+        "even": readings.even_levels,
+        "crests": readings.levels + readings.crests,
+    }[read]
     return normal_blocks(readings.regressors, levels, weights, block_of_reading, blocks, readings.times_s)
 
 

@@ -1,7 +1,6 @@
 """Frames read at events, on a closed-form world whose levels are known without error at any time."""
 
 from functools import cache
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -9,7 +8,7 @@ import pytest
 from fedora_qa.checks.events.lateness import CREST_BIAS
 from fedora_qa.estimators.event_fit import ResponseFit, fit_readings
 from fedora_qa.estimators.event_levels import concatenate
-from fedora_qa.estimators.event_reading import Readings, read_frames, reading_blocks, reading_weights
+from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
 from fedora_qa.estimators.event_reading_kernels import _polynomial, _rounded_up
 from tests.estimators.event_world import MS, Stream, Waves, linear_events, log_events
 
@@ -37,7 +36,7 @@ def readings(model: str, events: Stream, **options: float) -> Readings:
     return found
 
 
-def fit(found: Readings, read: Literal["fine", "crests"] = "fine") -> ResponseFit:
+def fit(found: Readings, read: Way = "fine") -> ResponseFit:
     tiles = (found.pixels % SHAPE[1] >= 15) + 2 * (found.pixels // SHAPE[1] >= 12)
     fitted = fit_readings(concatenate([reading_blocks(found, reading_weights(found), tiles, 4, read=read)]))
     assert fitted is not None

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +10,12 @@ from numpy.typing import NDArray
 from fedora_qa.checks.events.levels import FEWEST_PAIRS, log_levels, usable_pixels
 from fedora_qa.checks.events.rows import local_tick_ns
 from fedora_qa.checks.events.tiles import GRID
-from fedora_qa.checks.events.view import ROUNDING_DN, SeenFrames, seen_frames, sensor_events
+from fedora_qa.checks.events.view import ROUNDING_DN, seen_frames, sensor_events
 from fedora_qa.estimators.event_delays import CellSums
 from fedora_qa.estimators.event_fit import ResponseFit, fit_readings
 from fedora_qa.estimators.event_levels import NormalBlocks, concatenate
-from fedora_qa.estimators.event_reading import Readings, read_frames, reading_blocks, reading_weights
-from fedora_qa.sequence.declared import EventModel
+from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
 from fedora_qa.sequence.window import Window
-
-Float64 = NDArray[np.float64]
 
 KINDS: Final = ("fine", "coarse", "even", "crests")
 
@@ -56,16 +53,35 @@ def reading_sums(window: Window) -> ReadingSums | None:
     if declared is None:
         return None
     usable = usable_pixels(seen, declared, ROUNDING_DN[window.facts.declared.transfer])
-    sharp = _read(window, seen, declared, np.where(usable, seen.sharp_dn, np.nan))
-    even = _read(window, seen, declared, np.where(usable, seen.even_dn, np.nan))
-    if sharp is None or even is None or len(sharp) < FEWEST_PAIRS:
+    events, linear = sensor_events(window), declared.model == "linear"
+    sharp, even = (
+        known_dn if linear else log_levels(known_dn, declared)
+        for known_dn in (np.where(usable, image_dn, np.nan) for image_dn in (seen.sharp_dn, seen.even_dn))
+    )
+    readings = read_frames(
+        events.x,
+        events.y,
+        events.times_ns,
+        events.p,
+        seen.times_ns,
+        sharp,
+        even,
+        threshold=min(declared.threshold_on, declared.threshold_off),
+        tick_s=local_tick_ns(window) * 1e-9 if linear else 0.0,
+        leak_rate_hz=declared.leak_rate_hz,
+    )
+    if readings is None or len(readings) < FEWEST_PAIRS:
         return None
-    weights, shape = reading_weights(sharp), usable.shape[1:]
+    weights, tiles = reading_weights(readings), _tiles(readings, usable.shape[1:])
+
+    def blocks(read: Way) -> NormalBlocks:
+        return reading_blocks(readings, weights, tiles, GRID**2, read=read)
+
     return ReadingSums(
-        _blocks(sharp, weights, shape),
-        _blocks(sharp, weights, shape, "coarse"),
-        _blocks(even, weights, shape),
-        _blocks(sharp, weights, shape, "crests" if declared.model == "linear" else "fine"),
+        blocks("fine"),
+        blocks("coarse"),
+        blocks("even"),
+        blocks("crests" if linear else "fine"),
         window.span.start_ns,
         window.span.stop_ns,
     )
@@ -74,14 +90,16 @@ def reading_sums(window: Window) -> ReadingSums | None:
 def fit_all(state: Sequence[ReadingSums]) -> ReadingFits | None:
     """Fit a file; None where it has too few readings.
 
-    Errors of the frames may be common to a window, or to a tile throughout: the standard errors are the largest of
-    those that leave out a cell, a window, or a tile at a time.
+    Errors of the frames may be common to a window, to a tile throughout, or to a row or column of a window's tiles,
+    along which a straight edge lies: the standard errors are the largest of those that leave one of them out at a time.
     """
     if not state:
         return None
     there = np.concatenate([one.fine.counts > 0 for one in state])
     windows, tiles = np.divmod(np.flatnonzero(there), GRID**2)
-    fits = [fit_readings(concatenate([getattr(one, kind) for one in state]), groups=(windows, tiles)) for kind in KINDS]
+    rows, columns = windows * GRID + tiles // GRID, windows * GRID + tiles % GRID
+    groups = windows, tiles, rows, columns
+    fits = [fit_readings(concatenate([getattr(one, kind) for one in state]), groups=groups) for kind in KINDS]
     known = [fit for fit in fits if fit is not None]
     return ReadingFits(*known) if len(known) == len(KINDS) else None
 
@@ -92,25 +110,7 @@ def cell_sums(state: Sequence[ReadingSums], kind: str) -> CellSums:
     return CellSums(*(np.stack([getattr(one, name) for one in blocks]) for name in CellSums.__slots__))
 
 
-def _read(window: Window, seen: SeenFrames, declared: EventModel, levels: Float64) -> Readings | None:
-    events = sensor_events(window)
-    linear = declared.model == "linear"
-    return read_frames(
-        events.x,
-        events.y,
-        events.times_ns,
-        events.p,
-        seen.times_ns,
-        levels if linear else log_levels(levels, declared),
-        threshold=min(declared.threshold_on, declared.threshold_off),
-        tick_s=local_tick_ns(window) * 1e-9 if linear else 0.0,
-        leak_rate_hz=declared.leak_rate_hz,
-    )
-
-
-def _blocks(
-    readings: Readings, weights: Float64, shape: tuple[int, ...], read: Literal["fine", "coarse", "crests"] = "fine"
-) -> NormalBlocks:
+def _tiles(readings: Readings, shape: tuple[int, ...]) -> NDArray[np.intp]:
     rows, columns = np.divmod(readings.pixels, shape[1])
-    tiles = GRID * (GRID * rows // shape[0]) + GRID * columns // shape[1]
-    return reading_blocks(readings, weights, tiles, GRID**2, read=read)
+    tiles: NDArray[np.intp] = GRID * (GRID * rows // shape[0]) + GRID * columns // shape[1]
+    return tiles

@@ -1,4 +1,4 @@
-"""Events in place are not said to be shifted where brightness turns often: each case once was a false alarm."""
+"""Honest events are not said to be shifted or late where little tells of it: each case once was a false alarm."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -33,3 +33,14 @@ def test_events_in_place_are_said_to_be(scene: Scene, check: str, tmp_path: Path
     generate_sequence(scene.with_size(270, 200), target, Request(duration_s=1.0, quality="draft"))
     (result,) = check_file(target, CheckOptions(evidence=None, select=(check,))).record.results
     assert result.outcome == "passed", result
+
+
+@pytest.mark.parametrize("start_s", [2.0, 5.0, 21.5])
+def test_events_on_time_are_not_said_to_be_late(start_s: float, tmp_path: Path) -> None:
+    """A slow sway before a few long straight edges: all that crosses them at one phase errs alike."""
+    target = tmp_path / "clean.h5"
+    scene = load_scene("fast-turn").with_size(160, 120).starting_at(start_s)
+    generate_sequence(scene, target, Request(duration_s=1.0, quality="draft"))
+    options = CheckOptions(evidence=None, select=("event_response.timing",))
+    (result,) = check_file(target, options).record.results
+    assert result.outcome in {"passed", "not_observable"}, result
