@@ -8,6 +8,7 @@
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
 #   make docs         writes the pages of docs/checks from what the checks say of themselves
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
+#   make power        corpus of 300 clean and 2000 faulty files, what is found of it: docs/power-tables.md; 19 GB, hours
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
 
@@ -17,7 +18,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint docs study-causes study-false-alarms study-mesh study-presets bench bench-costs bench-flow bench-imu clean
+.PHONY: demo test lint docs power study-causes study-false-alarms study-mesh study-presets bench bench-costs bench-flow bench-imu clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -47,6 +48,22 @@ docs: $(READY)
 
 study-causes: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.named_causes --fresh
+
+# A dozen causes in depth, the rest about their limits. Small and short, so that a file is checked in two seconds.
+POWER_DEEP := events:time_offset,rgb:time_offset,imu:time_offset,events:spatial_offset,depth:spatial_offset,$\
+  events:threshold_misdeclared,events:hot_pixels,flow_gain,metadata:intrinsics_focal,imu:gyro_bias,$\
+  exposure_or_gamma,pose:teleport
+POWER_CORPUS := --scenes park-day,fast-turn,racetrack,park-noisy --clean 75 --spread --trials 13 \
+  --deep $(POWER_DEEP) --deep-trials 60 --size 180x136 --duration 0.5
+JOBS ?= 2
+
+power: export OMP_NUM_THREADS = 1
+power: export NUMBA_NUM_THREADS = 1
+power: $(READY)
+	@mkdir -p $(OUT)
+	$(BIN)/fedora-generate corpus -o $(OUT)/power-corpus $(POWER_CORPUS)
+	$(BIN)/fedora-qa power $(OUT)/power-corpus --jobs $(JOBS) --json $(OUT)/power.json --html $(OUT)/power.html \
+	  --markdown docs/power-tables.md --publish fedora_qa/power/published.json
 
 study-false-alarms: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.false_alarms.study --fresh

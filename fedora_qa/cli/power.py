@@ -23,7 +23,7 @@ from fedora_qa.power.tables import Origin, power_of
 from fedora_qa.power.worth import worth_of, write_worth
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.power_json import power_to_json
-from fedora_qa.record.power_tables import PowerTable, tables_of
+from fedora_qa.record.power_tables import PowerTable, headline, power_to_markdown, tables_of
 from fedora_qa.record.power_types import Power
 
 
@@ -37,6 +37,7 @@ from fedora_qa.record.power_types import Power
 @click.option("--state", type=PATH, metavar="DIR", help="Where to keep what was found.  [default: CORPUS.power]")
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
 @click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
+@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
 @click.option("--publish", type=PATH, metavar="OUT", help="Write what a passed check is worth, for the package.")
 def power(
     corpus: Path,
@@ -45,6 +46,7 @@ def power(
     state: Path | None,
     json_path: Path | None,
     html_path: Path | None,
+    markdown_path: Path | None,
     publish: Path | None,
     **given: Any,
 ) -> int:
@@ -55,7 +57,8 @@ def power(
     settings = settings_from(config, given)
     options = check_options(settings)
     manifest = read_manifest(corpus)
-    Outputs(json=json_path, html=html_path, markdown=publish).require_writable([corpus / MANIFEST])
+    outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path, draft=publish)
+    outputs.require_writable([corpus / MANIFEST])
     require_files(corpus, manifest)
     kept = State(_made(state or state_folder(corpus)), corpus, measured_with(settings.digest))
     started = datetime.now(UTC).isoformat(timespec="seconds")
@@ -66,6 +69,8 @@ def power(
         write_text(json_path, power_to_json(found))
     if publish:
         write_worth(worth_of(found), publish)
+    if markdown_path:
+        write_text(markdown_path, power_to_markdown(found))
     if html_path:
         _write_html(html_path, found)
     _show(found)
@@ -94,8 +99,7 @@ def _write_html(target: Path, found: Power) -> None:
 
 def _show(found: Power) -> None:
     console = stdout_console()
-    head = f"{found.files} files of {found.corpus}, {found.clean} of them clean; effort {found.effort}"
-    console.print(text(head, "bold"))
+    console.print(text(headline(found), "bold"))
     if found.crashed:
         console.print(
             text(f"A check crashed in {len(found.crashed)} files: {', '.join(found.crashed[:3])}", "bold magenta")

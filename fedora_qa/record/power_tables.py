@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Final
 
+from fedora_qa.record.markdown import escape, table
 from fedora_qa.record.power_types import (
     WHOLE_FILE,
     Curve,
@@ -53,7 +54,22 @@ class PowerTable:
 def tables_of(power: Power) -> tuple[PowerTable, ...]:
     """Return the tables of a study that have rows."""
     tables = (_alarms(power), _kinds(power), _found(power), _wrong(power), _sizes(power), _limits(power))
-    return tuple(table for table in tables if table.rows)
+    return tuple(one for one in tables if one.rows)
+
+
+def headline(power: Power) -> str:
+    """Return what was measured, in one line."""
+    return f"{power.files} files of {power.corpus}, {power.clean} of them clean; effort {power.effort}"
+
+
+def power_to_markdown(power: Power) -> str:
+    """Return a study as a page: its headline, which code it belongs to, and its tables."""
+    code = f"{power.tool.name} {power.tool.version}, rules {power.ruleset_version}, {power.started[:10]}"
+    head = (
+        f"# What the checks can see\n\n{escape(headline(power))}. {escape(code)}. How to read it: [power.md](power.md)."
+    )
+    sections = [f"## {one.title}\n\n{table(one.head, one.rows)}\n\n{escape(one.note)}" for one in tables_of(power)]
+    return "\n\n".join(section.rstrip() for section in [head, *sections]) + "\n"
 
 
 def share_words(share: Share) -> str:

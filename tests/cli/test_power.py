@@ -36,7 +36,16 @@ def corpus(tmp_path: Path) -> Path:
 def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -> None:
     """Tables, JSON, HTML and the table for the package agree; the corpus is left as it was."""
     before = sorted(corpus.iterdir())
-    outputs = ("--json", tmp_path / "p.json", "--html", tmp_path / "p.html", "--publish", tmp_path / "w.json")
+    outputs = (
+        "--json",
+        tmp_path / "p.json",
+        "--html",
+        tmp_path / "p.html",
+        "--publish",
+        tmp_path / "w.json",
+        "--markdown",
+        tmp_path / "p.md",
+    )
     done = fedora_qa("power", corpus, *STAMPS, *outputs)
     assert (done.code, done.err) == (0, "")
     assert "imu:unsorted" in done.out
@@ -46,6 +55,8 @@ def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -
     assert (document["files"], document["clean"], document["false_alarms"]["files"]["count"]) == (5, 2, 0)
     assert [one["found"]["count"] for one in document["naming"]] == [3]
     assert "imu:unsorted" in (tmp_path / "p.html").read_text(encoding="utf-8").replace("<wbr>", "")
+    page = (tmp_path / "p.md").read_text(encoding="utf-8")
+    assert "| imu:unsorted | any check | 3 of 3 (100.0%) |" in page.replace("\\", "")
     worth = read_worth(tmp_path / "w.json")
     assert worth is not None
     assert not worth.is_stale()
