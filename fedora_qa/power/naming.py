@@ -2,14 +2,11 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Final, get_args
+from typing import get_args
 
 from fedora_qa.power.binomial import share_of
 from fedora_qa.power.study import Trial
-from fedora_qa.record.power_types import Confusion, Kind, Naming
-
-NOT_FOUND: Final = "not found"
-NO_CAUSE: Final = "no cause"
+from fedora_qa.record.power_types import NO_CAUSE, NOT_FOUND, Confusion, Kind, Naming
 
 
 def naming(trials: Sequence[Trial]) -> tuple[Naming, ...]:
@@ -49,9 +46,11 @@ def _planted(trials: Sequence[Trial], kind: Kind) -> list[Trial]:
 
 def _of_kind(kind: Kind, planted: Sequence[Trial]) -> Naming:
     found = [trial for trial in planted if trial.checked.is_found]
+    observable = [trial.checked.is_found for trial in planted if trial.item.observable]
     return Naming(
         kind=kind,
         found=share_of(len(found), len(planted)),
+        observable=share_of(sum(observable), len(observable)),
         named_first=share_of(sum(is_named_first(trial) for trial in found), len(found)),
         all_named=share_of(sum(_all_named(trial) for trial in found), len(found)),
     )

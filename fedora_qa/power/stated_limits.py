@@ -67,8 +67,7 @@ def _compare(sized: Sized, check: str, clean: Mapping[str, Trial]) -> StatedLimi
         return NotComparable(sized.cause, check, "no clean file of these faults states a limit")
     limits = [one.limit for one in comparisons]
     ratios, found = [one.ratio for one in comparisons], [one.found for one in comparisons]
-    from_it = [one.found for one in comparisons if one.ratio >= 1]
-    share, curve = share_of(sum(from_it), len(from_it)), curve_of(ratios, found)
+    share, curve = _found_from(1, comparisons), curve_of(ratios, found)
     return StatedLimit(
         cause=sized.cause,
         check=check,
@@ -78,6 +77,7 @@ def _compare(sized: Sized, check: str, clean: Mapping[str, Trial]) -> StatedLimi
         median=median(limits),
         most=max(limits),
         found_from_it=share,
+        found_from_twice=_found_from(2, comparisons),
         curve=curve,
         truth=_truth(share, curve, ratios),
     )
@@ -124,6 +124,11 @@ def _stated(base: Trial | None, check: str, names: tuple[str, ...], unit: str) -
         if reading.check == check and reading.name in names and reading.least_detectable
         if (factor := factor_between(reading.unit, unit)) is not None
     ]
+
+
+def _found_from(ratio: float, comparisons: Sequence[_Comparison]) -> Share:
+    found = [one.found for one in comparisons if one.ratio >= ratio]
+    return share_of(sum(found), len(found))
 
 
 def _truth(from_it: Share, curve: Curve, ratios: Sequence[float]) -> Truth:

@@ -1,6 +1,6 @@
 """All tables of a study together."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fedora_qa import __version__
@@ -27,7 +27,8 @@ class Origin:
 def power_of(trials: Sequence[Trial], origin: Origin) -> Power:
     """Return everything that the trials say."""
     clean = {trial.item.file: trial for trial in trials if trial.item.is_clean}
-    causes = by_cause(trials)
+    telling = [trial for trial in trials if not _of_a_false_alarm(trial, clean)]
+    causes = by_cause(telling)
     stated = [stated_limits(sized, clean) for sized in causes]
     return Power(
         power_version=POWER_VERSION,
@@ -41,11 +42,18 @@ def power_of(trials: Sequence[Trial], origin: Origin) -> Power:
         files=len(trials),
         clean=len(clean),
         crashed=tuple(trial.item.file for trial in trials if trial.checked.crashed),
+        set_aside=len(trials) - len(telling),
         false_alarms=false_alarms(trials, origin.config.false_alarm_rate),
-        naming=naming(trials),
+        naming=naming(telling),
         detections=tuple(one for sized in causes for one in detections(sized)),
-        confusions=confusions(trials),
-        magnitudes=magnitude_errors(trials),
+        confusions=confusions(telling),
+        magnitudes=magnitude_errors(telling),
         stated=tuple(one for true, _ in stated for one in true),
         not_comparable=tuple(one for _, other in stated for one in other),
     )
+
+
+def _of_a_false_alarm(trial: Trial, clean: Mapping[str, Trial]) -> bool:
+    """Whether a faulty file is a copy of a clean one that failed itself."""
+    base = clean.get(trial.item.base or "")
+    return base is not None and base.checked.is_found

@@ -7,6 +7,7 @@ from typing import Final
 
 from fedora_qa.record.markdown import escape, table
 from fedora_qa.record.power_types import (
+    NOT_FOUND,
     WHOLE_FILE,
     Curve,
     Detection,
@@ -108,14 +109,16 @@ def _alarms(power: Power) -> PowerTable:
         f"One-sided 95% bound of the rate {alarms.upper:.2%}, stated {alarms.stated:.2g}: so many or more would come "
         f"with probability {alarms.chance:.2g}."
     )
+    if power.set_aside:
+        note += f" {power.set_aside} faulty copies of files that failed are set aside, and count nowhere below."
     return PowerTable("False alarms on clean files", ("check", "failed", "95% interval"), tuple(rows), note=note)
 
 
 def _kinds(power: Power) -> PowerTable:
-    head = ("faults", "found", "named first, of those", "95% interval", "all named")
+    head = ("faults", "found", "of those expected to be", "named first, of those found", "95% interval", "all named")
     rows = [
-        (one.kind, share_words(one.found), share_words(one.named_first), interval_words(one.named_first),
-         share_words(one.all_named))
+        (one.kind, share_words(one.found), share_words(one.observable), share_words(one.named_first),
+         interval_words(one.named_first), share_words(one.all_named))
         for one in power.naming
     ]  # fmt: skip
     return PowerTable("Faults found and named", head, tuple(rows))
@@ -138,14 +141,12 @@ def _best(detections: Sequence[Detection]) -> Sequence[Detection]:
 
 
 def _wrong(power: Power) -> PowerTable:
-    wrong = [one for one in power.confusions if one.named not in one.planted.split("+")]
+    wrong = [one for one in power.confusions if one.named not in {NOT_FOUND, *one.planted.split("+")}]
     wrong = sorted(wrong, key=lambda one: -one.count)
     rows = [(one.planted, one.named, one.kind, str(one.count)) for one in wrong[:_WRONG_SHOWN]]
     more = len(wrong) - len(rows)
     note = f"And {more} more, in the JSON." if more else ""
-    return PowerTable(
-        "Named otherwise, or not found", ("planted", "named first", "kind", "files"), tuple(rows), 3, note
-    )
+    return PowerTable("Named otherwise", ("planted", "named first", "kind", "files"), tuple(rows), 3, note)
 
 
 def _sizes(power: Power) -> PowerTable:
@@ -164,16 +165,18 @@ def _signed(value: float | None) -> str:
 
 
 def _limits(power: Power) -> PowerTable:
-    head = ("cause", "check", "verdict", "states (median)", "found from it on", "95% at, of what it states")
+    head = ("cause", "check", "verdict", "states (median)", "found from it on", "from twice it on", "95% at, of it")
     rows = [
         (one.cause, one.check, TRUTH_WORDS[one.truth], f"{number(_rounded(one.median))} {one.unit}",
-         share_words(one.found_from_it), curve_words(one.curve))
+         share_words(one.found_from_it), share_words(one.found_from_twice), curve_words(one.curve))
         for one in power.stated
     ]  # fmt: skip
     true = sum(one.truth == "true" for one in power.stated)
     tested = sum(one.truth != "untested" for one in power.stated)
+    count, of = (sum(getattr(one.found_from_twice, name) for one in power.stated) for name in ("count", "of"))
     note = (
         f"{true} of {tested} that could be tested are true: at least 90% found from the stated size on, and 95% not "
-        f"below half of it. {len(power.not_comparable)} pairs of cause and check cannot be compared; the JSON says why."
+        f"below half of it. From twice the stated size on {count} of {of} are found. {len(power.not_comparable)} pairs "
+        "of cause and check cannot be compared; the JSON says why."
     )
     return PowerTable("Limits that the checks state, against what they find", head, tuple(rows), words=3, note=note)

@@ -15,6 +15,10 @@ POWER_VERSION: Final = "1.0"
 WHOLE_FILE: Final = ""
 """Stands for a check where any check that fails counts."""
 
+NOT_FOUND: Final = "not found"
+NO_CAUSE: Final = "no cause"
+"""Stand for a first-named cause where no check failed, and where one did and nothing was named."""
+
 Kind = Literal["single", "local", "composite"]
 Fitted = Literal["fitted", "all_found", "none_found", "not_rising", "too_few", "no_size"]
 Truth = Literal["true", "too_bold", "too_cautious", "untested"]
@@ -108,21 +112,23 @@ class FalseAlarms:
 
 @dataclass(frozen=True, slots=True)
 class Naming:
-    """Of one kind of faults: how many were planted and found, and of those how many had the right cause first.
+    """Of one kind of faults: how many were planted and found, and of those found how many had the right cause first.
 
-    Of composite faults any of the planted causes is right in the first place; ``all_named`` counts files all of whose
-    causes were named, at any place.
+    ``observable`` counts the found among those that the maker of the corpus expects a good tool to see. Of composite
+    faults any of the planted causes is right in the first place; ``all_named`` counts files all of whose causes were
+    named, at any place.
     """
 
     kind: Kind
     found: Share
+    observable: Share
     named_first: Share
     all_named: Share
 
 
 @dataclass(frozen=True, slots=True)
 class Confusion:
-    """How often ``planted`` was called ``named``: ``not found`` where no check failed, ``no cause`` without a name."""
+    """How often ``planted`` was called ``named``, several planted causes with a plus between."""
 
     kind: Kind
     planted: str
@@ -153,7 +159,8 @@ class StatedLimit:
     """Whether the ``least_detectable`` that a check states of a clean file is true of a cause.
 
     ``measurements`` measure the fault; ``least``, ``median``, ``most`` are their stated limits over the clean files, in
-    ``unit``. ``found_from_it`` counts faults of at least the limit stated of their own clean file. ``at_50`` and
+    ``unit``. ``found_from_it`` counts faults of at least the limit stated of their own clean file, ``found_from_twice``
+    those of at least twice that. ``at_50`` and
     ``at_95`` are sizes in units of that limit: ``at_95`` below 1/2 is too cautious by more than 2.
     """
 
@@ -165,6 +172,7 @@ class StatedLimit:
     median: float
     most: float
     found_from_it: Share
+    found_from_twice: Share
     curve: Curve
     truth: Truth
 
@@ -180,7 +188,12 @@ class NotComparable:
 
 @dataclass(frozen=True, slots=True)
 class Power:
-    """The whole study. ``estimators_digest`` identifies the code that was measured; ``crashed`` lists files."""
+    """The whole study.
+
+    ``estimators_digest`` identifies the code that was measured. ``crashed`` lists files in which a check did.
+    ``set_aside`` counts faulty copies of clean files that failed themselves: what fails there may be the false alarm,
+    so that they count in no table.
+    """
 
     power_version: str
     ruleset_version: str
@@ -193,6 +206,7 @@ class Power:
     files: int
     clean: int
     crashed: tuple[str, ...]
+    set_aside: int
     false_alarms: FalseAlarms
     naming: tuple[Naming, ...]
     detections: tuple[Detection, ...]

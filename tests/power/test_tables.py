@@ -8,12 +8,12 @@ import pytest
 from fedora_qa.power.detection import by_cause, curve_of, detections, false_alarms
 from fedora_qa.power.magnitudes import magnitude_errors
 from fedora_qa.power.manifest import PlantedFault
-from fedora_qa.power.naming import NOT_FOUND, confusions, naming
+from fedora_qa.power.naming import confusions, naming
 from fedora_qa.power.stated_limits import stated_limits
 from fedora_qa.power.study import Trial
 from fedora_qa.power.tables import power_of
 from fedora_qa.power.units import factor_between
-from fedora_qa.record.power_types import StatedLimit
+from fedora_qa.record.power_types import NOT_FOUND, StatedLimit
 from tests.support.studies import CHECK, CLEAN, ORIGIN, clean, faulty, late, reading, study
 
 
@@ -100,7 +100,9 @@ def test_false_alarms_by_check() -> None:
 def test_matrix_and_shares_of_names() -> None:
     """Of three late files one is named, one named otherwise, one not found."""
     trials = [late(1, 2.0, found=True), late(2, 2.0, found=True, named="rgb:time_offset"), late(3, 0.1, found=False)]
+    trials[2] = replace(trials[2], item=replace(trials[2].item, observable=False))
     (row,) = naming(trials)
+    assert (row.observable.count, row.observable.of) == (2, 2)
     assert (row.found.count, row.found.of, row.named_first.count, row.named_first.of) == (2, 3, 1, 2)
     named = {(one.planted, one.named): one.count for one in confusions(trials)}
     assert named == {("events:time_offset", name): 1 for name in ("events:time_offset", "rgb:time_offset", NOT_FOUND)}
@@ -138,6 +140,7 @@ def test_each_file_is_held_to_its_own_limit() -> None:
     stated = limits_of(tuple(trials))
     assert (stated.least, stated.median, stated.most) == (1.0, 5.5, 10.0)
     assert (stated.found_from_it.count, stated.found_from_it.of, stated.truth) == (4, 4, "true")
+    assert (stated.found_from_twice.count, stated.found_from_twice.of) == (4, 4)
 
 
 @pytest.mark.parametrize(
@@ -176,3 +179,10 @@ def test_a_study_of_clean_files_alone() -> None:
 def test_units_that_stand_for_each_other(unit: str, other: str, factor: float | None) -> None:
     """Units of one dimension have a factor, others none."""
     assert factor_between(unit, other) == (None if factor is None else pytest.approx(factor))
+
+
+def test_copies_of_a_false_alarm_are_set_aside() -> None:
+    """What fails in a copy of a clean file that fails says nothing of the fault."""
+    power = power_of([clean(failed=("a.b",)), late(1, 2.0, found=True)], ORIGIN)
+    assert (power.set_aside, power.false_alarms.files.count) == (1, 1)
+    assert (power.detections, power.naming, power.confusions, power.magnitudes) == ((), (), (), ())

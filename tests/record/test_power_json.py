@@ -42,13 +42,13 @@ def test_what_is_no_study(change: dict[str, object], said: str | None) -> None:
 
 
 def test_tables_say_what_was_measured() -> None:
-    """The cause stands with its unit and interval, and what was not found is named."""
+    """The cause stands with its unit and interval; what was not found is no confusion."""
     tables = {table.title: table for table in tables_of(POWER)}
     first = tables["Detection"].rows[0]
     assert first[:2] == ("events:time_offset", "any check")
     assert first[3] == estimate_words(POWER.detections[0].curve.at_95, "ms")
-    (missed,) = tables["Named otherwise, or not found"].rows
-    assert missed[:2] == ("events:time_offset", "not found")
+    assert "Named otherwise" not in tables
+    assert tables["Limits that the checks state, against what they find"].rows[0][2] == "true"
 
 
 @pytest.mark.parametrize(
