@@ -11,7 +11,6 @@ from rich.text import Text
 
 from fedora_qa.cli.check import PATH, check_options, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
-from fedora_qa.cli.html import require_renderer
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.terminal import stdout_console, text
@@ -91,7 +90,6 @@ def _made(folder: Path) -> Path:
 
 
 def _write_html(target: Path, found: Power) -> None:
-    require_renderer()
     from fedora_reports.power import render_power  # noqa: PLC0415 - an extra
 
     write_text(target, render_power(found))

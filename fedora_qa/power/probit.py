@@ -3,13 +3,15 @@
 Model: a fault of size m is found with probability Phi(a + b ln m), b > 0. Without a fault nothing is found: false
 alarms, 1e-4 a file, lie far below what a study of some thousand files could tell from zero.
 
-The estimate maximises the likelihood times Jeffreys' prior, the square root of the determinant of the Fisher
-information. As trials grow it is that of maximum likelihood; of few trials it is cautious where that is bold (over 60
-trials of a range of 80, both lie within an eighth of the truth; over 12, maximum likelihood states 3/5 of the size that
-is found 95% of the time, this 9/5 of it); and it is finite where a size separates what was found from what was not, as
-a sharp limit does, and the likelihood rises for ever with the slope. Source: Firth, "Bias reduction of maximum
-likelihood estimates", Biometrika 1993; Kosmidis and Firth, "Jeffreys-prior penalty, finiteness and shrinkage in
-binomial-response generalized linear models", Biometrika 2021.
+The estimate maximises the likelihood times |I|^(1/4), I being the Fisher information of (a, b): the square root of
+Jeffreys' prior. As trials grow it is that of maximum likelihood. It is finite, too, where a size separates what was
+found from what was not, as a sharp limit does, and the likelihood rises for ever with the slope: any positive power of
+|I| does that. The power is a compromise of two biases of the size found 95% of the time, in the median of 150 simulated
+studies with slopes b of 1 to 20 in a range of 80: of 13 trials, the likelihood alone states 0.6 of it where it is
+finite, Jeffreys' own power of 1/2 states 1.0 to 2.4 times it, and this one 0.7 to 1.5; of 60 trials, 0.97 to 1.06.
+Source: Kosmidis and Firth, "Jeffreys-prior penalty, finiteness and shrinkage in binomial-response generalized linear
+models", Biometrika 2021, for any power; the idea is Firth's, "Bias reduction of maximum likelihood estimates",
+Biometrika 1993.
 
 The interval of a magnitude, or of the probability at one, is its range over all curves whose log likelihood, without
 any prior, lies within chi2_2(0.95) / 2 of the best: over the joint likelihood region of both parameters. So the band
@@ -37,6 +39,8 @@ _BEYOND: Final = float(np.log(100.0))
 _LOG_SLOPES: Final = (float(np.log(0.05)), float(np.log(200.0)))
 """From a curve that takes decades to rise to one that rises within a percent of the size."""
 _COARSE, _FINE = 41, 61
+_POWER: Final = 0.25
+"""Of the Fisher information's determinant, in the prior."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,13 +148,13 @@ def _log_likelihoods(halves: Array, log_slopes: Array, log_sizes: Array, found: 
 
 
 def _log_prior(half: float, log_slope: float, log_sizes: Array) -> float:
-    """Return ln of Jeffreys' prior: half the ln determinant of the Fisher information of (a, b).
+    """Return ln |I| / 4, I being the Fisher information of (a, b).
 
-    The information is the sum of w (1, x; x, x^2) with w = phi^2 / (Phi (1 - Phi)); x is taken about its mean, which
-    leaves the determinant as it is and keeps its digits.
+    It is the sum of w (1, x; x, x^2) with w = phi^2 / (Phi (1 - Phi)); x is taken about its mean, which leaves the
+    determinant as it is and keeps its digits.
     """
     scores = np.exp(log_slope) * (log_sizes - half)
     weights = np.exp(-(scores**2) - np.log(2 * np.pi) - log_ndtr(scores) - log_ndtr(-scores))
     x = log_sizes - log_sizes.mean()
     determinant = weights.sum() * (weights * x**2).sum() - (weights * x).sum() ** 2
-    return 0.5 * float(np.log(max(determinant, np.finfo(float).tiny)))
+    return _POWER * float(np.log(max(determinant, np.finfo(float).tiny)))

@@ -72,7 +72,7 @@ class Curve:
     """Detection probability against magnitude.
 
     ``fitted`` says whether there is a fit, and why not. ``separated``: some magnitude divides all that was found from
-    all that was not, so that the likelihood alone would have no finite maximum, and the penalty bounds the slope.
+    all that was not, so that the likelihood alone would have no finite maximum, and the prior bounds the slope.
     ``at_50`` and ``at_95`` are the magnitudes found with these probabilities.
     """
 
