@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from fedora_qa.cli.worth import worth_words
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.sources import estimators_digest
 from fedora_qa.power.tables import power_of
@@ -40,3 +41,16 @@ def test_no_table_and_a_damaged_one(tmp_path: Path) -> None:
     (tmp_path / "published.json").write_text("{")
     with pytest.raises(MisuseError, match="run `make power`"):
         read_worth(tmp_path / "published.json")
+
+
+def test_explain_says_what_a_pass_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sizes stand in words, with a warning where the code has changed since; without a table nothing is said."""
+    published = worth_of(POWER)
+    monkeypatch.setattr("fedora_qa.cli.worth.read_worth", lambda: published)
+    assert "events:time_offset: 95% at 0.8" in worth_words(CHECK)
+    assert "has changed" not in worth_words(CHECK)
+    assert "No cause" in worth_words("imu.timing")
+    monkeypatch.setattr("fedora_qa.cli.worth.read_worth", lambda: replace(published, estimators_digest="0"))
+    assert "The code has changed since" in worth_words(CHECK)
+    monkeypatch.setattr("fedora_qa.cli.worth.read_worth", lambda: None)
+    assert worth_words(CHECK) == ""
