@@ -7,8 +7,8 @@
 #   make bench-imu    what IMU against pose can tell, and whether its errors hold: docs/inertial-limits.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
 #   make docs         writes the pages of docs/checks from what the checks say of themselves
+#   make power        corpus of 300 clean and 2000 faulty files, what is found of it: docs/power-tables.md; 19 GB, an hour
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
-#   make power        corpus of 300 clean and 2000 faulty files, what is found of it: docs/power-tables.md; 19 GB, hours
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
 
@@ -18,7 +18,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint docs power study-causes study-false-alarms study-mesh study-presets bench bench-costs bench-flow bench-imu clean
+.PHONY: demo test lint docs study-causes study-false-alarms study-mesh study-presets bench bench-costs bench-flow bench-imu clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -49,7 +49,7 @@ docs: $(READY)
 study-causes: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.named_causes --fresh
 
-# A dozen causes in depth, the rest about their limits. Small and short, so that a file is checked in two seconds.
+# A dozen causes in depth, the rest about their limits. Small and short, so that a file takes 7 MB and two seconds to check.
 POWER_DEEP := events:time_offset,rgb:time_offset,imu:time_offset,events:spatial_offset,depth:spatial_offset,$\
   events:threshold_misdeclared,events:hot_pixels,flow_gain,metadata:intrinsics_focal,imu:gyro_bias,$\
   exposure_or_gamma,pose:teleport
@@ -57,6 +57,7 @@ POWER_CORPUS := --scenes park-day,fast-turn,racetrack,park-noisy --clean 75 --sp
   --deep $(POWER_DEEP) --deep-trials 60 --size 180x136 --duration 0.5
 JOBS ?= 2
 
+.PHONY: power
 power: export OMP_NUM_THREADS = 1
 power: export NUMBA_NUM_THREADS = 1
 power: $(READY)

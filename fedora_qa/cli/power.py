@@ -1,6 +1,7 @@
 """``fedora-qa power``: what the checks can see, measured over a corpus with a manifest."""
 
 import os
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -54,7 +55,7 @@ def power(
     Run again after an interrupt, it goes on where it was. Exit codes: 0 measured; 2 misuse; 3 a check crashed.
     """
     settings = settings_from(config, given)
-    options = check_options(settings)
+    options = replace(check_options(settings), evidence=None)
     manifest = read_manifest(corpus)
     outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path, draft=publish)
     outputs.require_writable([corpus / MANIFEST])
