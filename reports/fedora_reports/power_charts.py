@@ -34,7 +34,8 @@ def detection_chart(one: Detection) -> PowerChart | None:
         return None
     axis = Axis(one.tried[0].least, one.tried[-1].most, logarithmic=True)
     places = [(axis.share(sqrt(part.least * part.most)) * WIDTH, part.found) for part in one.tried]
-    caption = f"{share_words(one.found)} found; 95% at {curve_words(one.curve, one.unit)}"
+    limit = f"; 95% at {curve_words(one.curve, one.unit)}" if one.curve.points else ""
+    caption = f"{share_words(one.found)} found{limit}"
     return PowerChart(
         title=one.cause,
         caption=caption,
