@@ -8,8 +8,9 @@ trials, found or not.
 
 A check states of a clean file the least limit of these measurements. A planted size is told in units of the limit that
 was stated of its own clean file, because limits differ from file to file as their information does. Then the stated
-limit is true where at least 90% of the faults from 1 on were found (the limit promises 95%), and too cautious where 95%
-are found at less than half of it already.
+limit is too bold where fewer than 90% of the faults from 1 on were found, and so few would be found with less than 5%
+probability if the promised 95% were true; too cautious where 95% are found at less than half of it already; untested
+where there are too few faults to tell; and true otherwise.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +18,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Final
 
-from fedora_qa.power.binomial import share_of
+from fedora_qa.power.binomial import chance_of, share_of
 from fedora_qa.power.detection import Sized, curve_of, is_found_by
 from fedora_qa.power.study import Trial
 from fedora_qa.power.units import factor_between
@@ -26,7 +27,9 @@ from fedora_qa.record.power_types import Curve, NotComparable, Share, StatedLimi
 _FEWEST: Final = 3
 """Trials in which a measurement must have exceeded its limit, and faults from the limit on that can tell its truth."""
 _TRACKS: Final = (0.5, 2.0)
-_PROMISED: Final = 0.90
+_PROMISED: Final = 0.95
+_NEEDED: Final = 0.90
+_BY_CHANCE: Final = 0.05
 _CAUTIOUS: Final = 0.5
 
 
@@ -132,11 +135,12 @@ def _found_from(ratio: float, comparisons: Sequence[_Comparison]) -> Share:
 
 
 def _truth(from_it: Share, curve: Curve, ratios: Sequence[float]) -> Truth:
-    if from_it.of >= _FEWEST and from_it.count < _PROMISED * from_it.of:
+    too_few_found = from_it.count < _NEEDED * from_it.of
+    if too_few_found and 1 - chance_of(from_it.count + 1, from_it.of, _PROMISED) < _BY_CHANCE:
         return "too_bold"
     at_95 = curve.at_95.value
     if curve.fitted == "all_found" and min(ratios) < _CAUTIOUS:
         return "too_cautious"
     if at_95 is not None and at_95 < _CAUTIOUS:
         return "too_cautious"
-    return "true" if from_it.of >= _FEWEST else "untested"
+    return "untested" if too_few_found or from_it.of < _FEWEST else "true"

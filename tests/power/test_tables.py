@@ -186,3 +186,10 @@ def test_copies_of_a_false_alarm_are_set_aside() -> None:
     power = power_of([clean(failed=("a.b",)), late(1, 2.0, found=True)], ORIGIN)
     assert (power.set_aside, power.false_alarms.files.count) == (1, 1)
     assert (power.detections, power.naming, power.confusions, power.magnitudes) == ((), (), (), ())
+
+
+@pytest.mark.parametrize(("missed", "truth"), [(0, "true"), (1, "untested"), (2, "too_bold")])
+def test_one_miss_of_six_can_be_chance(missed: int, truth: str) -> None:
+    """Of six faults beyond the limit, one missed says nothing against 95%; two would come with a chance of 3%."""
+    trials = tuple(late(k, 2.0, found=k >= missed) for k in range(6))
+    assert limits_of((clean(), *trials)).truth == truth
