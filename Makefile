@@ -7,6 +7,7 @@
 #   make bench-imu    what IMU against pose can tell, and whether its errors hold: docs/inertial-limits.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
 #   make docs         writes the pages of docs/checks from what the checks say of themselves
+#   make power        corpus of 300 clean and 2000 faulty files, what is found of it: docs/power-tables.md; 19 GB, an hour
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-trade  what each effort costs, and what it finds: docs/trade.md; an hour
@@ -48,6 +49,23 @@ docs: $(READY)
 
 study-causes: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.named_causes --fresh
+
+# A dozen causes in depth, the rest about their limits. Small and short, so that a file takes 7 MB and two seconds to check.
+POWER_DEEP := events:time_offset,rgb:time_offset,imu:time_offset,events:spatial_offset,depth:spatial_offset,$\
+  events:threshold_misdeclared,events:hot_pixels,flow_gain,metadata:intrinsics_focal,imu:gyro_bias,$\
+  exposure_or_gamma,pose:teleport
+POWER_CORPUS := --scenes park-day,fast-turn,racetrack,park-noisy --clean 75 --spread --trials 13 \
+  --deep $(POWER_DEEP) --deep-trials 60 --size 180x136 --duration 0.5
+JOBS ?= 2
+
+.PHONY: power
+power: export OMP_NUM_THREADS = 1
+power: export NUMBA_NUM_THREADS = 1
+power: $(READY)
+	@mkdir -p $(OUT)
+	$(BIN)/fedora-generate corpus -o $(OUT)/power-corpus $(POWER_CORPUS)
+	$(BIN)/fedora-qa power $(OUT)/power-corpus --jobs $(JOBS) --json $(OUT)/power.json --html $(OUT)/power.html \
+	  --markdown docs/power-tables.md --publish fedora_qa/power/published.json
 
 study-false-alarms: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.false_alarms.study --fresh

@@ -11,6 +11,7 @@ from fedora_qa.checks import CHECKS
 from fedora_qa.checks.explanation import explanation
 from fedora_qa.checks.protocol import Check
 from fedora_qa.cli.terminal import stdout_console
+from fedora_qa.cli.worth import TITLE, worth_words
 from fedora_qa.errors import MisuseError
 
 
@@ -48,6 +49,8 @@ def explain(name: str) -> int:
 def _explained(check: Check[Any]) -> Text:
     said = explanation(check)
     text = Text(f"\n{said.question}\n\n{said.measured}\n")
-    for title, section in said.sections.items():
+    measured = worth_words(check.name)
+    sections = {**said.sections, **({TITLE: measured} if measured else {})}
+    for title, section in sections.items():
         text.append(f"\n{title}\n", style="bold").append(f"{section}\n")
     return text

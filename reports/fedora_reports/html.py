@@ -34,11 +34,11 @@ def render_html(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str:
         a file is shown as text.
     """
     page = page_of(record_from_json(record_to_json(record)), arrays)
-    return _environment().get_template("report.html.j2").render(page=page)
+    return environment().get_template("report.html.j2").render(page=page)
 
 
 @cache
-def _environment() -> Environment:
+def environment() -> Environment:
     """Return the templates with their filters; compiled once a process."""
     environment = Environment(
         loader=PackageLoader("fedora_reports"),

@@ -1,9 +1,11 @@
 """A corpus: what the manifest says is what lies there, the same each time, whole or without a manifest."""
 
 import errno
+import itertools
 import json
 import os
 import shutil
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +28,8 @@ from tests.generator.tiny_sequence import HEIGHT, WIDTH, declare_noise, write_ti
 
 SIZE = ("--size", f"{WIDTH}x{HEIGHT}", "--duration", "0.4")
 FEW = ("--causes", "gyro_bias,events:mirrored,time_offset,index_off_by_one,noise_misdeclared,pose:other_sequence")
+
+STUDY_SIZE = (180, 136)
 
 Corpus = Callable[..., Result]
 
@@ -251,3 +255,54 @@ def test_what_a_killed_run_left_between_two_faults_is_removed(corpus: Corpus, tm
     (left / "0.h5").write_bytes(b"half a file")
     assert corpus(tmp_path, "--causes", "gyro_bias", "--clean", "1").exit_code == 0
     assert not list(tmp_path.rglob(".*"))
+
+
+def test_trials_cover_the_range_in_sequences_of_their_own() -> None:
+    """Twelve trials span nine times the nominal size either way, evenly, each in another sequence of its own start."""
+    scenes = tuple(load_scene(name).with_size(*STUDY_SIZE) for name in ("park-day", "racetrack"))
+    options = CorpusOptions(clean=6, causes=("flow_gain",), trials=12, spread=True)
+    plan = plan_corpus(options, scenes)
+    trials = [one for one in plan if one.file.startswith("single/")]
+    sizes = sorted(magnitude for one in trials if (magnitude := one.faults[0].magnitude) is not None)
+    nominal = ladder_of("flow_gain", "flow").nominal
+    assert nominal is not None
+    assert len({one.base for one in trials}) == len(trials) == 12
+    assert nominal / 9 <= sizes[0] < sizes[-1] <= 9 * nominal
+    steps = [after / before for before, after in itertools.pairwise(sizes)]
+    assert max(steps) < 81 ** (2 / 12)
+    starts = {one.file: one.start_s for one in plan if one.base is None}
+    assert len({*starts.values()}) == 6
+    assert all(one.start_s == starts[one.base] for one in trials if one.base)
+
+
+def test_more_trials_keep_those_before() -> None:
+    """A corpus that grows keeps its files; deep causes get more trials, faults of one size a fourth."""
+    scenes = (load_scene("park-day").with_size(*STUDY_SIZE),)
+    causes = ("flow_gain", "imu:gyro_bias", "polarity_inverted")
+    few = CorpusOptions(clean=80, causes=causes, trials=8, deep=("gyro_bias",), deep_trials=16)
+    plans = [plan_corpus(replace(few, trials=trials), scenes) for trials in (8, 12)]
+    assert {*plans[0]} < {*plans[1]}
+    counts = Counter(one.faults[0].cause for one in plans[0] if one.file.startswith("single/"))
+    assert counts == {"flow_gain": 8, "gyro_bias": 16, "polarity_inverted": 2}
+
+
+def test_what_pose_noise_hides_is_tried_without_it() -> None:
+    """One curve could not hold sizes that differ by orders of magnitude; other faults are tried in every scene."""
+    scenes = tuple(load_scene(name).with_size(*STUDY_SIZE) for name in ("park-day", "park-noisy"))
+    plan = plan_corpus(CorpusOptions(clean=4, causes=("imu:gyro_bias", "hot_pixels"), trials=8), scenes)
+    of_cause = {
+        cause: {one.scene for one in plan if "trial" in one.file and one.faults[0].cause == cause}
+        for cause in ("gyro_bias", "hot_pixels")
+    }
+    assert of_cause == {"gyro_bias": {"park-day"}, "hot_pixels": {"park-day", "park-noisy"}}
+
+
+def test_without_trials_nothing_is_said_of_starts(corpus: Corpus, tmp_path: Path) -> None:
+    """A corpus of ladders has the manifest that it always had; spread, each sequence begins elsewhere."""
+    arguments = ("--causes", "gyro_bias", "--clean", "2")
+    assert corpus(tmp_path / "ladders", *arguments).exit_code == 0
+    assert all("start_s" not in item for item in manifest(tmp_path / "ladders")["items"])
+    assert corpus(tmp_path / "spread", *arguments, "--spread").exit_code == 0
+    items = manifest(tmp_path / "spread")["items"]
+    assert len({item["start_s"] for item in items if item["scene"] == "park-day"}) == 2
+    assert corpus(tmp_path / "none", "--deep", "gyro_bias").exit_code == 2

@@ -19,6 +19,7 @@ from fedora_generator.corpus.manifest import (
     write_listing,
 )
 from fedora_generator.corpus.plan import CorpusOptions, PlannedFault, PlannedFile, plan_corpus
+from fedora_generator.corpus.spread import stretch_s
 from fedora_generator.errors import OutputError
 from fedora_generator.faults import FaultError, plant_fault
 from fedora_generator.generate import STREAMS, Request, generate_sequence, require_free_flight
@@ -61,7 +62,8 @@ def build_corpus(
     earlier = _earlier_items(folder, made_with, force=force)
     for scene in scenes:
         require_memory(scene, frozenset(STREAMS))
-        require_free_flight(scene, whole_us(options.duration_s))
+        stretch = stretch_s(scene, options.duration_s) if options.spread else 0.0
+        require_free_flight(scene, whole_us(stretch + options.duration_s))
     sizes = {scene.name: expected_bytes(scene, options.duration_s) for scene in scenes}
     _require_room(folder, missing_bytes(plan, sizes, earlier))
     _make_folder(folder)
@@ -177,6 +179,8 @@ class _Work:
         if planned.base is None:
             request = Request(duration_s=self._options.duration_s, quality=self._options.quality)
             scene = replace(self._scenes[planned.scene], seed=planned.seed)
+            if planned.start_s is not None:
+                scene = scene.starting_at(planned.start_s)
             generate_sequence(scene, path, request, overwrite=True)
             return
         base = self._folder / planned.base

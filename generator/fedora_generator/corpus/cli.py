@@ -43,6 +43,10 @@ def _read_list(_: click.Context, __: click.Parameter, value: str) -> tuple[str, 
 @click.option("--duration", "duration_s", default=1.0, show_default=True, metavar="S", help="Seconds of a sequence.")
 @click.option("--quality", default="draft", show_default=True, type=click.Choice(list(MOTION_BOUND_PX)))
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="First seed of each scene.")
+@click.option("--trials", type=click.IntRange(0, 10_000), default=0, metavar="N", help="Draw N magnitudes, no ladder.")
+@click.option("--deep", default="", callback=_read_list, metavar="LIST", help="Causes that get more trials.")
+@click.option("--deep-trials", default=60, show_default=True, type=click.IntRange(1, 10_000), help="How many.")
+@click.option("--spread", is_flag=True, help="Begin the sequences of a scene at different places of its flight.")
 @click.option("--dry-run", is_flag=True, help="Print what would be made, and make nothing.")
 @click.option("--force", is_flag=True, help="Write into a folder that holds something else.")
 def corpus(
@@ -55,6 +59,10 @@ def corpus(
     duration_s: float,
     quality: str,
     seed: int,
+    trials: int,
+    deep: tuple[str, ...],
+    deep_trials: int,
+    spread: bool,
     dry_run: bool,
     force: bool,
 ) -> None:
@@ -67,8 +75,19 @@ def corpus(
     described = tuple(load_scene(name).with_size(*size) for name in scenes)
     if len({scene.name for scene in described}) < len(described):
         raise click.UsageError("Expected scenes of different names, got one name twice; files are called after them")
+    if deep and not trials:
+        raise click.UsageError("Expected --trials with --deep, got none; give the trials of the other causes")
     options = CorpusOptions(
-        clean=clean, causes=causes, ladder=ladder, duration_s=duration_s, quality=cast(Quality, quality), seed=seed
+        clean=clean,
+        causes=causes,
+        ladder=ladder,
+        duration_s=duration_s,
+        quality=cast(Quality, quality),
+        seed=seed,
+        trials=trials,
+        deep=deep,
+        deep_trials=deep_trials,
+        spread=spread,
     )
     if dry_run:
         _print_plan(plan_corpus(options, described), described, duration_s)

@@ -45,6 +45,17 @@ class Ladder:
     fixed: bool = False
     smaller_is_worse: bool = False
 
+    @property
+    def has_range(self) -> bool:
+        """Whether the fault has more than one size."""
+        return self.nominal is not None and not self.fixed
+
+    def at(self, factor: float) -> float | None:
+        """Return the magnitude of so many times the nominal one, as far as the fault allows; None without a size."""
+        if self.nominal is None or self.fixed:
+            return self.nominal
+        return self._stated(min(self.nominal * factor, self.most))
+
     def rungs(self, count: int) -> tuple[float | None, ...]:
         """Return ``count`` magnitudes from mild to severe around the nominal one, or fewer where some are the same."""
         if self.nominal is None or self.fixed:
@@ -67,6 +78,11 @@ class Ladder:
 
     def _stated(self, size: float) -> float:
         return float(max(1, round(size))) if self.whole else float(f"{size:.3g}")
+
+
+def depends_on_pose_noise(cause: str, stream: str) -> bool:
+    """Whether noise of the pose moves the nominal size by orders of magnitude."""
+    return (cause, stream) in _UNDER_POSE_NOISE
 
 
 def ladder_of(cause: str, stream: str, *, noisy_pose: bool = False) -> Ladder:

@@ -10,7 +10,8 @@
 An item says ``file`` (beneath the manifest's folder), ``scene``, ``seed``, ``base`` (the clean file it is a copy of,
 null for a clean one), ``faults``, ``sha256`` and ``bytes``; ``observable`` (whether a good tool should see the fault
 where the sequence has texture and motion) and ``notes``; and its first fault once more as ``cause``, ``stream``,
-``magnitude`` and ``unit``, all null for a clean file, for readers that know one fault a file.
+``magnitude`` and ``unit``, all null for a clean file, for readers that know one fault a file. Where sequences begin at
+different places of their flight, ``start_s`` says where.
 
 Each of ``faults`` says ``cause``, ``stream``, ``magnitude`` (positive: stamps too late, values too large; null where
 the fault has no size), ``unit``, ``seed``, ``start_s`` and ``stop_s`` (half-open, seconds after the file's first
@@ -44,6 +45,8 @@ _OF_ONE_FAULT: Final = ("cause", "stream", "magnitude", "unit")
 def description_of(planned: PlannedFile) -> Item:
     """Return the manifest's item of a planned file, as far as the plan knows it: all but digest and bytes."""
     item: Item = json.loads(json.dumps(asdict(planned)))
+    if planned.start_s is None:
+        del item["start_s"]  # as in corpora whose sequences all begin where their scenes do
     first = item["faults"][0] if item["faults"] else dict.fromkeys(_OF_ONE_FAULT)
     return item | {name: first[name] for name in _OF_ONE_FAULT}
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from fedora_generator.camera import Camera, CameraOptions, colour_camera, event_camera
-from fedora_generator.corpus.ladders import Ladder, ladder_of
+from fedora_generator.corpus.ladders import Ladder, depends_on_pose_noise, ladder_of
+from fedora_generator.corpus.spread import magnitude_of, start_of, trials_of
 from fedora_generator.faults import BYTE_FAULTS, FAULTS, FaultError, Region, knows_region, knows_time
 from fedora_generator.faults.fault import default_unit
 from fedora_generator.sampling import Quality
@@ -57,6 +58,13 @@ class CorpusOptions:
         Rungs of each ladder.
     duration_s, quality
         Of every sequence.
+    trials
+        Magnitudes of each fault drawn from a range instead of a ladder, each in a sequence of its own; 0: ladders.
+    deep, deep_trials
+        Causes, as in ``causes``, that get more trials than the others, and how many.
+    spread
+        Whether sequences of a scene begin at different places of its flight. Where there is no noise, those of one
+        scene are all alike otherwise.
     """
 
     clean: int = 2
@@ -65,6 +73,10 @@ class CorpusOptions:
     duration_s: float = 1.0
     quality: Quality = "draft"
     seed: int = 0
+    trials: int = 0
+    deep: tuple[str, ...] = ()
+    deep_trials: int = 60
+    spread: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +101,7 @@ class PlannedFile:
     file: str
     scene: str
     seed: int
+    start_s: float | None = None
     base: str | None = None
     faults: tuple[PlannedFault, ...] = ()
     observable: bool = False
@@ -98,21 +111,22 @@ class PlannedFile:
 def plan_corpus(options: CorpusOptions, scenes: tuple[Scene, ...]) -> tuple[PlannedFile, ...]:
     """Return every file of the corpus: clean ones first, in an order that follows from the arguments alone.
 
-    Each fault is planted in one clean sequence, the whole ladder in the same; which one follows from the name of the
-    fault, so that the same fault gets the same file whatever others are asked for.
+    Each fault is planted in one clean sequence, the whole ladder in the same, or each trial in another; which one
+    follows from the name of the fault, so that the same fault gets the same file whatever others are asked for.
 
     Raises
     ------
     FaultError
         A cause that no fault has.
     """
-    pairs = _wanted(options.causes)
+    pairs, deep = _wanted(options.causes), _wanted(options.deep) if options.deep else ()
     clean = tuple(_clean_files(options, scenes))
     described = {scene.name: scene for scene in scenes}
     planner = _Planner(options, described, clean)
     files = [*clean]
     for pair in pairs:
-        files += planner.ladder(pair)
+        trials = options.deep_trials if pair in deep else options.trials
+        files += planner.trials(pair, trials) if options.trials else planner.ladder(pair)
         files += planner.local(pair)
     files += [planner.composite(first, second) for first, second in TWO_AT_ONCE if {first, second} <= {*pairs}]
     return tuple(files)
@@ -133,7 +147,8 @@ def _wanted(causes: tuple[str, ...]) -> tuple[Pair, ...]:
 def _clean_files(options: CorpusOptions, scenes: tuple[Scene, ...]) -> Iterator[PlannedFile]:
     for scene in scenes:
         for seed in range(options.seed, options.seed + options.clean):
-            yield PlannedFile(file=f"clean/{scene.name}-{seed}.h5", scene=scene.name, seed=seed)
+            start_s = start_of(scene, seed, options.duration_s) if options.spread else None
+            yield PlannedFile(file=f"clean/{scene.name}-{seed}.h5", scene=scene.name, seed=seed, start_s=start_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +164,18 @@ class _Planner:
         for magnitude in ladder.rungs(self.options.ladder):
             fault = self._fault(pair, base, magnitude)
             yield _copy_of(base, "single", _label(fault), (fault,), ladder.is_observable(magnitude))
+
+    def trials(self, pair: Pair, wanted: int) -> Iterator[PlannedFile]:
+        """Magnitudes over a range, over the whole sequence, each in the next clean sequence."""
+        number = _number(f"{pair}")
+        bases = self._bases(pair)
+        for trial in range(trials_of(self._ladder(pair, bases[0]), wanted)):
+            base = bases[(number + trial) % len(bases)]
+            ladder = self._ladder(pair, base)
+            magnitude = magnitude_of(ladder, trial, number / 2**32)
+            fault = replace(self._fault(pair, base, magnitude), seed=_number(f"{pair}{magnitude} {trial}"))
+            seen = ladder.is_observable(magnitude)
+            yield _copy_of(base, "single", f"{_label(fault)}-trial{trial}", (fault,), seen)
 
     def local(self, pair: Pair) -> Iterator[PlannedFile]:
         """Plan a severe fault in the middle half of the time, and in the middle quarter of the image."""
@@ -188,6 +215,16 @@ class _Planner:
             donor=self._donor(pair, base) if cause == "other_sequence" else None,
         )
 
+    def _bases(self, pair: Pair) -> tuple[PlannedFile, ...]:
+        """Return the clean sequences that trials are planted in, those of one seed and different scenes in a row.
+
+        What noise of the pose moves by orders of magnitude is tried without it, where there is such a scene: one curve
+        could not hold both.
+        """
+        can_hold = [each for each in self.clean if _can_hold(self.scenes[each.scene], *pair)] or [*self.clean]
+        quiet = [each for each in can_hold if not _has_pose_noise(self.scenes[each.scene])]
+        return tuple(sorted(quiet if depends_on_pose_noise(*pair) and quiet else can_hold, key=lambda each: each.seed))
+
     def _base(self, pair: Pair) -> PlannedFile:
         candidates = [each for each in self.clean if _can_hold(self.scenes[each.scene], *pair)] or [*self.clean]
         return candidates[_number(f"{pair}") % len(candidates)]
@@ -206,6 +243,7 @@ def _copy_of(
         file=f"{folder}/{name}-{base.scene}-{base.seed}.h5",
         scene=base.scene,
         seed=base.seed,
+        start_s=base.start_s,
         base=base.file,
         faults=faults,
         observable=observable,

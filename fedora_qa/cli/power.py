@@ -1,0 +1,121 @@
+"""``fedora-qa power``: what the checks can see, measured over a corpus with a manifest."""
+
+import os
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.table import Table
+from rich.text import Text
+
+from fedora_qa.cli.check import PATH, check_options, settings_from
+from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
+from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.terminal import stdout_console, text
+from fedora_qa.errors import MisuseError
+from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files
+from fedora_qa.power.state import State
+from fedora_qa.power.study import measured_with, run_study, state_folder
+from fedora_qa.power.tables import Origin, power_of
+from fedora_qa.power.worth import worth_of, write_worth
+from fedora_qa.record.atomic import write_text
+from fedora_qa.record.power_json import power_to_json
+from fedora_qa.record.power_tables import PowerTable, headline, power_to_markdown, tables_of
+from fedora_qa.record.power_types import Power
+
+
+@click.command(short_help="Measure what the checks can see, over a corpus with a manifest.")
+@click.argument("corpus", type=PATH)
+@click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="How much to look at.")
+@click.option("--select", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Run only these checks. May be repeated.")
+@click.option("--ignore", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Leave these checks out. May be repeated.")
+@click.option("--config", type=PATH, help="Read options from a fedora-qa.toml; the command line counts more.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Files checked at once.")
+@click.option("--state", type=PATH, metavar="DIR", help="Where to keep what was found.  [default: CORPUS.power]")
+@click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
+@click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
+@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
+@click.option("--publish", type=PATH, metavar="OUT", help="Write what a passed check is worth, for the package.")
+def power(
+    corpus: Path,
+    config: Path | None,
+    jobs: int,
+    state: Path | None,
+    json_path: Path | None,
+    html_path: Path | None,
+    markdown_path: Path | None,
+    publish: Path | None,
+    **given: Any,
+) -> int:
+    """Check every file of CORPUS, whose manifest.json says what was planted, and tabulate what was found.
+
+    Run again after an interrupt, it goes on where it was. Exit codes: 0 measured; 2 misuse; 3 a check crashed.
+    """
+    settings = settings_from(config, given)
+    options = replace(check_options(settings), evidence=None)
+    manifest = read_manifest(corpus)
+    outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path, draft=publish)
+    outputs.require_writable([corpus / MANIFEST])
+    require_files(corpus, manifest)
+    kept = State(_made(state or state_folder(corpus)), corpus, measured_with(settings.digest))
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    with progress_bar(corpus.name) as report:
+        trials = run_study(manifest, kept, options, jobs, report)
+    found = power_of(trials, Origin(corpus.resolve().name, started, settings))
+    if json_path:
+        write_text(json_path, power_to_json(found))
+    if publish:
+        write_worth(worth_of(found), publish)
+    if markdown_path:
+        write_text(markdown_path, power_to_markdown(found))
+    if html_path:
+        _write_html(html_path, found)
+    _show(found)
+    return INCOMPLETE if found.crashed else CLEAN
+
+
+def _made(folder: Path) -> Path:
+    """Return a folder that is there and can be written to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise MisuseError(
+            f"Expected to be able to keep results in {folder}, got: {problem.strerror}; use --state"
+        ) from None
+    if not os.access(folder, os.W_OK):
+        raise MisuseError(f"Expected to be able to write into {folder}; use --state")
+    return folder
+
+
+def _write_html(target: Path, found: Power) -> None:
+    from fedora_reports.power import render_power  # noqa: PLC0415 - an extra
+
+    write_text(target, render_power(found))
+
+
+def _show(found: Power) -> None:
+    console = stdout_console()
+    console.print(text(headline(found), "bold"))
+    if found.crashed:
+        console.print(
+            text(f"A check crashed in {len(found.crashed)} files: {', '.join(found.crashed[:3])}", "bold magenta")
+        )
+    console.print()
+    for one in tables_of(found):
+        console.print(Text(one.title, style="bold"))
+        console.print(_table(one))
+        if one.note:
+            console.print(text(one.note, "dim"))
+        console.print()
+
+
+def _table(one: PowerTable) -> Table:
+    shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for number, head in enumerate(one.head):
+        shown.add_column(head, justify="left" if number < one.words else "right", overflow="fold")
+    for row in one.rows:
+        shown.add_row(*(text(cell) for cell in row))
+    return shown

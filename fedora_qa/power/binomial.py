@@ -1,0 +1,36 @@
+"""Exact intervals of a share."""
+
+from scipy.stats import beta, binom
+
+from fedora_qa.record.power_types import Share
+
+CONFIDENCE = 0.95
+
+
+def share_of(count: int, of: int, confidence: float = CONFIDENCE) -> Share:
+    """Return a share with its exact two-sided interval.
+
+    Source: Clopper and Pearson, "The use of confidence or fiducial limits illustrated in the case of the binomial",
+    Biometrika 1934, in its beta form. Covers the truth with at least the confidence, whatever the truth is.
+
+    Raises
+    ------
+    ValueError
+        The count is not between 0 and ``of``.
+    """
+    if not 0 <= count <= of:
+        raise ValueError(f"Expected a count between 0 and {of}, got {count}")
+    tail = (1 - confidence) / 2
+    low = float(beta.ppf(tail, count, of - count + 1)) if count else 0.0
+    high = float(beta.isf(tail, count + 1, of - count)) if count < of else 1.0
+    return Share(count, of, low, high)
+
+
+def upper_bound(count: int, of: int, confidence: float = CONFIDENCE) -> float:
+    """Return the one-sided upper bound of a share: 1 - 0.05^(1/n) where nothing was counted in n."""
+    return float(beta.isf(1 - confidence, count + 1, of - count)) if count < of else 1.0
+
+
+def chance_of(count: int, of: int, rate: float) -> float:
+    """Return the probability of ``count`` or more in ``of`` where each comes at ``rate``."""
+    return float(binom.sf(count - 1, of, rate))

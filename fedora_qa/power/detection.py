@@ -1,0 +1,179 @@
+"""How often each cause is found, by each check and by all together, against its size."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.power.binomial import chance_of, share_of, upper_bound
+from fedora_qa.power.manifest import PlantedFault
+from fedora_qa.power.probit import ProbitFit, fit_probit
+from fedora_qa.power.study import Trial
+from fedora_qa.power.units import factor_between
+from fedora_qa.record.power_types import (
+    WHOLE_FILE,
+    Curve,
+    CurvePoint,
+    Detection,
+    Estimate,
+    FalseAlarms,
+    Fitted,
+    Tried,
+)
+
+WORSE_WHEN_SMALLER: Final = frozenset({"interpolated_pose"})
+"""Causes whose fault grows as their magnitude falls: poses interpolated from 20 Hz are worse than from 50 Hz."""
+
+UNKNOWN: Final = Estimate(None, None, None)
+
+_FEWEST: Final = 5
+"""Trials, of three sizes at least, below which no curve is fitted."""
+_POINTS: Final = 33
+_GROUPS: Final = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Sized:
+    """The trials of one cause in whole files: their sizes in one unit, 0 where the fault has none."""
+
+    cause: str
+    unit: str
+    sizes: tuple[float, ...]
+    trials: tuple[Trial, ...]
+    worse_when_smaller: bool = False
+
+    @property
+    def has_size(self) -> bool:
+        """Whether every fault has a size."""
+        return all(self.sizes)
+
+
+def by_cause(trials: Iterable[Trial]) -> tuple[Sized, ...]:
+    """Gather the trials with one fault of a whole file by cause and unit, in the order of the manifest."""
+    groups: dict[tuple[str, str], list[tuple[float, Trial]]] = {}
+    for trial in trials:
+        if trial.item.kind == "single" and not trial.item.is_clean:
+            (fault,) = trial.item.planted
+            unit, factor = _unit_in(groups, fault)
+            size = abs(fault.magnitude or 0.0) * factor
+            groups.setdefault((fault.name, unit), []).append((size, trial))
+    return tuple(
+        Sized(
+            cause,
+            unit,
+            tuple(size for size, _ in group),
+            tuple(trial for _, trial in group),
+            cause.rpartition(":")[2] in WORSE_WHEN_SMALLER,
+        )
+        for (cause, unit), group in groups.items()
+    )
+
+
+def _unit_in(groups: Mapping[tuple[str, str], object], fault: PlantedFault) -> tuple[str, float]:
+    """Return the unit in which the cause has come before, if its sizes can be told in it, and the factor to it."""
+    unit = fault.unit or ""
+    for cause, other in groups:
+        factor = factor_between(unit, other)
+        if cause == fault.name and factor is not None:
+            return other, factor
+    return unit, 1.0
+
+
+def detections(sized: Sized) -> tuple[Detection, ...]:
+    """Return how any check finds the cause, and then each check that ever does, the most frequent first."""
+    counts: dict[str, int] = {}
+    for trial in sized.trials:
+        for check in trial.checked.failed:
+            counts[check] = counts.get(check, 0) + 1
+    return tuple(_detection(sized, check) for check in (WHOLE_FILE, *sorted(counts, key=lambda name: -counts[name])))
+
+
+def _detection(sized: Sized, check: str) -> Detection:
+    found = [is_found_by(trial, check) for trial in sized.trials]
+    return Detection(
+        cause=sized.cause,
+        unit=sized.unit,
+        check=check,
+        found=share_of(sum(found), len(found)),
+        tried=_tried(sized.sizes, found) if sized.has_size else (),
+        curve=curve_of(sized.sizes, found, worse_when_smaller=sized.worse_when_smaller),
+    )
+
+
+def is_found_by(trial: Trial, check: str) -> bool:
+    """Whether the check failed; any check where it is empty."""
+    return check in trial.checked.failed if check else trial.checked.is_found
+
+
+def curve_of(sizes: Sequence[float], found: Sequence[bool], *, worse_when_smaller: bool = False) -> Curve:
+    """Return detection against size, fitted where the trials can tell."""
+    why = _why_not(sizes, found)
+    if why:
+        return Curve(why, separated=False, at_50=UNKNOWN, at_95=UNKNOWN, points=())
+    direction = -1.0 if worse_when_smaller else 1.0
+    log_sizes = direction * np.log(sizes)
+    answers = np.array(found)
+    if log_sizes[answers].mean() <= log_sizes[~answers].mean():
+        return Curve("not_rising", separated=False, at_50=UNKNOWN, at_95=UNKNOWN, points=())
+    fit = fit_probit(log_sizes, answers)
+    return Curve(
+        "fitted",
+        separated=fit.separated,
+        at_50=_estimate(fit, 0.50, direction),
+        at_95=_estimate(fit, 0.95, direction),
+        points=_points(fit, log_sizes, direction),
+    )
+
+
+def _why_not(sizes: Sequence[float], found: Sequence[bool]) -> Fitted | None:
+    if not all(sizes):
+        return "no_size"
+    if all(found):
+        return "all_found"
+    if not any(found):
+        return "none_found"
+    return "too_few" if len(sizes) < _FEWEST or len(set(sizes)) < 3 else None
+
+
+def _estimate(fit: ProbitFit, probability: float, direction: float) -> Estimate:
+    value, low, high = (
+        None if log_size is None else float(np.exp(direction * log_size)) for log_size in fit.log_size_at(probability)
+    )
+    return Estimate(value, low, high) if direction > 0 else Estimate(value, high, low)
+
+
+def _points(fit: ProbitFit, log_sizes: NDArray[np.float64], direction: float) -> tuple[CurvePoint, ...]:
+    """Return the curve over the sizes that were tried, in order of magnitude."""
+    places = np.linspace(log_sizes.min(), log_sizes.max(), _POINTS)
+    columns = zip(np.exp(direction * places), *fit.probability_at(places), strict=True)
+    return tuple(sorted((CurvePoint(*map(float, column)) for column in columns), key=lambda one: one.magnitude))
+
+
+def _tried(sizes: Sequence[float], found: Sequence[bool]) -> tuple[Tried, ...]:
+    """Return shares found in ranges of size with about as many trials each; trials of one size stay together."""
+    order = sorted(zip(sizes, found, strict=True))
+    groups: list[list[tuple[float, bool]]] = []
+    for size, answer in order:
+        full = not groups or len(groups[-1]) >= len(order) / _GROUPS
+        if full and not (groups and groups[-1][-1][0] == size):
+            groups.append([])
+        groups[-1].append((size, answer))
+    return tuple(
+        Tried(group[0][0], group[-1][0], share_of(sum(answer for _, answer in group), len(group))) for group in groups
+    )
+
+
+def false_alarms(trials: Iterable[Trial], stated_rate: float) -> FalseAlarms:
+    """Return how many clean files failed a check, of all and check by check."""
+    clean = [trial for trial in trials if trial.item.is_clean]
+    alarms = sum(trial.checked.is_found for trial in clean)
+    failed = [check for trial in clean for check in trial.checked.failed]
+    return FalseAlarms(
+        files=share_of(alarms, len(clean)),
+        upper=upper_bound(alarms, len(clean)),
+        stated=stated_rate,
+        chance=chance_of(alarms, len(clean), stated_rate),
+        by_check={check: share_of(failed.count(check), len(clean)) for check in sorted(set(failed))},
+    )

@@ -1,0 +1,64 @@
+"""How well the size of a fault is told, where its cause is named first."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.power.binomial import share_of
+from fedora_qa.power.naming import is_named_first
+from fedora_qa.power.study import Trial
+from fedora_qa.power.units import factor_between
+from fedora_qa.record.power_types import MagnitudeError
+
+_GAUSSIAN: Final = 1.4826
+"""A Gaussian's standard deviation over its median absolute value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A true magnitude, what was told of it, and the error that was stated, all in one unit."""
+
+    cause: str
+    unit: str
+    truth: float
+    told: float
+    standard_error: float | None
+
+
+def magnitude_errors(trials: Sequence[Trial]) -> tuple[MagnitudeError, ...]:
+    """Return the errors of each cause, those with one fault only, of the whole file or of a part of it."""
+    told: dict[tuple[str, str], list[Told]] = {}
+    for trial in trials:
+        one = _told(trial)
+        if one is not None:
+            told.setdefault((one.cause, one.unit), []).append(one)
+    return tuple(_errors(cause, unit, group) for (cause, unit), group in told.items())
+
+
+def _told(trial: Trial) -> Told | None:
+    """Return what was told of a fault's size; None where it was not named first, or the units measure other things."""
+    if len(trial.item.planted) != 1 or not trial.checked.is_found or not is_named_first(trial):
+        return None
+    (fault,), named = trial.item.planted, trial.checked.diagnoses[0]
+    factor = factor_between(named.unit, fault.unit or "")
+    if not fault.magnitude or named.magnitude is None or factor is None:
+        return None
+    error = None if not named.standard_error else named.standard_error * factor
+    return Told(fault.name, fault.unit or "", fault.magnitude, named.magnitude * factor, error)
+
+
+def _errors(cause: str, unit: str, told: Sequence[Told]) -> MagnitudeError:
+    relative = [abs(one.told - one.truth) / abs(one.truth) for one in told]
+    pulls = np.array([(one.told - one.truth) / one.standard_error for one in told if one.standard_error])
+    return MagnitudeError(
+        cause=cause,
+        unit=unit,
+        count=len(told),
+        median_relative_error=float(np.median(relative)),
+        with_error=len(pulls),
+        pull_median=float(np.median(pulls)) if len(pulls) else None,
+        pull_spread=float(_GAUSSIAN * np.median(np.abs(pulls))) if len(pulls) else None,
+        within_two=share_of(int((np.abs(pulls) < 2).sum()), len(pulls)),
+    )

@@ -1,0 +1,155 @@
+"""The manifest of a corpus: which files there are, and what was planted in each. See docs/corpus.md.
+
+A study knows nothing else of where files come from. What a manifest says beyond these fields is ignored, so anybody can
+write one for files of their own.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Final, Literal
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from fedora_qa.causes import CAUSES
+from fedora_qa.errors import MisuseError
+from fedora_qa.record.power_types import Kind
+
+MANIFEST: Final = "manifest.json"
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedFault:
+    """One fault: ``start_s`` or ``region`` where it is confined to a part of the file."""
+
+    cause: str
+    stream: str
+    magnitude: Finite | None = None
+    unit: str | None = None
+    start_s: Finite | None = None
+    stop_s: Finite | None = None
+    region: tuple[int, int, int, int] | None = None
+
+    @property
+    def name(self) -> str:
+        """``stream:cause``."""
+        return f"{self.stream}:{self.cause}"
+
+    @property
+    def is_confined(self) -> bool:
+        """Whether it befalls a part of the file only."""
+        return any(part is not None for part in (self.start_s, self.stop_s, self.region))
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One file. ``cause`` to ``unit`` repeat the first of ``faults``, or stand alone where there is no such list."""
+
+    file: str
+    base: str | None = None
+    cause: str | None = None
+    stream: str | None = None
+    magnitude: Finite | None = None
+    unit: str | None = None
+    observable: bool = True
+    notes: str = ""
+    faults: tuple[PlantedFault, ...] = ()
+    sha256: str | None = None
+    bytes: int | None = None
+
+    @property
+    def planted(self) -> tuple[PlantedFault, ...]:
+        """Every fault of the file; none of a clean one."""
+        if self.faults or self.cause is None:
+            return self.faults
+        return (PlantedFault(self.cause, self.stream or "", self.magnitude, self.unit),)
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether nothing was planted."""
+        return not self.planted
+
+    @property
+    def kind(self) -> Kind:
+        """Whether the faults are one of the whole file, one of a part of it, or several."""
+        if len(self.planted) > 1:
+            return "composite"
+        return "local" if any(fault.is_confined for fault in self.planted) else "single"
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """Everything that a corpus says of itself."""
+
+    corpus_version: Literal[1]
+    items: Annotated[tuple[Item, ...], Field(min_length=1)]
+
+
+_READER: Final = TypeAdapter(Manifest)
+
+
+def read_manifest(corpus: Path) -> Manifest:
+    """Read and validate the manifest of a corpus.
+
+    Raises
+    ------
+    MisuseError
+        There is none, it is no JSON, a field is missing or wrong, a cause is unknown, a file lies outside the corpus or
+        is listed twice, or a base is no clean file of the corpus.
+    """
+    path = corpus / MANIFEST
+    try:
+        manifest = _READER.validate_json(path.read_bytes())
+    except OSError as problem:
+        raise MisuseError(
+            f"Expected a corpus with a {MANIFEST} at {corpus}, got: {problem.strerror}; "
+            "make one with `fedora-generate corpus`, or see docs/corpus.md"
+        ) from None
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "the document"
+        raise MisuseError(f"Expected a valid {path}, got at {place}: {first['msg']}; see docs/corpus.md") from None
+    _require_sense(manifest, path)
+    return manifest
+
+
+def require_files(corpus: Path, manifest: Manifest) -> None:
+    """Raise ``MisuseError`` where files are missing, or have another size than the manifest says."""
+    wrong = [item.file for item in manifest.items if not _is_there(corpus / item.file, item.bytes)]
+    if wrong:
+        more = f" and {len(wrong) - 3} more" if len(wrong) > 3 else ""
+        raise MisuseError(
+            f"Expected the files of {corpus / MANIFEST} as it lists them, got {', '.join(wrong[:3])}{more} missing or "
+            "of another size; make the corpus again"
+        )
+
+
+def _is_there(path: Path, size: int | None) -> bool:
+    return path.is_file() and size in (None, path.stat().st_size)
+
+
+def _require_sense(manifest: Manifest, path: Path) -> None:
+    files = [item.file for item in manifest.items]
+    clean = {item.file for item in manifest.items if item.is_clean}
+    for item in manifest.items:
+        problem = _problem(item, files, clean)
+        if problem:
+            raise MisuseError(f"Expected a valid {path}, got at {item.file}: {problem}; see docs/corpus.md")
+
+
+def _problem(item: Item, files: list[str], clean: set[str]) -> str:
+    """Return what is wrong with an item, empty where nothing is."""
+    inside = PurePosixPath(item.file)
+    if inside.is_absolute() or ".." in inside.parts or not inside.name:
+        return "a path that is not beneath the manifest's folder"
+    if files.count(item.file) > 1:
+        return "the same file twice"
+    if item.base is not None and item.base not in clean:
+        return f"the base {item.base}, which is no clean file of the corpus"
+    for fault in item.planted:
+        if fault.cause not in CAUSES:
+            return f"the cause {fault.cause!r}, which does not exist"
+        if not fault.stream:
+            return f"the cause {fault.cause!r} without a stream"
+    return ""

@@ -1,0 +1,60 @@
+"""Whether what was planted is what is named."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import get_args
+
+from fedora_qa.power.binomial import share_of
+from fedora_qa.power.study import Trial
+from fedora_qa.record.power_types import NO_CAUSE, NOT_FOUND, Confusion, Kind, Naming
+
+
+def naming(trials: Sequence[Trial]) -> tuple[Naming, ...]:
+    """Return, for each kind of faults that occurs, the shares found and named."""
+    return tuple(_of_kind(kind, planted) for kind in get_args(Kind) if (planted := _planted(trials, kind)))
+
+
+def confusions(trials: Sequence[Trial]) -> tuple[Confusion, ...]:
+    """Return the matrix of planted against first-named cause, without its zeros; the planted in order of the corpus."""
+    found = []
+    for kind in get_args(Kind):
+        counts = Counter((planted_name(trial), first_named(trial)) for trial in _planted(trials, kind))
+        found += [Confusion(kind, planted, named, count) for (planted, named), count in counts.items()]
+    return tuple(found)
+
+
+def planted_name(trial: Trial) -> str:
+    """Return ``stream:cause`` of what was planted, several with a plus between."""
+    return "+".join(fault.name for fault in trial.item.planted)
+
+
+def first_named(trial: Trial) -> str:
+    """Return ``stream:cause`` of the first diagnosis, or why there is none."""
+    if not trial.checked.is_found:
+        return NOT_FOUND
+    return trial.checked.diagnoses[0].name if trial.checked.diagnoses else NO_CAUSE
+
+
+def is_named_first(trial: Trial) -> bool:
+    """Whether the first diagnosis is a cause that was planted."""
+    return first_named(trial) in {fault.name for fault in trial.item.planted}
+
+
+def _planted(trials: Sequence[Trial], kind: Kind) -> list[Trial]:
+    return [trial for trial in trials if not trial.item.is_clean and trial.item.kind == kind]
+
+
+def _of_kind(kind: Kind, planted: Sequence[Trial]) -> Naming:
+    found = [trial for trial in planted if trial.checked.is_found]
+    observable = [trial.checked.is_found for trial in planted if trial.item.observable]
+    return Naming(
+        kind=kind,
+        found=share_of(len(found), len(planted)),
+        observable=share_of(sum(observable), len(observable)),
+        named_first=share_of(sum(is_named_first(trial) for trial in found), len(found)),
+        all_named=share_of(sum(_all_named(trial) for trial in found), len(found)),
+    )
+
+
+def _all_named(trial: Trial) -> bool:
+    return {fault.name for fault in trial.item.planted} <= {verdict.name for verdict in trial.checked.diagnoses}

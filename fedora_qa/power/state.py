@@ -1,0 +1,54 @@
+"""What has been checked already, one small file each, so that a study goes on where it was stopped."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from fedora_qa.engine.digest import file_digest
+from fedora_qa.power.checked import Checked
+from fedora_qa.power.manifest import Item
+from fedora_qa.record.atomic import write_text
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    key: str
+    checked: Checked
+
+
+_ADAPTER = TypeAdapter(_Kept)
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A folder of results. ``measured_with`` identifies everything but the file that decides what is found."""
+
+    folder: Path
+    corpus: Path
+    measured_with: str
+
+    def load(self, item: Item) -> Checked | None:
+        """Return what is known of a file; None where nothing is, or it is of another file, tool or configuration."""
+        try:
+            kept = _ADAPTER.validate_json(self._path(item).read_bytes())
+        except (OSError, ValidationError):
+            return None
+        return kept.checked if kept.key == self._key(item) else None
+
+    def store(self, item: Item, checked: Checked) -> None:
+        """Keep what was found of a file, entirely or not at all."""
+        path = self._path(item)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, _ADAPTER.dump_json(_Kept(self._key(item), checked)).decode() + "\n")
+
+    def _path(self, item: Item) -> Path:
+        return self.folder / f"{item.file}.json"
+
+    def _key(self, item: Item) -> str:
+        """Return what the result depends on: the file's digest, whether it counts as clean, and how it was checked."""
+        content = item.sha256 or file_digest(self.corpus / item.file).sha256
+        parts = [content, item.is_clean, self.measured_with]
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()

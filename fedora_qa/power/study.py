@@ -1,0 +1,97 @@
+"""Check every file of a corpus, in several processes, and keep what was found of each as soon as it is known."""
+
+import hashlib
+import json
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+from fedora_qa import __version__
+from fedora_qa.config import RULESET_VERSION
+from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.errors import FedoraError, MisuseError
+from fedora_qa.power.checked import Checked, checked_from
+from fedora_qa.power.manifest import Item, Manifest
+from fedora_qa.power.sources import estimators_digest
+from fedora_qa.power.state import State
+
+Report = Callable[[str, int, int], None]
+"""Is told the file that was done, how many are done, and of how many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One file of the corpus, and what was found of it."""
+
+    item: Item
+    checked: Checked
+
+
+def state_folder(corpus: Path) -> Path:
+    """Return where a study is kept unless told otherwise: beside the corpus, never in it."""
+    whole = corpus.resolve()
+    return whole.with_name(f"{whole.name}.power")
+
+
+def measured_with(config_digest: str) -> str:
+    """Return what identifies a way of checking: tool, rules, the code that measures, and the configuration."""
+    parts = [__version__, RULESET_VERSION, estimators_digest(), config_digest]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+
+def run_study(manifest: Manifest, state: State, options: CheckOptions, jobs: int, report: Report) -> tuple[Trial, ...]:
+    """Check what is not known yet, and return every trial in the manifest's order.
+
+    Raises
+    ------
+    MisuseError
+        A file is not the one that the manifest lists.
+    FedoraError
+        A process ended abruptly. What was found until then is kept.
+    """
+    known = {item.file: checked for item in manifest.items if (checked := state.load(item)) is not None}
+    missing = [item for item in manifest.items if item.file not in known]
+    total = len(manifest.items)
+    report("known", total - len(missing), total)
+    for item, checked in _check_all(missing, state, options, jobs):
+        known[item.file] = checked
+        report(item.file, len(known), total)
+    return tuple(Trial(item, known[item.file]) for item in manifest.items)
+
+
+def _check_all(items: list[Item], state: State, options: CheckOptions, jobs: int) -> Iterator[tuple[Item, Checked]]:
+    if jobs == 1 or len(items) < 2:
+        for item in items:
+            yield item, _check_one(item, state, options)
+        return
+    # The interrupt is the parent's to handle: it starts no more, and lets what is being checked be kept.
+    ignore = (signal.SIGINT, signal.SIG_IGN)
+    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=signal.signal, initargs=ignore) as pool:
+        try:
+            work = {pool.submit(_check_one, item, state, options): item for item in items}
+            for done in as_completed(work):
+                yield work[done], done.result()
+        except BrokenProcessPool:
+            raise FedoraError(
+                "Expected every process to end by itself, one ended abruptly (out of memory?); "
+                "run again, with fewer --jobs, to go on where it was"
+            ) from None
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _check_one(item: Item, state: State, options: CheckOptions) -> Checked:
+    """Check one file and keep what was found, in whichever process."""
+    record = check_file(state.corpus / item.file, options).record
+    if item.sha256 is not None and record.digest_kind == "full" and record.sha256 != item.sha256:
+        raise MisuseError(
+            f"Expected {item.file} with the SHA-256 {item.sha256[:16]} of its manifest, got {record.sha256[:16]}; "
+            "make the corpus again"
+        )
+    checked = checked_from(record, clean=item.is_clean)
+    state.store(item, checked)
+    return checked

@@ -1,0 +1,59 @@
+"""All tables of a study together."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from fedora_qa import __version__
+from fedora_qa.config import RULESET_VERSION, CheckConfig
+from fedora_qa.power.detection import by_cause, detections, false_alarms
+from fedora_qa.power.magnitudes import magnitude_errors
+from fedora_qa.power.naming import confusions, naming
+from fedora_qa.power.sources import estimators_digest
+from fedora_qa.power.stated_limits import stated_limits
+from fedora_qa.power.study import Trial
+from fedora_qa.record.power_types import POWER_VERSION, Power
+from fedora_qa.record.types import Tool
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Of which corpus, begun when, and how its files were checked."""
+
+    corpus: str
+    started: str
+    config: CheckConfig
+
+
+def power_of(trials: Sequence[Trial], origin: Origin) -> Power:
+    """Return everything that the trials say."""
+    clean = {trial.item.file: trial for trial in trials if trial.item.is_clean}
+    telling = [trial for trial in trials if not _of_a_false_alarm(trial, clean)]
+    causes = by_cause(telling)
+    stated = [stated_limits(sized, clean) for sized in causes]
+    return Power(
+        power_version=POWER_VERSION,
+        ruleset_version=RULESET_VERSION,
+        tool=Tool("fedora-qa", __version__),
+        estimators_digest=estimators_digest(),
+        config_digest=origin.config.digest,
+        effort=origin.config.effort,
+        corpus=origin.corpus,
+        started=origin.started,
+        files=len(trials),
+        clean=len(clean),
+        crashed=tuple(trial.item.file for trial in trials if trial.checked.crashed),
+        set_aside=len(trials) - len(telling),
+        false_alarms=false_alarms(trials, origin.config.false_alarm_rate),
+        naming=naming(telling),
+        detections=tuple(one for sized in causes for one in detections(sized)),
+        confusions=confusions(telling),
+        magnitudes=magnitude_errors(telling),
+        stated=tuple(one for true, _ in stated for one in true),
+        not_comparable=tuple(one for _, other in stated for one in other),
+    )
+
+
+def _of_a_false_alarm(trial: Trial, clean: Mapping[str, Trial]) -> bool:
+    """Whether a faulty file is a copy of a clean one that failed itself."""
+    base = clean.get(trial.item.base or "")
+    return base is not None and base.checked.is_found

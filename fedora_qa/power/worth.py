@@ -1,0 +1,99 @@
+"""What a check that passed is worth: the faults that it finds 95% of the time, as measured and published.
+
+The table is a file of the package, made by ``make power``, with the digest of the code that it was measured with. Where
+that code has changed since, it is stale, and whoever shows it says so.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from pydantic import TypeAdapter, ValidationError
+
+from fedora_qa.errors import MisuseError
+from fedora_qa.power.sources import estimators_digest
+from fedora_qa.record.atomic import write_text
+from fedora_qa.record.power_types import WHOLE_FILE, Estimate, Power, Share
+
+PUBLISHED: Final = Path(__file__).with_name("published.json")
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """How a check finds one cause: of all sizes tried, and the size that it finds 95% of the time."""
+
+    cause: str
+    unit: str
+    check: str
+    found: Share
+    at_95: Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Worth:
+    """What every check was measured to find. ``clean`` and ``false_alarms`` count clean files."""
+
+    estimators_digest: str
+    ruleset_version: str
+    files: int
+    clean: int
+    false_alarms: int
+    found: tuple[Found, ...]
+
+    def of(self, check: str) -> tuple[Found, ...]:
+        """Return the causes that a check finds at some size 95% of the time, in the order of the study."""
+        return tuple(one for one in self.found if one.check == check and _is_worth(one))
+
+    def is_stale(self, digest: str | None = None) -> bool:
+        """Whether it was measured with other code than that of this installation (or of the digest given)."""
+        return self.estimators_digest != (digest or estimators_digest())
+
+
+_ADAPTER: Final = TypeAdapter(Worth)
+
+
+def worth_of(power: Power) -> Worth:
+    """Return what is published of a study."""
+    return Worth(
+        estimators_digest=power.estimators_digest,
+        ruleset_version=power.ruleset_version,
+        files=power.files,
+        clean=power.clean,
+        false_alarms=power.false_alarms.files.count,
+        found=tuple(
+            Found(one.cause, one.unit, one.check, one.found, one.curve.at_95)
+            for one in power.detections
+            if one.check != WHOLE_FILE
+        ),
+    )
+
+
+def write_worth(worth: Worth, target: Path = PUBLISHED) -> None:
+    """Write the table, entirely or not at all; one line a check and cause, so that a change can be read."""
+    values = _ADAPTER.dump_python(worth)
+    lines = ",\n".join(f"  {json.dumps(one, allow_nan=False)}" for one in values.pop("found"))
+    head = json.dumps(values, indent=1, allow_nan=False).removesuffix("\n}")
+    write_text(target, f'{head},\n "found": [\n{lines}\n ]\n}}\n')
+
+
+def read_worth(source: Path = PUBLISHED) -> Worth | None:
+    """Read the table; None where none has been published.
+
+    Raises
+    ------
+    MisuseError
+        The file is damaged.
+    """
+    try:
+        return _ADAPTER.validate_json(source.read_bytes())
+    except FileNotFoundError:
+        return None
+    except (OSError, ValidationError) as problem:
+        first = str(problem).splitlines()[0]
+        raise MisuseError(f"Expected a table of power at {source}, got: {first}; run `make power`") from None
+
+
+def _is_worth(one: Found) -> bool:
+    """Whether the check can be relied on to find the cause: from a known size on, or at every size that was tried."""
+    return one.at_95.value is not None or (one.found.count == one.found.of and one.found.of > 0)

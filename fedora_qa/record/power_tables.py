@@ -1,0 +1,182 @@
+"""A study of detection as tables of text, the same in the terminal and in the report."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Final
+
+from fedora_qa.record.markdown import escape, table
+from fedora_qa.record.power_types import (
+    NOT_FOUND,
+    WHOLE_FILE,
+    Curve,
+    Detection,
+    Estimate,
+    Fitted,
+    Power,
+    Share,
+    Truth,
+)
+from fedora_qa.record.wording import number
+
+ANY_CHECK: Final = "any check"
+
+TRUTH_WORDS: Final[dict[Truth, str]] = {
+    "true": "true",
+    "too_bold": "too bold",
+    "too_cautious": "too cautious",
+    "untested": "untested",
+}
+
+WHY_NO_FIT: Final[dict[Fitted, str]] = {
+    "fitted": "",
+    "all_found": "all found",
+    "none_found": "none found",
+    "not_rising": "does not rise with size",
+    "too_few": "too few sizes",
+    "no_size": "has no size",
+}
+
+_CHECKS_SHOWN: Final = 3
+_WRONG_SHOWN: Final = 30
+
+
+@dataclass(frozen=True, slots=True)
+class PowerTable:
+    """A table of text; cells of the first columns, ``words`` of them, are words and the rest numbers."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: int = 1
+    note: str = ""
+
+
+def tables_of(power: Power) -> tuple[PowerTable, ...]:
+    """Return the tables of a study that have rows."""
+    tables = (_alarms(power), _kinds(power), _found(power), _wrong(power), _sizes(power), _limits(power))
+    return tuple(one for one in tables if one.rows)
+
+
+def headline(power: Power) -> str:
+    """Return what was measured, in one line."""
+    return f"{power.files} files of {power.corpus}, {power.clean} of them clean; effort {power.effort}"
+
+
+def power_to_markdown(power: Power) -> str:
+    """Return a study as a page: its headline, which code it belongs to, and its tables."""
+    code = f"{power.tool.name} {power.tool.version}, rules {power.ruleset_version}, {power.started[:10]}"
+    head = (
+        f"# What the checks can see\n\n{escape(headline(power))}. {escape(code)}. How to read it: [power.md](power.md)."
+    )
+    sections = [f"## {one.title}\n\n{table(one.head, one.rows)}\n\n{escape(one.note)}" for one in tables_of(power)]
+    return "\n\n".join(section.rstrip() for section in [head, *sections]) + "\n"
+
+
+def share_words(share: Share) -> str:
+    """Return ``59 of 60 (98%)``."""
+    return f"{share.count} of {share.of}" + (f" ({share.value:.1%})" if share.value is not None else "")
+
+
+def interval_words(share: Share) -> str:
+    """Return ``91.1% to 100.0%``."""
+    return f"{share.low:.1%} to {share.high:.1%}"
+
+
+def estimate_words(estimate: Estimate, unit: str = "") -> str:
+    """Return ``2.1 (1.7 to 3.4) ms``; a question mark stands for a bound beyond what was tried."""
+    if estimate.value is None:
+        return "beyond what was tried"
+    low, high = (number(_rounded(bound)) if bound is not None else "?" for bound in (estimate.low, estimate.high))
+    suffix = f" {unit}" if unit not in {"", "1"} else ""
+    return f"{number(_rounded(estimate.value))} ({low} to {high}){suffix}"
+
+
+def curve_words(curve: Curve, unit: str = "") -> str:
+    """Return the size found 95% of the time, or why it is not known."""
+    return estimate_words(curve.at_95, unit) if curve.fitted == "fitted" else WHY_NO_FIT[curve.fitted]
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+def _alarms(power: Power) -> PowerTable:
+    alarms = power.false_alarms
+    rows = [(ANY_CHECK, share_words(alarms.files), interval_words(alarms.files))]
+    rows += [(check, share_words(share), interval_words(share)) for check, share in alarms.by_check.items()]
+    note = (
+        f"One-sided 95% bound of the rate {alarms.upper:.2%}, stated {alarms.stated:.2g}: so many or more would come "
+        f"with probability {alarms.chance:.2g}."
+    )
+    if power.set_aside:
+        note += f" {power.set_aside} faulty copies of files that failed are set aside, and count nowhere below."
+    return PowerTable("False alarms on clean files", ("check", "failed", "95% interval"), tuple(rows), note=note)
+
+
+def _kinds(power: Power) -> PowerTable:
+    head = ("faults", "found", "of those expected to be", "named first, of those found", "95% interval", "all named")
+    rows = [
+        (one.kind, share_words(one.found), share_words(one.observable), share_words(one.named_first),
+         interval_words(one.named_first), share_words(one.all_named))
+        for one in power.naming
+    ]  # fmt: skip
+    return PowerTable("Faults found and named", head, tuple(rows))
+
+
+def _found(power: Power) -> PowerTable:
+    rows: list[tuple[str, ...]] = []
+    for _, group in groupby(power.detections, key=lambda one: (one.cause, one.unit)):
+        for one in _best(list(group)):
+            name = one.cause if one.check == WHOLE_FILE else ""
+            rows.append((name, one.check or ANY_CHECK, share_words(one.found), curve_words(one.curve, one.unit)))
+    head = ("cause", "check", "found", "found 95% of the time")
+    note = "Faults of whole files; sizes with 95% intervals. Of each cause the checks that find it most often."
+    return PowerTable("Detection", head, tuple(rows), words=2, note=note)
+
+
+def _best(detections: Sequence[Detection]) -> Sequence[Detection]:
+    """Return how any check finds a cause, and the checks that find it most often."""
+    return detections[: 1 + _CHECKS_SHOWN]
+
+
+def _wrong(power: Power) -> PowerTable:
+    wrong = [one for one in power.confusions if one.named not in {NOT_FOUND, *one.planted.split("+")}]
+    wrong = sorted(wrong, key=lambda one: -one.count)
+    rows = [(one.planted, one.named, one.kind, str(one.count)) for one in wrong[:_WRONG_SHOWN]]
+    more = len(wrong) - len(rows)
+    note = f"And {more} more, in the JSON." if more else ""
+    return PowerTable("Named otherwise", ("planted", "named first", "kind", "files"), tuple(rows), 3, note)
+
+
+def _sizes(power: Power) -> PowerTable:
+    head = ("cause", "told", "median relative error", "with error", "median pull", "spread of pulls", "within 2")
+    rows = [
+        (one.cause, str(one.count), f"{one.median_relative_error:.1%}", str(one.with_error), _signed(one.pull_median),
+         "-" if one.pull_spread is None else f"{one.pull_spread:.2f}",
+         share_words(one.within_two) if one.with_error else "-")
+        for one in power.magnitudes
+    ]  # fmt: skip
+    return PowerTable("Fitted sizes against planted ones, where the cause is named first", head, tuple(rows))
+
+
+def _signed(value: float | None) -> str:
+    return "-" if value is None else f"{value:+.2f}"
+
+
+def _limits(power: Power) -> PowerTable:
+    head = ("cause", "check", "verdict", "states (median)", "found from it on", "from twice it on", "95% at, of it")
+    rows = [
+        (one.cause, one.check, TRUTH_WORDS[one.truth], f"{number(_rounded(one.median))} {one.unit}",
+         share_words(one.found_from_it), share_words(one.found_from_twice), curve_words(one.curve))
+        for one in power.stated
+    ]  # fmt: skip
+    true = sum(one.truth == "true" for one in power.stated)
+    tested = sum(one.truth != "untested" for one in power.stated)
+    count, of = (sum(getattr(one.found_from_twice, name) for one in power.stated) for name in ("count", "of"))
+    note = (
+        f"{true} of {tested} that could be tested are true: at least 90% found from the stated size on, and 95% not "
+        f"below half of it. From twice the stated size on {count} of {of} are found. {len(power.not_comparable)} pairs "
+        "of cause and check cannot be compared; the JSON says why."
+    )
+    return PowerTable("Limits that the checks state, against what they find", head, tuple(rows), words=3, note=note)

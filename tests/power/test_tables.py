@@ -1,0 +1,195 @@
+"""The tables of a study say what was planted and found, no more."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from fedora_qa.power.detection import by_cause, curve_of, detections, false_alarms
+from fedora_qa.power.magnitudes import magnitude_errors
+from fedora_qa.power.manifest import PlantedFault
+from fedora_qa.power.naming import confusions, naming
+from fedora_qa.power.stated_limits import stated_limits
+from fedora_qa.power.study import Trial
+from fedora_qa.power.tables import power_of
+from fedora_qa.power.units import factor_between
+from fedora_qa.record.power_types import NOT_FOUND, StatedLimit
+from tests.support.studies import CHECK, CLEAN, ORIGIN, clean, faulty, late, reading, study
+
+
+def limits_of(trials: tuple[Trial, ...]) -> StatedLimit:
+    """The one stated limit of a study with one cause and one check."""
+    files = {trial.item.file: trial for trial in trials if trial.item.is_clean}
+    (sized,) = by_cause(trials)
+    ((stated,), _) = stated_limits(sized, files)
+    return stated
+
+
+def test_limit_is_found_where_it_was_planted() -> None:
+    """Of 60 late files, 95% of which are found at 1 ms, the interval of that size holds 1 ms."""
+    (sized,) = by_cause(study(limit_ms=1.0))
+    whole, check = detections(sized)
+    assert (whole.check, check.check, whole.unit) == ("", CHECK, "ms")
+    assert whole.found == check.found
+    at_95 = whole.curve.at_95
+    assert at_95.low is not None
+    assert at_95.high is not None
+    assert at_95.low < 1.0 < at_95.high
+    assert sum(part.found.of for part in whole.tried) == 60
+    assert sum(part.found.count for part in whole.tried) == whole.found.count
+
+
+def test_a_fault_that_grows_as_its_size_falls() -> None:
+    """Poses interpolated from 20 Hz are found and from 80 Hz not: the curve falls, with its bounds in order."""
+    rates_hz = [10.0, 20.0, 30.0, 45.0, 50.0, 60.0, 80.0, 90.0]
+    found = [True, True, True, False, True, False, False, False]
+    curve = curve_of(rates_hz, found, worse_when_smaller=True)
+    points = [point.probability for point in curve.points]
+    assert points == sorted(points, reverse=True)
+    assert curve.at_95.value is not None
+    assert curve.at_50.value is not None
+    assert curve.at_95.value < curve.at_50.value
+    assert curve.at_50.low is not None
+    assert curve.at_50.high is not None
+    assert curve.at_50.low < curve.at_50.value < curve.at_50.high
+
+
+@pytest.mark.parametrize(
+    ("sizes", "found", "why"),
+    [
+        ([0.0, 0.0], [True, False], "no_size"),
+        ([1.0, 2.0], [True, True], "all_found"),
+        ([1.0, 2.0], [False, False], "none_found"),
+        ([1.0, 2.0, 3.0], [False, True, True], "too_few"),
+        ([1.0, 1.0, 1.0, 2.0, 2.0, 2.0], [False, False, True, False, True, True], "too_few"),
+        ([1.0, 2.0, 3.0, 4.0, 5.0], [True, True, False, False, False], "not_rising"),
+    ],
+)
+def test_why_there_is_no_curve(sizes: list[float], found: list[bool], why: str) -> None:
+    """Where trials say nothing about a curve, the reason is given and every number is unknown."""
+    curve = curve_of(sizes, found)
+    assert (curve.fitted, curve.at_95.value, curve.points) == (why, None, ())
+
+
+def test_sizes_in_several_units_are_one_cause() -> None:
+    """2000 us is 2 ms; a count of samples is another matter."""
+    planted = [PlantedFault("dropped_samples", "events", 2.0, unit) for unit in ("ms", "samples")]
+    planted.append(PlantedFault("dropped_samples", "events", 2000.0, "us"))
+    groups = by_cause(faulty(k, fault) for k, fault in enumerate(planted))
+    assert [(sized.unit, sized.sizes) for sized in groups] == [("ms", (2.0, 2.0)), ("samples", (2.0,))]
+
+
+def test_faults_of_a_part_have_no_part_in_the_curve() -> None:
+    """A fault of half of the time, or one of two, says nothing of the size at which a whole one is found."""
+    half = PlantedFault("time_offset", "events", 2.0, "ms", start_s=0.2)
+    two = (replace(half, start_s=None), PlantedFault("gyro_bias", "imu", 1.0, "rad/s"))
+    assert by_cause([faulty(1, half), faulty(2, *two)]) == ()
+    assert [one.kind for one in naming([faulty(1, half), faulty(2, *two)])] == ["local", "composite"]
+
+
+def test_false_alarms_by_check() -> None:
+    """Two of five clean files fail, one check in both and another in one of them; faulty files count nothing."""
+    trials = [clean(f"{k}.h5") for k in range(3)]
+    trials += [clean("3.h5", failed=("a.b",)), clean("4.h5", failed=("a.b", "c.d")), late(1, 2.0, found=True)]
+    alarms = false_alarms(trials, 1e-4)
+    assert (alarms.files.count, alarms.files.of) == (2, 5)
+    assert {check: share.count for check, share in alarms.by_check.items()} == {"a.b": 2, "c.d": 1}
+    assert alarms.chance == pytest.approx(10 * 1e-8, rel=0.01)
+
+
+def test_matrix_and_shares_of_names() -> None:
+    """Of three late files one is named, one named otherwise, one not found."""
+    trials = [late(1, 2.0, found=True), late(2, 2.0, found=True, named="rgb:time_offset"), late(3, 0.1, found=False)]
+    trials[2] = replace(trials[2], item=replace(trials[2].item, observable=False))
+    (row,) = naming(trials)
+    assert (row.observable.count, row.observable.of) == (2, 2)
+    assert (row.found.count, row.found.of, row.named_first.count, row.named_first.of) == (2, 3, 1, 2)
+    named = {(one.planted, one.named): one.count for one in confusions(trials)}
+    assert named == {("events:time_offset", name): 1 for name in ("events:time_offset", "rgb:time_offset", NOT_FOUND)}
+
+
+def test_pulls_and_relative_errors() -> None:
+    """Told sizes of 1.9, 2.0 and 2.2 ms with an error of 0.1 ms are -1, 0 and 2 errors off, and 5% in the middle."""
+    trials = []
+    for k, told in enumerate((1.9, 2.0, 2.2)):
+        trial = late(k, 2.0, found=True)
+        verdict = replace(trial.checked.diagnoses[0], magnitude=1e3 * told, standard_error=100.0, unit="us")
+        trials.append(replace(trial, checked=replace(trial.checked, diagnoses=(verdict,))))
+    (one,) = magnitude_errors(trials)
+    assert (one.cause, one.unit, one.count, one.with_error) == ("events:time_offset", "ms", 3, 3)
+    assert one.median_relative_error == pytest.approx(0.05)
+    assert one.pull_median == pytest.approx(0.0, abs=1e-9)
+    assert one.pull_spread == pytest.approx(1.4826)
+    assert one.within_two.of == 3
+
+
+@pytest.mark.parametrize(("limit_ms", "truth"), [(1.0, "true"), (4.0, "too_bold"), (0.2, "too_cautious")])
+def test_stated_limits_are_judged(limit_ms: float, truth: str) -> None:
+    """A check that states 1 ms is right if it finds 95% there, bold if only at 4 ms, cautious if at 0.2 ms."""
+    stated = limits_of(study(limit_ms, trials=80))
+    assert (stated.check, stated.measurements, stated.median, stated.truth) == (CHECK, ("offset",), 1.0, truth)
+
+
+def test_each_file_is_held_to_its_own_limit() -> None:
+    """Where one clean file states 1 ms and another 10, sizes count in units of each."""
+    trials = [clean(), clean("clean/night.h5", stated=(reading(least=10.0),))]
+    for k in range(8):
+        trial = late(k, 2.0, found=k % 2 == 0)
+        item = trial.item if k % 2 == 0 else replace(trial.item, base="clean/night.h5")
+        trials.append(replace(trial, item=item))
+    stated = limits_of(tuple(trials))
+    assert (stated.least, stated.median, stated.most) == (1.0, 5.5, 10.0)
+    assert (stated.found_from_it.count, stated.found_from_it.of, stated.truth) == (4, 4, "true")
+    assert (stated.found_from_twice.count, stated.found_from_twice.of) == (4, 4)
+
+
+@pytest.mark.parametrize(
+    ("exceeded", "reason"),
+    [
+        (reading(5.0, unit="px"), "measured in px, planted in ms"),
+        (reading(50.0), "the deviation is not the planted size"),
+    ],
+)
+def test_what_does_not_measure_the_fault_is_not_compared(exceeded: object, reason: str) -> None:
+    """A measurement in another unit, or ten times the fault, states no limit of it, and the reason is given."""
+    fault = PlantedFault("time_offset", "events", 5.0, "ms")
+    (sized,) = by_cause(faulty(k, fault, exceeded=(exceeded,)) for k in range(5))  # type: ignore[arg-type]
+    true, (other,) = stated_limits(sized, {CLEAN: clean()})
+    assert true == ()
+    assert other.reason == reason
+
+
+def test_a_study_of_clean_files_alone() -> None:
+    """Without faults there are false alarms to report, and nothing else."""
+    power = power_of([clean()], ORIGIN)
+    assert (power.files, power.clean, power.detections, power.naming, power.stated) == (1, 1, (), (), ())
+
+
+@pytest.mark.parametrize(
+    ("unit", "other", "factor"),
+    [
+        ("ms", "us", 1e3),
+        ("deg", "rad", math.pi / 180),
+        ("1", "percent", 100.0),
+        ("px", "px", 1.0),
+        ("px", "m", None),
+        ("", "ms", None),
+    ],
+)
+def test_units_that_stand_for_each_other(unit: str, other: str, factor: float | None) -> None:
+    """Units of one dimension have a factor, others none."""
+    assert factor_between(unit, other) == (None if factor is None else pytest.approx(factor))
+
+
+def test_copies_of_a_false_alarm_are_set_aside() -> None:
+    """What fails in a copy of a clean file that fails says nothing of the fault."""
+    power = power_of([clean(failed=("a.b",)), late(1, 2.0, found=True)], ORIGIN)
+    assert (power.set_aside, power.false_alarms.files.count) == (1, 1)
+    assert (power.detections, power.naming, power.confusions, power.magnitudes) == ((), (), (), ())
+
+
+@pytest.mark.parametrize(("missed", "truth"), [(0, "true"), (1, "untested"), (2, "too_bold")])
+def test_one_miss_of_six_can_be_chance(missed: int, truth: str) -> None:
+    """Of six faults beyond the limit, one missed says nothing against 95%; two would come with a chance of 3%."""
+    trials = tuple(late(k, 2.0, found=k >= missed) for k in range(6))
+    assert limits_of((clean(), *trials)).truth == truth

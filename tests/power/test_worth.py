@@ -1,0 +1,56 @@
+"""What a passed check is worth is what was measured, and says when it is out of date."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fedora_qa.cli.worth import worth_words
+from fedora_qa.errors import MisuseError
+from fedora_qa.power.sources import estimators_digest
+from fedora_qa.power.tables import power_of
+from fedora_qa.power.worth import read_worth, worth_of, write_worth
+from tests.support.studies import CHECK, ORIGIN, study
+
+POWER = power_of(study(), ORIGIN)
+
+
+def test_what_a_pass_is_worth(tmp_path: Path) -> None:
+    """Written and read again, the table says at which size a check finds a cause 95% of the time."""
+    write_worth(worth_of(POWER), tmp_path / "published.json")
+    worth = read_worth(tmp_path / "published.json")
+    assert worth == worth_of(POWER)
+    assert worth is not None
+    (found,) = worth.of(CHECK)
+    assert (found.cause, found.unit, found.at_95) == ("events:time_offset", "ms", POWER.detections[1].curve.at_95)
+    assert worth.of("imu.timing") == ()
+
+
+def test_a_stale_table_is_noticed() -> None:
+    """A table belongs to the code that it was measured with."""
+    worth = worth_of(POWER)
+    assert not worth.is_stale()
+    assert not worth.is_stale(estimators_digest())
+    assert worth.is_stale("0" * 64)
+    assert replace(worth, estimators_digest="0" * 64).is_stale()
+
+
+def test_no_table_and_a_damaged_one(tmp_path: Path) -> None:
+    """Where none has been published there is none; a damaged one is an error."""
+    assert read_worth(tmp_path / "published.json") is None
+    (tmp_path / "published.json").write_text("{")
+    with pytest.raises(MisuseError, match="run `make power`"):
+        read_worth(tmp_path / "published.json")
+
+
+def test_explain_says_what_a_pass_is_worth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sizes stand in words, with a warning where the code has changed since; without a table nothing is said."""
+    published = worth_of(POWER)
+    monkeypatch.setattr("fedora_qa.cli.worth.read_worth", lambda: published)
+    assert "events:time_offset: 95% at 0.8" in worth_words(CHECK)
+    assert "has changed" not in worth_words(CHECK)
+    assert "No cause" in worth_words("imu.timing")
+    monkeypatch.setattr("fedora_qa.cli.worth.read_worth", lambda: replace(published, estimators_digest="0"))
+    assert "The code has changed since" in worth_words(CHECK)
+    monkeypatch.setattr("fedora_qa.cli.worth.read_worth", lambda: None)
+    assert worth_words(CHECK) == ""

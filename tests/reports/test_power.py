@@ -1,0 +1,82 @@
+"""The report of a study shows its numbers, and draws curves where they are."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from fedora_qa.power.tables import power_of
+from fedora_qa.record.power_tables import tables_of
+from fedora_qa.record.power_types import CurvePoint, Power
+from fedora_reports.charts import HEIGHT, WIDTH
+from fedora_reports.power import page_of, render_power
+from fedora_reports.power_charts import band_path, curve_path, detection_chart, limits_chart
+from fedora_reports.scales import Axis
+from tests.reports.page_reader import PageReader
+from tests.support.studies import ORIGIN, clean, faulty, study
+
+
+@pytest.fixture(scope="module")
+def power() -> Power:
+    """A study of one cause."""
+    return power_of(study(), ORIGIN)
+
+
+def test_page_is_whole_and_asks_for_nothing(power: Power) -> None:
+    """Every element is closed, nothing is fetched or run, and all tables stand in it, cell for cell."""
+    html = render_power(power)
+    reader = PageReader()
+    reader.feed(html)
+    reader.close()
+    assert not re.search(r"(src|href)=\"(?!#|data:)", html)
+    assert not any(one.tag == "script" for one in reader.elements)
+    cells = [one.text for one in reader.elements if one.tag in {"td", "th"}]
+    assert all(cell in cells for table in tables_of(power) for row in table.rows for cell in row)
+
+
+def test_curve_stands_where_it_was_fitted(power: Power) -> None:
+    """Half of the probability is drawn at half of the height, at the size found half of the time, inside its band."""
+    curve, axis = power.detections[0].curve, Axis(0.1, 10.0, logarithmic=True)
+    assert curve.at_50.value is not None
+    point = CurvePoint(curve.at_50.value, 0.5, 0.3, 0.6)
+    one = replace(curve, points=(point,))
+    x = f"{axis.share(curve.at_50.value) * WIDTH:.1f}"
+    assert curve_path(one, axis) == f"M{x} {HEIGHT / 2:.1f}"
+    assert band_path(one, axis) == f"M{x} 40.0L{x} 70.0Z"
+
+
+def test_every_group_of_sizes_is_a_dot(power: Power) -> None:
+    """A dot and its interval stand for each share found."""
+    chart = detection_chart(power.detections[0])
+    assert chart is not None
+    assert chart.dots.count("M") == chart.whiskers.count("M") == len(power.detections[0].tried)
+    assert (chart.across, chart.level) == ("size in ms", pytest.approx(5.0))
+
+
+def test_what_cannot_be_drawn_is_left_out() -> None:
+    """A study of clean files, and of a fault without a size, has a page without drawings."""
+    sizeless = tuple(
+        replace(trial, item=replace(trial.item, faults=(replace(trial.item.faults[0], magnitude=None),)))
+        for trial in study(trials=3)[1:]
+    )
+    page = page_of(power_of([clean(), *sizeless], ORIGIN))
+    assert (page.charts, page.limits) == ((), None)
+    assert limits_chart(()) is None
+    assert "What the checks can see" in render_power(power_of([clean()], ORIGIN))
+
+
+def test_limits_in_units_of_what_is_stated(power: Power) -> None:
+    """A pair is one row, and the fair range ends at what is stated."""
+    chart = limits_chart(power.stated)
+    assert chart is not None
+    assert (chart.height, chart.dots.count("M"), chart.path.count("M")) == (10, 1, 1)
+    assert chart.fair[0] < chart.fair[1] < WIDTH
+
+
+def test_names_from_a_manifest_are_text(power: Power) -> None:
+    """A stream's name cannot become markup."""
+    trial = study(trials=2)[1]
+    fault = replace(trial.item.faults[0], stream="<b>events")
+    html = render_power(power_of([clean(), faulty(1, fault)], ORIGIN))
+    assert "<b>events" not in html
+    assert "&lt;b&gt;events" in html
