@@ -116,21 +116,21 @@ def _small(name: str) -> SceneOf:
 
 
 COMBINATIONS: Final = (
-    Combination(name="park-day", scene=along("park-day", step_s=0.4), files=16),
-    Combination(name="park-day, half a second", scene=along("park-day", step_s=0.4), duration_s=0.5, files=16),
-    Combination(name="park-day, wall-clock stamps", scene=along("park-day", step_s=0.37), epoch=True),
-    Combination(name="park-day, some streams", scene=along("park-day", step_s=0.31), drop_streams=True, files=24),
-    Combination(name="park-day, C = 0.1", scene=along("park-day", step_s=0.4, threshold_on=0.1, threshold_off=0.1)),
-    Combination(name="park-day, C = 0.5", scene=along("park-day", step_s=0.4, threshold_on=0.5, threshold_off=0.5)),
+    Combination(name="park-day", scene=along("park-day", step_s=2.3), files=16),
+    Combination(name="park-day, half a second", scene=along("park-day", step_s=2.4), duration_s=0.5, files=16),
+    Combination(name="park-day, wall-clock stamps", scene=along("park-day", step_s=3.1), epoch=True),
+    Combination(name="park-day, some streams", scene=along("park-day", step_s=1.6), drop_streams=True, files=24),
+    Combination(name="park-day, C = 0.1", scene=along("park-day", step_s=3.0, threshold_on=0.1, threshold_off=0.1)),
+    Combination(name="park-day, C = 0.5", scene=along("park-day", step_s=3.2, threshold_on=0.5, threshold_off=0.5)),
     Combination(
-        name="park-day, C+ 0.25, C- 0.15", scene=along("park-day", step_s=0.4, threshold_on=0.25, threshold_off=0.15)
+        name="park-day, C+ 0.25, C- 0.15", scene=along("park-day", step_s=2.9, threshold_on=0.25, threshold_off=0.15)
     ),
-    Combination(name="park-night", scene=along("park-night", step_s=0.4), files=16),
-    Combination(name="hover", scene=along("hover", step_s=0.7)),
-    Combination(name="fast-turn", scene=along("fast-turn", step_s=0.02)),
+    Combination(name="park-night", scene=along("park-night", step_s=2.3), files=16),
+    Combination(name="hover", scene=along("hover", step_s=3.3)),
+    Combination(name="fast-turn", scene=along("fast-turn", step_s=0.37)),
     Combination(name="bursts of 10 rad/s", scene=_bursts, quality="standard"),
-    Combination(name="park-noisy", scene=along("park-noisy", step_s=0.3), files=24),
-    Combination(name="park-noisy, half a second", scene=along("park-noisy", step_s=0.3), duration_s=0.5, files=16),
+    Combination(name="park-noisy", scene=along("park-noisy", step_s=1.6), files=24),
+    Combination(name="park-noisy, half a second", scene=along("park-noisy", step_s=2.4), duration_s=0.5, files=16),
     Combination(
         name="noisy IMU and pose, 60 s",
         scene=_noisy_survey,
@@ -138,10 +138,10 @@ COMBINATIONS: Final = (
         streams=INERTIAL,
         files=24,
     ),
-    Combination(name="park-traffic", scene=along("park-traffic", step_s=0.1)),
+    Combination(name="park-traffic", scene=along("park-traffic", step_s=0.6)),
     Combination(name="smooth wall", scene=_wall("smooth")),
     Combination(name="sharp wall", scene=_wall("sharp")),
-    Combination(name="racetrack (linear)", scene=along("racetrack", step_s=0.3), files=16),
+    Combination(name="racetrack (linear)", scene=along("racetrack", step_s=0.9), files=16),
     Combination(name="baylands-day1 (linear)", scene=along("baylands-day1", step_s=12.0)),
     Combination(name="baylands-day2 (linear)", scene=along("baylands-day2", step_s=17.0)),
     Combination(name="baylands-ngt1 (linear)", scene=along("baylands-ngt1", step_s=12.0)),
