@@ -118,6 +118,20 @@ def why_incomplete(file: FileRecord) -> str:
     return "; ".join(part for part in parts if part) or "no stream could be checked against another"
 
 
+def canaries_seen(file: FileRecord) -> str:
+    """Return how many checks saw the fault that was planted for them; empty where none was asked for."""
+    if not file.canaries:
+        return ""
+    planted = [canary for canary in file.canaries if canary.outcome != "not_planted"]
+    silent = [canary.check for canary in planted if canary.outcome == "silent"]
+    parts = [
+        f"canaries seen by {len(planted) - len(silent)} of {len(planted)} checks",
+        f"not seen by {', '.join(silent)}" if silent else "",
+        f"none planted for {len(file.canaries) - len(planted)}" if len(planted) < len(file.canaries) else "",
+    ]
+    return "; ".join(part for part in parts if part)
+
+
 def identity(file: FileRecord) -> str:
     """Return what identifies the file's content: dialect, size, digest."""
     digest = f"{'partial ' if file.digest_kind == 'partial' else ''}sha256 {file.sha256[:16]}"

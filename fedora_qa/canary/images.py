@@ -1,0 +1,120 @@
+"""Faults of colour and depth frames."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.canary.fault import Fault, rows_from, values, values_by_row
+from fedora_qa.canary.ground import Ground, UnplantableError
+from fedora_qa.conventions import MM_PER_M
+
+_RGB, _DEPTH = "path/rgb", "path/depth"
+_WHITE_DN: Final = 255.0
+_LEAST_GAIN: Final = 0.1
+"""Eight bits show a gain of a tenth at any grey value above 5 DN."""
+_LEAST_EXPONENT: Final = 0.5
+_DARKEST: Final = 0.3
+"""What a jump of exposure leaves at least, so that there is still a picture."""
+
+
+def frozen_colour(ground: Ground) -> Fault:
+    """Three colour frames repeat the one before them."""
+    row = ground.row_at_place("rgb")
+    held = rows_from(lambda rows: np.where((rows >= row) & (rows < row + 3), row - 1, rows), _count(ground, _RGB))
+    return Fault(f"rgb frames {row} to {row + 2} repeat frame {row - 1}", {_RGB: held})
+
+
+def exchanged_colour(ground: Ground) -> Fault:
+    """The colour frames at both ends of an interval of the fastest flow are exchanged."""
+    times_ns, flow = ground.facts.clocks["rgb"].times_ns, ground.facts.flow_streams[-1]
+    intervals = ground.facts.clocks[flow]
+    if intervals.ends_ns is None or not len(intervals.times_ns):
+        raise UnplantableError(f"{flow} has no intervals")
+    interval = min(ground.row_at_place(flow), len(intervals.times_ns) - 1)
+    first, last = np.searchsorted(times_ns, [intervals.times_ns[interval], intervals.ends_ns[interval]])
+
+    def other(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        return np.where(rows == first, last, np.where(rows == last, first, rows))
+
+    return Fault(f"rgb frames {first} and {last} are exchanged", {_RGB: rows_from(other, _count(ground, _RGB))})
+
+
+def darker_colour(ground: Ground) -> Fault:
+    """Colour frames become darker at the place, and stay so."""
+    row, percent = ground.row_at_place("rgb"), ground.size("largest_jump", at_least=100 * _LEAST_GAIN)
+    gain = max(1 - percent / 100, _DARKEST)
+
+    def alter(frames: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
+        gains = np.where(rows >= row, gain, 1.0)[:, np.newaxis, np.newaxis, np.newaxis]
+        return np.asarray(np.rint(frames * gains), dtype=frames.dtype)
+
+    return Fault(f"rgb is {100 * (1 - gain):.3g}% darker from frame {row} on", {_RGB: values_by_row(alter)})
+
+
+def exchanged_channels(ground: Ground) -> Fault:
+    """Channels are in the order blue, green, red."""
+    return Fault("rgb is B, G, R", {_RGB: values(lambda frames: frames[..., ::-1])})
+
+
+def other_transfer(ground: Ground) -> Fault:
+    """Grey values went through a power law that is not declared."""
+    exponent = 1 + ground.size("exponent_at_declared_thresholds", at_least=_LEAST_EXPONENT)
+    codes = np.rint(_WHITE_DN * (np.arange(_WHITE_DN + 1) / _WHITE_DN) ** exponent).astype(np.uint8)
+    return Fault(f"rgb went through a power of {exponent:.3g}", {_RGB: values(lambda frames: codes[frames])})
+
+
+def shifted_colour(ground: Ground) -> Fault:
+    """Colour frames lie too far to the right, by event pixels."""
+    cameras = ground.facts.declared.cameras
+    scale = cameras["rgb"].width / cameras["events"].width
+    return _shifted(_RGB, math.ceil(scale * ground.size("shift_right", at_least=1.0)))
+
+
+def shifted_depth(ground: Ground) -> Fault:
+    """Depth lies too far to the right."""
+    return _shifted(_DEPTH, math.ceil(ground.size("shift_right", at_least=1.0)))
+
+
+def far_depth(ground: Ground) -> Fault:
+    """Depth is a thousand times too large: micrometres."""
+    return Fault("depth is in micrometres", {_DEPTH: values(lambda depth: depth * np.float32(MM_PER_M))})
+
+
+def uneven_depth(ground: Ground) -> Fault:
+    """Every second depth frame is too far."""
+    percent = ground.size("deviation")
+
+    def alter(frames: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
+        factors = 1 + np.where(rows % 2, percent / 100, 0.0)[:, np.newaxis, np.newaxis]
+        return np.asarray(frames * factors, dtype=frames.dtype)
+
+    return Fault(f"every second depth frame is {percent:.3g}% too far", {_DEPTH: values_by_row(alter)})
+
+
+def scaled_depth(ground: Ground) -> Fault:
+    """Depth is too large by a factor."""
+    factor = np.float32(1 + ground.size("scale"))
+    return Fault(f"depth is too large by a factor of {factor:.6g}", {_DEPTH: values(lambda depth: depth * factor)})
+
+
+def ray_depth(ground: Ground) -> Fault:
+    """Depth is the length of the ray, or a higher power of it where less would not be seen."""
+    camera, exponent = ground.facts.declared.cameras["depth"], ground.size("ray_exponent", at_least=1.0)
+    x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
+    lengths = np.linalg.norm(pixels @ np.linalg.inv(camera.K).T, axis=-1)
+    factors = (lengths**exponent).astype(np.float32)
+    return Fault("depth is the length of the ray", {_DEPTH: values(lambda depth: depth * factors)})
+
+
+def _shifted(key: str, columns: int) -> Fault:
+    stream = key.removeprefix("path/")
+    return Fault(
+        f"{stream} lies {columns} px too far to the right", {key: values(lambda v: np.roll(v, columns, axis=2))}
+    )
+
+
+def _count(ground: Ground, key: str) -> int:
+    return ground.facts.sizes[key]
