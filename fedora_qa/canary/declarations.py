@@ -86,26 +86,28 @@ def smaller_thresholds(ground: Ground) -> Fault:
     return _with_events(ground, f"events step by {percent:.3g}% more than declared", smaller)
 
 
-def more_pose_noise(ground: Ground) -> Fault:
-    """Positions are declared noisier than they are."""
+def other_pose_noise(ground: Ground) -> Fault:
+    """Positions are noisier than declared; where no noise is declared, some is that they do not have."""
     model = ground.facts.declared.pose or PoseModel()
-    size_m = ground.size("position_noise", at_least=model.position_sigma_m)
-    noisier = replace(model, position_sigma_m=model.position_sigma_m + size_m)
-    said = f"a noise of {noisier.position_sigma_m:.3g} m is declared of positions"
-    return Fault(said, declared=replace(ground.facts.declared, pose=noisier))
+    sigma_m = _other_noise(ground, model.position_sigma_m, "position_noise")
+    said = f"a noise of {sigma_m:.3g} m is declared of positions"
+    return Fault(said, declared=replace(ground.facts.declared, pose=replace(model, position_sigma_m=sigma_m)))
 
 
-def more_imu_noise(ground: Ground) -> Fault:
-    """Angular velocities are declared noisier than they are."""
-    model = ground.facts.declared.imu or ImuModel()
-    period_s = ground.period_ns("imu") / NS_PER_S
+def other_imu_noise(ground: Ground) -> Fault:
+    """Angular velocities are noisier than declared; where no noise is declared, some is that they do not have."""
+    model, period_s = ground.facts.declared.imu or ImuModel(), ground.period_ns("imu") / NS_PER_S
     if period_s <= 0:
         raise UnplantableError("the stamps of the imu do not advance")
-    size = ground.size("gyro_noise") * np.sqrt(period_s)
-    density = model.gyro_noise_density + max(float(size), model.gyro_noise_density)
-    noisier = replace(model, gyro_noise_density=density)
+    root_hz = period_s**-0.5
+    density = _other_noise(ground, root_hz * model.gyro_noise_density, "gyro_noise") / root_hz
     said = f"a noise density of {density:.3g} rad/s/sqrt(Hz) is declared of the gyro"
-    return Fault(said, declared=replace(ground.facts.declared, imu=noisier))
+    return Fault(said, declared=replace(ground.facts.declared, imu=replace(model, gyro_noise_density=density)))
+
+
+def _other_noise(ground: Ground, declared_sigma: float, name: str) -> float:
+    """Return a sigma to declare: the ratio of measured to declared exceeds 1 by the canary's size, or noise is new."""
+    return declared_sigma / (1 + ground.size(f"{name}_ratio")) if declared_sigma else ground.size(name)
 
 
 def _with_events(ground: Ground, said: str, model: EventModel) -> Fault:

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from fedora_qa.record.types import Measurement
 from fedora_qa.sequence.facts import Facts
 
-CLEARLY: Final = 3.0
-"""A canary is this many times the least fault that the check states to see with 95% probability.
+MULTIPLES: Final = (3.0, 10.0, 30.0)
+"""How many times the least fault that the check states to see a canary is: the first that is seen suffices.
 
-Twice would do where the statement is true (the other half of the allowance is then used up by the fault itself); half
-as much again leaves room for the fewer windows on which canaries are first tried, so that most need no more.
+Three times leaves room for the fewer windows on which it is first tried. More is tried because the stated limit is that
+of the place where the file is worst: a canary may sit on louder pixels, or spoil what it is seen by. A check that does
+not see thirty times its limit either is deaf.
 """
 
 
@@ -31,18 +32,21 @@ class Ground:
         What the check measured on the file as it is.
     place_ns
         An instant with something to see around it, where faults of one place are planted.
+    multiple
+        Size of the canary, as a multiple of what the check states to see.
     """
 
     facts: Facts
     measurements: tuple[Measurement, ...]
     place_ns: int
+    multiple: float
 
-    def size(self, ending: str, at_least: float = 0.0) -> float:
+    def size(self, *endings: str, at_least: float = 0.0) -> float:
         """Return a size that is clearly above the check's limit.
 
         Parameters
         ----------
-        ending
+        endings
             How the names of the measurements end; the sharpest of them counts.
         at_least
             Size below which the fault would be no fault, in the measurements' unit; taken where there is no limit.
@@ -52,10 +56,10 @@ class Ground:
         UnplantableError
             There is neither.
         """
-        limits = [m.least_detectable for m in self.measurements if m.name.endswith(ending) and m.least_detectable]
-        size = max(CLEARLY * min(limits, default=0.0), at_least)
+        limits = [m.least_detectable for m in self.measurements if m.name.endswith(endings) and m.least_detectable]
+        size = max(self.multiple * min(limits, default=0.0), at_least)
         if size <= 0:
-            raise UnplantableError(f"the check states no limit of {ending.strip()}")
+            raise UnplantableError(f"the check states no limit of {' or '.join(endings)}")
         return size
 
     def measured_stream(self, rule: str) -> str | None:

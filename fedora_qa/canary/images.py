@@ -7,14 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.canary.fault import Fault, rows_from, values, values_by_row
-from fedora_qa.canary.ground import Ground, UnplantableError
+from fedora_qa.canary.ground import Ground
 from fedora_qa.conventions import MM_PER_M
 
 _RGB, _DEPTH = "path/rgb", "path/depth"
-_WHITE_DN: Final = 255.0
 _LEAST_GAIN: Final = 0.1
 """Eight bits show a gain of a tenth at any grey value above 5 DN."""
-_LEAST_EXPONENT: Final = 0.5
+_LEAST_POWER: Final = 0.5
+"""Contrasts are then half as large again: less than a display's curve, which makes them more than double."""
+_WHITE_DN: Final = 255.0
+_SPARSELY: Final = 8
+"""Of so many intervals three are out of order: the median of all stays what it is."""
 _DARKEST: Final = 0.3
 """What a jump of exposure leaves at least, so that there is still a picture."""
 
@@ -27,18 +30,25 @@ def frozen_colour(ground: Ground) -> Fault:
 
 
 def exchanged_colour(ground: Ground) -> Fault:
-    """The colour frames at both ends of an interval of the fastest flow are exchanged."""
-    times_ns, flow = ground.facts.clocks["rgb"].times_ns, ground.facts.flow_streams[-1]
-    intervals = ground.facts.clocks[flow]
-    if intervals.ends_ns is None or not len(intervals.times_ns):
-        raise UnplantableError(f"{flow} has no intervals")
-    interval = min(ground.row_at_place(flow), len(intervals.times_ns) - 1)
-    first, last = np.searchsorted(times_ns, [intervals.times_ns[interval], intervals.ends_ns[interval]])
+    """The colour frames at both ends of some intervals, of the fastest flow or from frame to frame, are exchanged."""
+    count = _count(ground, _RGB)
+    first, last = _intervals(ground, count)
+    chosen = np.arange(ground.row_at_place("rgb") % _SPARSELY, len(first), _SPARSELY)
+    inside = chosen[(last[chosen] < count) & (first[chosen] < last[chosen])]
+    source = np.arange(count)
+    source[last[inside]], source[first[inside]] = first[inside], last[inside]
+    said = f"rgb frames are exchanged at the ends of every {_SPARSELY}th interval"
+    return Fault(said, {_RGB: rows_from(lambda rows: source[rows], count)})
 
-    def other(rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        return np.where(rows == first, last, np.where(rows == last, first, rows))
 
-    return Fault(f"rgb frames {first} and {last} are exchanged", {_RGB: rows_from(other, _count(ground, _RGB))})
+def _intervals(ground: Ground, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the frames at the start and at the end of each interval."""
+    facts = ground.facts
+    ends_ns = facts.clocks[facts.flow_streams[-1]].ends_ns if facts.flow_streams else None
+    if ends_ns is None:
+        return np.arange(count - 1), np.arange(1, count)
+    starts_ns, times_ns = facts.clocks[facts.flow_streams[-1]].times_ns, facts.clocks["rgb"].times_ns
+    return np.searchsorted(times_ns, starts_ns), np.searchsorted(times_ns, ends_ns)
 
 
 def darker_colour(ground: Ground) -> Fault:
@@ -54,15 +64,19 @@ def darker_colour(ground: Ground) -> Fault:
 
 
 def exchanged_channels(ground: Ground) -> Fault:
-    """Channels are in the order blue, green, red."""
-    return Fault("rgb is B, G, R", {_RGB: values(lambda frames: frames[..., ::-1])})
+    """Channels are in the order that the check says to see best."""
+    limits = ((m.least_detectable, m.name.removeprefix("towards_")) for m in ground.measurements)
+    orders = [(limit, order) for limit, order in limits if limit and set(order) == set("RGB")]
+    order = min(orders, default=(0.0, "BGR"))[1]
+    channels = ["RGB".index(channel) for channel in order]
+    return Fault(f"rgb is {', '.join(order)}", {_RGB: values(lambda frames: frames[..., channels])})
 
 
 def other_transfer(ground: Ground) -> Fault:
     """Grey values went through a power law that is not declared."""
-    exponent = 1 + ground.size("exponent_at_declared_thresholds", at_least=_LEAST_EXPONENT)
-    codes = np.rint(_WHITE_DN * (np.arange(_WHITE_DN + 1) / _WHITE_DN) ** exponent).astype(np.uint8)
-    return Fault(f"rgb went through a power of {exponent:.3g}", {_RGB: values(lambda frames: codes[frames])})
+    power = 1 + ground.size("exponent", "exponent_at_declared_thresholds", at_least=_LEAST_POWER)
+    codes = np.rint(_WHITE_DN * (np.arange(_WHITE_DN + 1) / _WHITE_DN) ** power).astype(np.uint8)
+    return Fault(f"rgb went through a power of {power:.3g}", {_RGB: values(lambda frames: codes[frames])})
 
 
 def shifted_colour(ground: Ground) -> Fault:

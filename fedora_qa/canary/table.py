@@ -38,7 +38,7 @@ CANARIES: Final[Mapping[str, Planter]] = MappingProxyType(
         "event_response.threshold": declarations.smaller_thresholds,
         "event_response.timing": stamps.late_events,
         "event_response.alignment": events.shifted,
-        "event_response.frames": images.frozen_colour,
+        "event_response.frames": images.exchanged_colour,
         "event_response.conservation": events.mirrored,
         "alignment.depth": images.shifted_depth,
         "alignment.events": images.shifted_colour,
@@ -58,11 +58,11 @@ CANARIES: Final[Mapping[str, Planter]] = MappingProxyType(
         "flow_events.sharpness": flow.backwards,
         "pose.orientation": motion.long_quaternions,
         "pose.continuity": motion.teleport,
-        "pose.noise": declarations.more_pose_noise,
+        "pose.noise": declarations.other_pose_noise,
         "imu.rotation": motion.gyro_bias,
         "imu.translation": motion.accel_bias,
         "imu.timing": stamps.late_imu,
-        "imu.noise": declarations.more_imu_noise,
+        "imu.noise": declarations.other_imu_noise,
     }
 )
 """By the name of the check, in the order of the checks. Every check has one; a test demands it."""

@@ -1,8 +1,9 @@
 """Prove each check alive: plant a fault in what it reads, and see whether it fails.
 
 A check has a canary where it has found the file in order. It is shown the fault on the window with most events first,
-then on twice as many around it, and so on up to all that were planned, until it fails; it is judged by the limits of
-the plain run. One that never fails is deaf: its silence on the file says nothing.
+then on twice as many around it, and so on up to all that were planned, until it gives a finding; it is judged by the
+limits of the plain run. One that gives none is shown larger faults. If it sees none of them it is deaf, and its silence
+on the file says nothing.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fedora_qa.canary.fault import Fault
-from fedora_qa.canary.ground import Ground, UnplantableError
+from fedora_qa.canary.ground import MULTIPLES, Ground, UnplantableError
 from fedora_qa.canary.table import CANARIES
 from fedora_qa.canary.view import FaultySequence
 from fedora_qa.checks.protocol import Check, Observation
@@ -21,7 +22,7 @@ from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.outcomes import crashed_result
 from fedora_qa.engine.plan import Effort, make_plan
 from fedora_qa.engine.prepare import Prepared, prepare
-from fedora_qa.engine.stream import Progress, States, attempt, conclude, look_again, measure
+from fedora_qa.engine.stream import Progress, States, attempt, conclude, measure
 from fedora_qa.judgement.judge import judge
 from fedora_qa.record.types import Canary, Outcome, Result
 from fedora_qa.record.wording import OUTCOME_WORDS
@@ -62,9 +63,8 @@ def prove_alive(
     for done, result in enumerate(results):
         progress("planting canaries", done, len(results))
         reason = _why_none(result)
-        ground = Ground(run.ready.facts, result.measurements, place_ns)
         none = Proof(Canary(result.check, "not_planted", reason=reason))
-        proofs.append(none if reason else _prove(by_name[result.check], ground, run))
+        proofs.append(none if reason else _prove(by_name[result.check], result, run, place_ns))
     return tuple(proofs)
 
 
@@ -90,38 +90,62 @@ def _why_none(result: Result) -> str:
     return "" if result.check in CANARIES else "there is no canary for it"
 
 
-def _prove(check: Check[Any], ground: Ground, run: PlainRun) -> Proof:
-    """Plant the check's canary. A canary that fails itself proves nothing, and so counts as not seen."""
+def _prove(check: Check[Any], result: Result, run: PlainRun, place_ns: int) -> Proof:
+    """Plant the check's canary. One that fails itself proves nothing, and so is not seen."""
     attempted = States({})
-    proof = attempt(attempted, check.name, partial(_plant, check, ground, run))
+    proof = attempt(attempted, check.name, partial(_plant_ever_larger, check, result, run, place_ns))
     if proof is None:
         return Proof(Canary(check.name, "silent", reason="its canary failed"), attempted.crashes[check.name])
     return proof
 
 
-def _plant(check: Check[Any], ground: Ground, run: PlainRun) -> Proof:
-    try:
-        fault = CANARIES[check.name](ground)
-    except UnplantableError as why:
-        return Proof(Canary(check.name, "not_planted", reason=str(why)))
+def _plant_ever_larger(check: Check[Any], result: Result, run: PlainRun, place_ns: int) -> Proof:
+    """Plant ever larger faults until one is seen; one without a size is planted once."""
+    proofs: dict[str, Proof] = {}
+    for multiple in MULTIPLES:
+        try:
+            fault = CANARIES[check.name](Ground(run.ready.facts, result.measurements, place_ns, multiple))
+        except UnplantableError as why:
+            return Proof(Canary(check.name, "not_planted", reason=str(why)))
+        if fault.said in proofs:
+            continue
+        proof = _plant(check, fault, run, place_ns, known=_rules([result]))
+        if proof.canary.outcome == "seen" or proof.traceback:
+            return proof
+        proofs[fault.said] = proof
+    withheld = [proof for proof in proofs.values() if proof.canary.outcome == "withheld"]
+    return (withheld or list(proofs.values()))[0]
+
+
+def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, known: frozenset[str]) -> Proof:
+    """Show the check a fault on ever more windows; it sees what gives a finding of another rule than the ``known``.
+
+    Only the first look counts: the second one is for naming causes.
+    """
     faulty = _with_fault(run, fault)
     plan = make_plan(run.effort, len(faulty.spans))
-    chosen = [faulty.spans[number] for number in plan.chosen]
-    for spans in growing(chosen, ground.place_ns):
+    canary, reason = Canary(check.name, "silent", fault.said), ""
+    for spans in growing([faulty.spans[number] for number in plan.chosen], place_ns):
         states = measure([check], spans, faulty.facts, faulty.decoder, plan.sampling, _quiet, faulty.images)
-        look_again([check], states, spans, faulty.facts, faulty.decoder, plan.sampling, _quiet, faulty.images)
-        if _fails(check, states, faulty, run):
-            return Proof(Canary(check.name, "seen", fault.said, len(spans)))
+        results = _judged(check, states, faulty, run)
+        canary = replace(canary, windows=len(spans))
+        if _rules(results) - known:
+            return Proof(replace(canary, outcome="seen"))
         if check.name in states.crashes:
-            return Proof(Canary(check.name, "silent", fault.said, len(spans)), states.crashes[check.name])
-    return Proof(Canary(check.name, "silent", fault.said, len(chosen)))
+            return Proof(canary, states.crashes[check.name])
+        reason = "".join(result.reason for result in results if result.outcome == "not_observable")
+    return Proof(replace(canary, outcome="withheld", reason=reason) if reason else canary)
 
 
-def _fails(check: Check[Any], states: States, faulty: Prepared, run: PlainRun) -> bool:
-    """Whether the check fails by the limits of the plain run, whose comparisons share one false-alarm rate."""
+def _judged(check: Check[Any], states: States, faulty: Prepared, run: PlainRun) -> list[Result]:
+    """Return the check's result by the limits of the plain run, whose comparisons share one false-alarm rate."""
     observed = conclude([check], states, faulty.facts)
     judged = judge({**run.observations, **observed}, [check] if observed else [], run.false_alarm_rate)
-    return any(one.result.outcome == "failed" for one in judged)
+    return [one.result for one in judged]
+
+
+def _rules(results: Sequence[Result]) -> frozenset[str]:
+    return frozenset(finding.code for result in results for finding in result.findings)
 
 
 def _with_fault(run: PlainRun, fault: Fault) -> Prepared:

@@ -10,7 +10,7 @@ Outcome = Literal["passed", "failed", "warned", "not_applicable", "not_observabl
 Severity = Literal["critical", "error", "warning", "info"]
 Verdict = Literal["clean", "findings", "incomplete"]
 Side = Literal["both", "upper", "lower"]
-CanaryOutcome = Literal["seen", "silent", "not_planted"]
+CanaryOutcome = Literal["seen", "withheld", "silent", "not_planted"]
 Scalar = str | int | float | bool | None
 
 
@@ -116,7 +116,8 @@ class Canary:
     """Whether a check saw the fault that was planted for it in memory.
 
     ``fault`` says what was planted, ``windows`` how many were looked at until it was seen, or in vain; ``reason`` why
-    none was planted. A check that stayed ``silent`` is ``crashed`` among the results.
+    none was planted, or why a check that passes the file ``withheld`` its answer once the fault was in it. A check that
+    stayed ``silent``, and passed the fault, is ``crashed`` among the results.
     """
 
     check: str

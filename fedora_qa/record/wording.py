@@ -122,12 +122,15 @@ def canaries_seen(file: FileRecord) -> str:
     """Return how many checks saw the fault that was planted for them; empty where none was asked for."""
     if not file.canaries:
         return ""
-    planted = [canary for canary in file.canaries if canary.outcome != "not_planted"]
-    silent = [canary.check for canary in planted if canary.outcome == "silent"]
+    checks = {
+        outcome: [canary.check for canary in file.canaries if canary.outcome == outcome]
+        for outcome in ("seen", "withheld", "silent", "not_planted")
+    }
     parts = [
-        f"canaries seen by {len(planted) - len(silent)} of {len(planted)} checks",
-        f"not seen by {', '.join(silent)}" if silent else "",
-        f"none planted for {len(file.canaries) - len(planted)}" if len(planted) < len(file.canaries) else "",
+        f"canaries seen by {len(checks['seen'])} of {len(file.canaries) - len(checks['not_planted'])} checks",
+        f"not seen by {', '.join(checks['silent'])}" if checks["silent"] else "",
+        f"no answer from {', '.join(checks['withheld'])}" if checks["withheld"] else "",
+        f"none planted for {len(checks['not_planted'])}" if checks["not_planted"] else "",
     ]
     return "; ".join(part for part in parts if part)
 

@@ -122,7 +122,7 @@ def test_nothing_is_seen_where_nothing_is_planted(park_day: Path, monkeypatch: p
     monkeypatch.setattr(canaries, "CANARIES", dict.fromkeys(CHECK_NAMES, lambda ground: Fault("nothing at all")))
     planted = [canary for canary in proven(park_day).canaries if canary.outcome != "not_planted"]
     assert len(planted) > 40
-    assert [canary.check for canary in planted if canary.outcome != "silent"] == []
+    assert [canary.check for canary in planted if canary.outcome not in {"silent", "withheld"}] == []
 
 
 def deaf(check: Check[Any]) -> Check[Any]:

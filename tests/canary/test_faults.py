@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.canary.fault import Fault, rows_from, values_by_row
-from fedora_qa.canary.ground import CLEARLY, Ground, UnplantableError
+from fedora_qa.canary.ground import Ground, UnplantableError
 from fedora_qa.canary.table import CANARIES
 from fedora_qa.canary.view import FaultySequence
 from fedora_qa.engine.prepare import prepare
@@ -73,7 +73,7 @@ def ground(sequence: Sequence) -> Ground:
              "scale", "position_jump", "bias_x", "repeats", "position_noise", "gyro_noise")  # fmt: skip
     facts = prepare(sequence, 1 << 26).facts
     measurements = tuple(Measurement(name, 0.0, "", 0.1, 1.0, 0.5, 1.0) for name in names)
-    return Ground(facts, measurements, place_ns=50_000_000)
+    return Ground(facts, measurements, place_ns=50_000_000, multiple=3.0)
 
 
 @pytest.mark.parametrize("check", CANARIES)
@@ -106,8 +106,8 @@ def test_size_is_clearly_above_the_sharpest_limit() -> None:
     """Of all measurements with the name the sharpest counts; a floor holds where it is higher."""
     facts: Any = None
     limits = (measured("imu time_offset", 2.0), measured("time_offset", 0.5), measured("other", 0.1))
-    ground = Ground(facts, limits, 0)
-    assert ground.size("time_offset") == CLEARLY * 0.5
+    ground = Ground(facts, limits, 0, multiple=3.0)
+    assert ground.size("time_offset") == 1.5
     assert ground.size("time_offset", at_least=4.0) == 4.0
     assert ground.size("unheard", at_least=1.0) == 1.0
 
@@ -117,7 +117,7 @@ def test_no_size_without_a_limit(limit: float | None) -> None:
     """Where a check states no limit there is no fault that it would have to see."""
     facts: Any = None
     with pytest.raises(UnplantableError, match="no limit of gap"):
-        Ground(facts, (measured("gap", limit),), 0).size("gap")
+        Ground(facts, (measured("gap", limit),), 0, multiple=3.0).size("gap")
 
 
 def test_only_stamps_and_index_maps_move_time() -> None:

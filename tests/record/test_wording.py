@@ -191,7 +191,9 @@ def test_canaries_are_said_in_one_line() -> None:
     """How many were seen, which not, and for how many there was none; nothing where none was asked for."""
     seen, silent = Canary("imu.timing", "seen", "late", 1), Canary("imu.noise", "silent", "noisy", 6)
     none = Canary("imu.rotation", "not_planted", reason="it failed on the file itself")
-    file = replace(file_record(passed()), canaries=(seen, silent, none))
-    assert canaries_seen(file) == "canaries seen by 1 of 2 checks; not seen by imu.noise; none planted for 1"
+    withheld = Canary("imu.translation", "withheld", "biased", 6, "the vehicle hovers")
+    file = replace(file_record(passed()), canaries=(seen, silent, none, withheld))
+    said = "canaries seen by 1 of 3 checks; not seen by imu.noise; no answer from imu.translation; none planted for 1"
+    assert canaries_seen(file) == said
     assert canaries_seen(replace(file, canaries=(seen,))) == "canaries seen by 1 of 1 checks"
     assert canaries_seen(file_record(passed())) == ""
