@@ -58,7 +58,7 @@ def prove_alive(
 ) -> tuple[Proof, ...]:
     """Plant a canary for each check that has a result, and say whether it was seen."""
     by_name = {check.name: check for check in checks}
-    place_ns = _place_ns(run.ready.spans)
+    place_ns = _place_ns(_planned(run, run.ready.spans))
     proofs = []
     for done, result in enumerate(results):
         progress("planting canaries", done, len(results))
@@ -123,10 +123,10 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
     Only the first look counts: the second one is for naming causes.
     """
     faulty = _with_fault(run, fault)
-    plan = make_plan(run.effort, len(faulty.spans))
+    sampling = make_plan(run.effort, len(faulty.spans)).sampling
     canary, reason = Canary(check.name, "silent", fault.said), ""
-    for spans in growing([faulty.spans[number] for number in plan.chosen], place_ns):
-        states = measure([check], spans, faulty.facts, faulty.decoder, plan.sampling, _quiet, faulty.images)
+    for spans in growing(_planned(run, faulty.spans), place_ns):
+        states = measure([check], spans, faulty.facts, faulty.decoder, sampling, _quiet, faulty.images)
         results = _judged(check, states, faulty, run)
         canary = replace(canary, windows=len(spans))
         if _rules(results) - known:
@@ -157,6 +157,10 @@ def _with_fault(run: PlainRun, fault: Fault) -> Prepared:
     facts = replace(ready.facts, declared=sequence.declared, layout=sequence.layout)
     decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.cache_bytes)
     return replace(ready, facts=facts, decoder=decoder, images=SharedImages(ready.images.limit_bytes))
+
+
+def _planned(run: PlainRun, spans: Sequence[Span]) -> list[Span]:
+    return [spans[number] for number in make_plan(run.effort, len(spans)).chosen]
 
 
 def growing(chosen: Sequence[Span], place_ns: int) -> Iterator[Sequence[Span]]:
