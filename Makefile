@@ -11,6 +11,7 @@
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-trade  what each effort costs, and what it finds: docs/trade.md; an hour
+#   make mutation     random small changes of estimators and judgement: do their unit tests notice? docs/mutation.md; half an hour
 #   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
 
 PYTHON ?= python3
@@ -19,7 +20,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint docs study-causes study-false-alarms study-mesh study-presets study-trade bench bench-costs bench-flow bench-imu clean
+.PHONY: demo test lint docs study-causes study-false-alarms study-mesh study-presets study-trade mutation bench bench-costs bench-flow bench-imu clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -69,6 +70,10 @@ power: $(READY)
 
 study-false-alarms: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.false_alarms.study --fresh
+
+mutation: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,mutation]'
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.mutation
 
 study-mesh: $(READY)
 	$(BIN)/python -m fedora_generator.mesh.study

@@ -9,6 +9,7 @@
     fail_on = "failed"              # or "warned"
     memory = "1GB"
     false_alarm_rate = 1e-4         # a file, shared by all its comparisons
+    canary = false                  # whether each check must see a fault that is planted for it in memory
 
     [required_coverage]             # least share that a subject or check must see, 0 to 1
     integrity = 1.0
@@ -58,6 +59,7 @@ class CheckConfig:
     fail_on: Literal["failed", "warned"] = "failed"
     memory: str = "1GB"
     false_alarm_rate: Annotated[float, Field(gt=0, lt=1)] = 1e-4
+    canary: bool = False
     required_coverage: Mapping[str, Share] = field(default_factory=dict)
 
     @property

@@ -45,6 +45,12 @@ PATH = click.Path(path_type=Path)
     help="Memory to aim at, such as 1GB: 70% holds decoded blocks and images; a peak may exceed it.",
 )
 @click.option(
+    "--canary",
+    is_flag=True,
+    default=None,
+    help="Plant a fault for each check, in memory: one that does not see its own is reported as crashed.",
+)
+@click.option(
     "--json", "json_path", type=PATH, metavar="OUT", help="Write the record, and its evidence to OUT.arrays.npz."
 )
 @click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write a report with pictures, in one HTML file.")
@@ -95,6 +101,7 @@ def check_options(settings: CheckConfig) -> CheckOptions:
         dialect=load_dialect(settings.dialect) if settings.dialect else None,
         memory_bytes=settings.memory_bytes,
         false_alarm_rate=settings.false_alarm_rate,
+        canary=settings.canary,
     )
 
 

@@ -12,6 +12,7 @@ from fedora_qa.cli.terminal import text
 from fedora_qa.record.types import Diagnosis, FileRecord, Finding, Outcome, Record, Result, Severity, Verdict
 from fedora_qa.record.wording import (
     OUTCOME_WORDS,
+    canaries_seen,
     cause_sentence,
     check_cells,
     explained_checks,
@@ -64,6 +65,8 @@ def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
     yield text(tally(file.results))
     if why_incomplete(file):
         yield text(f"incomplete: {why_incomplete(file)}", VERDICT_STYLES["incomplete"])
+    if canaries_seen(file):
+        yield text(canaries_seen(file))
     yield text(identity(file), "dim")
     yield Text()
     if file.diagnoses:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import STAMPS_OF
 from fedora_qa.sequence.scan import BLOCK_ROWS, Scan
-from fedora_qa.sequence.sequence import Sequence
+from fedora_qa.sequence.sequence import SequenceRows
 
 Block = NDArray[Any] | UnreadableRowsError
 
@@ -24,11 +24,11 @@ class BlockDecoder:
     A block that cannot be decoded raises ``UnreadableRowsError`` each time it is asked for, and is tried only once.
     """
 
-    def __init__(self, sequence: Sequence, scan: Scan, cache_bytes: int) -> None:
+    def __init__(self, sequence: SequenceRows, scan: Scan, cache_bytes: int) -> None:
         self._sequence = sequence
         self._block_first_ns = scan.block_first_ns
         self._event_count = scan.facts.events.count if scan.facts.events else 0
-        self._cache_bytes = cache_bytes
+        self.cache_bytes = cache_bytes
         self._cached: OrderedDict[tuple[str, int], Block] = OrderedDict()
         self._cached_bytes = 0
         self.decoded_bytes = 0
@@ -78,7 +78,7 @@ class BlockDecoder:
     def _keep(self, name: tuple[str, int], block: Block) -> None:
         self._cached[name] = block
         self._cached_bytes += _size(block)
-        while self._cached_bytes > self._cache_bytes and len(self._cached) > 1:
+        while self._cached_bytes > self.cache_bytes and len(self._cached) > 1:
             _, dropped = self._cached.popitem(last=False)
             self._cached_bytes -= _size(dropped)
 

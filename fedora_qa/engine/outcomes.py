@@ -34,7 +34,7 @@ def not_applicable(check: Check[Any], reason: str) -> Result:
     return Result(check=check.name, outcome="not_applicable", question=check.question, reason=reason)
 
 
-def _crashed_result(name: str, question: str, traceback: str) -> Result:
+def crashed_result(name: str, question: str, traceback: str) -> Result:
     """Return the result of what failed itself: never a silent pass."""
     last_line = traceback.strip().splitlines()[-1]
     reason = f"the check itself failed: {last_line}"
@@ -56,11 +56,11 @@ def results_in_order(
         if check.name in by_name:
             results.append(by_name[check.name])
         elif check.name in states.crashes:
-            results.append(_crashed_result(check.name, check.question, states.crashes[check.name]))
+            results.append(crashed_result(check.name, check.question, states.crashes[check.name]))
         else:
             results.append(not_applicable(check, reasons[check.name]))
     results += [
-        _crashed_result(name, _COLLECTORS[name], states.crashes[name]) for name in _COLLECTORS if name in states.crashes
+        crashed_result(name, _COLLECTORS[name], states.crashes[name]) for name in _COLLECTORS if name in states.crashes
     ]
     return tuple(results)
 

@@ -6,8 +6,8 @@ from typing import Final
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.windows import cut_windows, window_length_ns
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.scan import scan
-from fedora_qa.sequence.sequence import Sequence
+from fedora_qa.sequence.scan import Scan, scan
+from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import Span
 
@@ -22,15 +22,16 @@ _IMAGES_SHARE: Final = 0.3
 class Prepared:
     """A sequence ready to be measured."""
 
+    scanned: Scan
     facts: Facts
     spans: tuple[Span, ...]
     decoder: BlockDecoder
     images: SharedImages
 
 
-def prepare(sequence: Sequence, memory_bytes: int) -> Prepared:
+def prepare(sequence: SequenceRows, memory_bytes: int) -> Prepared:
     """Scan the stamps of an open sequence and cut its windows."""
     scanned = scan(sequence, window_length_ns(sequence))
     decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * memory_bytes))
     images = SharedImages(int(_IMAGES_SHARE * memory_bytes))
-    return Prepared(scanned.facts, cut_windows(scanned), decoder, images)
+    return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks import CHECKS
 from fedora_qa.checks.protocol import Check, Observation
+from fedora_qa.engine.canaries import PlainRun, Proof, held_to_canaries, prove_alive
 from fedora_qa.engine.digest import Digest, file_digest
 from fedora_qa.engine.evidence import evidence_of_checks, evidence_of_pass
 from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdict_of, why_not_applicable
@@ -47,6 +48,8 @@ class CheckOptions:
     memory_bytes
         What to aim at: shares of it bound the decoded blocks and what is computed of single images; what else checks
         compute follows the size of frames and the number of events.
+    canary
+        Whether each check must see a fault that is planted for it in memory; one that does not is ``crashed``.
     evidence
         How much to keep for a person to see; None: only what checks keep themselves.
     """
@@ -57,6 +60,7 @@ class CheckOptions:
     dialect: Dialect | None = None
     memory_bytes: int = 1024 * _MEBIBYTE
     false_alarm_rate: float = DEFAULT_FALSE_ALARM_RATE
+    canary: bool = False
     evidence: EvidenceOptions | None = field(default_factory=EvidenceOptions)
 
 
@@ -164,6 +168,14 @@ def _check_open(
             seen = evidence_of_pass(keeper, states, findings, ready, chosen, options.evidence, looked_again)
             kept = together([seen, kept])
     results = results_in_order(checks, judged, states, reasons)
+    proofs: tuple[Proof, ...] = ()
+    if options.canary:
+        with watch.stage("canaries"):
+            plain = PlainRun(
+                sequence, ready, observations, options.effort, options.memory_bytes, options.false_alarm_rate
+            )
+            proofs = prove_alive(checks, results, plain, progress)
+            results = held_to_canaries(results, proofs)
     record = FileRecord(
         path=str(sequence.path),
         size=sequence.path.stat().st_size,
@@ -176,6 +188,7 @@ def _check_open(
         results=results,
         diagnoses=diagnoses,
         evidence=kept.titles,
+        canaries=tuple(proof.canary for proof in proofs),
     )
     seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
     return FileRun(record, kept.arrays, seconds, ready.decoder.decoded_bytes)

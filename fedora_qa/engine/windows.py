@@ -8,7 +8,7 @@ from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
 from fedora_qa.sequence.scan import Scan
-from fedora_qa.sequence.sequence import Sequence
+from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.window import Span
 
 WINDOW_NS: Final = NS_PER_S // 5
@@ -18,7 +18,7 @@ _MOST_WINDOW_BYTES: Final = 256 << 20
 _SHORTEST_WINDOW_NS: Final = NS_PER_S // 50
 
 
-def window_length_ns(sequence: Sequence) -> int:
+def window_length_ns(sequence: SequenceRows) -> int:
     """Return the length of the windows: 0.2 s, halved while the images of one would exceed 256 MiB.
 
     It follows from the file alone, never from the workers, so that results do not depend on them.
@@ -54,12 +54,12 @@ def cut_windows(scan: Scan) -> tuple[Span, ...]:
     )
 
 
-def _image_bytes_per_s(sequence: Sequence) -> float:
+def _image_bytes_per_s(sequence: SequenceRows) -> float:
     """Estimate decoded image bytes per second from the median step of each stream's first stamps."""
     return sum(_stream_bytes_per_s(sequence, stream) for stream in sorted(sequence.layout.streams & set(STAMPS_OF)))
 
 
-def _stream_bytes_per_s(sequence: Sequence, stream: str) -> float:
+def _stream_bytes_per_s(sequence: SequenceRows, stream: str) -> float:
     images = [spec for spec in DATASETS.values() if spec.stream == stream and spec.is_image]
     rows = sequence.layout.bindings[STAMPS_OF[stream]].rows
     if not images or rows < 2:

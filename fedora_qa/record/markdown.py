@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from fedora_qa.record.types import Diagnosis, FileRecord, Record
 from fedora_qa.record.wording import (
     OUTCOME_WORDS,
+    canaries_seen,
     cause_sentence,
     check_cells,
     explained_checks,
@@ -48,7 +49,12 @@ def _row(cells: Iterable[str]) -> str:
 
 
 def _file_section(file: FileRecord) -> str:
-    head = [f"**{escape(headline(file))}**", escape(why_incomplete(file)), escape(identity(file))]
+    head = [
+        f"**{escape(headline(file))}**",
+        escape(why_incomplete(file)),
+        escape(canaries_seen(file)),
+        escape(identity(file)),
+    ]
     parts = [f"## {escape(file.path)}", "  \n".join(line for line in head if line)]
     if file.diagnoses:
         parts += ["### Probable causes", "\n".join(_diagnosis(diagnosis, file) for diagnosis in file.diagnoses)]

@@ -10,6 +10,7 @@ Outcome = Literal["passed", "failed", "warned", "not_applicable", "not_observabl
 Severity = Literal["critical", "error", "warning", "info"]
 Verdict = Literal["clean", "findings", "incomplete"]
 Side = Literal["both", "upper", "lower"]
+CanaryOutcome = Literal["seen", "withheld", "silent", "not_planted"]
 Scalar = str | int | float | bool | None
 
 
@@ -111,6 +112,22 @@ class Diagnosis:
 
 
 @dataclass(frozen=True, slots=True)
+class Canary:
+    """Whether a check saw the fault that was planted for it in memory.
+
+    ``fault`` says what was planted, ``windows`` how many were looked at until it was seen, or in vain; ``reason`` why
+    none was planted, or why a check that passes the file ``withheld`` its answer once the fault was in it. A check that
+    stayed ``silent``, and passed the fault, is ``crashed`` among the results.
+    """
+
+    check: str
+    outcome: CanaryOutcome
+    fault: str = ""
+    windows: int = 0
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class FileRecord:
     """Everything that was found about one file."""
 
@@ -126,6 +143,8 @@ class FileRecord:
     diagnoses: tuple[Diagnosis, ...] = ()
     evidence: Mapping[str, str] = field(default_factory=dict)
     """Title of each array that lies beside the record, by the array's name."""
+    canaries: tuple[Canary, ...] = ()
+    """One for each check, where canaries were asked for."""
 
 
 @dataclass(frozen=True, slots=True)

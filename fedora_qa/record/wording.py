@@ -118,6 +118,23 @@ def why_incomplete(file: FileRecord) -> str:
     return "; ".join(part for part in parts if part) or "no stream could be checked against another"
 
 
+def canaries_seen(file: FileRecord) -> str:
+    """Return how many checks saw the fault that was planted for them; empty where none was asked for."""
+    if not file.canaries:
+        return ""
+    checks = {
+        outcome: [canary.check for canary in file.canaries if canary.outcome == outcome]
+        for outcome in ("seen", "withheld", "silent", "not_planted")
+    }
+    parts = [
+        f"canaries seen by {len(checks['seen'])} of {len(file.canaries) - len(checks['not_planted'])} checks",
+        f"not seen by {', '.join(checks['silent'])}" if checks["silent"] else "",
+        f"no answer from {', '.join(checks['withheld'])}" if checks["withheld"] else "",
+        f"none planted for {len(checks['not_planted'])}" if checks["not_planted"] else "",
+    ]
+    return "; ".join(part for part in parts if part)
+
+
 def identity(file: FileRecord) -> str:
     """Return what identifies the file's content: dialect, size, digest."""
     digest = f"{'partial ' if file.digest_kind == 'partial' else ''}sha256 {file.sha256[:16]}"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import STAMPS_OF
 from fedora_qa.sequence.facts import Clock, EventScan, Facts, IndexMap
-from fedora_qa.sequence.sequence import Sequence
+from fedora_qa.sequence.sequence import SequenceRows
 
 Int64 = NDArray[np.int64]
 
@@ -117,7 +117,7 @@ class _EventTally:
                 right[within] += np.searchsorted(ordered, frames[within], "right")
 
 
-def scan(sequence: Sequence, cell_ns: int) -> Scan:
+def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
     """Scan a sequence's stamps and index maps.
 
     Parameters
@@ -158,7 +158,7 @@ def scan(sequence: Sequence, cell_ns: int) -> Scan:
     return Scan(facts, _runs(facts, tally, cell_ns), cell_ns, np.asarray(tally.block_first, dtype=np.int64))
 
 
-def _read_clock(sequence: Sequence, stream: str) -> Clock:
+def _read_clock(sequence: SequenceRows, stream: str) -> Clock:
     key = STAMPS_OF[stream]
     stamps = sequence.rows(key, 0, sequence.layout.bindings[key].rows)
     starts, ends = (stamps[:, 0], stamps[:, 1]) if stamps.ndim == 2 else (stamps, None)
@@ -168,7 +168,7 @@ def _read_clock(sequence: Sequence, stream: str) -> Clock:
     return Clock(starts, ends, advancing)
 
 
-def _tally_events(sequence: Sequence, tally: _EventTally) -> None:
+def _tally_events(sequence: SequenceRows, tally: _EventTally) -> None:
     key = STAMPS_OF["events"]
     count = sequence.layout.bindings[key].rows
     for start in range(0, count, BLOCK_ROWS):
@@ -192,7 +192,7 @@ def _event_scan(tally: _EventTally) -> EventScan:
     )
 
 
-def _index_maps(sequence: Sequence, tally: _EventTally) -> dict[str, IndexMap]:
+def _index_maps(sequence: SequenceRows, tally: _EventTally) -> dict[str, IndexMap]:
     maps: dict[str, IndexMap] = {}
     for name, frames in tally.frame_stamps.items():
         key = f"metadata/{name}"

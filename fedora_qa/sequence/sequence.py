@@ -2,7 +2,7 @@
 
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import h5py
 import numpy as np
@@ -18,6 +18,33 @@ from fedora_qa.sequence.read_declared import read_declared
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LARGEST_USER_BLOCK = 1 << 20
+
+
+class SequenceRows(Protocol):
+    """What is read of a sequence. ``Sequence`` says what each means; a view may stand in for the file."""
+
+    @property
+    def layout(self) -> Layout:
+        """Where each dataset lies."""
+        ...
+
+    @property
+    def declared(self) -> Declared:
+        """What the metadata declare."""
+        ...
+
+    @property
+    def origin_ns(self) -> int:
+        """The file's origin on its own clock."""
+        ...
+
+    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+        """Return rows of a dataset in canonical units; raises ``UnreadableRowsError``."""
+        ...
+
+    def chunk_rows(self, key: str) -> int:
+        """Return how many rows are stored together."""
+        ...
 
 
 class Sequence:

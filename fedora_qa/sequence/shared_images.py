@@ -18,7 +18,7 @@ class SharedImages:
     """Keeps the latest results within a limit; what was dropped is computed again, so that no outcome depends on it."""
 
     def __init__(self, limit_bytes: int = _DEFAULT_BYTES) -> None:
-        self._limit_bytes = limit_bytes
+        self.limit_bytes = limit_bytes
         self._kept: OrderedDict[Hashable, NDArray[Any]] = OrderedDict()
         self._kept_bytes = 0
 
@@ -35,6 +35,6 @@ class SharedImages:
     def _keep(self, key: Hashable, image: NDArray[Any]) -> None:
         self._kept[key] = image
         self._kept_bytes += image.nbytes
-        while self._kept_bytes > self._limit_bytes and len(self._kept) > 1:
+        while self._kept_bytes > self.limit_bytes and len(self._kept) > 1:
             _, dropped = self._kept.popitem(last=False)
             self._kept_bytes -= dropped.nbytes

@@ -6,7 +6,7 @@ from itertools import accumulate
 from typing import Final
 
 from fedora_qa.record.types import FileRecord, Outcome, Result, Verdict
-from fedora_qa.record.wording import OUTCOME_WORDS, why_incomplete
+from fedora_qa.record.wording import OUTCOME_WORDS, canaries_seen, why_incomplete
 
 TITLES: Final[dict[Verdict, str]] = {"clean": "Clean", "findings": "Findings", "incomplete": "Incomplete"}
 
@@ -35,7 +35,9 @@ class VerdictWords:
 
 def verdict_of(file: FileRecord) -> VerdictWords:
     """Return the verdict of a file in words."""
-    return VerdictWords(file.verdict, TITLES[file.verdict], _sentence(file), _rests_on(file.results), _shares(file))
+    seen = canaries_seen(file)
+    rests_on = f"{_rests_on(file.results)} {seen[:1].upper()}{seen[1:]}." if seen else _rests_on(file.results)
+    return VerdictWords(file.verdict, TITLES[file.verdict], _sentence(file), rests_on, _shares(file))
 
 
 def checks(count: int) -> str:

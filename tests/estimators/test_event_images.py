@@ -49,6 +49,14 @@ def test_correlation_is_that_of_numpy(seed: int) -> None:
     assert Moments(np.zeros((1, 6))).correlations()[0] == 0
 
 
+@pytest.mark.parametrize("count", [1, 2, 35])
+def test_frame_variance_is_that_of_numpy(count: int) -> None:
+    """The variance of the frame's change over the usable blocks; of a single block 0."""
+    change = np.random.default_rng(count).normal(2, 1, (5, 7))
+    whole = np.arange(35).reshape(5, 7) < count
+    assert moments(change, [change], whole).frame_variance() == pytest.approx(np.var(change[whole]), abs=1e-12)
+
+
 @pytest.mark.parametrize(("right", "down"), [(0, 0), (3, -2), (-7, 5)])
 def test_whole_shifts_are_read_exactly(right: int, down: int) -> None:
     """A pattern in the middle, moved by whole pixels, is found there; its negative as well, with its own sign."""

@@ -39,6 +39,16 @@ def test_lanczos_remap_rounds_its_positions() -> None:
     assert len(np.unique(read)) <= 33
 
 
+@pytest.mark.parametrize("sigma_px", [1.0, 1.5, 2.0])
+def test_blur_and_spline_together_have_the_width_that_was_asked_for(sigma_px: float) -> None:
+    """The second moment of what a single bright pixel becomes, along columns, is sigma squared."""
+    point = np.zeros((41, 41), dtype=np.float32)
+    point[20, 20] = 1.0
+    profile = read_at_pixels(smooth(point, sigma_px)).sum(axis=0)
+    assert profile.sum() == pytest.approx(1.0, abs=1e-5)
+    assert profile @ (np.arange(41) - 20.0) ** 2 == pytest.approx(sigma_px**2, rel=0.01)
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (2, 3), (40, 30)])
 def test_any_position_is_answered(shape: tuple[int, int]) -> None:
     """Beyond the image its border is read, wherever that is; NaN reads something, and nothing is read outside."""

@@ -114,3 +114,10 @@ def test_blocks_without_samples_are_left_out() -> None:
     columns = np.random.default_rng(0).normal(size=(100, 5))
     sums = colour_blocks(columns, columns @ np.ones(5), np.zeros(100, np.intp), 4)
     assert len(joined([sums, sums])) == 2
+
+
+def test_error_of_the_exponent_is_that_of_repetition_whatever_the_scale() -> None:
+    """With thresholds declared twice too large the exponent scatters as its standard error says."""
+    exponents = [Levels("linear", noise=3.0, seed=seed).fit(threshold=2.0).exponent for seed in range(40)]
+    claimed = np.mean([exponent.standard_error for exponent in exponents])
+    assert 0.6 < np.std([exponent.value for exponent in exponents]) / claimed < 1.4

@@ -70,6 +70,13 @@ def test_fast_motion_is_not_taken_for_noise() -> None:
     assert level.sigma < level.motion + 1e-12
 
 
+@pytest.mark.parametrize("count", range(20))
+def test_noise_needs_as_many_differences_as_their_order(count: int) -> None:
+    """Of n samples n - 10 differences of order 10 say what motion leaves; fewer than eight are too few."""
+    times_ns, shaken = TIMES_NS[:count], np.random.default_rng(0).standard_normal((count, 3))
+    assert (noise_level(times_ns, Vectors(shaken), order=8) is not None) == (count >= 18)
+
+
 def test_a_gap_is_not_bridged_by_differences() -> None:
     """Samples on either side of a gap are never compared."""
     kept = np.r_[0:300, 310:601]

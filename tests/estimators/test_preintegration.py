@@ -1,5 +1,6 @@
 """Integration of the gyro against motions whose rotation is known in closed form."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -103,3 +104,18 @@ def test_noise_of_the_poses_alone_is_met_exactly() -> None:
     """Pose noise couples neighbours by minus half the variance."""
     rows = rotation_rows(sample_motion(noise=NOISY), NOISY)
     assert rows.covariance_bands[0, 0, 5] / rows.covariance_bands[0, 1, 5] == pytest.approx(-0.5, abs=1e-2)
+
+
+@pytest.mark.parametrize("noise", [InertialNoise(), InertialNoise(gyro_density=1e-4, rotation_rounding_rad=1e-9)])
+def test_errors_at_rest_are_those_of_what_is_stored(noise: InertialNoise) -> None:
+    """Without motion no stamp matters: an interval holds both poses' rounding and the gyro's noise, nothing else."""
+    moving = sample_motion(duration_s=0.1)
+    still = replace(
+        moving,
+        orientations_xyzw=np.tile([0.0, 0.0, 0.0, 1.0], (len(moving.pose_times_s), 1)),
+        angular_velocities_body_rad_s=np.zeros_like(moving.angular_velocities_body_rad_s),
+    )
+    shared, own = rotation_rows(still, noise).covariance_bands[0]
+    pose_variance = noise.rotation_rounding_rad**2 + 1e-30
+    np.testing.assert_allclose(own, 2 * pose_variance + noise.gyro_density**2 / 200, rtol=1e-9)
+    np.testing.assert_allclose(shared[1:], -pose_variance, rtol=1e-9)

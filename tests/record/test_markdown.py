@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
 from fedora_qa.record.markdown import escape, record_to_markdown, table
+from fedora_qa.record.types import Canary
 from tests.support.records import crashed, failed, file_record, passed, record
 
 RENDERER = MarkdownIt("gfm-like", {"html": True, "linkify": False})
@@ -34,6 +35,12 @@ def test_tables_are_tables() -> None:
 def test_incomplete_says_why() -> None:
     """A crashed check is named under the verdict."""
     assert "crashed: imu.noise" in record_to_markdown(record(file_record(passed(), crashed())))
+
+
+def test_canaries_are_named_under_the_verdict() -> None:
+    """Where canaries were planted one line says how many were seen."""
+    file = replace(file_record(passed()), canaries=(Canary("clocks.order", "seen", "exchanged", 1),))
+    assert "canaries seen by 1 of 1 checks" in record_to_markdown(record(file))
 
 
 @given(st.text(st.characters(min_codepoint=32, max_codepoint=126)))

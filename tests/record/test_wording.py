@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.record.types import Coverage, Finding, Measurement, Result, Where
+from fedora_qa.record.types import Canary, Coverage, Finding, Measurement, Result, Where
 from fedora_qa.record.wording import (
+    canaries_seen,
     cause_sentence,
     coverage_words,
     explained_checks,
@@ -184,3 +185,15 @@ def test_incomplete_says_why() -> None:
 def test_one_of_what_is_counted_is_singular(value: float, unit: str, said: str) -> None:
     """One chunk, two chunks; units of physics have no plural."""
     assert with_unit(value, unit) == said
+
+
+def test_canaries_are_said_in_one_line() -> None:
+    """How many were seen, which not, and for how many there was none; nothing where none was asked for."""
+    seen, silent = Canary("imu.timing", "seen", "late", 1), Canary("imu.noise", "silent", "noisy", 6)
+    none = Canary("imu.rotation", "not_planted", reason="it failed on the file itself")
+    withheld = Canary("imu.translation", "withheld", "biased", 6, "the vehicle hovers")
+    file = replace(file_record(passed()), canaries=(seen, silent, none, withheld))
+    said = "canaries seen by 1 of 3 checks; not seen by imu.noise; no answer from imu.translation; none planted for 1"
+    assert canaries_seen(file) == said
+    assert canaries_seen(replace(file, canaries=(seen,))) == "canaries seen by 1 of 1 checks"
+    assert canaries_seen(file_record(passed())) == ""

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import pytest
 
+from fedora_qa.record.types import Canary
 from fedora_reports.html import render_html
 from tests.reports.evidence_samples import all_kinds
 from tests.reports.page_reader import ReadPage, complaints_about, read_page
@@ -149,3 +150,12 @@ def test_nothing_promised_is_nothing_missing() -> None:
     """A record without evidence says that none was kept."""
     bare = replace(file_record(passed()), evidence={})
     assert "No evidence was kept of this file" in read_page(render_html(record(bare), {})).text
+
+
+def test_canaries_are_said_beside_what_the_verdict_rests_on() -> None:
+    """One sentence where canaries were planted, none where not."""
+    plain = file_record(passed())
+    proven = replace(plain, canaries=(Canary("clocks.order", "silent", "exchanged", 1),))
+    said = "Canaries seen by 0 of 1 checks; not seen by clocks.order."
+    assert said in render_html(record(proven), {})
+    assert said not in render_html(record(plain), {})

@@ -14,6 +14,10 @@ from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 
+_SIGMA_INTERVALS: Final = 3.5
+"""Standard error of a silence in mean intervals between events, where every tick holds one: a silence of w intervals is
+due with probability e^-w (Poisson), which is that of six standard deviations, 1e-9, at w = 20.7."""
+
 
 @dataclass(frozen=True, slots=True)
 class SilenceCount:
@@ -111,10 +115,16 @@ class Gaps(WindowCheck[SilenceCount]):
             name="gap",
             value=0.0,
             unit="ms",
-            standard_error=0.0,
+            standard_error=_SIGMA_INTERVALS * _mean_interval_ms(facts),
+            side="upper",
             resolution=tick_ms,
             matters=self._MATTERS_MS,
             statement="",
             code="event_stream.gaps.silence",
         )
         return Observation(event_coverage(facts, seen), (none,))
+
+
+def _mean_interval_ms(facts: Facts) -> float:
+    events = facts.events
+    return (events.last_ns - events.first_ns) / 1e6 / max(events.count, 1) if events is not None else 0.0

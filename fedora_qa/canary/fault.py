@@ -1,0 +1,71 @@
+"""A fault as data: what it says of itself, and what it alters of what is read."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.resolve import Layout
+from fedora_qa.sequence.declared import Declared
+
+Read = Callable[[int, int], NDArray[Any]]
+"""Gives rows ``start`` to ``stop`` of a dataset as they are stored, in canonical units."""
+
+Alteration = Callable[[Read, int, int], NDArray[Any]]
+"""Gives the same rows with the fault in them, as many as were asked for; never writes into what it reads."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault that is planted in what is read, never in the file.
+
+    Attributes
+    ----------
+    said
+        What is wrong, in words: ``events 1.9 ms late``.
+    rows
+        The altered datasets, by canonical key.
+    declared, layout
+        What the file declares, and where its datasets lie, in place of what it says itself; None: as it is.
+    """
+
+    said: str
+    rows: Mapping[str, Alteration] = field(default_factory=dict)
+    declared: Declared | None = None
+    layout: Layout | None = None
+
+    @property
+    def moves_time(self) -> bool:
+        """Whether stamps or index maps are altered, so that they must be scanned anew."""
+        return any(DATASETS[key].is_stamps or not key.startswith("path/") for key in self.rows)
+
+
+def values(alter: Callable[[NDArray[Any]], NDArray[Any]]) -> Alteration:
+    """Return the alteration of every value by itself."""
+    return lambda read, start, stop: alter(read(start, stop))
+
+
+def values_by_row(alter: Callable[[NDArray[Any], NDArray[np.int64]], NDArray[Any]]) -> Alteration:
+    """Return the alteration of values that depends on their rows: ``alter(values, row_numbers)``."""
+    return lambda read, start, stop: alter(read(start, stop), np.arange(start, stop))
+
+
+def rows_from(source: Callable[[NDArray[np.int64]], NDArray[np.int64]], count: int) -> Alteration:
+    """Return the alteration that puts other rows of the same dataset in place: ``source(row_numbers)``.
+
+    Sources outside of the ``count`` rows stay where they are.
+    """
+
+    def taken(read: Read, start: int, stop: int) -> NDArray[Any]:
+        rows = np.arange(start, stop)
+        if not len(rows):
+            return read(start, stop)
+        wanted = source(rows)
+        wanted = np.where((wanted >= 0) & (wanted < count), wanted, rows)
+        first = int(wanted.min())
+        return read(first, int(wanted.max()) + 1)[wanted - first]
+
+    return taken

@@ -1,0 +1,187 @@
+"""Prove each check alive: plant a fault in what it reads, and see whether it fails.
+
+A check has a canary where it has found the file in order. It is shown the fault on the window with most events first,
+then on twice as many around it, and so on up to all that were planned, until it gives a finding; it is judged by the
+limits of the plain run. One that gives none is shown larger faults. If it sees none of them it is deaf, and its silence
+on the file says nothing.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from fedora_qa.canary.fault import Fault
+from fedora_qa.canary.ground import MULTIPLES, Ground, UnplantableError
+from fedora_qa.canary.table import CANARIES
+from fedora_qa.canary.view import FaultySequence
+from fedora_qa.checks.protocol import Check, Observation
+from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.engine.outcomes import crashed_result
+from fedora_qa.engine.plan import Effort, make_plan
+from fedora_qa.engine.prepare import Prepared, prepare
+from fedora_qa.engine.stream import Progress, States, attempt, conclude, measure
+from fedora_qa.judgement.judge import judge
+from fedora_qa.record.types import Canary, Outcome, Result
+from fedora_qa.record.wording import OUTCOME_WORDS
+from fedora_qa.sequence.sequence import SequenceRows
+from fedora_qa.sequence.shared_images import SharedImages
+from fedora_qa.sequence.window import Span
+
+_IN_ORDER: tuple[Outcome, ...] = ("passed", "warned")
+
+
+@dataclass(frozen=True, slots=True)
+class PlainRun:
+    """The run that canaries are added to: the open file, what the checks observed on it, and the options."""
+
+    sequence: SequenceRows
+    ready: Prepared
+    observations: Mapping[str, Observation]
+    effort: Effort
+    memory_bytes: int
+    false_alarm_rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """A canary and, where the check did not see it, the traceback of its own failure if there is one."""
+
+    canary: Canary
+    traceback: str = ""
+
+
+def prove_alive(
+    checks: Sequence[Check[Any]], results: Sequence[Result], run: PlainRun, progress: Progress
+) -> tuple[Proof, ...]:
+    """Plant a canary for each check that has a result, and say whether it was seen."""
+    by_name = {check.name: check for check in checks}
+    place_ns = _place_ns(_planned(run, run.ready.spans))
+    proofs = []
+    for done, result in enumerate(results):
+        progress("planting canaries", done, len(results))
+        reason = _why_none(result)
+        none = Proof(Canary(result.check, "not_planted", reason=reason))
+        proofs.append(none if reason else _prove(by_name[result.check], result, run, place_ns))
+    return tuple(proofs)
+
+
+def held_to_canaries(results: Sequence[Result], proofs: Sequence[Proof]) -> tuple[Result, ...]:
+    """Return the results, those of checks that stayed silent on their canary as crashed."""
+    silent = {proof.canary.check: proof for proof in proofs if proof.canary.outcome == "silent"}
+    return tuple(_silenced(result, silent[result.check]) if result.check in silent else result for result in results)
+
+
+def _silenced(result: Result, proof: Proof) -> Result:
+    if proof.traceback:
+        return crashed_result(result.check, result.question, proof.traceback)
+    canary = proof.canary
+    reason = f"it did not see its own canary in {canary.windows} windows: {canary.fault}"
+    return replace(result, outcome="crashed", reason=reason)
+
+
+def _why_none(result: Result) -> str:
+    if result.outcome == "failed":
+        return "it failed on the file itself"
+    if result.outcome not in _IN_ORDER:
+        return f"it was {OUTCOME_WORDS[result.outcome]} on the file"
+    return "" if result.check in CANARIES else "there is no canary for it"
+
+
+def _prove(check: Check[Any], result: Result, run: PlainRun, place_ns: int) -> Proof:
+    """Plant the check's canary. One that fails itself proves nothing, and so is not seen."""
+    attempted = States({})
+    proof = attempt(attempted, check.name, partial(_plant_ever_larger, check, result, run, place_ns))
+    if proof is None:
+        return Proof(Canary(check.name, "silent", reason="its canary failed"), attempted.crashes[check.name])
+    return proof
+
+
+def _plant_ever_larger(check: Check[Any], result: Result, run: PlainRun, place_ns: int) -> Proof:
+    """Plant ever larger faults until one is seen; one without a size is planted once."""
+    proofs: dict[str, Proof] = {}
+    for multiple in MULTIPLES:
+        try:
+            fault = CANARIES[check.name](Ground(run.ready.facts, result.measurements, place_ns, multiple))
+        except UnplantableError as why:
+            return Proof(Canary(check.name, "not_planted", reason=str(why)))
+        if fault.said in proofs:
+            continue
+        proof = _plant(check, fault, run, place_ns, known=_rules([result]))
+        if proof.canary.outcome == "seen" or proof.traceback:
+            return proof
+        proofs[fault.said] = proof
+    withheld = [proof for proof in proofs.values() if proof.canary.outcome == "withheld"]
+    return (withheld or list(proofs.values()))[0]
+
+
+def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, known: frozenset[str]) -> Proof:
+    """Show the check a fault on ever more windows; it sees what gives a finding of another rule than the ``known``.
+
+    Only the first look counts: the second one is for naming causes.
+    """
+    faulty = _with_fault(run, fault)
+    sampling = make_plan(run.effort, len(faulty.spans)).sampling
+    canary, reason = Canary(check.name, "silent", fault.said), ""
+    for spans in growing(_planned(run, faulty.spans), place_ns):
+        states = measure([check], spans, faulty.facts, faulty.decoder, sampling, _quiet, faulty.images)
+        results = _judged(check, states, faulty, run)
+        canary = replace(canary, windows=len(spans))
+        if _rules(results) - known:
+            return Proof(replace(canary, outcome="seen"))
+        if check.name in states.crashes:
+            return Proof(canary, states.crashes[check.name])
+        reason = "".join(result.reason for result in results if result.outcome == "not_observable")
+    return Proof(replace(canary, outcome="withheld", reason=reason) if reason else canary)
+
+
+def _judged(check: Check[Any], states: States, faulty: Prepared, run: PlainRun) -> list[Result]:
+    """Return the check's result by the limits of the plain run, whose comparisons share one false-alarm rate."""
+    observed = conclude([check], states, faulty.facts)
+    judged = judge({**run.observations, **observed}, [check] if observed else [], run.false_alarm_rate)
+    return [one.result for one in judged]
+
+
+def _rules(results: Sequence[Result]) -> frozenset[str]:
+    return frozenset(finding.code for result in results for finding in result.findings)
+
+
+def _with_fault(run: PlainRun, fault: Fault) -> Prepared:
+    """Return the sequence with the fault, ready to be measured; scanned anew where the fault moves time."""
+    sequence = FaultySequence(run.sequence, fault)
+    if fault.moves_time:
+        return prepare(sequence, run.memory_bytes)
+    ready = run.ready
+    facts = replace(ready.facts, declared=sequence.declared, layout=sequence.layout)
+    decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.cache_bytes)
+    return replace(ready, facts=facts, decoder=decoder, images=SharedImages(ready.images.limit_bytes))
+
+
+def _planned(run: PlainRun, spans: Sequence[Span]) -> list[Span]:
+    return [spans[number] for number in make_plan(run.effort, len(spans)).chosen]
+
+
+def growing(chosen: Sequence[Span], place_ns: int) -> Iterator[Sequence[Span]]:
+    """Yield the window of the place, then twice as many around it, and so on until all."""
+    centre = int(np.argmin([abs((span.start_ns + span.stop_ns) / 2 - place_ns) for span in chosen])) if chosen else 0
+    count = 1
+    while count < len(chosen):
+        first = min(max(centre - count // 2, 0), len(chosen) - count)
+        yield chosen[first : first + count]
+        count *= 2
+    yield chosen
+
+
+def _place_ns(spans: Sequence[Span]) -> int:
+    """Return the middle of the window with most events; without events, of the middle window."""
+    if not spans:
+        return 0
+    events = [stop - start for start, stop in (span.owned.get("events", (0, 0)) for span in spans)]
+    busiest = spans[int(np.argmax(events)) if any(events) else len(spans) // 2]
+    return (busiest.start_ns + busiest.stop_ns) // 2
+
+
+def _quiet(what: str, done: int, of: int) -> None:
+    """Report no progress of single windows."""
