@@ -46,11 +46,14 @@ class Silence:
     z: float
 
 
-def strangest_silence(times_ns: Int64, start_ns: int, stop_ns: int, tick_ns: int) -> tuple[Silence | None, int]:
+def strangest_silence(
+    times_ns: Int64, start_ns: int, stop_ns: int, tick_ns: int, begins_ns: int | None = None
+) -> tuple[Silence | None, int]:
     """Return the most improbable silence that ends in [start, stop), and how many silences end there.
 
-    ``times_ns`` is sorted and reaches beyond both ends, so that neighbours are known. Between the ends all is known: a
-    sensor that has hardly begun to fire, as all references are reached at first, was silent before its first event.
+    ``times_ns`` is sorted and reaches beyond both ends, so that neighbours are known. Between the ends all is known.
+    ``begins_ns`` is the first event of the file: all references are reached at first, and a silence so soon after that
+    it has less than ``FEWEST_BINS`` of its lengths before it is not told from a sensor that begins to fire.
     """
     stamps = times_ns[np.flatnonzero(np.diff(times_ns, prepend=times_ns[0] - 1))] if len(times_ns) else times_ns
     empty = np.diff(stamps) - tick_ns
@@ -58,7 +61,9 @@ def strangest_silence(times_ns: Int64, start_ns: int, stop_ns: int, tick_ns: int
     longest = own[np.argsort(-empty[own], kind="stable")[:_LONGEST]]
     known = (min(start_ns, int(times_ns[0])), max(stop_ns, int(times_ns[-1]))) if len(times_ns) else (start_ns, stop_ns)
     found = [
-        _examine(times_ns, known, int(stamps[i]), int(stamps[i + 1]), int(empty[i])) for i in longest if empty[i] > 0
+        _examine(times_ns, known, int(stamps[i]), int(stamps[i + 1]), int(empty[i]))
+        for i in longest
+        if empty[i] > 0 and (begins_ns is None or stamps[i] - FEWEST_BINS * empty[i] >= begins_ns)
     ]
     told = [silence for silence in found if silence is not None]
     return max(told, key=lambda silence: silence.z, default=None), len(own)

@@ -67,6 +67,20 @@ def test_a_sensor_that_begins_to_fire_may_pause() -> None:
     assert strangest(times_ns, tick_ns=MS)[0].z < 3
 
 
+def test_a_sensor_that_has_hardly_begun_may_pause() -> None:
+    """Six events in the sixth millisecond, 2 ms of nothing, then a steady stream; later the same silence is a loss."""
+    steady_ns = poisson(20_000)
+    begins_ns = 5 * MS + np.arange(6) * 100 * US
+    beginning_ns = np.concatenate([begins_ns, steady_ns[steady_ns > 8 * MS]])
+    silence, _ = strangest_silence(beginning_ns, 0, SECOND, US, begins_ns=int(begins_ns[0]))
+    assert silence is not None
+    assert silence.z < 6
+    assert strangest(beginning_ns)[0].z > 6
+    later, _ = strangest_silence(without(steady_ns, 500 * MS, 502 * MS), 0, SECOND, US, begins_ns=int(steady_ns[0]))
+    assert later is not None
+    assert later.z > 6
+
+
 def test_grid_of_packets_is_no_silence() -> None:
     """On a grid of 1 ms the time between ticks is not empty; two lost ticks are."""
     rng = np.random.default_rng(0)

@@ -55,7 +55,7 @@ class Gaps(WindowCheck[SilenceCount]):
     ----------
     Losses in a part of the image (``event_response.conservation``), losses shorter than the usual silence of the scene,
     and those in quiet scenes: where 2 ms would pass unseen nothing is judged. A loss at the very end, after which no
-    event comes.
+    event comes, or within four of its own lengths of the first event, when the sensor only begins to fire.
 
     Sources
     -------
@@ -77,7 +77,7 @@ class Gaps(WindowCheck[SilenceCount]):
         if len(times_ns) and times_ns[0] >= start_ns > first_ns:
             # The silence began before the halo: take it as long as the halo shows.
             times_ns = np.concatenate([[min(2 * start_ns - stop_ns, int(times_ns[0]) - 1)], times_ns])
-        strangest, silences = strangest_silence(times_ns, start_ns, stop_ns, local_tick_ns(window))
+        strangest, silences = strangest_silence(times_ns, start_ns, stop_ns, local_tick_ns(window), first_ns)
         return SilenceCount(len(own(window, events)), silences, strangest)
 
     def conclude(self, state: Sequence[SilenceCount], facts: Facts) -> Observation:
