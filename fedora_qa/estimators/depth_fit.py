@@ -24,7 +24,7 @@ Family = Callable[[float], DepthModel | None]
 FEWEST_PIXELS: Final = 50
 """Pixels below which two frames are not compared."""
 
-_ITERATIONS: Final = 8
+_ITERATIONS: Final = 12
 _CONVERGED: Final = 1e-4
 """A step of less than this share of its standard error is the last."""
 
@@ -87,19 +87,20 @@ def fit_depth(
     DepthFit | None
         None where the frames share too few pixels.
     """
-    value, z = start, np.zeros(noise.shape[1])
+    value, z, convex = start, np.zeros(noise.shape[1]), True
     for _ in range(_ITERATIONS):
         warped = _warped(family, value, noise @ z, lattice, image1)
         if warped is None:
             return None
         by_value = _by_value(family, value, step, noise @ z, lattice, image1)
-        solved = _solve(warped, by_value, noise, z)
+        solved = _solve(warped, by_value, noise, z, convex=convex)
         if solved is None:
             return None
         change, errors, _ = solved
         value, z = value + change[0] * (step is not None), z + change[1:]
-        if np.all(np.abs(change) <= _CONVERGED * errors):
+        if not convex and np.all(np.abs(change) <= _CONVERGED * errors):
             break
+        convex = convex and bool(np.any(np.abs(change) > errors))
     return _concluded(family, value, step, z, noise, lattice, image1)
 
 
@@ -145,17 +146,21 @@ def _by_value(
     return np.asarray((ahead.residuals - behind.residuals) / (2 * step))
 
 
-def _solve(warped: Warped, by_value: Float64, noise: Float64, z: Float64) -> tuple[Float64, Float64, float] | None:
+def _solve(
+    warped: Warped, by_value: Float64, noise: Float64, z: Float64, *, convex: bool = False
+) -> tuple[Float64, Float64, float] | None:
     """Return the step of (parameter, z), their standard errors, and the bound of the parameter's systematic error.
 
-    Residuals far beyond the typical one weigh less (Cauchy's weights), so that single places do not lead.
+    Residuals far beyond the typical one weigh less (Cauchy's weights), so that single places do not lead. Far from the
+    solution these may hold on to a part of the image; Huber's (``convex``) have one minimum only.
     """
     known = np.isfinite(warped.residuals) & np.isfinite(by_value)
     if np.count_nonzero(known) < FEWEST_PIXELS:
         return None
     residuals, bounds = warped.residuals[known], warped.bounds[known]
     sigmas = np.maximum(bounds, _TO_SIGMA * float(np.median(np.abs(residuals))))
-    weights = 1.0 / (sigmas**2 + residuals**2)
+    sizes = np.abs(residuals)
+    weights = 1.0 / (sigmas * np.maximum(sigmas, sizes) if convex else sigmas**2 + sizes**2)
     columns = np.column_stack((by_value[known], warped.by_twist[known] @ noise))
     held = np.ones(columns.shape[1])
     held[0] = 0.0 if np.any(columns[:, 0]) else 1.0

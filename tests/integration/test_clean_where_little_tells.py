@@ -44,3 +44,14 @@ def test_events_on_time_are_not_said_to_be_late(start_s: float, tmp_path: Path) 
     options = CheckOptions(evidence=None, select=("event_response.timing",))
     (result,) = check_file(target, options).record.results
     assert result.outcome in {"passed", "not_observable"}, result
+
+
+def test_depth_under_pose_noise_is_fitted_as_a_whole(tmp_path: Path) -> None:
+    """The motion is found by all of the image, not by the part that weights of outliers first hold on to."""
+    target = tmp_path / "clean.h5"
+    scene = replace(load_scene("park-noisy"), seed=1).with_size(180, 136).starting_at(24.721)
+    streams = frozenset({"depth", "pose"})
+    generate_sequence(scene, target, Request(duration_s=0.5, quality="draft", streams=streams))
+    options = CheckOptions(evidence=None, select=("depth.consistency",))
+    (result,) = check_file(target, options).record.results
+    assert result.outcome == "passed", result
