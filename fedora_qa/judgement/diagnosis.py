@@ -72,7 +72,10 @@ def _family(alarm: Alarm) -> str:
 
 
 def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
-    """Gather suspects by cause and stream. A fault of all flow also explains what was seen of one of its rates."""
+    """Gather suspects by cause and stream. A fault of all flow also explains what was seen of one of its rates.
+
+    A size of the other sign contradicts: those that agree are one candidate, the others none.
+    """
     evidence: dict[tuple[str, str], dict[str, Suspect]] = defaultdict(dict)
     for alarm in alarms:
         for suspect in alarm.suspects:
@@ -87,7 +90,17 @@ def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
                 if other_cause == cause and other != stream and stream_family(other) == stream:
                     for finding, suspect in suspects.items():
                         evidence[cause, stream].setdefault(finding, suspect)
-    return [_Candidate(cause, stream, found) for (cause, stream), found in evidence.items()]
+    return [_Candidate(cause, stream, _of_one_sign(found)) for (cause, stream), found in evidence.items()]
+
+
+def _of_one_sign(evidence: Mapping[str, Suspect]) -> dict[str, Suspect]:
+    """Leave out the suspects whose size has another sign than those of more weight: one fault is late or early."""
+    signs = {finding: (suspect.magnitude or 0.0) > 0 for finding, suspect in evidence.items() if suspect.magnitude}
+    weights = {
+        sign: sum(evidence[finding].weight for finding in signs if signs[finding] is sign) for sign in (True, False)
+    }
+    kept = weights[True] >= weights[False]
+    return {finding: suspect for finding, suspect in evidence.items() if signs.get(finding, kept) is kept}
 
 
 def _fit(suspect: Suspect) -> tuple[float, bool]:

@@ -39,6 +39,20 @@ class Clock:
 
 
 @dataclass(frozen=True, slots=True)
+class EventStep:
+    """Two successive event stamps, from the file's origin; ``row`` is that of the second."""
+
+    row: int
+    before_ns: int
+    after_ns: int
+
+    @property
+    def length_ns(self) -> int:
+        """By how much time advances; negative where it steps back."""
+        return self.after_ns - self.before_ns
+
+
+@dataclass(frozen=True, slots=True)
 class EventScan:
     """One pass over the event stamps.
 
@@ -54,6 +68,10 @@ class EventScan:
         Index of the first such event, -1 where there is none.
     largest_decrease_ns
         By how much the earliest of them lies before its predecessor, 0 where there is none.
+    behind
+        Events that are earlier than one before them, whether or not it is the one just before.
+    longest_steps
+        Of either direction up to eight, in the order of the file.
     grid_ns
         Greatest common divisor of all steps between stamps (0 where all are equal).
     unreadable
@@ -68,6 +86,8 @@ class EventScan:
     grid_ns: int
     unreadable: tuple[tuple[int, int], ...] = ()
     largest_decrease_ns: int = 0
+    behind: int = 0
+    longest_steps: tuple[EventStep, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import STAMPS_OF
-from fedora_qa.sequence.facts import Clock, EventScan, Facts, IndexMap
+from fedora_qa.sequence.event_steps import longest_steps
+from fedora_qa.sequence.facts import Clock, EventScan, EventStep, Facts, IndexMap
 from fedora_qa.sequence.sequence import SequenceRows
 
 Int64 = NDArray[np.int64]
@@ -57,6 +58,8 @@ class _EventTally:
     decreases: int = 0
     first_decrease: int = -1
     largest_decrease: int = 0
+    behind: int = 0
+    longest_steps: tuple[EventStep, ...] = ()
     grid: int = 0
     previous: int | None = None
     cells: list[Int64] = field(default_factory=list)
@@ -68,18 +71,21 @@ class _EventTally:
 
     def add(self, start: int, times_ns: Int64) -> None:
         """Take in the stamps of one block, whose first row is ``start``."""
-        steps = np.diff(times_ns, prepend=times_ns[0] if self.previous is None else self.previous)
+        previous = int(times_ns[0]) if self.previous is None else self.previous
+        steps = np.diff(times_ns, prepend=previous)
         backwards = np.flatnonzero(steps < 0)
         if len(backwards) and self.first_decrease < 0:
             self.first_decrease = start + int(backwards[0])
         self.decreases += len(backwards)
         self.largest_decrease = max(self.largest_decrease, -int(steps.min()))
+        self.longest_steps = longest_steps(self.longest_steps, start, previous, times_ns)
         self.grid = int(np.gcd(self.grid, np.gcd.reduce(np.abs(steps))))
         low, high = int(times_ns.min()), int(times_ns.max())
         self.earliest = low if self.latest is None else min(self.earliest, low)
         floor = low if self.latest is None else self.latest
         self.block_first.append(max(floor, int(times_ns[0])))
         envelope = np.maximum(np.maximum.accumulate(times_ns), floor)
+        self.behind += int(np.count_nonzero(times_ns < envelope))
         self._place(start, envelope)
         self._count_before_frames(times_ns, low, high)
         self.latest = max(floor, high)
@@ -189,6 +195,8 @@ def _event_scan(tally: _EventTally) -> EventScan:
         grid_ns=tally.grid,
         unreadable=tuple(tally.unreadable),
         largest_decrease_ns=tally.largest_decrease,
+        behind=tally.behind,
+        longest_steps=tally.longest_steps,
     )
 
 

@@ -299,6 +299,19 @@ def test_dead_region_is_named(clean: Callable[[], EventFile], path: Path) -> Non
     assert 8 <= tile[1] < 19
 
 
+def test_region_that_is_dead_for_a_while_is_named(path: Path) -> None:
+    """Nine by nine pixels that are silent for half of the time lie too close together for a lost packet."""
+    after, before = 200 * MS, 600 * MS
+
+    def dead_for_a_while(e: Stream) -> Stream:
+        fired = (e.x < 20) | (e.x >= 29) | (e.y < 10) | (e.y >= 19) | (e.times_ns < after) | (e.times_ns >= before)
+        return e.keep(fired)
+
+    events(dead_for_a_while)(log_file()).write(path)
+    named = [(one.stream, one.cause) for one in diagnoses_of(path, "event_response.conservation")]
+    assert named[0] == ("events", "dead_region")
+
+
 def test_small_dead_region_is_seen_wherever_it_lies(path: Path) -> None:
     """Five by five dead pixels, across the borders of tiles, are in one tile together."""
     dead = events(lambda e: e.keep((e.x < 22) | (e.x >= 27) | (e.y < 14) | (e.y >= 19)))

@@ -28,6 +28,21 @@ def test_one_cause_is_preferred_over_several() -> None:
     assert len(found) == 1
 
 
+def test_sizes_of_either_sign_are_no_one_fault() -> None:
+    """An offset that is late by one finding and early by another explains only those that agree."""
+    late, early = (Suspect("time_offset", "rgb", 0.45, size, "ms") for size in (20.0, -20.0))
+    frozen = Suspect("frozen_frames", "rgb", 0.95, 3.0, "samples")
+    found = diagnose([alarm(1, late), alarm(2, late), alarm(3, early), alarm(4, frozen)])
+    assert [(d.cause, d.explains) for d in found[:2]] == [("frozen_frames", ("F4",)), ("time_offset", ("F1", "F2"))]
+    assert found[1].magnitude == 20.0
+
+
+def test_a_size_that_is_not_known_contradicts_nothing() -> None:
+    """A suspect without a size stands beside those of either sign."""
+    early, some = Suspect("time_offset", "rgb", 0.9, -2.0, "ms"), Suspect("time_offset", "rgb", 0.3)
+    assert diagnose([alarm(1, early), alarm(2, some)])[0].explains == ("F1", "F2")
+
+
 def test_two_faults_are_two_diagnoses() -> None:
     """What one cause does not explain is left to another."""
     found = diagnose(

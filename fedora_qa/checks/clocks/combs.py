@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from fedora_qa.checks.clocks.set_clock import set_clock
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.stamp_combs import STEPS, comb_counts
@@ -73,5 +74,18 @@ def worst_comb(combs: Sequence[Comb], facts: Facts) -> Measured:
         f"its ticks are met, {worst.by_chance:.1%} by chance.",
         code="clocks.resolution.partial_grid",
         where=Where(stream="events", start_us=start_us, stop_us=stop_us),
-        suspects=(Suspect("quantised_time", "events", 0.95, worst.step_us / 1e3, "ms"),),
+        suspects=(*_of_a_set_clock(worst, facts), Suspect("quantised_time", "events", 0.95, worst.step_us / 1e3, "ms")),
+    )
+
+
+def _of_a_set_clock(comb: Comb, facts: Facts) -> tuple[Suspect, ...]:
+    """Suspect another unit where it alone leaves the comb: whole ticks of the one are multiples in the other."""
+    was_set = set_clock(facts.events)
+    if was_set is None:
+        return ()
+    tick_us = declared_tick_us(facts)
+    return tuple(
+        suspect
+        for suspect in was_set.suspects
+        if suspect.cause == "time_unit" and suspect.magnitude == comb.step_us / tick_us
     )

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.clocks.map_deviations import WrongMap, name_deviation
+from fedora_qa.checks.clocks.set_clock import set_clock
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect
 from fedora_qa.record.types import Coverage, Where
@@ -38,6 +39,9 @@ class _FrameToEvent(FactsCheck):
         times_ns, place = facts.clocks[self.frames].times_ns, ""
         if first is not None:
             name, suspects = name_deviation(self._found(facts, index_map, events, wrong))
+            was_set = set_clock(events)
+            if was_set is not None and was_set.covers(times_ns[wrong]):
+                suspects = (*was_set.suspects, *suspects)
             stored, expected = index_map.stored[first], index_map.expected_left[first]
             place = f": {name}. Frame {first} points to event {stored}, the first not before it is {expected}"
         return count_of_faults(
@@ -80,7 +84,9 @@ class Rgb(_FrameToEvent):
     Wrong entries are tried against the rules that makers of files follow by mistake: behind equal stamps, off by a
     constant, the nearest event, the last event where none is left, zeros, the other camera's map, a neighbouring frame;
     and else against events that are late by a time, or by one that grows (their deviation over the local event rate).
-    The rule is named that gives nine tenths of the wrong entries, and of several the one that gives most entries.
+    The rule is named that gives nine tenths of the wrong entries, and of several the one that gives most entries. Where
+    the clock of the events was set for a while (``clocks.order``), and all wrong entries lie where that tells, it is
+    suspected first: the map may be older.
 
     Noise model
     -----------

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.clocks.set_clock import set_clock
 from fedora_qa.checks.clocks.streams import all_stamps, clocks_of, event_scan, file_us, fits_of
 from fedora_qa.checks.clocks.units import suspect_of_part
 from fedora_qa.checks.exact import count_of_faults
@@ -47,7 +48,7 @@ class Order(FactsCheck):
     Cannot see
     ----------
     Samples that were exchanged together with their stamps and sorted again, and events in a wrong order within one
-    stamp (``event_stream.duplicates``). Of events only the count, the first and the largest step back are kept.
+    stamp (``event_stream.duplicates``). Of events only counts, the first step back and the longest steps are kept.
 
     Sources
     -------
@@ -89,8 +90,8 @@ class Order(FactsCheck):
 
     def _of_events(self, facts: Facts) -> Measured:
         events = event_scan(facts)
-        wrapped = _is_wrap(-events.largest_decrease_ns)
-        unsorted = Suspect("unsorted", "events", 0.9, float(events.decreases), "events")
+        wrapped, was_set = _is_wrap(-events.largest_decrease_ns), set_clock(events)
+        unsorted = Suspect("unsorted", "events", 0.9 if was_set is None else 0.3, float(events.decreases), "events")
         return count_of_faults(
             name="events.backward_steps",
             value=events.decreases,
@@ -102,7 +103,8 @@ class Order(FactsCheck):
             where=Where(stream="events", index_start=events.first_decrease if events.decreases else None),
             severity="critical",
             suspects=(
-                *((Suspect("time_unit", "events", 0.95),) if wrapped else ()),
+                *((Suspect("time_unit", "events", 0.98),) if wrapped else ()),
+                *(was_set.suspects if was_set is not None else ()),
                 unsorted,
                 Suspect("quantised_time", "events", 0.3),  # rounded in a part, some come before their neighbours
             ),

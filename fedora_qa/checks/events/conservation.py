@@ -1,6 +1,6 @@
 """Events against log intensity: what must be conserved."""
 
-from math import expm1, pi, sqrt
+from math import ceil, expm1, pi, sqrt
 from typing import Final
 
 import numpy as np
@@ -120,7 +120,7 @@ class Conservation(Check[Ledger]):
             },
         )
 
-    def _share(self, closed: list[Closed], declared: EventModel, facts: Facts, dead: bool) -> Measured:
+    def _share(self, closed: list[Closed], declared: EventModel, facts: Facts, dead: float) -> Measured:
         shape = sensor_shape(facts.declared)
         size = shape[0] * shape[1]
         times_ns = facts.clocks["rgb"].times_ns
@@ -156,21 +156,27 @@ class Conservation(Check[Ledger]):
             ),
             suspects=(
                 *_lost_or_doubled(closed[worst].unpacked(shape), float(counts[worst]), facts),
-                Suspect("dead_region", "events", 0.7 if dead else 0.1),
+                Suspect("dead_region", "events", 0.9 * dead),
                 *_cut_off(facts),
                 *_WHATEVER_BREAKS_THE_LAW,
             ),
         )
 
-    def _tile(self, pixels: Bool, closed: list[Closed], facts: Facts) -> tuple[Measured, bool]:
-        """Return the worst tile, and whether a dead region lies around it: violations together, and without events."""
+    def _tile(self, pixels: Bool, closed: list[Closed], facts: Facts) -> tuple[Measured, float]:
+        """Return the worst tile, and how well a dead region around it explains the violations.
+
+        They lie together, and without events; or, of a region that is dead for some time, so close together that no
+        loss of single events could be: a lost packet spoils few pixels of any place.
+        """
         silent = facts.events is None or not facts.events.count
         share, row, column, tiles = _worst_tile(pixels)
         everywhere = float(pixels.mean())
         side = min(TILE_PX, *pixels.shape)
         region = sqrt(float(np.count_nonzero(pixels)))
         mute = sum(one.mute for one in closed) / max(sum(int(np.bitwise_count(one.pixels).sum()) for one in closed), 1)
-        dead = min(_gathered(pixels, row, column, region), mute) > self._ONE_REGION and not silent
+        mute_together = min(_gathered(pixels, row, column, region), mute) > self._ONE_REGION
+        dense = float(pixels.mean()) < _FEW and _densest(pixels) > self._ONE_REGION
+        dead = 0.1 if silent else 0.8 if mute_together else 0.6 if dense else 0.1
         measured = Measured(
             name="worst_tile",
             value=share,
@@ -186,7 +192,7 @@ class Conservation(Check[Ledger]):
             code="event_response.conservation.region",
             where=Where(stream="events", tile=(column, row, column + side, row + side)),
             suspects=(
-                Suspect("dead_region", "events", 0.8 if dead else 0.1, region, "px"),
+                Suspect("dead_region", "events", dead, region, "px"),
                 *_lost_or_doubled(pixels, None, facts),
                 *_cut_off(facts),
                 *_WHATEVER_BREAKS_THE_LAW,
@@ -269,6 +275,17 @@ def _worst_tile(pixels: Bool) -> tuple[float, int, int, int]:
     shares = counts[::step, ::step] / side**2
     row, column = (int(i) for i in np.unravel_index(int(np.argmax(shares)), shares.shape))
     return float(shares[row, column]), row * step, column * step, shares.size
+
+
+def _densest(pixels: Bool) -> float:
+    """Return the largest share of the marked pixels in one square of twice their number; 0 for less than a few."""
+    count = int(np.count_nonzero(pixels))
+    side = min(ceil(sqrt(2 * count)), *pixels.shape)
+    if count < TILE_PX:
+        return 0.0
+    sums = np.pad(pixels.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    counts = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
+    return float(counts.max()) / count
 
 
 def _gathered(pixels: Bool, row: int, column: int, region: float) -> float:

@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.events.tiles import GRID, tile_around
-from fedora_qa.checks.events.turned import LEAST_PREDICTED, Turned, causes_of, most_turned, others_of, words_for
+from fedora_qa.checks.events.turned import (
+    LEAST_PREDICTED,
+    Turned,
+    causes_of,
+    causes_of_part,
+    most_turned,
+    others_of,
+    words_for,
+)
 from fedora_qa.checks.events.view import (
     all_events,
     seen_frames,
@@ -158,7 +166,7 @@ def _part(name: str, rule: str, turned: Turned, where: Where, place: str) -> Mea
         f"{turned.other:.2g}, as they stand {turned.declared:.2g}.",
         code=f"event_response.orientation.{rule}",
         where=where,
-        suspects=causes_of(turned.rival),
+        suspects=causes_of_part(turned.rival),
     )
 
 

@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.events.moved_hot_pixels import suspects_of_moved
 from fedora_qa.checks.events.rows import event_coverage, why_no_sensor
 from fedora_qa.checks.events.view import own, sensor_events, sensor_shape
 from fedora_qa.checks.protocol import Check, Measured, Observation, Suspect
@@ -30,7 +31,9 @@ class Rates(Check[Tally]):
     ---
     Events of every pixel are counted over the whole file, whatever their polarity, and held against the 24 neighbours:
     what moves over a sensor moves over them as well. The excess is over the third largest neighbour, so that two hot
-    pixels side by side do not hide each other. Declared hot pixels are excused, and held to their declared rate.
+    pixels side by side do not hide each other. Declared hot pixels are excused, and held to their declared rate. Hot
+    pixels that lie where mirroring, an exchange of axes or one shift would take the declared ones are no new ones:
+    all events were moved.
 
     A scene that swings to and fro (hovering) makes neighbours differ alike in every swing: one just passes its
     threshold each time, the others never do. One event a swing is therefore allowed for. Swings are counted as runs of
@@ -87,10 +90,12 @@ class Rates(Check[Tally]):
         loud = loudness(state)
         hot = _declared_hot(facts.declared.events, counts.shape)
         seconds = span_s * coverage.share
-        measured = [self._loudest(counts, loud, np.where(hot, -np.inf, loud.z), seconds, facts)]
+        z = np.where(hot, -np.inf, loud.z)
+        moved = self._moved(z, facts)
+        measured = [self._loudest(counts, loud, z, seconds, facts, moved)]
         if hot.any() and facts.declared.events is not None and facts.declared.events.hot_pixel_rate_hz > 0:
             over = (counts - loud.median)[hot]
-            measured.append(self._declared_rate(over, loud.error[hot], facts.declared.events, seconds))
+            measured.append(self._declared_rate(over, loud.error[hot], facts.declared.events, seconds, moved))
         return Observation(
             coverage,
             tuple(measured),
@@ -98,8 +103,21 @@ class Rates(Check[Tally]):
             titles={"event_counts": "Events of each pixel [events]"},
         )
 
+    def _moved(self, z: NDArray[np.float64], facts: Facts) -> tuple[Suspect, ...]:
+        """Return what would have moved declared hot pixels to where others are."""
+        rows, columns = np.nonzero(z > self._SURELY)
+        found = [(int(column), int(row)) for column, row in zip(columns, rows, strict=True)]
+        declared = facts.declared.events.hot_pixels if facts.declared.events is not None else ()
+        return suspects_of_moved(found, [(int(column), int(row)) for column, row in declared], z.shape[::-1])
+
     def _loudest(
-        self, counts: NDArray[np.int64], loud: Loudness, z: NDArray[np.float64], seconds: float, facts: Facts
+        self,
+        counts: NDArray[np.int64],
+        loud: Loudness,
+        z: NDArray[np.float64],
+        seconds: float,
+        facts: Facts,
+        moved: tuple[Suspect, ...],
     ) -> Measured:
         row, column = (int(i) for i in np.unravel_index(int(np.argmax(z)), z.shape))
         many = int(np.count_nonzero(z > self._SURELY))
@@ -117,11 +135,16 @@ class Rates(Check[Tally]):
             f"{excess_hz:.4g} Hz more than its neighbours.",
             code="event_stream.rates.hot_pixel",
             where=Where(stream="events", pixel=(column, row)),
-            suspects=(Suspect("hot_pixels", "events", 0.95, float(max(many, 1)), "pixels"),),
+            suspects=(*moved, Suspect("hot_pixels", "events", 0.3 if moved else 0.95, float(max(many, 1)), "pixels")),
         )
 
     def _declared_rate(
-        self, over: NDArray[np.float64], error: NDArray[np.float64], declared: EventModel, seconds: float
+        self,
+        over: NDArray[np.float64],
+        error: NDArray[np.float64],
+        declared: EventModel,
+        seconds: float,
+        moved: tuple[Suspect, ...],
     ) -> Measured:
         expected = declared.hot_pixel_rate_hz
         rate_hz = float(over.mean()) / seconds
@@ -138,7 +161,7 @@ class Rates(Check[Tally]):
             statement=f"Declared hot pixels fire at {rate_hz:.4g} Hz; {expected:.4g} Hz is declared.",
             code="event_stream.rates.declared_hot_pixels",
             where=Where(stream="events"),
-            suspects=(Suspect("noise_misdeclared", "events", 0.8, percent, "percent"),),
+            suspects=(*moved, Suspect("noise_misdeclared", "events", 0.3 if moved else 0.8, percent, "percent")),
         )
 
 

@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import Final
 
 import numpy as np
 
+from fedora_qa.checks.clocks.set_clock import set_clock
 from fedora_qa.checks.events.rows import event_coverage, local_tick_ns, tick_ns
 from fedora_qa.checks.events.view import all_events, own
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
@@ -42,7 +44,8 @@ class Gaps(WindowCheck[SilenceCount]):
     ---
     The longest silences of a window are examined, those that began before it included. Each is held against the counts
     in sixteen bins of its own length on either side, and the side that makes it more probable counts: motion that comes
-    to rest empties its neighbourhood as well and so excuses a silence, a packet that was lost does not.
+    to rest empties its neighbourhood as well and so excuses a silence, a packet that was lost does not. A silence that
+    a step back of the stamps matches (``clocks.order``) is a clock that was set, and no loss.
 
     Noise model
     -----------
@@ -88,7 +91,6 @@ class Gaps(WindowCheck[SilenceCount]):
             return self._no_silence(state, facts, seen)
         worst = max(found, key=lambda silence: silence.z)
         length_ms = worst.length_ns / 1e6
-        lost = max(round(worst.expected), 1)
         start_us, stop_us = (facts.to_file_us(time) for time in (worst.start_ns, worst.stop_ns))
         measured = Measured(
             name="gap",
@@ -98,10 +100,10 @@ class Gaps(WindowCheck[SilenceCount]):
             side="upper",
             matters=self._MATTERS_MS,
             tests=sum(count.silences for count in state),
-            statement=f"No event for {length_ms:.4g} ms from {start_us:.0f} us, where about {lost} are due.",
+            statement=f"No event for {length_ms:.4g} ms from {start_us:.0f} us, where about {_due(worst)} are due.",
             code="event_stream.gaps.silence",
             where=Where(stream="events", start_us=start_us, stop_us=stop_us),
-            suspects=(Suspect("dropped_samples", "events", 0.95, float(lost), "samples", float(np.sqrt(lost))),),
+            suspects=_suspects(worst, facts),
         )
         return Observation(event_coverage(facts, seen), (measured,))
 
@@ -128,3 +130,15 @@ class Gaps(WindowCheck[SilenceCount]):
 def _mean_interval_ms(facts: Facts) -> float:
     events = facts.events
     return (events.last_ns - events.first_ns) / 1e6 / max(events.count, 1) if events is not None else 0.0
+
+
+def _due(silence: Silence) -> int:
+    return max(round(silence.expected), 1)
+
+
+def _suspects(silence: Silence, facts: Facts) -> tuple[Suspect, ...]:
+    """Tell events that were lost from a clock that was set: it is set back again by as much."""
+    lost, was_set = _due(silence), set_clock(facts.events)
+    is_a_step = was_set is not None and was_set.is_of(silence.start_ns, silence.stop_ns)
+    dropped = Suspect("dropped_samples", "events", 0.3 if is_a_step else 0.95, float(lost), "samples", sqrt(lost))
+    return (*was_set.suspects, dropped) if was_set is not None and is_a_step else (dropped,)

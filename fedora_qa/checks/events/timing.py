@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from fedora_qa.checks.clocks.set_clock import set_clock
 from fedora_qa.checks.events.answer import Answer, answer, level_coverage
 from fedora_qa.checks.events.lateness import (
     Lateness,
@@ -20,7 +21,7 @@ from fedora_qa.checks.events.lateness import (
 from fedora_qa.checks.events.levels import FoundOffset, LevelSums, level_sums, search_offset
 from fedora_qa.checks.events.readings import ReadingSums, fit_all, reading_sums
 from fedora_qa.checks.events.tiles import tile_around
-from fedora_qa.checks.events.timing_causes import Shapes, shapes_of, whose_offset
+from fedora_qa.checks.events.timing_causes import Shapes, shapes_of, whose_offset, with_steps
 from fedora_qa.checks.events.view import sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S
@@ -76,7 +77,8 @@ class Timing(WindowCheck[Seen]):
     samples as in event_response.threshold. The one with the smaller standard error and bound is stated. Windows and
     tiles (4 x 4) are fitted by themselves; every stretch and every rectangle is held against the rest. Where neither
     tells (gross offsets), offsets up to 100 ms are tried on two windows in a second look. After an alarm, offset,
-    clock rate and late stretch are compared by their Bayesian information criteria.
+    clock rate and late stretch are compared by their Bayesian information criteria; where stamps step back, their steps
+    tell a stretch that is late from one whose clock gains (``clocks.order``).
 
     Noise model
     -----------
@@ -145,13 +147,11 @@ class Timing(WindowCheck[Seen]):
             return Observation(coverage, unobservable=why)
         readings = _readings(sums)
         stretch, region = late_stretch(readings), late_region(readings)
-        shapes = _shapes(stretch, sums, 1e-3 * expected_delay_ms(declared, facts)[0])
+        shapes = _shapes(stretch, sums, facts)
         everywhere = region is None or abs(region.step.late_s) < CLEARLY_LOCAL * region.step.standard_error_s
         measured = [self._offset(found, facts, shapes, told=everywhere), self._rate(found, shapes)]
-        if stretch is not None:
-            measured.append(self._stretch(stretch, readings, facts, shapes))
-        if region is not None:
-            measured.append(self._region(region, facts))
+        measured += [self._stretch(stretch, readings, facts, shapes)] if stretch is not None else []
+        measured += [self._region(region, facts)] if region is not None else []
         return Observation(coverage, tuple(measured))
 
     def _offset(self, found: Lateness, facts: Facts, shapes: Shapes, *, told: bool) -> Measured:
@@ -266,11 +266,12 @@ def _lateness(sums: Sequence[TimingSums], facts: Facts) -> tuple[Lateness | None
     return min(told, key=lambda one: one.error_s + one.bound_s), ""
 
 
-def _shapes(stretch: Local | None, sums: Sequence[TimingSums], expected_s: float) -> Shapes:
+def _shapes(stretch: Local | None, sums: Sequence[TimingSums], facts: Facts) -> Shapes:
     if stretch is None:
         return Shapes()
     times_s = np.array([0.5 * (one.start_ns + one.stop_ns) / NS_PER_S for one in _readings(sums)])
-    return shapes_of(stretch, times_s, expected_s)
+    expected_s = 1e-3 * expected_delay_ms(facts.declared.events, facts)[0]
+    return with_steps(shapes_of(stretch, times_s, expected_s), stretch, set_clock(facts.events))
 
 
 def _found_again(offsets: Sequence[FoundOffset]) -> Lateness:

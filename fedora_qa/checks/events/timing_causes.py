@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.clocks.set_clock import SetClock
 from fedora_qa.checks.events.lateness import Local
 from fedora_qa.sequence.facts import Facts
 
@@ -41,6 +42,22 @@ def shapes_of(local: Local, times_s: Float64, expected_s: float) -> Shapes:
     shares = np.exp(-0.5 * (criteria - criteria.min()))
     shares /= shares.sum()
     return Shapes(*(float(share) for share in shares))
+
+
+def with_steps(shapes: Shapes, local: Local, was_set: SetClock | None) -> Shapes:
+    """Tell a stretch that is late from one whose clock gains, by the steps of stamps where the clock was set back.
+
+    Without a step forwards a stretch that reaches to an end of what is known was late at once; others can only have
+    gained.
+    """
+    known = np.flatnonzero(np.isfinite(local.values_s) & np.isfinite(local.errors_s))
+    one_sided = bool(local.step.chosen[known[0]] or local.step.chosen[known[-1]])
+    if was_set is None or (was_set.forwards is None and one_sided):
+        return shapes
+    weights = {suspect.cause: suspect.weight for suspect in was_set.suspects}
+    gains, late = weights.get("clock_rate", 0.0), weights.get("time_offset", 0.0)
+    moved = shapes.stretch * gains / (gains + late) if gains > 0 else 0.0
+    return Shapes(shapes.constant, shapes.drift + moved, shapes.stretch - moved)
 
 
 def whose_offset(offset_ms: float, facts: Facts) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """Events that agree with the frames in another orientation in a stretch of time, or in a part of the image."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -23,6 +23,9 @@ FEWEST_UPRIGHT: Final = 0.25
 
 DEPENDENT: Final = 3.0
 """Standard error of a correlation in those of independent blocks: blocks of one moving texture are not."""
+
+_OR_FRAMES: Final = 0.9
+"""Weight of mirrored frames where that of mirrored events is 0.95: a little less, for want of anything that tells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +103,15 @@ def causes_of(rival: int) -> tuple[Suspect, ...]:
     inverted, (swap, left, up) = _undo(rival)
     causes = (("polarity_inverted", inverted), ("axes_swapped", swap), ("mirrored", left or up))
     return tuple(Suspect(cause, "events", 0.95) for cause, true in causes if true)
+
+
+def causes_of_part(rival: int) -> tuple[Suspect, ...]:
+    """Return the causes in a part: frames that are mirrored there look to events as events do to frames.
+
+    Which of them it is, the flow tells: it agrees with frames that are not.
+    """
+    causes = causes_of(rival)
+    return (*causes, *(replace(one, stream="rgb", weight=_OR_FRAMES) for one in causes if one.cause == "mirrored"))
 
 
 def _undo(rival: int) -> tuple[bool, tuple[bool, bool, bool]]:

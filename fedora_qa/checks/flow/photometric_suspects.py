@@ -26,6 +26,7 @@ from fedora_qa.estimators.flow_templates import CENTRE as CENTRE_FAULT
 from fedora_qa.estimators.flow_templates import FOCAL as FOCAL_FAULT
 from fedora_qa.estimators.flow_templates import MOUNTING as MOUNTING_FAULT
 from fedora_qa.estimators.flow_templates import TIME_OFFSET
+from fedora_qa.estimators.largest_deviate import chance_of_largest
 from fedora_qa.sequence.declared import PoseModel
 
 _SAME_GAIN: Final = 0.1
@@ -51,7 +52,7 @@ def photometric_suspects(
     unmatched = sum(one.unmatched for one in fields) / max(sum(one.textured for one in fields), 1)
     small = weakened(small, 0.4 if local else 0.8 * (1 - unmatched))
     if noise and is_noisy(noise):
-        small.append(Suspect("flow_from_noisy_pose", flow, 0.9 * _by_own_mean(fields)))
+        small.append(Suspect("flow_from_noisy_pose", flow, 0.9 * _by_own_mean(fields) * _as_noise(fields)))
     others = tuple(Suspect(cause, flow if stream == "flow" else stream, _WEAK) for cause, stream in _OTHERS)
     return most_probable([*gross, *small]) + others
 
@@ -113,6 +114,12 @@ def _by_own_mean(fields: Sequence[FieldResidual]) -> float:
     common = max(total.explained_by(fault)[1] for fault in (MEAN, GAIN, FOCAL, CENTRE, MOUNTING)) * total.total
     everything = sum(one.explained_by(OF_THE_FLOW)[1] * one.total for one in evidences)
     return max(own - common, 0.0) / everything if everything > 0 else 0.0
+
+
+def _as_noise(fields: Sequence[FieldResidual]) -> float:
+    """Return how probable the largest mean is as noise: that befalls all fields alike, frames out of place only few."""
+    means_px, errors_px = (np.array([getattr(one, name) for one in fields]) for name in ("mean_px", "mean_error_px"))
+    return chance_of_largest(means_px, errors_px)
 
 
 def _small(fields: Sequence[FieldResidual], flow: str) -> list[Suspect]:

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.frames import optics_of
+from fedora_qa.checks.images.order_causes import ALLOWED, order_suspects, out_of_order
+from fedora_qa.checks.images.order_parts import PartShares, odd_part, shares_of_parts
 from fedora_qa.checks.images.pairs import luma_on_flow_grid, pairs_with_flow
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
 from fedora_qa.estimators.image_motion import motion_share
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -23,9 +25,6 @@ LARGEST_ERROR: Final = 0.1
 LEAST_SHARE: Final = 0.5
 """Below, frames do not follow the flow in most intervals, and none of them can be told from the rest."""
 
-ALLOWED: Final = 0.5
-"""Halfway between a frame in its place and one that repeats the frame before."""
-
 FEWEST_PAIRS: Final = 4
 
 MATTERS: Final = 2.0
@@ -34,13 +33,14 @@ MATTERS: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Two frames, and by how much of the flow between their instants they lie apart."""
+    """Two frames, and by how much of the flow between their instants they lie apart: as a whole, and part by part."""
 
     before: int
     after: int
     share: float
     standard_error: float
     rounding_error: float
+    parts: PartShares
 
 
 class Order(WindowCheck[tuple[Share, ...]]):
@@ -59,13 +59,17 @@ class Order(WindowCheck[tuple[Share, ...]]):
     ---
     The change from each frame to the next is regressed on the change that the fastest flow predicts, with gain and
     bias of brightness left free; images are first reduced until the flow is about a pixel. The pair that lies
-    farthest from the median of all is judged. Exchanged frames are told from frozen ones by the sign of their shares.
+    farthest from the median of all is judged, and so is each of 4 x 4 parts of the image against its own median.
+    Exchanged frames are told from frozen ones by the sign of their shares. A frame that is out of its place comes back
+    to it in an interval beside: intervals that only fall short or only run ahead, with neighbours in order, are no
+    frames out of their places, but an image that was moved or turned.
 
     Noise model
     -----------
     Standard error: the spread of all pairs (1.4826 times the median absolute deviation) and the pair's own, from what
     its regression leaves, together. Allowance: half of the flow, halfway between a frame in its place and one that
-    repeats. Pairs count where rounding alone lets their share be known to 0.1.
+    repeats. Pairs count where rounding alone lets their share be known to 0.1; those of a part where its own error is
+    no larger than that either.
 
     Cannot see
     ----------
@@ -96,7 +100,10 @@ class Order(WindowCheck[tuple[Share, ...]]):
             blank = min(np.ptp(before), np.ptp(after)) == 0  # for images.exposure
             found = None if blank else motion_share(before, after, pair.flow_px)
             if found is not None:
-                shares.append(Share(pair.before, pair.after, found.share, found.standard_error, found.rounding_error))
+                parts = shares_of_parts(before, after, pair.flow_px)
+                shares.append(
+                    Share(pair.before, pair.after, found.share, found.standard_error, found.rounding_error, parts)
+                )
         return tuple(shares)
 
     def conclude(self, state: Sequence[tuple[Share, ...]], facts: Facts) -> Observation:
@@ -114,11 +121,13 @@ class Order(WindowCheck[tuple[Share, ...]]):
         spread = 1.4826 * float(np.median(np.abs(shares - middle)))
         errors = np.hypot(spread, [one.standard_error for one in clear])
         worst = int(np.argmax((np.abs(shares - middle) - ALLOWED * middle) / errors))
-        measured = self._worst(clear[worst], middle, float(errors[worst]), _out_of_order(clear, middle), facts)
-        return Observation(coverage, (measured,))
+        measured = [self._worst(clear[worst], middle, float(errors[worst]), clear, facts)]
+        part = odd_part([(one.before, one.after, one.parts) for one in every], facts)
+        return Observation(coverage, (*measured, *([part] if part is not None else [])))
 
-    def _worst(self, pair: Share, middle: float, error: float, off: Sequence[Share], facts: Facts) -> Measured:
+    def _worst(self, pair: Share, middle: float, error: float, clear: Sequence[Share], facts: Facts) -> Measured:
         times_ns = facts.clocks["rgb"].times_ns
+        off = [one for one in clear if abs(one.share / middle - 1) > ALLOWED]
         first = off[0] if off else pair
         return Measured(
             name="share_of_the_flow",
@@ -138,29 +147,5 @@ class Order(WindowCheck[tuple[Share, ...]]):
                 stop_us=facts.to_file_us(int(times_ns[off[-1].before if off else pair.after])),
                 frame=first.after,
             ),
-            suspects=order_suspects([one.share / middle for one in off]),
+            suspects=order_suspects(out_of_order([(one.before, one.after, one.share / middle) for one in clear])),
         )
-
-
-def _out_of_order(clear: Sequence[Share], middle: float) -> list[Share]:
-    return [one for one in clear if abs(one.share / middle - 1) > ALLOWED]
-
-
-def order_suspects(shares: Sequence[float]) -> tuple[Suspect, ...]:
-    """Name what puts intervals of these shares (of the usual one) out of order.
-
-    Exchanged frames turn a motion round: frames that are d apart leave d + 2 intervals out of order. Frozen ones stop
-    it, once for each.
-    """
-    turned = any(share < -ALLOWED for share in shares)
-    stopped = sum(abs(share) < ALLOWED for share in shares)
-    exchanged = float(max(len(shares) - 2, 1))
-    return (
-        Suspect("swapped_frames", "rgb", 0.95 if turned else 0.2, exchanged if turned else None, "samples"),
-        Suspect("frozen_frames", "rgb", 0.95 if stopped and not turned else 0.2, float(max(stopped, 1)), "samples"),
-        Suspect("dropped_samples", "rgb", 0.3),
-        Suspect("duplicated_samples", "rgb", 0.3),
-        *(Suspect(cause, "flow", 0.3) for cause in ("swapped_frames", "frozen_frames", "flow_interval_shifted",
-                                                    "flow_gain", "flow_sign", "flow_unit", "other_sequence")),
-        Suspect("other_sequence", "rgb", 0.3),
-    )  # fmt: skip

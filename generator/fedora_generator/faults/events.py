@@ -53,17 +53,21 @@ def spatial_offset(file: h5py.File, fault: Fault) -> None:
 
 
 def dead_region(file: h5py.File, fault: Fault) -> None:
-    """Lose the events of a square of the given side, somewhere on the sensor."""
+    """Lose the events of a square of the given side, around a pixel that fires: one more often as it fires more.
+
+    Where nothing fires, nothing is lost: anywhere on the sensor a square may cost no more than single events.
+    """
     side, (left, top, right, bottom) = fault.positive_count(), _area(file, fault)
     longest = min(right - left, bottom - top)
     if side > longest:
         raise FaultError(f"Expected a side of at most {longest} px, got {side}")
-    column = left + int(fault.rng().integers(0, right - left - side, endpoint=True))
-    row = top + int(fault.rng().integers(0, bottom - top - side, endpoint=True))
-    before = len(file[X])
+    fired = _fired(file, fault)[top:bottom, left:right]
+    if not fired.any():
+        raise FaultError(f"Expected events in columns {left} to {right - 1}, rows {top} to {bottom - 1}, got none")
+    row, column = divmod(int(fault.rng().choice(fired.size, p=fired.ravel() / fired.sum())), right - left)
+    column = left + min(max(column - side // 2, 0), right - left - side)
+    row = top + min(max(row - side // 2, 0), bottom - top - side)
     _keep_events(file, fault, lambda x, y: (x < column) | (x >= column + side) | (y < row) | (y >= row + side))
-    if len(file[X]) == before:
-        raise FaultError(f"Expected events in the {side} px square at ({column}, {row}), got none; try another seed")
 
 
 def hot_pixels(file: h5py.File, fault: Fault) -> None:
@@ -115,6 +119,17 @@ def _size(file: h5py.File) -> tuple[int, int]:
 def _area(file: h5py.File, fault: Fault) -> Region:
     """Return the fault's region, or the whole sensor."""
     return fault.region or (0, 0, *_size(file))
+
+
+def _fired(file: h5py.File, fault: Fault) -> Keys:
+    """Return the events of each pixel (height, width) in the fault's window; those off the sensor are left out."""
+    width, height = _size(file)
+    fired = np.zeros((height, width), np.int64)
+    for block in blocks(file[X], window_of(file, "events", fault)):
+        x, y = (file[key][block].astype(np.int64) for key in (X, Y))
+        inside = (x < width) & (y < height)
+        np.add.at(fired, (y[inside], x[inside]), 1)
+    return fired
 
 
 def _keep_events(file: h5py.File, fault: Fault, keep_pixel: KeepPixel) -> slice:

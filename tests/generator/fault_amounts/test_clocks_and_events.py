@@ -1,11 +1,14 @@
 """Every fault of clocks, samples, events and index maps is of exactly the stated amount."""
 
+import shutil
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
+from fedora_generator.faults import plant_fault
 from tests.generator.fault_amounts.reading import events, true_maps
 from tests.generator.tiny_sequence import (
     DURATION_US,
@@ -158,6 +161,21 @@ def test_dead_region_is_a_silent_square(plant: Any, clean: Path) -> None:
     assert np.all(histograms[1][columns, rows] == 0)
     assert (len(columns), np.ptp(columns), np.ptp(rows)) == (9, 2, 2)
     assert true_maps(faulty.path)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_dead_region_lies_where_the_sensor_fires(plant: Any, clean: Path, tmp_path: Path, seed: int) -> None:
+    """Where two pixels fire, at edges of the sensor, all events of one of them are lost, never none."""
+    quiet = tmp_path / "quiet.h5"
+    shutil.copy(clean, quiet)
+    with h5py.File(quiet, "r+") as file:
+        first = np.arange(len(file["path/events/x"])) % 2 == 0
+        file["path/events/x"][...] = np.where(first, WIDTH - 1, 0)
+        file["path/events/y"][...] = np.where(first, 2, HEIGHT - 1)
+    plant_fault(quiet, tmp_path / "faulty.h5", "dead_region", "events", 3, seed=seed)
+    left = events(tmp_path / "faulty.h5")
+    assert len(np.unique(left[:, 0])) == 1
+    assert len(left) in {np.count_nonzero(first), np.count_nonzero(~first)}
 
 
 def test_hot_pixels_add_events_in_canonical_order(plant: Any, clean: Path) -> None:

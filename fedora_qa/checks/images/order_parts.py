@@ -1,0 +1,116 @@
+"""Parts of frames along the flow: a part that is frozen, or taken from another frame, while the rest moves on."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import nan
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.images.order_causes import ALLOWED, order_suspects, out_of_order
+from fedora_qa.checks.protocol import Measured
+from fedora_qa.estimators.image_motion import motion_share
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.facts import Facts
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Box = tuple[int, int, int, int]
+"""Left, top, right, bottom."""
+
+PARTS: Final = 4
+"""Parts along each side: one at least lies within any region of half the width and height."""
+
+CLEAR: Final = 0.1
+"""Error of a share from which on a part does not tell: a fifth of what is allowed for."""
+
+FEWEST_PAIRS: Final = 8
+"""Below, the usual share of a part and its scatter are not known."""
+
+LEAST_SHARE: Final = 0.5
+"""Below, a part does not follow the flow in most intervals."""
+
+PartShares = tuple[tuple[float, float], ...]
+"""(parts, 2) shares of the flow and their standard errors, row by row; NaN where a part does not tell."""
+
+
+def shares_of_parts(before: Float32, after: Float32, flow_px: Float32) -> PartShares:
+    """Return by how much of the flow each part of two frames (H, W) lies apart."""
+    shares = []
+    for left, top, right, bottom in boxes(before.shape[1], before.shape[0]):
+        part = slice(top, bottom), slice(left, right)
+        found = motion_share(before[part], after[part], flow_px[part])
+        told = found is not None and max(found.rounding_error, found.standard_error) < CLEAR
+        shares.append((found.share, found.standard_error) if found is not None and told else (nan, nan))
+    return tuple(shares)
+
+
+def boxes(width: int, height: int) -> tuple[Box, ...]:
+    """Return the parts of an image, row by row."""
+    columns, rows = ([round(edge * size / PARTS) for edge in range(PARTS + 1)] for size in (width, height))
+    return tuple((left, top, right, bottom) for top, bottom in pairwise(rows) for left, right in pairwise(columns))
+
+
+def odd_part(pairs: Sequence[tuple[int, int, PartShares]], facts: Facts) -> Measured | None:
+    """State the part that lies farthest from where it usually does; None where no part tells.
+
+    Parameters
+    ----------
+    pairs
+        Two frames, and the shares of the parts between them.
+    """
+    shares, own = np.moveaxis(np.array([parts for _, _, parts in pairs]), -1, 0)
+    known = np.isfinite(shares)
+    usual = np.array([_median(column) for column in shares.T])
+    telling = (np.count_nonzero(known, axis=0) >= FEWEST_PAIRS) & (usual >= LEAST_SHARE)
+    if not telling.any():
+        return None
+    relative = np.where(telling, shares / np.where(telling, usual, 1.0), np.nan)
+    scatter = 1.4826 * np.array([_median(np.abs(column - 1)) for column in relative.T])
+    errors = np.hypot(scatter, own / np.where(telling, usual, 1.0))
+    scores = np.where(np.isfinite(relative), (np.abs(relative - 1) - ALLOWED) / errors, -np.inf)
+    pair, part = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))
+    return _stated(pairs, relative, pair, part, float(errors[pair, part]), facts)
+
+
+def _median(values: Float64) -> float:
+    """Return the median of what is known, 0 where nothing is."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else 0.0
+
+
+def _stated(
+    pairs: Sequence[tuple[int, int, PartShares]],
+    relative: Float64,
+    pair: int,
+    part: int,
+    error: float,
+    facts: Facts,
+) -> Measured:
+    before, after, _ = pairs[pair]
+    camera = facts.declared.cameras.get("depth") or facts.declared.cameras["rgb"]
+    box = boxes(camera.width, camera.height)[part]
+    series = [(one[0], one[1], float(share)) for one, share in zip(pairs, relative[:, part], strict=True)]
+    off = [one for one in series if abs(one[2] - 1) > ALLOWED] or [series[pair]]
+    times_ns = facts.clocks["rgb"].times_ns
+    return Measured(
+        name="share_of_the_flow_in_a_part",
+        value=float(relative[pair, part]),
+        unit="1",
+        standard_error=error,
+        expected=1.0,
+        allowance=ALLOWED,
+        tests=int(np.count_nonzero(np.isfinite(relative))),
+        statement=f"In columns {box[0]} to {box[2] - 1}, rows {box[1]} to {box[3] - 1} frame {after} lies "
+        f"{relative[pair, part]:.2f} of what is usual from frame {before}.",
+        code="images.order.part",
+        where=Where(
+            stream="rgb",
+            start_us=facts.to_file_us(int(times_ns[off[0][1]])),
+            stop_us=facts.to_file_us(int(times_ns[off[-1][0]])),
+            frame=off[0][1],
+            tile=box,
+        ),
+        suspects=order_suspects(out_of_order([one for one in series if np.isfinite(one[2])])),
+    )

@@ -1,0 +1,86 @@
+"""Frames out of their places in a part of the image, and images that were moved for a while."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fedora_qa.checks.images.order import Order
+from fedora_qa.checks.images.order_causes import Interval, order_suspects, out_of_order
+from fedora_qa.judgement.judge import Judged
+from tests.support.flow_world import FlowWorld, judged, make_world
+
+FRAME = 8
+world_of = cache(make_world)
+
+
+def part(frames: NDArray[np.uint8]) -> tuple[slice, slice]:
+    """The middle quarter."""
+    height, width = frames.shape[1:3]
+    return slice(height // 4, 3 * height // 4), slice(width // 4, 3 * width // 4)
+
+
+def first(result: Judged, code: str) -> str:
+    alarm = next(one for one in result.alarms if one.finding.code == code)
+    suspect = max(alarm.suspects, key=lambda one: one.weight)
+    return f"{suspect.stream}:{suspect.cause}"
+
+
+def with_part_of(world: FlowWorld, rows: dict[int, int]) -> FlowWorld:
+    """The middle quarter of some frames taken from others."""
+    frames = np.asarray(world.rows_by_key["path/rgb"])
+    changed, (down, right) = frames.copy(), part(frames)
+    for row, source in rows.items():
+        changed[row, down, right] = frames[source, down, right]
+    return world.with_rows(path_rgb=changed)
+
+
+@pytest.mark.parametrize(
+    ("rows", "cause"),
+    [
+        pytest.param({FRAME: FRAME - 1}, "rgb:frozen_frames", id="one frozen"),
+        pytest.param({FRAME + i: FRAME - 1 for i in range(3)}, "rgb:frozen_frames", id="three frozen"),
+        pytest.param({FRAME: FRAME + 1, FRAME + 1: FRAME}, "rgb:swapped_frames", id="exchanged"),
+    ],
+)
+def test_a_part_of_a_frame_out_of_its_place_is_named(rows: dict[int, int], cause: str) -> None:
+    """A middle quarter that stands still, or is that of the next frame, is found by its own motion."""
+    assert first(judged(Order(), with_part_of(world_of((50,)), rows)), "images.order.part") == cause
+
+
+def test_frames_moved_for_a_while_are_not_frozen() -> None:
+    """Frames that lie a few pixels to the right in half of the time jump twice, and come back in no interval beside."""
+    world = world_of((50,))
+    frames = np.asarray(world.rows_by_key["path/rgb"]).copy()
+    frames[5:14] = np.roll(frames[5:14], 3, axis=2)
+    assert first(judged(Order(), world.with_rows(path_rgb=frames)), "images.order.share") == "rgb:spatial_offset"
+
+
+def intervals(*shares: float) -> list[Interval]:
+    return [(i, i + 1, share) for i, share in enumerate(shares)]
+
+
+@pytest.mark.parametrize(
+    ("found", "cause"),
+    [
+        pytest.param(intervals(1, 1, 0, 2, 1), "frozen_frames", id="frozen"),
+        pytest.param(intervals(1, 0, 0, 0, 3.1, 1), "frozen_frames", id="three frozen"),
+        pytest.param(intervals(1, 0.1, 1.4, 1, 1), "frozen_frames", id="catches up in part"),
+        pytest.param(intervals(1, 2, -1, 2, 1), "swapped_frames", id="neighbours exchanged"),
+        pytest.param(intervals(1, 3, -1, 1, -1, 3, 1), "swapped_frames", id="farther ones exchanged"),
+        pytest.param([*intervals(1, 1, -1), (4, 5, 1.0)], "swapped_frames", id="nothing known beside"),
+        pytest.param(intervals(1, 1, 0), "frozen_frames", id="frozen at the end"),
+        pytest.param(intervals(1, 2.9, 1, 1, -0.2, 1), "spatial_offset", id="moved and moved back"),
+        pytest.param(intervals(1, 0.7, 0.3, -0.6, -1, -1, -0.4, 0.8, 1), "mirrored", id="turned for long"),
+    ],
+)
+def test_what_is_out_of_order_is_told_from_the_run(found: list[Interval], cause: str) -> None:
+    """Frames out of place fall short and catch up side by side; whatever does not is the image's own."""
+    assert max(order_suspects(out_of_order(found)), key=lambda one: one.weight).cause == cause
+
+
+def test_order_alone_is_in_order() -> None:
+    """Without an interval out of order nothing stands alone."""
+    found = out_of_order(intervals(1, 1.1, 0.9))
+    assert (found.shares, found.alone) == ((), False)

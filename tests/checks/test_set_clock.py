@@ -1,0 +1,160 @@
+"""A clock of the events that was set for a while is told from its steps, and from events that are out of order."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from fedora_qa.checks.clocks.index_maps import Rgb
+from fedora_qa.checks.clocks.set_clock import set_clock
+from fedora_qa.checks.clocks.stamps import Order
+from fedora_qa.checks.events.lateness import Local
+from fedora_qa.checks.events.timing_causes import Shapes, with_steps
+from fedora_qa.estimators.event_delays import Step
+from fedora_qa.judgement.judge import judge
+from fedora_qa.sequence.event_steps import KEPT, longest_steps
+from fedora_qa.sequence.facts import EventScan, EventStep, Facts
+from tests.support.facts import MS, exact_facts, with_map
+
+Int64 = NDArray[np.int64]
+
+RIGHT_NS = np.cumsum(np.random.default_rng(4).integers(1, 400, 20_000)) * 1000
+"""Twenty thousand events over four seconds, at most 0.4 ms apart."""
+
+PART = slice(5_000, 15_000)
+
+
+def scan_of(times_ns: Int64) -> EventScan:
+    latest, steps = np.maximum.accumulate(times_ns), np.diff(times_ns)
+    return EventScan(
+        count=len(times_ns),
+        first_ns=int(times_ns.min()),
+        last_ns=int(times_ns.max()),
+        decreases=int(np.count_nonzero(steps < 0)),
+        first_decrease=int(np.argmax(steps < 0)) + 1 if np.any(steps < 0) else -1,
+        grid_ns=1000,
+        largest_decrease_ns=max(0, -int(steps.min())),
+        behind=int(np.count_nonzero(times_ns < latest)),
+        longest_steps=longest_steps((), 0, int(times_ns[0]), times_ns),
+    )
+
+
+def moved(change: Callable[[Int64], Int64], part: slice = PART) -> Int64:
+    times_ns = RIGHT_NS.copy()
+    times_ns[part] = change(times_ns[part])
+    return times_ns
+
+
+def facts_of(times_ns: Int64) -> Facts:
+    return replace(exact_facts(4), events=scan_of(times_ns))
+
+
+def gained(ppm: float) -> Callable[[Int64], Int64]:
+    return lambda part: part + np.rint((part - part[0]) * ppm / 1e9).astype(np.int64) * 1000
+
+
+@pytest.mark.parametrize(
+    ("times_ns", "cause", "size", "within"),
+    [
+        pytest.param(moved(lambda part: part + 6 * MS), "time_offset", 6.0, 0.4, id="late"),
+        pytest.param(moved(lambda part: part - 6 * MS), "time_offset", -6.0, 0.4, id="early"),
+        pytest.param(moved(lambda part: part * 1000), "time_unit", 1000.0, 0.0, id="nanoseconds"),
+        pytest.param(moved(lambda part: part // 1_000_000 * 1000), "time_unit", 0.001, 0.0, id="milliseconds"),
+        pytest.param(moved(gained(5000)), "clock_rate", None, 0.0, id="gains"),
+        pytest.param(moved(lambda part: gained(5000)(part) + 9 * MS), "clock_rate", 5000.0, 500.0, id="late and gains"),
+    ],
+)
+def test_what_moved_a_part_is_told_from_its_steps(
+    times_ns: Int64, cause: str, size: float | None, within: float
+) -> None:
+    """A part that is late, early, in another unit or gains leaves steps that say which, and by how much."""
+    found = set_clock(scan_of(times_ns))
+    assert found is not None
+    first = found.suspects[0]
+    assert first.cause == cause
+    assert (first.magnitude is None) == (size is None)
+    if size is not None and first.magnitude is not None:
+        assert abs(first.magnitude - size) <= within
+
+
+def exchanged(rows: int) -> Int64:
+    return moved(lambda part: part[::-1], slice(7_000, 7_000 + rows))
+
+
+@pytest.mark.parametrize(
+    "times_ns",
+    [
+        pytest.param(RIGHT_NS, id="in order"),
+        pytest.param(exchanged(2), id="two exchanged"),
+        pytest.param(exchanged(7), id="seven in reverse"),
+        pytest.param(np.random.default_rng(1).permutation(RIGHT_NS), id="shuffled"),
+        pytest.param((RIGHT_NS + (np.arange(RIGHT_NS.size) % 4 == 0) * 6 * MS), id="a quarter of the pixels late"),
+    ],
+)
+def test_events_out_of_order_are_no_clock_that_was_set(times_ns: Int64) -> None:
+    """Neither events in order, nor single ones in another order, nor those of some pixels are a clock that was set."""
+    assert set_clock(scan_of(times_ns)) is None
+
+
+@given(st.integers(2, 40), st.integers(1, 4_000))
+def test_a_late_part_is_told_wherever_it_stands(offset_ms: int, rows: int) -> None:
+    """The size follows from both steps to the longest natural one, at any place and length of the part."""
+    part = slice(6_000, 6_000 + max(rows, 600))
+    found = set_clock(scan_of(moved(lambda of_part: of_part + offset_ms * MS, part)))
+    assert found is not None
+    first = found.suspects[0]
+    assert (first.cause, first.stream) == ("time_offset", "events")
+    assert first.magnitude == pytest.approx(offset_ms, abs=first.standard_error)
+
+
+@given(st.lists(st.integers(-50, 50), min_size=2, max_size=80), st.integers(1, 79))
+def test_steps_are_the_longest_however_blocks_are_cut(steps: list[int], at: int) -> None:
+    """Two blocks give the steps of one, in the order of the file, and no step left out is longer than one kept."""
+    times_ns = np.cumsum(steps)
+    at = min(at, len(times_ns) - 1)
+    whole = longest_steps((), 0, int(times_ns[0]), times_ns)
+    first = longest_steps((), 0, int(times_ns[0]), times_ns[:at])
+    assert longest_steps(first, at, int(times_ns[at - 1]), times_ns[at:]) == whole
+    assert [one.row for one in whole] == sorted(one.row for one in whole)
+    for sign in (1, -1):
+        lengths = np.sort(sign * np.diff(times_ns))[::-1]
+        assert sorted((sign * one.length_ns for one in whole if sign * one.length_ns > 0), reverse=True) == [
+            length for length in lengths[:KEPT] if length > 0
+        ]
+
+
+def test_order_and_maps_suspect_the_clock_first() -> None:
+    """A late part is suspected by the order of the stamps, and by a map that is wrong only where the part lies."""
+    facts = facts_of(moved(lambda part: part + 6 * MS))
+    stored = facts.index_maps["rgb_to_event"].expected_left.copy()
+    inside = int(np.searchsorted(facts.clocks["rgb"].times_ns, RIGHT_NS[PART][100]))
+    stored[inside] += 40
+    facts = with_map(facts, "rgb_to_event", stored)
+    checks = (Order(), Rgb())
+    for one in judge({check.name: check.examine(facts) for check in checks}, checks, 1e-4):
+        assert one.alarms[0].suspects[0].cause == "time_offset"
+
+
+def local(chosen: list[bool]) -> Local:
+    return Local(Step(np.array(chosen), 7e-3, 1e-4, 10), 0.0, np.zeros(len(chosen)), np.full(len(chosen), 1e-4))
+
+
+@pytest.mark.parametrize(
+    ("chosen", "gains"),
+    [
+        pytest.param([False, True, True, False], True, id="within"),
+        pytest.param([True, True, True, False], False, id="from the start"),
+        pytest.param([False, False, False, True], False, id="to the end"),
+    ],
+)
+def test_a_late_stretch_within_a_file_needs_two_steps(chosen: list[bool], gains: bool) -> None:
+    """With a step back only, a stretch within the file gained; one at an end of it was late at once."""
+    steps = EventStep(1, 0, MS), EventStep(700, 90 * MS, 80 * MS), EventStep(800, 95 * MS, 96 * MS)
+    was_set = set_clock(EventScan(1000, 0, 200 * MS, 1, 700, 1000, (), 10 * MS, 60, steps))
+    shapes = with_steps(Shapes(0.0, 0.0, 1.0), local(chosen), was_set)
+    assert (shapes.drift > shapes.stretch) == gains
+    assert shapes.drift + shapes.stretch == pytest.approx(1.0)
