@@ -3,10 +3,11 @@
 Each alarm brings suspects, causes that would explain it, weighted by how well. A cause that explains several alarms is
 preferred over several causes (Occam), so causes are taken greedily by the weight they explain that no cause before
 them has explained: the classical approximation of a smallest weighted cover (Chvatal, "A greedy heuristic for the
-set-covering problem", 1979). Diagnosis runs only after an alarm: on clean files it would always find something.
+set-covering problem", 1979). Checks are the witnesses: one that states a disagreement for each rate of flow, as a mean
+and at its worst, says it once. Diagnosis runs only after an alarm: on clean files it would always find something.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
@@ -39,7 +40,7 @@ class _Candidate:
 
 
 def diagnose(alarms: Sequence[Alarm]) -> tuple[Diagnosis, ...]:
-    """Return the probable causes of the alarms, that which explains most first.
+    """Return the probable causes of the alarms, that which most checks bear out first.
 
     Alarms without a suspect become ``unknown``, one for each stream (all rates of flow are one).
     """
@@ -48,11 +49,8 @@ def diagnose(alarms: Sequence[Alarm]) -> tuple[Diagnosis, ...]:
     candidates = _candidates(alarms)
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
     chosen: list[tuple[_Candidate, float]] = []
-    while candidates:
-        best = max(candidates, key=lambda candidate: (_gain(candidate, unexplained), len(candidate.evidence)))
-        gain = _gain(best, unexplained)
-        if gain < _ENOUGH:
-            break
+    while telling := [one for one in candidates if _gain(one, unexplained) >= _ENOUGH]:
+        best = max(telling, key=lambda one: (_borne_out(one, unexplained, checks), len(one.evidence)))
         chosen.append((best, _confidence(best, candidates, unexplained, checks)))
         for finding, suspect in best.evidence.items():
             unexplained[finding] = min(unexplained[finding], 1.0 - suspect.weight)
@@ -98,6 +96,12 @@ def _fit(suspect: Suspect) -> tuple[float, bool]:
 def _gain(candidate: _Candidate, unexplained: Mapping[str, float]) -> float:
     """Weight that the candidate explains and nothing chosen before it did."""
     return sum(_new_weight(candidate, finding, unexplained) for finding in candidate.evidence)
+
+
+def _borne_out(candidate: _Candidate, unexplained: Mapping[str, float], checks: Mapping[str, str]) -> float:
+    """Weight that the candidate newly explains of each check's findings in the mean, summed over the checks."""
+    counts = Counter(checks.values())
+    return sum(_new_weight(candidate, finding, unexplained) / counts[checks[finding]] for finding in candidate.evidence)
 
 
 def _new_weight(candidate: _Candidate, finding: str, unexplained: Mapping[str, float]) -> float:

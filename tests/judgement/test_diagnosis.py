@@ -47,6 +47,22 @@ def test_all_rates_of_flow_together_are_flow() -> None:
     assert [(d.stream, d.explains) for d in found] == [("flow", ("F1", "F2"))]
 
 
+def test_one_check_with_many_findings_is_one_witness() -> None:
+    """A check that states its misfit for every rate, as a mean and at its worst, does not outvote three others."""
+    inverted, shifted = Suspect("quaternion_inverted", "pose", 0.95), Suspect("flow_interval_shifted", "flow", 1.0)
+    of_flow = [alarm(i, shifted, code="flow_geometry.endpoint.error") for i in range(1, 7)]
+    of_pose = [alarm(7 + i, inverted, code=f"{check}.rule") for i, check in enumerate(("pose.a", "imu.b", "imu.c"))]
+    found = diagnose([*of_flow, *of_pose])
+    assert [(d.cause, len(d.explains)) for d in found] == [("quaternion_inverted", 3), ("flow_interval_shifted", 6)]
+
+
+def test_one_finding_of_many_is_still_named() -> None:
+    """What one of thirty findings of a check needs a cause of its own for gets it."""
+    many = [alarm(i, Suspect("flow_gain", "flow", 0.9)) for i in range(30)]
+    found = diagnose([*many, alarm(30, Suspect("teleport", "pose", 0.9))])
+    assert [d.cause for d in found] == ["flow_gain", "teleport"]
+
+
 def test_nothing_fits_is_unknown() -> None:
     """A finding without a suspect is not passed over in silence."""
     found = diagnose([alarm(1), alarm(2, Suspect("teleport", "pose", 0.9))])

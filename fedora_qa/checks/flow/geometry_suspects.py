@@ -101,10 +101,26 @@ def _small(fields: Sequence[FieldError], flow: str, noise: PoseModel | None) -> 
             gain, seconds = 0.01 * float(sizes[0]), fields[0].interval.duration_s
             if is_noisy(noise) and abs(gain) > _LINEAR_GAIN:
                 continue
+            weight *= _in_common(total, gain)
             suspects.append(gain_suspect(flow, gain, 0.01 * error, weight, seconds, _SAME_GAIN))
             continue
         suspects += _of_every_stream(fault, flow, weight, fault.size(sizes), error)
     return suspects + _drift(fields, flow)
+
+
+def _in_common(total: Evidence, gain: float) -> float:
+    """Return the correlation of the stored flow with the recomputed one, which a gain leaves at 1.
+
+    Where the recomputed flow is far too large, any other is nearly none of it: a gain of -100% then removes nearly all
+    of the deviation and explains nothing. Where only rounding is left, no flow at all is a gain.
+    """
+    column = FLOW_GAIN.columns.start
+    recomputed = float(total.matrix[column, column]) * 100.0**2
+    if recomputed <= 0:  # all that a gain does, poses of unknown noise do as well
+        return 1.0
+    common = (1 + gain) ** 2 * recomputed
+    left = max(total.total - gain**2 * recomputed, 0.0)
+    return float(np.sqrt(min((common + total.count) / max(left + common, 1.0), 1.0)))
 
 
 def _drift(fields: Sequence[FieldError], flow: str) -> list[Suspect]:

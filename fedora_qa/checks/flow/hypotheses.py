@@ -59,8 +59,8 @@ def weigh_hypotheses(
 ) -> list[Weighed]:
     """Weigh every gross fault against one field, or against the part of it that is off.
 
-    What a hypothesis leaves is compared with the deviation as stored, or with the recomputed flow itself where that is
-    smaller, so that dividing a field of garbage explains nothing.
+    What a hypothesis leaves is compared with the deviation as stored, or with either flow itself where that is smaller,
+    so that dividing a field of garbage, or recomputing it from other garbage, explains nothing.
     """
     sample = sample_field(window, interval, frame, region)
     motion = track.motion(interval.start_ns, interval.end_ns)
@@ -68,9 +68,10 @@ def weigh_hypotheses(
         return []
     as_stored = _deviation(track, interval, sample, motion, window)
     still = replace(sample, flow_px=np.zeros_like(sample.flow_px))
-    reference = min(as_stored, _deviation(track, interval, still, motion, window))
+    stored_px = float(np.sqrt(np.mean(np.sum(sample.flow_px**2, axis=1))))
+    reference = min(as_stored, _deviation(track, interval, still, motion, window), stored_px or np.inf)
     if not 0 < reference < np.inf:
-        reference = float(np.sqrt(np.mean(np.sum(sample.flow_px**2, axis=1))))
+        reference = stored_px
     best: dict[tuple[str, str], Weighed] = {}
     for hypothesis in _hypotheses(window, track, interval, sample, motion, frame, region):
         if hypothesis.sample is None or hypothesis.motion is None:
@@ -192,7 +193,7 @@ def _of_the_depth(
 
 
 def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: FlowSample) -> Iterator[_Hypothesis]:
-    """Undo what may have happened to the pose and to the camera's mounting."""
+    """Undo what may have happened to the pose, at both ends of the interval or at one, and to the camera's mounting."""
 
     def turned(order: tuple[int, ...], signs: tuple[int, ...]) -> PoseTrack:
         return track.transformed(
@@ -223,8 +224,10 @@ def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: F
     ):
         if corrected is None:
             continue
-        motion = corrected.motion(interval.start_ns, interval.end_ns)
-        yield _Hypothesis(cause, stream, sample, motion, magnitude)
+        ends = ((corrected, corrected), (track, corrected), (corrected, track))
+        for first, last in ends[:1] if stream == "metadata" else ends:
+            motion = first.motion_into(last, interval.start_ns, interval.end_ns)
+            yield _Hypothesis(cause, stream, sample, motion, magnitude)
 
 
 def _from_north_east_down(track: PoseTrack) -> PoseTrack:
