@@ -234,6 +234,12 @@ def test_ladders_are_geometric_around_their_nominal_size() -> None:
     assert ladder_of("gyro_bias", "imu").is_observable(rungs[3], 1 / 4)
 
 
+def test_a_map_that_is_left_out_is_legal() -> None:
+    """Nothing declares an index map: its absence is no fault to be seen, as that of a declared stream is."""
+    assert not ladder_of("missing_stream", "rgb_to_event").is_observable(None)
+    assert ladder_of("missing_stream", "imu").is_observable(None)
+
+
 def test_the_file_of_a_fault_does_not_hang_on_the_others() -> None:
     """Asked for alone, a fault gets the same file, base and seed as among all."""
     scenes = tuple(load_scene(name) for name in ("park-day", "park-noisy"))

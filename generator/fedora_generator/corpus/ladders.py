@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_generator.faults.table import USUAL_FACTORS
+from fedora_qa.causes import INDEX_MAPS
 
 STEP: Final = 3.0
 """From rung to rung; half a decade, near enough, so that five rungs span two."""
@@ -36,6 +37,8 @@ class Ladder:
         One rung only, whatever is asked for.
     smaller_is_worse
         The fault grows as the magnitude falls.
+    legal
+        The file stays a legal one: there is nothing to see.
     """
 
     nominal: float | None = None
@@ -44,6 +47,7 @@ class Ladder:
     most: float = math.inf
     fixed: bool = False
     smaller_is_worse: bool = False
+    legal: bool = False
 
     def rungs(self, count: int) -> tuple[float | None, ...]:
         """Return ``count`` magnitudes from mild to severe around the nominal one, or fewer where some are the same."""
@@ -60,7 +64,7 @@ class Ladder:
         the error of a mean over so many fewer samples is. One without a ladder is seen in any share.
         """
         if magnitude is None or self.nominal is None or self.fixed:
-            return True
+            return not self.legal
         if self.smaller_is_worse:
             return magnitude <= self.nominal * math.sqrt(share)
         return magnitude >= self.nominal / math.sqrt(share)
@@ -132,6 +136,8 @@ _OF_PAIR: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
         ("nan_in_stream", "metadata"): Ladder(nominal=1, fixed=True),
         ("noise_misdeclared", "imu"): Ladder(nominal=25.0, unit="percent"),
         ("lever_arm", "metadata"): Ladder(nominal=1e-3, unit="m"),
+        # A map may be left out, and unlike other streams nothing in the metadata promises one.
+        **{("missing_stream", stream): Ladder(legal=True) for stream in INDEX_MAPS},
         ("truncated", "file"): Ladder(nominal=1.0, unit="percent", most=90.0),
     }
 )
