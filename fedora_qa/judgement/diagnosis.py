@@ -9,11 +9,11 @@ and at its worst, says it once. Diagnosis runs only after an alarm: on clean fil
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 
 from fedora_qa.causes import CAUSES, stream_family
-from fedora_qa.checks.protocol import Suspect
+from fedora_qa.checks.protocol import ANY_CAUSE, Suspect
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis, Where
 
@@ -25,6 +25,9 @@ _ENOUGH = 0.05
 
 _UNFORESEEN = 0.02
 """Weight of a cause with a check that does not know it: none so well studied that it could be ruled out."""
+
+_IN_EARNEST = 0.3
+"""Weight from which on a cause, named by some check, may be what spoils its stream for others as well."""
 
 _FAIR_FIT = 0.5
 """Share of the best fit from which on a cause's size is taken from where it is most precise: no derivation, but a worse
@@ -70,11 +73,14 @@ def _family(alarm: Alarm) -> str:
 
 
 def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
-    """Gather suspects by cause and stream. A fault of all flow also explains what was seen of one of its rates."""
+    """Gather suspects by cause and stream. A fault of all flow also explains what was seen of one of its rates.
+
+    What any fault of a stream would explain is explained by those that some check names in earnest.
+    """
     evidence: dict[tuple[str, str], dict[str, Suspect]] = defaultdict(dict)
     for alarm in alarms:
         for suspect in alarm.suspects:
-            if suspect.cause == _UNKNOWN:
+            if suspect.cause in (_UNKNOWN, ANY_CAUSE):
                 continue
             known = evidence[suspect.cause, suspect.stream]
             if alarm.finding.id not in known or _fit(known[alarm.finding.id]) < _fit(suspect):
@@ -85,7 +91,21 @@ def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
                 if other_cause == cause and other != stream and stream_family(other) == stream:
                     for finding, suspect in suspects.items():
                         evidence[cause, stream].setdefault(finding, suspect)
+    for alarm in alarms:
+        for suspect in alarm.suspects:
+            if suspect.cause == ANY_CAUSE:
+                _join(evidence, alarm.finding.id, suspect)
     return [_Candidate(cause, stream, found) for (cause, stream), found in evidence.items()]
+
+
+def _join(evidence: Mapping[tuple[str, str], dict[str, Suspect]], finding: str, of_any: Suspect) -> None:
+    """Let the causes of a stream explain a finding that any of them would explain, with their own size if they have."""
+    for (cause, stream), known in evidence.items():
+        if stream != of_any.stream or max(one.weight for one in known.values()) < _IN_EARNEST:
+            continue
+        own = known.get(finding, Suspect(cause, stream, 0.0))
+        if own.weight < of_any.weight:
+            known[finding] = replace(own, weight=of_any.weight)
 
 
 def _fit(suspect: Suspect) -> tuple[float, bool]:

@@ -186,7 +186,7 @@ def _of_the_stamps(pair: DepthPair) -> Iterator[_Hypothesis]:
 
 
 def _of_the_pose(pair: DepthPair) -> Iterator[_Hypothesis]:
-    """Suppose other conventions of the pose, or one wrong pose."""
+    """Suppose other conventions of the pose, of both or of either, or one wrong pose."""
     for cause, change in (
         ("quaternion_inverted", _turned((0, 1, 2, 3), (-1, -1, -1, 1))),
         ("quaternion_order", _turned((1, 2, 3, 0), (1, 1, 1, 1))),
@@ -194,11 +194,11 @@ def _of_the_pose(pair: DepthPair) -> Iterator[_Hypothesis]:
         ("frame_convention", _from_north_east_down),
     ):
         track = change(pair.track)
-        motion = track.motion(pair.start_ns, pair.end_ns)
-        if motion is not None:
-            yield _Hypothesis(
-                ((cause, "pose", 1.0, _sizeless),), pair.images, _only(replace(pair.model(), motion=motion))
-            )
+        for first, last in ((track, track), (pair.track, track), (track, pair.track)):
+            motion = first.motion_into(last, pair.start_ns, pair.end_ns)
+            if motion is not None:
+                model = replace(pair.model(), motion=motion)
+                yield _Hypothesis(((cause, "pose", 1.0, _sizeless),), pair.images, _only(model))
     any_pose = (("teleport", "pose", _LESS_LIKELY, _sizeless), ("frozen_frames", "pose", 0.9, _sizeless))
     yield _Hypothesis(any_pose, pair.images, _only(pair.model()), noise=_FREE_TWIST)
 

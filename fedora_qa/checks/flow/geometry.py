@@ -11,7 +11,7 @@ from fedora_qa.checks.flow.geometry_suspects import geometry_suspects
 from fedora_qa.checks.flow.hypotheses import Weighed, weigh_hypotheses
 from fedora_qa.checks.flow.intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
 from fedora_qa.checks.flow.suspects import spreads_over
-from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.checks.standing import why_not_told_apart
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -226,7 +226,11 @@ def _correction(
             Suspect("noise_misdeclared", "pose", 0.9 - from_noisy / 2, 100 * (1 / ratio**1.5 - 1) if ratio else None),
         )
     elif not suspects or suspects[0].cause in ("unknown", "noise_misdeclared"):
-        suspects = (Suspect("noise_misdeclared", "pose", 0.9, 100 * (1 / ratio**1.5 - 1), "percent"), *suspects)
+        suspects = (
+            Suspect("noise_misdeclared", "pose", 0.9, 100 * (1 / ratio**1.5 - 1), "percent"),
+            Suspect(ANY_CAUSE, "pose", 0.8),
+            *suspects,
+        )
     return [
         Measured(
             name=f"{stream} pose_correction",

@@ -11,7 +11,7 @@ from fedora_qa.checks.flow.chosen_numbers import is_chosen
 from fedora_qa.checks.flow.comparison import FieldError, is_noisy
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.suspects import gain_suspect, gross_suspects, most_probable, spreads_over, weakened
-from fedora_qa.checks.protocol import Suspect
+from fedora_qa.checks.protocol import ANY_CAUSE, Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_motion_fit import Evidence, sum_of
 from fedora_qa.estimators.flow_templates import FLOW_GAIN, SMALL_FAULTS, TIME_OFFSET, SmallFault
@@ -29,6 +29,9 @@ _NEARLY_ALL: Final = 0.9
 
 _OF_IMAGES: Final = ("flow", "depth")
 """Where a part of the image is off, what is wrong lies in the image: poses and cameras spoil all of it."""
+
+_AS_WELL: Final = 0.9
+"""What another pose explains, whatever is wrong with the poses explains a little less surely."""
 
 _PPM_PER_MS_PER_S, _PERCENT_PER_MS_PER_S = 1e3, 0.1
 
@@ -63,7 +66,8 @@ def geometry_suspects(
     if max((suspect.weight for suspect in gross if suspect.cause != "flow_gain"), default=0.0) > _CERTAIN:
         small = weakened(small, 0.8)
     by_pose = [] if is_noisy(noise) or in_part else _of_the_pose(fields_off, local=local)
-    return most_probable([*gross, *small, *by_pose]) or (Suspect("unknown", flow, 0.1),)
+    named = most_probable([*gross, *small, *by_pose]) or (Suspect("unknown", flow, 0.1),)
+    return named + tuple(Suspect(ANY_CAUSE, "pose", _AS_WELL * max(one.weight for one in by_pose)) for _ in by_pose[:1])
 
 
 def _share_touched(fields: Sequence[FieldError], fields_off: Sequence[FieldError]) -> float:
