@@ -142,3 +142,15 @@ def test_the_gravity_of_the_world_is_the_test_files_own() -> None:
     times_s = sample_motion().imu_times_s
     up = RESTLESS.orientations(times_s).inv().apply([0.0, 0.0, GRAVITY_M_S2])
     np.testing.assert_allclose(RESTLESS.specific_forces(times_s, 0.0) + up, RESTLESS.specific_forces(times_s))
+
+
+def test_an_imu_that_sits_elsewhere_for_a_while_is_no_bias(tmp_path: Path) -> None:
+    """A lever arm that ends early leaves something to bias and gravity: it explains them, and is all there is."""
+    file = MotionFile()
+    times_s = file.samples.imu_times_s
+    rates = file.samples.angular_velocities_body_rad_s
+    arm_m = np.array([1e-3, 0.0, 0.0])
+    turning = np.cross(np.gradient(rates, times_s, axis=0), arm_m) + np.cross(rates, np.cross(rates, arm_m))
+    forces = file.samples.specific_forces_body_m_s2 + (times_s < 1.7)[:, None] * turning
+    diagnosis = first_diagnosis(file.altered(specific_forces_body_m_s2=forces), tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream) == ("lever_arm", "imu")

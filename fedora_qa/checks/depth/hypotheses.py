@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.depth.pairs import DepthPair, standing_m, step_share
-from fedora_qa.checks.flow.hypotheses import Weighed
+from fedora_qa.checks.flow.hypotheses import Weighed, other_mountings
 from fedora_qa.checks.flow.intervals import PoseTrack
 from fedora_qa.conventions import MM_PER_M, NS_PER_S
 from fedora_qa.estimators.depth_fit import Family, fit_depth, noise_directions
@@ -75,6 +75,8 @@ def weigh_hypotheses(pair: DepthPair, as_stored: float, tile: Tile | None = None
         if fit is None:
             continue
         for cause, stream, likeliness, size in hypothesis.blames:
+            if cause == "unit_mm_m" and fit.value < 0:  # no unit turns lengths round
+                continue
             weight = likeliness * max(1.0 - fit.typical / as_stored, 0.0)
             key = (hypothesis.of, cause, stream)
             if key not in best or best[key].weight < weight:
@@ -186,7 +188,7 @@ def _of_the_stamps(pair: DepthPair) -> Iterator[_Hypothesis]:
 
 
 def _of_the_pose(pair: DepthPair) -> Iterator[_Hypothesis]:
-    """Suppose other conventions of the pose, of both or of either, or one wrong pose."""
+    """Suppose other conventions of the pose, of both or of either, or of the mounting, or one wrong pose."""
     for cause, change in (
         ("quaternion_inverted", _turned((0, 1, 2, 3), (-1, -1, -1, 1))),
         ("quaternion_order", _turned((1, 2, 3, 0), (1, 1, 1, 1))),
@@ -199,6 +201,11 @@ def _of_the_pose(pair: DepthPair) -> Iterator[_Hypothesis]:
             if motion is not None:
                 model = replace(pair.model(), motion=motion)
                 yield _Hypothesis(((cause, "pose", 1.0, _sizeless),), pair.images, _only(model))
+    for T_body_camera in other_mountings(pair.track.camera.T_body_camera):
+        motion = pair.track.mounted(T_body_camera).motion(pair.start_ns, pair.end_ns)
+        if motion is not None:
+            model = replace(pair.model(), motion=motion)
+            yield _Hypothesis((("frame_convention", "metadata", 1.0, _sizeless),), pair.images, _only(model))
     any_pose = (("teleport", "pose", _LESS_LIKELY, _sizeless), ("frozen_frames", "pose", 0.9, _sizeless))
     yield _Hypothesis(any_pose, pair.images, _only(pair.model()), noise=_FREE_TWIST)
 

@@ -30,6 +30,9 @@ _NEARLY_ALL: Final = 0.9
 _OF_IMAGES: Final = ("flow", "depth")
 """Where a part of the image is off, what is wrong lies in the image: poses and cameras spoil all of it."""
 
+_THERE_AND_BACK: Final = 2
+"""Fields of a rate that a jump of the pose and its return spoil: those in whose interval they happen."""
+
 _AS_WELL: Final = 0.9
 """What another pose explains, whatever is wrong with the poses explains a little less surely."""
 
@@ -180,4 +183,5 @@ def _of_the_pose(off: Sequence[FieldError], *, local: bool) -> list[Suspect]:
     if not local:
         return [Suspect("noise_misdeclared", "pose", 0.9 * weight)]
     shift_m = float(np.median([field.free_shift_m for field in known]))
-    return [Suspect("teleport", "pose", 0.95 * weight, shift_m, "m"), Suspect("frozen_frames", "pose", 0.9 * weight)]
+    teleport = 0.95 * weight * min(_THERE_AND_BACK / len(off), 1.0)
+    return [Suspect("teleport", "pose", teleport, shift_m, "m"), Suspect("frozen_frames", "pose", 0.9 * weight)]

@@ -203,11 +203,7 @@ def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: F
     def moved(change: Float64) -> PoseTrack:
         return track.transformed(lambda poses: replace(poses, positions_world_m=poses.positions_world_m @ change))
 
-    T_body_camera = track.camera.T_body_camera
-    inverse = np.asarray(np.linalg.inv(T_body_camera), dtype=np.float64)
-    straight = np.eye(4)
-    straight[:3, :3], straight[:3, 3] = R_BODY_OPTICAL, T_body_camera[:3, 3]
-    turned_far = np.linalg.norm(log(straight[:3, :3].T @ T_body_camera[:3, :3])) > _ANOTHER_CONVENTION_RAD
+    mountings = [track.mounted(T_body_camera) for T_body_camera in other_mountings(track.camera.T_body_camera)]
     for cause, stream, corrected, magnitude in (
         ("quaternion_inverted", "pose", turned((0, 1, 2, 3), (-1, -1, -1, 1)), None),
         ("quaternion_order", "pose", turned((1, 2, 3, 0), (1, 1, 1, 1)), None),
@@ -219,8 +215,7 @@ def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: F
         ),
         ("axes_swapped", "pose", moved(np.eye(3)[[1, 0, 2]]), None),
         ("frame_convention", "pose", _from_north_east_down(track), None),
-        ("frame_convention", "metadata", track.mounted(inverse), None),
-        ("frame_convention", "metadata", track.mounted(straight) if turned_far else None, None),
+        *(("frame_convention", "metadata", mounted, None) for mounted in mountings),
     ):
         if corrected is None:
             continue
@@ -228,6 +223,15 @@ def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: F
         for first, last in ends[:1] if stream == "metadata" else ends:
             motion = first.motion_into(last, interval.start_ns, interval.end_ns)
             yield _Hypothesis(cause, stream, sample, motion, magnitude)
+
+
+def other_mountings(T_body_camera: Float64) -> list[Float64]:
+    """Return what T_body_camera (4, 4) may be if declared in another convention: its inverse, or straight ahead."""
+    straight = np.eye(4)
+    straight[:3, :3], straight[:3, 3] = R_BODY_OPTICAL, T_body_camera[:3, 3]
+    inverse = np.asarray(np.linalg.inv(T_body_camera), dtype=np.float64)
+    turned_far = np.linalg.norm(log(straight[:3, :3].T @ T_body_camera[:3, :3])) > _ANOTHER_CONVENTION_RAD
+    return [inverse, straight] if turned_far else [inverse]
 
 
 def _from_north_east_down(track: PoseTrack) -> PoseTrack:
