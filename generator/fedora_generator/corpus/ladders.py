@@ -152,6 +152,14 @@ _UNDER_POSE_NOISE: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
         ("gravity_magnitude", "metadata"): Ladder(nominal=0.3, unit="m/s^2"),
         ("lever_arm", "imu"): Ladder(nominal=2.0, unit="m"),
         ("lever_arm", "pose"): Ladder(nominal=2.0, unit="m"),
-        ("teleport", "pose"): Ladder(nominal=0.03, unit="m"),
+        ("teleport", "pose"): Ladder(nominal=0.05, unit="m"),
+        # Each field of flow may turn and shift as much as two noisy poses do: what is left to see is what that cannot.
+        ("flow_gain", "flow"): Ladder(nominal=3.0, unit="percent"),
+        ("intrinsics_focal", "flow"): Ladder(nominal=0.3, unit="percent"),
+        ("intrinsics_focal", "metadata"): Ladder(nominal=0.3, unit="percent"),
+        ("intrinsics_centre", "flow"): Ladder(nominal=3.0, unit="px"),
+        ("extrinsic_rotation", "flow"): Ladder(nominal=3.0, unit="deg"),
+        ("extrinsic_rotation", "metadata"): Ladder(nominal=10.0, unit="deg"),
+        ("lever_arm", "metadata"): Ladder(nominal=3.0, unit="m"),
     }
 )
