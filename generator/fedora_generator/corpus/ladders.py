@@ -159,7 +159,7 @@ _UNDER_POSE_NOISE: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
         ("intrinsics_focal", "metadata"): Ladder(nominal=0.3, unit="percent"),
         ("intrinsics_centre", "flow"): Ladder(nominal=3.0, unit="px"),
         ("extrinsic_rotation", "flow"): Ladder(nominal=3.0, unit="deg"),
-        ("extrinsic_rotation", "metadata"): Ladder(nominal=10.0, unit="deg"),
-        ("lever_arm", "metadata"): Ladder(nominal=3.0, unit="m"),
+        ("extrinsic_rotation", "metadata"): Ladder(nominal=30.0, unit="deg"),
+        ("lever_arm", "metadata"): Ladder(nominal=10.0, unit="m"),
     }
 )
