@@ -37,8 +37,8 @@ class Ladder:
         One rung only, whatever is asked for.
     smaller_is_worse
         The fault grows as the magnitude falls.
-    legal
-        The file stays a legal one: there is nothing to see.
+    hidden
+        There is nothing to see: the file stays a legal one, or noise hides all sizes that make sense.
     """
 
     nominal: float | None = None
@@ -47,7 +47,7 @@ class Ladder:
     most: float = math.inf
     fixed: bool = False
     smaller_is_worse: bool = False
-    legal: bool = False
+    hidden: bool = False
 
     def rungs(self, count: int) -> tuple[float | None, ...]:
         """Return ``count`` magnitudes from mild to severe around the nominal one, or fewer where some are the same."""
@@ -63,8 +63,10 @@ class Ladder:
         A fault of a ``share`` of the pixels or of the time is seen from a size on that is larger by 1 / sqrt(share), as
         the error of a mean over so many fewer samples is. One without a ladder is seen in any share.
         """
+        if self.hidden:
+            return False
         if magnitude is None or self.nominal is None or self.fixed:
-            return not self.legal
+            return True
         if self.smaller_is_worse:
             return magnitude <= self.nominal * math.sqrt(share)
         return magnitude >= self.nominal / math.sqrt(share)
@@ -137,7 +139,7 @@ _OF_PAIR: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
         ("noise_misdeclared", "imu"): Ladder(nominal=25.0, unit="percent"),
         ("lever_arm", "metadata"): Ladder(nominal=1e-3, unit="m"),
         # A map may be left out, and unlike other streams nothing in the metadata promises one.
-        **{("missing_stream", stream): Ladder(legal=True) for stream in INDEX_MAPS},
+        **{("missing_stream", stream): Ladder(hidden=True) for stream in INDEX_MAPS},
         ("truncated", "file"): Ladder(nominal=1.0, unit="percent", most=90.0),
     }
 )
@@ -159,7 +161,7 @@ _UNDER_POSE_NOISE: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
         ("intrinsics_focal", "metadata"): Ladder(nominal=0.3, unit="percent"),
         ("intrinsics_centre", "flow"): Ladder(nominal=3.0, unit="px"),
         ("extrinsic_rotation", "flow"): Ladder(nominal=3.0, unit="deg"),
-        ("extrinsic_rotation", "metadata"): Ladder(nominal=30.0, unit="deg"),
-        ("lever_arm", "metadata"): Ladder(nominal=10.0, unit="m"),
+        ("extrinsic_rotation", "metadata"): Ladder(nominal=10.0, unit="deg", hidden=True),
+        ("lever_arm", "metadata"): Ladder(nominal=1.0, unit="m", hidden=True),
     }
 )
