@@ -249,6 +249,16 @@ def test_a_cut_of_all_rates_is_one_of_the_flow(kept_ms: int, slowest_ms: int, st
     assert not any("begin at zero" in alarm.finding.message for alarm in alarms)
 
 
+@pytest.mark.parametrize("name", ["clocks.order", "clocks.gaps"])
+def test_a_part_that_is_late_by_many_samples_is_neither_lost_nor_shuffled(name: str) -> None:
+    """Poses of half a second that are 90 ms late leave a gap and stand before others: one offset, with its sign."""
+    facts = exact_facts()
+    times_ns = facts.clocks["pose"].times_ns.copy()
+    times_ns[100:200] += 90 * MS
+    suspect = judged(name, with_clock(facts, "pose", clock(times_ns))).alarms[0].suspects[0]
+    assert (suspect.cause, suspect.stream, suspect.magnitude) == ("time_offset", "pose", pytest.approx(90.0))
+
+
 def test_stamps_from_zero_beside_others_of_an_epoch_are_said_to_be() -> None:
     """A stream that was counted from zero is named as that, with the offset between the clocks."""
     epoch_us = 1_700_000_000_000_000

@@ -18,7 +18,7 @@ from fedora_qa.checks.flow.intervals import (
 )
 from fedora_qa.checks.flow.stamps import stamp_measurements
 from fedora_qa.checks.flow.suspects import DISPLACEMENTS, spreads_over
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Observation, Suspect, WindowCheck
 from fedora_qa.checks.standing import standing_depth_m
 from fedora_qa.geometry.rigid_flow import moved_points
 from fedora_qa.record.types import Coverage, Where
@@ -194,7 +194,8 @@ def _pixel_measurements(patterns: Sequence[FieldPattern], facts: Facts) -> list[
     if 2 * sum(p.unfounded_alike for p in unfounded) <= wrong:  # flow of its own, which was made of a depth
         misplaced = (("nan_in_stream", "depth", 0.8), *((cause, stream, 0.5 * w) for cause, stream, w in misplaced))
     if mostly_behind:
-        misplaced = (("unit_mm_m", "pose" if all(pattern.deep for pattern in unfounded) else "depth", 0.6),)
+        blamed = "pose" if all(pattern.deep for pattern in unfounded) else "depth"
+        misplaced = (("unit_mm_m", blamed, 0.6), (ANY_CAUSE, blamed, 0.5))
     absent: tuple[tuple[str, str, float], ...] = (("nan_in_stream", "flow", 0.8), ("invalid_encoding", "depth", 0.4))
     if unfounded and missing:
         misplaced = absent = DISPLACEMENTS
