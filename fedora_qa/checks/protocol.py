@@ -7,7 +7,7 @@ be cut in time over workers and the outcome does not depend on the cut.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Final, Generic, Literal, TypeVar
 
 from numpy.typing import NDArray
 
@@ -18,12 +18,15 @@ from fedora_qa.sequence.window import Window
 State = TypeVar("State")
 Summary = TypeVar("Summary")
 
+ANY_CAUSE: Final = "any"
+"""In place of a suspect's cause: whatever else is found to be wrong with its stream would explain this as well."""
+
 
 @dataclass(frozen=True, slots=True)
 class Suspect:
     """A cause that would explain a deviation, with its fitted size.
 
-    ``weight`` says how well it explains the deviation, 0 (not at all) to 1 (entirely).
+    ``weight`` says how well it explains the deviation, 0 (not at all) to 1 (entirely). The cause may be ``ANY_CAUSE``.
     """
 
     cause: str

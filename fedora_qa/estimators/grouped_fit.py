@@ -61,7 +61,8 @@ class Fitted:
     free
         Whether its group was freed: it explains the residuals far beyond chance.
     explained
-        For each group, which share (0 to 1) of all that can be explained it explains on its own.
+        For groups that rival this one, which share (0 to 1) of what can be explained each explains on its own: of
+        everything those that were freed before it, of what they have left those that were not, where it is free itself.
     """
 
     value: float
@@ -148,7 +149,7 @@ class GroupedFit:
                 place = columns.index(column)
                 found[self.parameters.names[column]] = Fitted(
                     float(values[place]), float(errors[place]), float(model_errors[place]),
-                    group in self.free, self._explained.get(group, {}),
+                    group in self.free, self._explained[group],
                 )  # fmt: skip
         return found
 
@@ -216,6 +217,10 @@ class GroupedFit:
         free: tuple[str, ...] = ()
         explained: dict[str, dict[str, float]] = {}
         everything = self._explains(tuple(self.parameters.groups))
+        # A fault that does not last throughout leaves to others what its group, freed before, cannot describe.
+        alone = {
+            g: float(np.clip(self._explains((g,)) / (everything or 1.0), 0.0, 1.0)) for g in self.parameters.groups
+        }
         while len(free) < len(self.parameters.groups):
             base = self._explains(free)
             gains = {g: (self._explains((*free, g)) - base) / unit for g in self.parameters.groups if g not in free}
@@ -225,8 +230,9 @@ class GroupedFit:
             best = max(gains, key=lambda g: gains[g] - 2.0 * len(self.parameters.groups[g]))  # Akaike's penalty
             left = max((everything - base) / unit, gains[best])
             explained[best] = {g: float(np.clip(gain / left, 0.0, 1.0)) for g, gain in gains.items()}
+            explained[best] |= {g: alone[g] for g in free}
             free = (*free, best)
-        return free, explained
+        return free, {g: explained.get(g, {one: alone[one] for one in free}) for g in self.parameters.groups}
 
     def _standard_errors(self, columns: list[int], inverse: Float64, values: Float64) -> Float64:
         """Return the formal error scaled by the misfit, and the spread over stretches where that is beyond chance.

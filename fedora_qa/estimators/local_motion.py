@@ -102,12 +102,15 @@ class Steps:
         (n,) standard deviation of a size for white noise of 1.
     motion
         (n,) what the motion may have added to a size, each axis.
+    reach
+        Samples on either side of a place that its size rests on.
     """
 
     before: Indices
     sizes: Float64
     gains: Float64
     motion: Float64
+    reach: int
 
 
 def noise_level(times_ns: NDArray[np.int64], curve: Curve, *, order: int) -> NoiseLevel | None:
@@ -145,7 +148,7 @@ def find_steps(times_ns: NDArray[np.int64], curve: Curve, *, half_width: int, de
     motion = np.abs(sizes - looser_sizes).max(axis=-1, initial=0.0)
     beyond_noise = np.where(motion > _FAR_OUT * sigma * difference_gains, motion, 0.0)
     nearby = maximum_filter1d(beyond_noise, 2 * half_width + 1, mode="nearest") if len(stencils) else beyond_noise
-    return Steps(stencils[:, half_width - 1], sizes, gains, nearby)
+    return Steps(stencils[:, half_width - 1], sizes, gains, nearby, half_width)
 
 
 def _step_sizes(

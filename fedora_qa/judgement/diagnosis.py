@@ -3,16 +3,17 @@
 Each alarm brings suspects, causes that would explain it, weighted by how well. A cause that explains several alarms is
 preferred over several causes (Occam), so causes are taken greedily by the weight they explain that no cause before
 them has explained: the classical approximation of a smallest weighted cover (Chvatal, "A greedy heuristic for the
-set-covering problem", 1979). Diagnosis runs only after an alarm: on clean files it would always find something.
+set-covering problem", 1979). Checks are the witnesses: one that states a disagreement for each rate of flow, as a mean
+and at its worst, says it once. Diagnosis runs only after an alarm: on clean files it would always find something.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 
 from fedora_qa.causes import CAUSES, stream_family
-from fedora_qa.checks.protocol import Suspect
+from fedora_qa.checks.protocol import ANY_CAUSE, Suspect
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis, Where
 
@@ -24,6 +25,9 @@ _ENOUGH = 0.05
 
 _UNFORESEEN = 0.02
 """Weight of a cause with a check that does not know it: none so well studied that it could be ruled out."""
+
+_IN_EARNEST = 0.3
+"""Weight from which on a cause, named by some check, may be what spoils its stream for others as well."""
 
 _FAIR_FIT = 0.5
 """Share of the best fit from which on a cause's size is taken from where it is most precise: no derivation, but a worse
@@ -39,7 +43,7 @@ class _Candidate:
 
 
 def diagnose(alarms: Sequence[Alarm]) -> tuple[Diagnosis, ...]:
-    """Return the probable causes of the alarms, that which explains most first.
+    """Return the probable causes of the alarms, that which most checks bear out first.
 
     Alarms without a suspect become ``unknown``, one for each stream (all rates of flow are one).
     """
@@ -48,11 +52,8 @@ def diagnose(alarms: Sequence[Alarm]) -> tuple[Diagnosis, ...]:
     candidates = _candidates(alarms)
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
     chosen: list[tuple[_Candidate, float]] = []
-    while candidates:
-        best = max(candidates, key=lambda candidate: (_gain(candidate, unexplained), len(candidate.evidence)))
-        gain = _gain(best, unexplained)
-        if gain < _ENOUGH:
-            break
+    while telling := [one for one in candidates if _gain(one, unexplained) >= _ENOUGH]:
+        best = max(telling, key=lambda one: (_borne_out(one, unexplained, checks), len(one.evidence)))
         chosen.append((best, _confidence(best, candidates, unexplained, checks)))
         for finding, suspect in best.evidence.items():
             unexplained[finding] = min(unexplained[finding], 1.0 - suspect.weight)
@@ -74,12 +75,13 @@ def _family(alarm: Alarm) -> str:
 def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
     """Gather suspects by cause and stream. A fault of all flow also explains what was seen of one of its rates.
 
-    A size of the other sign contradicts: those that agree are one candidate, the others none.
+    A size of the other sign contradicts: those that agree are one candidate, the others none. What any fault of a
+    stream would explain is explained by those that some check names in earnest.
     """
     evidence: dict[tuple[str, str], dict[str, Suspect]] = defaultdict(dict)
     for alarm in alarms:
         for suspect in alarm.suspects:
-            if suspect.cause == _UNKNOWN:
+            if suspect.cause in (_UNKNOWN, ANY_CAUSE):
                 continue
             known = evidence[suspect.cause, suspect.stream]
             if alarm.finding.id not in known or _fit(known[alarm.finding.id]) < _fit(suspect):
@@ -90,6 +92,10 @@ def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
                 if other_cause == cause and other != stream and stream_family(other) == stream:
                     for finding, suspect in suspects.items():
                         evidence[cause, stream].setdefault(finding, suspect)
+    for alarm in alarms:
+        for suspect in alarm.suspects:
+            if suspect.cause == ANY_CAUSE:
+                _join(evidence, alarm.finding.id, suspect)
     return [_Candidate(cause, stream, _of_one_sign(found)) for (cause, stream), found in evidence.items()]
 
 
@@ -103,6 +109,16 @@ def _of_one_sign(evidence: Mapping[str, Suspect]) -> dict[str, Suspect]:
     return {finding: suspect for finding, suspect in evidence.items() if signs.get(finding, kept) is kept}
 
 
+def _join(evidence: Mapping[tuple[str, str], dict[str, Suspect]], finding: str, of_any: Suspect) -> None:
+    """Let the causes of a stream explain a finding that any of them would explain, with their own size if they have."""
+    for (cause, stream), known in evidence.items():
+        if stream != of_any.stream or max(one.weight for one in known.values()) < _IN_EARNEST:
+            continue
+        own = known.get(finding, Suspect(cause, stream, 0.0))
+        if own.weight < of_any.weight:
+            known[finding] = replace(own, weight=of_any.weight)
+
+
 def _fit(suspect: Suspect) -> tuple[float, bool]:
     """Order suspects of one finding and cause by weight, to a hundredth, then by whether their size has an error."""
     return round(suspect.weight, 2), suspect.standard_error is not None
@@ -111,6 +127,12 @@ def _fit(suspect: Suspect) -> tuple[float, bool]:
 def _gain(candidate: _Candidate, unexplained: Mapping[str, float]) -> float:
     """Weight that the candidate explains and nothing chosen before it did."""
     return sum(_new_weight(candidate, finding, unexplained) for finding in candidate.evidence)
+
+
+def _borne_out(candidate: _Candidate, unexplained: Mapping[str, float], checks: Mapping[str, str]) -> float:
+    """Weight that the candidate newly explains of each check's findings in the mean, summed over the checks."""
+    counts = Counter(checks.values())
+    return sum(_new_weight(candidate, finding, unexplained) / counts[checks[finding]] for finding in candidate.evidence)
 
 
 def _new_weight(candidate: _Candidate, finding: str, unexplained: Mapping[str, float]) -> float:

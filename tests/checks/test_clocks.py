@@ -233,6 +233,32 @@ def test_a_last_sample_that_is_missing_is_noted() -> None:
     assert judged("clocks.span", replace(exact_facts(), clocks=sampled)).result.outcome == "passed"
 
 
+@pytest.mark.parametrize(("kept_ms", "slowest_ms", "stream"), [(1900, 1900, "flow"), (1900, 2000, "flow/25hz")])
+def test_a_cut_of_all_rates_is_one_of_the_flow(kept_ms: int, slowest_ms: int, stream: str) -> None:
+    """A cut that 25 and 50 Hz show is of flow as a whole, unless 10 Hz, too slow to fail, is whole to its end."""
+    facts = exact_facts()
+    ends_ms = {"flow/10hz": slowest_ms, "flow/25hz": kept_ms, "flow/50hz": kept_ms}
+    for rate, end_ms in ends_ms.items():
+        held = facts.clocks[rate]
+        assert held.ends_ns is not None
+        kept = held.times_ns[held.ends_ns <= end_ms * MS]
+        facts = with_clock(facts, rate, clock(kept, int(held.ends_ns[0] - held.times_ns[0])))
+    alarms = judged("clocks.span", facts).alarms
+    assert {alarm.finding.where.stream for alarm in alarms} == {"flow/25hz", "flow/50hz"}
+    assert (alarms[0].suspects[0].cause, alarms[0].suspects[0].stream) == ("truncated", stream)
+    assert not any("begin at zero" in alarm.finding.message for alarm in alarms)
+
+
+@pytest.mark.parametrize("name", ["clocks.order", "clocks.gaps"])
+def test_a_part_that_is_late_by_many_samples_is_neither_lost_nor_shuffled(name: str) -> None:
+    """Poses of half a second that are 90 ms late leave a gap and stand before others: one offset, with its sign."""
+    facts = exact_facts()
+    times_ns = facts.clocks["pose"].times_ns.copy()
+    times_ns[100:200] += 90 * MS
+    suspect = judged(name, with_clock(facts, "pose", clock(times_ns))).alarms[0].suspects[0]
+    assert (suspect.cause, suspect.stream, suspect.magnitude) == ("time_offset", "pose", pytest.approx(90.0))
+
+
 def test_stamps_from_zero_beside_others_of_an_epoch_are_said_to_be() -> None:
     """A stream that was counted from zero is named as that, with the offset between the clocks."""
     epoch_us = 1_700_000_000_000_000

@@ -246,3 +246,43 @@ def test_empty_fields_do_not_crash() -> None:
     """Fields without a single value say that they share too few pixels with the depth."""
     empty = clean().with_flow(lambda _, flow: np.full_like(flow, np.nan))
     assert "too few" in observe(Endpoint(), empty).unobservable
+
+
+def from_the_middle_on(key: str, change: object) -> FlowWorld:
+    """A world whose poses are changed between 90 and 250 ms: fields begin and end inside, outside, and across."""
+    times_ns = clean().facts.clocks["pose"].times_ns
+    part = (times_ns >= 90_000_000) & (times_ns < 250_000_000)
+    rows = clean().rows_by_key[key].copy()
+    rows[part] = change(rows[part])  # type: ignore[operator]
+    return clean().with_rows(**{key.replace("/", "_"): rows})
+
+
+PARTS_OF_THE_POSE = {
+    "inverse": ("path/pose/orientation", lambda q: q * (-1, -1, -1, 1), "quaternion_inverted"),
+    "wxyz": ("path/pose/orientation", lambda q: q[:, [3, 0, 1, 2]], "quaternion_order"),
+    "y, x, z": ("path/pose/position", lambda p: p[:, [1, 0, 2]], "axes_swapped"),
+}
+
+
+@pytest.mark.parametrize(("key", "change", "cause"), PARTS_OF_THE_POSE.values(), ids=PARTS_OF_THE_POSE)
+def test_poses_that_are_wrong_for_a_while_are_named(key: str, change: object, cause: str) -> None:
+    """Fields across the fault's edges, whose recomputed flow is garbage, do not make the flow look shifted in time."""
+    result = judged(Endpoint(), from_the_middle_on(key, change))
+    for alarm in result.alarms:
+        assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == (cause, "pose")
+        assert not any(suspect.cause == "flow_gain" and suspect.weight > 0.9 for suspect in alarm.suspects)
+
+
+def test_poses_far_away_for_a_while_are_poses() -> None:
+    """Where half a kilometre makes the recomputed flow absurd, poses are named: no exchange of fields, no gain."""
+    result = judged(Endpoint(), from_the_middle_on("path/pose/position", lambda p: p + 500.0))
+    for alarm in result.alarms:
+        first = alarm.suspects[0]
+        assert (first.cause, first.stream) == ("teleport", "pose")
+        assert first.magnitude == pytest.approx(500.0 * np.sqrt(3), rel=0.01)
+
+
+def test_flow_of_zeros_is_a_gain() -> None:
+    """No flow at all is a gain of -100%."""
+    suspect = first_suspect(judged(Endpoint(), clean().with_flow(lambda _, flow: 0 * flow)))
+    assert (suspect.cause, suspect.magnitude) == ("flow_gain", pytest.approx(-100.0))

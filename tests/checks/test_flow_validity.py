@@ -62,6 +62,14 @@ def test_values_in_holes_are_counted_and_placed() -> None:
     assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("invalid_encoding", "flow")
 
 
+def test_flow_where_a_depth_was_lost_is_no_encoding() -> None:
+    """Values that differ from pixel to pixel were made of a depth: that has lost its own, and flow is as it was."""
+    depth = clean().rows_by_key["path/depth"].copy()
+    depth[4:6, 60:80, 60:90] = np.nan
+    alarm = alarm_of(judged(Validity(), clean().with_rows(path_depth=depth)), "unfounded")
+    assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("nan_in_stream", "depth")
+
+
 def test_missing_values_are_counted() -> None:
     """NaN over valid depth in two fields of one rate."""
 

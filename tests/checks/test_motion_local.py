@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.estimators.inertial_samples import InertialNoise
 from fedora_qa.record.types import Diagnosis
-from tests.support.motion_world import GRAVITY_M_S2, RESTLESS, MotionFile, sample_motion
+from tests.support.motion_world import EXACT, GRAVITY_M_S2, NOISY, RESTLESS, MotionFile, sample_motion
 
 Float64 = NDArray[np.float64]
 
@@ -73,9 +74,9 @@ FAULTS = {
 }
 
 
-def first_diagnosis(file: MotionFile, path: Path) -> Diagnosis:
+def first_diagnosis(file: MotionFile, path: Path, select: tuple[str, ...] = ("imu", "pose")) -> Diagnosis:
     file.write(path)
-    return check_file(path, CheckOptions(select=("imu", "pose"), evidence=None)).record.diagnoses[0]
+    return check_file(path, CheckOptions(select=select, evidence=None)).record.diagnoses[0]
 
 
 @pytest.mark.parametrize(("changes", "cause"), FAULTS.values(), ids=FAULTS)
@@ -119,8 +120,37 @@ def test_a_teleport_and_back_is_no_reading(tmp_path: Path) -> None:
     assert abs(diagnosis.magnitude or 0.0) == pytest.approx(0.3, rel=1e-3)
 
 
+@pytest.mark.parametrize(("noise", "arm_m"), [(EXACT, 6e-4), (NOISY, 0.4)], ids=["exact", "noisy"])
+def test_another_point_of_the_body_for_a_while_is_a_lever_arm(
+    tmp_path: Path, noise: InertialNoise, arm_m: float
+) -> None:
+    """A jump and its return that undo each other in the body's axes, not in the world's, are a lever arm, sized."""
+    samples = sample_motion(noise=noise)
+    part = (samples.pose_times_s >= START_S) & (samples.pose_times_s < STOP_S)
+    arm_world_m = Rotation.from_quat(samples.orientations_xyzw[part]).apply([arm_m, 0.0, 0.0])
+    positions_m = samples.positions_world_m.copy()
+    positions_m[part] += arm_world_m
+    file = MotionFile(samples, noise).altered(positions_world_m=positions_m)
+    diagnosis = first_diagnosis(file, tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream) == ("lever_arm", "pose")
+    of_the_jumps = first_diagnosis(file, tmp_path / "motion.h5", ("pose.continuity",))
+    assert of_the_jumps.magnitude == pytest.approx(arm_m, rel=0.1)
+
+
 def test_the_gravity_of_the_world_is_the_test_files_own() -> None:
     """The part without gravity differs from the whole by nothing else."""
     times_s = sample_motion().imu_times_s
     up = RESTLESS.orientations(times_s).inv().apply([0.0, 0.0, GRAVITY_M_S2])
     np.testing.assert_allclose(RESTLESS.specific_forces(times_s, 0.0) + up, RESTLESS.specific_forces(times_s))
+
+
+def test_an_imu_that_sits_elsewhere_for_a_while_is_no_bias(tmp_path: Path) -> None:
+    """A lever arm that ends early leaves something to bias and gravity: it explains them, and is all there is."""
+    file = MotionFile()
+    times_s = file.samples.imu_times_s
+    rates = file.samples.angular_velocities_body_rad_s
+    arm_m = np.array([1e-3, 0.0, 0.0])
+    turning = np.cross(np.gradient(rates, times_s, axis=0), arm_m) + np.cross(rates, np.cross(rates, arm_m))
+    forces = file.samples.specific_forces_body_m_s2 + (times_s < 1.7)[:, None] * turning
+    diagnosis = first_diagnosis(file.altered(specific_forces_body_m_s2=forces), tmp_path / "motion.h5")
+    assert (diagnosis.cause, diagnosis.stream) == ("lever_arm", "imu")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Measurement, Result
@@ -167,6 +168,19 @@ def test_noise_that_is_declared_wrongly_is_found_to_size(path: Path, excess: flo
     assert diagnosis.magnitude is not None
     assert diagnosis.standard_error is not None
     assert abs(diagnosis.magnitude - 100 * excess) < 4 * diagnosis.standard_error
+
+
+def test_noise_that_an_arm_swings_is_the_arm(path: Path) -> None:
+    """A point 5 m from the origin for most of the time jumps there and back, and shakes with the body's orientation."""
+    samples = sample_motion(noise=NOISY)
+    part = (samples.pose_times_s >= 0.2) & (samples.pose_times_s < 1.8)
+    arm_world_m = Rotation.from_quat(samples.orientations_xyzw).apply([0.0, 5.0, 0.0]) * part[:, None]
+    file = MotionFile(samples, NOISY).altered(positions_world_m=samples.positions_world_m + arm_world_m)
+    assert rules(run_check(file.write(path), "pose.noise")) == ["position"]
+    of_noise, whole = diagnoses_of(path, "pose.noise")[0], diagnoses_of(path, "pose")
+    assert of_noise.cause == "noise_misdeclared"
+    assert (whole[0].cause, whole[0].magnitude) == ("lever_arm", pytest.approx(5.0, rel=0.05))
+    assert len(whole[0].explains) == 2
 
 
 def test_noise_a_thousandfold_is_a_unit(path: Path) -> None:

@@ -238,6 +238,21 @@ def test_ladders_are_geometric_around_their_nominal_size() -> None:
     assert ladder_of("gyro_bias", "imu").is_observable(rungs[3], 1 / 4)
 
 
+def test_a_map_that_is_left_out_is_legal() -> None:
+    """Nothing declares an index map: its absence is no fault to be seen, as that of a declared stream is."""
+    assert not ladder_of("missing_stream", "rgb_to_event").is_observable(None)
+    assert ladder_of("missing_stream", "imu").is_observable(None)
+
+
+def test_a_mounting_is_not_seen_under_noise_of_the_pose() -> None:
+    """Each field may turn and shift as two noisy poses do, which is more than a wrong mounting makes of a second."""
+    rolled, noisily = (
+        ladder_of("extrinsic_rotation", "metadata"),
+        ladder_of("extrinsic_rotation", "metadata", noisy_pose=True),
+    )
+    assert [rolled.is_observable(30.0), noisily.is_observable(30.0)] == [True, False]
+
+
 def test_the_file_of_a_fault_does_not_hang_on_the_others() -> None:
     """Asked for alone, a fault gets the same file, base and seed as among all."""
     scenes = tuple(load_scene(name) for name in ("park-day", "park-noisy"))

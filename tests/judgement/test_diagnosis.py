@@ -2,7 +2,7 @@
 
 import pytest
 
-from fedora_qa.checks.protocol import Suspect
+from fedora_qa.checks.protocol import ANY_CAUSE, Suspect
 from fedora_qa.judgement.diagnosis import diagnose
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
@@ -60,6 +60,40 @@ def test_all_rates_of_flow_together_are_flow() -> None:
         ]
     )
     assert [(d.stream, d.explains) for d in found] == [("flow", ("F1", "F2"))]
+
+
+def test_one_check_with_many_findings_is_one_witness() -> None:
+    """A check that states its misfit for every rate, as a mean and at its worst, does not outvote three others."""
+    inverted, shifted = Suspect("quaternion_inverted", "pose", 0.95), Suspect("flow_interval_shifted", "flow", 1.0)
+    of_flow = [alarm(i, shifted, code="flow_geometry.endpoint.error") for i in range(1, 7)]
+    of_pose = [alarm(7 + i, inverted, code=f"{check}.rule") for i, check in enumerate(("pose.a", "imu.b", "imu.c"))]
+    found = diagnose([*of_flow, *of_pose])
+    assert [(d.cause, len(d.explains)) for d in found] == [("quaternion_inverted", 3), ("flow_interval_shifted", 6)]
+
+
+def test_what_any_fault_of_a_stream_explains_goes_to_the_one_that_is_named() -> None:
+    """Flow that another pose would mend is explained by what else is wrong with the pose, and by nothing of the IMU."""
+    another_pose = Suspect("teleport", "pose", 0.6, 0.5, "m"), Suspect(ANY_CAUSE, "pose", 0.5)
+    named = Suspect("lever_arm", "pose", 0.9, 0.2, "m"), Suspect("accel_bias", "imu", 0.4)
+    alarms = [alarm(1, *another_pose, code="flow.rule"), alarm(2, *named, code="pose.rule")]
+    found = diagnose(alarms)[0]
+    assert (found.cause, set(found.explains), found.magnitude) == ("lever_arm", {"F1", "F2"}, 0.2)
+
+
+def test_what_is_hardly_suspected_is_not_drawn_in() -> None:
+    """A cause that no check names in earnest gains nothing from what any would explain."""
+    another_pose = Suspect("teleport", "pose", 0.6), Suspect(ANY_CAUSE, "pose", 0.55)
+    weak = tuple(Suspect(cause, "pose", 0.02) for cause in ("unsorted", "time_unit"))
+    found = diagnose([alarm(1, *another_pose, code="flow.rule"), alarm(2, *another_pose, *weak, code="depth.rule")])
+    assert [d.cause for d in found] == ["teleport"]
+    assert found[0].confidence > 0.99
+
+
+def test_one_finding_of_many_is_still_named() -> None:
+    """What one of thirty findings of a check needs a cause of its own for gets it."""
+    many = [alarm(i, Suspect("flow_gain", "flow", 0.9)) for i in range(30)]
+    found = diagnose([*many, alarm(30, Suspect("teleport", "pose", 0.9))])
+    assert [d.cause for d in found] == ["flow_gain", "teleport"]
 
 
 def test_nothing_fits_is_unknown() -> None:

@@ -1,9 +1,11 @@
 """Where the streams begin and end."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from fedora_qa.causes import stream_family
 from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, fits_of
 from fedora_qa.checks.clocks.units import suspect_of_part, unit_factor
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
@@ -67,6 +69,7 @@ class Span(FactsCheck):
             suspects = (*suspect_of_part(facts, stream), *_suspects(stream, late, early, finish - begin))
             for rule, value in (("begins_late", late), ("ends_early", early)):
                 measured.append(_one(facts, stream, rule, value, allowance_ns, suspects))
+        measured = _of_all_rates(measured, facts.flow_streams)
         failed = {one.where.stream for one in measured if abs(one.value) > one.allowance}
         notices = [notice for stream, notice in _incomplete(fits, ends, begin, finish) if stream not in failed]
         return Observation(all_stamps(facts), tuple(measured), tuple(notices))
@@ -78,7 +81,7 @@ def _one(
     value_ms = value_ns / _NS_PER_MS
     said = "begins {:.6g} ms after" if rule == "begins_late" else "ends {:.6g} ms before"
     start, stop = extent_ns(facts.clocks[stream])
-    zero = start == -round(facts.origin_us * 1000) and value_ms != 0
+    zero = rule == "begins_late" and value_ms < 0 and start == -round(facts.origin_us * 1000)
     return Measured(
         name=f"{stream}.{rule}",
         value=value_ms,
@@ -92,6 +95,24 @@ def _one(
         where=Where(stream=stream, start_us=facts.to_file_us(start), stop_us=facts.to_file_us(stop)),
         suspects=suspects,
     )
+
+
+def _of_all_rates(measured: Sequence[Measured], rates: Sequence[str]) -> list[Measured]:
+    """Name flow as a whole where two rates or more are cut, and no other could show it at its own slower pace."""
+    named = list(measured)
+    for code in {one.code for one in measured}:
+        places = [i for i, one in enumerate(measured) if one.code == code and one.where.stream in rates]
+        cut = [i for i in places if measured[i].value > measured[i].allowance]
+        rest = [measured[i] for i in places if i not in cut]
+        largest = max((measured[i].value for i in cut), default=0.0)
+        if len(cut) > 1 and all(one.value > 0 and largest <= one.value + one.allowance for one in rest):
+            for i in cut:
+                named[i] = replace(measured[i], suspects=tuple(_of_flow(one) for one in measured[i].suspects))
+    return named
+
+
+def _of_flow(suspect: Suspect) -> Suspect:
+    return replace(suspect, stream=stream_family(suspect.stream))
 
 
 def _suspects(stream: str, late_ns: float, early_ns: float, span_ns: float) -> tuple[Suspect, ...]:

@@ -196,9 +196,8 @@ def _suspects_of_order(facts: Facts, stream: str, backward: NDArray[np.intp]) ->
         return ()
     step_ns = int(clock.times_ns[backward[0] + 1] - clock.times_ns[backward[0]])
     suspects = [Suspect("unsorted", stream, 0.9, float(len(backward)), "samples")]
-    if np.count_nonzero(~clock.advancing) > _BEHIND * len(backward):
-        back_ms = (step_ns - float(np.median(np.diff(clock.times_ns)))) / _NS_PER_MS
-        suspects.insert(0, Suspect("time_offset", stream, 0.92, back_ms, "ms"))
+    if _was_set_back(clock, backward):
+        suspects.insert(0, Suspect("time_offset", stream, 0.92, _offset_ms(clock, int(backward[0])), "ms"))
     if _is_wrap(step_ns):
         suspects.insert(0, Suspect("time_unit", stream, 0.95))
     return (*suspect_of_part(facts, stream), *suspects)
@@ -210,7 +209,24 @@ def _suspects_of_gaps(stream: str, clock: Clock, fit: RegularClock) -> tuple[Sus
     behind = clock.times_ns[~clock.advancing]
     if not fit.missing or len(np.unique(behind)) < fit.missing:
         return (lost,)
+    backward = np.flatnonzero(np.diff(clock.times_ns) < 0)
+    if _was_set_back(clock, backward):
+        late = Suspect("time_offset", stream, 0.92, _offset_ms(clock, int(backward[0])), "ms")
+        return late, Suspect("unsorted", stream, 0.5), lost
     return Suspect("unsorted", stream, 0.9), Suspect("time_offset", stream, 0.3), lost
+
+
+def _was_set_back(clock: Clock, backward: NDArray[np.intp]) -> bool:
+    """Whether whole runs of samples stand behind others, as where a clock was set back; not single ones."""
+    return bool(len(backward)) and int(np.count_nonzero(~clock.advancing)) > _BEHIND * len(backward)
+
+
+def _offset_ms(clock: Clock, back: int) -> float:
+    """Return how late stamps before a step back are, where they leapt ahead by as much, else how early those after."""
+    steps_ns = np.diff(clock.times_ns)
+    period_ns = float(np.median(steps_ns))
+    ahead_ns, back_ns = float(steps_ns[: back + 1].max()) - period_ns, float(steps_ns[back]) - period_ns
+    return (ahead_ns if abs(ahead_ns + back_ns) <= period_ns else back_ns) / _NS_PER_MS
 
 
 def _suspects_of_repeats(stream: str, clock: Clock, repeated: NDArray[np.intp]) -> tuple[Suspect, ...]:

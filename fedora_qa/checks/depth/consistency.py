@@ -13,7 +13,7 @@ from fedora_qa.checks.depth.suspects import ANY_MISFIT
 from fedora_qa.checks.flow.comparison import is_noisy
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.suspects import gross_suspects, most_probable
-from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -23,6 +23,9 @@ _CLOSER_LOOKS: Final = 4
 _PERCENT: Final = 100.0
 _MATTERS_PERCENT: Final = 1.0
 """A deviation that moves no use of the depth by more than a hundredth of it."""
+
+_AS_WELL: Final = 0.9
+"""What another pose explains, whatever is wrong with the poses explains a little less surely."""
 
 _LITTLE: Final = 0.3
 """Where no cause removes more of the deviation than this, depth may be another sequence's."""
@@ -55,7 +58,7 @@ class Consistency(WindowCheck[WindowAgreement]):
     Pixels of a frame are moved by the pose's relative motion into the next frame, whose inverse depth is read there
     bilinearly (exact on planes). Compared are pixels clear of edges and of the border in both frames, by 4 px and by
     as much as the nearest surface may have moved against them: what is hidden is left out without a look at the
-    residual. After an alarm, and only then, gross faults are undone one by one on the worst pairs: units, rays,
+    residual. After an alarm, and only then, gross faults are undone one by one on pairs that are off: units, rays,
     mirrors, shifts, exchanged and frozen frames, late stamps, conventions of the pose; the share of the residual that
     undoing a fault removes is its weight.
 
@@ -103,13 +106,14 @@ class Consistency(WindowCheck[WindowAgreement]):
         return tuple(chosen[:_CLOSER_LOOKS])
 
     def look_again(self, state: list[WindowAgreement], window: Window) -> None:
-        """Undo faults on the window's worst pair."""
+        """Undo faults on the middle one of the window's pairs that are off: in the worst a fault may begin or end."""
         of_window = [pair for one in state if one.window == window.span.index for pair in one.pairs]
-        worst = max(of_window, key=lambda pair: pair.suspicion)
+        off = sorted((pair for pair in of_window if pair.suspicion > 1), key=lambda pair: pair.suspicion)
+        chosen = off[(len(off) - 1) // 2]
         for pair in owned_pairs(window):
-            if pair is not None and pair.first == worst.first:
-                local = worst.whole.suspicion <= 1 and worst.noise_square <= 0
-                residual, tile = (worst.worst_tile.typical, worst.tile) if local else (worst.whole.typical, None)
+            if pair is not None and pair.first == chosen.first:
+                local = chosen.whole.suspicion <= 1 and chosen.noise_square <= 0
+                residual, tile = (chosen.worst_tile.typical, chosen.tile) if local else (chosen.whole.typical, None)
                 weighed = weigh_hypotheses(pair, residual, tile)
                 state.append(WindowAgreement(window.span.index, weighed=tuple(weighed)))
 
@@ -179,13 +183,15 @@ def _corrections(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[S
     dof = sum(pair.noise_dof for pair in alone)
     ratio = sum(pair.noise_square for pair in alone) / dof
     misdeclared = Suspect("noise_misdeclared", "pose", 0.8, 100 * (1 / ratio**0.5 - 1) if ratio else None, "percent")
+    any_pose = Suspect(ANY_CAUSE, "pose", _AS_WELL * misdeclared.weight)
     worst = max(held, key=lambda pair: pair.noise_square / pair.noise_dof)
     return [
         _correction("pose_correction", ratio, dof, "The corrections that depth asks of the pose are",
-                    place(facts, alone[0].first, alone[-1].second), (misdeclared, *suspects), tests=1, side="both"),
+                    place(facts, alone[0].first, alone[-1].second), (misdeclared, any_pose, *suspects),
+                    tests=1, side="both"),
         _correction("worst_pose_correction", worst.noise_square / worst.noise_dof, worst.noise_dof,
                     f"The correction that depth frames {worst.first} and {worst.second} ask of the pose is",
-                    place(facts, worst.first, worst.second), (*suspects, replace(misdeclared, weight=0.4)),
+                    place(facts, worst.first, worst.second), (*suspects, any_pose, replace(misdeclared, weight=0.4)),
                     tests=len(held), side="upper"),
     ]  # fmt: skip
 
@@ -225,7 +231,12 @@ def _suspects(pairs: Sequence[PairAgreement], weighed: Sequence[Weighed], facts:
     if not local and max((suspect.weight for suspect in gross), default=0.0) < _LITTLE:
         gross.append(Suspect("other_sequence", "depth", _LITTLE))
     named = most_probable(gross)
-    return named + tuple(suspect for suspect in ANY_MISFIT if not _is_among(suspect, named))
+    by_pose = max((one.weight for one in gross if (one.cause, one.stream) == ("teleport", "pose")), default=0.0)
+    return (
+        *named,
+        Suspect(ANY_CAUSE, "pose", _AS_WELL * by_pose),
+        *(suspect for suspect in ANY_MISFIT if not _is_among(suspect, named)),
+    )
 
 
 def _best_of_each(suspects: Sequence[Suspect]) -> list[Suspect]:

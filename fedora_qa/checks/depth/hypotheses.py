@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.depth.pairs import DepthPair, standing_m, step_share
-from fedora_qa.checks.flow.hypotheses import Weighed
+from fedora_qa.checks.flow.hypotheses import Weighed, other_mountings
 from fedora_qa.checks.flow.intervals import PoseTrack
 from fedora_qa.conventions import MM_PER_M, NS_PER_S
 from fedora_qa.estimators.depth_fit import Family, fit_depth, noise_directions
@@ -47,7 +47,7 @@ class _Hypothesis:
     """The frames and how they hang together without the fault; ``family`` has a free parameter where ``step`` is set.
 
     ``blames`` are the causes and streams that would have this effect, each with its likeliness and the size of the
-    fault for a value of the parameter.
+    fault for a value of the parameter. ``possible`` says which values a fault can have.
     """
 
     blames: tuple[tuple[str, str, float, Callable[[float], float | None]], ...]
@@ -57,6 +57,7 @@ class _Hypothesis:
     step: float | None = None
     noise: Float64 | None = None
     of: str = DEPTH
+    possible: Callable[[float], bool] = lambda _: True
 
 
 def weigh_hypotheses(pair: DepthPair, as_stored: float, tile: Tile | None = None) -> list[Weighed]:
@@ -72,7 +73,7 @@ def weigh_hypotheses(pair: DepthPair, as_stored: float, tile: Tile | None = None
             hypothesis.family, _lattice(hypothesis.images[0], tile), hypothesis.images[1], noise,
             start=hypothesis.start, step=hypothesis.step,
         )  # fmt: skip
-        if fit is None:
+        if fit is None or not hypothesis.possible(fit.value):
             continue
         for cause, stream, likeliness, size in hypothesis.blames:
             weight = likeliness * max(1.0 - fit.typical / as_stored, 0.0)
@@ -101,7 +102,7 @@ def _hypotheses(pair: DepthPair) -> Iterator[_Hypothesis]:
 
 def _hypotheses_of_a_tile(pair: DepthPair) -> Iterator[_Hypothesis]:
     """Suppose what can befall a part of the image: there in both frames, and no fault of pose or camera."""
-    for hypothesis in (*_of_the_values(pair), *_of_the_grid(pair)):
+    for hypothesis in (*_of_the_values(pair), *_of_the_grid(pair), *_of_the_frames(pair)):
         blames = tuple(blame for blame in hypothesis.blames if blame[1] == DEPTH)
         if hypothesis.of == DEPTH and blames:
             yield replace(hypothesis, blames=blames, of=PART)
@@ -126,7 +127,7 @@ def _reciprocal(factor: float) -> float | None:
 def _of_the_values(pair: DepthPair) -> Iterator[_Hypothesis]:
     """Suppose another unit, or lengths of rays."""
     longer = (("unit_mm_m", "depth", 1.0, float), ("unit_mm_m", "pose", _LESS_LIKELY, _reciprocal))
-    yield _Hypothesis(longer, pair.images, pair.scaled, step=1e-3)
+    yield _Hypothesis(longer, pair.images, pair.scaled, step=1e-3, possible=lambda factor: factor >= 0)
     for factor in (1 / MM_PER_M, MM_PER_M):
         unit = (("unit_mm_m", "depth", 1.0, _always(factor)),)
         for images in _either(pair, _changed(pair, _divided_by(factor))):
@@ -144,12 +145,14 @@ def _of_the_grid(pair: DepthPair) -> Iterator[_Hypothesis]:
         yield _Hypothesis(mirrored, turned, _only(pair.model()))
         for images in _either(pair, turned):
             yield _Hypothesis(mirrored, images, _only(pair.model()), of=PART)
+    within_px = max(pair.images[0].clearance_px.shape) / 2  # images that are shifted further share too little
     for axis in (0, 1):
         moved = (
             ("spatial_offset", "depth", 1.0, float),
             ("intrinsics_centre", "metadata", _LESS_LIKELY, lambda shift_px: -shift_px),
         )
-        yield _Hypothesis(moved, pair.images, _family_of_centre(pair, axis), step=0.01)
+        family = _family_of_centre(pair, axis)
+        yield _Hypothesis(moved, pair.images, family, step=0.01, possible=lambda px: abs(px) <= within_px)
     for axis, shift_px in product((0, 1), _SHIFTS_PX):
         shifted = (("spatial_offset", "depth", 1.0, _always(float(shift_px))),)
         back = tuple(image.moved(axis, -shift_px) for image in pair.images)
@@ -186,7 +189,7 @@ def _of_the_stamps(pair: DepthPair) -> Iterator[_Hypothesis]:
 
 
 def _of_the_pose(pair: DepthPair) -> Iterator[_Hypothesis]:
-    """Suppose other conventions of the pose, or one wrong pose."""
+    """Suppose other conventions of the pose, of both or of either, or of the mounting, or one wrong pose."""
     for cause, change in (
         ("quaternion_inverted", _turned((0, 1, 2, 3), (-1, -1, -1, 1))),
         ("quaternion_order", _turned((1, 2, 3, 0), (1, 1, 1, 1))),
@@ -194,11 +197,16 @@ def _of_the_pose(pair: DepthPair) -> Iterator[_Hypothesis]:
         ("frame_convention", _from_north_east_down),
     ):
         track = change(pair.track)
-        motion = track.motion(pair.start_ns, pair.end_ns)
+        for first, last in ((track, track), (pair.track, track), (track, pair.track)):
+            motion = first.motion_into(last, pair.start_ns, pair.end_ns)
+            if motion is not None:
+                model = replace(pair.model(), motion=motion)
+                yield _Hypothesis(((cause, "pose", 1.0, _sizeless),), pair.images, _only(model))
+    for T_body_camera in other_mountings(pair.track.camera.T_body_camera):
+        motion = pair.track.mounted(T_body_camera).motion(pair.start_ns, pair.end_ns)
         if motion is not None:
-            yield _Hypothesis(
-                ((cause, "pose", 1.0, _sizeless),), pair.images, _only(replace(pair.model(), motion=motion))
-            )
+            model = replace(pair.model(), motion=motion)
+            yield _Hypothesis((("frame_convention", "metadata", 1.0, _sizeless),), pair.images, _only(model))
     any_pose = (("teleport", "pose", _LESS_LIKELY, _sizeless), ("frozen_frames", "pose", 0.9, _sizeless))
     yield _Hypothesis(any_pose, pair.images, _only(pair.model()), noise=_FREE_TWIST)
 

@@ -89,6 +89,9 @@ class Scale(FittedParameter):
         of_positions = np.array([fit.of_path for fit in fits])
         known = of_positions[np.isfinite(of_positions)]
         of_pose = float(np.median(known)) if len(known) else None
+        turned_round = of_pose is not None and of_pose <= 0  # no unit does that to lengths
+        explains = pooled.explains if pooled.value > 0 else 0.0
+        of_depth_share, of_pose_share = (0.5, 0.9) if plausible and not turned_round else (0.95, 0.3)
         return Measured(
             name="scale",
             value=pooled.value,
@@ -100,9 +103,9 @@ class Scale(FittedParameter):
             statement=f"Depths are {pooled.value:.4g} times as large as the camera's path in metres makes them.",
             code="depth.scale.factor",
             suspects=(
-                Suspect("unit_mm_m", "depth", (0.5 if plausible else 0.95) * pooled.explains, pooled.value, "1",
+                Suspect("unit_mm_m", "depth", of_depth_share * explains, pooled.value, "1",
                         pooled.standard_error),
-                Suspect("unit_mm_m", "pose", (0.9 if plausible else 0.3) * pooled.explains, of_pose, "1"),
+                Suspect("unit_mm_m", "pose", of_pose_share * explains, of_pose, "1"),
                 *ANY_MISFIT,
             ),
         )  # fmt: skip

@@ -213,7 +213,9 @@ def _examined(
     covariance = None if result.region else field_covariance(track, result.interval, noise)
     templates = templates_of(track, result.interval, motion, sample, fit.twist if fit else np.zeros(6))
     evidence = weigh_templates(track.camera.K, motion, sample, templates, fit, covariance)
-    free = fit or fit_motion(track.camera.K, motion, sample)
+    # From poses that are far from the truth the fit leads nowhere; what a field shows of its motion is small.
+    starts = (motion, RigidMotion(np.eye(3), np.zeros(3)))
+    free = fit or next(filter(None, (fit_motion(track.camera.K, start, sample) for start in starts)), None)
     if free is None:
         return replace(result, evidence=evidence)
     return replace(
@@ -221,7 +223,7 @@ def _examined(
         evidence=evidence,
         free_squares=float(np.nansum(free.residual_px**2)),
         free_pixels=len(sample.columns),
-        free_shift_m=float(np.linalg.norm(free.twist[3:])),
+        free_shift_m=float(np.linalg.norm(free.motion.twist_from(motion)[3:])),
     )
 
 

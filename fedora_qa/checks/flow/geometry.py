@@ -11,7 +11,7 @@ from fedora_qa.checks.flow.geometry_suspects import geometry_suspects
 from fedora_qa.checks.flow.hypotheses import Weighed, weigh_hypotheses
 from fedora_qa.checks.flow.intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
 from fedora_qa.checks.flow.suspects import spreads_over
-from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.checks.standing import why_not_told_apart
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -58,7 +58,7 @@ class Endpoint(WindowCheck[WindowErrors]):
     The effort states the lattice's density; its phase changes from field to field. The recomputation is format.md's
     own definition, X1 = R X0 + t. With declared pose noise each field may correct its relative pose (Gauss-Newton
     over six numbers). After an alarm, templates of small faults (gain, focal length, principal point, mounting, lever
-    arm, time, drift) are fitted to what disagrees, and inverse transforms are tried on the worst fields (sign, axes,
+    arm, time, drift) are fitted to what disagrees, and inverse transforms are tried on fields that are off (sign, axes,
     units, mirrors, shifts, other rates and intervals, ray lengths, quaternion conventions). Where only a part of the
     image is off, all of that is done with this part, and causes that spoil the whole image are not named. Numbers of
     the camera that look chosen (a round field of view, a centred principal point) are not blamed while flow could be.
@@ -123,15 +123,18 @@ class Endpoint(WindowCheck[WindowErrors]):
         return tuple(window for suspicion, window in worst[:_CLOSER_LOOKS] if suspicion < -1)
 
     def look_again(self, state: list[WindowErrors], window: Window) -> None:
-        """Try inverse transforms on the window's worst field of each rate."""
+        """Try inverse transforms on a field of each rate: the middle one of those that the window has off.
+
+        The worst is often one in whose interval a fault begins or ends, and then half of it is honest.
+        """
         track = pose_track(window, window.facts.declared.cameras["depth"])
         fields = [field for errors in state if errors.window == window.span.index for field in errors.fields]
         weighed: list[Weighed] = []
         for stream in window.facts.flow_streams:
             off = [field for field in fields if field.interval.stream == stream and field.suspicion > 1]
             if off:
-                worst = max(off, key=lambda field: field.suspicion)
-                weighed += weigh_hypotheses(window, track, worst.interval, worst.frame, worst.region)
+                chosen = sorted(off, key=lambda field: field.suspicion)[(len(off) - 1) // 2]
+                weighed += weigh_hypotheses(window, track, chosen.interval, chosen.frame, chosen.region)
         state.append(WindowErrors(window.span.index, weighed=tuple(weighed)))
 
     def conclude(self, state: Sequence[WindowErrors], facts: Facts) -> Observation:
@@ -223,7 +226,11 @@ def _correction(
             Suspect("noise_misdeclared", "pose", 0.9 - from_noisy / 2, 100 * (1 / ratio**1.5 - 1) if ratio else None),
         )
     elif not suspects or suspects[0].cause in ("unknown", "noise_misdeclared"):
-        suspects = (Suspect("noise_misdeclared", "pose", 0.9, 100 * (1 / ratio**1.5 - 1), "percent"), *suspects)
+        suspects = (
+            Suspect("noise_misdeclared", "pose", 0.9, 100 * (1 / ratio**1.5 - 1), "percent"),
+            Suspect(ANY_CAUSE, "pose", 0.8),
+            *suspects,
+        )
     return [
         Measured(
             name=f"{stream} pose_correction",

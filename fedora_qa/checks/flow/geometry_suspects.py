@@ -11,7 +11,7 @@ from fedora_qa.checks.flow.chosen_numbers import is_chosen
 from fedora_qa.checks.flow.comparison import FieldError, is_noisy
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.suspects import gain_suspect, gross_suspects, most_probable, spreads_over, weakened
-from fedora_qa.checks.protocol import Suspect
+from fedora_qa.checks.protocol import ANY_CAUSE, Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_motion_fit import Evidence, sum_of
 from fedora_qa.estimators.flow_templates import FLOW_GAIN, SMALL_FAULTS, TIME_OFFSET, SmallFault
@@ -29,6 +29,12 @@ _NEARLY_ALL: Final = 0.9
 
 _OF_IMAGES: Final = ("flow", "depth")
 """Where a part of the image is off, what is wrong lies in the image: poses and cameras spoil all of it."""
+
+_THERE_AND_BACK: Final = 2
+"""Fields of a rate that a jump of the pose and its return spoil: those in whose interval they happen."""
+
+_AS_WELL: Final = 0.9
+"""What another pose explains, whatever is wrong with the poses explains a little less surely."""
 
 _PPM_PER_MS_PER_S, _PERCENT_PER_MS_PER_S = 1e3, 0.1
 
@@ -63,7 +69,8 @@ def geometry_suspects(
     if max((suspect.weight for suspect in gross if suspect.cause != "flow_gain"), default=0.0) > _CERTAIN:
         small = weakened(small, 0.8)
     by_pose = [] if is_noisy(noise) or in_part else _of_the_pose(fields_off, local=local)
-    return most_probable([*gross, *small, *by_pose]) or (Suspect("unknown", flow, 0.1),)
+    named = most_probable([*gross, *small, *by_pose]) or (Suspect("unknown", flow, 0.1),)
+    return named + tuple(Suspect(ANY_CAUSE, "pose", _AS_WELL * max(one.weight for one in by_pose)) for _ in by_pose[:1])
 
 
 def _share_touched(fields: Sequence[FieldError], fields_off: Sequence[FieldError]) -> float:
@@ -101,10 +108,26 @@ def _small(fields: Sequence[FieldError], flow: str, noise: PoseModel | None) -> 
             gain, seconds = 0.01 * float(sizes[0]), fields[0].interval.duration_s
             if is_noisy(noise) and abs(gain) > _LINEAR_GAIN:
                 continue
+            weight *= _in_common(total, gain)
             suspects.append(gain_suspect(flow, gain, 0.01 * error, weight, seconds, _SAME_GAIN))
             continue
         suspects += _of_every_stream(fault, flow, weight, fault.size(sizes), error)
     return suspects + _drift(fields, flow)
+
+
+def _in_common(total: Evidence, gain: float) -> float:
+    """Return the correlation of the stored flow with the recomputed one, which a gain leaves at 1.
+
+    Where the recomputed flow is far too large, any other is nearly none of it: a gain of -100% then removes nearly all
+    of the deviation and explains nothing. Where only rounding is left, no flow at all is a gain.
+    """
+    column = FLOW_GAIN.columns.start
+    recomputed = float(total.matrix[column, column]) * 100.0**2
+    if recomputed <= 0:  # all that a gain does, poses of unknown noise do as well
+        return 1.0
+    common = (1 + gain) ** 2 * recomputed
+    left = max(total.total - gain**2 * recomputed, 0.0)
+    return float(np.sqrt(min((common + total.count) / max(left + common, 1.0), 1.0)))
 
 
 def _drift(fields: Sequence[FieldError], flow: str) -> list[Suspect]:
@@ -160,4 +183,5 @@ def _of_the_pose(off: Sequence[FieldError], *, local: bool) -> list[Suspect]:
     if not local:
         return [Suspect("noise_misdeclared", "pose", 0.9 * weight)]
     shift_m = float(np.median([field.free_shift_m for field in known]))
-    return [Suspect("teleport", "pose", 0.95 * weight, shift_m, "m"), Suspect("frozen_frames", "pose", 0.9 * weight)]
+    teleport = 0.95 * weight * min(_THERE_AND_BACK / len(off), 1.0)
+    return [Suspect("teleport", "pose", teleport, shift_m, "m"), Suspect("frozen_frames", "pose", 0.9 * weight)]

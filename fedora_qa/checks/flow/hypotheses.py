@@ -59,8 +59,8 @@ def weigh_hypotheses(
 ) -> list[Weighed]:
     """Weigh every gross fault against one field, or against the part of it that is off.
 
-    What a hypothesis leaves is compared with the deviation as stored, or with the recomputed flow itself where that is
-    smaller, so that dividing a field of garbage explains nothing.
+    What a hypothesis leaves is compared with the deviation as stored, or with either flow itself where that is smaller,
+    so that dividing a field of garbage, or recomputing it from other garbage, explains nothing.
     """
     sample = sample_field(window, interval, frame, region)
     motion = track.motion(interval.start_ns, interval.end_ns)
@@ -68,9 +68,10 @@ def weigh_hypotheses(
         return []
     as_stored = _deviation(track, interval, sample, motion, window)
     still = replace(sample, flow_px=np.zeros_like(sample.flow_px))
-    reference = min(as_stored, _deviation(track, interval, still, motion, window))
+    stored_px = float(np.sqrt(np.mean(np.sum(sample.flow_px**2, axis=1))))
+    reference = min(as_stored, _deviation(track, interval, still, motion, window), stored_px or np.inf)
     if not 0 < reference < np.inf:
-        reference = float(np.sqrt(np.mean(np.sum(sample.flow_px**2, axis=1))))
+        reference = stored_px
     best: dict[tuple[str, str], Weighed] = {}
     for hypothesis in _hypotheses(window, track, interval, sample, motion, frame, region):
         if hypothesis.sample is None or hypothesis.motion is None:
@@ -192,7 +193,7 @@ def _of_the_depth(
 
 
 def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: FlowSample) -> Iterator[_Hypothesis]:
-    """Undo what may have happened to the pose and to the camera's mounting."""
+    """Undo what may have happened to the pose, at both ends of the interval or at one, and to the camera's mounting."""
 
     def turned(order: tuple[int, ...], signs: tuple[int, ...]) -> PoseTrack:
         return track.transformed(
@@ -202,11 +203,7 @@ def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: F
     def moved(change: Float64) -> PoseTrack:
         return track.transformed(lambda poses: replace(poses, positions_world_m=poses.positions_world_m @ change))
 
-    T_body_camera = track.camera.T_body_camera
-    inverse = np.asarray(np.linalg.inv(T_body_camera), dtype=np.float64)
-    straight = np.eye(4)
-    straight[:3, :3], straight[:3, 3] = R_BODY_OPTICAL, T_body_camera[:3, 3]
-    turned_far = np.linalg.norm(log(straight[:3, :3].T @ T_body_camera[:3, :3])) > _ANOTHER_CONVENTION_RAD
+    mountings = [track.mounted(T_body_camera) for T_body_camera in other_mountings(track.camera.T_body_camera)]
     for cause, stream, corrected, magnitude in (
         ("quaternion_inverted", "pose", turned((0, 1, 2, 3), (-1, -1, -1, 1)), None),
         ("quaternion_order", "pose", turned((1, 2, 3, 0), (1, 1, 1, 1)), None),
@@ -218,13 +215,23 @@ def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: F
         ),
         ("axes_swapped", "pose", moved(np.eye(3)[[1, 0, 2]]), None),
         ("frame_convention", "pose", _from_north_east_down(track), None),
-        ("frame_convention", "metadata", track.mounted(inverse), None),
-        ("frame_convention", "metadata", track.mounted(straight) if turned_far else None, None),
+        *(("frame_convention", "metadata", mounted, None) for mounted in mountings),
     ):
         if corrected is None:
             continue
-        motion = corrected.motion(interval.start_ns, interval.end_ns)
-        yield _Hypothesis(cause, stream, sample, motion, magnitude)
+        ends = ((corrected, corrected), (track, corrected), (corrected, track))
+        for first, last in ends[:1] if stream == "metadata" else ends:
+            motion = first.motion_into(last, interval.start_ns, interval.end_ns)
+            yield _Hypothesis(cause, stream, sample, motion, magnitude)
+
+
+def other_mountings(T_body_camera: Float64) -> list[Float64]:
+    """Return what T_body_camera (4, 4) may be if declared in another convention: its inverse, or straight ahead."""
+    straight = np.eye(4)
+    straight[:3, :3], straight[:3, 3] = R_BODY_OPTICAL, T_body_camera[:3, 3]
+    inverse = np.asarray(np.linalg.inv(T_body_camera), dtype=np.float64)
+    turned_far = np.linalg.norm(log(straight[:3, :3].T @ T_body_camera[:3, :3])) > _ANOTHER_CONVENTION_RAD
+    return [inverse, straight] if turned_far else [inverse]
 
 
 def _from_north_east_down(track: PoseTrack) -> PoseTrack:

@@ -97,10 +97,14 @@ class PoseTrack:
 
     def motion(self, start_ns: int, end_ns: int) -> RigidMotion | None:
         """Return how points move in the camera between two instants; None where no pose covers them."""
-        R, positions_m = self._at(start_ns, end_ns)
-        if not (np.all(np.isfinite(R)) and np.all(np.isfinite(positions_m))):
+        return self.motion_into(self, start_ns, end_ns)
+
+    def motion_into(self, later: "PoseTrack", start_ns: int, end_ns: int) -> RigidMotion | None:
+        """Return how points move where another track holds at the end; None where no pose covers an instant."""
+        (R0, position0_m), (R1, position1_m) = self.pose(start_ns), later.pose(end_ns)
+        if not all(np.all(np.isfinite(values)) for values in (R0, position0_m, R1, position1_m)):
             return None
-        return camera_motion(R[0], positions_m[0], R[1], positions_m[1], self.camera.T_body_camera)
+        return camera_motion(R0, position0_m, R1, position1_m, self.camera.T_body_camera)
 
     def pose(self, time_ns: int) -> tuple[Float64, Float64]:
         """Return R_world_body (3, 3) and position in the world (3,) m at an instant; NaN where no pose covers it."""

@@ -18,7 +18,7 @@ from fedora_qa.checks.flow.intervals import (
 )
 from fedora_qa.checks.flow.stamps import stamp_measurements
 from fedora_qa.checks.flow.suspects import DISPLACEMENTS, spreads_over
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Observation, Suspect, WindowCheck
 from fedora_qa.checks.standing import standing_depth_m
 from fedora_qa.geometry.rigid_flow import moved_points
 from fedora_qa.record.types import Coverage, Where
@@ -36,14 +36,16 @@ _SIGMAS: Final = 8.0
 class FieldPattern:
     """Wrong pixels of one field; ``pixel`` is the first, (column, row).
 
-    ``unfounded`` values stand where there can be none: ``unfounded_zero`` of them are zero, ``behind`` of them belong
-    to points behind the camera. ``deep`` says that the depths are plausible.
+    ``unfounded`` values stand where there can be none: ``unfounded_zero`` of them are zero, ``unfounded_alike`` equal
+    their median, ``behind`` of them belong to points behind the camera. ``deep`` says that the depths of these, or of
+    all where there are none, are plausible.
     """
 
     interval: Interval
     frame: int
     unfounded: int
     unfounded_zero: int
+    unfounded_alike: int
     behind: int
     deep: bool
     infinite: int
@@ -136,12 +138,18 @@ def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame:
         frame,
         unfounded=int(np.count_nonzero(unfounded)),
         unfounded_zero=int(np.count_nonzero(unfounded & (u == 0) & (v == 0))),
+        unfounded_alike=_alike(flow_px[unfounded]),
         behind=int(np.count_nonzero(present & behind)),
-        deep=not valid.any() or depths_plausible(window.facts, depth_m[valid]),
+        deep=not valid.any() or depths_plausible(window.facts, depth_m[behind if behind.any() else valid]),
         infinite=int(np.count_nonzero(np.isinf(u) | np.isinf(v))),
         missing=int(np.count_nonzero(missing)),
         pixel=None if first is None else (first % width, first // width),
     )
+
+
+def _alike(flow_px: NDArray[np.float32]) -> int:
+    """Count the values (n, 2) that equal their median: of a fill value most do, of a flow hardly any."""
+    return int(np.count_nonzero(np.all(flow_px == np.median(flow_px, axis=0), axis=1))) if len(flow_px) else 0
 
 
 def _before_and_behind(
@@ -183,8 +191,11 @@ def _pixel_measurements(patterns: Sequence[FieldPattern], facts: Facts) -> list[
         ("invalid_encoding", "flow", 0.9),
         ("invalid_encoding", "depth", 0.4),
     )
+    if 2 * sum(p.unfounded_alike for p in unfounded) <= wrong:  # flow of its own, which was made of a depth
+        misplaced = (("nan_in_stream", "depth", 0.8), *((cause, stream, 0.5 * w) for cause, stream, w in misplaced))
     if mostly_behind:
-        misplaced = (("unit_mm_m", "pose" if all(pattern.deep for pattern in unfounded) else "depth", 0.6),)
+        blamed = "pose" if all(pattern.deep for pattern in unfounded) else "depth"
+        misplaced = (("unit_mm_m", blamed, 0.6), (ANY_CAUSE, blamed, 0.5))
     absent: tuple[tuple[str, str, float], ...] = (("nan_in_stream", "flow", 0.8), ("invalid_encoding", "depth", 0.4))
     if unfounded and missing:
         misplaced = absent = DISPLACEMENTS

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.motion.defects import LEAST_EVENNESS, frozen_poses, interpolation_of, rate_hz, stamp_defects
 from fedora_qa.checks.motion.readings import orientation_readings, position_readings
+from fedora_qa.checks.motion.returns import lever_arm_suspects
 from fedora_qa.checks.motion.samples import (
     NOISE_ORDER,
     join_poses,
@@ -137,7 +138,10 @@ def _jump(
     row, axis = np.unravel_index(np.argmax(excess), excess.shape)
     size, before = scale * float(steps.sizes[row, axis]), int(steps.before[row])
     after_ns = int(poses.times_ns[before + 1])
-    readings = (position_readings if name == "position" else orientation_readings)(poses, before)
+    if name == "position":
+        readings = (*position_readings(poses, before, sigma), *lever_arm_suspects(poses, steps, sigma, int(row)))
+    else:
+        readings = orientation_readings(poses, before, sigma)
     teleport = 0.3 if len(readings) else 0.9
     frozen = bool(len(still)) and bool(np.min(np.abs(still - before)) <= _STEP_FILTERS[-1][0])
     return (

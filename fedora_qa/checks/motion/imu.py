@@ -26,7 +26,7 @@ from fedora_qa.checks.motion.imu_parameters import (
     parameters_measured,
 )
 from fedora_qa.checks.motion.samples import place
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S, US_PER_S
 from fedora_qa.estimators.inertial_summary import InertialFit
 from fedora_qa.record.types import Where
@@ -200,6 +200,7 @@ def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects:
             *defects,
             Suspect("noise_misdeclared", "pose", 0.5 * (1 - smooth)),
             Suspect("noise_misdeclared", "imu", 0.5 * (1 - smooth)),
+            *_anything(0.4 * (1 - smooth)),
             *_other_sequence(smooth),
         ),
     )
@@ -236,6 +237,11 @@ def _other_sequence(smooth: float) -> tuple[Suspect, ...]:
     return tuple(Suspect("other_sequence", stream, 0.8 * smooth) for stream in ("imu", "pose"))
 
 
+def _anything(weight: float) -> tuple[Suspect, ...]:
+    """Suspect whatever else is found wrong with either stream, at its edges or all along."""
+    return tuple(Suspect(ANY_CAUSE, stream, weight) for stream in ("pose", "imu"))
+
+
 def _local_suspects(streams: Streams, kind: Kind, time_ns: int, smooth: float) -> tuple[Suspect, ...]:
     """Causes at one instant: samples that do not move there, else a jump, else lost samples."""
     imu, poses = streams.imu, streams.poses
@@ -244,6 +250,7 @@ def _local_suspects(streams: Streams, kind: Kind, time_ns: int, smooth: float) -
         Suspect("teleport", "pose", (1 - smooth) * (0.4 if kind == "translation" else 0.2)),
         Suspect("dropped_samples", "imu", (1 - smooth) * 0.3),
         Suspect("noise_misdeclared", "pose", (1 - smooth) * 0.3),
+        *_anything(0.3 * (1 - smooth)),
         *_other_sequence(smooth),
     ]
     frozen = (("pose", poses.times_ns, frozen_poses(poses)), ("imu", imu.times_ns, frozen_imu(imu)))

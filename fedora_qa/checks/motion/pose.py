@@ -1,7 +1,8 @@
 """The poses on their own: are orientations rotations, is the noise as declared?"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import PoseSamples, Window
+
+_RARER: Final = 0.6
+"""Weight of a point far from the body's origin, beside that of a wrong declaration."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,13 +187,23 @@ class Noise(WindowCheck[PoseSamples]):
             ("rotation", "rad", rotation, model.rotation_sigma_rad, rotation_floor_rad(poses)),
         )
         defects = tuple(one for one in pose_defects(facts, poses, model) if one.cause != "noise_misdeclared")
-        found = (
+        of_position, of_rotation = (
             noise_against_declared(
                 *kind, check="pose.noise", stream="pose", units={"unit_mm_m": MM_PER_M}, besides=defects
             )
             for kind in kinds
         )
-        return Observation(seen, tuple(found))
+        swung = _swung(position.sigma, model)
+        return Observation(seen, (replace(of_position, suspects=(*of_position.suspects, *swung)), of_rotation))
+
+
+def _swung(position_m: float, model: PoseModel) -> tuple[Suspect, ...]:
+    """Suspect that positions are those of another point of the body, which noise of the orientation swings about."""
+    excess_m2 = position_m**2 - model.position_sigma_m**2
+    if excess_m2 <= 0 or model.rotation_sigma_rad <= 0:
+        return ()
+    arm_m = float(np.sqrt(1.5 * excess_m2)) / model.rotation_sigma_rad  # swings about two axes, seen along three
+    return (Suspect("lever_arm", "pose", _RARER, arm_m, "m"),)
 
 
 def _row(facts: Facts, row: int) -> Where:

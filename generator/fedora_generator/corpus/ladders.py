@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_generator.faults.table import USUAL_FACTORS
+from fedora_qa.causes import INDEX_MAPS
 
 STEP: Final = 3.0
 """From rung to rung; half a decade, near enough, so that five rungs span two."""
@@ -36,6 +37,8 @@ class Ladder:
         One rung only, whatever is asked for.
     smaller_is_worse
         The fault grows as the magnitude falls.
+    hidden
+        There is nothing to see: the file stays a legal one, or noise hides all sizes that make sense.
     """
 
     nominal: float | None = None
@@ -44,6 +47,7 @@ class Ladder:
     most: float = math.inf
     fixed: bool = False
     smaller_is_worse: bool = False
+    hidden: bool = False
 
     @property
     def has_range(self) -> bool:
@@ -70,6 +74,8 @@ class Ladder:
         A fault of a ``share`` of the pixels or of the time is seen from a size on that is larger by 1 / sqrt(share), as
         the error of a mean over so many fewer samples is. One without a ladder is seen in any share.
         """
+        if self.hidden:
+            return False
         if magnitude is None or self.nominal is None or self.fixed:
             return True
         if self.smaller_is_worse:
@@ -148,6 +154,8 @@ _OF_PAIR: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
         ("nan_in_stream", "metadata"): Ladder(nominal=1, fixed=True),
         ("noise_misdeclared", "imu"): Ladder(nominal=25.0, unit="percent"),
         ("lever_arm", "metadata"): Ladder(nominal=1e-3, unit="m"),
+        # A map may be left out, and unlike other streams nothing in the metadata promises one.
+        **{("missing_stream", stream): Ladder(hidden=True) for stream in INDEX_MAPS},
         ("truncated", "file"): Ladder(nominal=1.0, unit="percent", most=90.0),
     }
 )
@@ -162,12 +170,15 @@ _UNDER_POSE_NOISE: Final[Mapping[tuple[str, str], Ladder]] = MappingProxyType(
         ("gravity_magnitude", "metadata"): Ladder(nominal=0.3, unit="m/s^2"),
         ("lever_arm", "imu"): Ladder(nominal=2.0, unit="m"),
         ("lever_arm", "pose"): Ladder(nominal=2.0, unit="m"),
-        ("lever_arm", "metadata"): Ladder(nominal=2.0, unit="m"),
-        ("teleport", "pose"): Ladder(nominal=0.03, unit="m"),
+        ("teleport", "pose"): Ladder(nominal=0.05, unit="m"),
         # A small error of the pose turns and stretches flow as these do: frames alone tell them from it.
         ("flow_gain", "flow"): Ladder(nominal=0.3, unit="percent"),
-        **{("intrinsics_focal", stream): Ladder(nominal=0.5, unit="percent") for stream in ("flow", "metadata")},
-        **{("intrinsics_centre", stream): Ladder(nominal=0.4, unit="px") for stream in ("flow", "metadata")},
-        **{("extrinsic_rotation", stream): Ladder(nominal=0.1, unit="deg") for stream in ("flow", "metadata")},
+        ("intrinsics_focal", "flow"): Ladder(nominal=0.3, unit="percent"),
+        ("intrinsics_focal", "metadata"): Ladder(nominal=0.3, unit="percent"),
+        ("intrinsics_centre", "flow"): Ladder(nominal=0.4, unit="px"),
+        ("intrinsics_centre", "metadata"): Ladder(nominal=3.0, unit="px"),
+        ("extrinsic_rotation", "flow"): Ladder(nominal=0.1, unit="deg"),
+        ("extrinsic_rotation", "metadata"): Ladder(nominal=10.0, unit="deg", hidden=True),
+        ("lever_arm", "metadata"): Ladder(nominal=1.0, unit="m", hidden=True),
     }
 )

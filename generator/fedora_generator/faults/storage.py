@@ -37,15 +37,17 @@ def truncate_file(path: Path, fault: Fault) -> None:
 
 
 def corrupt_chunk(path: Path, fault: Fault) -> None:
-    """Invert 16 bytes in the middle of the given number of stored chunks of the stream's first dataset."""
-    with h5py.File(path, locking=False) as file:  # whoever plants holds the lock
-        places = [place for stream in streams_in(file, fault.stream) for place in _stored(_first_values(file, stream))]
+    """Invert 16 bytes in the middle of so many stored chunks of the stream's first dataset, at each rate of flow."""
     count = fault.positive_count()
-    if count > len(places):
-        raise FaultError(f"Expected at most the {len(places)} chunks of {fault.stream}, got {count}")
+    with h5py.File(path, locking=False) as file:  # whoever plants holds the lock
+        of_streams = [_stored(_first_values(file, stream)) for stream in streams_in(file, fault.stream)]
+    fewest = min(map(len, of_streams))
+    if count > fewest:
+        raise FaultError(f"Expected at most the {fewest} chunks of {fault.stream}, got {count}")
+    rng = fault.rng()
+    chosen = [places[i] for places in of_streams for i in rng.choice(len(places), size=count, replace=False)]
     with path.open("r+b") as raw:
-        for chosen in np.sort(fault.rng().choice(len(places), size=count, replace=False)):
-            offset, size = places[chosen]
+        for offset, size in sorted(chosen):
             damaged = min(_DAMAGED_BYTES, size)
             raw.seek(offset + (size - damaged) // 2)
             whole = raw.read(damaged)

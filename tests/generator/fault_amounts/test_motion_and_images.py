@@ -235,14 +235,25 @@ def test_corrupt_chunk(plant: Any, clean: Path) -> None:
     path = plant("corrupt_chunk", "depth", 2, seed=4).path
     differing = np.frombuffer(clean.read_bytes(), np.uint8) ^ np.frombuffer(path.read_bytes(), np.uint8)
     assert np.count_nonzero(differing) == 32
-    unreadable = 0
     with h5py.File(path) as file:
-        for frame in range(len(file["path/depth"])):
-            try:
-                file["path/depth"][frame]
-            except OSError:
-                unreadable += 1
-    assert unreadable == 2
+        assert sum(_is_damaged(file["path/depth"], frame) for frame in range(len(file["path/depth"]))) == 2
+
+
+def test_corrupt_chunk_of_all_rates_of_flow(plant: Any) -> None:
+    """A damaged flow is damaged at each rate, one field of it."""
+    with h5py.File(plant("corrupt_chunk", "flow", 1).path) as file:
+        for rate in ("10hz", "25hz", "50hz"):
+            assert (
+                sum(_is_damaged(file[f"path/flow/{rate}"], row) for row in range(len(file[f"path/flow/{rate}"]))) == 1
+            )
+
+
+def _is_damaged(dataset: h5py.Dataset, row: int) -> bool:
+    try:
+        dataset[row]
+    except OSError:
+        return True
+    return False
 
 
 def test_missing_stream_keeps_what_was_declared(plant: Any) -> None:
