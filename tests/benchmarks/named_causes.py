@@ -34,7 +34,7 @@ OPTIONS: Final = CorpusOptions(clean=1, ladder=1)
 HEAD: Final = """\
 # Are faults found, and named?
 
-Written by `make study-causes`, {date}. Each fault is planted in each of {scenes} ({width}x{height} pixels, one second)
+Written by `make study-causes`, {date}. {each} is planted in each of {scenes} ({width}x{height} pixels, one second)
 at its nominal size: what a good tool should just see in so short and small a file (docs/corpus.md). *Found*: some check
 failed. *Named*: the first diagnosis has the right cause and the right stream.
 
@@ -73,8 +73,9 @@ class Named:
 @click.command()
 @click.option("--jobs", default=2, show_default=True, help="Processes.")
 @click.option("--scenes", default=",".join(SCENES), show_default=True)
+@click.option("--every", default=1, show_default=True, help="Plant every so manieth fault of a scene only.")
 @click.option("--fresh", is_flag=True, help="Forget what was found before.")
-def main(jobs: int, scenes: str, fresh: bool) -> None:
+def main(jobs: int, scenes: str, every: int, fresh: bool) -> None:
     """Plant, check, and write docs/named-causes.md."""
     if fresh:
         shutil.rmtree(KEPT, ignore_errors=True)
@@ -83,7 +84,7 @@ def main(jobs: int, scenes: str, fresh: bool) -> None:
             pool.submit(named, planned, base)
             for scene in scenes.split(",")
             for base in [_clean(load_scene(scene).with_size(*SIZE))]
-            for planned in planned_faults(load_scene(scene).with_size(*SIZE))
+            for planned in planned_faults(load_scene(scene).with_size(*SIZE))[::every]
         ]
         found = []
         for future in as_completed(work):
@@ -91,7 +92,7 @@ def main(jobs: int, scenes: str, fresh: bool) -> None:
             if one is not None:
                 found.append(one)
                 click.echo(f"{len(found)} {_sentence(one)}", err=True)
-    text = "".join(page(found))
+    text = "".join(page(found, every))
     if scenes == ",".join(SCENES):
         TARGET.write_text(text, encoding="utf-8")
     click.echo(text)
@@ -141,12 +142,13 @@ def named(planned: PlannedFile, base: Path) -> Named | None:
     return one
 
 
-def page(found: Sequence[Named]) -> Iterator[str]:
+def page(found: Sequence[Named], every: int = 1) -> Iterator[str]:
     """Text of docs/named-causes.md."""
     seen = [one for one in found if one.found]
     first = sum(one.is_first for one in seen)
     yield HEAD.format(
         date=time.strftime("%Y-%m-%d"),
+        each="Each fault" if every == 1 else f"One fault in {every} (`--every {every}`)",
         scenes=", ".join(dict.fromkeys(one.scene for one in found)),
         width=SIZE[0],
         height=SIZE[1],
