@@ -16,6 +16,7 @@ _LEAST_GAIN: Final = 0.1
 _LEAST_POWER: Final = 0.5
 """Contrasts are then half as large again: less than a display's curve, which makes them more than double."""
 _WHITE_DN: Final = 255.0
+_EXCHANGES: Final = ("RBG", "GRB", "BGR")
 _SPARSELY: Final = 8
 """Of so many intervals three are out of order: the median of all stays what it is."""
 _DARKEST: Final = 0.3
@@ -64,9 +65,9 @@ def darker_colour(ground: Ground) -> Fault:
 
 
 def exchanged_channels(ground: Ground) -> Fault:
-    """Channels are in the order that the check says to see best."""
+    """Two channels are exchanged: those of which the check says to see it best."""
     limits = ((m.least_detectable, m.name.removeprefix("towards_")) for m in ground.measurements)
-    orders = [(limit, order) for limit, order in limits if limit and set(order) == set("RGB")]
+    orders = [(limit, order) for limit, order in limits if limit and order in _EXCHANGES]
     order = min(orders, default=(0.0, "BGR"))[1]
     channels = ["RGB".index(channel) for channel in order]
     return Fault(f"rgb is {', '.join(order)}", {_RGB: values(lambda frames: frames[..., channels])})
