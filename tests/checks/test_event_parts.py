@@ -7,6 +7,8 @@ from scipy.ndimage import gaussian_filter, shift
 
 from fedora_qa.checks.events.shifted import CLEAR, PartSums, most_shifted, tile_sums
 from fedora_qa.checks.events.tiles import GRID, tile_around
+from fedora_qa.checks.events.turned import causes_of, words_for
+from fedora_qa.estimators.event_orientation import SYMMETRIES
 
 SHAPE = (96, 128)
 THRESHOLD = 0.2
@@ -62,3 +64,11 @@ def test_dark_tiles_are_left_out() -> None:
     assert found is not None
     assert found.compared == GRID * (GRID - 1)
     assert abs(found.shift_px) < 1e-6
+
+
+def test_mirrored_frames_are_suspected_beside_mirrored_events() -> None:
+    """Against frames alone one cannot tell which of the two is mirrored; exchanged axes only events can have."""
+    for rival in range(2 * len(SYMMETRIES) - 1):
+        words, suspects = words_for(rival), {(one.cause, one.stream) for one in causes_of(rival)}
+        assert (("mirrored", "rgb") in suspects) == ("mirrored" in words and "axes" not in words)
+        assert (("mirrored", "events") in suspects) == ("mirrored" in words)

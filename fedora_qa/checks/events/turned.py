@@ -24,6 +24,9 @@ FEWEST_UPRIGHT: Final = 0.25
 DEPENDENT: Final = 3.0
 """Standard error of a correlation in those of independent blocks: blocks of one moving texture are not."""
 
+_OF_FRAMES: Final = 0.85
+"""Weight of mirrored frames beside that of mirrored events: more often it is the events."""
+
 
 @dataclass(frozen=True, slots=True)
 class Turned:
@@ -96,10 +99,14 @@ def words_for(rival: int) -> str:
 
 
 def causes_of(rival: int) -> tuple[Suspect, ...]:
-    """Return the causes that make events agree in this orientation."""
+    """Return the causes that make events agree in this orientation.
+
+    Mirrored frames have the effect of mirrored events: other streams tell which.
+    """
     inverted, (swap, left, up) = _undo(rival)
     causes = (("polarity_inverted", inverted), ("axes_swapped", swap), ("mirrored", left or up))
-    return tuple(Suspect(cause, "events", 0.95) for cause, true in causes if true)
+    of_events = tuple(Suspect(cause, "events", 0.95) for cause, true in causes if true)
+    return (*of_events, Suspect("mirrored", "rgb", _OF_FRAMES)) if (left or up) and not swap else of_events
 
 
 def _undo(rival: int) -> tuple[bool, tuple[bool, bool, bool]]:
