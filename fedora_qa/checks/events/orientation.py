@@ -12,7 +12,6 @@ from fedora_qa.checks.events.turned import (
     LEAST_PREDICTED,
     Turned,
     causes_of,
-    causes_of_part,
     most_turned,
     others_of,
     words_for,
@@ -166,7 +165,7 @@ def _part(name: str, rule: str, turned: Turned, where: Where, place: str) -> Mea
         f"{turned.other:.2g}, as they stand {turned.declared:.2g}.",
         code=f"event_response.orientation.{rule}",
         where=where,
-        suspects=causes_of_part(turned.rival),
+        suspects=causes_of(turned.rival),
     )
 
 

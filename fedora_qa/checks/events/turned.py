@@ -1,7 +1,7 @@
 """Events that agree with the frames in another orientation in a stretch of time, or in a part of the image."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -24,8 +24,8 @@ FEWEST_UPRIGHT: Final = 0.25
 DEPENDENT: Final = 3.0
 """Standard error of a correlation in those of independent blocks: blocks of one moving texture are not."""
 
-_OR_FRAMES: Final = 0.9
-"""Weight of mirrored frames where that of mirrored events is 0.95: a little less, for want of anything that tells."""
+_OF_FRAMES: Final = 0.85
+"""Weight of mirrored frames beside that of mirrored events: more often it is the events."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,19 +99,14 @@ def words_for(rival: int) -> str:
 
 
 def causes_of(rival: int) -> tuple[Suspect, ...]:
-    """Return the causes that make events agree in this orientation."""
+    """Return the causes that make events agree in this orientation.
+
+    Mirrored frames have the effect of mirrored events: other streams tell which.
+    """
     inverted, (swap, left, up) = _undo(rival)
     causes = (("polarity_inverted", inverted), ("axes_swapped", swap), ("mirrored", left or up))
-    return tuple(Suspect(cause, "events", 0.95) for cause, true in causes if true)
-
-
-def causes_of_part(rival: int) -> tuple[Suspect, ...]:
-    """Return the causes in a part: frames that are mirrored there look to events as events do to frames.
-
-    Which of them it is, the flow tells: it agrees with frames that are not.
-    """
-    causes = causes_of(rival)
-    return (*causes, *(replace(one, stream="rgb", weight=_OR_FRAMES) for one in causes if one.cause == "mirrored"))
+    of_events = tuple(Suspect(cause, "events", 0.95) for cause, true in causes if true)
+    return (*of_events, Suspect("mirrored", "rgb", _OF_FRAMES)) if (left or up) and not swap else of_events
 
 
 def _undo(rival: int) -> tuple[bool, tuple[bool, bool, bool]]:
