@@ -26,7 +26,11 @@ RAY_ENTRIES: Final = 9
 
 NODES: Final = 16
 ROUNDING: Final = 1e-13
-"""Coefficients that are smaller than this share of the largest are left out."""
+"""Coefficients that are smaller than this share of their vector (a column of the rays, a place) are left out.
+
+Of the vector, not of their own entry: one that crosses zero is rounded as its neighbours are, and the phase of a swing
+of half a radian minutes after its start, thousands of radians on, is known to 1e-13.
+"""
 SHORTEST_NS: Final = 1_000
 
 _NODES: Final = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
@@ -68,7 +72,9 @@ def camera_paths(world: ExactWorld, camera: Camera, flight: Flight, start_ns: in
     places_m = [poses[:, :3, 3] - world.displacement_m(body, times_s) for body in range(1 + len(world.movements))]
     rows = np.concatenate([rays, *places_m], axis=1)
     coefficients = _TO_COEFFICIENTS @ rows
-    scales = np.abs(rows).max(axis=0)
+    lengths = [np.tile(np.linalg.norm(rays.reshape(-1, 3, 3), axis=1), 3)]
+    lengths += [np.repeat(np.linalg.norm(place_m, axis=1)[:, None], 3, axis=1) for place_m in places_m]
+    scales = np.concatenate(lengths, axis=1).max(axis=0)
     needed = np.flatnonzero((np.abs(coefficients) > ROUNDING * np.maximum(scales, 1e-3)).any(axis=1))
     terms = int(needed[-1]) + 1 if needed.size else 1
     if terms <= NODES - 2:  # the last two are nothing but rounding: so is all that is missing

@@ -37,6 +37,16 @@ def test_a_path_is_the_flight_to_rounding(start_s: float, length_s: float, share
             np.testing.assert_allclose(places_m, pose[None, :3, 3], atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["park-day", "hover"])
+def test_minutes_after_its_start_a_flight_is_as_smooth(name: str) -> None:
+    """Rounding grows with the phase of a swing, and entries that cross zero have no digits of their own to lose."""
+    scene = load_scene(name).with_size(72, 54)
+    flight, frame_ns = scene.fly(), 20_000_000
+    for number in range(1_500, 6_000, 3):
+        paths = camera_paths(WORLD, CAMERA, flight, number * frame_ns, (number + 1) * frame_ns)
+        assert len(paths) <= 2
+
+
 def test_what_shakes_is_cut_into_more_paths() -> None:
     """A shake of 300 Hz turns six times in 20 ms: more than one polynomial, true to 1e-11, and no gap between."""
     flight = Flight(
