@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.few_groups import shared_errors
+from fedora_qa.estimators.few_groups import shared_errors, student_factor
 
 Float64 = NDArray[np.float64]
 
@@ -113,12 +113,13 @@ def delays_of_parts(sums: CellSums, summed: int) -> Delays:
 
     Errors of the frames are shared by readings of one pixel and of its neighbours, so that cells scatter by more than
     their formal errors. An error is the larger of two: the formal one times the usual excess of the file, and how far
-    leaving one cell of the part out in turn moves its delay (delete-one jackknife). Both are widened by what tiles of
-    a row or column share.
+    leaving one cell of the part out in turn moves its delay (delete-one jackknife). For windows both are widened by
+    what tiles of a row or column share; for tiles that would hide a part of the image that is late.
     """
     parts = delays(sums.over(summed))
     errors_s = np.maximum(parts.errors_s * _excess_scatter(sums), _jackknife(sums, summed))
-    return Delays(parts.seconds, errors_s * _shared_by_lines(sums), parts.relative_sigmas)
+    shared = _shared_by_lines(sums) if summed == 1 else 1.0
+    return Delays(parts.seconds, errors_s * shared, parts.relative_sigmas)
 
 
 def _shared_by_lines(sums: CellSums) -> float:
@@ -194,9 +195,12 @@ def latest_stretch(values: Float64, errors: Float64) -> Step | None:
     return _largest_step(values, errors, lambda: _stretches(len(values)))
 
 
-def latest_rectangle(values: Float64, errors: Float64, shape: tuple[int, int]) -> Step | None:
-    """Return the rectangle of a grid of values (k,), rows first, that differs most from the others."""
-    return _largest_step(values, errors, lambda: _rectangles(*shape))
+def latest_rectangle(values: Float64, errors: Float64, shape: tuple[int, int], freedom: float = np.inf) -> Step | None:
+    """Return the rectangle of a grid of values (k,), rows first, that differs most from the others.
+
+    Each error is known with so many degrees of ``freedom``; the standard error of the step is widened accordingly.
+    """
+    return _largest_step(values, errors, lambda: _rectangles(*shape), freedom)
 
 
 def _stretches(count: int) -> Iterator[NDArray[np.bool_]]:
@@ -215,7 +219,9 @@ def _rectangles(rows: int, columns: int) -> Iterator[NDArray[np.bool_]]:
                 yield inside.ravel()
 
 
-def _largest_step(values: Float64, errors: Float64, parts: Callable[[], Iterator[NDArray[np.bool_]]]) -> Step | None:
+def _largest_step(
+    values: Float64, errors: Float64, parts: Callable[[], Iterator[NDArray[np.bool_]]], freedom: float = np.inf
+) -> Step | None:
     known = np.isfinite(values) & np.isfinite(errors)
     weights = np.where(known, 1 / np.where(known, errors, 1.0) ** 2, 0.0)
     weighted = weights * np.where(known, values, 0.0)
@@ -233,7 +239,20 @@ def _largest_step(values: Float64, errors: Float64, parts: Callable[[], Iterator
     if best is None:
         return None
     scatter = _scatter_about(best, values[known], weights[known], best.chosen[known])
-    return Step(best.chosen, best.late_s, best.standard_error_s * scatter, tests)
+    widened = scatter * _uncertainty(best, weights, freedom)
+    return Step(best.chosen, best.late_s, best.standard_error_s * widened, tests)
+
+
+def _uncertainty(step: Step, weights: Float64, freedom: float) -> float:
+    """Return Student's factor of a step whose parts' errors each have so many degrees of freedom.
+
+    The variance of a weighted mean adds those of its parts, 1/w of each weighing (w / sum w)^2, and so do their own
+    uncertainties (F. E. Satterthwaite, Biometrics 2, 1946).
+    """
+    if not np.isfinite(freedom):
+        return 1.0
+    shares = np.concatenate([weights[side] / weights[side].sum() ** 2 for side in (step.chosen, ~step.chosen)])
+    return student_factor(freedom * float(shares.sum() ** 2 / np.sum(shares**2)))
 
 
 def _scatter_about(step: Step, values: Float64, weights: Float64, inside: NDArray[np.bool_]) -> float:

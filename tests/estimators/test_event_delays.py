@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fedora_qa.estimators.event_delays import CellSums, delays, delays_of_parts, latest_rectangle, latest_stretch
+from fedora_qa.estimators.few_groups import student_factor
 
 
 def sums_of(late_s: np.ndarray, readings: int = 400, noise: float = 0.05, seed: int = 0) -> CellSums:
@@ -83,3 +84,13 @@ def test_empty_cells_are_unknown() -> None:
     found = delays_of_parts(nothing, 1)
     assert not np.isfinite(found.seconds).any()
     assert latest_stretch(found.seconds, found.errors_s) is None
+
+
+def test_few_windows_make_regions_uncertain() -> None:
+    """One tile against three of equal errors, each known by four degrees of freedom, has 6.86 of them."""
+    values, errors = np.array([8.0, 0.0, 0.0, 0.0]), np.ones(4)
+    known, estimated = (latest_rectangle(values, errors, (2, 2), freedom) for freedom in (np.inf, 4.0))
+    assert known is not None
+    assert estimated is not None
+    freedom = 4.0 * (1 + 1 / 3) ** 2 / (1 + 3 / 9**2)
+    assert estimated.standard_error_s == pytest.approx(known.standard_error_s * student_factor(freedom))

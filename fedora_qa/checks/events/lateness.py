@@ -150,7 +150,8 @@ def _local(state: Sequence[ReadingSums], summed: int) -> Local | None:
     errors = np.sqrt(found.errors_s**2 + by_time**2 + by_place**2)
     if np.count_nonzero(np.isfinite(values) & np.isfinite(errors)) < FEWEST_PARTS:
         return None
-    step = latest_stretch(values, errors) if summed == 1 else latest_rectangle(values, errors, (GRID, GRID))
+    windows = len(state) - 1.0
+    step = latest_stretch(values, errors) if summed == 1 else latest_rectangle(values, errors, (GRID, GRID), windows)
     return Local(step, _crest_bound_s(step, by_crests, errors), values, errors) if step is not None else None
 
 

@@ -85,12 +85,13 @@ class Timing(WindowCheck[Seen]):
     Standard errors are the largest of the formal one and those by leaving out cells, windows, tiles, and rows and
     columns of tiles (delete-one jackknife): errors of frames are shared by neighbouring readings, and along a straight
     edge. Where few groups scatter by more than their cells explain, theirs counts, widened as Student's distribution
-    says (``few_groups``). Expected is half a tick of the stamps (a stamp is the first tick not before the crossing) and
-    the delay of a declared low-pass. Allowances: what four frames in place of six change, and 0.7 of what the even
-    reconstruction of footprints changes (derivation beside ``LEFT_BY_SHARP``); for bracketed samples those of the
-    thresholds. A sensor of the linear model jumps at its events: its bracketed levels may err by sqrt(3) times their
-    scatter, all as one. Its steps are large: many are made at crests of light between two frames, and the last event
-    before each turn may be off by 1.32 times what the fit leaves (``CREST_BIAS``).
+    says (``few_groups``); so is the error of a region of few windows. Expected is half a tick of the stamps (a stamp is
+    the first tick not before the crossing) and the delay of a declared low-pass. Allowances: what four frames in place
+    of six change, and 0.7 of what the even reconstruction of footprints changes (derivation beside ``LEFT_BY_SHARP``);
+    for bracketed samples those of the thresholds. A sensor of the linear model jumps at its events: its bracketed
+    levels may err by sqrt(3) times their scatter, all as one. Its steps are large: many are made at crests of light
+    between two frames, and the last event before each turn may be off by 1.32 times what the fit leaves
+    (``CREST_BIAS``).
 
     Cannot see
     ----------
