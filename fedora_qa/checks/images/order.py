@@ -33,13 +33,17 @@ MATTERS: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Two frames, and by how much of the flow between their instants they lie apart: as a whole, and part by part."""
+    """Two frames, and by how much of the flow between their instants they lie apart: as a whole, and part by part.
+
+    ``size`` is the width and height on the grid of the flow.
+    """
 
     before: int
     after: int
     share: float
     standard_error: float
     rounding_error: float
+    size: tuple[int, int]
     parts: PartShares
 
 
@@ -100,9 +104,9 @@ class Order(WindowCheck[tuple[Share, ...]]):
             blank = min(np.ptp(before), np.ptp(after)) == 0  # for images.exposure
             found = None if blank else motion_share(before, after, pair.flow_px)
             if found is not None:
-                parts = shares_of_parts(before, after, pair.flow_px)
+                size, parts = (before.shape[1], before.shape[0]), shares_of_parts(before, after, pair.flow_px)
                 shares.append(
-                    Share(pair.before, pair.after, found.share, found.standard_error, found.rounding_error, parts)
+                    Share(pair.before, pair.after, found.share, found.standard_error, found.rounding_error, size, parts)
                 )
         return tuple(shares)
 
@@ -122,7 +126,7 @@ class Order(WindowCheck[tuple[Share, ...]]):
         errors = np.hypot(spread, [one.standard_error for one in clear])
         worst = int(np.argmax((np.abs(shares - middle) - ALLOWED * middle) / errors))
         measured = [self._worst(clear[worst], middle, float(errors[worst]), clear, facts)]
-        part = odd_part([(one.before, one.after, one.parts) for one in every], facts)
+        part = odd_part([(one.before, one.after, one.parts) for one in every], every[0].size, facts)
         return Observation(coverage, (*measured, *([part] if part is not None else [])))
 
     def _worst(self, pair: Share, middle: float, error: float, clear: Sequence[Share], facts: Facts) -> Measured:

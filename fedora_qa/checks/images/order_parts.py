@@ -52,13 +52,15 @@ def boxes(width: int, height: int) -> tuple[Box, ...]:
     return tuple((left, top, right, bottom) for top, bottom in pairwise(rows) for left, right in pairwise(columns))
 
 
-def odd_part(pairs: Sequence[tuple[int, int, PartShares]], facts: Facts) -> Measured | None:
+def odd_part(pairs: Sequence[tuple[int, int, PartShares]], size: tuple[int, int], facts: Facts) -> Measured | None:
     """State the part that lies farthest from where it usually does; None where no part tells.
 
     Parameters
     ----------
     pairs
         Two frames, and the shares of the parts between them.
+    size
+        Width and height of the image.
     """
     shares, own = np.moveaxis(np.array([parts for _, _, parts in pairs]), -1, 0)
     known = np.isfinite(shares)
@@ -71,7 +73,7 @@ def odd_part(pairs: Sequence[tuple[int, int, PartShares]], facts: Facts) -> Meas
     errors = np.hypot(scatter, own / np.where(telling, usual, 1.0))
     scores = np.where(np.isfinite(relative), (np.abs(relative - 1) - ALLOWED) / errors, -np.inf)
     pair, part = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))
-    return _stated(pairs, relative, pair, part, float(errors[pair, part]), facts)
+    return _stated(pairs, relative, (pair, part), float(errors[pair, part]), boxes(*size)[part], facts)
 
 
 def _median(values: Float64) -> float:
@@ -83,14 +85,13 @@ def _median(values: Float64) -> float:
 def _stated(
     pairs: Sequence[tuple[int, int, PartShares]],
     relative: Float64,
-    pair: int,
-    part: int,
+    at: tuple[int, int],
     error: float,
+    box: Box,
     facts: Facts,
 ) -> Measured:
+    pair, part = at
     before, after, _ = pairs[pair]
-    camera = facts.declared.cameras.get("depth") or facts.declared.cameras["rgb"]
-    box = boxes(camera.width, camera.height)[part]
     series = [(one[0], one[1], float(share)) for one, share in zip(pairs, relative[:, part], strict=True)]
     off = [one for one in series if abs(one[2] - 1) > ALLOWED] or [series[pair]]
     times_ns = facts.clocks["rgb"].times_ns
