@@ -213,9 +213,7 @@ def weigh_templates(
     weight = 1.0 / sample.sigma_px**2
     cross = weight * np.einsum("nki,nkm->im", jacobian, np.nan_to_num(templates))
     pull = weight * np.einsum("nki,nk->i", jacobian, residual)
-    S = twist_covariance
-    right = S @ np.column_stack((cross, pull))  # (A + S^-1)^-1 = (1 + S A)^-1 S: S may be singular
-    solved = np.linalg.solve(np.eye(6) + S @ fit.information, right)
+    solved = parallel_sum(twist_covariance, fit.information) @ np.column_stack((cross, pull))
     return Evidence(
         plain.matrix - cross.T @ solved[:, :-1],
         plain.vector - cross.T @ solved[:, -1],
@@ -224,14 +222,28 @@ def weigh_templates(
     )
 
 
+def parallel_sum(one: Float64, other: Float64) -> Float64:
+    """Return ``(one^-1 + other)^-1`` of symmetric matrices without negative eigenvalues; either may be singular.
+
+    With ``one = L L^T`` it is ``L (1 + L^T other L)^-1 L^T``. The eigenvalues are taken apart: however large they are,
+    none of what is inverted is less than 1.
+    """
+    sizes, directions = np.linalg.eigh(one)
+    L = directions * np.sqrt(np.maximum(sizes, 0.0))
+    values, vectors = np.linalg.eigh(L.T @ other @ L)
+    turned = L @ vectors
+    found: Float64 = (turned / (1.0 + np.maximum(values, 0.0))) @ turned.T
+    return found
+
+
 def twist_statistic(fit: MotionFit, twist_covariance: Float64) -> tuple[float, float]:
     """Return ``x^T (S + A^-1)^-1 x`` of the fitted twist, and its expectation under the prior covariance S.
 
     A is the information of the fit. The expectation, ``trace((S + A^-1)^-1 S)``, counts the determined directions:
     under the prior the statistic is chi-square with about so many degrees of freedom.
     """
-    A, S = fit.information, twist_covariance
-    weight = np.linalg.solve(np.eye(6) + A @ S, A)
+    S = twist_covariance
+    weight = parallel_sum(fit.information, S)
     return float(fit.twist @ weight @ fit.twist), float(np.trace(weight @ S))
 
 

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.flow_motion_fit import FlowSample, fit_motion, sum_of, twist_statistic, weigh_templates
+from fedora_qa.estimators.flow_motion_fit import (
+    FlowSample,
+    fit_motion,
+    parallel_sum,
+    sum_of,
+    twist_statistic,
+    weigh_templates,
+)
 from fedora_qa.estimators.flow_templates import SMALL_FAULTS, small_fault_templates
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import rigid_flow
@@ -109,3 +116,17 @@ def test_small_fault_is_found_under_pose_noise(cause: str) -> None:
     sizes, share = sum_of(evidences).explained_by(own.columns)
     assert own.size(sizes) == pytest.approx(size, rel=0.02)
     assert share > 0.99
+
+
+def test_parallel_sum_is_that_of_the_inverses() -> None:
+    """Of regular matrices; of a singular one, where only its own directions count; of any size, where 1 is lost."""
+    rng = np.random.default_rng(4)
+    one, other = (root @ root.T for root in rng.normal(size=(2, 6, 6)))
+    np.testing.assert_allclose(parallel_sum(one, other), np.linalg.inv(np.linalg.inv(one) + other), rtol=1e-8)
+    flat = np.outer(one[0], one[0])
+    limit = flat / (1.0 + one[0] @ other @ one[0])
+    np.testing.assert_allclose(parallel_sum(flat, other), limit, atol=1e-9 * np.abs(limit).max())
+    huge = 1e30 * np.outer(other[0], other[0])
+    left = parallel_sum(one, huge)
+    assert np.all(np.isfinite(left))
+    assert abs(other[0] @ left @ other[0]) < 1e-12 * (other[0] @ one @ other[0])
