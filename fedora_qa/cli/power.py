@@ -57,7 +57,7 @@ def power(
     settings = settings_from(config, given)
     options = replace(check_options(settings), evidence=None)
     manifest = read_manifest(corpus)
-    outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path, draft=publish)
+    outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path, own=publish)
     outputs.require_writable([corpus / MANIFEST])
     require_files(corpus, manifest)
     kept = State(_made(state or state_folder(corpus)), corpus, measured_with(settings.digest))

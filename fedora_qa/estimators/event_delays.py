@@ -136,7 +136,7 @@ def _shared_by_lines(sums: CellSums) -> float:
         lines = CellSums(*(getattr(sums, name).reshape(windows, side, side, *getattr(sums, name).shape[2:]).sum(axis)
                            for name in CellSums.__slots__))  # fmt: skip
         by_line = _jackknife(lines, 1)
-        known = np.isfinite(by_line) & np.isfinite(by_tile) & (formal > 0)
+        known = np.isfinite(by_line) & np.isfinite(by_tile) & (by_tile > 0) & (formal > 0)
         if known.any():
             by_lines, by_tiles = (np.sqrt(np.sum((each[known] / formal[known]) ** 2)) for each in (by_line, by_tile))
             count = np.count_nonzero(known)
