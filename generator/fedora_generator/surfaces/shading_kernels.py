@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_generator.surfaces.lamp_kernels import lamp_average
 from fedora_generator.surfaces.texture_kernels import TextureTable, steps_average, waves_average
 from fedora_generator.surfaces.visibility_kernels import U, V, W, value
 
@@ -41,15 +42,14 @@ class View(NamedTuple):
 
 # These two are inlined: a call would copy the hundred words of their array arguments for every pixel.
 @njit(cache=True, error_model="numpy", inline="always")
-def irradiance(surfaces: Surfaces, face: int, u: float, v: float) -> float:
-    """Irradiance at a point of a face: Lambert's cosine law, inverse square, softened (see ``lamps_over_faces``)."""
+def irradiance(surfaces: Surfaces, face: int, u: float, v: float, au: float, av: float, bu: float, bv: float) -> float:
+    """Mean irradiance of the parallelogram of sides a and b (m) around a point of a face (see ``lamps_over_faces``)."""
     total = float(surfaces.even_irradiance[face])
     lamps = surfaces.lamps
     for lamp in range(lamps.shape[1]):
         if lamps[face, lamp, 3] > 0.0:
             du, dv = u - lamps[face, lamp, 0], v - lamps[face, lamp, 1]
-            squared = du * du + dv * dv + lamps[face, lamp, 2]
-            total += lamps[face, lamp, 3] / (squared * math.sqrt(squared))
+            total += lamps[face, lamp, 3] * lamp_average(du, dv, lamps[face, lamp, 2], au, av, bu, bv)
     return total
 
 
@@ -86,7 +86,7 @@ def add_face(
     shift_u, shift_v = surfaces.wave_offsets_m[row, 0], surfaces.wave_offsets_m[row, 1]
     s = 0.5 + waves_average(textures, texture, u + shift_u, v + shift_v, au, av, bu, bv, terms)
     s += steps_average(textures, texture, u, v, au, av, bu, bv)
-    light = weight * irradiance(surfaces, row, u, v)
+    light = weight * irradiance(surfaces, row, u, v, au, av, bu, bv)
     for channel in range(radiance_dn.shape[0]):
         dark = surfaces.dark_dn[texture, channel]
         radiance_dn[channel] += light * (dark + s * (surfaces.light_dn[texture, channel] - dark))
