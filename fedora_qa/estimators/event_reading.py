@@ -6,9 +6,10 @@ each event tells exactly how far that pixel has moved since its others:
     L(t) = a + C+ P - C- M + delta L'(t)
 
 with L and its slope L' read from the frames at the stamp t of each event, P and M the brighter and darker events of the
-pixel so far, a its own constant, and delta the time by which events are stamped late: a level reached at t - delta has
-moved on by delta L' when the stamp comes. Bracketed level samples (``event_levels``) read events at the times of
-frames and need many events a frame; these readings need several frames an event.
+pixel so far, a its own constant (one reading of a pixel tells no more), and delta the time by which events are stamped
+late: a level reached at t - delta has moved on by delta L' when the stamp comes. Bracketed level samples
+(``event_levels``) read events at the times of frames and need many events a frame; these readings need several frames
+an event.
 
 A sensor of the linear model compares whole grey values once a rendered step. Its event steps from the last whole value
 by C + 1/2 at the crossing, by half of what the signal moves in a step more until it is looked at, and by what rounding
@@ -108,6 +109,7 @@ def read_frames(
     kept = np.arange(count)
     if tick_s > 0:
         kept = kept[~_before_turns(pixels[:count], columns[:count, 6])]
+    kept = kept[np.bincount(pixels[kept], minlength=1)[pixels[kept]] > 1]
     pixels, columns = pixels[kept], columns[kept]
     columns[:, 1] -= leak_rate_hz * columns[:, 0]
     level, coarse, even = columns[:, 3], columns[:, 3] + columns[:, 5], columns[:, 3]

@@ -74,9 +74,7 @@ def reading_sums(window: Window) -> ReadingSums | None:
     def blocks(read: Way) -> NormalBlocks:
         return reading_blocks(readings, weights, tiles, GRID**2, read=read)
 
-    return ReadingSums(
-        blocks("fine"), blocks("coarse"), blocks("even"), window.span.start_ns, window.span.stop_ns
-    )
+    return ReadingSums(blocks("fine"), blocks("coarse"), blocks("even"), window.span.start_ns, window.span.stop_ns)
 
 
 def fit_all(state: Sequence[ReadingSums]) -> ReadingFits | None:
