@@ -62,7 +62,10 @@ def test_whole_values_are_unrounded(late_ms: float) -> None:
 
 
 def test_the_last_event_before_a_turn_is_counted_and_not_read() -> None:
-    """Of a linear sensor those are read whose pixel goes on in their direction; of a log sensor all of a pixel with two."""
+    """Of a linear sensor those are read whose pixel goes on in their direction; of a log sensor all.
+
+    In any case a pixel that is read once tells nothing.
+    """
     x, y = np.zeros(6, np.uint16), np.array([0, 1, 0, 0, 0, 0], np.uint16)
     p = np.array([1, 0, 1, 0, 0, 0], np.uint8)
     times_ns = np.array([50, 55, 60, 70, 80, 90]) * MS
