@@ -114,23 +114,44 @@ def delays_of_parts(sums: CellSums, summed: int) -> Delays:
     Errors of the frames are shared by readings of one pixel and of its neighbours, so that cells scatter by more than
     their formal errors. An error is the larger of two: the formal one times the usual excess of the file, and how far
     leaving one cell of the part out in turn moves its delay (delete-one jackknife). For windows both are widened by
-    what tiles of a row or column share; for tiles that would hide a part of the image that is late.
+    what tiles of a row or column share, and the excess is that of all windows together (``_usual_excess``); for tiles
+    that would hide a part of the image that is late.
     """
-    parts = delays(sums.over(summed))
-    errors_s = np.maximum(parts.errors_s * _excess_scatter(sums), _jackknife(sums, summed))
-    shared = _shared_by_lines(sums) if summed == 1 else 1.0
+    parts, by_cell = delays(sums.over(summed)), _jackknife(sums, summed)
+    excess = _excess_scatter(sums)
+    if summed == 1:
+        excess = max(excess, _usual_excess(sums, parts, by_cell))
+    errors_s = np.maximum(parts.errors_s * excess, by_cell)
+    shared = _shared_by_lines(sums, parts.errors_s, errors_s) if summed == 1 else 1.0
     return Delays(parts.seconds, errors_s * shared, parts.relative_sigmas)
 
 
-def _shared_by_lines(sums: CellSums) -> float:
-    """Return by how much errors exceed those of independent tiles; 1 at least.
+def _usual_excess(sums: CellSums, windows: Delays, by_tile: Float64) -> float:
+    """Return by how much errors by leaving out tiles exceed formal ones, over all windows; 1 at least.
+
+    A few long edges may hold most of what a window tells. Three that err alike by chance leave a jackknife error that
+    is much too small, which over the windows of a file, and over many files, happens: all windows together tell it with
+    the sum of their degrees of freedom (Student). Those of a window are the tiles that share its weight evenly, less 1.
+    """
+    tiles = delays(sums)
+    shares = np.where(tiles.errors_s > 0, tiles.errors_s, np.inf).reshape(sums.counts.shape) ** -2.0
+    shares = np.where(np.isfinite(shares), shares, 0.0)
+    freedom = np.maximum(shares.sum(axis=1) ** 2 / np.maximum((shares**2).sum(axis=1), 1e-300) - 1, 0.0)
+    known = np.isfinite(by_tile) & (windows.errors_s > 0) & (freedom > 0)
+    if not known.any():
+        return 1.0
+    squares = np.average((by_tile[known] / windows.errors_s[known]) ** 2, weights=freedom[known])
+    return max(1.0, float(np.sqrt(squares)) * student_factor(float(freedom[known].sum())))
+
+
+def _shared_by_lines(sums: CellSums, formal: Float64, by_tile: Float64) -> float:
+    """Return by how much errors of windows exceed those ``by_tile``, of independent tiles; 1 at least.
 
     A long straight edge crosses the pixels of a whole row of tiles at one phase: its frames err there alike. Leaving
     out rows, or columns, of a window's tiles in turn tells such errors from others, over all windows together.
     """
     windows, tiles = sums.counts.shape
     side = round(tiles**0.5)
-    by_tile, formal = _jackknife(sums, 1), delays(sums.over(1)).errors_s
     widest = 1.0
     for axis in (1, 2):
         lines = CellSums(*(getattr(sums, name).reshape(windows, side, side, *getattr(sums, name).shape[2:]).sum(axis)

@@ -6,17 +6,19 @@ each event tells exactly how far that pixel has moved since its others:
     L(t) = a + C+ P - C- M + delta L'(t)
 
 with L and its slope L' read from the frames at the stamp t of each event, P and M the brighter and darker events of the
-pixel so far, a its own constant, and delta the time by which events are stamped late: a level reached at t - delta has
-moved on by delta L' when the stamp comes. Bracketed level samples (``event_levels``) read events at the times of
-frames and need many events a frame; these readings need several frames an event.
+pixel so far, a its own constant (one reading of a pixel tells no more), and delta the time by which events are stamped
+late: a level reached at t - delta has moved on by delta L' when the stamp comes. Bracketed level samples
+(``event_levels``) read events at the times of frames and need many events a frame; these readings need several frames
+an event.
 
 A sensor of the linear model compares whole grey values once a rendered step. Its event steps from the last whole value
 by C + 1/2 at the crossing, by half of what the signal moves in a step more until it is looked at, and by what rounding
 adds; both follow from the slope (closed form in ``event_reading_kernels``) and are taken from the level.
 
-Light that turns between two frames goes farther than they tell. The last event before a turn comes where it does: a
-step of such a pixel looks too small, and its event too early. By how much, for one threshold in each such reading, the
-``crests`` tell.
+Light that turns between two frames goes farther than they tell. The steps of the linear model are large: many are made
+at such crests alone, always in the direction of the event, so that they look too small and too early. The last event of
+a pixel before its light turns is counted, but not read; the others come on the way, where frames tell too much as
+often as too little.
 
 Each reading weighs 1 / (1 + (e / s)^2), e being how far four frames in place of six move it, and how far off the sharp
 reconstruction of its footprint may be, and s a small share of the threshold: the weight of white noise and an error of
@@ -41,7 +43,7 @@ MOST_READINGS = 60_000
 ERROR_SHARE = 0.03
 """Of the threshold: the size of an error of reading from which on a reading counts less."""
 
-Way = Literal["fine", "coarse", "even", "crests"]
+Way = Literal["fine", "coarse", "even"]
 """How levels are read at events."""
 
 
@@ -63,8 +65,6 @@ class Readings:
         (m,) read from four.
     even_levels
         (m,) read from six frames whose footprints are reconstructed as even.
-    crests
-        (m,) a threshold in the direction of each event that is the last of its pixel before light turns, else 0.
     weights
         (m,) by errors of reading.
     """
@@ -75,7 +75,6 @@ class Readings:
     levels: Float64
     coarse_levels: Float64
     even_levels: Float64
-    crests: Float64
     weights: Float64
 
     def __len__(self) -> int:
@@ -107,16 +106,19 @@ def read_frames(
     every = max(1, -(-inside // MOST_READINGS))
     pixels, columns = np.empty(inside, np.int64), np.empty((inside, 7))
     count = read_at_events(x, y, times_ns, p, frame_times_ns, levels, every, tick_s, pixels, columns)
-    pixels, columns = pixels[:count], columns[:count]
+    kept = np.arange(count)
+    if tick_s > 0:
+        kept = kept[~_before_turns(pixels[:count], columns[:count, 6])]
+    kept = kept[np.bincount(pixels[kept], minlength=1)[pixels[kept]] > 1]
+    pixels, columns = pixels[kept], columns[kept]
     columns[:, 1] -= leak_rate_hz * columns[:, 0]
     level, coarse, even = columns[:, 3], columns[:, 3] + columns[:, 5], columns[:, 3]
     if even_levels is not None:
         others, unused = np.empty((inside, 7)), np.empty(inside, np.int64)
         read_at_events(x, y, times_ns, p, frame_times_ns, even_levels, every, tick_s, unused, others)
-        even = others[:count, 3]
-    by_place = LEFT_BY_SHARP * _less_mean(even - level, pixels, np.ones(count))
+        even = others[kept, 3]
+    by_place = LEFT_BY_SHARP * _less_mean(even - level, pixels, np.ones(len(kept)))
     weights = 1 / (1 + (columns[:, 5] ** 2 + by_place**2) / (ERROR_SHARE * threshold) ** 2)
-    crests = threshold * columns[:, 6] * _before_turns(pixels, columns[:, 6])
     regressors = [_less_mean(column, pixels, weights) for column in columns[:, [1, 2, 4]].T]
     return Readings(
         pixels,
@@ -125,7 +127,6 @@ def read_frames(
         _less_mean(level, pixels, weights),
         _less_mean(coarse, pixels, weights),
         _less_mean(even, pixels, weights),
-        _less_mean(crests, pixels, weights),
         weights,
     )
 
@@ -147,14 +148,13 @@ def reading_blocks(
 ) -> NormalBlocks:
     """Return the normal equations of C+, C- and delay, summed by block.
 
-    Levels are read from six frames (``fine``) or four (``coarse``), from six that are reconstructed as even (``even``),
-    or with the crests added (``crests``).
+    Levels are read from six frames (``fine``) or four (``coarse``), or from six that are reconstructed as even
+    (``even``).
     """
     levels = {
         "fine": readings.levels,
         "coarse": readings.coarse_levels,
         "even": readings.even_levels,
-        "crests": readings.levels + readings.crests,
     }[read]
     return normal_blocks(readings.regressors, levels, weights, block_of_reading, blocks, readings.times_s)
 

@@ -109,21 +109,27 @@ def widening(freedom: float) -> float:
     return float(stats.t.isf(_TAIL, freedom) / stats.norm.isf(_TAIL))
 
 
-def robust_errors(matrix: Float64, scores: Float64, scale: float) -> Float64:
-    """Return the standard errors (p,) of ``matrix^-1 sum(scores)``: the formal ones, or the blocks' where these differ.
+def beyond_chance(freedom: float) -> float:
+    """Return the mean square of so many deviations of unit variance that one case in a hundred exceeds."""
+    return float(stats.chi2.isf(_UNLIKELY, freedom)) / freedom
 
-    ``scale`` multiplies the formal errors: how far tiles really scatter (R. T. Birge, Phys. Rev. 40 (1932) 207). The
-    empirical ones are the sandwich over independent blocks, of which ``scores`` (k, p) has one row each. Honest blocks
-    scatter as the formal errors say, k - p times the ratio of variances being chi-square; only where a ratio is larger
-    than one in a hundred is, blocks have errors of their own, and the empirical error is taken, widened for few blocks.
+
+def robust_errors(matrix: Float64, scatter: Float64, scores: Float64) -> Float64:
+    """Return the standard errors (p,) of ``matrix^-1 sum(scores)``: as stated, or the blocks' where these differ.
+
+    ``scatter`` (p, p) is the covariance of the sum as the tiles tell it: the sum of the blocks' matrices, each times
+    how far its tiles really scatter (R. T. Birge, Phys. Rev. 40 (1932) 207). The empirical one is the sandwich over
+    independent blocks, of which ``scores`` (k, p) has one row each. Honest blocks scatter as stated, k - p times the
+    ratio of variances being chi-square; only where a ratio is larger than one in a hundred is, blocks have errors of
+    their own, and the empirical error is taken, widened for few blocks.
     """
     blocks, parameters = scores.shape
     freedom = blocks - parameters
     formal = np.linalg.inv(matrix)
-    variances: Float64 = scale**2 * np.diag(formal)
+    variances: Float64 = np.diag(formal @ scatter @ formal)
     if freedom >= 1:
         empirical = np.diag(formal @ (scores.T @ scores) @ formal) * blocks / freedom
-        largest = float(stats.chi2.isf(_UNLIKELY, freedom)) / freedom
+        largest = beyond_chance(freedom)
         variances = np.where(empirical > largest * variances, widening(freedom) ** 2 * empirical, variances)
     return np.sqrt(variances)
 

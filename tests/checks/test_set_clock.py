@@ -140,7 +140,7 @@ def test_order_and_maps_suspect_the_clock_first() -> None:
 
 
 def local(chosen: list[bool]) -> Local:
-    return Local(Step(np.array(chosen), 7e-3, 1e-4, 10), 0.0, np.zeros(len(chosen)), np.full(len(chosen), 1e-4))
+    return Local(Step(np.array(chosen), 7e-3, 1e-4, 10), np.zeros(len(chosen)), np.full(len(chosen), 1e-4))
 
 
 @pytest.mark.parametrize(

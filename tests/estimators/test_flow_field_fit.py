@@ -89,7 +89,7 @@ def test_blocks_that_scatter_as_stated_leave_the_formal_error() -> None:
     """Normal scores of the stated variance: the formal error, in 97 of 100 cases at least, however few the blocks."""
     rng = np.random.default_rng(6)
     formal = [
-        robust_errors(np.array([[8.0]]), rng.standard_normal((8, 1)), 1.0)[0] == pytest.approx(8**-0.5)
+        robust_errors(np.array([[8.0]]), np.array([[8.0]]), rng.standard_normal((8, 1)))[0] == pytest.approx(8**-0.5)
         for _ in range(300)
     ]
     assert np.mean(formal) >= 0.97
@@ -98,9 +98,9 @@ def test_blocks_that_scatter_as_stated_leave_the_formal_error() -> None:
 def test_blocks_with_errors_of_their_own_widen_the_error() -> None:
     """Scores ten times as large as stated: their own scatter is taken, with Student's tails for 3 of them."""
     scores = 10 * np.array([[1.0], [-1.0], [1.0], [-1.0]])
-    assert robust_errors(ONE, scores, 1.0)[0] == pytest.approx(widening(3) * np.sqrt(400 * 4 / 3))
+    assert robust_errors(ONE, ONE, scores)[0] == pytest.approx(widening(3) * np.sqrt(400 * 4 / 3))
     assert widening(3) > 5
-    assert robust_errors(ONE, scores[:1], 2.0)[0] == pytest.approx(2.0)  # one block has nothing to scatter from
+    assert robust_errors(ONE, 4 * ONE, scores[:1])[0] == pytest.approx(2.0)  # one block has nothing to scatter from
 
 
 @pytest.mark.parametrize("columns", [MEAN, GAIN, SHIFT], ids=["constant", "gain", "shift"])

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import pi
 from typing import Final
 
 import numpy as np
@@ -34,13 +34,6 @@ READ_WELL: Final = 0.3
 """Residual, in thresholds, beyond which frames are too far apart to tell a level between them (or events do not follow
 them): a level at random within its thresholds leaves 0.3 to 0.6."""
 
-CREST_BIAS: Final = sqrt(2 / pi) / sqrt(1 - 2 / pi)
-"""Mean over scatter of what frames do not tell of the light at the last event before a turn.
-
-Light is what frames tell of it and a part they do not, normal with deviation s. Where that part alone takes a pixel
-over its threshold, it always has the direction of the event: its mean is s sqrt(2/pi), and its scatter about it, which
-stays in the residual of the fit, s sqrt(1 - 2/pi). Other events come on the way, where either sign is as probable."""
-
 FEWEST_PARTS: Final = 4
 """Windows or tiles of known delay below which none stands out."""
 
@@ -63,10 +56,9 @@ class Lateness:
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """A part that is late against the others, with a bound on its bias; delays and errors (k,) of all parts."""
+    """A part that is late against the others; delays and errors (k,) of all parts."""
 
     step: Step
-    bound_s: float
     values_s: Float64
     errors_s: Float64
 
@@ -106,14 +98,13 @@ def by_levels(found: Answer, declared: EventModel) -> Lateness:
 
 def by_readings(found: ReadingFits) -> Lateness | None:
     """Return what frames read at events say; None where events do not follow the frames."""
-    fit, coarse, even, crests = found.fit, found.coarse, found.even, found.crests
+    fit, coarse, even = found.fit, found.coarse, found.even
     if fit.relative_sigma > READ_WELL or min(fit.threshold_on, fit.threshold_off) <= 0:
         return None
 
     def bound(name: str) -> float:
         own = getattr(fit, name)
-        by_crests = CREST_BIAS * fit.relative_sigma * abs(own - getattr(crests, name))
-        return float(abs(own - getattr(coarse, name)) + LEFT_BY_SHARP * abs(own - getattr(even, name)) + by_crests)
+        return float(abs(own - getattr(coarse, name)) + LEFT_BY_SHARP * abs(own - getattr(even, name)))
 
     errors = fit.standard_errors
     return Lateness(
@@ -140,26 +131,15 @@ def late_region(state: Sequence[ReadingSums]) -> Local | None:
 def _local(state: Sequence[ReadingSums], summed: int) -> Local | None:
     if not state:
         return None
-    fine, coarse, even, crests = (cell_sums(state, kind) for kind in KINDS)
+    fine, coarse, even = (cell_sums(state, kind) for kind in KINDS)
     found = delays_of_parts(fine, summed)
     values = np.where(found.known & (found.relative_sigmas <= READ_WELL), found.seconds, np.nan)
     # What bounds the bias of a whole file differs from part to part, and is noise to their comparison.
     by_time = values - delays(coarse.over(summed)).seconds
     by_place = LEFT_BY_SHARP * (values - delays(even.over(summed)).seconds)
-    by_crests = np.abs(CREST_BIAS * found.relative_sigmas * (values - delays(crests.over(summed)).seconds))
     errors = np.sqrt(found.errors_s**2 + by_time**2 + by_place**2)
     if np.count_nonzero(np.isfinite(values) & np.isfinite(errors)) < FEWEST_PARTS:
         return None
     windows = len(state) - 1.0
     step = latest_stretch(values, errors) if summed == 1 else latest_rectangle(values, errors, (GRID, GRID), windows)
-    return Local(step, _crest_bound_s(step, by_crests, errors), values, errors) if step is not None else None
-
-
-def _crest_bound_s(step: Step, by_crests: Float64, errors: Float64) -> float:
-    """Bound how far crests move a part against the others.
-
-    Each delay is off by at most ``by_crests`` (k,): the means of both sides differ by at most the sum of theirs.
-    """
-    known = np.isfinite(by_crests) & np.isfinite(errors)
-    sides = [known & step.chosen, known & ~step.chosen]
-    return sum(float(np.average(by_crests[side], weights=errors[side] ** -2.0)) for side in sides if side.any())
+    return Local(step, values, errors) if step is not None else None

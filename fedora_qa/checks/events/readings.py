@@ -17,7 +17,7 @@ from fedora_qa.estimators.event_levels import NormalBlocks, concatenate
 from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
 from fedora_qa.sequence.window import Window
 
-KINDS: Final = ("fine", "coarse", "even", "crests")
+KINDS: Final = ("fine", "coarse", "even")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,14 +25,12 @@ class ReadingSums:
     """Normal equations of a window's readings, a block for each tile.
 
     ``fine`` reads the sharp reconstruction of frames through six of them; ``coarse`` through four; ``even`` reads the
-    even reconstruction; ``crests`` adds a threshold to each last event before light turns, for a sensor of the linear
-    model (0 for one of log intensity). ``start_ns`` and ``stop_ns`` are those of the window.
+    even reconstruction. ``start_ns`` and ``stop_ns`` are those of the window.
     """
 
     fine: NormalBlocks
     coarse: NormalBlocks
     even: NormalBlocks
-    crests: NormalBlocks
     start_ns: int
     stop_ns: int
 
@@ -44,7 +42,6 @@ class ReadingFits:
     fit: ResponseFit
     coarse: ResponseFit
     even: ResponseFit
-    crests: ResponseFit
 
 
 def reading_sums(window: Window) -> ReadingSums | None:
@@ -77,14 +74,7 @@ def reading_sums(window: Window) -> ReadingSums | None:
     def blocks(read: Way) -> NormalBlocks:
         return reading_blocks(readings, weights, tiles, GRID**2, read=read)
 
-    return ReadingSums(
-        blocks("fine"),
-        blocks("coarse"),
-        blocks("even"),
-        blocks("crests" if linear else "fine"),
-        window.span.start_ns,
-        window.span.stop_ns,
-    )
+    return ReadingSums(blocks("fine"), blocks("coarse"), blocks("even"), window.span.start_ns, window.span.stop_ns)
 
 
 def fit_all(state: Sequence[ReadingSums]) -> ReadingFits | None:

@@ -89,9 +89,8 @@ class Timing(WindowCheck[Seen]):
     the first tick not before the crossing) and the delay of a declared low-pass. Allowances: what four frames in place
     of six change, and 0.7 of what the even reconstruction of footprints changes (derivation beside ``LEFT_BY_SHARP``);
     for bracketed samples those of the thresholds. A sensor of the linear model jumps at its events: its bracketed
-    levels may err by sqrt(3) times their scatter, all as one. Its steps are large: many are made at crests of light
-    between two frames, and the last event before each turn may be off by 1.32 times what the fit leaves
-    (``CREST_BIAS``).
+    levels may err by sqrt(3) times their scatter, all as one. Its steps are large, and many are made at crests of light
+    between two frames: the last event before each turn is not read.
 
     Cannot see
     ----------
@@ -228,7 +227,6 @@ class Timing(WindowCheck[Seen]):
             value=late,
             unit="ms",
             standard_error=error,
-            allowance=1e3 * local.bound_s,
             tests=local.step.tests,
             matters=self._MATTERS_MS,
             statement=f"{place} events are {abs(late):.3g} +/- {error:.2g} ms {'later' if late > 0 else 'earlier'} "

@@ -7,7 +7,7 @@ import numpy as np
 
 from fedora_qa.checks.flow.hypotheses import Weighed
 from fedora_qa.checks.flow.intervals import place
-from fedora_qa.checks.flow.photometric_rates import MATTERS_PX, RateEstimate, scale_of
+from fedora_qa.checks.flow.photometric_rates import MATTERS_PX, RateEstimate, scales_of
 from fedora_qa.checks.flow.residuals import UNMATCHED, FieldResidual
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.estimators.flow_field_fit import GAIN, MEAN
@@ -53,13 +53,15 @@ def place_measurements(
 
 
 def _worst_field(stream: str, known: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
-    scale = scale_of(known)
-    worst = max(known, key=lambda one: _mean_px(one) / (_field_bias_px(one) + scale * max(one.mean_error_px)))
+    errors_px = [scale * max(one.mean_error_px) for one, scale in zip(known, scales_of(known), strict=True)]
+    worst, error_px = max(
+        zip(known, errors_px, strict=True), key=lambda one: _mean_px(one[0]) / (_field_bias_px(one[0]) + one[1])
+    )
     return Measured(
         name=f"{stream} worst_field",
         value=_mean_px(worst),
         unit="px",
-        standard_error=scale * max(worst.mean_error_px),
+        standard_error=error_px,
         allowance=_field_bias_px(worst),
         side="upper",
         matters=MATTERS_PX,

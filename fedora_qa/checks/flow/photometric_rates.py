@@ -14,6 +14,7 @@ from fedora_qa.estimators.flow_field_fit import (
     GAIN,
     GEOMETRIC,
     MEAN,
+    beyond_chance,
     gain_of_true,
     lock_in,
     robust_errors,
@@ -79,43 +80,54 @@ def estimate_rate(fields: Sequence[FieldResidual]) -> RateEstimate | None:
 
     Mean and gain are each fitted alone, and so is each geometric template: a fault is one of them, not all at once.
     """
-    evidences = [one.evidence for one in fields if one.evidence]
-    if not evidences:
+    told = [(one.evidence, scale) for one, scale in zip(fields, scales_of(fields), strict=True) if one.evidence]
+    if not told:
         return None
-    total, scale = sum_of(evidences), scale_of(fields)
-    gain = _solved(evidences, total, GAIN, scale)
+    evidences, scales = [one for one, _ in told], [scale for _, scale in told]
+    total = sum_of(evidences)
+    gain = _solved(evidences, total, GAIN, scales)
     of_true, slope = gain_of_true(float(gain.sizes[0]))
     alone = [
-        _solved(evidences, total, slice(column, column + 1), scale) for column in range(GEOMETRIC.start, GEOMETRIC.stop)
+        _solved(evidences, total, slice(column, column + 1), scales)
+        for column in range(GEOMETRIC.start, GEOMETRIC.stop)
     ]
     known = total.matrix[GEOMETRIC, GEOMETRIC].any()
     return RateEstimate(
-        mean=_solved(evidences, total, MEAN, scale),
+        mean=_solved(evidences, total, MEAN, scales),
         gain=Estimate(np.array([of_true]), slope * gain.errors, slope * gain.biases),
         geometric=_joined(alone) if known else None,
     )
 
 
-def scale_of(fields: Sequence[FieldResidual]) -> float:
-    """Return the factor by which formal errors of a rate are to be multiplied, from how far its tiles scatter.
+def scales_of(fields: Sequence[FieldResidual]) -> list[float]:
+    """Return the factor by which formal errors of each field are to be multiplied, from how far its tiles scatter.
 
     The median over fields, that none which is off counts; that of a chi-square of f degrees of freedom over f is
-    (1 - 2 / 9 f)^3 (Wilson and Hilferty, 1931).
+    (1 - 2 / 9 f)^3 (Wilson and Hilferty, 1931). Fields may differ: two equal frames leave no residual at all, and
+    others of the same rate that of a fast turn. Where one scatters by more than the median explains, its own counts.
     """
     known = [one for one in fields if one.freedom > 0]
     if not known:
-        return 1.0
-    spread = np.median([one.spread / (1 - 2 / (9 * one.freedom)) ** 3 for one in known])
-    return float(np.sqrt(spread)) * widening(sum(one.freedom for one in known))
+        return [1.0] * len(fields)
+    usual = float(np.median([one.spread / (1 - 2 / (9 * one.freedom)) ** 3 for one in known]))
+    together = widening(sum(one.freedom for one in known)) * float(np.sqrt(usual))
+
+    def scale(one: FieldResidual) -> float:
+        if one.freedom > 0 and one.spread > usual * beyond_chance(one.freedom):
+            return max(together, widening(one.freedom) * float(np.sqrt(one.spread)))
+        return together
+
+    return [scale(one) for one in fields]
 
 
-def _solved(evidences: Sequence[Evidence], total: Evidence, columns: slice, scale: float) -> Estimate:
+def _solved(evidences: Sequence[Evidence], total: Evidence, columns: slice, scales: Sequence[float]) -> Estimate:
     """Fit some templates alone to all fields; fields are the blocks of the empirical error."""
     matrix = total.matrix[columns, columns]
     matrix = matrix + np.eye(len(matrix)) * (1e-12 * np.trace(matrix) + 1e-12)
     sizes = np.linalg.solve(matrix, total.vector[columns])
     scores = np.array([one.vector[columns] - one.matrix[columns, columns] @ sizes for one in evidences])
-    return Estimate(sizes, robust_errors(matrix, scores, scale), _BIAS_PX * lock_in(total, columns))
+    scatter = np.sum([s**2 * one.matrix[columns, columns] for one, s in zip(evidences, scales, strict=True)], axis=0)
+    return Estimate(sizes, robust_errors(matrix, scatter, scores), _BIAS_PX * lock_in(total, columns))
 
 
 def _joined(estimates: Sequence[Estimate]) -> Estimate:
