@@ -59,12 +59,15 @@ def motion_share(before: Float32, after: Float32, flow_px: Float32) -> MotionSha
     flow_px
         (H, W, 2) from the first frame on, NaN where invalid.
     """
-    with np.errstate(invalid="ignore"):
-        valid = np.asarray((np.abs(flow_px) < _LARGEST_FLOW_PX).all(axis=-1))
+    with np.errstate(invalid="ignore", over="ignore"):
+        speeds_px = np.hypot(flow_px[..., 0], flow_px[..., 1])
+        valid = np.asarray(speeds_px < _LARGEST_FLOW_PX)
     if np.count_nonzero(valid) < FEWEST_PIXELS:
         return None
-    speed_px = np.percentile(np.linalg.norm(flow_px[valid], axis=-1), _MOST_OF_THE_FLOW)
+    speed_px = np.percentile(speeds_px[valid], _MOST_OF_THE_FLOW)
     step = max(1, ceil(speed_px / LARGEST_PX))
+    if min(valid.shape) < step:
+        return None
     whole = _without_rim(_reduced(valid.astype(np.float32), step) > 1 - 1e-3)
     if np.count_nonzero(whole) < FEWEST_PIXELS:
         return None
@@ -116,5 +119,5 @@ def _reduced(image: Float32, step: int) -> Float32:
     if step == 1:
         return image
     rows, columns = image.shape[0] // step, image.shape[1] // step
-    cut = image[: rows * step, : columns * step].reshape(rows, step, columns, step, *image.shape[2:])
-    return np.asarray(cut.mean(axis=(1, 3)), dtype=np.float32)
+    cut = np.ascontiguousarray(image[: rows * step, : columns * step])
+    return np.asarray(cv2.resize(cut, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float32)
