@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_delays import CellSums, delays, delays_of_parts, latest_rectangle, latest_stretch
+from fedora_qa.estimators.event_delays import (
+    CellSums,
+    _jackknife,
+    delays,
+    delays_of_parts,
+    latest_rectangle,
+    latest_stretch,
+)
 from fedora_qa.estimators.few_groups import student_factor
 
 
@@ -38,6 +45,37 @@ def test_errors_of_honest_parts_have_unit_spread() -> None:
         found = delays_of_parts(sums_of(np.zeros((6, 16)), seed=seed), 1)
         scores.append(found.seconds / found.errors_s)
     assert 0.75 < np.std(scores) < 1.1
+
+
+def test_few_edges_that_err_alike_by_chance_make_no_stretch_late() -> None:
+    """Four tiles a window tell, each off by an error of its own: no window of 1000 honest files stands out at 5 sigma.
+
+    By leaving out its own tiles alone a window in 70 would, whose four errors agree by chance.
+    """
+    rng = np.random.default_rng(4)
+    largest, alone = [], []
+    for seed in range(200):
+        late_s = np.zeros((5, 16))
+        late_s[:, :4] = rng.normal(0, 1e-3, (5, 4))
+        sums = sums_of(late_s, readings=100, noise=0.05, seed=seed)
+        few = CellSums(*(np.where(_told(value), value, value * 1e-4) for value in _parts(sums)))
+        found = delays_of_parts(few, 1)
+        step = latest_stretch(found.seconds, found.errors_s)
+        assert step is not None
+        largest.append(abs(step.late_s) / step.standard_error_s)
+        alone.append(np.abs(found.seconds / _jackknife(few, 1)).max())
+    assert max(largest) < 5
+    assert np.mean(np.array(alone) > 5) > 1 / 70
+
+
+def _parts(sums: CellSums) -> list[np.ndarray]:
+    return [getattr(sums, name) for name in CellSums.__slots__]
+
+
+def _told(value: np.ndarray) -> np.ndarray:
+    """The first four tiles."""
+    tiles = np.arange(value.shape[1]) < 4
+    return tiles.reshape(1, -1, *(1,) * (value.ndim - 2))
 
 
 def test_late_stretch_is_found_with_its_ends() -> None:
