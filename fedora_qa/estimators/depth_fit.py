@@ -85,7 +85,7 @@ def fit_depth(
     Returns
     -------
     DepthFit | None
-        None where the frames share too few pixels.
+        None where the frames share too few pixels, or the fit ends where no depth could be.
     """
     value, z, convex = start, np.zeros(noise.shape[1]), True
     for _ in range(_ITERATIONS):
@@ -128,7 +128,7 @@ def _concluded(
 
 def _warped(family: Family, value: float, twist: Float64, lattice: Lattice, image1: DepthImage) -> Warped | None:
     model = family(value)
-    if model is None or not np.all(np.isfinite(twist)):
+    if model is None or not model.conceivable or not np.all(np.isfinite(twist)):
         return None
     warped = warp(replace(model, motion=model.motion.corrected(twist)), lattice, image1)
     return warped if np.count_nonzero(np.isfinite(warped.residuals)) >= FEWEST_PIXELS else None

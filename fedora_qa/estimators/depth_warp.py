@@ -15,6 +15,10 @@ Float64 = NDArray[np.float64]
 FEWEST_IN_LATTICE: Final = 4000
 """Pixels of a lattice that small images have nevertheless: each of 48 tiles then holds some eighty."""
 
+FARTHEST_RAY: Final = 10.0
+"""Power of the ray's length beyond which nothing is a depth: 0 and 1 occur. Powers of hundreds leave double precision.
+"""
+
 _PIXEL_ROUNDINGS: Final = 4
 """Roundings that meet a pixel coordinate of the image's size in the maker's single-precision arithmetic."""
 
@@ -50,6 +54,11 @@ class DepthModel:
     ray: float = 0.0
     scale: float = 1.0
     motion_error: Float64 | float = 0.0
+
+    @property
+    def conceivable(self) -> bool:
+        """Whether depths could be so at all: a fit that finds no hold ends elsewhere."""
+        return bool(abs(self.ray) <= FARTHEST_RAY and np.isfinite(self.scale))
 
     @property
     def motion_of_points(self) -> RigidMotion:

@@ -22,13 +22,16 @@ RADIUS_PX: Final = 12
 TILES: Final = 4
 """Tiles of the image in each direction over which profiles are kept apart, for the spread between them."""
 
-_REACH: Final = 1
+_EDGE: Final = np.array([1 / 8, 3 / 4, 1 / 8])
+"""What an edge looks like: the filter that finds it best."""
+
+REACH: Final = 1
 """Samples on either side of the peak that belong to it."""
 
-_BACKGROUND: Final = 3
-"""Samples beyond them, on either side, that tell the background there."""
+_SURROUNDINGS: Final = 4
+"""Samples on either side of the peak that are looked at: those beyond the reach tell the background there."""
 
-FARTHEST_PX: Final = RADIUS_PX - _REACH - _BACKGROUND
+FARTHEST_PX: Final = RADIUS_PX - _SURROUNDINGS
 """Farthest shift that is found: peak and background must lie in the profile."""
 
 
@@ -69,21 +72,21 @@ def tile_profiles(
 
 def find_place(profile: Float64) -> int:
     """Return the sample at which a profile (2 R + 1,) peaks, among those whose surroundings lie in it."""
-    wide = np.convolve(profile, np.ones(2 * _REACH + 1), "same")
+    edges = np.convolve(profile, _EDGE, "same")
     first = RADIUS_PX - FARTHEST_PX
-    return first + int(np.argmax(wide[first : len(profile) - first]))
+    return first + int(np.argmax(edges[first : len(profile) - first]))
 
 
-def peak_near(profile: Float64, middle: int) -> EdgePeak:
+def peak_near(profile: Float64, middle: int, reach: int = REACH) -> EdgePeak:
     """Return the centroid around the sample ``middle``, after taking off a background that may step there."""
-    reach = np.arange(-_REACH, _REACH + 1)
-    around = profile[middle + reach]
-    before = profile[middle - _REACH - _BACKGROUND : middle - _REACH].mean()
-    after = profile[middle + _REACH + 1 : middle + _REACH + 1 + _BACKGROUND].mean()
-    beyond = around - np.where(reach < 0, before, np.where(reach > 0, after, 0.5 * (before + after)))
+    offsets = np.arange(-reach, reach + 1)
+    around = profile[middle + offsets]
+    before = profile[middle - _SURROUNDINGS : middle - reach].mean()
+    after = profile[middle + reach + 1 : middle + _SURROUNDINGS + 1].mean()
+    beyond = around - np.where(offsets < 0, before, np.where(offsets > 0, after, 0.5 * (before + after)))
     strength = float(beyond.sum())
-    centroid = float(reach @ beyond) / strength if strength > 0 else 0.0
-    return EdgePeak(middle - RADIUS_PX + float(np.clip(centroid, -_REACH, _REACH)), strength / float(profile.sum()))
+    centroid = float(offsets @ beyond) / strength if strength > 0 else 0.0
+    return EdgePeak(middle - RADIUS_PX + float(np.clip(centroid, -reach, reach)), strength / float(profile.sum()))
 
 
 def _read(image: NDArray[Any], starts: Float64, lines: Float64) -> Float64:

@@ -1,12 +1,18 @@
 """By how much image edges are shifted against steps of depth, along one axis.
 
 The surfaces on both sides of an outline have texture of their own, which moves the peak of its profile along the line
-from the farther to the nearer side, one way or the other. That moves left and right outlines of things in opposite
-directions, so the shift is the mean of both sides, and half their difference says how far textures lean. Where they
-lean alike, by l1 on one side and l2 on the other, both towards the nearer or both away from it, the mean errs by
-|l1 - l2| / 2, at most |l1 + l2| / 2: the measured lean bounds what is left.
+from the farther to the nearer side, one way or the other: by l1 on the one side of things and l2 on the other, both
+counted towards the nearer. The shift is the mean of both sides, which errs by (l1 - l2) / 2. Half their difference is
+(l1 + l2) / 2, the lean, which bounds that where both lean alike, towards the nearer or away from it. Where one leans
+to the nearer and the other away, as under light from one side, both peaks are skewed the same way: taking in one more
+pixel on either side then moves the mean.
+
+Each side is looked for by itself: a line beside an outline (a kerb, a shadow, a row of windows) may outshine it on one
+side of things, and is not to be found again, as far off the same way, on the other. Where the two sides are found
+apart, one of them may be in place and the other not, and the lean says by how much the mean then errs.
 """
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -14,7 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.edge_profiles import find_place, peak_near
+from fedora_qa.estimators.edge_profiles import REACH, find_place, peak_near
 
 Float64 = NDArray[np.float64]
 
@@ -32,9 +38,11 @@ class EdgeShift:
     Attributes
     ----------
     shift_px, standard_error_px
-        To the right (down), px of the picture; the error from leaving out tiles, or stretches of time, in turn.
+        To the right (down), px of the picture; the error from leaving out tiles, and stretches of time, in turn.
     lean_px
         How far textures draw the peak towards the nearer side.
+    skew_px
+        By how much the shift is another when one more pixel on either side belongs to the peaks.
     share, share_error
         Share of all edge strength within the radius that lies in the peak, beyond the background.
     """
@@ -42,8 +50,18 @@ class EdgeShift:
     shift_px: float
     standard_error_px: float
     lean_px: float
+    skew_px: float
     share: float
     share_error: float
+
+    @property
+    def allowance_px(self) -> float:
+        """How far texture may move the shift: lean and skew show different parts of that.
+
+        Of sides further apart than one edge reaches, only one is in place, and may lean by itself.
+        """
+        own_px = REACH if abs(self.lean_px) > REACH else 0
+        return math.hypot(self.lean_px, self.skew_px) + own_px
 
 
 def edge_shift(sums: Float64) -> EdgeShift | None:
@@ -56,26 +74,33 @@ def edge_shift(sums: Float64) -> EdgeShift | None:
     if len(occupied) < FEWEST_TILES or not np.all(total.sum(axis=(1, 2)) > 0):
         return None
     whole = total.sum(axis=1)
-    shift_px, lean_px, share = _estimate(whole)
+    shift_px, lean_px = _places(whole, REACH)
+    wider_px, _ = _places(whole, REACH + 1)
     by_tile = _spread(whole - total[:, tile] for tile in occupied)
     by_time = _spread(whole - part for part in _groups(sums.sum(axis=2)))
-    errors = np.maximum(by_tile, by_time)
-    return EdgeShift(shift_px, float(errors[0]), lean_px, share, float(errors[2]))
+    # Texture differs from tile to tile, and what noise and motion make of it from time to time.
+    shift_error, share_error = np.hypot(by_tile, by_time)
+    return EdgeShift(shift_px, float(shift_error), lean_px, wider_px - shift_px, _share(whole), float(share_error))
 
 
-def _estimate(sides: Float64) -> tuple[float, float, float]:
-    """Return shift, lean and share from one profile a side, (2, 2 R + 1)."""
+def _places(sides: Float64, reach: int) -> tuple[float, float]:
+    """Return shift and lean from one profile a side, (2, 2 R + 1)."""
+    far_px, near_px = (peak_near(side, find_place(side), reach).place_px for side in sides)
+    return 0.5 * (far_px + near_px), 0.5 * (far_px - near_px)
+
+
+def _share(sides: Float64) -> float:
+    """Return the share of edge strength where both sides together peak."""
     middle = find_place(sides.sum(axis=0))
-    far, near = (peak_near(side, middle) for side in sides)
-    shift_px, lean_px = 0.5 * (far.place_px + near.place_px), 0.5 * (far.place_px - near.place_px)
-    return shift_px, lean_px, 0.5 * (far.share + near.share)
+    return 0.5 * sum(peak_near(side, middle).share for side in sides)
 
 
 def _spread(left_out: Iterable[Float64]) -> Float64:
-    """Return the jackknife's standard errors of shift, lean and share; 0 where nothing could be left out."""
-    estimates = np.array([_estimate(sides) for sides in left_out if np.all(sides.sum(axis=1) > 0)])
+    """Return the jackknife's standard errors of shift and share; 0 where nothing could be left out."""
+    rest = [sides for sides in left_out if np.all(sides.sum(axis=1) > 0)]
+    estimates = np.array([(_places(sides, REACH)[0], _share(sides)) for sides in rest])
     n = len(estimates)
-    return np.sqrt((n - 1) * estimates.var(axis=0)) if n > 1 else np.zeros(3)
+    return np.sqrt((n - 1) * estimates.var(axis=0)) if n > 1 else np.zeros(2)
 
 
 def _groups(by_window: Float64) -> Iterator[Float64]:

@@ -59,6 +59,18 @@ def test_ray_exponent_is_found(ray: float) -> None:
     assert fit.bound < 0.05
 
 
+@pytest.mark.parametrize("ray", [-20.0, 20.0, -5000.0, 5000.0, np.inf, np.nan])
+def test_what_no_depth_can_be_is_no_fit(ray: float) -> None:
+    """A fit that runs away to a power at which arithmetic overflows is none, and NumPy has nothing to warn of."""
+    assert fit_depth(lambda c: DepthModel(K, MOTION, ray=c), *frames(), EXACT, start=ray, step=1e-3) is None
+
+
+@pytest.mark.parametrize("scale", [np.inf, np.nan])
+def test_boundless_scale_is_no_fit(scale: float) -> None:
+    """Nor is one of a scale without bounds."""
+    assert fit_depth(lambda k: DepthModel(K, MOTION, scale=k), *frames(), EXACT, start=scale, step=1e-3) is None
+
+
 def test_wrong_motion_is_corrected_within_its_noise() -> None:
     """The twist by which the motion was spoilt is found, and is as many sigmas long as it was planted."""
     sigmas = np.array([1e-3, 1e-3, 1e-3, 5e-3, 5e-3, 5e-3])

@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from fedora_qa.estimators.edge_profiles import tile_profiles
+from fedora_qa.estimators.edge_profiles import FARTHEST_PX, RADIUS_PX, tile_profiles
 from fedora_qa.estimators.edge_shift import EdgeShift, edge_shift
 from fedora_qa.estimators.edge_steps import depth_steps
 from tests.support.outline_world import FRAMES, OutlineWorld
 
 FLAT = OutlineWorld()
+LINE = np.array([1 / 8, 3 / 4, 1 / 8])
 
 
 def measured(world: OutlineWorld, axis: int, frames: int = FRAMES) -> EdgeShift:
@@ -52,3 +55,47 @@ def test_too_few_tiles_tell_nothing() -> None:
     one_tile = np.zeros((3, 2, 16, 25))
     one_tile[:, :, 0] = 1.0
     assert edge_shift(one_tile) is None
+
+
+def sides(far: np.ndarray, near: np.ndarray) -> EdgeShift:
+    """The shift from one profile a side, the same in all tiles."""
+    found = edge_shift(np.array([far, near])[np.newaxis, :, np.newaxis].repeat(8, axis=2))
+    assert found is not None
+    return found
+
+
+def lines(*places_and_strengths: tuple[int, float]) -> np.ndarray:
+    """An even background with lines."""
+    profile = np.full(2 * RADIUS_PX + 1, 0.02)
+    for place, strength in places_and_strengths:
+        profile[RADIUS_PX + place - 1 : RADIUS_PX + place + 2] += strength * LINE
+    return profile
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.integers(-FARTHEST_PX, FARTHEST_PX), st.floats(0.0, 3.0), st.integers(-FARTHEST_PX, FARTHEST_PX), st.floats(0, 1)
+)
+def test_line_beside_one_side_is_no_shift(place: int, strength: float, other: int, faint: float) -> None:
+    """A line of any strength beside the outline of one side of things is allowed for, wherever it lies."""
+    outlined = lines((0, 1.0))
+    outshone = lines((0, faint), (place, strength), (other, strength))
+    for far, near in ((outlined, outshone), (outshone, outlined)):
+        found = sides(far, near)
+        assert abs(found.shift_px) <= found.allowance_px + 1e-9
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.floats(0.0, 0.6), st.sampled_from([-1, 1]))
+def test_light_from_one_side_is_no_shift(strength: float, direction: int) -> None:
+    """Texture that widens all outlines to the same side shows as skew, which is allowed for."""
+    skewed = lines((0, 1.0), (2 * direction, strength))
+    found = sides(skewed, skewed)
+    assert abs(found.shift_px) <= found.allowance_px + 1e-9
+
+
+def test_what_both_sides_show_is_a_shift() -> None:
+    """Both sides as far off the same way leave nothing to allow for."""
+    shifted = lines((-5, 1.0))
+    found = sides(shifted, shifted)
+    assert (found.shift_px, found.allowance_px) == pytest.approx((-5.0, 0.0), abs=1e-9)

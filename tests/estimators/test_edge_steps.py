@@ -33,11 +33,28 @@ def test_a_box_has_its_outline(behind_m: float) -> None:
     np.testing.assert_allclose(right.depths_m, 4.0)
 
 
-def test_what_fades_out_of_range_is_no_outline() -> None:
-    """Ground that ends where the range ends has no step there: what is missing lies just beyond."""
-    inverse = np.linspace(1 / 3, 1 / 60, 50)[:, np.newaxis].repeat(20, axis=1)
-    depth_m = np.where(1 / inverse <= FAR_M, 1 / inverse, np.nan)
-    assert len(depth_steps(depth_m, 1, farthest_m=FAR_M)) == 0
+@given(st.floats(0.2, 8.0), st.floats(0.0, 1.0), st.integers(0, 1), st.sampled_from([np.nan, FAR_M, np.inf]))
+def test_what_fades_out_of_range_is_no_outline(slope: float, phase: float, axis: int, beyond: float) -> None:
+    """Ground that ends where the range ends has no step there, however few pixels remain to the horizon."""
+    rows = np.arange(50)[::-1] + phase
+    inverse = (slope * (rows - 20) / FAR_M)[:, np.newaxis].repeat(20, axis=1)
+    depth_m = np.divide(1.0, inverse, out=np.full(inverse.shape, np.inf), where=inverse > 0)
+    depth_m = np.where(depth_m < FAR_M, depth_m, beyond)
+    if axis == 0:
+        depth_m = depth_m.T
+    assert len(depth_steps(depth_m, axis, farthest_m=FAR_M)) == 0
+    assert len(depth_steps(np.flip(depth_m, 1 - axis), axis, farthest_m=FAR_M)) == 0
+
+
+def test_a_slanted_wall_before_nothing_has_its_outline() -> None:
+    """A wall that ends long before the range does has its outline, though it slopes towards what is missing."""
+    inverse = np.linspace(1 / 3, 1 / 8, 20)[np.newaxis].repeat(30, axis=0)
+    depth_m = np.full((30, 40), np.nan)
+    depth_m[:, :20] = 1 / inverse
+    steps = depth_steps(depth_m, 0, farthest_m=FAR_M)
+    assert set(steps.columns) == {19.5}
+    assert len(steps) == 30
+    assert np.all(steps.near_first)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 3), (0, 5)])

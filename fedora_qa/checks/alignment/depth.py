@@ -34,19 +34,21 @@ class Depth(WindowCheck[DepthEdges]):
 
     How
     ---
-    Around each place where depth steps from one surface to a nearer one (by a tenth of inverse depth at least), the
-    differences of neighbouring pixels of log luma are read along the row, and along the column. Their mean profile
-    peaks where the image has its edge: to the right and down, for things whose left (upper) and right (lower)
-    outlines are seen. Shifts of up to eight pixels are found. A colour camera that sits elsewhere is looked at
-    through depth, with the depth of the nearer surface. The same is tried with mirrored frames. Events, where they
-    are, tell which camera is off.
+    Around each place where depth steps from one surface to a nearer one (by a tenth of inverse depth at least; ground
+    that runs out of the range of depth has no outline there), the differences of neighbouring pixels of log luma are
+    read along the row, and along the column. Their mean profile peaks where the image has its edge: to the right and
+    down, for things whose left (upper) and right (lower) outlines are seen, each side by itself. Shifts of up to eight
+    pixels are found. A colour camera that sits elsewhere is looked at through depth, with the depth of the nearer
+    surface. The same is tried with mirrored frames. Events, where they are, tell which camera is off.
 
     Noise model
     -----------
-    Edges of texture are the noise. They differ from place to place and hardly over time, so the standard error is the
-    jackknife over tiles of the image (or stretches of time, if that is larger). Texture is not alike on both sides of
-    an outline, which draws left and right outlines apart: half their distance is measured, and is the allowance,
-    since it bounds the error of the mean where both sides lean alike (``fedora_qa/estimators/edge_shift.py``).
+    Edges of texture are the noise. They differ from place to place, and hardly over time, so the standard error is the
+    jackknife over tiles of the image, with that over stretches of time. Texture is not alike on both sides of an
+    outline, which draws left and right outlines apart: half their distance is measured, and bounds the error of the
+    mean where both sides lean alike. Where they lean the same way in the image, peaks are skewed: by how much the mean
+    moves when peaks are taken a pixel wider is measured too. Both together are the allowance
+    (``fedora_qa/estimators/edge_shift.py``), which grows where a line beside the outlines outshines them on one side.
 
     Cannot see
     ----------
@@ -97,7 +99,7 @@ class Depth(WindowCheck[DepthEdges]):
             value=found.shift_px,
             unit="px",
             standard_error=found.standard_error_px,
-            allowance=abs(found.lean_px),
+            allowance=found.allowance_px,
             matters=self._MATTERS_PX,
             statement=f"Edges of colour frames lie {found.shift_px:+.3g} +/- {found.standard_error_px:.2g} px "
             f"({word} positive) from the steps of depth.",
