@@ -116,18 +116,13 @@ def trials(window: Window) -> list[Trial]:
     if declared is None or len(seen) < 2 or not its_turn:
         return []
     middle, rounding_dn = len(seen) // 2, ROUNDING_DN[window.facts.declared.transfer]
-    parts = {(0, len(seen)), (0, middle + 1), (middle, len(seen))}
-    broken = {
-        part: _broken(_between(seen, *part), declared, rounding_dn) for part in sorted(parts) if part[1] - part[0] > 1
-    }
-    told = {part: pixels for part, pixels in broken.items() if np.count_nonzero(_thinned(pixels)) >= FEWEST_BROKEN}
-    if not told:
-        return []
-    repairs = list(_repairs(window, seen, declared))
     few = SeenFrames(seen.frames, seen.times_ns, *(_thinned(getattr(seen, name)) for name in _IMAGES))
+    parts = [part for part in ((0, len(seen)), (0, middle + 1), (middle, len(seen))) if part[1] - part[0] > 1]
+    broken = {part: _broken(_between(few, *part), declared, rounding_dn) for part in parts}
+    told = {part: pixels for part, pixels in broken.items() if np.count_nonzero(pixels) >= FEWEST_BROKEN}
+    repairs = list(_repairs(window, seen, declared)) if told else []
     return [
-        _tried(window.span.index, few, part, _thinned(pixels), repairs, declared, rounding_dn)
-        for part, pixels in told.items()
+        _tried(window.span.index, few, part, pixels, repairs, declared, rounding_dn) for part, pixels in told.items()
     ]
 
 
@@ -213,7 +208,7 @@ def _repairs(window: Window, seen: SeenFrames, declared: EventModel) -> Iterator
 def _repair(
     cause: str, counts: Counts, known: Bool, *, symmetry: Symmetry = UPRIGHT, size: float | None = None
 ) -> _Repair:
-    return _Repair(cause, _thinned(counts).copy(), _thinned(known), symmetry, size)
+    return _Repair(cause, _thinned(counts), _thinned(known), symmetry, size)
 
 
 def _swapped(counts: Counts) -> tuple[Counts, Bool]:
@@ -284,4 +279,4 @@ def _between(seen: SeenFrames, first: int, stop: int) -> SeenFrames:
 def _thinned(image: Pixels) -> Pixels:
     """Return every so many pixels of the last two axes, (h, w)."""
     step = ceil(sqrt(max(image.shape[-1] * image.shape[-2] / _SEEN_PX, 1.0)))
-    return cast(Pixels, image[..., ::step, ::step])
+    return cast(Pixels, np.ascontiguousarray(image[..., ::step, ::step]))
