@@ -188,6 +188,29 @@ def test_a_coarse_grid_is_neither_a_gap_nor_another_rate(stream: str, grid_ns: i
     assert judged("clocks.resolution", facts).alarms
 
 
+def test_a_grid_that_nearly_divides_the_period_is_no_other_rate() -> None:
+    """Half a second of frames on a grid of 0.87 ms has one odd step: the grid is named, and not a clock with a jump."""
+    frames = exact_facts().clocks["rgb"].times_ns[:26] // 870_000 * 870_000
+    suspects = judged("clocks.rate", with_clock(exact_facts(), "rgb", clock(frames))).alarms[0].suspects
+    best = max(suspects, key=lambda one: one.weight)
+    assert (best.cause, best.magnitude) == ("quantised_time", pytest.approx(0.87))
+
+
+def test_a_drifting_clock_lies_on_no_grid() -> None:
+    """A clock that runs 500 ppm fast, of steps all alike, is not taken for one of coarse stamps."""
+    suspects = judged("clocks.rate", scaled("rgb", 1 + 500e-6)).alarms[0].suspects
+    assert {one.cause for one in suspects} == {"clock_rate"}
+
+
+def test_few_frames_on_a_grid_above_their_period_are_not_doubled() -> None:
+    """Half a second of frames on a grid of 29.8 ms repeats eight stamps evenly, which doubled frames do not."""
+    frames = exact_facts().clocks["rgb"].times_ns[:26]
+    coarse = judged("clocks.order", with_clock(exact_facts(), "rgb", clock(frames // 29_800_000 * 29_800_000)))
+    assert coarse.alarms[0].suspects[0].cause == "quantised_time"
+    doubled = judged("clocks.order", with_clock(exact_facts(), "rgb", clock(np.repeat(frames, [3] * 4 + [1] * 22))))
+    assert doubled.alarms[0].suspects[0].cause == "duplicated_samples"
+
+
 def test_jitter_is_no_change_of_rate() -> None:
     """Of 300 clocks with white jitter none is said to change its rate, and the scores have about unit spread."""
     rng = np.random.default_rng(11)

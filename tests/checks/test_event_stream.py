@@ -89,6 +89,16 @@ def test_fault_is_found_and_named(
         assert diagnosis.magnitude == pytest.approx(size, rel=0.5)
 
 
+def test_a_repeat_by_chance_is_of_the_hot_pixel(path: Path) -> None:
+    """A hot pixel that fires in the microsecond of another event is one fault, and no doubled events."""
+    noisy = hot(20, 10, 400.0)(log_file().events)
+    meets = np.flatnonzero((noisy.x == 20) & (noisy.y == 10))[3]
+    noisy = inserted(noisy, noisy.keep(np.arange(len(noisy)) == meets))
+    altered(lambda _: noisy).write(path)
+    assert "event" in rules(run_check(path, "event_stream.duplicates"))
+    assert diagnoses_of(path, "event_stream")[0].cause == "hot_pixels"
+
+
 def test_places_are_named(path: Path) -> None:
     """A gap is placed in time, a hot pixel and the first event outside in the image."""
     altered(lost(400, 402)).write(path)

@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.checks.images.exposure import Exposure
+from fedora_qa.checks.images.exposure import Exposure, PairGain, WindowExposure
 from fedora_qa.checks.images.order import Order
 from fedora_qa.checks.images.repeats import Repeats
-from fedora_qa.checks.protocol import Check
-from fedora_qa.judgement.judge import Judged
+from fedora_qa.checks.protocol import Check, Suspect
+from fedora_qa.estimators.code_gain import CODES
+from fedora_qa.judgement.diagnosis import diagnose
+from fedora_qa.judgement.judge import Alarm, Judged, judge
+from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.window import Sampling
+from tests.support.facts import exact_facts
 from tests.support.flow_world import FlowWorld, judged, make_world
 
 Frames = NDArray[np.uint8]
@@ -244,3 +248,17 @@ def test_frames_on_another_grid_than_the_flow(world: FlowWorld) -> None:
         assert judged(check, coarse).result.outcome == "passed"
     faulty = coarse.with_rows(path_rgb=exchanged(frames_of(coarse), 1))
     assert first(judged(Order(), faulty))[0] == "rgb:swapped_frames"
+
+
+def test_a_jump_of_brightness_with_wrong_weights_is_of_exchanged_channels() -> None:
+    """Exchanged channels change luma and the weights that events give them; a jump alone is one of the exposure."""
+    gains = tuple(PairGain(i, i + 1, -0.08 if i == 10 else 0.0, 1e-3) for i in range(25))
+    window = WindowExposure(gains, (), 0.0, range(26), np.zeros(CODES, np.int64))
+    jumped = {"images.exposure": Exposure().conclude([window], exact_facts())}
+    jump = judge(jumped, [Exposure()], 1e-4)[0].alarms[0]
+    order = Alarm(
+        Finding("F9", "images.channels.order", "error", "off", Where(stream="rgb")),
+        (Suspect("channel_order", "rgb", 0.95), Suspect("exposure_or_gamma", "rgb", 0.4)),
+    )
+    assert diagnose([jump])[0].cause == "exposure_or_gamma"
+    assert [one.cause for one in diagnose([jump, order])] == ["channel_order"]

@@ -3,6 +3,7 @@
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fedora_qa.checks.clocks.local_rates import WORST_ROUNDING, rate_change
 from fedora_qa.checks.clocks.streams import all_stamps, fits_of
@@ -17,6 +18,11 @@ _NTSC_HZ: Final = (24, 30, 48, 60, 120)
 
 _NOMINAL_WITHIN: Final = 0.01
 """A rate nearer than this to a nominal one is meant to be that."""
+
+_LEAST_GRID_NS: Final = 10 * NS_PER_US
+"""Steps of a clock that drifts differ by its resolution; only by chance have they a larger divisor."""
+
+_NS_PER_MS: Final = 1e6
 
 
 class Rate(FactsCheck):
@@ -95,7 +101,10 @@ class Rate(FactsCheck):
             code="clocks.rate.error",
             where=Where(stream=stream),
             matters=10_000.0,
-            suspects=(Suspect("clock_rate", stream, 0.8, ppm, "ppm"),),
+            suspects=(
+                Suspect("clock_rate", stream, 0.8, ppm, "ppm"),
+                *_rounded(stream, facts.clocks[stream].times_ns, nominal_ns),
+            ),
         )
 
     def _odd(self, stream: str, fit: RegularClock) -> Notice:
@@ -104,6 +113,19 @@ class Rate(FactsCheck):
             f"{stream} runs at {NS_PER_S / fit.period_ns:.6g} Hz, no nominal rate",
             Where(stream=stream),
         )
+
+
+def _rounded(stream: str, times_ns: NDArray[np.int64], nominal_ns: float) -> tuple[Suspect, ...]:
+    """Suspect a grid where stamps never stray by more than it from the nominal rate, and all steps are multiples of it.
+
+    A grid that nearly divides the period leaves all steps alike but a few, as of another rate with jumps.
+    """
+    steps_ns = np.diff(times_ns)
+    grid_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) else 0
+    strays_ns = float(np.ptp(times_ns - np.arange(len(times_ns)) * nominal_ns)) if len(times_ns) else 0.0
+    if not (_LEAST_GRID_NS <= grid_ns < steps_ns.min() and strays_ns <= grid_ns):
+        return ()
+    return (Suspect("quantised_time", stream, 0.95, grid_ns / _NS_PER_MS, "ms"),)
 
 
 def _nominal_period_ns(stream: str, period_ns: float) -> float:

@@ -1,12 +1,16 @@
 """Events against log intensity: what must be conserved."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from math import ceil, expm1, pi, sqrt
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.events.conservation_suspects import FEW, why_broken
 from fedora_qa.checks.events.stretch import GROUP_NS, Closed, Ledger, stretch_of
+from fedora_qa.checks.events.undoing import Trial, trials
 from fedora_qa.checks.events.view import sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.checks.protocol import Check, Measured, Observation, Suspect
 from fedora_qa.conventions import NS_PER_S
@@ -19,11 +23,16 @@ Bool = NDArray[np.bool_]
 
 TILE_PX: Final = 8
 
-_FEW: Final = 0.05
-"""Share of the pixels that some lost or doubled events spoil at most (in the diagnosis, after an alarm)."""
+
+@dataclass(slots=True)
+class Followed:
+    """Stretches of frames, and what undoing faults did to windows that break the law."""
+
+    ledger: Ledger
+    trials: list[Trial] = field(default_factory=list)
 
 
-class Conservation(Check[Ledger]):
+class Conservation(Check[Followed]):
     """Do events add up to what the frames show, in every pixel?
 
     The share of pixels whose events contradict the frames, in the worst two seconds, and the same in the worst tile of
@@ -41,7 +50,9 @@ class Conservation(Check[Ledger]):
     do not, E also stays within C+ and C- of its start: in the first two seconds that sees a single event in most
     pixels. Linear model: a silent pixel varies by at most C+ + C-, and P brighter events alone mean a rise of at least
     P (C+ + 1) - C+ - C- (``event_runs``); from a declared start its first run keeps to C+ and C-. Frames bound L at
-    their times; two seconds are followed at a time.
+    their times; two seconds are followed at a time. The first windows that break the law, and some later ones, are
+    tried with faults undone: polarity, mirrored or exchanged axes, shifts, delays. What mends most pixels, less those
+    that it breaks, names the cause.
 
     Noise model
     -----------
@@ -82,25 +93,26 @@ class Conservation(Check[Ledger]):
         """Need both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
-    def start(self, facts: Facts) -> Ledger:
+    def start(self, facts: Facts) -> Followed:
         """Return no stretch."""
         if facts.declared.events is None:
             raise ValueError("Expected a declared event sensor, got none; the check is not applicable")
-        return Ledger(facts.declared.events, _phase_known(facts, facts.declared.events))
+        return Followed(Ledger(facts.declared.events, _phase_known(facts, facts.declared.events)))
 
-    def update(self, state: Ledger, window: Window) -> None:
-        """Join the window's frames to the last stretch, or begin another."""
+    def update(self, state: Followed, window: Window) -> None:
+        """Join the window's frames to the last stretch, or begin another, and try to undo faults where it is broken."""
         stretch = stretch_of(window)
         if stretch is not None:
-            state.add(window.span.start_ns // GROUP_NS, [stretch])
+            state.ledger.add(window.span.start_ns // GROUP_NS, [stretch])
+            state.trials.extend(trials(window))
 
-    def merge(self, state: Ledger, later: Ledger) -> Ledger:
+    def merge(self, state: Followed, later: Followed) -> Followed:
         """Join the stretches that meet."""
-        return state.then(later)
+        return Followed(state.ledger.then(later.ledger), state.trials + later.trials)
 
-    def conclude(self, state: Ledger, facts: Facts) -> Observation:
+    def conclude(self, state: Followed, facts: Facts) -> Observation:
         """Count the pixels that broke the law, in the worst two seconds and by tile."""
-        closed, rgb_count = state.closed(), len(facts.clocks["rgb"].times_ns)
+        closed, rgb_count = state.ledger.closed(), len(facts.clocks["rgb"].times_ns)
         coverage = Coverage(min(sum(one.frames for one in closed), rgb_count), rgb_count, "frames")
         if not closed:
             return Observation(coverage, unobservable="no two frames with events around them")
@@ -110,17 +122,19 @@ class Conservation(Check[Ledger]):
             return Observation(
                 coverage, unobservable="nowhere do frames show so much change that an event could be missed"
             )
-        tile, dead = self._tile(pixels, closed, facts)
+        tile, dead = self._tile(pixels, closed, facts, state.trials)
         return Observation(
             coverage,
-            (self._share(closed, state.model, facts, dead), tile),
+            (self._share(closed, state.ledger.model, facts, dead, state.trials), tile),
             evidence={"conservation_violations": pixels.astype(np.uint8)},
             titles={
                 "conservation_violations": "Pixels whose events do not add up to what the frames show [1: some do not]"
             },
         )
 
-    def _share(self, closed: list[Closed], declared: EventModel, facts: Facts, dead: float) -> Measured:
+    def _share(
+        self, closed: list[Closed], declared: EventModel, facts: Facts, dead: float, tried: Sequence[Trial]
+    ) -> Measured:
         shape = sensor_shape(facts.declared)
         size = shape[0] * shape[1]
         times_ns = facts.clocks["rgb"].times_ns
@@ -154,15 +168,16 @@ class Conservation(Check[Ledger]):
                 stop_us=facts.to_file_us(int(times_ns[last])),
                 frame=first,
             ),
-            suspects=(
-                *_lost_or_doubled(closed[worst].unpacked(shape), float(counts[worst]), facts),
+            suspects=why_broken(
+                closed[worst].unpacked(shape),
+                float(counts[worst]),
                 Suspect("dead_region", "events", 0.9 * dead),
-                *_cut_off(facts),
-                *_WHATEVER_BREAKS_THE_LAW,
+                tried,
+                facts,
             ),
         )
 
-    def _tile(self, pixels: Bool, closed: list[Closed], facts: Facts) -> tuple[Measured, float]:
+    def _tile(self, pixels: Bool, closed: list[Closed], facts: Facts, tried: Sequence[Trial]) -> tuple[Measured, float]:
         """Return the worst tile, and how well a dead region around it explains the violations.
 
         They lie together, and without events; or, of a region that is dead for some time, so close together that no
@@ -175,7 +190,7 @@ class Conservation(Check[Ledger]):
         region = sqrt(float(np.count_nonzero(pixels)))
         mute = sum(one.mute for one in closed) / max(sum(int(np.bitwise_count(one.pixels).sum()) for one in closed), 1)
         mute_together = min(_gathered(pixels, row, column, region), mute) > self._ONE_REGION
-        dense = float(pixels.mean()) < _FEW and _densest(pixels) > self._ONE_REGION
+        dense = float(pixels.mean()) < FEW and _densest(pixels) > self._ONE_REGION
         dead = 0.1 if silent else 0.8 if mute_together else 0.6 if dense else 0.1
         measured = Measured(
             name="worst_tile",
@@ -191,43 +206,9 @@ class Conservation(Check[Ledger]):
             f"{everywhere:.2%} of all.",
             code="event_response.conservation.region",
             where=Where(stream="events", tile=(column, row, column + side, row + side)),
-            suspects=(
-                Suspect("dead_region", "events", dead, region, "px"),
-                *_lost_or_doubled(pixels, None, facts),
-                *_cut_off(facts),
-                *_WHATEVER_BREAKS_THE_LAW,
-            ),
+            suspects=why_broken(pixels, None, Suspect("dead_region", "events", dead, region, "px"), tried, facts),
         )
         return measured, dead
-
-
-_WHATEVER_BREAKS_THE_LAW: Final = (
-    *(
-        Suspect(cause, "events", 0.3)
-        for cause in ("time_offset", "clock_rate", "polarity_inverted", "mirrored", "axes_swapped", "other_sequence",
-                      "threshold_misdeclared", "event_model_misdeclared", "spatial_offset", "hot_pixels", "time_unit")
-    ),
-    *(
-        Suspect(cause, "rgb", 0.3)
-        for cause in ("swapped_frames", "frozen_frames", "exposure_or_gamma", "channel_order", "time_offset",
-                      "clock_rate", "mirrored", "other_sequence", "spatial_offset")
-    ),
-)  # fmt: skip
-"""Every fault of events or frames breaks it; which one, other checks say better."""
-
-
-def _lost_or_doubled(pixels: Bool, count: float | None, facts: Facts) -> tuple[Suspect, ...]:
-    """Weigh lost and doubled events: they spoil few pixels, what moves events or frames spoils most that fire.
-
-    Doubled events mostly share their stamps as well, which ``event_stream.duplicates`` sees; lost ones leave no trace.
-    """
-    if facts.events is None or not facts.events.count:
-        return (Suspect("dropped_samples", "events", 0.9),)
-    few = float(pixels.mean()) < _FEW
-    return (
-        Suspect("dropped_samples", "events", 0.5 if few else 0.2, count, "samples"),
-        Suspect("duplicated_samples", "events", 0.4 if few else 0.15, count, "samples"),
-    )
 
 
 def _phase_known(facts: Facts, declared: EventModel) -> bool:
@@ -235,17 +216,6 @@ def _phase_known(facts: Facts, declared: EventModel) -> bool:
     times_ns = facts.clocks["rgb"].times_ns
     after = len(times_ns) > 0 and facts.events is not None and facts.events.first_ns > int(times_ns[0])
     return declared.initial_phase == "zero" and after
-
-
-def _cut_off(facts: Facts) -> tuple[Suspect, ...]:
-    """Suspect that events were cut off, where they end more than two frames before the frames do."""
-    times_ns = facts.clocks["rgb"].times_ns
-    if facts.events is None or not facts.events.count or len(times_ns) < 2:
-        return ()
-    duration_ns, silent_ns = int(times_ns[-1] - times_ns[0]), int(times_ns[-1]) - facts.events.last_ns
-    if silent_ns * (len(times_ns) - 1) <= 2 * duration_ns:
-        return ()
-    return (Suspect("truncated", "events", 0.8),)
 
 
 def _excused_share(closed: Closed, declared: EventModel, times_ns: NDArray[np.int64]) -> float:

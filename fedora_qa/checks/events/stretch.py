@@ -150,8 +150,13 @@ def stretch_of(window: Window) -> Stretch | None:
     for column, row in declared.hot_pixels:
         if 0 <= row < excused.shape[0] and 0 <= column < excused.shape[1]:
             excused[row, column] = True
+    return join(seen, declared, ROUNDING_DN[window.facts.declared.transfer], excused)
+
+
+def join(seen: SeenFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> Stretch:
+    """Return the stretch of two frames or more."""
     law = _log_law if declared.model == "log" else _linear_law
-    believed = _without_uneven(seen, declared, ROUNDING_DN[window.facts.declared.transfer])
+    believed = _without_uneven(seen, declared, rounding_dn)
     return Stretch(law(believed, declared), law(seen, declared), seen.counts.sum(axis=(0, 1), dtype=np.int64), excused)
 
 
@@ -228,11 +233,11 @@ def _close(stretches: list[Stretch], declared: EventModel, phase_known: bool) ->
     changes = np.zeros(last - first + 2, np.int64)
     for stretch in stretches:
         known = phase_known and stretch.bounds.first_frame == 0
-        broken, from_start_too = _violations(stretch, stretch.bounds, declared, known)
+        broken, from_start_too = violations(stretch, stretch.bounds, declared, known)
         from_start |= from_start_too
         telling |= _telling(stretch, declared)
         pixels |= broken
-        flawed |= _violations(stretch, stretch.of_all, declared, from_start_too)[0]
+        flawed |= violations(stretch, stretch.of_all, declared, from_start_too)[0]
         mute |= broken & (stretch.events == 0)
         if isinstance(stretch.bounds, Excursions):
             highest, lowest = stretch.bounds.highest[1, broken] - first, stretch.bounds.lowest[1, broken] - first
@@ -252,7 +257,7 @@ def _close(stretches: list[Stretch], declared: EventModel, phase_known: bool) ->
     )
 
 
-def _violations(
+def violations(
     stretch: Stretch, bounds: Excursions | Runs, declared: EventModel, phase_known: bool
 ) -> tuple[Bool, bool]:
     """Return where the law is broken, and whether a declared start was part of the law."""

@@ -186,6 +186,8 @@ def _jump(gains: Sequence[PairGain], facts: Facts) -> Measured:
         ),
         suspects=(
             Suspect("exposure_or_gamma", "rgb", 0.95, percent, "percent", error),
+            # Luma weighs the channels, so that exchanged ones are brighter or darker; images.channels tells them.
+            Suspect("channel_order", "rgb", 0.6),
             *(Suspect(cause, "rgb", 0.2) for cause in ("other_sequence", "swapped_frames", "frozen_frames")),
         ),
     )

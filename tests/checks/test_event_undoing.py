@@ -1,0 +1,99 @@
+"""Faults that are named because undoing them lets events add up again, in a closed-form world."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fedora_qa.checks.events.tiles import GRID
+from fedora_qa.checks.events.undoing import most_mended
+from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.record.types import Diagnosis
+from tests.checks.event_file import SHAPE, SMOOTH_WORLD, EventFile, log_file
+from tests.estimators.event_world import MS, Stream
+
+OTHER_WORLD = replace(SMOOTH_WORLD, seed=17)
+
+Fault = Callable[[Stream], Stream]
+
+
+def diagnosed(file: EventFile, path: Path) -> tuple[Diagnosis, ...]:
+    """What the check of conservation says alone."""
+    options = CheckOptions(evidence=None, select=("event_response.conservation",))
+    return check_file(file.write(path), options).record.diagnoses
+
+
+def inverted_for_a_while(events: Stream) -> Stream:
+    inside = (events.times_ns >= 250 * MS) & (events.times_ns < 550 * MS)
+    return replace(events, p=np.where(inside, 1 - events.p, events.p).astype(np.uint8))
+
+
+def inverted_in_the_middle(events: Stream) -> Stream:
+    across, down = abs(events.x / SHAPE[1] - 0.5) < 0.25, abs(events.y / SHAPE[0] - 0.5) < 0.25
+    return replace(events, p=np.where(across & down, 1 - events.p, events.p).astype(np.uint8))
+
+
+def mirrored(events: Stream) -> Stream:
+    return replace(events, x=(SHAPE[1] - 1 - events.x).astype(np.uint16))
+
+
+def moved_right(events: Stream) -> Stream:
+    kept = events.x < SHAPE[1] - 5
+    return Stream((events.x[kept] + 5).astype(np.uint16), events.y[kept], events.times_ns[kept], events.p[kept])
+
+
+def late(events: Stream) -> Stream:
+    return replace(events, times_ns=events.times_ns + 12 * MS)
+
+
+@pytest.mark.parametrize(
+    ("fault", "cause", "magnitude"),
+    [
+        (inverted_for_a_while, "polarity_inverted", None),
+        (inverted_in_the_middle, "polarity_inverted", None),
+        (mirrored, "mirrored", None),
+        (moved_right, "spatial_offset", 5.0),
+        (late, "time_offset", 12.0),
+    ],
+)
+def test_what_mends_is_named(fault: Fault, cause: str, magnitude: float | None, tmp_path: Path) -> None:
+    """A fault of all events, of a stretch or of a region is named by conservation alone, with its size."""
+    clean = log_file(SMOOTH_WORLD)
+    first = diagnosed(clean.altered(events=fault(clean.events)), tmp_path / "faulty.h5")[0]
+    assert (first.stream, first.cause, first.magnitude) == ("events", cause, magnitude)
+
+
+def test_what_nothing_mends_is_of_another_sequence(tmp_path: Path) -> None:
+    """Events of another world are not taken for events of this one that were moved, turned or delayed."""
+    file = log_file(SMOOTH_WORLD).altered(events=log_file(OTHER_WORLD).events)
+    assert diagnosed(file, tmp_path / "other.h5")[0].cause == "other_sequence"
+
+
+def test_lost_events_are_not_mended(tmp_path: Path) -> None:
+    """Events that were lost stay lost: no repair brings them back."""
+    clean = log_file(SMOOTH_WORLD)
+    packet = (clean.events.times_ns > 300 * MS) & (clean.events.times_ns < 302 * MS)
+    lost = packet & (np.arange(len(packet)) % 40 == 0)
+    kept = Stream(*(getattr(clean.events, name)[~lost] for name in ("x", "y", "times_ns", "p")))
+    assert diagnosed(clean.altered(events=kept), tmp_path / "lost.h5")[0].cause == "dropped_samples"
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_repair_that_only_moves_what_is_broken_mends_nothing(seed: int) -> None:
+    """Pixels that are broken on the other side instead are none the better for it, whichever way they were mirrored."""
+    before = np.random.default_rng(seed).random((4 * GRID, 6 * GRID)) < 0.3
+    for left, up in ((True, False), (False, True), (True, True)):
+        after = before[:: -1 if up else 1, :: -1 if left else 1]
+        assert most_mended(before, after, (False, left, up)) == 0
+
+
+def test_a_repair_of_a_region_counts_what_it_mends_there() -> None:
+    """What is broken elsewhere by undoing the fault of a tile does not count against it."""
+    before, after = np.zeros((2, 4 * GRID, 4 * GRID), np.bool_)
+    before[4:8, 8:12] = True
+    after[12:, :] = True
+    assert most_mended(before, after) == 16
