@@ -28,8 +28,8 @@ _DEGREES: Final = float(np.degrees(1.0))
 _MILLIMETRES: Final = 1e3
 _GRAVITIES: Final[dict[Gravity, float]] = {"declared": 1.0, "missing": 0.0, "reversed": -1.0}
 
-_RATE_SPANS_S: Final = (0.05, 0.1, 0.2)
-_FORCE_SPANS_S: Final = (0.1, 0.2, 0.3)
+_RATE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2)
+_FORCE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2, 0.3)
 """Spans over which motion is averaged: the shortest at which noise is small beside it, or the longest."""
 
 _SMALL_NOISE: Final = 0.05

@@ -60,7 +60,8 @@ def geometry_suspects(
         repeated = sum(field.repeats == repeating for field in fields_off)
         if repeated:
             where = flow if repeating == "flow" else repeating
-            gross.append(Suspect("frozen_frames", where, 1.0 if local else 0.9, float(repeated), "samples"))
+            weight = (1.0 if local else 0.9) * repeated / len(fields_off)  # others are not frozen, and off
+            gross.append(Suspect("frozen_frames", where, weight, float(repeated), "samples"))
     small = _small(fields, flow, noise)
     in_part = 2 * sum(field.region is not None for field in fields_off) > len(fields_off)
     if in_part:
