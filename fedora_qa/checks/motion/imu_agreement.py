@@ -126,14 +126,22 @@ def gross_cause(streams: Streams, kind: Kind, found: InertialFit) -> Gross | Non
 
     First of the whole sequence; where none explains that, and the disagreement is a local one, of that part alone.
     """
-    large = any(one.free and abs(one.value) > _LARGE[group_of(name)] for name, one in found.parameters.items())
-    if found.settled and not large and found.rms - found.model_rms - found.expected_rms < _FAR_OFF * found.rms_error:
+    if (
+        found.settled
+        and not is_large(found)
+        and found.rms - found.model_rms - found.expected_rms < _FAR_OFF * found.rms_error
+    ):
         return None
     for span_s in (None, found.disturbed) if found.disturbed else (None,):
         hypothesis = _explained(streams, kind, span_s)
         if hypothesis is not None and hypothesis.oddness > 0:
             return Gross(hypothesis, span_s)
     return None
+
+
+def is_large(found: InertialFit) -> bool:
+    """Whether a freed parameter is larger than a small fault makes it."""
+    return any(one.free and abs(one.value) > _LARGE[group_of(name)] for name, one in found.parameters.items())
 
 
 def _explained(streams: Streams, kind: Kind, span_s: tuple[float, float] | None) -> Hypothesis | None:
