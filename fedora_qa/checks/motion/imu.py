@@ -15,6 +15,7 @@ from fedora_qa.checks.motion.imu_agreement import (
     disagreement,
     fit,
     gross_cause,
+    gross_suspects,
     is_large,
     motion_of,
     streams_of,
@@ -152,9 +153,10 @@ def _agreement(
     if found is None:
         return Observation(seen, unobservable="too few poses with IMU samples all the way between them")
     gross = gross_cause(streams, kind, found)
-    if gross is not None:
+    if gross is not None and gross.is_certain:
         return Observation(seen, (disagreement(facts, streams, kind, gross),))
     defects = (
+        *(gross_suspects(kind, gross.hypothesis) if gross else ()),
         *stamp_defects(facts, "imu"),
         *pose_defects(facts, streams.poses, facts.declared.pose or PoseModel()),
     )
