@@ -16,7 +16,7 @@ from fedora_qa.checks.motion.imu_agreement import (
     fit,
     gross_cause,
     gross_suspects,
-    is_large,
+    is_absurd,
     motion_of,
     streams_of,
 )
@@ -163,7 +163,7 @@ def _agreement(
     residual = _residual(found, kind, unit, factor, defects)
     worst = _worst(facts, streams, found, kind, unit, factor, defects)
     clues, check = clues_of(facts), f"imu.{kind}"
-    besides = defects if found.settled and not is_large(found) else (*defects, *_other_sequence(1.0))
+    besides = defects if found.settled and not is_absurd(found) else (*defects, *_other_sequence(1.0))
     parameters = parameters_measured(kind, check, found.parameters, shown, clues, besides)
     local = local_measured(facts, streams, kind, check, found, "bias", shown["bias"], clues, defects)
     return Observation(

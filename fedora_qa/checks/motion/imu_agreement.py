@@ -51,6 +51,9 @@ _LARGE: Final = {
 }
 """Beyond these a parameter is no small fault any more: its cause is looked for among gross ones."""
 
+_ABSURD: Final = 5.0
+"""Multiples of these that no sensor shows: half a radian of turn, half of a gain, half a second."""
+
 
 @dataclass(frozen=True, slots=True)
 class Motion:
@@ -136,7 +139,7 @@ def gross_cause(streams: Streams, kind: Kind, found: InertialFit) -> Gross | Non
     """
     if (
         found.settled
-        and not is_large(found)
+        and not _exceeds(found, 1.0)
         and found.rms - found.model_rms - found.expected_rms < _FAR_OFF * found.rms_error
     ):
         return None
@@ -147,9 +150,14 @@ def gross_cause(streams: Streams, kind: Kind, found: InertialFit) -> Gross | Non
     return None
 
 
-def is_large(found: InertialFit) -> bool:
-    """Whether a freed parameter is larger than a small fault makes it."""
-    return any(one.free and abs(one.value) > _LARGE[group_of(name)] for name, one in found.parameters.items())
+def is_absurd(found: InertialFit) -> bool:
+    """Whether a freed parameter is so large that the fit bends one motion into another."""
+    return _exceeds(found, _ABSURD)
+
+
+def _exceeds(found: InertialFit, multiple: float) -> bool:
+    large = {name: multiple * _LARGE[group_of(name)] for name in found.parameters}
+    return any(one.free and abs(one.value) > large[name] for name, one in found.parameters.items())
 
 
 def _explained(streams: Streams, kind: Kind, span_s: tuple[float, float] | None) -> Hypothesis | None:
