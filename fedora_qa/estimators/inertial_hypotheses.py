@@ -28,9 +28,11 @@ _DEGREES: Final = float(np.degrees(1.0))
 _MILLIMETRES: Final = 1e3
 _GRAVITIES: Final[dict[Gravity, float]] = {"declared": 1.0, "missing": 0.0, "reversed": -1.0}
 
-_RATE_SPANS_S: Final = (0.05, 0.1, 0.2)
-_FORCE_SPANS_S: Final = (0.1, 0.2, 0.3)
+_RATE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2)
+_FORCE_SPANS_S: Final = (0.02, 0.05, 0.1, 0.2, 0.3)
 """Spans over which motion is averaged: the shortest at which noise is small beside it, or the longest."""
+
+_FEWEST_EDGES: Final = 4
 
 _SMALL_NOISE: Final = 0.05
 
@@ -83,8 +85,14 @@ class Hypothesis:
 
     @property
     def explained(self) -> float:
-        """Share (0 to 1) of what the declared reading leaves that this one accounts for."""
-        return max(0.0, 1.0 - self.left / max(self.declared_left, 1e-30))
+        """Share (0 to 1) of what the declared reading leaves beyond noise that this one accounts for."""
+        excess = max(self.declared_left - 1.0, 1e-30)
+        return max(0.0, 1.0 - max(self.left - 1.0, 0.0) / excess) if self.declared_left > 1.0 else 0.0
+
+    @property
+    def disagreement(self) -> tuple[float, float]:
+        """How many times as much as noise the declared reading leaves, as root mean square, and its error."""
+        return float(np.sqrt(self.declared_left)), 1.0 / float(np.sqrt(6 * self.rows))
 
     @property
     def oddness(self) -> float:
@@ -109,7 +117,7 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> Hypothesis | No
     rates = samples.angular_velocities_body_rad_s
     span_s = _span(_RATE_SPANS_S, np.sqrt(2) * sigma_rad / np.array(_RATE_SPANS_S), rates)
     edges = _edges(samples, span_s)
-    if len(edges) < 4:
+    if len(edges) < _FEWEST_EDGES:
         return None
     times_s = samples.pose_times_s[edges]
     spans_s = np.diff(times_s)[:, None]
@@ -135,7 +143,7 @@ def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float
     forces = samples.specific_forces_body_m_s2
     noises = np.sqrt(6) * sigma_m / np.square(_FORCE_SPANS_S)
     edges = _edges(samples, _span(_FORCE_SPANS_S, noises, forces - forces.mean(axis=0)))
-    if len(edges) < 4:
+    if len(edges) < _FEWEST_EDGES:
         return None
     at_s = samples.pose_times_s[edges]
     by_position = _accelerations(at_s, samples.positions_world_m[edges])

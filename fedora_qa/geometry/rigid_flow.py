@@ -54,6 +54,24 @@ def rigid_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64,
     return np.stack((u, v), axis=-1)
 
 
+def depths_by_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, flow_px: Float64) -> Float64:
+    """Return the z-depths (n,) in m with which pixels would flow nearest to ``flow_px`` (n, 2); not positive: none.
+
+    Along the epipolar line ``x1 (Z r_z + t_z) = Z r_xy + t_xy`` with r the rotated ray: solved for 1/Z by least
+    squares (Hartley and Zisserman, Multiple View Geometry, 12.2).
+    """
+    ones = np.ones_like(columns)
+    rays = np.stack(moved_points(K, RigidMotion(motion.R, np.zeros(3)), columns, rows, ones), axis=-1)
+    x1, y1, _ = moved_points(
+        K, RigidMotion(np.eye(3), np.zeros(3)), columns + flow_px[:, 0], rows + flow_px[:, 1], ones
+    )
+    end = np.stack((x1, y1), axis=-1)
+    slopes = motion.t_m[:2] - end * motion.t_m[2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depths_m: Float64 = np.sum(slopes**2, axis=-1) / np.sum(slopes * (end * rays[:, 2:] - rays[:, :2]), axis=-1)
+    return depths_m
+
+
 def twist_jacobian(K: Float64, points1_m: Float64) -> Float64:
     """Return d flow / d twist, (n, 2, 6), at points X1 (n, 3): px per rad and px per metre."""
     X1, Y1, Z1 = points1_m.T

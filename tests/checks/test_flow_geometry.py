@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fedora_qa.checks.flow.another_motion import as_noise
+from fedora_qa.checks.flow.comparison import FieldError
 from fedora_qa.checks.flow.geometry import Endpoint
+from fedora_qa.checks.flow.intervals import Interval
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
@@ -286,3 +289,37 @@ def test_flow_of_zeros_is_a_gain() -> None:
     """No flow at all is a gain of -100%."""
     suspect = first_suspect(judged(Endpoint(), clean().with_flow(lambda _, flow: 0 * flow)))
     assert (suspect.cause, suspect.magnitude) == ("flow_gain", pytest.approx(-100.0))
+
+
+def test_depth_of_another_scene_is_told_by_the_lines_that_flow_keeps_to() -> None:
+    """Flow that follows the poses' epipolar lines and not the depth blames the depth's sequence, and no size of it."""
+    rng = np.random.default_rng(3)
+    steps_m = rng.uniform(0.5, 2.0, (6, 8)).repeat(24, axis=0).repeat(24, axis=1)
+    depth = (clean().rows_by_key["path/depth"] * steps_m).astype(np.float32)
+    suspect = first_suspect(judged(Endpoint(), clean().with_rows(path_depth=depth)))
+    assert (suspect.cause, suspect.stream) == ("other_sequence", "depth")
+
+
+def test_poses_of_another_flight_are_no_noise() -> None:
+    """What they ask for adds up from field to field: poses or flow are another sequence's, and noise is not named."""
+    positions_m = clean().rows_by_key["path/pose/position"]
+    times_s = np.linspace(0.0, 1.0, len(positions_m))
+    aside = positions_m + 0.3 * np.sin(3 * times_s)[:, None] * [1.0, -0.5, 0.4]
+    turned = Rotation.from_quat(clean().rows_by_key["path/pose/orientation"]) * Rotation.from_rotvec(
+        np.outer(times_s, [0, 0.2, 0])
+    )
+    result = judged(Endpoint(), clean().with_rows(path_pose_position=aside, path_pose_orientation=turned.as_quat()))
+    causes = [(one.cause, one.stream) for one in result.alarms[0].suspects]
+    assert causes[0][0] == "other_sequence"
+    assert ("other_sequence", "pose") in causes
+    assert ("noise_misdeclared", "pose") not in causes
+
+
+@pytest.mark.parametrize(("drift_rad", "least", "most"), [(0.0, 0.5, 1.0), (0.01, 0.0, 0.05)], ids=["noise", "motion"])
+def test_corrections_of_noise_cancel_from_field_to_field(drift_rad: float, least: float, most: float) -> None:
+    """Differences of white noise are noise however many there are; a turn that all fields share is none."""
+    noise = np.random.default_rng(1).normal(0.0, 0.002, (41, 6))
+    twists = np.diff(noise, axis=0) + drift_rad
+    field = FieldError(Interval("flow/50hz", 0, 0, 1), 0, 1, 1.0, 1.0, 1.0, 1.0, (0, 0))
+    fields = [replace(field, free_twist=tuple(twist)) for twist in twists]
+    assert least <= as_noise(fields) <= most

@@ -44,10 +44,16 @@ FAULTS = {
     "mirror": (lambda flow: flow[:, :, ::-1], "mirrored"),
     "gain": (lambda flow: 1.01 * flow, "flow_gain"),
     "interval": (lambda flow: np.roll(flow, 1, axis=0), "flow_interval_shifted"),
+    "interval, the first field kept": (lambda flow: flow[np.r_[0, : len(flow) - 1]], "flow_interval_shifted"),
 }
 
 
-@pytest.mark.parametrize(("name", "noisy"), [*((name, False) for name in FAULTS), ("sign", True), ("gain", True)])
+NOISY_TOO = ("sign", "gain", "interval, the first field kept")
+
+
+@pytest.mark.parametrize(
+    ("name", "noisy"), [*((name, False) for name in FAULTS), *((name, True) for name in NOISY_TOO)]
+)
 def test_part_is_held_against_depth_and_pose(name: str, noisy: bool) -> None:
     """The first suspect of the endpoint error is what was done to a quarter of the image."""
     change, cause = FAULTS[name]

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.geometry.camera import RigidMotion, camera_motion
-from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, rounding_px, twist_jacobian
+from fedora_qa.geometry.rigid_flow import depths_by_flow, moved_points, rigid_flow, rounding_px, twist_jacobian
 
 K = np.array([[620.0, 1.5, 351.2], [0.0, 611.0, 262.7], [0.0, 0.0, 1.0]])
 small_vectors = st.lists(st.floats(-0.2, 0.2), min_size=3, max_size=3).map(np.array)
@@ -38,6 +38,13 @@ def test_flow_is_that_of_points_in_the_world(turn: np.ndarray, shift: np.ndarray
     flow, motion = through_the_world(turn, shift)
     recomputed = rigid_flow(K, motion, PIXELS[:, 0], PIXELS[:, 1], DEPTHS_M)
     np.testing.assert_allclose(recomputed, flow, rtol=1e-9, atol=1e-8)
+
+
+def test_flow_of_points_in_the_world_tells_their_depths() -> None:
+    """The depths come back from the flow that they make, where the camera moves aside."""
+    flow, motion = through_the_world(np.array([0.02, -0.05, 0.1]), np.array([0.1, 0.15, -0.05]))
+    found_m = depths_by_flow(K, motion, PIXELS[:, 0], PIXELS[:, 1], flow)
+    np.testing.assert_allclose(found_m, DEPTHS_M, rtol=1e-7)
 
 
 def test_flow_has_no_value_where_there_is_none() -> None:

@@ -28,7 +28,11 @@ _AS_WELL: Final = 0.9
 """What another pose explains, whatever is wrong with the poses explains a little less surely."""
 
 _LITTLE: Final = 0.3
-"""Where no cause removes more of the deviation than this, depth may be another sequence's."""
+"""Where no cause removes more of the deviation than this, depth or pose may be another sequence's."""
+
+_OTHER: Final = 1.6
+"""What any motion of each pair explains of most pairs, half counted for single poses, those of another sequence do;
+a cause of one number that removes as much is meant first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,10 +232,10 @@ def _suspects(pairs: Sequence[PairAgreement], weighed: Sequence[Weighed], facts:
     repeated = sum(pair.repeats for pair in off)
     if repeated:
         gross.append(Suspect("frozen_frames", "depth", 1.0, float(repeated), "samples", 0.0))
-    if not local and max((suspect.weight for suspect in gross), default=0.0) < _LITTLE:
-        gross.append(Suspect("other_sequence", "depth", _LITTLE))
-    named = most_probable(gross)
     by_pose = max((one.weight for one in gross if (one.cause, one.stream) == ("teleport", "pose")), default=0.0)
+    if not local:
+        gross += [Suspect("other_sequence", stream, max(_LITTLE, _OTHER * by_pose)) for stream in ("depth", "pose")]
+    named = most_probable(gross)
     return (
         *named,
         Suspect(ANY_CAUSE, "pose", _AS_WELL * by_pose),

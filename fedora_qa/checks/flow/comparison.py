@@ -49,8 +49,8 @@ class FieldError:
         The correction against the declared noise; 0 where no noise is declared or stamps fall between poses.
     free_squares
         As ``squares``, over the pixels of the fit only, after the best correction whatever the noise; NaN if not asked.
-    free_shift_m
-        Length of that correction's translation.
+    free_twist
+        That correction: rotation vector in rad and translation in m; empty if not asked.
     region
         Left, top, right, bottom of the part of the image that is off; None where all of it is, or none, or scattered
         pixels are.
@@ -73,7 +73,7 @@ class FieldError:
     twist_dof: float = 0.0
     free_squares: float = float("nan")
     free_pixels: int = 0
-    free_shift_m: float = float("nan")
+    free_twist: tuple[float, ...] = ()
     region: Region | None = None
     repeats: Literal["", "flow", "depth"] = ""
     evidence: Evidence | None = None
@@ -223,7 +223,7 @@ def _examined(
         evidence=evidence,
         free_squares=float(np.nansum(free.residual_px**2)),
         free_pixels=len(sample.columns),
-        free_shift_m=float(np.linalg.norm(free.motion.twist_from(motion)[3:])),
+        free_twist=tuple(free.motion.twist_from(motion).tolist()),
     )
 
 

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.flow.another_motion import another_motion
 from fedora_qa.checks.flow.chosen_numbers import is_chosen
 from fedora_qa.checks.flow.comparison import FieldError, is_noisy
 from fedora_qa.checks.flow.hypotheses import Weighed
@@ -29,12 +30,6 @@ _NEARLY_ALL: Final = 0.9
 
 _OF_IMAGES: Final = ("flow", "depth")
 """Where a part of the image is off, what is wrong lies in the image: poses and cameras spoil all of it."""
-
-_THERE_AND_BACK: Final = 2
-"""Fields of a rate that a jump of the pose and its return spoil: those in whose interval they happen."""
-
-_AS_WELL: Final = 0.9
-"""What another pose explains, whatever is wrong with the poses explains a little less surely."""
 
 _PPM_PER_MS_PER_S, _PERCENT_PER_MS_PER_S = 1e3, 0.1
 
@@ -60,17 +55,20 @@ def geometry_suspects(
         repeated = sum(field.repeats == repeating for field in fields_off)
         if repeated:
             where = flow if repeating == "flow" else repeating
-            gross.append(Suspect("frozen_frames", where, 1.0 if local else 0.9, float(repeated), "samples"))
+            weight = (1.0 if local else 0.9) * repeated / len(fields_off)  # others are not frozen, and off
+            gross.append(Suspect("frozen_frames", where, weight, float(repeated), "samples"))
     small = _small(fields, flow, noise)
     in_part = 2 * sum(field.region is not None for field in fields_off) > len(fields_off)
     if in_part:
+        gross = [suspect for suspect in gross if suspect.cause != "other_sequence"]
         small = [suspect for suspect in small if suspect.stream in (*_OF_IMAGES, flow)]
     small = [replace(one, weight=one.weight * _trust(one, declared, share_off)) for one in small]
     if max((suspect.weight for suspect in gross if suspect.cause != "flow_gain"), default=0.0) > _CERTAIN:
         small = weakened(small, 0.8)
-    by_pose = [] if is_noisy(noise) or in_part else _of_the_pose(fields_off, local=local)
-    named = most_probable([*gross, *small, *by_pose]) or (Suspect("unknown", flow, 0.1),)
-    return named + tuple(Suspect(ANY_CAUSE, "pose", _AS_WELL * max(one.weight for one in by_pose)) for _ in by_pose[:1])
+    moved = [] if is_noisy(noise) or in_part else another_motion(fields_off, flow, local=local)
+    any_pose = tuple(one for one in moved if one.cause == ANY_CAUSE)
+    named = most_probable([*gross, *small, *(one for one in moved if one not in any_pose)])
+    return (named or (Suspect("unknown", flow, 0.1),)) + any_pose
 
 
 def _share_touched(fields: Sequence[FieldError], fields_off: Sequence[FieldError]) -> float:
@@ -170,18 +168,3 @@ def _error(total: Evidence, columns: slice) -> float:
     """Return the standard error of a fault's size from rounding alone: the largest of its components'."""
     information = np.diag(total.matrix[columns, columns])
     return float(np.max(1.0 / np.sqrt(np.maximum(information, 1e-300))))
-
-
-def _of_the_pose(off: Sequence[FieldError], *, local: bool) -> list[Suspect]:
-    """Suspect single poses, or noise that is not declared, where a rigid correction makes the fields agree."""
-    known = [field for field in off if field.free_pixels]
-    if not known:
-        return []
-    left = np.median([np.sqrt(field.free_squares / field.free_pixels) for field in known])
-    before = np.median([np.sqrt(field.squares / field.pixels) for field in known])
-    weight = max(1.0 - float(left / before), 0.0)
-    if not local:
-        return [Suspect("noise_misdeclared", "pose", 0.9 * weight)]
-    shift_m = float(np.median([field.free_shift_m for field in known]))
-    teleport = 0.95 * weight * min(_THERE_AND_BACK / len(off), 1.0)
-    return [Suspect("teleport", "pose", teleport, shift_m, "m"), Suspect("frozen_frames", "pose", 0.9 * weight)]

@@ -13,7 +13,7 @@ from fedora_qa.checks.flow.lattice import FEWEST_PIXELS, Region, sample_field
 from fedora_qa.conventions import MM_PER_M, R_BODY_OPTICAL
 from fedora_qa.estimators.flow_motion_fit import FlowSample, fit_motion, weigh_templates
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.geometry.rigid_flow import rigid_flow
+from fedora_qa.geometry.rigid_flow import depths_by_flow, rigid_flow
 from fedora_qa.geometry.so3 import compose, log
 from fedora_qa.sequence.facts import Clock
 from fedora_qa.sequence.window import PoseSamples, Window
@@ -26,6 +26,9 @@ _ANOTHER_GAIN: Final = 0.02
 
 _ANOTHER_CONVENTION_RAD: Final = 0.7
 """Mountings that lie closer to straight ahead are turned, not written in another convention."""
+
+_FREE: Final = 0.8
+"""Depths of any value fit more than those of one fault do: that is meant first where it fits as well."""
 
 _MS_PER_NS: Final = 1e-6
 _NEIGHBOURS: Final = (-2, -1, 1, 2)
@@ -52,6 +55,7 @@ class _Hypothesis:
     sample: FlowSample | None
     motion: RigidMotion | None
     magnitude: float | None = None
+    likeliness: float = 1.0
 
 
 def weigh_hypotheses(
@@ -77,7 +81,7 @@ def weigh_hypotheses(
         if hypothesis.sample is None or hypothesis.motion is None:
             continue
         left = _deviation(track, interval, hypothesis.sample, hypothesis.motion, window)
-        key, weight = (hypothesis.cause, hypothesis.stream), max(1.0 - left / reference, 0.0)
+        key, weight = (hypothesis.cause, hypothesis.stream), hypothesis.likeliness * max(1.0 - left / reference, 0.0)
         if key not in best or best[key].weight < weight:
             best[key] = Weighed(interval.stream, *key, weight, hypothesis.magnitude)
     return list(best.values())
@@ -169,7 +173,8 @@ def _of_the_depth(
     """Undo what may have happened to the depth."""
 
     def undone(cause: str, depths_m: Float64, magnitude: float | None = None) -> _Hypothesis:
-        return _Hypothesis(cause, "depth", replace(sample, depths_m=depths_m), motion, magnitude)
+        likeliness = _FREE if cause == "other_sequence" else 1.0
+        return _Hypothesis(cause, "depth", replace(sample, depths_m=depths_m), motion, magnitude, likeliness)
 
     K = track.camera.K
     slopes = ((sample.columns - K[0, 2]) / K[0, 0], (sample.rows - K[1, 2]) / K[1, 1])
@@ -177,6 +182,8 @@ def _of_the_depth(
     if not depths_plausible(window.facts, sample.depths_m):
         yield undone("unit_mm_m", sample.depths_m * MM_PER_M, 1 / MM_PER_M)
         yield undone("unit_mm_m", sample.depths_m / MM_PER_M, MM_PER_M)
+    by_flow_m = depths_by_flow(K, motion, sample.columns, sample.rows, sample.flow_px)
+    yield undone("other_sequence", np.where(by_flow_m > 0, by_flow_m, np.nan))
     column, row = sample.columns.astype(int), sample.rows.astype(int)
     stored = window.depth_m(frame)
     width = stored.shape[1]

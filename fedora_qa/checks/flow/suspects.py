@@ -30,8 +30,8 @@ DISPLACEMENTS: Final = tuple(
     (cause, stream, 0.1)
     for stream, causes in (
         ("flow", ("flow_interval_shifted", "flow_rate_mixed", "mirrored", "spatial_offset", "frozen_frames",
-                  "swapped_frames", "time_offset")),
-        ("depth", ("mirrored", "spatial_offset", "frozen_frames", "swapped_frames", "time_offset")),
+                  "swapped_frames", "time_offset", "other_sequence")),
+        ("depth", ("mirrored", "spatial_offset", "frozen_frames", "swapped_frames", "time_offset", "other_sequence")),
     )
     for cause in causes
 )  # fmt: skip

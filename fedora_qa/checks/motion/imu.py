@@ -15,6 +15,8 @@ from fedora_qa.checks.motion.imu_agreement import (
     disagreement,
     fit,
     gross_cause,
+    gross_suspects,
+    is_absurd,
     motion_of,
     streams_of,
 )
@@ -151,16 +153,17 @@ def _agreement(
     if found is None:
         return Observation(seen, unobservable="too few poses with IMU samples all the way between them")
     gross = gross_cause(streams, kind, found)
-    if gross is not None:
+    if gross is not None and gross.is_certain:
         return Observation(seen, (disagreement(facts, streams, kind, gross),))
     defects = (
+        *(gross_suspects(kind, gross.hypothesis) if gross else ()),
         *stamp_defects(facts, "imu"),
         *pose_defects(facts, streams.poses, facts.declared.pose or PoseModel()),
     )
     residual = _residual(found, kind, unit, factor, defects)
     worst = _worst(facts, streams, found, kind, unit, factor, defects)
     clues, check = clues_of(facts), f"imu.{kind}"
-    besides = defects if found.settled else (*defects, *_other_sequence(1.0))
+    besides = defects if found.settled and not is_absurd(found) else (*defects, *_other_sequence(1.0))
     parameters = parameters_measured(kind, check, found.parameters, shown, clues, besides)
     local = local_measured(facts, streams, kind, check, found, "bias", shown["bias"], clues, defects)
     return Observation(

@@ -34,6 +34,8 @@ Kind = Literal["rotation", "translation"]
 
 _FEWEST_POSES: Final = 16
 _FAR_OFF: Final = 6.0
+_CERTAIN: Final = 8.0
+"""Standard errors that are beyond the limit of any file, however many comparisons it has."""
 _EDGE_STEPS: Final = 1.5
 """Steps of the poses at either end of a local disturbance that may hold samples of both kinds."""
 _LARGE: Final = {
@@ -48,6 +50,9 @@ _LARGE: Final = {
     "lever": 1.0,
 }
 """Beyond these a parameter is no small fault any more: its cause is looked for among gross ones."""
+
+_ABSURD: Final = 5.0
+"""Multiples of these that no sensor shows: half a radian of turn, half of a gain, half a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,20 +125,39 @@ class Gross:
     hypothesis: Hypothesis
     span_s: tuple[float, float] | None = None
 
+    @property
+    def is_certain(self) -> bool:
+        """Whether the streams disagree so much that nothing else need be measured of them."""
+        value, error = self.hypothesis.disagreement
+        return value - 1.0 > _CERTAIN * error
+
 
 def gross_cause(streams: Streams, kind: Kind, found: InertialFit) -> Gross | None:
     """Return the odd reading under which the streams agree, where they disagree by more than a small fault.
 
     First of the whole sequence; where none explains that, and the disagreement is a local one, of that part alone.
     """
-    large = any(one.free and abs(one.value) > _LARGE[group_of(name)] for name, one in found.parameters.items())
-    if found.settled and not large and found.rms - found.model_rms - found.expected_rms < _FAR_OFF * found.rms_error:
+    if (
+        found.settled
+        and not _exceeds(found, 1.0)
+        and found.rms - found.model_rms - found.expected_rms < _FAR_OFF * found.rms_error
+    ):
         return None
     for span_s in (None, found.disturbed) if found.disturbed else (None,):
         hypothesis = _explained(streams, kind, span_s)
         if hypothesis is not None and hypothesis.oddness > 0:
             return Gross(hypothesis, span_s)
     return None
+
+
+def is_absurd(found: InertialFit) -> bool:
+    """Whether a freed parameter is so large that the fit bends one motion into another."""
+    return _exceeds(found, _ABSURD)
+
+
+def _exceeds(found: InertialFit, multiple: float) -> bool:
+    large = {name: multiple * _LARGE[group_of(name)] for name in found.parameters}
+    return any(one.free and abs(one.value) > large[name] for name, one in found.parameters.items())
 
 
 def _explained(streams: Streams, kind: Kind, span_s: tuple[float, float] | None) -> Hypothesis | None:
@@ -152,26 +176,28 @@ def _explained(streams: Streams, kind: Kind, span_s: tuple[float, float] | None)
 def disagreement(facts: Facts, streams: Streams, kind: Kind, gross: Gross) -> Measured:
     """State how far the streams disagree as declared, and which reading reconciles them."""
     hypothesis, where, when = gross.hypothesis, Where(stream="imu"), ""
+    value, error = hypothesis.disagreement
     if gross.span_s is not None:
         where = place(facts, "imu", *(streams.time_ns(time_s) for time_s in gross.span_s))
         when = f" from {where.start_us:.0f} to {where.stop_us:.0f} us"
     return Measured(
         name="disagreement",
-        value=float(np.sqrt(hypothesis.declared_left)),
+        value=value,
         unit="1",
-        standard_error=1.0 / float(np.sqrt(6 * hypothesis.rows)),
+        standard_error=error,
         expected=1.0,
         side="upper",
-        statement=f"Pose and IMU disagree in {kind}{when} {np.sqrt(hypothesis.declared_left):.3g} times as much as "
+        statement=f"Pose and IMU disagree in {kind}{when} {value:.3g} times as much as "
         f"noise allows; they agree if {_in_words(hypothesis)}.",
         code=f"imu.{kind}.disagreement",
         where=where,
         severity="critical",
-        suspects=_suspects_of(kind, hypothesis),
+        suspects=gross_suspects(kind, hypothesis),
     )
 
 
-def _suspects_of(kind: Kind, hypothesis: Hypothesis) -> tuple[Suspect, ...]:
+def gross_suspects(kind: Kind, hypothesis: Hypothesis) -> tuple[Suspect, ...]:
+    """Return the causes of an odd reading."""
     weight = 0.95 * hypothesis.explained
     causes: list[Suspect] = []
     if "wxyz" in hypothesis.reading:

@@ -56,7 +56,12 @@ def _accel_bias(value: float, error: float, weight: float, clues: Clues) -> tupl
 
 
 def _turned(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
-    return (Suspect("frame_convention", "imu", weight), Suspect("frame_convention", "pose", 0.8 * weight))
+    """Blame another convention, or an exchange of axes, of which a turn is but a part: forces tell it then."""
+    return (
+        Suspect("frame_convention", "imu", weight),
+        Suspect("axes_swapped", "imu", 0.8 * weight),
+        Suspect("frame_convention", "pose", 0.8 * weight),
+    )
 
 
 def _gain(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
@@ -73,8 +78,8 @@ def _gravity(value: float, error: float, weight: float, clues: Clues) -> tuple[S
 
 
 def _slope(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
-    """Blame a world that is not level: rarer than a sensor's bias, which level flight cannot tell from it."""
-    return (Suspect("frame_convention", "pose", 0.8 * weight),)
+    """Blame a world that is not level, or a sensor: rarer than its bias, which level flight cannot tell from them."""
+    return (Suspect("frame_convention", "pose", 0.8 * weight), Suspect("frame_convention", "imu", 0.75 * weight))
 
 
 def _lever(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:

@@ -10,6 +10,9 @@ from fedora_qa.record.types import Where
 _SAME_FACTOR: Final = 0.2
 """Noise is measured to some percent: a ratio this close to a unit's factor is that unit."""
 
+_OTHER: Final = 0.6
+"""A stream of another sequence has its noise too: less likely than a wrong declaration, unless other checks agree."""
+
 
 def noise_against_declared(
     name: str,
@@ -47,6 +50,7 @@ def noise_against_declared(
                 *_mistaken_units(stream, ratio, units),
                 Suspect("noise_misdeclared", stream, 0.5 if besides else 0.9, error, "percent",
                         100.0 * level.standard_error / level.sigma / ratio if ratio > 0 else None),
+                Suspect("other_sequence", stream, _OTHER),
             ),
         )  # fmt: skip
     return Measured(
@@ -59,7 +63,11 @@ def noise_against_declared(
         statement=f"{name.capitalize()} has noise of {level.sigma:.3g} {unit}; none is declared.",
         code=f"{check}.{name}",
         where=Where(stream=stream),
-        suspects=(*besides, Suspect("noise_misdeclared", stream, 0.5 if besides else 0.9, -100.0, "percent")),
+        suspects=(
+            *besides,
+            Suspect("noise_misdeclared", stream, 0.5 if besides else 0.9, -100.0, "percent"),
+            Suspect("other_sequence", stream, _OTHER),
+        ),
     )
 
 
