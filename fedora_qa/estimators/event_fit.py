@@ -118,7 +118,8 @@ def _fit(
 ) -> ResponseFit | None:
     """Fit C+, C-, delay and its rate, to which ``reduction`` (k, 3) takes the columns of the blocks.
 
-    ``uncertain_counts`` says that counts of events may be in error themselves, as interpolated ones are.
+    ``uncertain_counts`` says that counts of events may be in error themselves, as interpolated ones are. Blocks that
+    have ``groups`` are cells, few of which may hold all edges: errors are judged by how many they are.
     """
     middle_s = float(np.average(blocks.times_s, weights=blocks.weights))
     normals, sides = _with_rate(blocks, reduction, blocks.times_s - middle_s)
@@ -130,7 +131,7 @@ def _fit(
     variance = max(float(blocks.squares.sum() - theta @ side), 0.0) / weight
     formal = np.sqrt(np.diag(np.linalg.inv(normal)) * variance)
     by_block = np.maximum(formal, _jackknife(normal - normals, side - sides))
-    errors = by_block
+    errors = _widened(formal, by_block, blocks, _effective_parts(normal, normals)) if groups else by_block
     for group in groups:
         count = len(np.unique(group))
         if count >= FEWEST_BLOCKS:
@@ -149,6 +150,22 @@ def _fit(
         coherent_delay_s=float(formal[2] * np.sqrt(weight)),
         sigma=float(np.sqrt(variance)),
     )
+
+
+def _widened(formal: Float64, by_block: Float64, blocks: NormalBlocks, parts: Float64) -> Float64:
+    """Return the errors (m,) by block, as so many ``parts`` tell them where they differ from the formal ones."""
+    readings = float(blocks.counts.sum())
+    told = [shared_errors(one, readings, cells, n) for one, cells, n in zip(formal, by_block, parts, strict=True)]
+    return np.asarray(told, dtype=np.float64)
+
+
+def _effective_parts(normal: Float64, normals: Float64) -> Float64:
+    """Return how many blocks (m,) of equal weight would tell each parameter as these (b, m, m) of the ``normal`` do.
+
+    A block weighs what it moves a parameter by when all that it says is moved by 1; these weights add up to 1.
+    """
+    shares = np.einsum("ij,bji->bi", np.linalg.inv(normal), normals)
+    return np.asarray(np.abs(shares).sum(axis=0) ** 2 / np.sum(shares**2, axis=0))
 
 
 def _rates_as_slope(steps: Float64) -> Float64:

@@ -25,13 +25,13 @@ def student_factor(freedom: float) -> float:
     return float(t.isf(TAIL, max(freedom, 1.0)) / norm.isf(TAIL))
 
 
-def shared_errors(by_part: Float64, parts: int, by_group: Float64, groups: int) -> Float64:
+def shared_errors(by_part: Float64 | float, parts: float, by_group: Float64 | float, groups: float) -> Float64:
     """Return standard errors (any shape) by the scatter of few groups of the many parts, where groups share errors.
 
     Where groups scatter beyond what parts say by more than chance (Fisher's F), theirs are the errors, by Student's
     distribution; elsewhere they are the larger of both.
     """
     ratio = (by_group / np.maximum(by_part, 1e-300)) ** 2
-    shared = ratio > f.isf(BEYOND_CHANCE, groups - 1, max(parts - 1, 1))
+    shared = ratio > f.isf(BEYOND_CHANCE, max(groups - 1, 1), max(parts - 1, 1))
     found: Float64 = np.maximum(by_part, np.where(shared, student_factor(groups - 1), 1.0) * by_group)
     return found

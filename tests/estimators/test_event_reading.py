@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.event_fit import ResponseFit, fit_readings
+from fedora_qa.estimators.event_fit import ResponseFit, _effective_parts, fit_readings
 from fedora_qa.estimators.event_levels import concatenate
 from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
 from fedora_qa.estimators.event_reading_kernels import _polynomial, _rounded_up
@@ -90,6 +90,15 @@ def test_crests_between_frames_make_no_event_early() -> None:
     fitted = fit(found)
     assert fitted.standard_errors.delay_s < 1e-4
     assert abs(fitted.delay_s) < 4 * fitted.standard_errors.delay_s
+
+
+def test_cells_that_hold_nearly_all_are_few() -> None:
+    """Three of sixteen cells with nearly all information count as three, whatever the others hold."""
+    cells = np.tile(np.eye(3), (16, 1, 1))
+    cells[3:] *= 1e-3
+    assert _effective_parts(cells.sum(axis=0), cells) == pytest.approx([3.0] * 3, rel=0.01)
+    even = np.tile(np.eye(3), (16, 1, 1))
+    assert _effective_parts(even.sum(axis=0), even) == pytest.approx([16.0] * 3)
 
 
 def test_leak_is_not_light() -> None:
