@@ -20,6 +20,7 @@ FORMAT_NAME: Final = "fedora"
 FORMAT_VERSION: Final = "1.0"
 
 NS_PER_US: Final = 1_000
+NS_PER_MS: Final = 1_000_000
 NS_PER_S: Final = 1_000_000_000
 US_PER_S: Final = 1_000_000
 MM_PER_M: Final = 1_000.0

@@ -5,10 +5,9 @@ from numpy.typing import NDArray
 
 from fedora_qa.canary.fault import Alteration, Fault, rows_from, values, values_by_row
 from fedora_qa.canary.ground import Ground, UnplantableError
-from fedora_qa.conventions import NS_PER_US
+from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.layout.canonical import STAMPS_OF
 
-_NS_PER_MS = 1_000_000
 _THOUSAND = 1_000
 _COARSE_TICKS = 1_000
 """A grid this many times the declared one: a thousand events meet it by chance with probability 1e-3000."""
@@ -85,7 +84,7 @@ def begins_late(ground: Ground) -> Fault:
     if stream is None:
         raise UnplantableError("fewer than two streams have a regular clock")
     late_ms = ground.size(f"{stream}.begins_late")
-    return Fault(f"{stream} begins {late_ms:.4g} ms late", {STAMPS_OF[stream]: shifted_ns(late_ms * _NS_PER_MS)})
+    return Fault(f"{stream} begins {late_ms:.4g} ms late", {STAMPS_OF[stream]: shifted_ns(late_ms * NS_PER_MS)})
 
 
 def coarse_grid(ground: Ground) -> Fault:
@@ -94,7 +93,7 @@ def coarse_grid(ground: Ground) -> Fault:
     if grid_us is None:
         raise UnplantableError("stamps of sampled streams show a coarse grid only where their clock is irregular")
     grid_ns = round(grid_us * NS_PER_US) * _COARSE_TICKS
-    said = f"event stamps lie on a grid of {grid_ns / _NS_PER_MS:g} ms"
+    said = f"event stamps lie on a grid of {grid_ns / NS_PER_MS:g} ms"
     return Fault(said, {STAMPS_OF["events"]: values(lambda t: t - t % grid_ns)})
 
 
@@ -106,13 +105,13 @@ def next_event(ground: Ground, index_map: str) -> Fault:
 def late_imu(ground: Ground) -> Fault:
     """The stamps of the IMU are late."""
     late_ms = ground.size("time_offset")
-    return Fault(f"imu {late_ms:.3g} ms late", {STAMPS_OF["imu"]: shifted_ns(late_ms * _NS_PER_MS)})
+    return Fault(f"imu {late_ms:.3g} ms late", {STAMPS_OF["imu"]: shifted_ns(late_ms * NS_PER_MS)})
 
 
 def late_events(ground: Ground) -> Fault:
     """The stamps of events are late."""
     late_ms = ground.size("time_offset")
-    return Fault(f"events {late_ms:.3g} ms late", {STAMPS_OF["events"]: shifted_ns(late_ms * _NS_PER_MS)})
+    return Fault(f"events {late_ms:.3g} ms late", {STAMPS_OF["events"]: shifted_ns(late_ms * NS_PER_MS)})
 
 
 def gap_in_events(ground: Ground) -> Fault:
@@ -120,6 +119,6 @@ def gap_in_events(ground: Ground) -> Fault:
     gap_ms = ground.size("gap")
 
     def alter(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        return times_ns + np.where(times_ns >= ground.place_ns, round(gap_ms * _NS_PER_MS), 0)
+        return times_ns + np.where(times_ns >= ground.place_ns, round(gap_ms * NS_PER_MS), 0)
 
     return Fault(f"there is no event for {gap_ms:.3g} ms", {STAMPS_OF["events"]: values(alter)})

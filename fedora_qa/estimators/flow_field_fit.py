@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from fedora_qa.estimators.few_groups import student_factor
 from fedora_qa.estimators.flow_motion_fit import Evidence
 
 Float64 = NDArray[np.float64]
@@ -36,9 +37,6 @@ _SMALLEST_TRUE: Final = 1e-3
 """Share of the stored flow below which the true one is as good as zero."""
 
 _UNLIKELY: Final = 0.01
-
-_TAIL: Final = 1e-6
-"""Probability at which Student's and the normal distribution are matched, near where judgement draws its line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,14 +99,6 @@ def fit_field(errors_px: Float64, covariances_px2: Float64, templates: Float64) 
     )
 
 
-def widening(freedom: float) -> float:
-    """Return by how much an error of so many degrees of freedom is widened for a normal limit to keep its rate.
-
-    Student's and the normal distribution are matched far out, near where judgement draws its line.
-    """
-    return float(stats.t.isf(_TAIL, freedom) / stats.norm.isf(_TAIL))
-
-
 def beyond_chance(freedom: float) -> float:
     """Return the mean square of so many deviations of unit variance that one case in a hundred exceeds."""
     return float(stats.chi2.isf(_UNLIKELY, freedom)) / freedom
@@ -130,7 +120,7 @@ def robust_errors(matrix: Float64, scatter: Float64, scores: Float64) -> Float64
     if freedom >= 1:
         empirical = np.diag(formal @ (scores.T @ scores) @ formal) * blocks / freedom
         largest = beyond_chance(freedom)
-        variances = np.where(empirical > largest * variances, widening(freedom) ** 2 * empirical, variances)
+        variances = np.where(empirical > largest * variances, student_factor(freedom) ** 2 * empirical, variances)
     return np.sqrt(variances)
 
 

@@ -8,7 +8,8 @@ import pytest
 from fedora_qa.checks.flow.intervals import Interval
 from fedora_qa.checks.flow.photometric_rates import estimate_rate, scales_of
 from fedora_qa.checks.flow.residuals import FieldResidual
-from fedora_qa.estimators.flow_field_fit import fit_field, templates_of_flow, widening
+from fedora_qa.estimators.few_groups import student_factor
+from fedora_qa.estimators.flow_field_fit import fit_field, templates_of_flow
 
 TILES = 9
 ERROR_PX = 0.01
@@ -31,7 +32,7 @@ def test_a_field_of_motion_among_equal_frames_keeps_its_error() -> None:
     still, moving = [field(0, 1e-8, 1e-8), field(2, 1e-8, 1e-8)], field(1, ERROR_PX, 30.0)
     scales = scales_of([still[0], moving, still[1]])
     assert scales[0] == scales[2] < 1e-4
-    assert scales[1] == pytest.approx(widening(moving.freedom) * np.sqrt(moving.spread))
+    assert scales[1] == pytest.approx(student_factor(moving.freedom) * np.sqrt(moving.spread))
     rate = estimate_rate([still[0], moving, still[1]])
     alone = estimate_rate([moving])
     assert rate is not None

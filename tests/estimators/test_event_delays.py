@@ -63,9 +63,9 @@ def test_few_edges_that_err_alike_by_chance_make_no_stretch_late() -> None:
         step = latest_stretch(found.seconds, found.errors_s)
         assert step is not None
         largest.append(abs(step.late_s) / step.standard_error_s)
-        alone.append(np.abs(found.seconds / _jackknife(few, 1)).max())
+        alone.extend(np.abs(found.seconds / _jackknife(few, 1)))
     assert max(largest) < 5
-    assert np.mean(np.array(alone) > 5) > 1 / 70
+    assert np.mean(np.array(alone) > 5) == pytest.approx(1 / 70, rel=0.3)
 
 
 def _parts(sums: CellSums) -> list[np.ndarray]:

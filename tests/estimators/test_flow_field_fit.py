@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fedora_qa.estimators.few_groups import student_factor
 from fedora_qa.estimators.flow_field_fit import (
     GAIN,
     LOCKING,
@@ -16,7 +17,6 @@ from fedora_qa.estimators.flow_field_fit import (
     lock_in,
     robust_errors,
     templates_of_flow,
-    widening,
 )
 
 COUNT = 60
@@ -98,8 +98,8 @@ def test_blocks_that_scatter_as_stated_leave_the_formal_error() -> None:
 def test_blocks_with_errors_of_their_own_widen_the_error() -> None:
     """Scores ten times as large as stated: their own scatter is taken, with Student's tails for 3 of them."""
     scores = 10 * np.array([[1.0], [-1.0], [1.0], [-1.0]])
-    assert robust_errors(ONE, ONE, scores)[0] == pytest.approx(widening(3) * np.sqrt(400 * 4 / 3))
-    assert widening(3) > 5
+    assert robust_errors(ONE, ONE, scores)[0] == pytest.approx(student_factor(3) * np.sqrt(400 * 4 / 3))
+    assert student_factor(3) > 5
     assert robust_errors(ONE, 4 * ONE, scores[:1])[0] == pytest.approx(2.0)  # one block has nothing to scatter from
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.clocks.local_rates import WORST_ROUNDING, rate_change
 from fedora_qa.checks.clocks.streams import all_stamps, fits_of
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
-from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.estimators.regular_clock import RegularClock
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
@@ -21,8 +21,6 @@ _NOMINAL_WITHIN: Final = 0.01
 
 _LEAST_GRID_NS: Final = 10 * NS_PER_US
 """Steps of a clock that drifts differ by its resolution; only by chance have they a larger divisor."""
-
-_NS_PER_MS: Final = 1e6
 
 
 class Rate(FactsCheck):
@@ -125,7 +123,7 @@ def _rounded(stream: str, times_ns: NDArray[np.int64], nominal_ns: float) -> tup
     strays_ns = float(np.ptp(times_ns - np.arange(len(times_ns)) * nominal_ns)) if len(times_ns) else 0.0
     if not (_LEAST_GRID_NS <= grid_ns < steps_ns.min() and strays_ns <= grid_ns):
         return ()
-    return (Suspect("quantised_time", stream, 0.95, grid_ns / _NS_PER_MS, "ms"),)
+    return (Suspect("quantised_time", stream, 0.95, grid_ns / NS_PER_MS, "ms"),)
 
 
 def _nominal_period_ns(stream: str, period_ns: float) -> float:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.clocks.units import unit_factor
 from fedora_qa.checks.protocol import Suspect
+from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.sequence.facts import EventScan, EventStep
 
 _BEHIND: Final = 2
@@ -20,8 +21,6 @@ _GAINED: Final = 0.9
 _ONE_SIDED: Final = 0.6
 """Without a step to match, a clock gained what it was set back by, or it was late from the first event on, or is early
 to the last one: the latter leave a part that reaches to an end of the file."""
-
-_NS_PER_MS = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +93,8 @@ def _with_step(back: EventStep, forwards: EventStep, usual_ns: int) -> tuple[Sus
         return (Suspect("time_unit", "events", _SURE, factor, "1"),)
     gained_ns = -back.length_ns - forwards.length_ns
     drifts = abs(gained_ns) > 2 * usual_ns
-    offset_ms = (forwards.length_ns - back.length_ns) / 2 / _NS_PER_MS * (1 if first is forwards else -1)
-    error_ms = max(usual_ns, 1) / _NS_PER_MS
+    offset_ms = (forwards.length_ns - back.length_ns) / 2 / NS_PER_MS * (1 if first is forwards else -1)
+    error_ms = max(usual_ns, 1) / NS_PER_MS
     offset = Suspect("time_offset", "events", _OTHER if drifts else _SURE, offset_ms, "ms", error_ms)
     ppm = 1e6 * gained_ns / due_ns if due_ns > 0 else None
     drift = Suspect("clock_rate", "events", _SURE if drifts else _OTHER, ppm, "ppm")

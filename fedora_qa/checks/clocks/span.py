@@ -9,11 +9,10 @@ from fedora_qa.causes import stream_family
 from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, fits_of
 from fedora_qa.checks.clocks.units import suspect_of_part, unit_factor
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
+from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.estimators.regular_clock import RegularClock
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
-
-_NS_PER_MS = 1e6
 
 
 class Span(FactsCheck):
@@ -78,7 +77,7 @@ class Span(FactsCheck):
 def _one(
     facts: Facts, stream: str, rule: str, value_ns: float, allowance_ns: float, suspects: tuple[Suspect, ...]
 ) -> Measured:
-    value_ms = value_ns / _NS_PER_MS
+    value_ms = value_ns / NS_PER_MS
     said = "begins {:.6g} ms after" if rule == "begins_late" else "ends {:.6g} ms before"
     start, stop = extent_ns(facts.clocks[stream])
     zero = rule == "begins_late" and value_ms < 0 and start == -round(facts.origin_us * 1000)
@@ -87,7 +86,7 @@ def _one(
         value=value_ms,
         unit="ms",
         standard_error=0.0,
-        allowance=allowance_ns / _NS_PER_MS,
+        allowance=allowance_ns / NS_PER_MS,
         resolution=1e-3,
         statement=f"{stream} {said.format(value_ms)} the other streams"
         f"{': its stamps begin at zero, theirs do not' if zero else ''}.",
@@ -119,7 +118,7 @@ def _suspects(stream: str, late_ns: float, early_ns: float, span_ns: float) -> t
     """Name an offset where both ends moved alike, up to a tenth that may be cut off; a cut otherwise."""
     shift_ns = (late_ns - early_ns) / 2
     if late_ns * early_ns < 0 and abs(late_ns + early_ns) < 0.1 * abs(shift_ns):
-        return (Suspect("time_offset", stream, 0.9, shift_ns / _NS_PER_MS, "ms"),)
+        return (Suspect("time_offset", stream, 0.9, shift_ns / NS_PER_MS, "ms"),)
     cut = Suspect("truncated", stream, 0.8, 100 * (late_ns + early_ns) / max(span_ns, 1.0), "percent")
     factor = unit_factor(1 - (late_ns + early_ns) / max(span_ns, 1.0))
     return (cut,) if factor == 1.0 else (Suspect("time_unit", stream, 0.9, factor, "1"), cut)

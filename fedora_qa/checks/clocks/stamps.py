@@ -10,12 +10,10 @@ from fedora_qa.checks.clocks.streams import all_stamps, clocks_of, event_scan, f
 from fedora_qa.checks.clocks.units import suspect_of_part
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
-from fedora_qa.conventions import NS_PER_US
+from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.estimators.regular_clock import RegularClock, is_rounded
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Clock, Facts
-
-_NS_PER_MS = 1e6
 
 _BEHIND = 2
 """k samples in reverse make k - 1 steps back and as many stamps that lie behind; a clock that was set back makes one
@@ -175,8 +173,8 @@ class Gaps(FactsCheck):
 
     def _jumps(self, facts: Facts, stream: str, fit: RegularClock) -> Measured:
         first, where = _behind(facts, stream, fit.jump_after)
-        jump_ms = float(fit.jumps_ns[0]) / _NS_PER_MS if len(fit.jumps_ns) else 0.0
-        rounding_ms = 1 / _NS_PER_MS * NS_PER_US
+        jump_ms = float(fit.jumps_ns[0]) / NS_PER_MS if len(fit.jumps_ns) else 0.0
+        rounding_ms = 1 / NS_PER_MS * NS_PER_US
         return count_of_faults(
             name=f"{stream}.jumps",
             value=len(fit.jump_after),
@@ -226,7 +224,7 @@ def _offset_ms(clock: Clock, back: int) -> float:
     steps_ns = np.diff(clock.times_ns)
     period_ns = float(np.median(steps_ns))
     ahead_ns, back_ns = float(steps_ns[: back + 1].max()) - period_ns, float(steps_ns[back]) - period_ns
-    return (ahead_ns if abs(ahead_ns + back_ns) <= period_ns else back_ns) / _NS_PER_MS
+    return (ahead_ns if abs(ahead_ns + back_ns) <= period_ns else back_ns) / NS_PER_MS
 
 
 def _suspects_of_repeats(stream: str, clock: Clock, repeated: NDArray[np.intp]) -> tuple[Suspect, ...]:
@@ -236,7 +234,7 @@ def _suspects_of_repeats(stream: str, clock: Clock, repeated: NDArray[np.intp]) 
     twice = Suspect("duplicated_samples", stream, 0.9, float(len(repeated)), "samples")
     if not is_rounded(clock.times_ns):
         return (twice,)
-    grid_ms = float(np.max(np.diff(clock.times_ns))) / _NS_PER_MS
+    grid_ms = float(np.max(np.diff(clock.times_ns))) / NS_PER_MS
     return Suspect("quantised_time", stream, 0.95, grid_ms, "ms"), twice
 
 

@@ -21,6 +21,7 @@ from fedora_qa.checks.events.tiles import GRID
 from fedora_qa.checks.events.timing_causes import whose_offset
 from fedora_qa.checks.events.view import ROUNDING_DN, SeenFrames, seen_frames, sensor_events, signal
 from fedora_qa.checks.protocol import Suspect
+from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.estimators.event_kernels import count_between_frames
 from fedora_qa.estimators.event_shift import RADIUS_PX, cross_correlation
 from fedora_qa.sequence.declared import EventModel
@@ -63,8 +64,6 @@ _EVERY: Final = 8
 
 _DELAYS_MS: Final = tuple(float(late) for late in range(-30, 31, 2) if late)
 """Offsets that are tried, as far as the halo of a window reaches. One that is off by a millisecond still mends most."""
-
-_NS_PER_MS: Final = 1e6
 
 _IMAGES: Final = ("sharp_dn", "even_dn", "error_dn", "counts")
 
@@ -200,7 +199,7 @@ def _repairs(window: Window, seen: SeenFrames, declared: EventModel) -> Iterator
     events = sensor_events(window)
     for late_ms in _DELAYS_MS:
         counts = np.zeros_like(seen.counts)
-        stamps_ns = events.times_ns - round(late_ms * _NS_PER_MS)
+        stamps_ns = events.times_ns - round(late_ms * NS_PER_MS)
         count_between_frames(events.x, events.y, stamps_ns, events.p, seen.times_ns, counts)
         yield _repair("time_offset", counts, everywhere, size=late_ms)
 

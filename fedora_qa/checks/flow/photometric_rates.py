@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.flow.intervals import place
 from fedora_qa.checks.flow.residuals import FieldResidual
 from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.estimators.few_groups import student_factor
 from fedora_qa.estimators.flow_field_fit import (
     GAIN,
     GEOMETRIC,
@@ -18,7 +19,6 @@ from fedora_qa.estimators.flow_field_fit import (
     gain_of_true,
     lock_in,
     robust_errors,
-    widening,
 )
 from fedora_qa.estimators.flow_motion_fit import Evidence, sum_of
 from fedora_qa.sequence.facts import Facts
@@ -110,11 +110,11 @@ def scales_of(fields: Sequence[FieldResidual]) -> list[float]:
     if not known:
         return [1.0] * len(fields)
     usual = float(np.median([one.spread / (1 - 2 / (9 * one.freedom)) ** 3 for one in known]))
-    together = widening(sum(one.freedom for one in known)) * float(np.sqrt(usual))
+    together = student_factor(sum(one.freedom for one in known)) * float(np.sqrt(usual))
 
     def scale(one: FieldResidual) -> float:
         if one.freedom > 0 and one.spread > usual * beyond_chance(one.freedom):
-            return max(together, widening(one.freedom) * float(np.sqrt(one.spread)))
+            return max(together, student_factor(one.freedom) * float(np.sqrt(one.spread)))
         return together
 
     return [scale(one) for one in fields]

@@ -10,10 +10,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import NS_PER_MS
+
 Int64 = NDArray[np.int64]
 Float64 = NDArray[np.float64]
 
-_NS_PER_MS: Final = 1e6
 _ROUNDING_NS: Final = 1_000
 """Stamps are whole microseconds: an offset of two rounded stamps errs by at most one."""
 
@@ -77,7 +78,7 @@ def offsets_from_nearest(frames_ns: Int64, instants_ns: Int64) -> Float64:
 
 def _constant(_: Int64, offsets_ns: Float64) -> tuple[str, float, Float64]:
     middle_ns = float(np.median(offsets_ns))
-    return "time_offset", middle_ns / _NS_PER_MS, offsets_ns - middle_ns
+    return "time_offset", middle_ns / NS_PER_MS, offsets_ns - middle_ns
 
 
 def _grid(instants_ns: Int64, offsets_ns: Float64) -> tuple[str, float, Float64]:
@@ -85,7 +86,7 @@ def _grid(instants_ns: Int64, offsets_ns: Float64) -> tuple[str, float, Float64]
     steps_ns = np.diff(np.unique(instants_ns))
     grid_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) >= _FEWEST_ON_A_GRID - 1 else 0
     left_ns = np.maximum(np.abs(offsets_ns) - grid_ns / 2, 0.0) if grid_ns > 2 * _ROUNDING_NS else offsets_ns
-    return "quantised_time", grid_ns / _NS_PER_MS, left_ns
+    return "quantised_time", grid_ns / NS_PER_MS, left_ns
 
 
 def _drift(instants_ns: Int64, offsets_ns: Float64) -> tuple[str, float, Float64]:

@@ -9,13 +9,11 @@ from numpy.typing import NDArray
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.flow.stamp_patterns import offsets_from_nearest, stamp_patterns
 from fedora_qa.checks.protocol import Measured, Suspect
-from fedora_qa.conventions import NS_PER_S
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Clock, Facts
 
 Int64 = NDArray[np.int64]
-
-_NS_PER_MS: Final = 1e6
 
 _MISSING: Final = 0.75
 """Share of the frame step beyond which the nearest frame is another one: stamps within a step are half of it off."""
@@ -54,7 +52,7 @@ def _of_stream(facts: Facts, stream: str) -> list[Measured]:
         _count(facts, stream, "off_frames", off_frames, "start or end on no depth frame", suspects),
         _count(facts, stream, "not_abutting", gaps, "do not begin where the one before them ends",
                _suspects_of_gaps(stream, clock, gaps, suspects)),
-        _count(facts, stream, "wrong_length", wrong_length, f"do not last {nominal_ns / _NS_PER_MS:g} ms",
+        _count(facts, stream, "wrong_length", wrong_length, f"do not last {nominal_ns / NS_PER_MS:g} ms",
                _suspects_of_length(facts, stream, lengths_ns, wrong_length, suspects)),
     ]  # fmt: skip
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.motion.samples import imu_roundings, measured_pose_sigmas, stored_resolution
 from fedora_qa.checks.protocol import Suspect
-from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.estimators.displaced_stamps import displaced_part
 from fedora_qa.estimators.local_motion import Interpolation, Vectors, find_interpolation, unmoved
 from fedora_qa.estimators.rounded_stamps import rounding_grid_ns
@@ -19,7 +19,6 @@ LEAST_EVENNESS: Final = 0.2
 """Curvature of a smooth motion does not change fivefold within a step, nor does the median of noise."""
 
 _NOISIER: Final = 1.2
-_NS_PER_MS: Final = 1e6
 _OF_STAMPS: Final = 0.95
 """Weight of what the stamps themselves show, exactly."""
 
@@ -64,13 +63,13 @@ def stamp_defects(facts: Facts, *streams: str) -> tuple[Suspect, ...]:
 def _defects_of(stream: str, times_ns: NDArray[np.int64]) -> tuple[Suspect, ...]:
     grid_ns = rounding_grid_ns(times_ns, resolution_ns=NS_PER_US)
     if grid_ns:
-        return (Suspect("quantised_time", stream, _OF_STAMPS, grid_ns / _NS_PER_MS, "ms"),)
+        return (Suspect("quantised_time", stream, _OF_STAMPS, grid_ns / NS_PER_MS, "ms"),)
     moved = displaced_part(times_ns, resolution_ns=NS_PER_US)
     if moved is None:
         return ()
     if moved.drift:
         return (Suspect("clock_rate", stream, _OF_STAMPS, 1e6 * moved.drift, "ppm"),)
-    return (Suspect("time_offset", stream, _OF_STAMPS, moved.offset_ns / _NS_PER_MS, "ms"),)
+    return (Suspect("time_offset", stream, _OF_STAMPS, moved.offset_ns / NS_PER_MS, "ms"),)
 
 
 def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Suspect, ...]:
