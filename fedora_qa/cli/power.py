@@ -16,9 +16,9 @@ from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.errors import MisuseError
-from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files
+from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, require_other_names
 from fedora_qa.power.state import State
-from fedora_qa.power.study import measured_with, run_study, state_folder
+from fedora_qa.power.study import Trial, measured_with, run_study, state_folder
 from fedora_qa.power.tables import Origin, power_of
 from fedora_qa.power.worth import worth_of, write_worth
 from fedora_qa.record.atomic import write_text
@@ -28,19 +28,19 @@ from fedora_qa.record.power_types import Power
 
 
 @click.command(short_help="Measure what the checks can see, over a corpus with a manifest.")
-@click.argument("corpus", type=PATH)
+@click.argument("corpora", nargs=-1, required=True, type=PATH, metavar="CORPUS...")
 @click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="How much to look at.")
 @click.option("--select", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Run only these checks. May be repeated.")
 @click.option("--ignore", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Leave these checks out. May be repeated.")
 @click.option("--config", type=PATH, help="Read options from a fedora-qa.toml; the command line counts more.")
 @click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Files checked at once.")
-@click.option("--state", type=PATH, metavar="DIR", help="Where to keep what was found.  [default: CORPUS.power]")
+@click.option("--state", type=PATH, metavar="DIR", help="Where to keep what was found.  [default: beside each CORPUS]")
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
 @click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
 @click.option("--publish", type=PATH, metavar="OUT", help="Write what a passed check is worth, for the package.")
 def power(
-    corpus: Path,
+    corpora: tuple[Path, ...],
     config: Path | None,
     jobs: int,
     state: Path | None,
@@ -50,21 +50,25 @@ def power(
     publish: Path | None,
     **given: Any,
 ) -> int:
-    """Check every file of CORPUS, whose manifest.json says what was planted, and tabulate what was found.
+    """Check every file of each CORPUS, whose manifest.json says what was planted, and tabulate what was found.
 
     Run again after an interrupt, it goes on where it was. Exit codes: 0 measured; 2 misuse; 3 a check crashed.
     """
     settings = settings_from(config, given)
     options = replace(check_options(settings), evidence=None)
-    manifest = read_manifest(corpus)
+    manifests = {corpus: read_manifest(corpus) for corpus in corpora}
+    require_other_names(manifests)
     outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path, own=publish)
-    outputs.require_writable([corpus / MANIFEST])
-    require_files(corpus, manifest)
-    kept = State(_made(state or state_folder(corpus)), corpus, measured_with(settings.digest))
+    outputs.require_writable([corpus / MANIFEST for corpus in corpora])
+    for corpus, manifest in manifests.items():
+        require_files(corpus, manifest)
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    with progress_bar(corpus.name) as report:
-        trials = run_study(manifest, kept, options, jobs, report)
-    found = power_of(trials, Origin(corpus.resolve().name, started, settings))
+    trials: list[Trial] = []
+    for corpus, manifest in manifests.items():
+        kept = State(_made(state_folder(corpus, state)), corpus, measured_with(settings.digest))
+        with progress_bar(corpus.name) as report:
+            trials += run_study(manifest, kept, options, jobs, report)
+    found = power_of(trials, Origin(" and ".join(corpus.resolve().name for corpus in corpora), started, settings))
     if json_path:
         write_text(json_path, power_to_json(found))
     if publish:

@@ -1,19 +1,31 @@
 """What a study keeps of a checked file: which checks failed, what they had stated, and what was named."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from fedora_qa.record.types import Diagnosis, FileRecord, Measurement, Result
+from fedora_qa.record.types import Diagnosis, FileRecord, Result, Side
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One measurement: its deviation from what is expected, and the fault that it would surely have seen."""
+    """One measurement: its deviation from what is expected, its limit, and the fault that it would surely have seen."""
 
     check: str
     name: str
     unit: str
+    side: Side
     deviation: float
+    limit: float | None
     least_detectable: float | None
+
+    @property
+    def exceeds(self) -> bool:
+        """Whether the deviation is beyond its limit."""
+        return self.limit is not None and self.harm(self.deviation) > self.limit
+
+    def harm(self, deviation: float) -> float:
+        """Return how far a deviation goes to the side that is held against a limit; negative on the other."""
+        return {"both": abs(deviation), "upper": deviation, "lower": -deviation}[self.side]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +47,8 @@ class Checked:
     ----------
     failed, crashed
         Names of checks.
-    exceeded
-        The readings beyond their limits.
-    stated
-        The readings of checks that passed or warned, of a clean file only: what the tool says it would have seen.
+    readings
+        Of the checks that came to a verdict.
     diagnoses
         Most probable first.
     """
@@ -46,8 +56,7 @@ class Checked:
     sha256: str
     failed: tuple[str, ...]
     crashed: tuple[str, ...]
-    exceeded: tuple[Reading, ...]
-    stated: tuple[Reading, ...]
+    readings: tuple[Reading, ...]
     diagnoses: tuple[Verdict, ...]
 
     @property
@@ -55,36 +64,29 @@ class Checked:
         """Whether any check failed."""
         return bool(self.failed)
 
+    @property
+    def exceeded(self) -> Iterator[Reading]:
+        """The readings beyond their limits."""
+        return (reading for reading in self.readings if reading.exceeds)
 
-def checked_from(file: FileRecord, *, clean: bool) -> Checked:
-    """Return what is kept of a record; what was stated only of a clean file."""
-    readings = [pair for result in file.results for pair in _readings(result)]
-    answered = {result.check for result in file.results if result.outcome in {"passed", "warned", "failed"}}
+
+def checked_from(file: FileRecord) -> Checked:
+    """Return what is kept of a record."""
+    answered = [result for result in file.results if result.outcome in {"passed", "warned", "failed"}]
     return Checked(
         sha256=file.sha256,
         failed=tuple(result.check for result in file.results if result.outcome == "failed"),
         crashed=tuple(result.check for result in file.results if result.outcome == "crashed"),
-        exceeded=tuple(reading for reading, exceeds in readings if exceeds),
-        stated=tuple(
-            reading for reading, _ in readings if clean and reading.check in answered and reading.least_detectable
-        ),
+        readings=tuple(reading for result in answered for reading in _readings(result)),
         diagnoses=tuple(_verdict(diagnosis) for diagnosis in file.diagnoses),
     )
 
 
-def _readings(result: Result) -> list[tuple[Reading, bool]]:
-    return [
-        (Reading(result.check, one.name, one.unit, one.value - one.expected, one.least_detectable), _exceeds(one))
-        for one in result.measurements
-        if one.value is not None and one.expected is not None
-    ]
-
-
-def _exceeds(one: Measurement) -> bool:
-    if one.value is None or one.expected is None or one.limit is None:
-        return False
-    difference = one.value - one.expected
-    return {"both": abs(difference), "upper": difference, "lower": -difference}[one.side] > one.limit
+def _readings(result: Result) -> Iterator[Reading]:
+    for one in result.measurements:
+        if one.value is not None and one.expected is not None:
+            deviation = one.value - one.expected
+            yield Reading(result.check, one.name, one.unit, one.side, deviation, one.limit, one.least_detectable)
 
 
 def _verdict(diagnosis: Diagnosis) -> Verdict:

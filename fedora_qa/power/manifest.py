@@ -4,6 +4,7 @@ A study knows nothing else of where files come from. What a manifest says beyond
 write one for files of their own.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Final, Literal
@@ -123,6 +124,19 @@ def require_files(corpus: Path, manifest: Manifest) -> None:
             f"Expected the files of {corpus / MANIFEST} as it lists them, got {', '.join(wrong[:3])}{more} missing or "
             "of another size; make the corpus again"
         )
+
+
+def require_other_names(manifests: Mapping[Path, Manifest]) -> None:
+    """Raise ``MisuseError`` where two corpora list a file of the same name: names tell files of a study apart."""
+    seen: dict[str, Path] = {}
+    for corpus, manifest in manifests.items():
+        for item in manifest.items:
+            other = seen.setdefault(item.file, corpus)
+            if other != corpus:
+                raise MisuseError(
+                    f"Expected corpora whose files have different names, got {item.file} in both {other} and {corpus}; "
+                    "make one of them with another --seed"
+                )
 
 
 def _is_there(path: Path, size: int | None) -> bool:

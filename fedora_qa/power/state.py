@@ -48,7 +48,7 @@ class State:
         return self.folder / f"{item.file}.json"
 
     def _key(self, item: Item) -> str:
-        """Return what the result depends on: the file's digest, whether it counts as clean, and how it was checked."""
+        """Return what the result depends on: the file's digest, and how it was checked."""
         content = item.sha256 or file_digest(self.corpus / item.file).sha256
-        parts = [content, item.is_clean, self.measured_with]
+        parts = [content, self.measured_with]
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()

@@ -1,16 +1,23 @@
 """Whether the least detectable faults that checks state of clean files are true.
 
-Which measurement states the limit of which cause? A record does not say it, and it need not: a measurement measures a
-cause where its unit is one of the fault's size, and where its deviation *is* that size. So it is one that exceeded its
-limit in three trials of the cause or more, by a deviation whose ratio to the planted size has a median between 1/2 and
-2. Whether it exceeded decides only which measurements are meant; whether their limits are true is counted over all
-trials, found or not.
+A stated limit is a size in the unit of a measurement: a deviation of it that would surely have been seen. It is held
+against what was planted in one of two ways.
 
-A check states of a clean file the least limit of these measurements. A planted size is told in units of the limit that
-was stated of its own clean file, because limits differ from file to file as their information does. Then the stated
-limit is too bold where fewer than 90% of the faults from 1 on were found, and so few would be found with less than 5%
-probability if the promised 95% were true; too cautious where 95% are found at less than half of it already; untested
-where there are too few faults to tell; and true otherwise.
+*By size*, where the measurement measures the cause itself: where its unit is one of the fault's size, and its
+deviation *is* that size. So it is one that exceeded its limit in three trials of the cause or more, by a deviation
+whose ratio to the planted size has a median between 1/2 and 2. Whether it exceeded decides only which measurements are
+meant; whether their limits are true is counted over all trials, found or not. Of several the least limit counts.
+
+*By response*, where it does not (a clock error in ppm that shows as a shift in px, a fault without a size): a faulty
+file is a copy of a clean one, noise and all, so that the difference of the two readings is what the fault moved the
+measurement by. That effect is held against the limit stated of the clean file, and found is what the measurement
+itself exceeded. Of several, the one that exceeded most often is taken, and of those alike the one that moves most.
+
+Either way each trial has its ratio to the limit that was stated of its own clean file, because limits differ from file
+to file as their information does. A stated limit is too bold where fewer than 90% of the faults from 1 on were found,
+and so few would be found with less than 5% probability if the promised 95% were true; too cautious where 95% are found
+at less than half of it already; untested where fewer than three faults lie between 1 and 4, or one was missed that may
+have been missed by chance; and true otherwise.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,27 +26,42 @@ from statistics import median
 from typing import Final
 
 from fedora_qa.power.binomial import chance_of, share_of
+from fedora_qa.power.checked import Reading
 from fedora_qa.power.detection import Sized, curve_of, is_found_by
 from fedora_qa.power.study import Trial
 from fedora_qa.power.units import factor_between
-from fedora_qa.record.power_types import Curve, NotComparable, Share, StatedLimit, Truth
+from fedora_qa.record.power_types import ComparedBy, Curve, NotComparable, Share, StatedLimit, Truth
 
 _FEWEST: Final = 3
-"""Trials in which a measurement must have exceeded its limit, and faults from the limit on that can tell its truth."""
+"""Trials in which a measurement must have exceeded its limit, and faults near the limit that can tell its truth."""
 _TRACKS: Final = (0.5, 2.0)
 _PROMISED: Final = 0.95
 _NEEDED: Final = 0.90
 _BY_CHANCE: Final = 0.05
 _CAUTIOUS: Final = 0.5
+_NEAR: Final = 4.0
+"""Times the limit up to which a fault tells something of it: far beyond, anything would have been found."""
+_NOTHING: Final = 0.01
+"""Times the limit below which a fault says nothing of where detection rises."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Comparison:
-    """A trial whose clean file states a limit: that limit, and the planted size in units of it."""
+    """A trial whose clean file states a limit: that limit, the fault in units of it, and whether it was found."""
 
     limit: float
     ratio: float
     found: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Compared:
+    """All comparisons of a cause and a check, and of which measurements in which unit."""
+
+    by: ComparedBy
+    measurements: tuple[str, ...]
+    unit: str
+    trials: tuple[_Comparison, ...]
 
 
 def stated_limits(
@@ -50,87 +72,122 @@ def stated_limits(
     ``clean`` are the clean trials by file.
     """
     checks = dict.fromkeys(check for trial in sized.trials for check in trial.checked.failed)
-    compared = [_compare(sized, check, clean) for check in checks]
+    judged = [_judge(sized, check, clean) for check in checks]
     return (
-        tuple(one for one in compared if isinstance(one, StatedLimit)),
-        tuple(one for one in compared if isinstance(one, NotComparable)),
+        tuple(one for one in judged if isinstance(one, StatedLimit)),
+        tuple(one for one in judged if isinstance(one, NotComparable)),
     )
 
 
-def _compare(sized: Sized, check: str, clean: Mapping[str, Trial]) -> StatedLimit | NotComparable:
-    if not sized.has_size:
-        return NotComparable(sized.cause, check, "the fault has no size")
-    if sized.worse_when_smaller:
-        return NotComparable(sized.cause, check, "the fault grows as its magnitude falls")
-    names = _that_measure(sized, check)
-    if isinstance(names, str):
-        return NotComparable(sized.cause, check, names)
-    comparisons = list(_comparisons(sized, check, names, clean))
-    if not comparisons:
-        return NotComparable(sized.cause, check, "no clean file of these faults states a limit")
-    limits = [one.limit for one in comparisons]
-    ratios, found = [one.ratio for one in comparisons], [one.found for one in comparisons]
-    share, curve = _found_from(1, comparisons), curve_of(ratios, found)
+def _judge(sized: Sized, check: str, clean: Mapping[str, Trial]) -> StatedLimit | NotComparable:
+    compared = _by_size(sized, check, clean) or _by_response(sized, check, clean)
+    if compared is None:
+        return NotComparable(sized.cause, check, _why_not(sized, check))
+    limits = [one.limit for one in compared.trials]
+    telling = [one for one in compared.trials if one.ratio > _NOTHING]
+    curve = curve_of([one.ratio for one in telling], [one.found for one in telling])
+    share = _found_from(1, compared.trials)
     return StatedLimit(
         cause=sized.cause,
         check=check,
-        measurements=names,
-        unit=sized.unit,
+        compared=compared.by,
+        measurements=compared.measurements,
+        unit=compared.unit,
         least=min(limits),
         median=median(limits),
         most=max(limits),
         found_from_it=share,
-        found_from_twice=_found_from(2, comparisons),
+        found_from_twice=_found_from(2, compared.trials),
         curve=curve,
-        truth=_truth(share, curve, ratios),
+        truth=_truth(share, curve, [one.ratio for one in telling]),
     )
 
 
-def _that_measure(sized: Sized, check: str) -> tuple[str, ...] | str:
-    """Return the check's measurements that measure the fault's size, or why there are none."""
+def _why_not(sized: Sized, check: str) -> str:
+    exceeded = _names_exceeded(sized, check)
+    if not exceeded:
+        return "no measurement exceeded a limit"
+    if max(exceeded.values()) < _FEWEST:
+        return f"exceeded in fewer than {_FEWEST} trials"
+    return "no clean file of these faults states a limit of what exceeded"
+
+
+def _by_size(sized: Sized, check: str, clean: Mapping[str, Trial]) -> _Compared | None:
+    """Hold planted sizes against the limits of those measurements that measure them."""
+    if not sized.has_size or sized.worse_when_smaller:
+        return None
+    names = _that_measure(sized, check)
+    trials = []
+    for size, trial in zip(sized.sizes, sized.trials, strict=True):
+        limits = [
+            reading.least_detectable * factor
+            for name, reading in _stated(trial, check, clean).items()
+            if name in names and reading.least_detectable
+            if (factor := factor_between(reading.unit, sized.unit)) is not None
+        ]
+        if limits:
+            trials.append(_Comparison(min(limits), size / min(limits), is_found_by(trial, check)))
+    return _Compared("size", names, sized.unit, tuple(trials)) if trials else None
+
+
+def _that_measure(sized: Sized, check: str) -> tuple[str, ...]:
+    """Return the check's measurements that measure the fault's size."""
     deviations: dict[str, list[float]] = {}
-    other_units: dict[str, None] = {}
     for size, trial in zip(sized.sizes, sized.trials, strict=True):
         for reading in trial.checked.exceeded:
             factor = factor_between(reading.unit, sized.unit)
-            if reading.check == check and factor is None:
-                other_units[reading.unit] = None
-            elif reading.check == check and factor is not None:
+            if reading.check == check and factor is not None:
                 deviations.setdefault(reading.name, []).append(abs(reading.deviation) * factor / size)
-    names = tuple(
+    return tuple(
         name
         for name, ratios in deviations.items()
         if len(ratios) >= _FEWEST and _TRACKS[0] <= median(ratios) <= _TRACKS[1]
     )
-    if names:
-        return names
-    if not deviations:
-        units = ", ".join(unit if unit not in {"", "1"} else "a pure number" for unit in other_units)
-        return f"measured in {units}, planted in {sized.unit}" if units else "no measurement exceeded a limit"
-    if all(len(ratios) < _FEWEST for ratios in deviations.values()):
-        return f"exceeded in fewer than {_FEWEST} trials"
-    return "the deviation is not the planted size"
 
 
-def _comparisons(sized: Sized, check: str, names: tuple[str, ...], clean: Mapping[str, Trial]) -> Iterator[_Comparison]:
-    for size, trial in zip(sized.sizes, sized.trials, strict=True):
-        limits = _stated(clean.get(trial.item.base or ""), check, names, sized.unit)
-        if limits:
-            yield _Comparison(min(limits), size / min(limits), is_found_by(trial, check))
+def _by_response(sized: Sized, check: str, clean: Mapping[str, Trial]) -> _Compared | None:
+    """Hold what the fault moved a measurement by against its limit, of the measurement that exceeds most often."""
+    options = []
+    for name, times in _names_exceeded(sized, check).items():
+        pairs = list(_responses(sized, check, name, clean)) if times >= _FEWEST else []
+        if pairs:
+            trials = tuple(one for _, one in pairs)
+            compared = _Compared("response", (name,), pairs[0][0], trials)
+            options.append((times, median(one.ratio for one in trials), compared))
+    return max(options, key=lambda option: option[:2])[2] if options else None
 
 
-def _stated(base: Trial | None, check: str, names: tuple[str, ...], unit: str) -> list[float]:
-    """Return the limits that the check states of a clean file, in the unit of the fault."""
-    return [
-        reading.least_detectable * factor
-        for reading in (base.checked.stated if base else ())
-        if reading.check == check and reading.name in names and reading.least_detectable
-        if (factor := factor_between(reading.unit, unit)) is not None
-    ]
+def _responses(sized: Sized, check: str, name: str, clean: Mapping[str, Trial]) -> Iterator[tuple[str, _Comparison]]:
+    """Yield the unit and the comparison of each trial whose reading and whose clean reading are known."""
+    for trial in sized.trials:
+        before, after = _stated(trial, check, clean).get(name), _of_check(trial, check).get(name)
+        if before and after and before.least_detectable:
+            ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
+            yield before.unit, _Comparison(before.least_detectable, ratio, after.exceeds)
 
 
-def _found_from(ratio: float, comparisons: Sequence[_Comparison]) -> Share:
-    found = [one.found for one in comparisons if one.ratio >= ratio]
+def _names_exceeded(sized: Sized, check: str) -> dict[str, int]:
+    """Count the trials in which each measurement of the check exceeded its limit."""
+    times: dict[str, int] = {}
+    for trial in sized.trials:
+        for reading in trial.checked.exceeded:
+            if reading.check == check:
+                times[reading.name] = times.get(reading.name, 0) + 1
+    return times
+
+
+def _stated(trial: Trial, check: str, clean: Mapping[str, Trial]) -> dict[str, Reading]:
+    """Return the readings of the trial's own clean file, by name."""
+    base = clean.get(trial.item.base or "")
+    return _of_check(base, check) if base else {}
+
+
+def _of_check(trial: Trial, check: str) -> dict[str, Reading]:
+    return {reading.name: reading for reading in trial.checked.readings if reading.check == check}
+
+
+def _found_from(ratio: float, trials: Sequence[_Comparison]) -> Share:
+    found = [one.found for one in trials if one.ratio >= ratio]
     return share_of(sum(found), len(found))
 
 
@@ -143,4 +200,5 @@ def _truth(from_it: Share, curve: Curve, ratios: Sequence[float]) -> Truth:
         return "too_cautious"
     if at_95 is not None and at_95 < _CAUTIOUS:
         return "too_cautious"
-    return "untested" if too_few_found or from_it.of < _FEWEST else "true"
+    near = sum(1 <= ratio <= _NEAR for ratio in ratios)
+    return "untested" if too_few_found or near < _FEWEST else "true"

@@ -31,10 +31,10 @@ class Trial:
     checked: Checked
 
 
-def state_folder(corpus: Path) -> Path:
-    """Return where a study is kept unless told otherwise: beside the corpus, never in it."""
+def state_folder(corpus: Path, within: Path | None = None) -> Path:
+    """Return where a study is kept: in the folder asked for, or beside the corpus, never in it."""
     whole = corpus.resolve()
-    return whole.with_name(f"{whole.name}.power")
+    return (within or whole.parent) / f"{whole.name}.power"
 
 
 def measured_with(config_digest: str) -> str:
@@ -92,6 +92,6 @@ def _check_one(item: Item, state: State, options: CheckOptions) -> Checked:
             f"Expected {item.file} with the SHA-256 {item.sha256[:16]} of its manifest, got {record.sha256[:16]}; "
             "make the corpus again"
         )
-    checked = checked_from(record, clean=item.is_clean)
+    checked = checked_from(record)
     state.store(item, checked)
     return checked

@@ -165,9 +165,10 @@ def _signed(value: float | None) -> str:
 
 
 def _limits(power: Power) -> PowerTable:
-    head = ("cause", "check", "verdict", "states (median)", "found from it on", "from twice it on", "95% at, of it")
+    head = ("cause", "check", "verdict", "compared by", "states (median)", "found from it on", "from twice it on",
+            "95% at, of it")  # fmt: skip
     rows = [
-        (one.cause, one.check, TRUTH_WORDS[one.truth], f"{number(_rounded(one.median))} {one.unit}",
+        (one.cause, one.check, TRUTH_WORDS[one.truth], one.compared, f"{number(_rounded(one.median))} {one.unit}",
          share_words(one.found_from_it), share_words(one.found_from_twice), curve_words(one.curve))
         for one in power.stated
     ]  # fmt: skip
@@ -176,7 +177,8 @@ def _limits(power: Power) -> PowerTable:
     count, of = (sum(getattr(one.found_from_twice, name) for one in power.stated) for name in ("count", "of"))
     note = (
         f"{true} of {tested} that could be tested are true: at least 90% found from the stated size on, and 95% not "
-        f"below half of it. From twice the stated size on {count} of {of} are found. {len(power.not_comparable)} pairs "
+        f"below half of it. Compared is the planted size, or the response: what the fault moved the measurement by. "
+        f"From twice the stated size on {count} of {of} are found. {len(power.not_comparable)} pairs "
         "of cause and check cannot be compared; the JSON says why."
     )
-    return PowerTable("Limits that the checks state, against what they find", head, tuple(rows), words=3, note=note)
+    return PowerTable("Limits that the checks state, against what they find", head, tuple(rows), words=4, note=note)

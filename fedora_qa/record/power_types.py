@@ -21,6 +21,7 @@ NO_CAUSE: Final = "no cause"
 
 Kind = Literal["single", "local", "composite"]
 Fitted = Literal["fitted", "all_found", "none_found", "not_rising", "too_few", "no_size"]
+ComparedBy = Literal["size", "response"]
 Truth = Literal["true", "too_bold", "too_cautious", "untested"]
 
 
@@ -158,7 +159,8 @@ class MagnitudeError:
 class StatedLimit:
     """Whether the ``least_detectable`` that a check states of a clean file is true of a cause.
 
-    ``measurements`` measure the fault; ``least``, ``median``, ``most`` are their stated limits over the clean files, in
+    ``compared`` says how: by the planted size, which ``measurements`` measure, or by their response, what the fault
+    moved them by. ``least``, ``median``, ``most`` are their stated limits over the clean files, in
     ``unit``. ``found_from_it`` counts faults of at least the limit stated of their own clean file, ``found_from_twice``
     those of at least twice that. ``at_50`` and
     ``at_95`` are sizes in units of that limit: ``at_95`` below 1/2 is too cautious by more than 2.
@@ -166,6 +168,7 @@ class StatedLimit:
 
     cause: str
     check: str
+    compared: ComparedBy
     measurements: tuple[str, ...]
     unit: str
     least: float

@@ -64,6 +64,22 @@ def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -
     assert len(list((tmp_path / "corpus.power").iterdir())) == 5
 
 
+def test_several_corpora_are_one_study(fedora_qa: Command, corpus: Path, tmp_path: Path) -> None:
+    """Two corpora are counted together, each with its state beside it; a name that is in both is misuse."""
+    other = tmp_path / "other"
+    other.mkdir()
+    shutil.copy(corpus / "day.h5", other / "night.h5")
+    (other / "manifest.json").write_text('{"corpus_version": 1, "items": [{"file": "night.h5"}]}')
+    done = fedora_qa("power", corpus, other, *STAMPS, "--json", tmp_path / "p.json")
+    document = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
+    assert (done.code, document["files"], document["clean"], document["corpus"]) == (0, 6, 3, "corpus and other")
+    assert (tmp_path / "other.power" / "night.h5.json").is_file()
+    shutil.copytree(corpus, tmp_path / "same")
+    refused = fedora_qa("power", corpus, tmp_path / "same", *STAMPS)
+    assert refused.code == 2
+    assert "Expected corpora whose files have different names, got day.h5 in both" in refused.err
+
+
 def test_goes_on_where_it_was(
     fedora_qa: Command, corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,7 +96,7 @@ def test_goes_on_where_it_was(
     with monkeypatch.context() as patch:
         patch.setattr(study, "check_file", check_two)
         assert fedora_qa("power", corpus, *STAMPS, "--state", tmp_path / "kept").code == 130
-    assert len(list((tmp_path / "kept").iterdir())) == 2
+    assert len(list((tmp_path / "kept" / "corpus.power").iterdir())) == 2
     monkeypatch.setattr(study, "check_file", lambda path, *more: (seen.append(path.name), checked(path, *more))[1])
     assert fedora_qa("power", corpus, *STAMPS, "--state", tmp_path / "kept").code == 0
     assert seen == ["day.h5", "again.h5", "2.h5", "4.h5", "9.h5"]

@@ -74,12 +74,12 @@ def run(corpus: tuple[Path, Manifest], tmp_path: Path) -> Run:
 
 
 def test_keeps_what_matters_of_a_record(run: Run, checker: Checker) -> None:
-    """Failed checks, readings beyond their limits, limits of clean files, and diagnoses."""
+    """Failed checks, readings and which of them exceed their limits, and diagnoses."""
     clean, late, *_ = run()
-    assert (clean.checked.failed, [one.name for one in clean.checked.stated]) == ((), ["backward_steps"])
+    assert (clean.checked.failed, [one.name for one in clean.checked.readings]) == ((), ["backward_steps"])
+    assert (list(clean.checked.exceeded), clean.checked.diagnoses) == ([], ())
     assert late.checked.failed == ("event_response.timing",)
     assert [(one.name, one.deviation) for one in late.checked.exceeded] == [("offset", 2.0634)]
-    assert late.checked.stated == ()
     assert [one.name for one in late.checked.diagnoses] == ["events:time_offset"]
 
 
@@ -134,8 +134,9 @@ def test_a_file_that_is_not_the_listed_one(run: Run, checker: Checker, corpus: t
 
 
 def test_state_lies_beside_the_corpus(tmp_path: Path) -> None:
-    """Unless asked for, nothing is written into a corpus."""
+    """Unless asked for, nothing is written into a corpus; of several corpora each has a folder of its own."""
     assert state_folder(tmp_path / "corpus") == tmp_path / "corpus.power"
+    assert state_folder(tmp_path / "corpus", tmp_path / "kept") == tmp_path / "kept" / "corpus.power"
 
 
 def test_digest_is_that_of_the_measuring_code(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """The tables of a study say what was planted and found, no more."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
@@ -143,20 +144,55 @@ def test_each_file_is_held_to_its_own_limit() -> None:
     assert (stated.found_from_twice.count, stated.found_from_twice.of) == (4, 4)
 
 
-@pytest.mark.parametrize(
-    ("exceeded", "reason"),
-    [
-        (reading(5.0, unit="px"), "measured in px, planted in ms"),
-        (reading(50.0), "the deviation is not the planted size"),
-    ],
-)
-def test_what_does_not_measure_the_fault_is_not_compared(exceeded: object, reason: str) -> None:
-    """A measurement in another unit, or ten times the fault, states no limit of it, and the reason is given."""
-    fault = PlantedFault("time_offset", "events", 5.0, "ms")
-    (sized,) = by_cause(faulty(k, fault, exceeded=(exceeded,)) for k in range(5))  # type: ignore[arg-type]
-    true, (other,) = stated_limits(sized, {CLEAN: clean()})
+def moved(number: int, effect_px: float, limit_px: float, clean_px: float = 0.0) -> Trial:
+    """A late file whose events lie ``effect_px`` further from their frames than those of its clean file."""
+    after = replace(reading(clean_px + effect_px, name="shift", unit="px"), limit=limit_px)
+    return faulty(number, PlantedFault("time_offset", "events", 5.0, "ms"), found=after.exceeds, readings=(after,))
+
+
+def in_px(trials: Sequence[Trial], clean_px: float = 0.0) -> StatedLimit:
+    """What becomes of a stated limit of 1 px, where the clean file deviates as said."""
+    return limits_of((clean(stated=(reading(clean_px, name="shift", unit="px"),)), *trials))
+
+
+EFFECTS_PX = tuple(0.1 * 1.1**k for k in range(40))
+
+
+@pytest.mark.parametrize(("limit_px", "truth"), [(0.7, "true"), (1.9, "too_bold"), (0.2, "too_cautious")])
+def test_a_fault_in_another_unit_is_compared_by_what_it_moves(limit_px: float, truth: str) -> None:
+    """A shift in px cannot measure ms, but what lateness moves it by is held against the 1 px that is stated."""
+    stated = in_px([moved(k, effect, limit_px) for k, effect in enumerate(EFFECTS_PX)])
+    assert (stated.compared, stated.unit, stated.measurements) == ("response", "px", ("shift",))
+    assert (stated.median, stated.truth) == (1.0, truth)
+
+
+def test_what_the_clean_file_deviates_by_is_not_the_faults_effect() -> None:
+    """A clean file 0.6 px off by itself, and 0.5 px more: half the limit is what was planted, not all of it."""
+    stated = in_px([moved(k, 0.5, 0.7, clean_px=0.6) for k in range(4)], clean_px=0.6)
+    assert (stated.found_from_it.of, stated.curve.fitted, stated.truth) == (0, "all_found", "untested")
+
+
+def test_far_beyond_its_limit_a_fault_says_nothing_of_it() -> None:
+    """Found a thousand times beyond the limit, and never near it: untested."""
+    stated = in_px([moved(k, 1000.0, 0.7) for k in range(9)])
+    assert (stated.found_from_it.count, stated.truth) == (9, "untested")
+
+
+@pytest.mark.parametrize(("trials", "reason"), [(2, "exceeded in fewer than 3 trials"), (5, "states a limit")])
+def test_what_cannot_be_compared_says_why(trials: int, reason: str) -> None:
+    """Too few trials, or clean files that state no limit."""
+    (sized,) = by_cause(moved(k, 5.0, 0.7) for k in range(trials))
+    true, (other,) = stated_limits(sized, {CLEAN: clean(stated=(reading(least=None, name="shift", unit="px"),))})
     assert true == ()
-    assert other.reason == reason
+    assert reason in other.reason
+
+
+def test_a_deviation_that_is_not_the_size_is_compared_by_response() -> None:
+    """In the fault's unit, and ten times the fault: it does not measure it, but it responds."""
+    fault = PlantedFault("time_offset", "events", 0.3, "ms")
+    (sized,) = by_cause(faulty(k, fault, readings=(reading(3.0),)) for k in range(5))
+    ((stated,), _) = stated_limits(sized, {CLEAN: clean()})
+    assert (stated.compared, stated.found_from_twice.count, stated.truth) == ("response", 5, "true")
 
 
 def test_a_study_of_clean_files_alone() -> None:

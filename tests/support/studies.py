@@ -17,26 +17,26 @@ ORIGIN = Origin(corpus="corpus", started="2024-05-01T12:00:00+00:00", config=Che
 
 
 def reading(deviation: float = 0.0, least: float | None = 1.0, name: str = "offset", unit: str = "ms") -> Reading:
-    """A measurement of ``CHECK``."""
-    return Reading(CHECK, name, unit, deviation, least)
+    """A measurement of ``CHECK`` that exceeds its limit where it deviates at all."""
+    return Reading(CHECK, name, unit, "both", deviation, 0.0, least)
 
 
 def clean(file: str = CLEAN, *, failed: Sequence[str] = (), stated: Sequence[Reading] = (reading(),)) -> Trial:
     """A clean file, which states that it would have seen a fault of 1 ms."""
-    return Trial(Item(file), Checked("0" * 64, tuple(failed), (), (), tuple(stated), ()))
+    return Trial(Item(file), Checked("0" * 64, tuple(failed), (), tuple(stated), ()))
 
 
 def faulty(
     number: int,
     *faults: PlantedFault,
     found: bool = True,
-    exceeded: Sequence[Reading] = (),
+    readings: Sequence[Reading] = (),
     diagnoses: Sequence[Verdict] = (),
 ) -> Trial:
     """A copy of the clean file with faults, of which ``CHECK`` says something where they are found."""
     item = Item(f"single/{number}.h5", base=CLEAN, faults=faults)
     failed = (CHECK,) if found else ()
-    return Trial(item, Checked("1" * 64, failed, (), tuple(exceeded), (), tuple(diagnoses)))
+    return Trial(item, Checked("1" * 64, failed, (), tuple(readings), tuple(diagnoses)))
 
 
 def late(number: int, size_ms: float, *, found: bool, named: str = "events:time_offset") -> Trial:
@@ -47,7 +47,7 @@ def late(number: int, size_ms: float, *, found: bool, named: str = "events:time_
         number,
         fault,
         found=found,
-        exceeded=(reading(size_ms),) if found else (),
+        readings=(reading(size_ms),) if found else (),
         diagnoses=(verdict,) if found else (),
     )
 
