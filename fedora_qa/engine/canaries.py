@@ -20,7 +20,7 @@ from fedora_qa.canary.view import FaultySequence
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.outcomes import crashed_result
-from fedora_qa.engine.plan import Effort, make_plan
+from fedora_qa.engine.plan import Effort, make_plan, sees_every_window
 from fedora_qa.engine.prepare import Prepared, prepare
 from fedora_qa.engine.stream import Progress, States, attempt, conclude, measure
 from fedora_qa.judgement.judge import judge
@@ -123,9 +123,9 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
     Only the first look counts: the second one is for naming causes.
     """
     faulty = _with_fault(run, fault)
-    sampling = make_plan(run.effort, len(faulty.spans)).sampling
+    sampling = make_plan(run.effort, len(faulty.spans), faulty.frame_pixels).sampling
     canary, reason = Canary(check.name, "silent", fault.said), ""
-    for spans in growing(_planned(run, faulty.spans), place_ns):
+    for spans in growing(_shown(check, run, faulty.spans), place_ns):
         states = measure([check], spans, faulty.facts, faulty.decoder, sampling, _quiet, faulty.images)
         results = _judged(check, states, faulty, run)
         canary = replace(canary, windows=len(spans))
@@ -157,6 +157,10 @@ def _with_fault(run: PlainRun, fault: Fault) -> Prepared:
     facts = replace(ready.facts, declared=sequence.declared, layout=sequence.layout)
     decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.cache_bytes)
     return replace(ready, facts=facts, decoder=decoder, images=SharedImages(ready.images.limit_bytes))
+
+
+def _shown(check: Check[Any], run: PlainRun, spans: Sequence[Span]) -> Sequence[Span]:
+    return spans if sees_every_window(check.needs) else _planned(run, spans)
 
 
 def _planned(run: PlainRun, spans: Sequence[Span]) -> list[Span]:

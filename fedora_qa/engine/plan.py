@@ -2,11 +2,12 @@
 
 Efforts trade time for detection power. ``quick`` and ``standard`` sample windows evenly over the sequence, the first
 and the last among them; ``full`` decodes every chunk and uses every event and sample, image tiles by a stated share;
-``exhaustive`` uses every pixel.
+``exhaustive`` uses every pixel. What needs no images and no events sees every window at every effort: IMU and poses are
+a thousandth of a file, and a jump of an instant is not found by looking now and then.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final, Literal
 
@@ -18,6 +19,12 @@ Effort = Literal["quick", "standard", "full", "exhaustive"]
 
 _FEWEST_WINDOWS: Final = 4
 """A sample smaller than this cannot tell a local fault from a global one."""
+
+_FEWEST_PLACES: Final = 2_000
+"""Pixels of a frame that dense checks look at, at least: to thin out a small frame costs power and saves no time."""
+
+_SAMPLES: Final = frozenset({"imu", "pose"})
+"""Streams of single samples."""
 
 FOLLOW_UP_SHARE: Final = 0.1
 """Share of the windows that checks may ask to see again."""
@@ -33,7 +40,7 @@ class EffortLevel:
 
 EFFORTS: Final[Mapping[Effort, EffortLevel]] = MappingProxyType(
     {
-        "quick": EffortLevel(0.05, Sampling(tile_share=0.05, field_stride=4)),
+        "quick": EffortLevel(0.1, Sampling(tile_share=0.05, field_stride=3)),
         "standard": EffortLevel(0.25, Sampling(tile_share=0.1, field_stride=2)),
         "full": EffortLevel(1.0, Sampling(tile_share=0.25, field_stride=1)),
         "exhaustive": EffortLevel(1.0, Sampling(tile_share=1.0, field_stride=1)),
@@ -50,9 +57,22 @@ class Plan:
     sampling: Sampling
 
 
-def make_plan(effort: Effort, windows: int) -> Plan:
-    """Choose windows for an effort, evenly spread over the sequence."""
+def make_plan(effort: Effort, windows: int, pixels: int | None = None) -> Plan:
+    """Choose windows for an effort, evenly spread over the sequence; ``pixels`` is the size of a frame, where known."""
     level = EFFORTS[effort]
     wanted = min(windows, max(_FEWEST_WINDOWS, int(np.ceil(level.window_share * windows))))
     chosen = np.unique(np.linspace(0, windows - 1, wanted).round().astype(int)) if windows else ()
-    return Plan(tuple(int(i) for i in chosen), windows, level.sampling)
+    return Plan(tuple(int(i) for i in chosen), windows, _sampling(level.sampling, pixels))
+
+
+def sees_every_window(needs: Iterable[str]) -> bool:
+    """Whether a check of these streams sees every window whatever the effort."""
+    return bool(streams := frozenset(needs)) and streams <= _SAMPLES
+
+
+def _sampling(usual: Sampling, pixels: int | None) -> Sampling:
+    """Return the usual sampling, denser in small frames, but never more than at full effort."""
+    if not pixels:
+        return usual
+    least = min((_FEWEST_PLACES / pixels) ** 0.5, EFFORTS["full"].sampling.tile_share)
+    return replace(usual, tile_share=max(usual.tile_share, least))

@@ -5,6 +5,7 @@ from typing import Final
 
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.windows import cut_windows, window_length_ns
+from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.scan import Scan, scan
 from fedora_qa.sequence.sequence import SequenceRows
@@ -27,6 +28,8 @@ class Prepared:
     spans: tuple[Span, ...]
     decoder: BlockDecoder
     images: SharedImages
+    frame_pixels: int | None
+    """Of the largest images; None without any."""
 
 
 def prepare(sequence: SequenceRows, memory_bytes: int) -> Prepared:
@@ -34,4 +37,9 @@ def prepare(sequence: SequenceRows, memory_bytes: int) -> Prepared:
     scanned = scan(sequence, window_length_ns(sequence))
     decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * memory_bytes))
     images = SharedImages(int(_IMAGES_SHARE * memory_bytes))
-    return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images)
+    return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images, _frame_pixels(sequence))
+
+
+def _frame_pixels(sequence: SequenceRows) -> int | None:
+    shapes = [binding.shape for key, binding in sequence.layout.bindings.items() if DATASETS[key].is_image]
+    return max((height * width for _, height, width, *_ in shapes), default=None)

@@ -15,9 +15,9 @@ from fedora_qa.engine.canaries import PlainRun, Proof, held_to_canaries, prove_a
 from fedora_qa.engine.digest import Digest, file_digest
 from fedora_qa.engine.evidence import evidence_of_checks, evidence_of_pass
 from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdict_of, why_not_applicable
-from fedora_qa.engine.plan import Effort, make_plan
+from fedora_qa.engine.plan import Effort, make_plan, sees_every_window
 from fedora_qa.engine.prepare import prepare
-from fedora_qa.engine.stream import Accumulator, Progress, attempt, conclude, look_again, measure
+from fedora_qa.engine.stream import Accumulator, Progress, attempt, conclude, joined, look_again, measure
 from fedora_qa.engine.unreadable import unreadable_record
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.evidence.collector import EvidenceCollector
@@ -143,15 +143,20 @@ def _check_open(
         progress("reading stamps", 0, 1)
         ready = prepare(sequence, options.memory_bytes)
     facts = ready.facts
-    plan = make_plan(options.effort, len(ready.spans))
+    plan = make_plan(options.effort, len(ready.spans), ready.frame_pixels)
     reasons = {check.name: why_not_applicable(check, facts) for check in checks}
     asked = [check for check in checks if not reasons[check.name]]
     chosen = [ready.spans[number] for number in plan.chosen]
     statistics = StatisticsCollector(_needed_by(asked) if options.select else None)
     keeper = EvidenceCollector(ready.spans, chosen, options.evidence) if options.evidence else None
-    accumulators: list[Accumulator] = [*asked, statistics, *([keeper] if keeper else [])]
+    everywhere = [check for check in asked if sees_every_window(check.needs)]
+    sampled = [check for check in asked if check not in everywhere]
+    accumulators: list[Accumulator] = [*sampled, statistics, *([keeper] if keeper else [])]
     with watch.stage("measuring"):
-        states = measure(accumulators, chosen, facts, ready.decoder, plan.sampling, progress, ready.images)
+        states = joined(
+            measure(accumulators, chosen, facts, ready.decoder, plan.sampling, progress, ready.images),
+            measure(everywhere, ready.spans, facts, ready.decoder, plan.sampling, progress, ready.images),
+        )
     with watch.stage("second look"):
         looked_again = look_again(asked, states, chosen, facts, ready.decoder, plan.sampling, progress, ready.images)
     with watch.stage("judgement"):

@@ -126,6 +126,16 @@ def merge(checks: Iterable[Accumulator], earlier: States, later: States) -> Stat
     return merged
 
 
+def joined(one: States, other: States) -> States:
+    """Return the states of two passes of different checks."""
+    return States(
+        {**one.states, **other.states},
+        {**one.missed, **other.missed},
+        {**one.crashes, **other.crashes},
+        {**one.seconds, **other.seconds},
+    )
+
+
 def conclude(checks: Iterable[Check[Any]], states: States, facts: Facts) -> dict[str, Observation]:
     """Let each check that did not crash state what it measured."""
     observations: dict[str, Observation] = {}

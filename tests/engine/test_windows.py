@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.engine.plan import EFFORTS, make_plan
+from fedora_qa.engine.plan import EFFORTS, Effort, make_plan, sees_every_window
 from fedora_qa.engine.windows import WINDOW_NS, cut_windows, window_length_ns
 from fedora_qa.sequence.scan import Scan, scan
 from fedora_qa.sequence.sequence import open_sequence
@@ -56,6 +56,26 @@ def test_windows_of_a_clean_file_lie_on_the_grid(park_day: Path) -> None:
     for span in spans:
         within = np.flatnonzero((times >= span.start_ns) & (times < span.stop_ns))
         assert span.owned["imu"] == (int(within[0]), int(within[-1]) + 1)
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_small_frames_are_not_thinned_out(effort: Effort) -> None:
+    """Dense checks look at two thousand places of a frame where full effort does, and no denser than it does."""
+    most = EFFORTS["full"].sampling.tile_share
+    for pixels in (120 * 90, 180 * 136, 640 * 480, 1440 * 1080):
+        share = make_plan(effort, 10, pixels).sampling.tile_share
+        assert share >= EFFORTS[effort].sampling.tile_share
+        assert pixels * share**2 >= min(2000, pixels * most**2) * (1 - 1e-9)
+        assert effort == "exhaustive" or share <= most
+    assert make_plan(effort, 10, None).sampling == EFFORTS[effort].sampling
+
+
+def test_single_samples_are_all_seen() -> None:
+    """Checks of IMU and poses alone see every window; one that needs images, or nothing at all, those of the plan."""
+    assert sees_every_window(("imu", "pose"))
+    assert sees_every_window(("pose",))
+    assert not sees_every_window(("depth", "pose"))
+    assert not sees_every_window(())
 
 
 @pytest.mark.parametrize("effort", EFFORTS)

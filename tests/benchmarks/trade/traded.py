@@ -10,8 +10,8 @@ TIMES_LIMIT: Final = (1.0, 2.0, 4.0)
 SIZE: Final = (180, 136)
 DURATION_S: Final = 20.0
 BASES: Final = 4
-STEP_S: Final = 17.0
-"""Sequences of a scene, and from the start of one to that of the next."""
+STEP_S: Final = 8.0
+"""Sequences of a scene, and from the start of one to that of the next; flights meet their world after 45 s or so."""
 
 
 @dataclass(frozen=True, slots=True)
