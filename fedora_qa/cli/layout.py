@@ -33,7 +33,7 @@ _WIDE = 110
 def layout(file: Path, dialect: str | None, draft_path: Path | None) -> int:
     """Say where FILE keeps each stream, what is absent and why, and what was inferred."""
     known = load_dialect(dialect) if dialect else None
-    Outputs(own=draft_path).require_writable([file])
+    Outputs(own=(draft_path,)).require_writable([file])
     require_hdf5([file], known)
     try:
         with h5py.File(file, "r", locking="best-effort") as opened:

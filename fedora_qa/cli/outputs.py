@@ -19,12 +19,12 @@ from fedora_qa.record.types import Record
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """Where to write what; None is not written. ``own`` is what a command writes by itself: a dialect, a table."""
+    """Where to write what; None is not written. ``own`` is what a command writes by itself: a dialect, tables."""
 
     json: Path | None = None
     markdown: Path | None = None
     html: Path | None = None
-    own: Path | None = None
+    own: tuple[Path | None, ...] = ()
 
     @property
     def arrays(self) -> Path | None:
@@ -38,7 +38,7 @@ class Outputs:
 
     def require_writable(self, inputs: Sequence[Path]) -> None:
         """Raise ``MisuseError`` where an output cannot be written, or would overwrite an input or another output."""
-        targets = [p for p in (self.json, self.arrays, self.markdown, self.html, self.own) if p is not None]
+        targets = [p for p in (self.json, self.arrays, self.markdown, self.html, *self.own) if p is not None]
         places = [path.resolve() for path in targets]
         read = {path.resolve() for path in inputs}
         for target, place in zip(targets, places, strict=True):

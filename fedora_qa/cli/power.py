@@ -12,6 +12,7 @@ from rich.text import Text
 
 from fedora_qa.cli.check import PATH, check_options, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
+from fedora_qa.cli.html import require_renderer
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.terminal import stdout_console, text
@@ -38,6 +39,7 @@ from fedora_qa.record.power_types import Power
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
 @click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
+@click.option("--svg", "svg_path", type=PATH, metavar="OUT", help="Draw the curves, for documents.")
 @click.option("--publish", type=PATH, metavar="OUT", help="Write what a passed check is worth, for the package.")
 def power(
     corpora: tuple[Path, ...],
@@ -47,6 +49,7 @@ def power(
     json_path: Path | None,
     html_path: Path | None,
     markdown_path: Path | None,
+    svg_path: Path | None,
     publish: Path | None,
     **given: Any,
 ) -> int:
@@ -58,8 +61,10 @@ def power(
     options = replace(check_options(settings), evidence=None)
     manifests = {corpus: read_manifest(corpus) for corpus in corpora}
     require_other_names(manifests)
-    outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path, own=publish)
+    outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path, own=(svg_path, publish))
     outputs.require_writable([corpus / MANIFEST for corpus in corpora])
+    if svg_path:
+        require_renderer()
     for corpus, manifest in manifests.items():
         require_files(corpus, manifest)
     started = datetime.now(UTC).isoformat(timespec="seconds")
@@ -77,6 +82,8 @@ def power(
         write_text(markdown_path, power_to_markdown(found))
     if html_path:
         _write_html(html_path, found)
+    if svg_path:
+        _write_drawing(svg_path, found)
     _show(found)
     return INCOMPLETE if found.crashed else CLEAN
 
@@ -98,6 +105,12 @@ def _write_html(target: Path, found: Power) -> None:
     from fedora_reports.power import render_power  # noqa: PLC0415 - an extra
 
     write_text(target, render_power(found))
+
+
+def _write_drawing(target: Path, found: Power) -> None:
+    from fedora_reports.power_drawing import draw_power  # noqa: PLC0415 - an extra
+
+    write_text(target, draw_power(found))
 
 
 def _show(found: Power) -> None:

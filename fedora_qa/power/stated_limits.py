@@ -12,6 +12,8 @@ meant; whether their limits are true is counted over all trials, found or not. O
 file is a copy of a clean one, noise and all, so that the difference of the two readings is what the fault moved the
 measurement by. That effect is held against the limit stated of the clean file, and found is what the measurement
 itself exceeded. Of several, the one that exceeded most often is taken, and of those alike the one that moves most.
+Left out are trials whose fault makes the measurement's own limit more than twice what it was: it disturbs what the
+measurement is made of, and the faulty file states another limit.
 
 Either way each trial has its ratio to the limit that was stated of its own clean file, because limits differ from file
 to file as their information does. A stated limit is too bold where fewer than 90% of the faults from 1 on were found,
@@ -39,6 +41,8 @@ _PROMISED: Final = 0.95
 _NEEDED: Final = 0.90
 _BY_CHANCE: Final = 0.05
 _CAUTIOUS: Final = 0.5
+_DISTURBED: Final = 2.0
+"""Times the limit of the clean file from which on a fault is taken to disturb the measurement, not to move it."""
 _NEAR: Final = 4.0
 """Times the limit up to which a fault tells something of it: far beyond, anything would have been found."""
 _NOTHING: Final = 0.01
@@ -81,10 +85,10 @@ def stated_limits(
 
 def _judge(sized: Sized, check: str, clean: Mapping[str, Trial]) -> StatedLimit | NotComparable:
     compared = _by_size(sized, check, clean) or _by_response(sized, check, clean)
-    if compared is None:
+    telling = [one for one in compared.trials if one.ratio > _NOTHING] if compared else []
+    if compared is None or not telling:
         return NotComparable(sized.cause, check, _why_not(sized, check))
     limits = [one.limit for one in compared.trials]
-    telling = [one for one in compared.trials if one.ratio > _NOTHING]
     curve = curve_of([one.ratio for one in telling], [one.found for one in telling])
     share = _found_from(1, compared.trials)
     return StatedLimit(
@@ -109,7 +113,7 @@ def _why_not(sized: Sized, check: str) -> str:
         return "no measurement exceeded a limit"
     if max(exceeded.values()) < _FEWEST:
         return f"exceeded in fewer than {_FEWEST} trials"
-    return "no clean file of these faults states a limit of what exceeded"
+    return "no clean file states a limit of what exceeded, or the fault moves the limit itself"
 
 
 def _by_size(sized: Sized, check: str, clean: Mapping[str, Trial]) -> _Compared | None:
@@ -161,9 +165,13 @@ def _responses(sized: Sized, check: str, name: str, clean: Mapping[str, Trial]) 
     """Yield the unit and the comparison of each trial whose reading and whose clean reading are known."""
     for trial in sized.trials:
         before, after = _stated(trial, check, clean).get(name), _of_check(trial, check).get(name)
-        if before and after and before.least_detectable:
+        if before and after and before.least_detectable and not _is_disturbed(before, after):
             ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
             yield before.unit, _Comparison(before.least_detectable, ratio, after.exceeds)
+
+
+def _is_disturbed(before: Reading, after: Reading) -> bool:
+    return bool(before.limit) and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0)
 
 
 def _names_exceeded(sized: Sized, check: str) -> dict[str, int]:

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import pytest
 
@@ -11,6 +12,7 @@ from fedora_qa.record.power_types import CurvePoint, Power
 from fedora_reports.charts import HEIGHT, WIDTH
 from fedora_reports.power import page_of, render_power
 from fedora_reports.power_charts import band_path, curve_path, detection_chart, limits_chart
+from fedora_reports.power_drawing import draw_power, drawing_of
 from fedora_reports.scales import Axis
 from tests.reports.page_reader import PageReader
 from tests.support.studies import ORIGIN, clean, faulty, study
@@ -80,3 +82,29 @@ def test_names_from_a_manifest_are_text(power: Power) -> None:
     html = render_power(power_of([clean(), faulty(1, fault)], ORIGIN))
     assert "<b>events" not in html
     assert "&lt;b&gt;events" in html
+
+
+def test_drawing_is_whole_and_holds_every_curve(power: Power) -> None:
+    """The SVG is well-formed, has a cell for each curve of the page with its name, and the pairs of stated limits."""
+    root = ElementTree.fromstring(draw_power(power))
+    texts = ["".join(one.itertext()) for one in root.iter("{http://www.w3.org/2000/svg}text")]
+    page = page_of(power)
+    assert {chart.title for chart in page.charts} <= set(texts)
+    assert len(drawing_of(power).cells) == len(page.charts) == 1
+    paths = [one.get("d") for one in root.iter("{http://www.w3.org/2000/svg}path")]
+    assert page.limits is not None
+    assert {page.charts[0].curve, page.limits.dots} <= set(paths)
+
+
+def test_cells_do_not_overlap(power: Power) -> None:
+    """Of nine curves each has a place of its own within the drawing, above the limits."""
+    drawing = drawing_of(replace(power, detections=power.detections[:1] * 9))
+    places = {(cell.x, cell.y) for cell in drawing.cells}
+    assert len(places) == 9
+    assert max(x for x, _ in places) < drawing.width
+    assert max(y for _, y in places) < drawing.limits_top < drawing.height
+
+
+def test_a_drawing_without_curves_is_a_drawing() -> None:
+    """A study of clean files is drawn empty."""
+    assert "<svg" in draw_power(power_of([clean()], ORIGIN))

@@ -1,0 +1,51 @@
+"""The curves of a study as one SVG drawing, for documents that show pictures and no HTML."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from fedora_qa.record.power_json import power_from_json, power_to_json
+from fedora_qa.record.power_types import Power
+from fedora_reports.html import environment
+from fedora_reports.power import page_of
+from fedora_reports.power_charts import LimitsChart, PowerChart
+
+_COLUMNS: Final = 4
+_CELL_PX: Final = (240, 130)
+_ROW_PX: Final = 4
+"""Height of a pair of cause and check in the drawing of limits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A chart and where its cell begins, in px."""
+
+    x: int
+    y: int
+    chart: PowerChart
+
+
+@dataclass(frozen=True, slots=True)
+class PowerDrawing:
+    """Small charts in rows, and the drawing of limits beneath; sizes in px."""
+
+    width: int
+    height: int
+    cells: tuple[Placed, ...]
+    limits: LimitsChart | None
+    limits_top: int
+    limits_height: int
+
+
+def draw_power(power: Power) -> str:
+    """Return the curves of every cause with sizes, and how stated limits compare, as an SVG document."""
+    return environment().get_template("power.svg.j2").render(drawing=drawing_of(power_from_json(power_to_json(power))))
+
+
+def drawing_of(power: Power) -> PowerDrawing:
+    """Return what is drawn, and where."""
+    page, (across, down) = page_of(power), _CELL_PX
+    cells = tuple(Placed(across * (k % _COLUMNS), down * (k // _COLUMNS), chart) for k, chart in enumerate(page.charts))
+    top = down * -(-len(cells) // _COLUMNS)
+    rows = page.limits.height // 10 if page.limits else 0
+    beneath = rows * _ROW_PX + 70 if rows else 0
+    return PowerDrawing(across * _COLUMNS, max(top + beneath, down), cells, page.limits, top, rows * _ROW_PX)
