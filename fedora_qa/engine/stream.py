@@ -13,15 +13,13 @@ from typing import Any, Protocol, TypeVar
 
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
+from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import RowSource, Sampling, Span, Window
 
 T = TypeVar("T")
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is going on, how much is done, and of how much."""
 
 
 class Accumulator(Protocol):
@@ -121,8 +119,8 @@ def merge(checks: Iterable[Accumulator], earlier: States, later: States) -> Stat
     merged = States({}, _added(earlier.missed, later.missed), {**later.crashes, **earlier.crashes},
                     _added(earlier.seconds, later.seconds))  # fmt: skip
     for check in checks:
-        if check.name not in merged.crashes:
-            merged.states[check.name] = check.merge(earlier.states[check.name], later.states[check.name])
+        states = (one.states.get(check.name) for one in (earlier, later))
+        merged.states[check.name] = attempt(merged, check.name, partial(check.merge, *states))
     return merged
 
 
