@@ -8,6 +8,7 @@
     dialect = "fedora"              # a name, or a TOML file beside this one; recognised from each file where absent
     fail_on = "failed"              # or "warned"
     memory = "1GB"
+    jobs = 1                        # tasks at once, each in a process of its own; they share the memory
     false_alarm_rate = 1e-4         # a file, shared by all its comparisons
     canary = false                  # whether each check must see a fault that is planted for it in memory
 
@@ -43,6 +44,9 @@ _BYTES_PER_UNIT: Final[Mapping[str, int]] = {
 LEAST_MEMORY_BYTES: Final = 64 * 2**20
 """A decoded colour and depth frame with two flow fields at 1440x1080 take 35 MiB."""
 
+_DECIDES_NOTHING: Final = frozenset({"jobs"})
+"""What makes a run faster and its record no other."""
+
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -60,6 +64,7 @@ class CheckConfig:
     memory: str = "1GB"
     false_alarm_rate: Annotated[float, Field(gt=0, lt=1)] = 1e-4
     canary: bool = False
+    jobs: Annotated[int, Field(ge=1)] = 1
     required_coverage: Mapping[str, Share] = field(default_factory=dict)
 
     @property
@@ -69,8 +74,9 @@ class CheckConfig:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of everything that is configured, equal for equal configurations."""
-        canonical = json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+        """SHA-256 of everything that is configured and may change the record, equal for equal configurations."""
+        deciding = {name: value for name, value in asdict(self).items() if name not in _DECIDES_NOTHING}
+        canonical = json.dumps(deciding, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 
 

@@ -6,7 +6,8 @@
     ├── MisuseError            no such path, not HDF5 at all, bad options or config (exit code 2)
     │   └── NotHdf5Error       the path exists and does not begin like HDF5
     ├── UnreadableFileError    an HDF5 signature, and no way in (a finding, not misuse)
-    └── UnreadableRowsError    some rows of one dataset cannot be decoded (a finding; the rest goes on)
+    ├── UnreadableRowsError    some rows of one dataset cannot be decoded (a finding; the rest goes on)
+    └── WorkerLostError        the process that did a task died (the task is done again; the rest goes on)
 """
 
 
@@ -43,3 +44,7 @@ class UnreadableRowsError(FedoraError):
         self.start = start
         self.stop = stop
         self.reason = reason
+
+
+class WorkerLostError(FedoraError):
+    """The process that did a task died over it: killed, out of memory, or by a crash of a library."""

@@ -8,20 +8,20 @@ from typing import Any
 
 import click
 
-from fedora_qa import __version__
-from fedora_qa.cli.coverage import hold_to_coverage
 from fedora_qa.cli.exit_codes import exit_code
-from fedora_qa.cli.host import host_facts, peak_memory_mib
+from fedora_qa.cli.files import Request, checked, executor_for
+from fedora_qa.cli.host import peak_worker_memory_mib
+from fedora_qa.cli.kept import kept_folder
 from fedora_qa.cli.outputs import Outputs
-from fedora_qa.cli.progress import progress_bar
+from fedora_qa.cli.record import gathered_arrays, record_of
 from fedora_qa.cli.summary import show_record
 from fedora_qa.cli.terminal import stdout_console
-from fedora_qa.config import RULESET_VERSION, CheckConfig, read_config
-from fedora_qa.engine.run import CheckOptions, FileRun, check_file, select_checks
+from fedora_qa.config import CheckConfig, read_config
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.layout.dialect import Dialect, load_dialect
-from fedora_qa.record.types import RECORD_VERSION, Record, Run, Tool
 from fedora_qa.sequence.sequence import open_sequence
 
 PATH = click.Path(path_type=Path)
@@ -45,6 +45,18 @@ PATH = click.Path(path_type=Path)
     help="Memory to aim at, such as 1GB: 70% holds decoded blocks and images; a peak may exceed it.",
 )
 @click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    help="Files, and windows of a file, checked at once; 1 unless configured otherwise. They share the memory.",
+)
+@click.option("--dask", metavar="ADDRESS", help="Do the work on a Dask cluster, such as tcp://host:8786.")
+@click.option(
+    "--resume",
+    type=PATH,
+    metavar="DIR",
+    help="Keep what was found of each file in DIR, and check only what is not there. Made where it is missing.",
+)
+@click.option(
     "--canary",
     is_flag=True,
     default=None,
@@ -58,6 +70,8 @@ PATH = click.Path(path_type=Path)
 def check(
     files: tuple[Path, ...],
     config: Path | None,
+    dask: str | None,
+    resume: Path | None,
     json_path: Path | None,
     html_path: Path | None,
     markdown_path: Path | None,
@@ -68,14 +82,18 @@ def check(
     Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
     """
     settings = settings_from(config, given)
+    if dask and given["jobs"]:
+        raise MisuseError("Expected either --jobs or --dask, got both")
     outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path)
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
     outputs.require_writable(files)
     require_hdf5(files, options.dialect)
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    runs = [_check_one(path, options) for path in files]
-    runs = [replace(run, record=hold_to_coverage(run.record, settings.required_coverage)) for run in runs]
-    record = record_of(runs, settings, started)
+    kept = kept_folder(resume, settings, options) if resume else None
+    executor = executor_for(settings, dask)
+    jobs = executor.capacity
+    runs = checked(files, Request(settings, options, started, kept), executor)
+    record = record_of(runs, settings, started, {"jobs": jobs, "peak_worker_memory_mib": peak_worker_memory_mib()})
     outputs.write(record, gathered_arrays(runs))
     show_record(stdout_console(), record)
     return exit_code(record.files, settings.fail_on)
@@ -114,45 +132,3 @@ def require_hdf5(files: Sequence[Path], dialect: Dialect | None) -> None:
             open_sequence(path, dialect).close()
         except UnreadableFileError:
             continue  # a finding, not misuse
-
-
-def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str) -> Record:
-    """Return the record of all files together; evidence of several files is kept apart by the file's number."""
-    apart = len(runs) > 1
-    files = [
-        replace(run.record, evidence={_named(name, i, apart): title for name, title in run.record.evidence.items()})
-        for i, run in enumerate(runs)
-    ]
-    stages = dict.fromkeys(stage for run in runs for stage in run.seconds)
-    return Record(
-        record_version=RECORD_VERSION,
-        ruleset_version=RULESET_VERSION,
-        tool=Tool("fedora-qa", __version__),
-        config_digest=settings.digest,
-        run=Run(
-            started=started,
-            seconds={stage: sum(run.seconds.get(stage, 0.0) for run in runs) for stage in stages},
-            host={
-                **host_facts(),
-                "peak_memory_mib": peak_memory_mib(),
-                "decoded_bytes": sum(run.decoded_bytes for run in runs),
-            },
-        ),
-        files=tuple(files),
-        effort=settings.effort,
-    )
-
-
-def gathered_arrays(runs: Sequence[FileRun]) -> dict[str, Any]:
-    """Return the evidence of all files, under the names that the record uses."""
-    apart = len(runs) > 1
-    return {_named(name, i, apart): array for i, run in enumerate(runs) for name, array in run.arrays.items()}
-
-
-def _named(name: str, file: int, apart: bool) -> str:
-    return f"{file}/{name}" if apart else name
-
-
-def _check_one(path: Path, options: CheckOptions) -> FileRun:
-    with progress_bar(path.name) as report:
-        return check_file(path, options, report)

@@ -22,7 +22,8 @@ from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.outcomes import crashed_result
 from fedora_qa.engine.plan import Effort, make_plan, sees_every_window
 from fedora_qa.engine.prepare import Prepared, prepare
-from fedora_qa.engine.stream import Progress, States, attempt, conclude, measure
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.stream import States, attempt, conclude, measure
 from fedora_qa.judgement.judge import judge
 from fedora_qa.record.types import Canary, Outcome, Result
 from fedora_qa.record.wording import OUTCOME_WORDS

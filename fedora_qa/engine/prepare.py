@@ -34,7 +34,11 @@ class Prepared:
 
 def prepare(sequence: SequenceRows, memory_bytes: int) -> Prepared:
     """Scan the stamps of an open sequence and cut its windows."""
-    scanned = scan(sequence, window_length_ns(sequence))
+    return ready_to_measure(sequence, scan(sequence, window_length_ns(sequence)), memory_bytes)
+
+
+def ready_to_measure(sequence: SequenceRows, scanned: Scan, memory_bytes: int) -> Prepared:
+    """Cut the windows of an open sequence whose stamps have been scanned."""
     decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * memory_bytes))
     images = SharedImages(int(_IMAGES_SHARE * memory_bytes))
     return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images, _frame_pixels(sequence))

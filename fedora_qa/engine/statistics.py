@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from fedora_qa.engine.prepare import prepare
-from fedora_qa.engine.stream import Progress, attempt, measure
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.stream import attempt, measure
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.sequence.window import Sampling

@@ -13,15 +13,13 @@ from typing import Any, Protocol, TypeVar
 
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
+from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import RowSource, Sampling, Span, Window
 
 T = TypeVar("T")
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is going on, how much is done, and of how much."""
 
 
 class Accumulator(Protocol):
@@ -83,13 +81,14 @@ def measure(
     sampling: Sampling,
     progress: Progress,
     images: SharedImages | None = None,
+    audience: Callable[[Span], Sequence[Accumulator]] | None = None,
 ) -> States:
-    """Hand each window to each check, in order of time."""
+    """Hand each window to each check, or to those of them that are its ``audience``, in order of time."""
     images = images or SharedImages()
     states = start(checks, facts)
-    tasks = [(check.name, check.update) for check in checks]
     for done, span in enumerate(spans):
         progress("measuring", done, len(spans))
+        tasks = [(check.name, check.update) for check in (audience(span) if audience else checks)]
         _show(Window(span, facts, source, sampling, images), tasks, states)
     return states
 
@@ -121,19 +120,9 @@ def merge(checks: Iterable[Accumulator], earlier: States, later: States) -> Stat
     merged = States({}, _added(earlier.missed, later.missed), {**later.crashes, **earlier.crashes},
                     _added(earlier.seconds, later.seconds))  # fmt: skip
     for check in checks:
-        if check.name not in merged.crashes:
-            merged.states[check.name] = check.merge(earlier.states[check.name], later.states[check.name])
+        states = (one.states.get(check.name) for one in (earlier, later))
+        merged.states[check.name] = attempt(merged, check.name, partial(check.merge, *states))
     return merged
-
-
-def joined(one: States, other: States) -> States:
-    """Return the states of two passes of different checks."""
-    return States(
-        {**one.states, **other.states},
-        {**one.missed, **other.missed},
-        {**one.crashes, **other.crashes},
-        {**one.seconds, **other.seconds},
-    )
 
 
 def conclude(checks: Iterable[Check[Any]], states: States, facts: Facts) -> dict[str, Observation]:

@@ -1,0 +1,66 @@
+"""Check files with what the settings give to do it, and keep each as soon as it is done."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import click
+
+from fedora_qa.cli.coverage import hold_to_coverage
+from fedora_qa.cli.host import usable_cores
+from fedora_qa.cli.kept import KeptFolder
+from fedora_qa.cli.progress import files_progress
+from fedora_qa.config import LEAST_MEMORY_BYTES, CheckConfig
+from fedora_qa.engine.cluster import DaskExecutor
+from fedora_qa.engine.executors import Executor, InProcess
+from fedora_qa.engine.files import check_files
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.errors import MisuseError
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What files are to be checked for, and since when."""
+
+    settings: CheckConfig
+    options: CheckOptions
+    started: str
+    kept: KeptFolder | None = None
+
+
+def executor_for(settings: CheckConfig, dask: str | None) -> Executor:
+    """Return what does the tasks: this process, as many processes as the settings say, or a cluster at an address.
+
+    Raises
+    ------
+    MisuseError
+        The memory is too little for so many, or there is no such cluster.
+    """
+    if dask is not None:
+        return DaskExecutor(dask)
+    if settings.jobs == 1:
+        return InProcess()
+    if settings.memory_bytes // settings.jobs < LEAST_MEMORY_BYTES:
+        least = f"{settings.jobs * LEAST_MEMORY_BYTES >> 20}MiB"
+        raise MisuseError(f"Expected --memory of at least {least} for {settings.jobs} jobs, got {settings.memory}")
+    return ProcessExecutor(settings.jobs, threads=max(1, usable_cores() // settings.jobs))
+
+
+def checked(files: Sequence[Path], request: Request, executor: Executor) -> list[FileRun]:
+    """Check the files, but for those whose run is kept, and return the runs of all in their order."""
+    kept, required = request.kept, request.settings.required_coverage
+    places = {path: kept.place(path) for path in files} if kept else {}
+    runs = {path: run for path, place in places.items() if (run := place.load()) is not None}
+    missing = [path for path in files if path not in runs]
+    try:
+        with executor, files_progress(known=len(runs)) as report:
+            for path, run in check_files(missing, request.options, executor, report):
+                runs[path] = replace(run, record=hold_to_coverage(run.record, required))
+                if kept:
+                    places[path].store(runs[path], request.started)
+    except KeyboardInterrupt:
+        if kept:
+            click.echo(f"fedora-qa: {len(runs)} of {len(files)} files are done, and kept in {kept.folder}", err=True)
+        raise
+    return [runs[path] for path in files]

@@ -1,0 +1,127 @@
+"""Tasks on a Dask cluster: the same as anywhere else, done by whoever of its workers is free.
+
+The files must lie under the same path on every worker, and the same version of this package must be installed there.
+A task whose worker dies is given to another by the cluster itself, and is lost where it kills several of them.
+"""
+
+import time
+from concurrent.futures import Future
+from types import TracebackType
+from typing import Any, Final, Self
+
+from fedora_qa.engine.code import code_digest
+from fedora_qa.engine.executors import Result, Task
+from fedora_qa.engine.progress import Progress, quiet
+from fedora_qa.errors import FedoraError, MisuseError, WorkerLostError
+
+_CONNECT_S: Final = 10
+_COUNTED_FOR_S: Final = 5.0
+"""For how long a count of the workers holds; clusters grow and shrink."""
+
+_WITHOUT_WORKERS_S: Final = 60.0
+"""How long to wait for a worker, as clusters replace those that died."""
+
+_NO_WARNING: Final = {"distributed.admin.large-graph-warning-threshold": "100GB"}
+"""A task carries the states that it needs, so that anybody can do it again; Dask would rather have them apart."""
+
+
+class DaskExecutor:
+    """Does as many tasks at once as the cluster's workers have threads.
+
+    Parameters
+    ----------
+    address
+        Of the scheduler, such as ``tcp://host:8786``.
+
+    Raises
+    ------
+    MisuseError
+        Dask is not installed, or no cluster answers at the address.
+    FedoraError
+        The cluster has no worker.
+    """
+
+    def __init__(self, address: str) -> None:
+        try:
+            import dask  # noqa: PLC0415 - an extra
+            import distributed  # noqa: PLC0415
+        except ImportError:
+            raise MisuseError("Expected Dask for --dask; install it: pip install 'fedora-qa[dask]'") from None
+        self._address = address
+        self._dask: Any = dask
+        self._distributed: Any = distributed
+        try:
+            self._client: Any = self._distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+        except (OSError, ValueError) as problem:
+            raise MisuseError(f"Expected a Dask scheduler at {address}, got: {problem}") from None
+        self._code = code_digest()
+        self._remote: dict[Future[Any], Any] = {}
+        self._threads: tuple[int, ...] = ()
+        self._counted_at = self._seen_at = time.monotonic()
+        self._count()
+        if not self._threads:
+            self._client.close()
+            raise FedoraError(f"Expected workers in the cluster at {address}, got none; start some and run again")
+
+    @property
+    def capacity(self) -> int:
+        """How many threads the workers have."""
+        if time.monotonic() - self._counted_at > _COUNTED_FOR_S:
+            self._count()
+        return max(sum(self._threads), 1)
+
+    @property
+    def sharing(self) -> int:
+        """How many tasks share the memory of one worker."""
+        return max(self._threads)
+
+    def submit(self, task: Task[Result], progress: Progress) -> Future[Result]:
+        """Give the task to the cluster; its progress is not told."""
+        future: Future[Result] = Future()
+        with self._dask.config.set(_NO_WARNING):
+            remote = self._client.submit(do_if_same_code, self._code, task, pure=False)
+        self._remote[future] = remote
+        remote.add_done_callback(lambda done: self._settle(future, done))
+        return future
+
+    def require_workers(self) -> None:
+        """Raise ``FedoraError`` where the scheduler is gone, or has had no worker for a minute."""
+        self._count()
+        if time.monotonic() - self._seen_at > _WITHOUT_WORKERS_S:
+            raise FedoraError(f"Expected workers in the cluster at {self._address}, got none for a minute")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._client.cancel(list(self._remote.values()))
+        self._client.close()
+
+    def _count(self) -> None:
+        try:
+            self._threads = tuple(self._client.nthreads().values())
+        except OSError as problem:
+            raise FedoraError(f"Expected the Dask scheduler at {self._address} to answer, got: {problem}") from None
+        self._counted_at = time.monotonic()
+        if self._threads:
+            self._seen_at = self._counted_at
+
+    def _settle(self, future: Future[Any], remote: Any) -> None:
+        self._remote.pop(future, None)
+        try:
+            future.set_result(remote.result())
+        except self._distributed.KilledWorker as death:
+            future.set_exception(WorkerLostError(f"Expected a worker to end its task, got: {death}"))
+        except self._distributed.CancelledError:
+            future.set_exception(FedoraError(f"Expected the Dask scheduler at {self._address} to stay, got its end"))
+        except Exception as error:  # noqa: BLE001 - whoever asks for the result gets it
+            future.set_exception(error)
+
+
+def do_if_same_code(code: str, task: Task[Result]) -> Result:
+    """Do a task, in a worker; raises ``MisuseError`` where the worker has other code than who sent it."""
+    if code_digest() != code:
+        raise MisuseError("Expected the same fedora-qa on every worker, got another; install the same version on all")
+    return task(quiet)

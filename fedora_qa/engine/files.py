@@ -1,0 +1,88 @@
+"""Check several files at once, and the windows of each, with whatever executor does the tasks."""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from fedora_qa.engine.executors import Executor
+from fedora_qa.engine.file_work import FileWork, Step
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.progress import Report, Tally
+from fedora_qa.engine.run import select_checks
+from fedora_qa.errors import WorkerLostError
+
+_SILENCE_S: Final = 2.0
+"""After how long without a result it is asked whether anybody is left to give one."""
+
+
+def check_files(
+    paths: Sequence[Path], options: CheckOptions, executor: Executor, report: Report
+) -> Iterator[tuple[Path, FileRun]]:
+    """Check files, and yield each as soon as it is done. What is found does not depend on who finds it.
+
+    Parameters
+    ----------
+    options
+        Their memory is that of the whole run; tasks that share it get their share.
+
+    Raises
+    ------
+    MisuseError
+        The options name an unknown check, or a path is no HDF5 file.
+    FedoraError
+        A file was changed while it was checked, or nobody is left to do the tasks.
+    """
+    checks = select_checks(options.select, options.ignore)
+    options = replace(options, memory_bytes=options.memory_bytes // executor.sharing)
+
+    def tell(doing: str) -> None:
+        report(_tally(doing, works))
+
+    works = [FileWork(path, checks, options, executor.capacity, tell) for path in paths]
+    running: dict[Future[Any], Step] = {}
+    waiting = list(works)
+    while waiting:
+        _submit(waiting, running, executor)
+        done, _ = wait(running, timeout=_SILENCE_S, return_when=FIRST_COMPLETED)
+        if not done:
+            executor.require_workers()
+        for future in done:
+            _settle(running.pop(future), future)
+        for work in tuple(waiting):
+            if work.run:
+                waiting.remove(work)
+                tell(f"{work.path.name}: done")
+                yield work.path, work.run
+
+
+def _submit(works: Sequence[FileWork], running: dict[Future[Any], Step], executor: Executor) -> None:
+    """Keep the executor busy. Earlier files come first, so that few are under way at a time and each is soon done."""
+    for work in works:
+        while work.ready:
+            if len(running) >= executor.capacity:
+                return
+            step = work.ready.popleft()
+            running[executor.submit(step.task, step.progress)] = step
+
+
+def _settle(step: Step, future: Future[Any]) -> None:
+    try:
+        result = future.result()
+    except WorkerLostError:
+        step.when_lost()
+    else:
+        step.then(result)
+
+
+def _tally(doing: str, works: Sequence[FileWork]) -> Tally:
+    return Tally(
+        doing=doing,
+        files_done=sum(work.run is not None for work in works),
+        files=len(works),
+        windows_done=sum(work.windows_done for work in works),
+        windows=sum(work.windows for work in works),
+        bytes_done=int(sum(work.share_done * work.bytes for work in works)),
+        bytes=sum(work.bytes for work in works),
+    )

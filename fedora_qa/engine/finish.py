@@ -1,0 +1,124 @@
+"""From what the windows have shown to the file's record: the second look, judgement, evidence, canaries."""
+
+from collections.abc import Mapping, Sequence
+
+from fedora_qa.checks.protocol import Observation
+from fedora_qa.engine.canaries import PlainRun, Proof, held_to_canaries, prove_alive
+from fedora_qa.engine.evidence import evidence_of_checks, evidence_of_pass
+from fedora_qa.engine.lost import lost_windows
+from fedora_qa.engine.measured import STAGE, Measured, together
+from fedora_qa.engine.options import FileRun
+from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdict_of
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.stopwatch import Stopwatch
+from fedora_qa.engine.stream import States, attempt, conclude, look_again
+from fedora_qa.engine.survey import OpenSurvey, Survey, opened
+from fedora_qa.evidence.kept import Kept
+from fedora_qa.evidence.kept import together as kept_together
+from fedora_qa.judgement.diagnosis import diagnose
+from fedora_qa.judgement.judge import judge
+from fedora_qa.record.types import FileRecord, Finding, Result, Scalar
+
+
+def finish_file(survey: Survey, parts: Sequence[Measured], lost: Sequence[int], progress: Progress) -> FileRun:
+    """Judge a file by what its windows have shown.
+
+    Parameters
+    ----------
+    parts
+        Of stretches of windows, in the order of time.
+    lost
+        Windows of the survey that nobody could measure.
+    """
+    watch = Stopwatch(dict(survey.seconds))
+    with opened(survey) as file:
+        with watch.stage(STAGE):
+            measured = together(parts, file.accumulators, file.ready.facts)
+        watch.seconds[STAGE] += measured.seconds
+        return _finish(survey, file, measured, lost, progress, watch)
+
+
+def _finish(
+    survey: Survey,
+    file: OpenSurvey,
+    measured: Measured,
+    lost: Sequence[int],
+    progress: Progress,
+    watch: Stopwatch,
+) -> FileRun:
+    states, ready, options, asked = measured.states, file.ready, survey.options, file.asked
+    facts = ready.facts
+    never = [file.windows[number] for number in lost]
+    seen = [span for span in file.chosen if span not in never]
+    with watch.stage("second look"):
+        again = look_again(asked, states, seen, facts, ready.decoder, survey.plan.sampling, progress, ready.images)
+    with watch.stage("judgement"):
+        observations = conclude(asked, states, facts)
+        judged = judge(observations, asked, options.false_alarm_rate)
+        alarms = [alarm for one in judged for alarm in one.alarms]
+        diagnoses = diagnose(alarms)
+    with watch.stage("statistics"):
+        collector = file.statistics
+        tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))
+    with watch.stage("evidence"):
+        kept = _evidence(survey, file, states, observations, [alarm.finding for alarm in alarms], again)
+    results = results_in_order(survey.checks, judged, states, survey.reasons)
+    proofs: tuple[Proof, ...] = ()
+    if options.canary:
+        with watch.stage("canaries"):
+            proofs = _proofs(survey, file, observations, results, progress)
+            results = held_to_canaries(results, proofs)
+    results += lost_windows(never, len(file.windows), facts)
+    record = FileRecord(
+        path=str(survey.path),
+        size=survey.version[0],
+        sha256=survey.digest.sha256,
+        digest_kind=survey.digest.kind,
+        dialect=facts.layout.dialect_name,
+        inferred=_inferred(facts.layout.inferred, observations),
+        statistics=tables or {},
+        verdict=verdict_of(results, crossing_streams(survey.checks)),
+        results=results,
+        diagnoses=diagnoses,
+        evidence=kept.titles,
+        canaries=tuple(proof.canary for proof in proofs),
+    )
+    seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
+    return FileRun(record, kept.arrays, seconds, measured.decoded_bytes + ready.decoder.decoded_bytes)
+
+
+def _evidence(
+    survey: Survey,
+    file: OpenSurvey,
+    states: States,
+    observations: Mapping[str, Observation],
+    findings: Sequence[Finding],
+    looked_again: int,
+) -> Kept:
+    kept = evidence_of_checks(observations)
+    if file.keeper is None or survey.options.evidence is None:
+        return kept
+    options = survey.options.evidence
+    seen = evidence_of_pass(file.keeper, states, findings, file.ready, file.chosen, options, looked_again)
+    return kept_together([seen, kept])
+
+
+def _proofs(
+    survey: Survey,
+    file: OpenSurvey,
+    observations: Mapping[str, Observation],
+    results: Sequence[Result],
+    progress: Progress,
+) -> tuple[Proof, ...]:
+    options = survey.options
+    plain = PlainRun(
+        file.sequence, file.ready, observations, options.effort, options.memory_bytes, options.false_alarm_rate
+    )
+    return prove_alive(survey.checks, results, plain, progress)
+
+
+def _inferred(by_layout: Mapping[str, Scalar], observations: Mapping[str, Observation]) -> dict[str, Scalar]:
+    inferred = dict(by_layout)
+    for observation in observations.values():
+        inferred.update(observation.inferred)
+    return inferred

@@ -1,0 +1,49 @@
+"""What becomes of windows and files whose process died twice: outcomes that say so, and never a clean verdict."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from fedora_qa.checks.protocol import Check
+from fedora_qa.engine.digest import file_digest
+from fedora_qa.engine.options import FileRun
+from fedora_qa.record.types import Coverage, FileRecord, Result
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Span
+
+NAME: Final = "windows"
+QUESTION: Final = "Could every window be measured?"
+
+_DIED: Final = "died twice over it (out of memory, or a library crashed)"
+
+
+def lost_windows(lost: Sequence[Span], of: int, facts: Facts) -> tuple[Result, ...]:
+    """Return the result that names the windows that nobody could measure; none where there are none."""
+    if not lost:
+        return ()
+    first = lost[0]
+    start_us, stop_us = (facts.to_file_us(time_ns) for time_ns in (first.start_ns, first.stop_ns))
+    reason = (
+        f"{len(lost)} of {of} windows were not seen by any check, as the process that measured one {_DIED}; "
+        f"the first is from {start_us:.0f} to {stop_us:.0f} us"
+    )
+    return (Result(NAME, "crashed", QUESTION, coverage=Coverage(of - len(lost), of, "windows"), reason=reason),)
+
+
+def lost_file(path: Path, checks: Iterable[Check[Any]], doing: str) -> FileRun:
+    """Return the run of a file that nobody could open, or judge: every check crashed."""
+    digest = file_digest(path)
+    reason = f"the process that was {doing} {_DIED}"
+    return FileRun(
+        FileRecord(
+            path=str(path),
+            size=path.stat().st_size,
+            sha256=digest.sha256,
+            digest_kind=digest.kind,
+            dialect="",
+            inferred={},
+            statistics={},
+            verdict="incomplete",
+            results=tuple(Result(check.name, "crashed", check.question, reason=reason) for check in checks),
+        )
+    )

@@ -1,0 +1,55 @@
+"""How a file is to be checked, and what checking it gives."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from fedora_qa.engine.plan import Effort
+from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.judgement.tolerances import DEFAULT_FALSE_ALARM_RATE
+from fedora_qa.layout.dialect import Dialect
+from fedora_qa.record.types import FileRecord
+
+_MEBIBYTE: Final = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class CheckOptions:
+    """How a file is to be checked.
+
+    Attributes
+    ----------
+    select, ignore
+        Names of checks (``subject`` or ``subject.property``) to run, all where empty, and to leave out. What is
+        selected also bounds the statistics: values of streams that no selected check needs are not decoded.
+    dialect
+        How the file names and scales things; recognised from the file when None.
+    memory_bytes
+        What to aim at: shares of it bound the decoded blocks and what is computed of single images; what else checks
+        compute follows the size of frames and the number of events.
+    canary
+        Whether each check must see a fault that is planted for it in memory; one that does not is ``crashed``.
+    evidence
+        How much to keep for a person to see; None: only what checks keep themselves.
+    """
+
+    effort: Effort = "full"
+    select: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
+    dialect: Dialect | None = None
+    memory_bytes: int = 1024 * _MEBIBYTE
+    false_alarm_rate: float = DEFAULT_FALSE_ALARM_RATE
+    canary: bool = False
+    evidence: EvidenceOptions | None = field(default_factory=EvidenceOptions)
+
+
+@dataclass(frozen=True, slots=True)
+class FileRun:
+    """The record of one file, the evidence that lies beside it, and where the time went."""
+
+    record: FileRecord
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    decoded_bytes: int = 0

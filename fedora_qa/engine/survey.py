@@ -1,0 +1,166 @@
+"""What is known of a file before its windows are measured: enough for any process to measure any of them."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fedora_qa.checks.protocol import Check
+from fedora_qa.engine.digest import Digest, file_digest
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.outcomes import why_not_applicable
+from fedora_qa.engine.plan import Plan, make_plan, sees_every_window
+from fedora_qa.engine.prepare import Prepared, prepare, ready_to_measure
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.stopwatch import Stopwatch
+from fedora_qa.engine.stream import Accumulator
+from fedora_qa.engine.unreadable import unreadable_record
+from fedora_qa.errors import FedoraError, UnreadableFileError
+from fedora_qa.evidence.collector import EvidenceCollector
+from fedora_qa.sequence.scan import Scan
+from fedora_qa.sequence.sequence import Sequence as FileSequence
+from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.sequence.window import Span
+from fedora_qa.statistics.collector import StatisticsCollector
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """A file whose stamps have been scanned. It holds no open file and no decoded image, so that it travels.
+
+    Attributes
+    ----------
+    version
+        Size and time of the last change: whoever opens the file later must find the same.
+    checks
+        All that were selected.
+    reasons
+        Why a check's question cannot be asked of this file, by check; empty where it can.
+    """
+
+    path: Path
+    version: tuple[int, int]
+    digest: Digest
+    scanned: Scan
+    plan: Plan
+    checks: tuple[Check[Any], ...]
+    reasons: Mapping[str, str]
+    options: CheckOptions
+    seconds: Mapping[str, float]
+
+    @property
+    def asked(self) -> tuple[Check[Any], ...]:
+        """The checks whose question can be asked."""
+        return tuple(check for check in self.checks if not self.reasons[check.name])
+
+    @property
+    def windows(self) -> tuple[int, ...]:
+        """The windows that are shown to some check at least: those of the plan, or all where some check sees all."""
+        some_see_all = any(sees_every_window(check.needs) for check in self.asked)
+        return tuple(range(self.plan.of)) if some_see_all else self.plan.chosen
+
+
+@dataclass(frozen=True, slots=True)
+class OpenSurvey:
+    """A surveyed file, open in this process, and what its windows are shown to.
+
+    ``windows`` are those that are shown to some check at least, ``chosen`` those of the plan, whose numbers
+    are ``planned``.
+    """
+
+    sequence: FileSequence
+    ready: Prepared
+    windows: tuple[Span, ...]
+    chosen: tuple[Span, ...]
+    planned: frozenset[int]
+    asked: tuple[Check[Any], ...]
+    statistics: StatisticsCollector
+    keeper: EvidenceCollector | None
+
+    @property
+    def accumulators(self) -> tuple[Accumulator, ...]:
+        """The checks, and what gathers beside them."""
+        return (*self.asked, self.statistics, *([self.keeper] if self.keeper else []))
+
+    def audience(self, span: Span) -> Sequence[Accumulator]:
+        """Return what a window is shown to: everything if it is one of the plan, else the checks that see all."""
+        if span.index in self.planned:
+            return self.accumulators
+        return tuple(check for check in self.asked if sees_every_window(check.needs))
+
+
+def survey_file(
+    path: Path, checks: tuple[Check[Any], ...], options: CheckOptions, progress: Progress
+) -> Survey | FileRun:
+    """Scan the stamps of a file and plan its windows; the file's whole run where HDF5 refuses to open it.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, or it is not HDF5.
+    """
+    watch = Stopwatch()
+    version = _version(path)
+    try:
+        with watch.stage("open"):
+            sequence = open_sequence(path, options.dialect)
+    except UnreadableFileError as error:
+        return FileRun(unreadable_record(path, file_digest(path), checks, str(error)), seconds=watch.seconds)
+    with sequence:
+        with watch.stage("digest"):
+            digest = file_digest(path)
+        with watch.stage("stamps"):
+            progress("reading stamps", 0, 1)
+            ready = prepare(sequence, options.memory_bytes)
+    return Survey(
+        path=path,
+        version=version,
+        digest=digest,
+        scanned=ready.scanned,
+        plan=make_plan(options.effort, len(ready.spans), ready.frame_pixels),
+        checks=checks,
+        reasons={check.name: why_not_applicable(check, ready.facts) for check in checks},
+        options=options,
+        seconds=watch.seconds,
+    )
+
+
+@contextmanager
+def opened(survey: Survey) -> Iterator[OpenSurvey]:
+    """Open a surveyed file again, in whichever process.
+
+    Raises
+    ------
+    FedoraError
+        The file has been changed since.
+    """
+    path, options, asked = survey.path, survey.options, survey.asked
+    with open_sequence(path, options.dialect) as sequence:
+        if _version(path) != survey.version:
+            raise FedoraError(f"Expected {path} to stay as it is while it is checked, got a change; check it again")
+        ready = ready_to_measure(sequence, survey.scanned, options.memory_bytes)
+        chosen = tuple(ready.spans[number] for number in survey.plan.chosen)
+        yield OpenSurvey(
+            sequence=sequence,
+            ready=ready,
+            windows=tuple(ready.spans[number] for number in survey.windows),
+            chosen=chosen,
+            planned=frozenset(survey.plan.chosen),
+            asked=asked,
+            statistics=StatisticsCollector(_needed_by(asked) if options.select else None),
+            keeper=EvidenceCollector(ready.spans, chosen, options.evidence) if options.evidence else None,
+        )
+
+
+def _needed_by(checks: Iterable[Check[Any]]) -> frozenset[str]:
+    """Return the streams that the checks ask for: where some are selected, statistics shall cost no others."""
+    return frozenset(stream for check in checks for stream in check.needs)
+
+
+def _version(path: Path) -> tuple[int, int]:
+    try:
+        found = path.stat()
+    except OSError:
+        return 0, 0  # opening says what is wrong
+    return found.st_size, found.st_mtime_ns

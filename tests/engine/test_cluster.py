@@ -1,0 +1,99 @@
+"""The same tasks on a Dask cluster of separate processes, some of which die."""
+
+import sys
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import dask
+import pytest
+from distributed import LocalCluster
+
+from fedora_qa.engine import cluster as cluster_module
+from fedora_qa.engine.cluster import DaskExecutor
+from fedora_qa.engine.executors import InProcess
+from fedora_qa.engine.files import check_files
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.progress import quiet
+from fedora_qa.errors import FedoraError, MisuseError, WorkerLostError
+from tests.support import tasks
+from tests.support.handmade import write_handmade
+from tests.support.identical import identical
+from tests.support.killers import Kills
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A cluster of two workers that gives a task up after two of them have died over it."""
+    folder = tmp_path_factory.mktemp("dask")
+    settings = {"distributed.scheduler.allowed-failures": 1, "temporary-directory": str(folder)}
+    workers: dict[str, Any] = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with dask.config.set(settings), LocalCluster(**workers, host="127.0.0.1") as made:  # type: ignore[no-untyped-call]
+        yield made.scheduler_address
+
+
+def test_tasks_are_done(address: str) -> None:
+    """Results and errors come back from as many workers as there are."""
+    with DaskExecutor(address) as executor:
+        assert (executor.capacity, executor.sharing) == (2, 1)
+        results = [executor.submit(partial(tasks.count, number), quiet) for number in range(5)]
+        assert [result.result()[0] for result in results] == list(range(5))
+        with pytest.raises(ZeroDivisionError):
+            executor.submit(partial(tasks.divide, 0), quiet).result()
+
+
+def test_a_task_that_kills_is_lost(address: str) -> None:
+    """A task that kills every worker that tries it is lost, and the next one is done."""
+    with DaskExecutor(address) as executor:
+        with pytest.raises(WorkerLostError, match="died"):
+            executor.submit(tasks.die, quiet).result()
+        assert executor.submit(partial(tasks.count, 1), quiet).result()[0] == 1
+
+
+def test_a_worker_killed_on_the_way(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of the workers is killed while it measures: the record is that of a run in one process, to the last bit."""
+    paths = [write_handmade(tmp_path / name) for name in ("one.h5", "other.h5")]
+    killed = tmp_path / "killed"
+    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Kills(once=killed),))
+
+    def runs(executor: Any) -> dict[Path, FileRun]:
+        with executor:
+            return dict(check_files(paths, CheckOptions(), executor, lambda tally: None))
+
+    on_cluster = runs(DaskExecutor(address))
+    assert killed.exists()
+    alone = runs(InProcess())
+    for path in paths:
+        assert identical(on_cluster[path].record, alone[path].record)
+        assert identical(on_cluster[path].arrays, alone[path].arrays)
+
+
+def test_other_code_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker that has another version does nothing, and says what to do."""
+    monkeypatch.setattr(cluster_module, "code_digest", lambda: "another")
+    with DaskExecutor(address) as executor, pytest.raises(MisuseError, match="install the same version"):
+        executor.submit(partial(tasks.count, 1), quiet).result()
+
+
+def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An address at which no scheduler answers is misuse."""
+    monkeypatch.setattr(cluster_module, "_CONNECT_S", 0.2)
+    with pytest.raises(MisuseError, match="Expected a Dask scheduler at tcp://127"):
+        DaskExecutor("tcp://127.0.0.1:9")
+
+
+def test_nobody_left(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cluster that has lost its workers for good ends the run, and does not let it wait."""
+    with DaskExecutor(address) as executor:
+        monkeypatch.setattr(executor._client, "nthreads", dict)
+        monkeypatch.setattr(cluster_module, "_WITHOUT_WORKERS_S", -1.0)
+        with pytest.raises(FedoraError, match="got none for a minute"):
+            executor.require_workers()
+
+
+def test_dask_is_an_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without Dask one sentence says how to install it."""
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MisuseError, match=r"pip install 'fedora-qa\[dask\]'"):
+        DaskExecutor("tcp://127.0.0.1:9")

@@ -1,0 +1,88 @@
+"""Tasks are done, wherever; a process that dies takes one task with it, and nothing waits for it."""
+
+import os
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fedora_qa.engine.executors import Executor, InProcess
+from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.progress import quiet
+from fedora_qa.errors import WorkerLostError
+from tests.support import tasks
+
+
+@pytest.fixture(scope="module")
+def processes() -> Iterator[ProcessExecutor]:
+    with ProcessExecutor(2) as executor:
+        yield executor
+
+
+@pytest.fixture(params=["in process", "processes"])
+def executor(request: pytest.FixtureRequest, processes: ProcessExecutor) -> Executor:
+    return InProcess() if request.param == "in process" else processes
+
+
+def test_result_and_progress_come_back(executor: Executor) -> None:
+    """A task gives its result, and what it told arrives in order before it."""
+    told: list[tuple[str, int, int]] = []
+    result, _ = executor.submit(partial(tasks.count, 3), lambda *what: told.append(what)).result()
+    assert result == 3
+    assert told == [("counting", number, 3) for number in range(3)]
+
+
+def test_errors_come_back(executor: Executor) -> None:
+    """What a task raises is raised where its result is asked for, with the place where it happened."""
+    future = executor.submit(partial(tasks.divide, 0), quiet)
+    with pytest.raises(ZeroDivisionError) as raised:
+        future.result()
+    shown = [str(entry.path) for entry in raised.traceback] + getattr(raised.value, "__notes__", [])
+    assert "tasks.py" in "".join(shown)
+
+
+def test_an_error_that_cannot_travel_is_told(processes: ProcessExecutor) -> None:
+    """An error that cannot be unpickled arrives as its name and words."""
+    with pytest.raises(RuntimeError, match="StubbornError: this and that"):
+        processes.submit(tasks.be_stubborn, quiet).result()
+
+
+def test_a_task_that_cannot_travel_costs_no_process(processes: ProcessExecutor) -> None:
+    """A task that cannot be pickled is refused, and the next one is done."""
+    with pytest.raises(Exception, match="pickle"):
+        processes.submit(lambda progress: None, quiet).result()
+    assert processes.submit(partial(tasks.count, 1), quiet).result()[0] == 1
+
+
+@pytest.mark.parametrize(("task", "how"), [(tasks.die, "signal 9"), (tasks.leave, "exit code 7")])
+def test_a_death_costs_its_own_task(task: Any, how: str, processes: ProcessExecutor) -> None:
+    """A process that dies is reported by the task it did; all others, before and after, are done."""
+    submitted = [processes.submit(partial(tasks.count, 2), quiet) for _ in range(3)]
+    lost = processes.submit(task, quiet)
+    submitted += [processes.submit(partial(tasks.count, 2), quiet) for _ in range(3)]
+    with pytest.raises(WorkerLostError, match=how):
+        lost.result()
+    assert [future.result()[0] for future in submitted] == [2] * 6
+
+
+def test_an_interrupt_is_not_for_workers(processes: ProcessExecutor) -> None:
+    """Ctrl-C, which the terminal sends to every process, ends no worker."""
+    assert processes.submit(tasks.interrupt, quiet).result() == "done"
+
+
+def test_leaving_ends_what_is_being_done(tmp_path: Path) -> None:
+    """After the executor is left, the process of a task that would never end is gone, and its task is lost."""
+    note = tmp_path / "id"
+    with ProcessExecutor(1) as executor:
+        endless = executor.submit(partial(tasks.write_id_and_sleep, note), quiet)
+        waiting = executor.submit(partial(tasks.count, 1), quiet)
+        while not note.exists():
+            time.sleep(0.01)
+    with pytest.raises(WorkerLostError):
+        endless.result()
+    assert waiting.cancelled()
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(note.read_text()), 0)

@@ -1,0 +1,203 @@
+"""Files are checked at once and in parts: what is found does not depend on it, and a death costs what it interrupts."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fedora_generator.faults import plant_fault
+from fedora_qa.engine.executors import Executor, InProcess
+from fedora_qa.engine.file_work import stretches
+from fedora_qa.engine.files import check_files
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.progress import Tally
+from fedora_qa.errors import MisuseError
+from tests.support.fake_executors import Loses, Travels
+from tests.support.handmade import write_handmade
+from tests.support.identical import identical
+from tests.support.killers import Counts, CrashesLate, Kills
+
+WINDOWS = 6
+"""Of 20 ms, in the tenth of a second and its last frame that the handmade file holds."""
+
+
+@pytest.fixture
+def short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cut windows of 20 ms."""
+    monkeypatch.setattr("fedora_qa.engine.windows.WINDOW_NS", 20_000_000)
+
+
+@pytest.fixture
+def handmade(tmp_path: Path, short_windows: None) -> Path:
+    return write_handmade(tmp_path / "seq.h5")
+
+
+@pytest.fixture
+def counting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run checks that are quick in place of the real ones."""
+    run_checks(monkeypatch, Counts())
+
+
+def run_checks(monkeypatch: pytest.MonkeyPatch, *checks: Counts) -> None:
+    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", checks)
+
+
+def all_runs(paths: Sequence[Path], executor: Executor, options: CheckOptions | None = None) -> dict[Path, FileRun]:
+    options = options or CheckOptions(evidence=None)
+    with executor:
+        return dict(check_files(paths, options, executor, lambda tally: None))
+
+
+def only_run(path: Path, executor: Executor, options: CheckOptions | None = None) -> FileRun:
+    return all_runs([path], executor, options)[path]
+
+
+def same(one: FileRun, other: FileRun) -> bool:
+    """Whether two runs found the same, to the last bit."""
+    return identical(one.record, other.record) and identical(one.arrays, other.arrays)
+
+
+def test_what_is_found_does_not_depend_on_the_workers(park_day: Path, tmp_path: Path) -> None:
+    """All checks of a faulty file, its evidence and second look: dealt out over three workers, the same bits."""
+    late = tmp_path / "late.h5"
+    plant_fault(park_day, late, "time_offset", "events", 3.0)
+    alone, dealt = (only_run(late, executor, CheckOptions()) for executor in (InProcess(), Travels()))
+    assert alone.record.verdict == "findings"
+    assert alone.arrays
+    assert same(alone, dealt)
+
+
+def test_a_crash_in_a_worker_is_an_outcome(handmade: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A check that fails on a later window has the same crash and traceback; the others have seen every window."""
+    run_checks(monkeypatch, CrashesLate(), Counts())
+    alone, dealt = only_run(handmade, InProcess()), only_run(handmade, Travels())
+    assert same(alone, dealt)
+    crashed, counted = dealt.record.results
+    assert (crashed.outcome, dealt.record.verdict) == ("crashed", "incomplete")
+    assert "ZeroDivisionError: window 3" in crashed.traceback
+    assert counted.coverage is not None
+    assert counted.coverage.seen == WINDOWS
+
+
+@pytest.mark.usefixtures("counting")
+@pytest.mark.parametrize("lost", ["survey_file", "measure_windows seq.h5 [2, 3]", "finish_file"])
+def test_what_is_lost_once_is_done_again(lost: str, handmade: Path) -> None:
+    """A process that dies over any step leaves no trace in the record."""
+    assert same(only_run(handmade, Loses(lost)), only_run(handmade, InProcess()))
+
+
+@pytest.mark.usefixtures("counting")
+def test_a_lost_stretch_is_done_again_window_by_window(handmade: Path) -> None:
+    """After a death each window of the stretch is measured by itself, and no other is measured again."""
+    executor = Loses("measure_windows seq.h5 [2, 3]")
+    only_run(handmade, executor)
+    measured = sorted(task for task in executor.done if task.startswith("measure"))
+    assert measured == [f"measure_windows seq.h5 {windows}" for windows in ([0, 1], [2], [3], [4, 5])]
+
+
+@pytest.mark.usefixtures("counting")
+def test_a_window_that_kills_again_is_told(handmade: Path) -> None:
+    """It costs itself alone, and the file is never clean."""
+    run = only_run(handmade, Loses("measure_windows seq.h5 [2, 3]", "measure_windows seq.h5 [2]"))
+    assert run.record.inferred["seen"] == str([0, 1, 3, 4, 5])
+    assert run.record.verdict == "incomplete"
+    told = run.record.results[-1]
+    assert (told.check, told.outcome) == ("windows", "crashed")
+    assert told.reason.startswith("1 of 6 windows were not seen by any check")
+    assert "from 40000 to 60000 us" in told.reason
+    assert told.coverage is not None
+    assert (told.coverage.seen, told.coverage.of) == (5, 6)
+
+
+@pytest.mark.usefixtures("counting")
+def test_all_windows_lost(handmade: Path) -> None:
+    """Where every window kills, the file is judged by none, and is incomplete."""
+    run = only_run(handmade, Loses("measure_windows", times=99))
+    assert run.record.inferred["seen"] == "[]"
+    assert run.record.verdict == "incomplete"
+
+
+@pytest.mark.usefixtures("counting")
+@pytest.mark.parametrize(("lost", "doing"), [("survey_file seq", "being opened"), ("finish_file seq", "being judged")])
+def test_a_file_that_kills_again_is_told(lost: str, doing: str, handmade: Path, tmp_path: Path) -> None:
+    """Where opening or judging a file kills twice, each of its checks has crashed; other files stand."""
+    other = write_handmade(tmp_path / "other.h5")
+    runs = all_runs([handmade, other], Loses(lost, times=2))
+    record = runs[handmade].record
+    assert [result.outcome for result in record.results] == ["crashed"]
+    assert doing in record.results[0].reason
+    assert (record.verdict, len(record.sha256), record.path) == ("incomplete", 64, str(handmade))
+    assert runs[other].record.results[0].outcome == "passed"
+
+
+def test_a_killed_process_costs_nothing(handmade: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With real processes, one of which is killed in the middle: all windows seen, the other file untouched."""
+    run_checks(monkeypatch, Kills(once=tmp_path / "killed"))
+    runs = all_runs([handmade, write_handmade(tmp_path / "other.h5")], ProcessExecutor(2))
+    assert (tmp_path / "killed").exists()
+    for run in runs.values():
+        assert [result.outcome for result in run.record.results] == ["passed"]
+        assert run.record.inferred["seen"] == "[0]"
+
+
+def test_a_window_that_kills_every_process(handmade: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With real processes, a window that kills whoever looks at it ends the run honestly, and does not hang it."""
+    run_checks(monkeypatch, Kills())
+    record = only_run(handmade, ProcessExecutor(1)).record
+    assert [(result.check, result.outcome) for result in record.results][-1] == ("windows", "crashed")
+    assert record.verdict == "incomplete"
+
+
+@pytest.mark.usefixtures("counting")
+def test_progress_tells_the_truth(handmade: Path, tmp_path: Path) -> None:
+    """Nothing that is told goes back; at the end all files, windows and bytes are done; before it, not all."""
+    paths = [handmade, write_handmade(tmp_path / "other.h5")]
+    tallies: list[Tally] = []
+    executor = Travels()
+    for _ in check_files(paths, CheckOptions(evidence=None), executor, tallies.append):
+        pass
+    sizes = sum(path.stat().st_size for path in paths)
+    assert tallies[-1] == replace(
+        tallies[-1], files_done=2, files=2, windows_done=2 * WINDOWS, windows=2 * WINDOWS, bytes_done=sizes, bytes=sizes
+    )
+    for counts in ("files_done", "windows_done", "bytes_done"):
+        values = [getattr(tally, counts) for tally in tallies]
+        assert values == sorted(values)
+    assert all(tally.bytes_done < sizes for tally in tallies if tally.files_done < 2)
+
+
+@pytest.mark.usefixtures("counting")
+def test_memory_is_shared(handmade: Path) -> None:
+    """Each of three workers gets a third of the memory."""
+    seen: list[Any] = []
+
+    class Looks(Travels):
+        def submit(self, task: Any, progress: Any) -> Any:
+            seen.append(task)
+            return super().submit(task, progress)
+
+    only_run(handmade, Looks(), CheckOptions(evidence=None, memory_bytes=300))
+    assert seen[0].args[2].memory_bytes == 100
+
+
+@pytest.mark.usefixtures("counting")
+def test_errors_of_a_file_end_the_run(tmp_path: Path) -> None:
+    """A path that is no file is misuse, also where somebody else was to open it."""
+    with pytest.raises(MisuseError, match="does not exist"):
+        all_runs([tmp_path / "none.h5"], InProcess())
+
+
+@given(windows=st.integers(0, 3000), workers=st.integers(1, 64))
+def test_stretches_hold_every_window_once(windows: int, workers: int) -> None:
+    """Stretches follow on each other from the first window to the last; several workers get short ones."""
+    dealt = stretches(windows, workers)
+    assert [window for stretch in dealt for window in stretch] == list(range(windows))
+    assert all(len(stretch) for stretch in dealt)
+    if workers > 1:
+        assert all(len(stretch) <= 8 for stretch in dealt)
+        assert len(dealt) >= min(windows // 2, workers)
