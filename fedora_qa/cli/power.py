@@ -79,7 +79,8 @@ def power(
     if publish:
         write_worth(worth_of(found), publish)
     if markdown_path:
-        write_text(markdown_path, power_to_markdown(found))
+        drawing = svg_path.name if svg_path and svg_path.parent.resolve() == markdown_path.parent.resolve() else ""
+        write_text(markdown_path, power_to_markdown(found, drawing))
     if html_path:
         _write_html(html_path, found)
     if svg_path:

@@ -45,6 +45,8 @@ def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -
         tmp_path / "w.json",
         "--markdown",
         tmp_path / "p.md",
+        "--svg",
+        tmp_path / "p.svg",
     )
     done = fedora_qa("power", corpus, *STAMPS, *outputs)
     assert (done.code, done.err) == (0, "")
@@ -57,6 +59,8 @@ def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -
     assert "imu:unsorted" in (tmp_path / "p.html").read_text(encoding="utf-8").replace("<wbr>", "")
     page = (tmp_path / "p.md").read_text(encoding="utf-8")
     assert "| imu:unsorted | any check | 3 of 3 (100.0%) |" in page.replace("\\", "")
+    assert "](p.svg)" in page
+    assert "imu:unsorted" in (tmp_path / "p.svg").read_text(encoding="utf-8")
     worth = read_worth(tmp_path / "w.json")
     assert worth is not None
     assert not worth.is_stale()
