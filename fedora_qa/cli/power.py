@@ -73,7 +73,7 @@ def power(
         kept = State(_made(state_folder(corpus, state)), corpus, measured_with(settings.digest))
         with progress_bar(corpus.name) as report:
             trials += run_study(manifest, kept, options, jobs, report)
-    found = power_of(trials, Origin(" and ".join(corpus.resolve().name for corpus in corpora), started, settings))
+    found = power_of(trials, Origin(", ".join(corpus.resolve().name for corpus in corpora), started, settings))
     if json_path:
         write_text(json_path, power_to_json(found))
     if publish:
