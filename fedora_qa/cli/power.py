@@ -73,13 +73,14 @@ def power(
         kept = State(_made(state_folder(corpus, state)), corpus, measured_with(settings.digest))
         with progress_bar(corpus.name) as report:
             trials += run_study(manifest, kept, options, jobs, report)
-    found = power_of(trials, Origin(" and ".join(corpus.resolve().name for corpus in corpora), started, settings))
+    found = power_of(trials, Origin(", ".join(corpus.resolve().name for corpus in corpora), started, settings))
     if json_path:
         write_text(json_path, power_to_json(found))
     if publish:
         write_worth(worth_of(found), publish)
     if markdown_path:
-        write_text(markdown_path, power_to_markdown(found))
+        drawing = svg_path.name if svg_path and svg_path.parent.resolve() == markdown_path.parent.resolve() else ""
+        write_text(markdown_path, power_to_markdown(found, drawing))
     if html_path:
         _write_html(html_path, found)
     if svg_path:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.flow_mask_kernels import spread_at_targets
+from fedora_qa.estimators.remapping import read_at
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import moved_points
 
@@ -108,12 +109,12 @@ def seen_in_both(
     height, width = inverse_depth1.shape
     inside = (Z1 > 0) & (x1 >= 0) & (x1 <= width - 1) & (y1 >= 0) & (y1 <= height - 1)
     x1, y1 = np.where(inside, x1, np.float32(0)), np.where(inside, y1, np.float32(0))
-    found = cv2.remap(inverse_depth1, x1, y1, cv2.INTER_LINEAR)
-    near_edge = cv2.remap(edges1, x1, y1, cv2.INTER_NEAREST)
+    found = read_at(inverse_depth1, x1, y1, cv2.INTER_LINEAR)
+    near_edge = read_at(edges1, x1, y1, cv2.INTER_NEAREST)
     tolerance: Float64 | float = EDGE
     if uncertainty_px > 0:
-        right = cv2.remap(inverse_depth1, x1 + np.float32(1), y1, cv2.INTER_LINEAR)
-        below = cv2.remap(inverse_depth1, x1, y1 + np.float32(1), cv2.INTER_LINEAR)
+        right = read_at(inverse_depth1, x1 + np.float32(1), y1, cv2.INTER_LINEAR)
+        below = read_at(inverse_depth1, x1, y1 + np.float32(1), cv2.INTER_LINEAR)
         slope = np.abs(right - found) + np.abs(below - found)
         tolerance = EDGE + uncertainty_px * slope / np.maximum(found, np.float32(1e-6))
     with np.errstate(invalid="ignore"):

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.flow_warp_kernels import read_spline
+from fedora_qa.estimators.remapping import read_at
 
 Float32 = NDArray[np.float32]
 
@@ -54,8 +55,7 @@ def blur(image: Float32, sigma_px: float = 1.0) -> Float32:
 
 def read_bilinear(image: Float32, columns: Float32, rows: Float32) -> Float32:
     """Return an image bilinearly at any positions (n, m); positions must be finite, and read the border beyond it."""
-    read = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
-    return np.asarray(read, dtype=np.float32)
+    return read_at(image, columns, rows, cv2.INTER_LINEAR, cv2.BORDER_REFLECT_101)
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,14 +63,15 @@ def headline(power: Power) -> str:
     return f"{power.files} files of {power.corpus}, {power.clean} of them clean; effort {power.effort}"
 
 
-def power_to_markdown(power: Power) -> str:
-    """Return a study as a page: its headline, which code it belongs to, and its tables."""
+def power_to_markdown(power: Power, drawing: str = "") -> str:
+    """Return a study as a page: its headline, which code it belongs to, the ``drawing`` beside it, and its tables."""
     code = f"{power.tool.name} {power.tool.version}, rules {power.ruleset_version}, {power.started[:10]}"
     head = (
         f"# What the checks can see\n\n{escape(headline(power))}. {escape(code)}. How to read it: [power.md](power.md)."
     )
+    picture = f"![Detection against size, and stated limits against what is found]({drawing})" if drawing else ""
     sections = [f"## {one.title}\n\n{table(one.head, one.rows)}\n\n{escape(one.note)}" for one in tables_of(power)]
-    return "\n\n".join(section.rstrip() for section in [head, *sections]) + "\n"
+    return "\n\n".join(section.rstrip() for section in [head, picture, *sections] if section) + "\n"
 
 
 def share_words(share: Share) -> str:

@@ -37,14 +37,15 @@ class PowerDrawing:
 
 
 def draw_power(power: Power) -> str:
-    """Return the curves of every cause with sizes, and how stated limits compare, as an SVG document."""
+    """Return every curve that could be fitted, and how stated limits compare, as an SVG document."""
     return environment().get_template("power.svg.j2").render(drawing=drawing_of(power_from_json(power_to_json(power))))
 
 
 def drawing_of(power: Power) -> PowerDrawing:
     """Return what is drawn, and where."""
     page, (across, down) = page_of(power), _CELL_PX
-    cells = tuple(Placed(across * (k % _COLUMNS), down * (k // _COLUMNS), chart) for k, chart in enumerate(page.charts))
+    curves = [chart for chart in page.charts if chart.curve]
+    cells = tuple(Placed(across * (k % _COLUMNS), down * (k // _COLUMNS), chart) for k, chart in enumerate(curves))
     top = down * -(-len(cells) // _COLUMNS)
     rows = page.limits.height // 10 if page.limits else 0
     beneath = rows * _ROW_PX + 70 if rows else 0

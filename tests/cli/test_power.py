@@ -45,6 +45,8 @@ def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -
         tmp_path / "w.json",
         "--markdown",
         tmp_path / "p.md",
+        "--svg",
+        tmp_path / "p.svg",
     )
     done = fedora_qa("power", corpus, *STAMPS, *outputs)
     assert (done.code, done.err) == (0, "")
@@ -57,6 +59,8 @@ def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -
     assert "imu:unsorted" in (tmp_path / "p.html").read_text(encoding="utf-8").replace("<wbr>", "")
     page = (tmp_path / "p.md").read_text(encoding="utf-8")
     assert "| imu:unsorted | any check | 3 of 3 (100.0%) |" in page.replace("\\", "")
+    assert "](p.svg)" in page
+    assert (tmp_path / "p.svg").read_text(encoding="utf-8").startswith("<svg")
     worth = read_worth(tmp_path / "w.json")
     assert worth is not None
     assert not worth.is_stale()
@@ -72,7 +76,7 @@ def test_several_corpora_are_one_study(fedora_qa: Command, corpus: Path, tmp_pat
     (other / "manifest.json").write_text('{"corpus_version": 1, "items": [{"file": "night.h5"}]}')
     done = fedora_qa("power", corpus, other, *STAMPS, "--json", tmp_path / "p.json")
     document = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
-    assert (done.code, document["files"], document["clean"], document["corpus"]) == (0, 6, 3, "corpus and other")
+    assert (done.code, document["files"], document["clean"], document["corpus"]) == (0, 6, 3, "corpus, other")
     assert (tmp_path / "other.power" / "night.h5.json").is_file()
     shutil.copytree(corpus, tmp_path / "same")
     refused = fedora_qa("power", corpus, tmp_path / "same", *STAMPS)
