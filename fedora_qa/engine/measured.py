@@ -3,14 +3,16 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from typing import Final
 
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stopwatch import Stopwatch
 from fedora_qa.engine.stream import Accumulator, States, measure, merge, start
-from fedora_qa.engine.survey import Survey, opened
+from fedora_qa.engine.survey import OpenSurvey, Survey, opened
 from fedora_qa.sequence.facts import Facts
 
-STAGE = "measuring"
+STAGE: Final = "measuring"
+"""As the stopwatch and the pass itself call it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,15 +25,21 @@ class Measured:
 
 
 def measure_windows(survey: Survey, windows: Sequence[int], progress: Progress) -> Measured:
-    """Hand windows of the plan, named by their place in it, to every check and collector."""
+    """Open a file, and hand windows of its plan, named by their place in it, to every check and collector."""
+    with opened(survey) as file:
+        return measure_open(survey, file, windows, progress)
+
+
+def measure_open(survey: Survey, file: OpenSurvey, windows: Sequence[int], progress: Progress) -> Measured:
+    """Do the same with a file that is open."""
     watch = Stopwatch()
-    with watch.stage(STAGE), opened(survey) as file:
-        ready = file.ready
-        spans = [file.chosen[window] for window in windows]
-        sampling = survey.plan.sampling
-        states = measure(file.accumulators, spans, ready.facts, ready.decoder, sampling, progress, ready.images)
-        decoded_bytes = ready.decoder.decoded_bytes
-    return Measured(states, watch.seconds[STAGE], decoded_bytes)
+    ready, decoded_before = file.ready, file.ready.decoder.decoded_bytes
+    spans = [file.chosen[window] for window in windows]
+    with watch.stage(STAGE):
+        states = measure(
+            file.accumulators, spans, ready.facts, ready.decoder, survey.plan.sampling, progress, ready.images
+        )
+    return Measured(states, watch.seconds[STAGE], ready.decoder.decoded_bytes - decoded_before)
 
 
 def together(parts: Iterable[Measured], accumulators: Sequence[Accumulator], facts: Facts) -> Measured:
