@@ -73,7 +73,7 @@ class DaskExecutor:
     @property
     def sharing(self) -> int:
         """How many tasks share the memory of one worker."""
-        return max(self._threads)
+        return max(self._threads, default=1)
 
     def submit(self, task: Task[Result], progress: Progress) -> Future[Result]:
         """Give the task to the cluster; its progress is not told."""

@@ -12,10 +12,11 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.executors import Task
 from fedora_qa.engine.finish import finish_file
 from fedora_qa.engine.lost import lost_file
-from fedora_qa.engine.measured import Measured, measure_windows
+from fedora_qa.engine.measured import STAGE, Measured, measure_windows
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Survey, survey_file
+from fedora_qa.engine.whole import check_whole
 
 _STRETCHES_PER_WORKER: Final = 2
 """So that the last worker to end does not keep the others waiting for long."""
@@ -40,7 +41,7 @@ class FileWork:
     """One file: the steps that are ready to be done, and in the end its run.
 
     A step whose process dies is done again once: a stretch of windows each window by itself, so that the one that
-    kills costs no other.
+    kills costs no other. A single worker does a file in one step.
 
     Attributes
     ----------
@@ -69,7 +70,11 @@ class FileWork:
         self._parts: dict[int, Measured] = {}
         self._lost: list[int] = []
         self._seen: dict[int, int] = {}
-        self._do("being opened", partial(survey_file, path.absolute(), checks, options), self._surveyed)
+        self._options = options
+        if workers == 1:
+            self._do_in_one()
+        else:
+            self._do_in_steps()
 
     @property
     def windows_done(self) -> int:
@@ -80,6 +85,22 @@ class FileWork:
     def share_done(self) -> float:
         """Share of the work that is done: each window counts as one, and so does judgement."""
         return 1.0 if self.run else self.windows_done / (self.windows + 1)
+
+    def _do_in_one(self) -> None:
+        """Get the whole file done by one process, step by step where that dies over it."""
+
+        def tell(what: str, done: int, of: int) -> None:
+            if what == STAGE:
+                self.windows, self._seen[0] = of, done
+            self._tell(what, done, of)
+
+        task = partial(check_whole, self.path.absolute(), self._checks, self._options)
+        self.ready.append(Step(task, tell, self._finished, self._do_in_steps))
+
+    def _do_in_steps(self) -> None:
+        self._seen.clear()
+        task = partial(survey_file, self.path.absolute(), self._checks, self._options)
+        self._do("being opened", task, self._surveyed)
 
     def _do(self, doing: str, task: Task[Any], then: Callable[[Any], None]) -> None:
         """Get a task done for the whole file; where its process dies twice, every check has crashed."""
@@ -131,15 +152,14 @@ class FileWork:
     def _finished(self, run: FileRun) -> None:
         self.run = replace(run, record=replace(run.record, path=str(self.path)))
         self._parts.clear()
+        self._seen = {0: self.windows}
 
     def _tell(self, what: str, done: int, of: int) -> None:
         self._told(f"{self.path.name}: {what}")
 
 
 def stretches(windows: int, workers: int) -> tuple[Sequence[int], ...]:
-    """Deal windows out in stretches that workers can measure by themselves; all in one for a single worker."""
-    if workers == 1:
-        return (range(windows),) if windows else ()
+    """Deal windows out in stretches that workers can measure by themselves."""
     length = min(max(windows // (_STRETCHES_PER_WORKER * workers), _FEWEST_WINDOWS), _MOST_WINDOWS)
     count = -(-windows // length)
     bounds = [windows * number // count for number in range(count + 1)] if count else []

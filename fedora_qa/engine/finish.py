@@ -30,22 +30,19 @@ def finish_file(survey: Survey, parts: Sequence[Measured], lost: Sequence[int], 
     lost
         Windows of the survey that nobody could measure.
     """
-    watch = Stopwatch(dict(survey.seconds))
     with opened(survey) as file:
-        with watch.stage(STAGE):
-            measured = together(parts, file.accumulators, file.ready.facts)
-        watch.seconds[STAGE] += measured.seconds
-        return _finish(survey, file, measured, lost, progress, watch)
+        return finish_open(survey, file, parts, lost, progress)
 
 
-def _finish(
-    survey: Survey,
-    file: OpenSurvey,
-    measured: Measured,
-    lost: Sequence[int],
-    progress: Progress,
-    watch: Stopwatch,
+def finish_open(
+    survey: Survey, file: OpenSurvey, parts: Sequence[Measured], lost: Sequence[int], progress: Progress
 ) -> FileRun:
+    """Do the same with a file that is open; what has been decoded of it need not be decoded again."""
+    watch = Stopwatch(dict(survey.seconds))
+    decoded_before = file.ready.decoder.decoded_bytes
+    with watch.stage(STAGE):
+        measured = together(parts, file.accumulators, file.ready.facts)
+    watch.seconds[STAGE] += measured.seconds
     states, ready, options, asked = measured.states, file.ready, survey.options, file.asked
     facts = ready.facts
     never = [file.windows[number] for number in lost]
@@ -84,7 +81,8 @@ def _finish(
         canaries=tuple(proof.canary for proof in proofs),
     )
     seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
-    return FileRun(record, kept.arrays, seconds, measured.decoded_bytes + ready.decoder.decoded_bytes)
+    decoded_bytes = measured.decoded_bytes + ready.decoder.decoded_bytes - decoded_before
+    return FileRun(record, kept.arrays, seconds, decoded_bytes)
 
 
 def _evidence(

@@ -3,14 +3,16 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from typing import Final
 
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stopwatch import Stopwatch
 from fedora_qa.engine.stream import Accumulator, States, measure, merge, start
-from fedora_qa.engine.survey import Survey, opened
+from fedora_qa.engine.survey import OpenSurvey, Survey, opened
 from fedora_qa.sequence.facts import Facts
 
-STAGE = "measuring"
+STAGE: Final = "measuring"
+"""As the stopwatch and the pass itself call it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +25,16 @@ class Measured:
 
 
 def measure_windows(survey: Survey, windows: Sequence[int], progress: Progress) -> Measured:
-    """Hand windows of the survey, named by their place in it, to the checks and collectors that see them."""
+    """Open a file, and hand windows of its survey, named by their place in it, to what sees them."""
+    with opened(survey) as file:
+        return measure_open(survey, file, windows, progress)
+
+
+def measure_open(survey: Survey, file: OpenSurvey, windows: Sequence[int], progress: Progress) -> Measured:
+    """Do the same with a file that is open."""
     watch = Stopwatch()
-    with watch.stage(STAGE), opened(survey) as file:
-        ready = file.ready
+    ready, decoded_before = file.ready, file.ready.decoder.decoded_bytes
+    with watch.stage(STAGE):
         states = measure(
             file.accumulators,
             [file.windows[window] for window in windows],
@@ -37,8 +45,7 @@ def measure_windows(survey: Survey, windows: Sequence[int], progress: Progress) 
             ready.images,
             file.audience,
         )
-        decoded_bytes = ready.decoder.decoded_bytes
-    return Measured(states, watch.seconds[STAGE], decoded_bytes)
+    return Measured(states, watch.seconds[STAGE], ready.decoder.decoded_bytes - decoded_before)
 
 
 def together(parts: Iterable[Measured], accumulators: Sequence[Accumulator], facts: Facts) -> Measured:

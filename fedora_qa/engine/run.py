@@ -5,11 +5,9 @@ from typing import Any
 
 from fedora_qa.checks import CHECKS
 from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.finish import finish_file
-from fedora_qa.engine.measured import measure_windows
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress, quiet
-from fedora_qa.engine.survey import survey_file
+from fedora_qa.engine.whole import check_whole
 from fedora_qa.errors import MisuseError
 
 __all__ = ["CheckOptions", "FileRun", "check_file", "quiet", "select_checks"]
@@ -23,11 +21,7 @@ def check_file(path: Path, options: CheckOptions, progress: Progress = quiet) ->
     MisuseError
         There is no such file, it is not HDF5, or the options name an unknown check.
     """
-    survey = survey_file(path, select_checks(options.select, options.ignore), options, progress)
-    if isinstance(survey, FileRun):
-        return survey
-    measured = measure_windows(survey, range(len(survey.windows)), progress)
-    return finish_file(survey, [measured], [], progress)
+    return check_whole(path, select_checks(options.select, options.ignore), options, progress)
 
 
 def select_checks(select: tuple[str, ...], ignore: tuple[str, ...]) -> tuple[Check[Any], ...]:

@@ -27,8 +27,12 @@ from tests.support.killers import Kills
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A cluster of two workers that gives a task up after two of them have died over it."""
     folder = tmp_path_factory.mktemp("dask")
-    settings = {"distributed.scheduler.allowed-failures": 1, "temporary-directory": str(folder)}
-    workers: dict[str, Any] = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    settings = {
+        "distributed.scheduler.allowed-failures": 1,
+        "distributed.deploy.lost-worker-timeout": "600s",  # a busy machine is slow to start another
+        "temporary-directory": str(folder),
+    }
+    workers: dict[str, Any] = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
     with dask.config.set(settings), LocalCluster(**workers, host="127.0.0.1") as made:  # type: ignore[no-untyped-call]
         yield made.scheduler_address
 

@@ -194,10 +194,9 @@ def test_errors_of_a_file_end_the_run(tmp_path: Path) -> None:
 
 @given(windows=st.integers(0, 3000), workers=st.integers(1, 64))
 def test_stretches_hold_every_window_once(windows: int, workers: int) -> None:
-    """Stretches follow on each other from the first window to the last; several workers get short ones."""
+    """Stretches follow on each other from the first window to the last, are short, and enough for all workers."""
     dealt = stretches(windows, workers)
     assert [window for stretch in dealt for window in stretch] == list(range(windows))
     assert all(len(stretch) for stretch in dealt)
-    if workers > 1:
-        assert all(len(stretch) <= 8 for stretch in dealt)
-        assert len(dealt) >= min(windows // 2, workers)
+    assert all(len(stretch) <= 8 for stretch in dealt)
+    assert len(dealt) >= min(windows // 2, workers)

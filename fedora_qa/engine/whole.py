@@ -1,0 +1,21 @@
+"""Check one file from beginning to end in one process, decoding what is looked at again only where it must be."""
+
+from pathlib import Path
+from typing import Any
+
+from fedora_qa.checks.protocol import Check
+from fedora_qa.engine.finish import finish_open
+from fedora_qa.engine.measured import measure_open
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.survey import opened, survey_file
+
+
+def check_whole(path: Path, checks: tuple[Check[Any], ...], options: CheckOptions, progress: Progress) -> FileRun:
+    """Survey a file, measure all windows of its plan, and judge it."""
+    survey = survey_file(path, checks, options, progress)
+    if isinstance(survey, FileRun):
+        return survey
+    with opened(survey) as file:
+        measured = measure_open(survey, file, range(len(survey.windows)), progress)
+        return finish_open(survey, file, [measured], [], progress)
