@@ -12,10 +12,10 @@ from fedora_qa import __version__
 from fedora_qa.cli.coverage import hold_to_coverage
 from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.host import host_facts, peak_memory_mib
+from fedora_qa.cli.output_options import record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.cli.summary import show_record
-from fedora_qa.cli.terminal import stdout_console
+from fedora_qa.cli.say import say_record
 from fedora_qa.config import RULESET_VERSION, CheckConfig, read_config
 from fedora_qa.engine.run import CheckOptions, FileRun, check_file, select_checks
 from fedora_qa.errors import MisuseError, UnreadableFileError
@@ -50,17 +50,11 @@ PATH = click.Path(path_type=Path)
     default=None,
     help="Plant a fault for each check, in memory: one that does not see its own is reported as crashed.",
 )
-@click.option(
-    "--json", "json_path", type=PATH, metavar="OUT", help="Write the record, and its evidence to OUT.arrays.npz."
-)
-@click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write a report with pictures, in one HTML file.")
-@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write a summary for a pull request.")
+@record_options
 def check(
     files: tuple[Path, ...],
     config: Path | None,
-    json_path: Path | None,
-    html_path: Path | None,
-    markdown_path: Path | None,
+    outputs: Outputs,
     **given: Any,
 ) -> int:
     """Check FILES: recompute what must hold between their streams, and say what does not.
@@ -68,7 +62,6 @@ def check(
     Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
     """
     settings = settings_from(config, given)
-    outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path)
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
     outputs.require_writable(files)
     require_hdf5(files, options.dialect)
@@ -77,7 +70,7 @@ def check(
     runs = [replace(run, record=hold_to_coverage(run.record, settings.required_coverage)) for run in runs]
     record = record_of(runs, settings, started)
     outputs.write(record, gathered_arrays(runs))
-    show_record(stdout_console(), record)
+    say_record(record, github=outputs.github)
     return exit_code(record.files, settings.fail_on)
 
 
