@@ -143,9 +143,9 @@ def _require_known_names(policy: Policy) -> None:
     for pattern in policy.files:
         if not pattern or PurePosixPath(pattern).is_absolute() or ".." in PurePosixPath(pattern).parts:
             raise MisuseError(f"Expected patterns beneath the folder in 'files', got {pattern!r}")
-    for name in (policy.documents.datasheet, policy.documents.licence, policy.documents.checksums):
-        if name is not None and not is_plain(name):
-            raise MisuseError(f"Expected names of files within the folder in 'documents', got {name!r}")
+    for document in (policy.documents.datasheet, policy.documents.licence, policy.documents.checksums):
+        if document is not None and not is_plain(document):
+            raise MisuseError(f"Expected names of files within the folder in 'documents', got {document!r}")
     try:
         re.compile(policy.naming or "")
     except re.error as problem:
