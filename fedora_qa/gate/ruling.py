@@ -32,12 +32,15 @@ class Ruling:
         ``each``: of every sequence; ``FOLDER``: of the release. The release may break either.
     violations
         Empty where all is in order.
+    unasked
+        Why there was nothing to hold to the rule; empty where there was.
     """
 
     rule: str
     question: str
     about: Literal["each", "."]
     violations: tuple[Violation, ...] = ()
+    unasked: str = ""
 
 
 def with_rulings(name: str, file: FileRecord, rulings: Iterable[Ruling]) -> FileRecord:
@@ -49,10 +52,14 @@ def with_rulings(name: str, file: FileRecord, rulings: Iterable[Ruling]) -> File
         if broken or (ruling.about == FOLDER) == (name == FOLDER):
             findings = tuple(_finding(ruling, violation, count + i + 1) for i, violation in enumerate(broken))
             count += len(findings)
-            results.append(
-                Result(ruling.rule, "failed" if broken else "passed", ruling.question, findings=findings)
-            )  # fmt: skip
+            results.append(_result(ruling, findings))
     return replace(file, results=tuple(results))
+
+
+def _result(ruling: Ruling, findings: tuple[Finding, ...]) -> Result:
+    if ruling.unasked:
+        return Result(ruling.rule, "not_applicable", ruling.question, reason=ruling.unasked)
+    return Result(ruling.rule, "failed" if findings else "passed", ruling.question, findings=findings)
 
 
 def _finding(ruling: Ruling, violation: Violation, number: int) -> Finding:

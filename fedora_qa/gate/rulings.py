@@ -6,7 +6,7 @@ from typing import Final
 from fedora_qa.gate.contents import Contents, read_contents
 from fedora_qa.gate.documents import rule_on_checksums, rule_on_documents, whole_digest
 from fedora_qa.gate.likeness import rule_on_distinct, rule_on_splits
-from fedora_qa.gate.policy import Policy, each_stream
+from fedora_qa.gate.policy import Documents, Policy, each_stream
 from fedora_qa.gate.release import Release
 from fedora_qa.gate.rules import rule_on_intrinsics, rule_on_names, rule_on_streams
 from fedora_qa.gate.ruling import Ruling
@@ -44,8 +44,10 @@ def rulings_of(
         yield rule_on_splits(names, known, policy.splits)
     if policy.documents.checksums is not None:
         yield rule_on_checksums(release.folder, policy.documents.checksums, digests)
-    yield rule_on_documents(release.folder, policy.documents)
-    yield rule_on_totals(files, policy.totals)
+    if policy.documents != Documents():
+        yield rule_on_documents(release.folder, policy.documents)
+    if policy.totals:
+        yield rule_on_totals(files, policy.totals)
 
 
 def contents_of(policy: Policy, release: Release) -> dict[str, Contents]:

@@ -81,8 +81,10 @@ def waivers_in_order(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[
     files
         Name and record of every file, before anything was waived.
     """
-    named = tuple(files)
-    violations = []
+    question = "Is every waiver needed, and none expired?"
+    named, waivers, violations = tuple(files), tuple(waivers), []
+    if not waivers:
+        return Ruling("release.waivers", question, FOLDER, unasked="the policy has no waivers")
     for waiver in waivers:
         what = f"the waiver of {waiver.owner} for {waiver.code or waiver.cause} in {waiver.file}"
         if waiver.expires < today:
@@ -91,7 +93,7 @@ def waivers_in_order(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[
         elif not any(_covers_any(waiver, name, file) for name, file in named):
             message = f"Expected waivers that are needed, got one that covers no finding: {what}; remove it"
             violations.append(Violation(FOLDER, "unused", message))
-    return Ruling("release.waivers", "Is every waiver needed, and none expired?", FOLDER, tuple(violations))
+    return Ruling("release.waivers", question, FOLDER, tuple(violations))
 
 
 def _covers_any(waiver: Waiver, name: str, file: FileRecord) -> bool:
