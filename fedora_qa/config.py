@@ -23,11 +23,13 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal, TypeVar
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from fedora_qa.errors import MisuseError
+
+T = TypeVar("T")
 
 RULESET_VERSION: Final = "1"
 """Version of the checks and of their rules; it grows when the same file could get another verdict."""
@@ -91,17 +93,27 @@ def read_config(path: Path) -> CheckConfig:
     MisuseError
         There is no such file, it is not TOML, or a key is unknown or has an illegal value; names the key.
     """
+    config = read_toml(path, _READER, "configuration")
+    parse_bytes(config.memory)
+    return dialect_beside(config, path)
+
+
+def read_toml(path: Path, reader: TypeAdapter[T], noun: str) -> T:
+    """Read a TOML file as a type; raises ``MisuseError`` as ``read_config`` does. ``noun`` says what it holds."""
     try:
         values = tomllib.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:
-        raise MisuseError(f"Expected a readable configuration at {path}, got: {error.strerror}") from None
+        raise MisuseError(f"Expected a readable {noun} at {path}, got: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise MisuseError(f"Expected TOML in {path}, got: {error}") from None
     try:
-        config = _READER.validate_python(values)
-        parse_bytes(config.memory)
+        return reader.validate_python(values)
     except ValidationError as error:
-        raise MisuseError(f"Expected a legal configuration in {path}, got {_first_problem(error)}") from None
+        raise MisuseError(f"Expected a legal {noun} in {path}, got {_first_problem(error)}") from None
+
+
+def dialect_beside(config: CheckConfig, path: Path) -> CheckConfig:
+    """Return the configuration with a dialect's file looked for beside the file that names it."""
     if config.dialect is not None and config.dialect.endswith(".toml"):
         return replace(config, dialect=str(path.parent / config.dialect))
     return config

@@ -12,10 +12,10 @@ from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
 from fedora_qa.cli.host import peak_worker_memory_mib
 from fedora_qa.cli.kept import kept_folder
+from fedora_qa.cli.output_options import record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import gathered_arrays, record_of
-from fedora_qa.cli.summary import show_record
-from fedora_qa.cli.terminal import stdout_console
+from fedora_qa.cli.say import say_record
 from fedora_qa.config import CheckConfig, read_config
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.run import select_checks
@@ -62,19 +62,13 @@ PATH = click.Path(path_type=Path)
     default=None,
     help="Plant a fault for each check, in memory: one that does not see its own is reported as crashed.",
 )
-@click.option(
-    "--json", "json_path", type=PATH, metavar="OUT", help="Write the record, and its evidence to OUT.arrays.npz."
-)
-@click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write a report with pictures, in one HTML file.")
-@click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write a summary for a pull request.")
+@record_options
 def check(
     files: tuple[Path, ...],
     config: Path | None,
     dask: str | None,
     resume: Path | None,
-    json_path: Path | None,
-    html_path: Path | None,
-    markdown_path: Path | None,
+    outputs: Outputs,
     **given: Any,
 ) -> int:
     """Check FILES: recompute what must hold between their streams, and say what does not.
@@ -84,7 +78,6 @@ def check(
     settings = settings_from(config, given)
     if dask and given["jobs"]:
         raise MisuseError("Expected either --jobs or --dask, got both")
-    outputs = Outputs(json=json_path, html=html_path, markdown=markdown_path)
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
     outputs.require_writable(files)
     require_hdf5(files, options.dialect)
@@ -95,7 +88,7 @@ def check(
     runs = checked(files, Request(settings, options, started, kept), executor)
     record = record_of(runs, settings, started, {"jobs": jobs, "peak_worker_memory_mib": peak_worker_memory_mib()})
     outputs.write(record, gathered_arrays(runs))
-    show_record(stdout_console(), record)
+    say_record(record, github=outputs.github)
     return exit_code(record.files, settings.fail_on)
 
 

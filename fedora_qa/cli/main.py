@@ -22,6 +22,8 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
         "check": ("fedora_qa.cli.check:check", "Check files and say what is wrong, where, by how much and why."),
         "power": ("fedora_qa.cli.power:power", "Measure what the checks can see, over a corpus with a manifest."),
+        "gate": ("fedora_qa.cli.gate:gate", "Hold a release of sequences to a policy, for CI."),
+        "verify": ("fedora_qa.cli.verify:verify", "Verify that a release is still the one that was certified."),
         "stats": ("fedora_qa.cli.stats:stats", "Print the sequence and flow tables of files."),
         "report": ("fedora_qa.cli.report:report", "Render a record again, without the data."),
         "checks": ("fedora_qa.cli.explain:checks", "List the checks, each with its question."),

@@ -12,19 +12,30 @@ from fedora_qa.cli.arrays import arrays_beside, write_arrays
 from fedora_qa.cli.html import require_renderer, write_html
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import write_text
+from fedora_qa.record.csv_tables import CSV_NAMES, record_to_csv
 from fedora_qa.record.json_io import write_record
+from fedora_qa.record.junit import record_to_junit
 from fedora_qa.record.markdown import record_to_markdown
+from fedora_qa.record.sarif import record_to_sarif
 from fedora_qa.record.types import Record
 
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """Where to write what; None is not written. ``own`` is what a command writes by itself: a dialect, tables."""
+    """Where to write what; None is not written.
+
+    ``own`` is what a command writes by itself: a dialect, tables. ``csv`` is a folder. ``github`` is whether to print
+    annotations.
+    """
 
     json: Path | None = None
     markdown: Path | None = None
     html: Path | None = None
     own: tuple[Path | None, ...] = ()
+    junit: Path | None = None
+    sarif: Path | None = None
+    csv: Path | None = None
+    github: bool = False
 
     @property
     def arrays(self) -> Path | None:
@@ -38,7 +49,11 @@ class Outputs:
 
     def require_writable(self, inputs: Sequence[Path]) -> None:
         """Raise ``MisuseError`` where an output cannot be written, or would overwrite an input or another output."""
-        targets = [p for p in (self.json, self.arrays, self.markdown, self.html, *self.own) if p is not None]
+        alone = (self.json, self.arrays, self.markdown, self.html, *self.own, self.junit, self.sarif)
+        targets = [path for path in alone if path is not None]
+        if self.csv:
+            _require_folder(self.csv)
+            targets += [self.csv / name for name in CSV_NAMES if self.csv.is_dir()]
         places = [path.resolve() for path in targets]
         read = {path.resolve() for path in inputs}
         for target, place in zip(targets, places, strict=True):
@@ -60,5 +75,22 @@ class Outputs:
             write_record(record, self.json)
         if self.markdown:
             write_text(self.markdown, record_to_markdown(record))
+        if self.junit:
+            write_text(self.junit, record_to_junit(record))
+        if self.sarif:
+            write_text(self.sarif, record_to_sarif(record))
+        if self.csv:
+            self.csv.mkdir(exist_ok=True)
+            for name, table in record_to_csv(record).items():
+                write_text(self.csv / name, table)
         if self.html:
             write_html(self.html, record, arrays)
+
+
+def _require_folder(target: Path) -> None:
+    """Raise ``MisuseError`` where there is no such folder, and none can be made."""
+    if target.exists() and not target.is_dir():
+        raise MisuseError(f"Expected a folder for the tables, got a file: {target}")
+    parent = target.parent
+    if not target.exists() and not (parent.is_dir() and os.access(parent, os.W_OK)):
+        raise MisuseError(f"Expected the folder of {target} to exist and be writable; make it first")

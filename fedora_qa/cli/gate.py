@@ -1,0 +1,79 @@
+"""``fedora-qa gate``: hold a release to a policy, for CI."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import click
+
+from fedora_qa.cli.check import check_options, require_hdf5
+from fedora_qa.cli.exit_codes import CLEAN, exit_code
+from fedora_qa.cli.files import Request, checked, executor_for
+from fedora_qa.cli.host import peak_worker_memory_mib
+from fedora_qa.cli.output_options import PATH, record_options
+from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.record import gathered_arrays, record_of
+from fedora_qa.cli.say import say_record
+from fedora_qa.engine.options import FileRun
+from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.gate.baseline import baseline_of
+from fedora_qa.gate.certificate import certificate_of, write_certificate
+from fedora_qa.gate.documents import whole_digest
+from fedora_qa.gate.policy import read_policy
+from fedora_qa.gate.release import find_release
+from fedora_qa.gate.rulings import rulings_of, whole_digests
+from fedora_qa.gate.verdict import Judgement, judged, release_record
+from fedora_qa.record.json_io import read_record
+
+
+@click.command(short_help="Hold a release of sequences to a policy.")
+@click.argument("folder", metavar="DIR", type=PATH)
+@click.option("--policy", "policy_path", required=True, type=PATH, metavar="POLICY.toml", help="What must hold.")
+@click.option(
+    "--baseline", "baseline_path", type=PATH, metavar="RECORD", help="Accept what an earlier gate's record tells of."
+)
+@click.option("--jobs", type=click.IntRange(min=1), help="Files, and windows of a file, checked at once.")
+@click.option("--certificate", type=PATH, metavar="OUT", help="Write what was checked, where the release is clean.")
+@record_options
+def gate(
+    folder: Path,
+    policy_path: Path,
+    baseline_path: Path | None,
+    jobs: int | None,
+    certificate: Path | None,
+    outputs: Outputs,
+) -> int:
+    """Check every sequence in DIR, and DIR as a whole, as a policy demands.
+
+    The record holds the sequences and, last, the release itself. Exit codes: 0 clean; 1 findings; 2 misuse; 3
+    incomplete.
+    """
+    policy = read_policy(policy_path)
+    release = find_release(folder, policy.files)
+    paths = [sequence.path for sequence in release.sequences]
+    baseline = baseline_of(read_record(baseline_path)) if baseline_path else None
+    outputs = replace(outputs, own=(certificate,))
+    outputs.require_writable([*paths, policy_path, *([baseline_path] if baseline_path else [])])
+    settings = replace(policy.check, jobs=jobs) if jobs else policy.check
+    options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
+    require_hdf5(paths, options.dialect)
+    now = datetime.now(UTC)
+    started = now.isoformat(timespec="seconds")
+    executor = executor_for(settings, None)
+    facts = {"jobs": executor.capacity, "peak_worker_memory_mib": peak_worker_memory_mib()}
+    runs = checked(paths, Request(settings, options, started), executor)
+    files = [run.record for run in runs]
+    runs.append(FileRun(release_record(release, files)))
+    record = record_of(runs, settings, started, facts)
+    asks_for_digests = certificate or policy.documents.checksums
+    digests = whole_digests(release, files) if asks_for_digests else {}
+    rulings = rulings_of(policy, release, files, digests)
+    record = judged(record, release, rulings, Judgement(policy, baseline, now.date()))
+    outputs.write(record, gathered_arrays(runs))
+    say_record(record, github=outputs.github)
+    code = exit_code(record.files, "failed")
+    if certificate and code == CLEAN:
+        write_certificate(certificate_of(record, policy, whole_digest(policy_path), digests), certificate)
+    elif certificate:
+        click.echo("fedora-qa: no certificate is written, because the release is not clean", err=True)
+    return code

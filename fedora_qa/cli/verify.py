@@ -1,0 +1,33 @@
+"""``fedora-qa verify``: whether a release is still the one that was certified."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import click
+
+from fedora_qa.cli.exit_codes import CLEAN, FINDINGS
+from fedora_qa.cli.output_options import PATH
+from fedora_qa.gate.certificate import read_certificate
+from fedora_qa.gate.verify import differences
+from fedora_qa.record.wording import printable
+
+
+@click.command(short_help="Verify that a release is still the one that was certified.")
+@click.argument("certificate_path", metavar="CERTIFICATE", type=PATH)
+@click.argument("folder", metavar="DIR", type=PATH)
+def verify(certificate_path: Path, folder: Path) -> int:
+    """Compare every byte of DIR with CERTIFICATE, which `gate --certificate` wrote.
+
+    Exit codes: 0 the same; 1 something was changed, added or removed, or a waiver has expired; 2 misuse.
+    """
+    certificate = read_certificate(certificate_path)
+    found = differences(certificate, folder, datetime.now(UTC).date())
+    for difference in found:
+        click.echo(f"differs: {printable(difference)}")
+    if found:
+        return FINDINGS
+    click.echo(
+        f"{len(certificate.files)} sequences and {len(certificate.documents)} documents are as certified on "
+        f"{printable(certificate.issued)} by {printable(certificate.tool.name)} {printable(certificate.tool.version)}"
+    )
+    return CLEAN

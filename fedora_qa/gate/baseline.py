@@ -1,0 +1,119 @@
+"""The baseline: findings that an earlier gate told of are known; new ones, and known ones grown worse, are not."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+from statistics import NormalDist
+
+from fedora_qa.errors import MisuseError
+from fedora_qa.gate.marking import GRAVE, marked
+from fedora_qa.gate.release import FOLDER
+from fedora_qa.record.types import FileRecord, Finding, Measurement, Record, Result, Side
+
+_TOLD = GRAVE | {"warning"}
+"""Severities of an earlier record's findings that are known: not information, which is what waivers make of them."""
+
+Key = tuple[str, str, str, str | None, str]
+"""Name of the file, check, code, stream; and of a rule about the release its message, which holds no noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """What an earlier gate found: how many findings of each kind, and the results that they came from."""
+
+    counts: Mapping[Key, int]
+    results: Mapping[tuple[str, str], Result]
+
+
+def baseline_of(record: Record) -> Baseline:
+    """Return the baseline that a gate's record is.
+
+    Raises
+    ------
+    MisuseError
+        The record was not written by a gate, so that it is not known which names its files have in the release.
+    """
+    named = tuple(named_files(record))
+    keys = [
+        _key(name, result, finding)
+        for name, file in named
+        for result in file.results
+        for finding in result.findings
+        if finding.severity in _TOLD
+    ]
+    results = {(name, result.check): result for name, file in named for result in file.results}
+    return Baseline(Counter(keys), results)
+
+
+def named_files(record: Record) -> Iterator[tuple[str, FileRecord]]:
+    """Yield the files of a gate's record with their names in the release, which comes last."""
+    if not record.files or not any(result.check.startswith("release.") for result in record.files[-1].results):
+        raise MisuseError("Expected a record that `fedora-qa gate --json` wrote, got one without a release")
+    *files, release = record.files
+    for file in files:
+        yield PurePath(file.path).relative_to(release.path).as_posix(), file
+    yield FOLDER, release
+
+
+def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_rate: float) -> FileRecord:
+    """Return the file with its known findings as warnings.
+
+    As many findings of a kind are known as the baseline has, where no measurement of their check has grown worse.
+
+    Parameters
+    ----------
+    name
+        The file's in the release.
+    false_alarm_rate
+        Probability that a check whose fault has not grown is taken for worse.
+    """
+    left = Counter(baseline.counts)
+
+    def mark(result: Result, finding: Finding) -> Finding:
+        key = _key(name, result, finding)
+        if finding.severity not in GRAVE or not left[key]:
+            return finding
+        if _grown_worse(result, baseline.results[name, result.check], false_alarm_rate):
+            return replace(finding, message=f"{finding.message} Worse than in the baseline.")
+        left[key] -= 1
+        return replace(finding, severity="warning", message=f"{finding.message} Known from the baseline.")
+
+    return marked(file, mark)
+
+
+def _key(name: str, result: Result, finding: Finding) -> Key:
+    message = finding.message.removesuffix(" Known from the baseline.") if result.check.startswith("release.") else ""
+    return name, result.check, finding.code, finding.where.stream, message
+
+
+def _grown_worse(now: Result, before: Result, false_alarm_rate: float) -> bool:
+    """Whether any value lies farther out than before, beyond the errors of both.
+
+    The difference of two honest deviations is normal with the variances of both; the rate is shared by the check's
+    measurements (Bonferroni).
+    """
+    sigmas = NormalDist().inv_cdf(1 - false_alarm_rate / max(len(now.measurements), 1))
+    earlier = {measurement.name: measurement for measurement in before.measurements}
+    return any(
+        _farther_out(measurement, earlier[measurement.name], sigmas)
+        for measurement in now.measurements
+        if measurement.name in earlier
+    )
+
+
+def _farther_out(now: Measurement, before: Measurement, sigmas: float) -> bool:
+    """Whether a value lies farther out than before; what is not a number lies farther out than every number."""
+    if now.value is None or before.value is None:
+        return now.value is None and before.value is not None
+    if now.expected is None or before.expected is None:
+        return False
+    grown = _deviation(now.value - now.expected, now.side) - _deviation(before.value - before.expected, before.side)
+    return grown > sigmas * math.hypot(now.standard_error or 0.0, before.standard_error or 0.0)
+
+
+def _deviation(difference: float, side: Side) -> float:
+    if side == "both":
+        return abs(difference)
+    return max(difference if side == "upper" else -difference, 0.0)

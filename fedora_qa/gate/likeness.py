@@ -1,0 +1,68 @@
+"""Rules about sequences beside each other: none twice, and nothing of one split in another."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from fnmatch import fnmatchcase
+from itertools import combinations
+from typing import Final
+
+from fedora_qa.gate.rules import Known
+from fedora_qa.gate.ruling import Ruling, Violation
+
+_SHARED_POSES: Final = 10
+"""Distinct poses in common from which two files show one flight. Two flights can share the pose in which they start;
+ten equal float64 poses in different flights do not happen."""
+
+
+def rule_on_distinct(known: Known, streams: Iterable[str]) -> Ruling:
+    """No content of a stream occurs in two sequences."""
+    violations = []
+    for stream in streams:
+        first: dict[str, str] = {}
+        for name, contents in known.items():
+            digest = contents.digests.get(stream)
+            if digest and first.setdefault(digest, name) != name:
+                message = f"Expected sequences that differ, got the same {stream} as in {first[digest]}"
+                violations.append(Violation(name, stream, message, stream))
+    return Ruling("release.distinct", "Is every stream its own, and none a copy?", "each", tuple(violations))
+
+
+def rule_on_splits(names: Iterable[str], known: Known, splits: Mapping[str, tuple[str, ...]]) -> Ruling:
+    """Every sequence is in one split, and no content in two."""
+    homes = {name: _splits_of(name, splits) for name in names}
+    violations = [
+        Violation(name, "several" if home else "unassigned", _home_message(home))
+        for name, home in homes.items()
+        if len(home) != 1
+    ]
+    for one, other in combinations(known, 2):
+        apart = set(homes[one]).isdisjoint(homes[other])
+        if apart and (shared := _shared(known, one, other)):
+            split = " and ".join(homes[one]) or "no split"
+            message = f"Expected splits that do not leak, got {shared} of {one}, which is in {split}"
+            violations.append(Violation(other, "leak", message))
+    return Ruling(
+        "release.splits", "Is the sequence in one split, and unlike all in others?", "each", tuple(violations)
+    )
+
+
+def _splits_of(name: str, splits: Mapping[str, tuple[str, ...]]) -> list[str]:
+    return [split for split, patterns in splits.items() if any(fnmatchcase(name, pattern) for pattern in patterns)]
+
+
+def _home_message(home: list[str]) -> str:
+    return f"Expected a sequence in one split, got it in {', '.join(home) or 'none'}"
+
+
+def _shared(known: Known, one: str, other: str) -> str:
+    """Return what two sequences have in common, in words; empty where they differ."""
+    return " and ".join(_alike(known, one, other))
+
+
+def _alike(known: Known, one: str, other: str) -> Iterator[str]:
+    mine, theirs = known[one], known[other]
+    same = [stream for stream, digest in mine.digests.items() if theirs.digests.get(stream) == digest]
+    if same:
+        yield f"the same {', '.join(same)}"
+    poses = len(mine.poses & theirs.poses)
+    if poses >= _SHARED_POSES:
+        yield f"{poses} of the poses"

@@ -1,0 +1,164 @@
+"""What a release must be: ``policy.toml``, read and checked, every unknown key refused by name."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePosixPath
+from typing import ClassVar, Final, Literal
+
+from pydantic import ConfigDict, TypeAdapter
+
+from fedora_qa.config import RULESET_VERSION, CheckConfig, dialect_beside, parse_bytes, read_toml
+from fedora_qa.engine.run import select_checks
+from fedora_qa.errors import MisuseError
+from fedora_qa.gate.release import is_plain
+from fedora_qa.gate.waivers import Waiver
+from fedora_qa.layout.canonical import FLOW_STREAMS, STREAMS
+from fedora_qa.record.types import Severity
+
+Total = Literal["sequences", "bytes", "duration_s", "distance_m", "events"]
+CameraName = Literal["rgb", "depth", "events"]
+
+RULES: Final = ("release", *(f"release.{rule}" for rule in (
+    "naming", "streams", "intrinsics", "distinct", "splits", "checksums", "documents", "totals",
+)))  # fmt: skip
+"""The rules about a release, as severities name them: all together, and each. Waivers that are wrong always fail."""
+
+_STRICT: Final = ConfigDict(extra="forbid")
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """The least and the most that a total may be, both allowed; None is unbounded."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
+
+    least: float | None = None
+    most: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Documents:
+    """Files that must lie in the release, by their names in it; None is not asked for."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
+
+    datasheet: str | None = None
+    licence: str | None = None
+    checksums: str | None = None
+    """In the form of ``sha256sum``: it must list every sequence, and every digest in it must be right."""
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """Everything that a policy may say, and nothing else.
+
+    Attributes
+    ----------
+    ruleset_version
+        The ruleset that the policy was written for; another one is refused, so that an upgrade flips no gate.
+    files
+        Patterns of the sequences beneath the folder; ``**`` stands for any depth. Hidden files are left out.
+    check
+        The options of ``fedora-qa.toml``.
+    required_streams
+        Streams that every sequence must hold; ``flow`` is all rates.
+    required_checks
+        Subjects or checks that must tell of every sequence; one that cannot makes it incomplete.
+    severity
+        What the findings of a subject or check count as. ``error`` and ``critical`` fail the gate.
+    naming
+        Regular expression that the whole name of each sequence, relative to the folder, must match.
+    same_intrinsics
+        Cameras whose declared intrinsics must be the same in all sequences.
+    distinct_streams
+        Streams whose content must not occur twice; ``flow`` is all rates.
+    splits
+        Patterns by split, in which ``*`` stands for any text; each sequence in one, and no content in two.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
+
+    ruleset_version: str
+    files: tuple[str, ...] = ("**/*.h5", "**/*.hdf5")
+    check: CheckConfig = field(default_factory=CheckConfig)
+    required_streams: tuple[str, ...] = ()
+    required_checks: tuple[str, ...] = ()
+    severity: Mapping[str, Severity] = field(default_factory=dict)
+    naming: str | None = None
+    same_intrinsics: tuple[CameraName, ...] = ()
+    distinct_streams: tuple[str, ...] = ()
+    totals: Mapping[Total, Bounds] = field(default_factory=dict)
+    documents: Documents = field(default_factory=Documents)
+    splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    waivers: tuple[Waiver, ...] = ()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of everything that the policy says, equal for equal policies."""
+        canonical = json.dumps(_READER.dump_python(self, mode="json"), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+_READER: Final = TypeAdapter(Policy)
+
+
+def read_policy(path: Path) -> Policy:
+    """Read a policy.
+
+    Raises
+    ------
+    MisuseError
+        There is no such file, it is not TOML, is for another ruleset, or a key is unknown or has an illegal value;
+        names the key.
+    """
+    policy = read_toml(path, _READER, "policy")
+    if policy.ruleset_version != RULESET_VERSION:
+        raise MisuseError(
+            f"Expected ruleset {policy.ruleset_version!r}, which {path} pins, got {RULESET_VERSION!r}; install the "
+            "version that the policy was written for, or look at what changed and raise ruleset_version"
+        )
+    _require_known_names(policy)
+    parse_bytes(policy.check.memory)
+    return replace(policy, check=dialect_beside(policy.check, path))
+
+
+def each_stream(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the streams that names stand for; ``flow`` is every rate."""
+    return tuple(stream for name in names for stream in (FLOW_STREAMS if name == "flow" else (name,)))
+
+
+def _require_known_names(policy: Policy) -> None:
+    for key, names in (
+        ("required_streams", policy.required_streams),
+        ("distinct_streams", policy.distinct_streams),
+    ):
+        for name in names:
+            if name not in {*STREAMS, "flow"}:
+                raise MisuseError(f"Expected a stream in {key!r}, got {name!r}; there are {', '.join(STREAMS)}")
+    select_checks(tuple(name for name in policy.severity if name not in RULES), ())
+    _require_selected(policy)
+    for pattern in policy.files:
+        if not pattern or PurePosixPath(pattern).is_absolute() or ".." in PurePosixPath(pattern).parts:
+            raise MisuseError(f"Expected patterns beneath the folder in 'files', got {pattern!r}")
+    for document in (policy.documents.datasheet, policy.documents.licence, policy.documents.checksums):
+        if document is not None and not is_plain(document):
+            raise MisuseError(f"Expected names of files within the folder in 'documents', got {document!r}")
+    try:
+        re.compile(policy.naming or "")
+    except re.error as problem:
+        raise MisuseError(f"Expected a regular expression in 'naming', got {policy.naming!r}: {problem}") from None
+
+
+def _require_selected(policy: Policy) -> None:
+    """Raise ``MisuseError`` where a check is required that the policy does not run, or that does not exist."""
+    running = {check.name for check in select_checks(policy.check.select, policy.check.ignore)}
+    for name in policy.required_checks:
+        required = {check.name for check in select_checks((name,), ())}
+        if not required <= running:
+            left_out = ", ".join(sorted(required - running))
+            raise MisuseError(
+                f"Expected every check in 'required_checks' to be run, got {left_out}, left out by 'check'"
+            )

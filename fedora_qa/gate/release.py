@@ -1,0 +1,77 @@
+"""A release: a folder of sequences and documents, whose names never lead out of it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from fedora_qa.errors import MisuseError
+
+FOLDER: Final = "."
+"""The name of the release itself, beside those of its files."""
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceFile:
+    """A sequence of the release; ``name`` is relative to the folder, with slashes."""
+
+    name: str
+    path: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """A folder and its sequences, in the order of their names."""
+
+    folder: Path
+    sequences: tuple[SequenceFile, ...]
+
+
+def find_release(folder: Path, patterns: Iterable[str]) -> Release:
+    """Find the sequences of a folder.
+
+    Raises
+    ------
+    MisuseError
+        There is no such folder, no sequence in it, or a link in it leads out of it.
+    """
+    sequences = find_sequences(folder, patterns)
+    if not sequences:
+        raise MisuseError(f"Expected at least one sequence in {folder}, got none that matches {', '.join(patterns)}")
+    return Release(folder, sequences)
+
+
+def find_sequences(folder: Path, patterns: Iterable[str]) -> tuple[SequenceFile, ...]:
+    """Return the files that match any pattern, none hidden; raises ``MisuseError`` as ``find_release`` does."""
+    if not folder.is_dir():
+        raise MisuseError(f"Expected a folder with a release, got: {folder}")
+    found = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file()}
+    names = sorted(path.relative_to(folder).as_posix() for path in found)
+    return tuple(SequenceFile(name, inside(folder, name)) for name in names if not _is_hidden(name))
+
+
+def is_plain(name: str) -> bool:
+    """Whether a name is relative, stays where it is on every system, and can be written as UTF-8."""
+    path = PurePosixPath(name)
+    odd = {"\\", "\0"} & set(name) or any("\ud800" <= character <= "\udfff" for character in name)
+    return bool(path.parts) and not path.is_absolute() and ".." not in path.parts and not odd
+
+
+def inside(folder: Path, name: str) -> Path:
+    """Return the path of a file by its name in a folder.
+
+    Raises
+    ------
+    MisuseError
+        The name, or a link that it names, leads out of the folder, or cannot be written down.
+    """
+    if not is_plain(name):
+        raise MisuseError(f"Expected the name of a file within {folder}, got {name!r}")
+    path = folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise MisuseError(f"Expected files within {folder}, got a link that leads out of it: {name!r}")
+    return path
+
+
+def _is_hidden(name: str) -> bool:
+    return any(part.startswith(".") for part in PurePosixPath(name).parts)

@@ -1,0 +1,104 @@
+"""From the record of the sequences to that of the release: rules, severities, waivers, baseline, in this order."""
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import date
+from typing import Final
+
+from fedora_qa.engine.outcomes import crossing_streams, verdict_of
+from fedora_qa.engine.run import select_checks
+from fedora_qa.gate.baseline import Baseline, accept_known
+from fedora_qa.gate.policy import Policy
+from fedora_qa.gate.release import FOLDER, Release
+from fedora_qa.gate.ruling import Ruling, with_rulings
+from fedora_qa.gate.severity import with_severity
+from fedora_qa.gate.waivers import waive, waivers_in_order
+from fedora_qa.record.types import FileRecord, Outcome, Record, Result
+from fedora_qa.record.wording import SHORT_OF_COVERAGE
+
+_UNTOLD: Final[frozenset[Outcome]] = frozenset({"not_applicable", "not_observable"})
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What the sequences are judged by."""
+
+    policy: Policy
+    baseline: Baseline | None
+    today: date
+
+
+def release_record(release: Release, files: Sequence[FileRecord]) -> FileRecord:
+    """Return the record of a release before any rule: its digest is of the names and digests of its sequences.
+
+    Parameters
+    ----------
+    files
+        The records of the sequences, in the release's order.
+    """
+    listing = "".join(
+        f"{file.sha256}  {sequence.name}\n" for file, sequence in zip(files, release.sequences, strict=True)
+    )
+    return FileRecord(
+        path=str(release.folder),
+        size=sum(file.size for file in files),
+        sha256=hashlib.sha256(listing.encode("utf-8", "surrogateescape")).hexdigest(),
+        digest_kind="partial" if any(file.digest_kind == "partial" for file in files) else "full",
+        dialect="",
+        inferred={},
+        statistics={},
+        verdict="clean",
+        results=(),
+    )
+
+
+def judged(record: Record, release: Release, rulings: Iterable[Ruling], judgement: Judgement) -> Record:
+    """Return the record as the policy has it.
+
+    Parameters
+    ----------
+    record
+        Of the sequences, in the release's order, and last of the release itself, as ``release_record`` begins it.
+    rulings
+        What the rules about the release found.
+    """
+    policy, rulings = judgement.policy, tuple(rulings)
+    names = [*(sequence.name for sequence in release.sequences), FOLDER]
+    ruled = [with_rulings(name, file, rulings) for name, file in zip(names, record.files, strict=True)]
+    weighed = [with_severity(file, policy.severity, policy.check.fail_on) for file in ruled]
+    told = [_held_to_required(file, policy) for file in weighed[:-1]] + weighed[-1:]
+    accepted = [_accepted(name, file, judgement) for name, file in zip(names, told, strict=True)]
+    on_waivers = waivers_in_order(zip(names, told, strict=True), policy.waivers, judgement.today)
+    accepted[-1] = with_rulings(FOLDER, accepted[-1], [on_waivers])
+    crossing = crossing_streams(select_checks(policy.check.select, policy.check.ignore))
+    verdicts = [_with_verdict(file, crossing) for file in accepted[:-1]]
+    return replace(record, config_digest=policy.digest, files=(*verdicts, _with_verdict(accepted[-1], frozenset())))
+
+
+def _accepted(name: str, file: FileRecord, judgement: Judgement) -> FileRecord:
+    file = waive(name, file, judgement.policy.waivers, judgement.today)
+    if judgement.baseline is None:
+        return file
+    return accept_known(name, file, judgement.baseline, judgement.policy.check.false_alarm_rate)
+
+
+def _held_to_required(file: FileRecord, policy: Policy) -> FileRecord:
+    """Return the file, incomplete where a check that must tell could not, which its reason then says."""
+    required = {check.name for name in policy.required_checks for check in select_checks((name,), ())}
+    results = tuple(_marked_untold(result) if result.check in required else result for result in file.results)
+    return file if results == file.results else replace(file, results=results, verdict="incomplete")
+
+
+def _marked_untold(result: Result) -> Result:
+    if result.outcome not in _UNTOLD:
+        return result
+    untold = f"could not tell {SHORT_OF_COVERAGE} it"
+    return replace(result, reason="; ".join(filter(None, (result.reason, untold))))
+
+
+def _with_verdict(file: FileRecord, crossing: frozenset[str]) -> FileRecord:
+    """Return the file with the verdict of its results; one that is incomplete stays so, whatever is accepted."""
+    if file.verdict == "incomplete":
+        return file
+    return replace(file, verdict=verdict_of(file.results, crossing))

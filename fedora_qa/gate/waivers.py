@@ -1,0 +1,100 @@
+"""Waivers: findings that somebody answers for until a day. One that is not needed, or has expired, is a finding."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from datetime import date
+from typing import Annotated, ClassVar
+
+from pydantic import ConfigDict, Field
+
+from fedora_qa.gate.marking import marked
+from fedora_qa.gate.release import FOLDER
+from fedora_qa.gate.ruling import Ruling, Violation
+from fedora_qa.record.types import FileRecord, Finding, Result
+
+NonEmpty = Annotated[str, Field(min_length=1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Waiver:
+    """A finding that is accepted: of one check, in one file, of one rule or with one cause.
+
+    Attributes
+    ----------
+    file
+        Name of the sequence in the release; ``.`` is the release itself.
+    code
+        The rule that may be broken.
+    cause
+        The probable cause, as ``stream:cause``, in place of a rule.
+    reason, owner
+        Why it is accepted, and who answers for that.
+    expires
+        The last day on which it holds.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    file: NonEmpty
+    check: NonEmpty
+    reason: NonEmpty
+    owner: NonEmpty
+    expires: date
+    code: NonEmpty | None = None
+    cause: NonEmpty | None = None
+
+    def __post_init__(self) -> None:
+        if (self.code is None) == (self.cause is None):
+            raise ValueError("a waiver names either a code or a cause")
+
+    def covers(self, name: str, file: FileRecord, result: Result, finding: Finding) -> bool:
+        """Whether this is the finding that the waiver is for; ``name`` is the file's in the release."""
+        if (self.file, self.check) != (name, result.check):
+            return False
+        if self.code is not None:
+            return finding.code == self.code
+        return any(
+            self.cause == f"{diagnosis.stream}:{diagnosis.cause}" and finding.id in diagnosis.explains
+            for diagnosis in file.diagnoses
+        )
+
+
+def waive(name: str, file: FileRecord, waivers: Iterable[Waiver], today: date) -> FileRecord:
+    """Return the file with its waived findings as information that says who waived them, why and until when."""
+    valid = [waiver for waiver in waivers if waiver.expires >= today]
+
+    def mark(result: Result, finding: Finding) -> Finding:
+        for waiver in valid:
+            if waiver.covers(name, file, result, finding):
+                message = f"{finding.message} Waived until {waiver.expires} by {waiver.owner}: {waiver.reason}"
+                return replace(finding, severity="info", message=message)
+        return finding
+
+    return marked(file, mark)
+
+
+def waivers_in_order(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[Waiver], today: date) -> Ruling:
+    """Hold the waivers themselves to their rule: each is needed, and none has expired.
+
+    Parameters
+    ----------
+    files
+        Name and record of every file, before anything was waived.
+    """
+    question = "Is every waiver needed, and none expired?"
+    named, waivers, violations = tuple(files), tuple(waivers), []
+    if not waivers:
+        return Ruling("release.waivers", question, FOLDER, unasked="the policy has no waivers")
+    for waiver in waivers:
+        what = f"the waiver of {waiver.owner} for {waiver.code or waiver.cause} in {waiver.file}"
+        if waiver.expires < today:
+            message = f"Expected waivers that hold, got one that expired on {waiver.expires}: {what}"
+            violations.append(Violation(FOLDER, "expired", message))
+        elif not any(_covers_any(waiver, name, file) for name, file in named):
+            message = f"Expected waivers that are needed, got one that covers no finding: {what}; remove it"
+            violations.append(Violation(FOLDER, "unused", message))
+    return Ruling("release.waivers", question, FOLDER, tuple(violations))
+
+
+def _covers_any(waiver: Waiver, name: str, file: FileRecord) -> bool:
+    return any(waiver.covers(name, file, result, finding) for result in file.results for finding in result.findings)

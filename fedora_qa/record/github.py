@@ -1,0 +1,44 @@
+"""The record as GitHub's workflow commands: annotations of the files in a run's summary and in a pull request.
+
+Escapes are those of GitHub's own toolkit (actions/toolkit, command.ts).
+"""
+
+import secrets
+from typing import Final
+
+from fedora_qa.record.problems import Level, Problem, problems_of
+from fedora_qa.record.types import Record
+from fedora_qa.record.wording import place, printable
+
+_COMMANDS: Final[dict[Level, str]] = {"error": "error", "warning": "warning", "note": "notice"}
+
+
+def record_to_github(record: Record) -> str:
+    """Return one annotation a line; empty where there is nothing to say."""
+    return "".join(f"{_annotation(problem)}\n" for file in record.files for problem in problems_of(file))
+
+
+def silenced(text: str, token: str | None = None) -> str:
+    """Return text between commands that keep GitHub from obeying any command in it.
+
+    The token ends the silence, so that it must be one that nobody can guess; a random one by default.
+    """
+    token = token or secrets.token_hex(16)
+    return f"::stop-commands::{token}\n{text}\n::{token}::\n"
+
+
+def _annotation(problem: Problem) -> str:
+    where = place(problem.where)
+    message = problem.message + (f" ({where})" if where else "")
+    properties = f"file={_property(problem.path)},title={_property(problem.code)}"
+    return f"::{_COMMANDS[problem.level]} {properties}::{_data(message)}"
+
+
+def _data(text: str) -> str:
+    """Return a message as the end of a command can carry it."""
+    return printable(text).replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+
+def _property(text: str) -> str:
+    """Return the value of a property, which also colons and commas would end."""
+    return _data(text).replace(":", "%3A").replace(",", "%2C")

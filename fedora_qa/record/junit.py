@@ -1,0 +1,86 @@
+"""The record as JUnit XML: a suite a file, a case a check.
+
+The form is the common ground of what CI systems read (Jenkins, GitLab, Azure): failures are findings, errors are what
+makes a file incomplete, skipped is what could not be told.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+from fedora_qa.record.problems import INCOMPLETE, Problem, problems_of
+from fedora_qa.record.types import FileRecord, Record, Result
+from fedora_qa.record.wording import OUTCOME_WORDS, check_cells, place, printable
+
+_ENDS = {"failures": "failure", "errors": "error", "skipped": "skipped"}
+
+
+def record_to_junit(record: Record) -> str:
+    """Return the record as a JUnit XML document."""
+    suites = ET.Element("testsuites", name=printable(record.tool.name))
+    for file in record.files:
+        suites.append(_suite(file, record))
+    _count(suites)
+    ET.indent(suites)
+    return ET.tostring(suites, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _suite(file: FileRecord, record: Record) -> ET.Element:
+    suite = ET.Element("testsuite", name=printable(file.path))
+    properties = ET.SubElement(suite, "properties")
+    facts = {
+        "verdict": file.verdict,
+        "sha256": file.sha256,
+        "digest_kind": file.digest_kind,
+        "version": record.tool.version,
+        "ruleset_version": record.ruleset_version,
+        "effort": record.effort,
+    }
+    for name, value in facts.items():
+        ET.SubElement(properties, "property", name=name, value=printable(value))
+    problems = problems_of(file)
+    for result in file.results:
+        own = [problem for problem in problems if problem.check == result.check]
+        suite.append(_case(result, own, file.path))
+    for problem in problems:
+        if problem.code == INCOMPLETE:
+            ended = ET.SubElement(suite, "testcase", name="complete", classname=printable(file.path))
+            ET.SubElement(ended, "error", message=printable(problem.message), type=INCOMPLETE)
+    _count(suite)
+    return suite
+
+
+def _case(result: Result, problems: Sequence[Problem], path: str) -> ET.Element:
+    case = ET.Element("testcase", name=printable(result.check), classname=printable(path))
+    errors = [problem for problem in problems if problem.level == "error"]
+    if errors:
+        first = errors[0]
+        failure = ET.SubElement(case, "failure", message=printable(first.message), type=printable(first.code))
+        failure.text = "\n".join(_line(problem) for problem in errors)
+    elif result.outcome == "crashed":
+        error = ET.SubElement(case, "error", message=printable(result.reason), type="crashed")
+        error.text = "\n".join(printable(line) for line in result.traceback.splitlines())
+    elif result.outcome in {"not_applicable", "not_observable"}:
+        words = f"{OUTCOME_WORDS[result.outcome]}: {result.reason}"
+        ET.SubElement(case, "skipped", message=printable(words), type=result.outcome)
+    said = [*(_line(problem) for problem in problems if problem.level != "error"), _measured(result)]
+    if any(said):
+        ET.SubElement(case, "system-out").text = "\n".join(line for line in said if line)
+    return case
+
+
+def _line(problem: Problem) -> str:
+    where = place(problem.where)
+    return printable(f"{problem.code}: {problem.message}" + (f" ({where})" if where else ""))
+
+
+def _measured(result: Result) -> str:
+    measured, expected, least, coverage = check_cells(result)
+    parts = (measured, expected and f"expected {expected}", least and f"sees from {least}", coverage)
+    return printable("; ".join(part for part in parts if part))
+
+
+def _count(element: ET.Element) -> None:
+    """Write how many cases there are beneath an element, and how they ended."""
+    element.set("tests", str(len(element.findall(".//testcase"))))
+    for attribute, tag in _ENDS.items():
+        element.set(attribute, str(len(element.findall(f".//testcase/{tag}"))))

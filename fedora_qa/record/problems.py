@@ -1,0 +1,72 @@
+"""What CI systems show of a file: a flat list of problems. Their levels tell the same verdict in every format."""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from fedora_qa.record.types import FileRecord, Finding, Result, Severity, Where
+from fedora_qa.record.wording import cause_sentence, why_incomplete
+
+Level = Literal["error", "warning", "note"]
+
+INCOMPLETE: Final = "incomplete"
+"""Code of the problem that an incomplete file has: not a finding about the data, but that too little was seen of it."""
+
+_LEVELS: Final[dict[Severity, Level]] = {"critical": "error", "error": "error", "warning": "warning", "info": "note"}
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing to show about a file.
+
+    A file with a problem of level ``error`` is not clean: incomplete where one has the code ``INCOMPLETE``, else with
+    findings. ``code`` is the rule, ``check`` who found it (empty for ``INCOMPLETE``).
+    """
+
+    path: str
+    check: str
+    code: str
+    level: Level
+    message: str
+    where: Where
+
+
+def problems_of(file: FileRecord) -> tuple[Problem, ...]:
+    """Return the problems of a file, in the order of its checks, and last whether it is incomplete."""
+    found = [problem for result in file.results for problem in _problems_of(result, file)]
+    why = _why_incomplete(file)
+    if why:
+        found.append(Problem(file.path, "", INCOMPLETE, "error", f"The check is incomplete: {why}.", Where()))
+    return tuple(found)
+
+
+def _problems_of(result: Result, file: FileRecord) -> list[Problem]:
+    failed = result.outcome == "failed"
+    problems = [
+        Problem(file.path, result.check, f.code or result.check, _level(f, failed), _explained(f, file), f.where)
+        for f in result.findings
+    ]
+    if failed and not any(problem.level == "error" for problem in problems):
+        message = f"The check failed: {result.reason or result.question}"
+        problems.append(Problem(file.path, result.check, result.check, "error", message, Where()))
+    return problems
+
+
+def _level(finding: Finding, failed: bool) -> Level:
+    """Return the level of a finding; only a failed check has errors."""
+    level = _LEVELS[finding.severity]
+    return "warning" if level == "error" and not failed else level
+
+
+def _explained(finding: Finding, file: FileRecord) -> str:
+    """Return the message with the probable cause and its remedy."""
+    causes = [
+        f"Probable cause: {cause_sentence(diagnosis)}. {diagnosis.remedy}"
+        for diagnosis in file.diagnoses
+        if finding.id in diagnosis.explains
+    ]
+    return " ".join((finding.message, *causes))
+
+
+def _why_incomplete(file: FileRecord) -> str:
+    crashed = [result.check for result in file.results if result.outcome == "crashed"]
+    return why_incomplete(file) or (f"crashed: {', '.join(crashed)}" if crashed else "")

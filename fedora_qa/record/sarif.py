@@ -1,0 +1,119 @@
+"""The record as SARIF 2.1.0 (OASIS standard, errata 01), as code-scanning systems read it.
+
+Findings are results; what makes a file incomplete is a notification of a run whose execution was not successful.
+"""
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
+from urllib.parse import quote
+
+from fedora_qa.record.problems import INCOMPLETE, Problem, problems_of
+from fedora_qa.record.types import FileRecord, Record
+from fedora_qa.record.wording import place, printable
+
+SCHEMA: Final = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
+
+
+def record_to_sarif(record: Record) -> str:
+    """Return the record as a SARIF 2.1.0 document with one run."""
+    problems = [problem for file in record.files for problem in problems_of(file)]
+    findings = [problem for problem in problems if problem.code != INCOMPLETE]
+    missing = [problem for problem in problems if problem.code == INCOMPLETE]
+    rules = sorted({problem.code for problem in findings})
+    run = {
+        "tool": {"driver": _driver(record, rules, findings)},
+        "columnKind": "unicodeCodePoints",
+        "invocations": [
+            {
+                "executionSuccessful": not missing,
+                "toolExecutionNotifications": [_notification(problem) for problem in missing],
+            }
+        ],
+        "artifacts": [_artifact(file) for file in record.files],
+        "results": _results(findings, rules),
+        "properties": {"ruleset_version": printable(record.ruleset_version), "effort": printable(record.effort)},
+    }
+    document = {"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}
+    return json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+def artifact_uri(path: str) -> str:
+    """Return a path as a URI reference: ``file://`` where it is absolute, else relative to the repository."""
+    quoted = quote(path.encode("utf-8", "backslashreplace"))
+    return f"file://{quoted}" if path.startswith("/") else quoted
+
+
+def _driver(record: Record, rules: Sequence[str], findings: Iterable[Problem]) -> dict[str, Any]:
+    questions = {result.check: result.question for file in record.files for result in file.results}
+    asked = {problem.code: questions.get(problem.check, "") for problem in findings}
+    return {
+        "name": printable(record.tool.name),
+        "version": printable(record.tool.version),
+        "rules": [{"id": printable(rule), "shortDescription": {"text": printable(asked[rule])}} for rule in rules],
+    }
+
+
+def _artifact(file: FileRecord) -> dict[str, Any]:
+    artifact: dict[str, Any] = {
+        "location": {"uri": artifact_uri(file.path)},
+        "length": file.size,
+        "properties": {"verdict": file.verdict},
+    }
+    if file.digest_kind == "full":
+        artifact["hashes"] = {"sha-256": printable(file.sha256)}
+    return artifact
+
+
+def _results(findings: Iterable[Problem], rules: Sequence[str]) -> list[dict[str, Any]]:
+    """Return a result for each finding; a fingerprint tells it from others of its rule, stream and file."""
+    seen: Counter[tuple[str, str, str]] = Counter()
+    results = []
+    for problem in findings:
+        kin = (problem.path, problem.code, problem.where.stream or "")
+        results.append(_result(problem, rules.index(problem.code), _fingerprint(*kin, str(seen[kin]))))
+        seen[kin] += 1
+    return results
+
+
+def _result(problem: Problem, rule_index: int, fingerprint: str) -> dict[str, Any]:
+    return {
+        "ruleId": printable(problem.code),
+        "ruleIndex": rule_index,
+        "level": problem.level,
+        "message": {"text": printable(problem.message)},
+        "locations": [_location(problem)],
+        "partialFingerprints": {"streamOfRule/v1": fingerprint},
+        "properties": {"check": printable(problem.check)},
+    }
+
+
+def _location(problem: Problem) -> dict[str, Any]:
+    """Return the file, and the place in it as words.
+
+    GitHub shows no result without a line. HDF5 has none, so every result stands in the first.
+    """
+    location: dict[str, Any] = {
+        "physicalLocation": {
+            "artifactLocation": {"uri": artifact_uri(problem.path)},
+            "region": {"startLine": 1},
+        }
+    }
+    if place(problem.where):
+        location["logicalLocations"] = [{"fullyQualifiedName": printable(place(problem.where))}]
+    return location
+
+
+def _notification(problem: Problem) -> dict[str, Any]:
+    return {
+        "level": "error",
+        "message": {"text": printable(problem.message)},
+        "locations": [_location(problem)],
+        "descriptor": {"id": INCOMPLETE},
+    }
+
+
+def _fingerprint(*parts: str) -> str:
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()

