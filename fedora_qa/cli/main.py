@@ -23,6 +23,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "check": ("fedora_qa.cli.check:check", "Check files and say what is wrong, where, by how much and why."),
         "power": ("fedora_qa.cli.power:power", "Measure what the checks can see, over a corpus with a manifest."),
         "stats": ("fedora_qa.cli.stats:stats", "Print the sequence and flow tables of files."),
+        "compare": ("fedora_qa.cli.compare:compare", "Hold sequences, datasets or two versions against each other."),
         "report": ("fedora_qa.cli.report:report", "Render a record again, without the data."),
         "checks": ("fedora_qa.cli.explain:checks", "List the checks, each with its question."),
         "explain": ("fedora_qa.cli.explain:explain", "Say what a check measures, how, and what it cannot see."),

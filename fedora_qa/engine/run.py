@@ -13,7 +13,7 @@ from fedora_qa.checks import CHECKS
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.canaries import PlainRun, Proof, held_to_canaries, prove_alive
 from fedora_qa.engine.digest import Digest, file_digest
-from fedora_qa.engine.evidence import evidence_of_checks, evidence_of_pass
+from fedora_qa.engine.evidence import distributions_of, evidence_of_checks, evidence_of_pass
 from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdict_of, why_not_applicable
 from fedora_qa.engine.plan import Effort, make_plan
 from fedora_qa.engine.prepare import prepare
@@ -21,6 +21,7 @@ from fedora_qa.engine.stream import Accumulator, Progress, attempt, conclude, lo
 from fedora_qa.engine.unreadable import unreadable_record
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.evidence.collector import EvidenceCollector
+from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.evidence.kept import together
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.judgement.diagnosis import diagnose
@@ -149,7 +150,8 @@ def _check_open(
     chosen = [ready.spans[number] for number in plan.chosen]
     statistics = StatisticsCollector(_needed_by(asked) if options.select else None)
     keeper = EvidenceCollector(ready.spans, chosen, options.evidence) if options.evidence else None
-    accumulators: list[Accumulator] = [*asked, statistics, *([keeper] if keeper else [])]
+    distributions = DistributionsCollector(ready.spans)
+    accumulators: list[Accumulator] = [*asked, statistics, *([keeper, distributions] if keeper else [])]
     with watch.stage("measuring"):
         states = measure(accumulators, chosen, facts, ready.decoder, plan.sampling, progress, ready.images)
     with watch.stage("second look"):
@@ -166,7 +168,7 @@ def _check_open(
         if keeper and options.evidence:
             findings = [alarm.finding for alarm in alarms]
             seen = evidence_of_pass(keeper, states, findings, ready, chosen, options.evidence, looked_again)
-            kept = together([seen, kept])
+            kept = together([seen, kept, distributions_of(distributions, states, facts)])
     results = results_in_order(checks, judged, states, reasons)
     proofs: tuple[Proof, ...] = ()
     if options.canary:
