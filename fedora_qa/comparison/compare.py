@@ -138,7 +138,7 @@ def _notes(given: Sequence[Given]) -> Iterator[str]:
             yield (
                 f"{one.name}: nothing is known of the distributions of {', '.join(lacking[:3])}"
                 f"{f' and {len(lacking) - 3} more' if len(lacking) > 3 else ''}; its record is of an earlier version, "
-                "or its arrays do not lie beside it"
+                "or its arrays do not lie beside it."
             )
     checked = [one.name for one in given if any(file.record for file in one.files)]
     if checked and len(checked) < len(given):

@@ -90,14 +90,15 @@ def _distances(pair: Pair) -> TextTable:
         "distance",
         "chance exceeds 1 in 20",
         "chance",
-        "",
+        "answer",
     )
     by_file = any(one.file for one in pair.differences)
     rows = tuple((*((one.file,) if by_file else ()), *_distance_cells(one)) for one in pair.differences)
     reasons = dict.fromkeys(one.reason for one in pair.differences if one.reason)
     note = " ".join(
         [
-            "Shift of the mean and Wasserstein distance, with standard errors where enough can be drawn again.",
+            "Shift of the mean and Wasserstein distance, with standard errors where enough can be drawn again; chance: "
+            "the share of exchanges between both sides that leave them as far apart.",
             *(f"{reason[:1].upper()}{reason[1:]}." for reason in reasons),
         ]
     )
@@ -122,7 +123,7 @@ def _version_words(versions: Versions) -> str:
     changes = [one.change for one in versions.findings]
     found = ", ".join(f"{changes.count(kind)} {kind}" for kind in ("new", "gone", "changed"))
     findings = (
-        f"Findings in {versions.checked} files checked in both: {found}, {versions.unchanged_findings} unchanged. "
+        f"Findings in {_files(versions.checked)} checked in both: {found}, {versions.unchanged_findings} unchanged. "
         if versions.checked
         else "Findings are not compared: both sides must be records of a check. "
     )
@@ -131,7 +132,11 @@ def _version_words(versions: Versions) -> str:
         for label, names in (("Files gone", versions.gone), ("New files", versions.new))
         if names
     ]
-    return f"{versions.matched} files in both. {findings}{' '.join(others)}".rstrip()
+    return f"{_files(versions.matched)} in both. {findings}{' '.join(others)}".rstrip()
+
+
+def _files(number: int) -> str:
+    return f"{number} file{'' if number == 1 else 's'}"
 
 
 def _version_tables(versions: Versions) -> Iterator[TextTable]:
@@ -140,7 +145,7 @@ def _version_tables(versions: Versions) -> Iterator[TextTable]:
          one.severity_after), one.message_after or one.message_before)
         for one in versions.findings
     ]  # fmt: skip
-    yield _shown("Findings", ("file", "", "rule", "stream", "severity", "finding"), findings, words=6)
+    yield _shown("Findings", ("file", "change", "rule", "stream", "severity", "finding"), findings, words=6)
     outcomes = [
         (one.file, one.check, *(ABSENT if word is None else OUTCOME_WORDS[word] for word in (one.before, one.after)))
         for one in versions.outcomes
@@ -155,7 +160,7 @@ def _version_tables(versions: Versions) -> Iterator[TextTable]:
         "Measured values that moved", ("file", "measured", "unit", "before", "after", "allowed"), moved, 3, note
     )
     statistics = sorted(versions.statistics, key=lambda one: ("moved", "within_error", "changed").index(one.moved))
-    head = ("file", "statistic", "", "before", "after", "difference", "chance")
+    head = ("file", "statistic", "moved", "before", "after", "difference", "chance")
     yield _shown("Statistics that are not the same", head, [_statistic_cells(one) for one in statistics], words=3)
 
 
