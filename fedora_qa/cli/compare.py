@@ -24,7 +24,7 @@ from fedora_qa.layout.dialect import load_dialect
 from fedora_qa.record.atomic import write_text
 
 
-@click.command(short_help="Hold sequences, datasets or two versions of a release against each other.")
+@click.command(short_help="Hold sequences, datasets or two versions against each other.")
 @click.argument("given", nargs=-1, required=True, type=PATH, metavar="A B...")
 @click.option(
     "--as",

@@ -102,7 +102,8 @@ class StatisticsCollector:
             groups["depth"] = _depth(added(s.depth_m for s in state), added(s.disparity_per_m for s in state))
         if "rgb" in streams:
             groups["rgb"] = {"brightness_mean_dn": added(one.luma_dn for one in state).mean}
-        groups["cameras"] = _sizes(facts)
+        if facts.declared.cameras:
+            groups["cameras"] = _sizes(facts)
         groups["rates"] = {f"{stream}_hz": _rate_hz(clock) for stream, clock in sorted(facts.clocks.items())}
         return groups
 

@@ -80,7 +80,7 @@ def _axis(edges: Array, shares: list[Array]) -> Axis | None:
 
 def _steps(lefts: Array, heights: Array) -> str:
     """Return an outline of steps without its base; steps beyond the axis, which have no width, are left out."""
-    parts = []
+    parts: list[str] = []
     for left, right, height in zip(lefts[:-1], lefts[1:], heights, strict=True):
         if right > left:
             parts.append(f"{'L' if parts else 'M'}{left:.1f} {HEIGHT - height:.1f}H{right:.1f}")
