@@ -7,12 +7,14 @@ from fedora_qa.engine.plan import FOLLOW_UP_SHARE
 from fedora_qa.engine.prepare import Prepared
 from fedora_qa.engine.stream import States, attempt
 from fedora_qa.evidence.collector import EvidenceCollector
+from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.evidence.follow_up import images_of, keep_places
 from fedora_qa.evidence.kept import Kept, together
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.trajectory import keep_trajectory
 from fedora_qa.record.evidence import named
 from fedora_qa.record.types import Finding
+from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
 
 
@@ -55,6 +57,11 @@ def evidence_of_pass(
         attempt(states, collector.name, lambda: keep_places(findings, ready.spans, facts, source, options, images)),
     )
     return together(part for part in parts if part is not None)
+
+
+def distributions_of(collector: DistributionsCollector, states: States, facts: Facts) -> Kept:
+    """Return what was counted by block of time; nothing, and a note among the crashes, where that failed."""
+    return attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts)) or Kept()
 
 
 def _follow_up_images(chosen: Sequence[Span], looked_again: int) -> int:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.engine.canaries import PlainRun, Proof, held_to_canaries, prove_alive
-from fedora_qa.engine.evidence import evidence_of_checks, evidence_of_pass
+from fedora_qa.engine.evidence import distributions_of, evidence_of_checks, evidence_of_pass
 from fedora_qa.engine.lost import lost_windows
 from fedora_qa.engine.measured import STAGE, Measured, together
 from fedora_qa.engine.options import FileRun
@@ -94,11 +94,11 @@ def _evidence(
     looked_again: int,
 ) -> Kept:
     kept = evidence_of_checks(observations)
-    if file.keeper is None or survey.options.evidence is None:
+    if file.keeper is None or file.distributions is None or survey.options.evidence is None:
         return kept
     options = survey.options.evidence
     seen = evidence_of_pass(file.keeper, states, findings, file.ready, file.chosen, options, looked_again)
-    return kept_together([seen, kept])
+    return kept_together([seen, kept, distributions_of(file.distributions, states, file.ready.facts)])
 
 
 def _proofs(

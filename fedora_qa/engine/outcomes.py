@@ -14,6 +14,7 @@ from fedora_qa.sequence.facts import Facts
 _COLLECTORS: Final[Mapping[str, str]] = {
     "statistics": "What do the streams hold?",
     "evidence": "What would a person want to see?",
+    "distributions": "How are values distributed over time?",
 }
 """What accumulates beside the checks, and the question that it answers. Where one crashes, a result says so."""
 

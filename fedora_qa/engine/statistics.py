@@ -1,31 +1,62 @@
 """The statistics of a file alone, without its checks."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+from numpy.typing import NDArray
+
+from fedora_qa.engine.evidence import distributions_of
 from fedora_qa.engine.prepare import prepare
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.stream import attempt, measure
+from fedora_qa.engine.stream import Accumulator, attempt, measure
+from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.sequence.window import Sampling
 from fedora_qa.statistics.collector import Statistics, StatisticsCollector
 
 
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """The statistics of a file, and the arrays of its distributions by the names that a record gives them."""
+
+    statistics: Statistics
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+
 def collect_statistics(path: Path, dialect: Dialect | None, memory_bytes: int, progress: Progress) -> Statistics:
-    """Hand every window of a file to the collector.
+    """Hand every window of a file to the collector of statistics; raises as ``measure_file`` does."""
+    return _measured(path, dialect, memory_bytes, progress, distributed=False).statistics
+
+
+def measure_file(path: Path, dialect: Dialect | None, memory_bytes: int, progress: Progress) -> Measured:
+    """Return statistics and distributions of a file.
 
     Raises
     ------
     FedoraError
         The file cannot be opened.
     RuntimeError
-        The collector itself failed.
+        A collector itself failed.
     """
-    collector = StatisticsCollector()
+    return _measured(path, dialect, memory_bytes, progress, distributed=True)
+
+
+def _measured(
+    path: Path, dialect: Dialect | None, memory_bytes: int, progress: Progress, *, distributed: bool
+) -> Measured:
+    statistics = StatisticsCollector()
     with open_sequence(path, dialect) as sequence:
         ready = prepare(sequence, memory_bytes)
-        states = measure([collector], ready.spans, ready.facts, ready.decoder, Sampling(), progress)
-        tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], ready.facts))
-    if tables is None:
-        raise RuntimeError(states.crashes[collector.name].strip().splitlines()[-1])
-    return tables
+        distributions = DistributionsCollector(ready.spans)
+        collectors: list[Accumulator] = [statistics, *([distributions] if distributed else [])]
+        states = measure(collectors, ready.spans, ready.facts, ready.decoder, Sampling(), progress)
+        tables = attempt(
+            states, statistics.name, lambda: statistics.conclude(states.states[statistics.name], ready.facts)
+        )
+        arrays = distributions_of(distributions, states, ready.facts).arrays if distributed else {}
+    if tables is None or states.crashes:
+        raise RuntimeError(next(iter(states.crashes.values())).strip().splitlines()[-1])
+    return Measured(tables, arrays)

@@ -18,6 +18,7 @@ from fedora_qa.engine.stream import Accumulator
 from fedora_qa.engine.unreadable import unreadable_record
 from fedora_qa.errors import FedoraError, UnreadableFileError
 from fedora_qa.evidence.collector import EvidenceCollector
+from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.sequence.scan import Scan
 from fedora_qa.sequence.sequence import Sequence as FileSequence
 from fedora_qa.sequence.sequence import open_sequence
@@ -77,11 +78,13 @@ class OpenSurvey:
     asked: tuple[Check[Any], ...]
     statistics: StatisticsCollector
     keeper: EvidenceCollector | None
+    distributions: DistributionsCollector | None
 
     @property
     def accumulators(self) -> tuple[Accumulator, ...]:
         """The checks, and what gathers beside them."""
-        return (*self.asked, self.statistics, *([self.keeper] if self.keeper else []))
+        beside = (self.statistics, self.keeper, self.distributions)
+        return (*self.asked, *(one for one in beside if one is not None))
 
     def audience(self, span: Span) -> Sequence[Accumulator]:
         """Return what a window is shown to: everything if it is one of the plan, else the checks that see all."""
@@ -150,6 +153,7 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
             asked=asked,
             statistics=StatisticsCollector(_needed_by(asked) if options.select else None),
             keeper=EvidenceCollector(ready.spans, chosen, options.evidence) if options.evidence else None,
+            distributions=DistributionsCollector(ready.spans) if options.evidence else None,
         )
 
 

@@ -23,6 +23,10 @@ _LARGEST_SENSOR_PX: Final = 4096
 
 def window_values(window: Window) -> dict[str, Int64]:
     """Count sampled pixels of the images that a window owns, by quantity: ``depth_m``, ``luma_dn``, ``flow/10hz``."""
+    return window.once("value counts", lambda: _count_window(window))
+
+
+def _count_window(window: Window) -> dict[str, Int64]:
     facts = window.facts
     samples: dict[str, Iterable[NDArray[Any]]] = {
         "depth_m": (pixel_sample(image) for image in _readable(window, "depth", window.depth_m)),

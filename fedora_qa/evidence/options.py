@@ -13,7 +13,8 @@ class EvidenceOptions:
     ----------
     size_bytes
         Uncompressed size of the pictures that the pass keeps, and again of those of the worst places. What else is kept
-        (series, histograms, trajectory) stays below 1 MiB.
+        (series, histograms, distributions, trajectory) stays below
+        3 MiB.
     picture_width_px
         Width that pictures do not exceed; they are smaller where the size would not hold them.
     moments, places

@@ -17,6 +17,7 @@ _FRACTION_BITS: Final = 6
 _LEAST_EXPONENT, _GREATEST_EXPONENT = -10, 20
 _BINS: Final = ((_GREATEST_EXPONENT - _LEAST_EXPONENT + 1) << _FRACTION_BITS) + 1
 _MOST_BINS: Final = 2 << _FRACTION_BITS
+_FINE_PER_WIDE: Final = 4
 _FLOAT32_FRACTION_BITS, _FLOAT32_BIAS = 23, 127
 _OUTSIDE: Final = 1e-3
 """Share of the values that may lie beyond the histogram, so that a few far ones do not flatten all others."""
@@ -64,6 +65,18 @@ def histogram(counts: Int64) -> tuple[NDArray[np.float64], Int64, int]:
     bins = int(filled[-1]) + 1 if len(filled) else 1
     edges: NDArray[np.float64] = np.arange(bins + 1) * np.float64(width)
     return edges, equal[:bins], beyond
+
+
+def octave_counts(counts: Int64) -> Int64:
+    """Return counts (..., bins) in bins four times as wide: 16 of equal width an octave, between ``octave_edges``."""
+    wider = counts[..., 1:].reshape(*counts.shape[:-1], -1, _FINE_PER_WIDE).sum(axis=-1)
+    return np.concatenate([counts[..., :1], wider], axis=-1)
+
+
+def octave_edges() -> NDArray[np.float64]:
+    """Return the edges of the wide bins; the last is 2^21, and the last bin holds what lies above as well."""
+    starts = _bin_starts()
+    return np.concatenate([starts[:1], starts[1::_FINE_PER_WIDE], [2.0 ** (_GREATEST_EXPONENT + 1)]])
 
 
 def _bin_starts() -> NDArray[np.float64]:

@@ -29,11 +29,18 @@ title in the record that can serve as its caption. Times are on the file's clock
     ``edges`` (b + 1,) float64 and ``counts`` (b,) int64; bins of equal width from 0 on. The title of ``counts`` says
     what is counted, its unit, and the share that lies above the last bin. Quantities: ``depth_m``, ``luma_dn``,
     ``flow_10hz`` (px over its interval) and so on, ``event_rate_hz`` (of each pixel).
+``distributions/...``
+    What files are compared by: values counted in each of b blocks of time. ``blocks_ns`` (b, 2) int64: start and stop
+    of each, ns from the file's origin · ``<quantity>/counts`` (b, n) int64 · ``<quantity>/edges`` (n + 1,) float64, a
+    part of edges that are the same for all files: 0, and 16 bins of equal width an octave from 2^-10 to 2^21; the last
+    of these holds what lies above. Quantities: ``QUANTITIES``, and ``flow_10hz`` (px over its interval) and so on.
 ``<check>/<name>``
     Arrays that a check keeps. An array (n, 2) of floats is a series of points whose title reads
     ``TITLE; x LABEL [UNIT]; y LABEL [UNIT]``; an array (h, w) is a map whose title reads ``TITLE [UNIT]``.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Final
 
 MOMENTS: Final = "moments"
@@ -41,6 +48,17 @@ PLACES: Final = "places"
 TRAJECTORY: Final = "trajectory"
 TIMELINE: Final = "timeline"
 HISTOGRAMS: Final = "histograms"
+DISTRIBUTIONS: Final = "distributions"
+
+QUANTITIES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "depth_m": "Pixels by depth, m",
+        "luma_dn": "Pixels by luma of the stored codes, DN",
+        "event_rate_per_ms": "Stretches of 5 ms by their events per ms",
+        "pixel_interval_ms": "Times between events of a pixel up to 100 ms, ms",
+    }
+)
+"""What is counted under ``distributions``, with its unit; flow of each rate besides."""
 
 
 def named(*parts: str) -> str:

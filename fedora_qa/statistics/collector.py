@@ -102,6 +102,8 @@ class StatisticsCollector:
             groups["depth"] = _depth(added(s.depth_m for s in state), added(s.disparity_per_m for s in state))
         if "rgb" in streams:
             groups["rgb"] = {"brightness_mean_dn": added(one.luma_dn for one in state).mean}
+        if facts.declared.cameras:
+            groups["cameras"] = _sizes(facts)
         groups["rates"] = {f"{stream}_hz": _rate_hz(clock) for stream, clock in sorted(facts.clocks.items())}
         return groups
 
@@ -250,6 +252,12 @@ def _depth(depth_m: Moments, disparity_per_m: Moments) -> dict[str, Scalar]:
         "disparity_mean_per_m": disparity_per_m.mean,
         "valid_share": depth_m.valid_share,
     }
+
+
+def _sizes(facts: Facts) -> dict[str, Scalar]:
+    """Return the declared size of each camera's images."""
+    cameras = sorted(facts.declared.cameras.items())
+    return {f"{name}_{side}_px": getattr(camera, side) for name, camera in cameras for side in ("width", "height")}
 
 
 def _rate_hz(clock: Clock) -> float | None:

@@ -1,0 +1,95 @@
+"""What the arguments of ``fedora-qa compare`` name: records, files to be measured, and folders of either."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from fedora_qa.cli.arrays import arrays_beside, read_arrays
+from fedora_qa.cli.check import require_hdf5
+from fedora_qa.cli.progress import progress_bar
+from fedora_qa.comparison.sampled import sampled_from
+from fedora_qa.comparison.subjects import Given, GivenFile, labels
+from fedora_qa.engine.statistics import measure_file
+from fedora_qa.errors import MisuseError
+from fedora_qa.layout.dialect import Dialect
+from fedora_qa.record.json_io import read_record
+from fedora_qa.record.types import Scalar
+
+_SEQUENCES: Final = {".h5", ".hdf5"}
+_RECORD: Final = ".json"
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """The files that one argument names: all of them sequences, or all of them records."""
+
+    given: Path
+    paths: tuple[Path, ...]
+    records: bool
+
+
+def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, ...]:
+    """Return what there is to read, before any of it is.
+
+    Raises
+    ------
+    MisuseError
+        A path is missing or given twice, a file is no sequence, or a folder holds neither sequences nor records.
+    """
+    for path in given:
+        if given.count(path) > 1:
+            raise MisuseError(f"Expected each path once, got {path} {given.count(path)} times")
+    sources = tuple(_source(path) for path in given)
+    for source in sources:
+        if not source.records:
+            require_hdf5(source.paths, dialect)
+        elif not source.paths[0].is_file():
+            raise MisuseError(f"Expected a record at {source.given}, got no such file")
+    return sources
+
+
+def read_sources(sources: Sequence[Source], dialect: Dialect | None, memory_bytes: int) -> tuple[Given, ...]:
+    """Read the records, and measure the files that have none."""
+    names = labels([str(source.given) for source in sources])
+    return tuple(
+        Given(
+            name,
+            tuple(_recorded(source.paths) if source.records else _measured(source.paths, dialect, memory_bytes)),
+        )
+        for name, source in zip(names, sources, strict=True)
+    )
+
+
+def _source(path: Path) -> Source:
+    if not path.is_dir():
+        return Source(path, (path,), path.suffix.lower() == _RECORD)
+    inside = sorted(one for one in path.iterdir() if one.is_file())
+    sequences = tuple(one for one in inside if one.suffix.lower() in _SEQUENCES)
+    records = tuple(one for one in inside if one.suffix.lower() == _RECORD and arrays_beside(one).is_file())
+    if not sequences and not records:
+        raise MisuseError(f"Expected sequences (.h5) or records with their arrays in {path}, got neither")
+    return Source(path, sequences or records, not sequences)
+
+
+def _recorded(paths: Sequence[Path]) -> Iterator[GivenFile]:
+    for path in paths:
+        record = read_record(path)
+        arrays = read_arrays(arrays_beside(path)) if arrays_beside(path).is_file() else {}
+        apart = len(record.files) > 1
+        for place, file in enumerate(record.files):
+            yield GivenFile(file.path, file.statistics, sampled_from(arrays, f"{place}/" if apart else ""), file)
+
+
+def _measured(paths: Sequence[Path], dialect: Dialect | None, memory_bytes: int) -> Iterator[GivenFile]:
+    for path in paths:
+        with progress_bar(path.name) as report:
+            found = measure_file(path, dialect, memory_bytes, report)
+        statistics = {name: _finite(group) for name, group in found.statistics.items()}
+        yield GivenFile(str(path), statistics, sampled_from(found.arrays))
+
+
+def _finite(group: Mapping[str, Scalar]) -> dict[str, Scalar]:
+    """Return the statistics as a record would hold them: what is not finite is not known."""
+    return {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in group.items()}

@@ -1,0 +1,145 @@
+"""Hold subjects against the first of them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from fedora_qa import __version__
+from fedora_qa.comparison.distances import Held, difference_of, held_together
+from fedora_qa.comparison.histograms import Int64, shares_of
+from fedora_qa.comparison.published import PUBLISHED
+from fedora_qa.comparison.sampled import meaning_of, unit_of
+from fedora_qa.comparison.statistics import statistic_changes, with_errors
+from fedora_qa.comparison.subjects import Given, Match, design_of, matches
+from fedora_qa.comparison.types import COMPARISON_VERSION, Comparison, Design, Overlay, Pair, Versions
+from fedora_qa.comparison.versions import record_changes
+from fedora_qa.errors import MisuseError
+from fedora_qa.evidence.value_counts import octave_edges
+from fedora_qa.record.types import Tool
+
+DEFAULT_FALSE_ALARM_RATE: Final = 0.01
+"""Of a whole comparison: once in a hundred, something is said to differ that does not."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Planned:
+    """What will be held together, known before anything is judged, so that all can share one false-alarm rate."""
+
+    before: Given
+    after: Given
+    place: int
+    design: Design
+    held: tuple[Held, ...]
+    matched: tuple[Match, ...]
+
+    @property
+    def tests(self) -> int:
+        return len(self.held) + sum(with_errors(one.before.statistics, one.after.statistics) for one in self.matched)
+
+
+def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: float) -> Comparison:
+    """Compare two or more subjects; ``design`` says what they are to each other, found from their names where None.
+
+    Raises
+    ------
+    MisuseError
+        Fewer than two are given, or versions are asked for that have no file in common.
+    """
+    if len(given) < 2:
+        raise MisuseError(f"Expected two or more things to compare, got {len(given)}")
+    planned = [_plan(given[0], other, place, design) for place, other in enumerate(given[1:], start=1)]
+    tests = sum(one.tests for one in planned)
+    level = false_alarm_rate / max(tests, 1)
+    return Comparison(
+        comparison_version=COMPARISON_VERSION,
+        tool=Tool("fedora-qa", __version__),
+        false_alarm_rate=false_alarm_rate,
+        tests=tests,
+        level=level,
+        subjects=tuple(one.subject for one in given),
+        overlays=tuple(_overlays(given)),
+        pairs=tuple(_pair(one, level) for one in planned),
+        published=PUBLISHED,
+        notes=tuple(_notes(given)),
+    )
+
+
+def _plan(before: Given, after: Given, place: int, design: Design | None) -> _Planned:
+    design = design or design_of(before, after)
+    matched = matches(before, after) if design == "versions" else ()
+    if design == "versions" and not matched:
+        raise MisuseError(
+            f"Expected versions of the same files, got none in {after.name} named as one in {before.name}; "
+            "compare them as sequences or datasets"
+        )
+    return _Planned(before, after, place, design, held_together(before, after, design), matched)
+
+
+def _pair(planned: _Planned, level: float) -> Pair:
+    return Pair(
+        before=0,
+        after=planned.place,
+        design=planned.design,
+        differences=tuple(difference_of(held, level) for held in planned.held),
+        versions=_versions(planned, level) if planned.design == "versions" else None,
+    )
+
+
+def _versions(planned: _Planned, level: float) -> Versions:
+    changes = [
+        record_changes(one.name, one.before.record, one.after.record)
+        for one in planned.matched
+        if one.before.record and one.after.record
+    ]
+    before, after = planned.before.by_name, planned.after.by_name
+    seen = {id(file) for one in planned.matched for file in (one.before, one.after)}
+    return Versions(
+        matched=len(planned.matched),
+        checked=len(changes),
+        gone=tuple(name for name, file in before.items() if id(file) not in seen),
+        new=tuple(name for name, file in after.items() if id(file) not in seen),
+        findings=tuple(finding for one in changes for finding in one.findings),
+        unchanged_findings=sum(one.unchanged for one in changes),
+        outcomes=tuple(outcome for one in changes for outcome in one.outcomes),
+        measurements=tuple(moved for one in changes for moved in one.measurements),
+        statistics=tuple(
+            change
+            for one in planned.matched
+            for change in statistic_changes(one.name, one.before.statistics, one.after.statistics, level)
+        ),
+    )
+
+
+def _overlays(given: Sequence[Given]) -> Iterator[Overlay]:
+    """Yield the distribution of every quantity that any subject has, all its files together."""
+    quantities = dict.fromkeys(q for one in given for file in one.files if file.sampled for q in file.sampled.counts)
+    for quantity in quantities:
+        totals = [_total(one, quantity) for one in given]
+        seen = np.flatnonzero(np.any([total > 0 for total in totals if total is not None], axis=0))
+        first, last = int(seen[0]), int(seen[-1]) + 1
+        shares = tuple(
+            None if total is None else tuple(float(share) for share in shares_of(total[first:last])) for total in totals
+        )
+        edges = tuple(float(edge) for edge in octave_edges()[first : last + 1])
+        yield Overlay(quantity, meaning_of(quantity), unit_of(quantity), edges, shares)
+
+
+def _total(given: Given, quantity: str) -> Int64 | None:
+    totals = [file.sampled.total(quantity) for file in given.files if file.sampled and quantity in file.sampled.counts]
+    return np.asarray(np.sum(totals, axis=0)) if totals else None
+
+
+def _notes(given: Sequence[Given]) -> Iterator[str]:
+    for one in given:
+        lacking = [name for name, file in one.by_name.items() if file.sampled is None]
+        if lacking:
+            yield (
+                f"{one.name}: nothing is known of the distributions of {', '.join(lacking[:3])}"
+                f"{f' and {len(lacking) - 3} more' if len(lacking) > 3 else ''}; its record is of an earlier version, "
+                "or its arrays do not lie beside it."
+            )
+    checked = [one.name for one in given if any(file.record for file in one.files)]
+    if checked and len(checked) < len(given):
+        yield "Findings are compared only where both sides are records of `fedora-qa check`."

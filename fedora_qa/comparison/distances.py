@@ -1,0 +1,109 @@
+"""Which distributions are held against each other, what can be exchanged between them, and what comes of it."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.comparison.histograms import Int64, mean_of, shares_of
+from fedora_qa.comparison.relabelling import Sides, chance_of, enough_units, standard_errors
+from fedora_qa.comparison.sampled import Sampled, filled, paired_blocks, unit_of
+from fedora_qa.comparison.stretches import independent_stretches
+from fedora_qa.comparison.subjects import Given, GivenFile, matches
+from fedora_qa.comparison.types import Design, Difference, Told
+
+_NOUNS: Final[dict[Design, str]] = {
+    "versions": "blocks of time are in both",
+    "sequences": "stretches of time can count as independent",
+    "datasets": "files have it",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Two distributions that are held against each other. ``file`` is empty where they are of whole subjects."""
+
+    file: str
+    quantity: str
+    design: Design
+    sides: Sides
+
+
+def held_together(before: Given, after: Given, design: Design) -> tuple[Held, ...]:
+    """Return every quantity that both subjects have, by file where they are versions."""
+    if design == "versions":
+        found = [_paired(match.name, match.before.sampled, match.after.sampled) for match in matches(before, after)]
+        return tuple(held for some in found for held in some)
+    quantities = _quantities(before)
+    return tuple(
+        _held("", quantity, design, _units(before, quantity, design), _units(after, quantity, design), paired=False)
+        for quantity in quantities
+        if quantity in _quantities(after)
+    )
+
+
+def difference_of(held: Held, level: float) -> Difference:
+    """Return how far they lie apart, and whether that is more than chance gives at ``level``."""
+    sides = held.sides
+    random = np.random.default_rng(0)  # the same answer whenever it is asked for
+    distance_error, shift_error = standard_errors(sides, random)
+    before, after = (float(mean_of(shares_of(side.sum(axis=0)), sides.edges)) for side in (sides.before, sides.after))
+    told, reason = _told_beforehand(held, level)
+    found = None if told else chance_of(sides, level, random)
+    if found:
+        told = "differs" if found.of_distance <= level else "no_difference_seen"
+    return Difference(
+        file=held.file,
+        quantity=held.quantity,
+        unit=unit_of(held.quantity),
+        mean_before=before,
+        mean_after=after,
+        shift_standard_error=shift_error,
+        distance=sides.distance,
+        distance_standard_error=distance_error,
+        distance_by_chance=found.distance_95 if found else None,
+        chance=found.of_distance if found else None,
+        units=(len(sides.before), len(sides.after)),
+        told=told or "not_told",
+        reason=reason,
+    )
+
+
+def _told_beforehand(held: Held, level: float) -> tuple[Told | None, str]:
+    """Return what needs no relabelling, and why relabelling cannot tell; None where it can."""
+    sides = held.sides
+    if sides.paired and np.array_equal(sides.before, sides.after):
+        return "identical", ""
+    if sides.least_chance <= level:
+        return None, ""
+    u, v, enough = len(sides.before), len(sides.after), enough_units(level, paired=sides.paired)
+    there, takes = (f"{u}", f"{enough}") if sides.paired else (f"{u} and {v}", f"{enough} each")
+    return "not_told", f"only {there} {_NOUNS[held.design]}; to tell at {level:.2g} takes {takes}"
+
+
+def _paired(name: str, before: Sampled | None, after: Sampled | None) -> list[Held]:
+    if before is None or after is None:
+        return []
+    pairs = {q: paired_blocks(before, after, q) for q in before.counts if q in after.counts}
+    return [_held(name, q, "versions", *blocks, paired=True) for q, blocks in pairs.items() if len(blocks[0])]
+
+
+def _held(file: str, quantity: str, design: Design, before: Int64, after: Int64, *, paired: bool) -> Held:
+    one, other, edges = filled(before, after)
+    return Held(file, quantity, design, Sides(one, other, edges, paired))
+
+
+def _units(given: Given, quantity: str, design: Design) -> Int64:
+    """Return the counts (u, n) of what can be exchanged: files of a dataset, stretches of a sequence."""
+    having = [sampled for sampled in map(_sampled, given.files) if sampled and quantity in sampled.counts]
+    if design == "datasets":
+        return np.stack([sampled.total(quantity) for sampled in having])
+    return np.concatenate([independent_stretches(sampled.counts[quantity]) for sampled in having])
+
+
+def _quantities(given: Given) -> dict[str, None]:
+    return dict.fromkeys(q for file in given.files if file.sampled for q in file.sampled.counts)
+
+
+def _sampled(file: GivenFile) -> Sampled | None:
+    return file.sampled

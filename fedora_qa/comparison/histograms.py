@@ -1,0 +1,38 @@
+"""Means and distances of distributions that are known by their counts in bins.
+
+Within a bin values count as evenly spread, so that the distribution function is a straight line between its edges.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+
+
+def shares_of(counts: NDArray[Any]) -> Float64:
+    """Return counts (..., n) as shares of their sum along the last axis, which must not be 0."""
+    return np.asarray(counts / counts.sum(axis=-1, keepdims=True), dtype=np.float64)
+
+
+def mean_of(shares: Float64, edges: Float64) -> Float64:
+    """Return the means (...) of distributions given by shares (..., n) in bins of ``edges`` (n + 1,), in their unit."""
+    return np.asarray(shares @ ((edges[1:] + edges[:-1]) / 2))
+
+
+def wasserstein(one: Float64, other: Float64, edges: Float64) -> Float64:
+    """Return the Wasserstein distances of order 1 (...) between shares (..., n), in the unit of ``edges`` (n + 1,).
+
+    It is the area between the two distribution functions (Vallender 1974): how far a value must be moved on average to
+    turn one distribution into the other.
+    """
+    ahead = np.cumsum(one - other, axis=-1)
+    before = np.abs(np.concatenate([np.zeros_like(ahead[..., :1]), ahead[..., :-1]], axis=-1))
+    after = np.abs(ahead)
+    crossing = np.sign(np.roll(ahead, 1, axis=-1)) * np.sign(ahead) < 0
+    crossing[..., 0] = False
+    total = before + after
+    squares = np.divide(before**2 + after**2, total, out=np.zeros_like(total), where=total > 0)
+    return np.asarray(np.where(crossing, squares, total) @ np.diff(edges) / 2)

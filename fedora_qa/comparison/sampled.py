@@ -1,0 +1,107 @@
+"""The distributions of a file, read back from the arrays beside its record."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.comparison.histograms import Float64, Int64
+from fedora_qa.evidence.value_counts import octave_edges
+from fedora_qa.record.evidence import DISTRIBUTIONS, QUANTITIES, named
+
+_FLOW: Final = "flow_"
+_UNITS: Final = {"_per_ms": "events/ms", "_ms": "ms", "_dn": "DN", "_m": "m"}
+"""By the ending of a quantity's name, longer endings first; flow is in px over the interval of its rate."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """Counts by quantity (b, n) in ``octave_edges`` (n + 1,), and when each block begins, in whole block lengths."""
+
+    block_ns: int
+    places: Int64
+    counts: Mapping[str, Int64]
+
+    def total(self, quantity: str) -> Int64:
+        """Return the counts of all blocks together (n,)."""
+        return np.asarray(self.counts[quantity].sum(axis=0))
+
+
+def sampled_from(arrays: Mapping[str, NDArray[Any]], prefix: str = "") -> Sampled | None:
+    """Return what the arrays hold under ``prefix``; None where there are no distributions, or no sound ones."""
+    blocks = arrays.get(prefix + named(DISTRIBUTIONS, "blocks_ns"))
+    if blocks is None or blocks.dtype.kind != "i" or blocks.ndim != 2 or blocks.shape[1] != 2 or not len(blocks):
+        return None
+    block_ns = int(blocks[0, 1] - blocks[0, 0])
+    if block_ns <= 0 or np.any(np.diff(blocks[:, 0]) <= 0):
+        return None
+    begins = prefix + DISTRIBUTIONS + "/"
+    names = dict.fromkeys(name.removeprefix(begins).split("/")[0] for name in arrays if name.startswith(begins))
+    placed = {name: _placed(arrays, named(begins[:-1], name), len(blocks)) for name in names}
+    counts = {name: placed[name] for name in sorted(names, key=_order)}
+    return Sampled(block_ns, blocks[:, 0] // block_ns, {name: one for name, one in counts.items() if one is not None})
+
+
+def paired_blocks(before: Sampled, after: Sampled, quantity: str) -> tuple[Int64, Int64]:
+    """Return the counts (b, n) of both sides in the blocks of time in which both have some."""
+    block_ns = max(before.block_ns, after.block_ns)
+    sides = [_by_block(side, quantity, block_ns) for side in (before, after)]
+    common = [place for place in sides[0] if place in sides[1]]
+    if not common:
+        empty = np.empty((0, len(octave_edges()) - 1), np.int64)
+        return empty, empty
+    stacked = [np.stack([side[place] for place in common]) for side in sides]
+    return stacked[0], stacked[1]
+
+
+def meaning_of(quantity: str) -> str:
+    """Return what is counted, with its unit, as a title."""
+    rate = quantity.removeprefix(_FLOW).removesuffix("hz")
+    return QUANTITIES.get(quantity, f"Pixels by length of flow at {rate} Hz, px over its interval")
+
+
+def unit_of(quantity: str) -> str:
+    """Return the unit of a quantity's values."""
+    if quantity.startswith(_FLOW):
+        return "px"
+    return next((unit for ending, unit in _UNITS.items() if quantity.endswith(ending)), "")
+
+
+def filled(one: Int64, other: Int64) -> tuple[Int64, Int64, Float64]:
+    """Return counts (u, n) and (v, n) without the bins on either end that are empty in both, and their edges."""
+    seen = np.flatnonzero(one.any(axis=0) | other.any(axis=0))
+    first, last = int(seen[0]), int(seen[-1]) + 1
+    return one[:, first:last], other[:, first:last], octave_edges()[first : last + 1]
+
+
+def _placed(arrays: Mapping[str, NDArray[Any]], name: str, blocks: int) -> Int64 | None:
+    """Return counts in all bins; None where an array is missing or is not what it should be."""
+    counts, edges, every = arrays.get(f"{name}/counts"), arrays.get(f"{name}/edges"), octave_edges()
+    if counts is None or edges is None or counts.dtype.kind != "i" or counts.ndim != 2 or edges.dtype.kind != "f":
+        return None
+    first = int(np.searchsorted(every, edges[0])) if edges.shape == (counts.shape[1] + 1,) else len(every)
+    if len(counts) != blocks or not np.array_equal(every[first : first + len(edges)], edges) or (counts < 0).any():
+        return None
+    whole = np.zeros((blocks, len(every) - 1), np.int64)
+    whole[:, first : first + counts.shape[1]] = counts
+    return whole if whole.any() else None
+
+
+def _by_block(side: Sampled, quantity: str, block_ns: int) -> dict[int, Int64]:
+    """Return the counts of each block that has any, in blocks of the length asked for, by number."""
+    merged: dict[int, Int64] = {}
+    for place, counts in zip(side.places * side.block_ns // block_ns, side.counts[quantity], strict=True):
+        if counts.any():
+            merged[int(place)] = merged.get(int(place), np.zeros_like(counts)) + counts
+    return merged
+
+
+def _order(quantity: str) -> tuple[int, int, str]:
+    """Order quantities: flow by rate, then the others as the record lists them."""
+    if quantity.startswith(_FLOW):
+        rate = quantity.removeprefix(_FLOW).removesuffix("hz")
+        return 0, int(rate) if rate.isdecimal() else 0, quantity
+    known = list(QUANTITIES)
+    return 1, known.index(quantity) if quantity in known else len(known), quantity

@@ -1,0 +1,80 @@
+"""What is compared, as it comes in: files with their statistics, their distributions, and what was found."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+
+from fedora_qa.comparison.sampled import Sampled
+from fedora_qa.comparison.types import ComparedFile, Design, Subject
+from fedora_qa.record.types import FileRecord, Scalar
+
+
+@dataclass(frozen=True, slots=True)
+class GivenFile:
+    """One file; ``record`` is None where it was measured and not checked, ``sampled`` where nothing is known."""
+
+    path: str
+    statistics: Mapping[str, Mapping[str, Scalar]]
+    sampled: Sampled | None
+    record: FileRecord | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What one argument named."""
+
+    name: str
+    files: tuple[GivenFile, ...]
+
+    @property
+    def by_name(self) -> Mapping[str, GivenFile]:
+        """The files by the end of their path, or the whole of it where two have the same end."""
+        ends = [PurePath(file.path).name for file in self.files]
+        return {end if ends.count(end) == 1 else file.path: file for end, file in zip(ends, self.files, strict=True)}
+
+    @property
+    def subject(self) -> Subject:
+        """The same as it stands in the document."""
+        return Subject(
+            self.name,
+            tuple(
+                ComparedFile(name, file.path, file.statistics, file.record.verdict if file.record else None)
+                for name, file in self.by_name.items()
+            ),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """One file in two versions."""
+
+    name: str
+    before: GivenFile
+    after: GivenFile
+
+
+def design_of(before: Given, after: Given) -> Design:
+    """Return what two subjects are to each other: versions where files have the same names, else what they hold."""
+    if before.by_name.keys() & after.by_name.keys():
+        return "versions"
+    return "sequences" if len(before.files) == len(after.files) == 1 else "datasets"
+
+
+def matches(before: Given, after: Given) -> tuple[Match, ...]:
+    """Return the files that are in both, by name; two single files are versions of each other whatever their names."""
+    if len(before.files) == len(after.files) == 1:
+        names = [*before.by_name, *after.by_name]
+        return (Match(" → ".join(dict.fromkeys(names)), before.files[0], after.files[0]),)
+    others = after.by_name
+    return tuple(Match(name, file, others[name]) for name, file in before.by_name.items() if name in others)
+
+
+def labels(paths: Sequence[str]) -> tuple[str, ...]:
+    """Return a short name for each path: its end, with as many folders before it as tell it from the others."""
+    parts = [PurePath(path).parts or (path,) for path in paths]
+    return tuple("/".join(one[-_needed(one, parts) :]).replace("//", "/") for one in parts)
+
+
+def _needed(one: tuple[str, ...], every: Sequence[tuple[str, ...]]) -> int:
+    sizes = range(1, len(one) + 1)
+    return next((n for n in sizes if sum(other[-n:] == one[-n:] for other in every) == 1), len(one))

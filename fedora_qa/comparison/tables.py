@@ -1,0 +1,186 @@
+"""A comparison as tables of text, the same in the terminal, in markdown and in the report."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from fedora_qa.comparison.paper_tables import paper_tables
+from fedora_qa.comparison.text_table import ABSENT, TextTable
+from fedora_qa.comparison.types import Comparison, Design, Difference, Moved, Pair, StatisticChange, Told, Versions
+from fedora_qa.record.markdown import escape, table
+from fedora_qa.record.wording import OUTCOME_WORDS, number, with_error
+
+TOLD_WORDS: Final[dict[Told, str]] = {
+    "differs": "differs",
+    "no_difference_seen": "no difference seen",
+    "identical": "identical",
+    "not_told": "cannot be told",
+}
+MOVED_WORDS: Final[dict[Moved, str]] = {
+    "moved": "moved",
+    "within_error": "within its error",
+    "changed": "changed, no error known",
+}
+DESIGN_WORDS: Final[dict[Design, str]] = {
+    "versions": "two versions of the same files, moment by moment",
+    "sequences": "two sequences",
+    "datasets": "two datasets, file by file",
+}
+
+_ROWS_SHOWN: Final = 60
+
+
+@dataclass(frozen=True, slots=True)
+class PairTables:
+    """What one subject shows against the reference: a title, a line that says it all, and tables."""
+
+    title: str
+    summary: str
+    tables: tuple[TextTable, ...]
+
+
+def headline(comparison: Comparison) -> str:
+    """Return what was compared and what came of it, in one line."""
+    told = [one.told for pair in comparison.pairs for one in pair.differences]
+    parts = [f"{told.count(kind)} {words}" for kind, words in TOLD_WORDS.items() if told.count(kind)]
+    return f"{len(told)} distributions compared: {', '.join(parts)}" if told else "No distributions to compare"
+
+
+def how_it_is_told(comparison: Comparison) -> str:
+    """Return which false-alarm rate all comparisons share."""
+    return (
+        f"{comparison.tests} comparisons share a false-alarm rate of {comparison.false_alarm_rate:g}: each is made at "
+        f"{comparison.level:.2g}."
+    )
+
+
+def pair_tables(comparison: Comparison) -> tuple[PairTables, ...]:
+    """Return the tables of each subject against the reference."""
+    return tuple(_pair(comparison, pair) for pair in comparison.pairs)
+
+
+def comparison_to_markdown(comparison: Comparison) -> str:
+    """Return a comparison as GitHub-flavoured markdown."""
+    parts = ["# Comparison", f"**{escape(headline(comparison))}**. {escape(how_it_is_told(comparison))}"]
+    parts += [f"- {escape(note)}" for note in comparison.notes]
+    for pair in pair_tables(comparison):
+        parts += [f"## {escape(pair.title)}", escape(pair.summary), *(_section(one) for one in pair.tables)]
+    parts += ["## Tables of the paper", *(_section(one) for one in paper_tables(comparison))]
+    return "\n\n".join([*parts, f"<sub>{escape(f'{comparison.tool.name} {comparison.tool.version}')}</sub>"]) + "\n"
+
+
+def _section(one: TextTable) -> str:
+    return f"### {escape(one.title)}\n\n{table(one.head, one.rows)}\n\n{escape(one.note)}".rstrip()
+
+
+def _pair(comparison: Comparison, pair: Pair) -> PairTables:
+    before, after = (comparison.subjects[place].name for place in (pair.before, pair.after))
+    tables = [_distances(pair), *(_version_tables(pair.versions) if pair.versions else ())]
+    summary = f"Compared as {DESIGN_WORDS[pair.design]}. {_version_words(pair.versions) if pair.versions else ''}"
+    return PairTables(f"{after} against {before}", summary.rstrip(), tuple(one for one in tables if one.rows))
+
+
+def _distances(pair: Pair) -> TextTable:
+    head = (
+        "quantity",
+        "unit",
+        "mean before",
+        "mean after",
+        "shift",
+        "distance",
+        "chance exceeds 1 in 20",
+        "chance",
+        "answer",
+    )
+    by_file = any(one.file for one in pair.differences)
+    rows = tuple((*((one.file,) if by_file else ()), *_distance_cells(one)) for one in pair.differences)
+    reasons = dict.fromkeys(one.reason for one in pair.differences if one.reason)
+    note = " ".join(
+        [
+            "Shift of the mean and Wasserstein distance, with standard errors where enough can be drawn again; chance: "
+            "the share of exchanges between both sides that leave them as far apart.",
+            *(f"{reason[:1].upper()}{reason[1:]}." for reason in reasons),
+        ]
+    )
+    return TextTable("Distributions", (*(("file",) if by_file else ()), *head), rows, note)
+
+
+def _distance_cells(one: Difference) -> tuple[str, ...]:
+    return (
+        one.quantity,
+        one.unit,
+        number(one.mean_before),
+        number(one.mean_after),
+        with_error(one.mean_after - one.mean_before, one.shift_standard_error, ""),
+        with_error(one.distance, one.distance_standard_error, ""),
+        ABSENT if one.distance_by_chance is None else number(one.distance_by_chance),
+        ABSENT if one.chance is None else f"{one.chance:.2g}",
+        TOLD_WORDS[one.told],
+    )
+
+
+def _version_words(versions: Versions) -> str:
+    changes = [one.change for one in versions.findings]
+    found = ", ".join(f"{changes.count(kind)} {kind}" for kind in ("new", "gone", "changed"))
+    findings = (
+        f"Findings in {_files(versions.checked)} checked in both: {found}, {versions.unchanged_findings} unchanged. "
+        if versions.checked
+        else "Findings are not compared: both sides must be records of a check. "
+    )
+    others = [
+        f"{label}: {', '.join(names)}."
+        for label, names in (("Files gone", versions.gone), ("New files", versions.new))
+        if names
+    ]
+    return f"{_files(versions.matched)} in both. {findings}{' '.join(others)}".rstrip()
+
+
+def _files(number: int) -> str:
+    return f"{number} file{'' if number == 1 else 's'}"
+
+
+def _version_tables(versions: Versions) -> Iterator[TextTable]:
+    findings = [
+        (one.file, one.change, one.code or one.check, one.stream or ABSENT, _became(one.severity_before,
+         one.severity_after), one.message_after or one.message_before)
+        for one in versions.findings
+    ]  # fmt: skip
+    yield _shown("Findings", ("file", "change", "rule", "stream", "severity", "finding"), findings, words=6)
+    outcomes = [
+        (one.file, one.check, *(ABSENT if word is None else OUTCOME_WORDS[word] for word in (one.before, one.after)))
+        for one in versions.outcomes
+    ]
+    yield _shown("Checks that end otherwise", ("file", "check", "before", "after"), outcomes, words=4)
+    moved = [
+        (one.file, f"{one.check} {one.name}", one.unit, number(one.before), number(one.after), number(one.allowed))
+        for one in versions.measurements
+    ]
+    note = "Two honest versions differ by no more than what is allowed, at the false-alarm rate of a check."
+    yield _shown(
+        "Measured values that moved", ("file", "measured", "unit", "before", "after", "allowed"), moved, 3, note
+    )
+    statistics = sorted(versions.statistics, key=lambda one: ("moved", "within_error", "changed").index(one.moved))
+    head = ("file", "statistic", "moved", "before", "after", "difference", "chance")
+    yield _shown("Statistics that are not the same", head, [_statistic_cells(one) for one in statistics], words=3)
+
+
+def _statistic_cells(one: StatisticChange) -> tuple[str, ...]:
+    known = one.before is not None and one.after is not None
+    return (
+        one.file,
+        one.statistic,
+        MOVED_WORDS[one.moved],
+        ABSENT if one.before is None else number(one.before),
+        ABSENT if one.after is None else number(one.after),
+        with_error((one.after or 0.0) - (one.before or 0.0), one.standard_error, "") if known else ABSENT,
+        ABSENT if one.chance is None else f"{one.chance:.2g}",
+    )
+
+
+def _became(before: str | None, after: str | None) -> str:
+    return " → ".join(dict.fromkeys(word for word in (before, after) if word))
+
+
+def _shown(title: str, head: tuple[str, ...], rows: Sequence[tuple[str, ...]], words: int, note: str = "") -> TextTable:
+    more = f"And {len(rows) - _ROWS_SHOWN} more, in the JSON." if len(rows) > _ROWS_SHOWN else ""
+    return TextTable(title, head, tuple(rows[:_ROWS_SHOWN]), " ".join(part for part in (note, more) if part), words)

@@ -1,0 +1,20 @@
+"""A table of text."""
+
+from dataclasses import dataclass
+from typing import Final
+
+ABSENT: Final = "-"
+
+SOURCE: Final = "source"
+"""Heads a column that says who published a row."""
+
+
+@dataclass(frozen=True, slots=True)
+class TextTable:
+    """A table of text; cells of the first columns, ``words`` of them, are words and the rest numbers."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+    words: int = 2

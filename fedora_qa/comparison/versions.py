@@ -1,0 +1,111 @@
+"""What was found in two versions of a file: new, gone and changed findings, and values that moved."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import hypot
+
+from fedora_qa.comparison.types import Change, FindingChange, MeasurementChange, OutcomeChange
+from fedora_qa.record.types import FileRecord, Finding, Measurement, Result
+
+Key = tuple[str, str, str, int]
+"""Check, rule, stream, and how many-th of the same: what makes a finding the same in two versions."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordChanges:
+    """What changed between two records of one file."""
+
+    findings: tuple[FindingChange, ...]
+    unchanged: int
+    outcomes: tuple[OutcomeChange, ...]
+    measurements: tuple[MeasurementChange, ...]
+
+
+def record_changes(file: str, before: FileRecord, after: FileRecord) -> RecordChanges:
+    """Hold two records of one file against each other."""
+    moved = tuple(_measurement_changes(file, before, after))
+    restless = {change.check for change in moved}
+    one, other = _findings(before), _findings(after)
+    changes = [_finding_change(file, key, one.get(key), other.get(key), restless) for key in {**one, **other}]
+    found = tuple(change for change in changes if change is not None)
+    return RecordChanges(found, len(changes) - len(found), tuple(_outcome_changes(file, before, after)), moved)
+
+
+def allowed_shift(before: Measurement, after: Measurement) -> float | None:
+    """Return how far a value may move between two honest versions; None where a limit is not known.
+
+    Each may lie off by its limit, and the two are independent but for errors of the model, which they share.
+    """
+    if before.limit is None or after.limit is None:
+        return None
+    return hypot(before.limit, after.limit)
+
+
+def _findings(record: FileRecord) -> dict[Key, tuple[Result, Finding]]:
+    numbered: dict[Key, tuple[Result, Finding]] = {}
+    for result in record.results:
+        for finding in result.findings:
+            same = sum(key[:3] == (result.check, finding.code, finding.where.stream or "") for key in numbered)
+            numbered[result.check, finding.code, finding.where.stream or "", same] = result, finding
+    return numbered
+
+
+def _finding_change(
+    file: str,
+    key: Key,
+    before: tuple[Result, Finding] | None,
+    after: tuple[Result, Finding] | None,
+    restless: set[str],
+) -> FindingChange | None:
+    """Return what became of a finding; None where nothing did."""
+    one, other = (side[1] if side else None for side in (before, after))
+    change: Change = "changed" if one and other else "new" if other else "gone"
+    if one and other and one.severity == other.severity and key[0] not in restless:
+        return None
+    return FindingChange(
+        file=file,
+        change=change,
+        check=key[0],
+        code=key[1],
+        stream=key[2],
+        severity_before=one.severity if one else None,
+        severity_after=other.severity if other else None,
+        message_before=one.message if one else "",
+        message_after=other.message if other else "",
+    )
+
+
+def _outcome_changes(file: str, before: FileRecord, after: FileRecord) -> Iterator[OutcomeChange]:
+    one, other = ({result.check: result.outcome for result in side.results} for side in (before, after))
+    for check in {**one, **other}:
+        if one.get(check) != other.get(check):
+            yield OutcomeChange(file, check, one.get(check), other.get(check))
+
+
+def _measurement_changes(file: str, before: FileRecord, after: FileRecord) -> Iterator[MeasurementChange]:
+    one, other = _measurements(before), _measurements(after)
+    for (check, name), measured in other.items():
+        earlier = one.get((check, name))
+        allowed = allowed_shift(earlier, measured) if earlier and earlier.unit == measured.unit else None
+        if earlier is None or allowed is None or earlier.value is None or measured.value is None:
+            continue
+        if abs(_counting(measured) - _counting(earlier)) > allowed:
+            yield MeasurementChange(file, check, name, measured.unit, earlier.value, measured.value, allowed)
+
+
+def _counting(measured: Measurement) -> float:
+    """Return a value, or what is expected where it lies on the side that does not count."""
+    value, expected = measured.value or 0.0, measured.expected
+    if expected is None or measured.side == "both":
+        return value
+    return max(value, expected) if measured.side == "upper" else min(value, expected)
+
+
+def _measurements(record: FileRecord) -> Mapping[tuple[str, str], Measurement]:
+    """Return what was measured by check and name; of checks that could tell."""
+    return {
+        (result.check, measured.name): measured
+        for result in record.results
+        if result.outcome in {"passed", "failed", "warned"}
+        for measured in result.measurements
+    }

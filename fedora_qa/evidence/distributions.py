@@ -1,0 +1,142 @@
+"""How depth, light, flow and events are distributed in each stretch of time: what comparisons are made from.
+
+Counts in fixed bins, 16 an octave, are whole numbers, so that windows merge exactly, stretches nest, and any two files
+have the same edges.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import ceil, log2
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.evidence.histograms import window_values
+from fedora_qa.evidence.kept import Kept
+from fedora_qa.evidence.value_counts import count_values, octave_counts, octave_edges
+from fedora_qa.record.evidence import DISTRIBUTIONS, QUANTITIES, named
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Span, Window
+
+Int64 = NDArray[np.int64]
+Blocks = dict[int, dict[str, Int64]]
+"""Counts by quantity, by number of the block of time."""
+
+LONGEST_INTERVAL_NS: Final = 100 * NS_PER_MS
+"""Longer times between events of a pixel are not counted: a window looks no further back."""
+
+_MOST_BLOCKS: Final = 128
+_RATE_BIN_NS: Final = 5 * NS_PER_MS
+"""Divides every length that windows have down to 25 ms."""
+
+
+class DistributionsCollector:
+    """Count values by block: one window or, in long sequences, the windows of 2, 4, 8 ... cells of their grid.
+
+    Parameters
+    ----------
+    spans
+        All windows of the file: they alone decide how long a block is, so that it depends on nothing else.
+    """
+
+    name = "distributions"
+
+    def __init__(self, spans: Sequence[Span]) -> None:
+        cell_ns = spans[0].stop_ns - spans[0].start_ns if spans else 1
+        self._block_ns = cell_ns << max(0, ceil(log2(max(len(spans), 1) / _MOST_BLOCKS)))
+
+    def start(self, facts: Facts) -> Blocks:
+        """Return the state that has seen nothing."""
+        return {}
+
+    def update(self, state: Blocks, window: Window) -> None:
+        """Add what a window shows."""
+        counts = {**window_values(window), **_event_counts(window)}
+        _add(state, window.span.start_ns // self._block_ns, counts)
+
+    def merge(self, state: Blocks, later: Blocks) -> Blocks:
+        """Return the state that has seen what both have."""
+        merged = {place: dict(counts) for place, counts in state.items()}
+        for place, counts in later.items():
+            _add(merged, place, counts)
+        return merged
+
+    def conclude(self, state: Blocks, facts: Facts) -> Kept:
+        """Return the counts of every quantity that has any, (blocks, bins), with their edges."""
+        places = sorted(state)
+        starts_ns = np.array(places, np.int64) * self._block_ns
+        entries: dict[str, tuple[NDArray[Any], str]] = {}
+        for quantity in dict.fromkeys(name for counts in state.values() for name in counts):
+            entries.update(_entries(quantity, [state[place].get(quantity) for place in places]))
+        if entries:
+            blocks_ns = np.stack([starts_ns, starts_ns + self._block_ns], axis=1)
+            entries[named(DISTRIBUTIONS, "blocks_ns")] = blocks_ns, "Start and stop of each block, ns from the origin"
+        return Kept.titled(entries)
+
+
+def pixel_intervals_ms(pixels: Int64, times_ns: Int64, start_ns: int) -> NDArray[np.float64]:
+    """Return the times between successive events of each pixel that end from ``start_ns`` on, ms.
+
+    Parameters
+    ----------
+    pixels
+        (N,) whole numbers that tell pixels apart, of events in the order of time.
+    times_ns
+        (N,) their stamps.
+    """
+    order = np.argsort(pixels, kind="stable")
+    ends_ns, steps_ns = times_ns[order][1:], np.diff(times_ns[order])
+    of_one_pixel = np.diff(pixels[order]) == 0
+    kept = of_one_pixel & (ends_ns >= start_ns) & (steps_ns <= LONGEST_INTERVAL_NS)
+    return np.asarray(steps_ns[kept] / NS_PER_MS)
+
+
+def _add(state: Blocks, place: int, counts: Mapping[str, Int64]) -> None:
+    block = state.setdefault(place, {})
+    for quantity, some in counts.items():
+        block[quantity] = block[quantity] + some if quantity in block else some
+
+
+def _event_counts(window: Window) -> dict[str, Int64]:
+    """Count rates of the whole sensor in 5 ms, and times between events of a pixel; nothing where unreadable."""
+    scan = window.facts.events
+    if "events" not in window.facts.streams or scan is None:
+        return {}
+    # A search by time needs stamps in order; without, the window stays within its own rows.
+    before_ns = LONGEST_INTERVAL_NS if scan.decreases == 0 else 0
+    try:
+        events = window.events(before_ns=before_ns)
+    except UnreadableRowsError:
+        return {}
+    span, times_ns = window.span, events.times_ns.astype(np.int64)
+    pixels = (events.y.astype(np.int64) << 16) + events.x
+    return {
+        "event_rate_per_ms": count_values(_rates_per_ms(times_ns, span, scan.first_ns, scan.last_ns)),
+        "pixel_interval_ms": count_values(pixel_intervals_ms(pixels, times_ns, span.start_ns)),
+    }
+
+
+def _rates_per_ms(times_ns: Int64, span: Span, first_ns: int, last_ns: int) -> NDArray[np.float64]:
+    """Return events per ms in each 5 ms of the window that lies wholly within the stream of events."""
+    edges_ns = np.arange(span.start_ns, span.stop_ns + 1, _RATE_BIN_NS)
+    counts = np.histogram(times_ns, edges_ns)[0] if len(edges_ns) > 1 else np.empty(0, np.int64)
+    whole = (edges_ns[:-1] >= first_ns) & (edges_ns[1:] <= last_ns)
+    return np.asarray(counts[whole] * (NS_PER_MS / _RATE_BIN_NS))
+
+
+def _entries(quantity: str, counts: Sequence[Int64 | None]) -> Iterator[tuple[str, tuple[NDArray[Any], str]]]:
+    """Yield counts and edges of the bins that hold anything, under the names and titles of the record."""
+    name = quantity.replace("flow/", "flow_")
+    every = octave_counts(np.stack([np.zeros_like(_any(counts)) if one is None else one for one in counts]))
+    filled = np.flatnonzero(every.any(axis=0))
+    if len(filled):
+        first, last = int(filled[0]), int(filled[-1]) + 1
+        title = QUANTITIES.get(name, f"Pixels by length of {quantity}, px over its interval")
+        yield named(DISTRIBUTIONS, name, "counts"), (every[:, first:last], f"{title}: counts by block and bin")
+        yield named(DISTRIBUTIONS, name, "edges"), (octave_edges()[first : last + 1], "Edges of the bins")
+
+
+def _any(counts: Sequence[Int64 | None]) -> Int64:
+    return next(one for one in counts if one is not None)
