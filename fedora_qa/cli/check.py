@@ -86,7 +86,8 @@ def check(
     executor = executor_for(settings, dask)
     jobs = executor.capacity
     runs = checked(files, Request(settings, options, started, kept), executor)
-    record = record_of(runs, settings, started, {"jobs": jobs, "peak_worker_memory_mib": peak_worker_memory_mib()})
+    workers = {"peak_worker_memory_mib": peak_worker_memory_mib()} if settings.jobs > 1 else {}
+    record = record_of(runs, settings, started, {"jobs": jobs, **workers})
     outputs.write(record, gathered_arrays(runs))
     say_record(record, github=outputs.github)
     return exit_code(record.files, settings.fail_on)
