@@ -26,7 +26,7 @@ from fedora_qa.gate.verdict import Judgement, judged, release_record
 from fedora_qa.record.json_io import read_record
 
 
-@click.command(short_help="Hold a release of sequences to a policy.")
+@click.command(short_help="Hold a release of sequences to a policy, for CI.")
 @click.argument("folder", metavar="DIR", type=PATH)
 @click.option("--policy", "policy_path", required=True, type=PATH, metavar="POLICY.toml", help="What must hold.")
 @click.option(
