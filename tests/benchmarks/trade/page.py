@@ -137,6 +137,7 @@ def chart(costs: Sequence[Cost], found: Sequence[Found]) -> str:
         x = place(ratio, 0.0)[0]
         parts.append(f'<text x="{x:.1f}" y="{height - 30}" text-anchor="middle">{effort}</text>')
         parts.append(f'<text x="{x:.1f}" y="{height - 14}" text-anchor="middle">{ratio:.1f} x reading</text>')
+    ends: dict[float, tuple[float, float]] = {}
     for index, times in enumerate(TIMES_LIMIT):
         of = [one for one in found if one.times_limit == times]
         points = [
@@ -146,8 +147,11 @@ def chart(costs: Sequence[Cost], found: Sequence[Found]) -> str:
         line = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         parts.append(f'<polyline points="{line}" class="size{index}"/>')
         parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" class="size{index}"/>' for x, y in points]
-        x, y = points[-1]
-        parts.append(f'<text x="{x + 10:.1f}" y="{y + 4 + 14 * (2 - index):.1f}">{times:g} x limit</text>')
+        ends[times] = points[-1]
+    below = -math.inf
+    for times, (x, y) in sorted(ends.items(), key=lambda end: end[1][1]):
+        below = max(y + 4, below + 14)
+        parts.append(f'<text x="{x + 10:.1f}" y="{below:.1f}">{times:g} x limit</text>')
     title = escape("Share of faults found against the cost of each effort")
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img">\n<title>{title}</title>\n'
