@@ -4,7 +4,9 @@ The files must lie under the same path on every worker, and the same version of 
 A task whose worker dies is given to another by the cluster itself, and is lost where it kills several of them.
 """
 
+import socket
 import time
+from collections.abc import Callable
 from concurrent.futures import Future
 from types import TracebackType
 from typing import Any, Final, Self
@@ -44,13 +46,15 @@ class DaskExecutor:
     def __init__(self, address: str) -> None:
         try:
             import dask  # noqa: PLC0415 - an extra
-            import distributed  # noqa: PLC0415
+            import distributed  # noqa: PLC0415 - an extra
+            from distributed.comm.addressing import get_address_host_port  # noqa: PLC0415 - an extra
         except ImportError:
             raise MisuseError("Expected Dask for --dask; install it: pip install 'fedora-qa[dask]'") from None
         self._address = address
         self._dask: Any = dask
         self._distributed: Any = distributed
         try:
+            _require_listener(address, get_address_host_port)
             self._client: Any = self._distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as problem:
             raise MisuseError(f"Expected a Dask scheduler at {address}, got: {problem}") from None
@@ -118,6 +122,11 @@ class DaskExecutor:
             future.set_exception(FedoraError(f"Expected the Dask scheduler at {self._address} to stay, got its end"))
         except Exception as error:  # noqa: BLE001 - whoever asks for the result gets it
             future.set_exception(error)
+
+
+def _require_listener(address: str, host_and_port: Callable[[str], tuple[str, int]]) -> None:
+    """Raise ``OSError`` or ``ValueError`` where nobody listens: a client that has failed tells of it again at exit."""
+    socket.create_connection(host_and_port(address), timeout=_CONNECT_S).close()
 
 
 def do_if_same_code(code: str, task: Task[Result]) -> Result:

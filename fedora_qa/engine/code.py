@@ -1,16 +1,17 @@
-"""Which code made a result: that of the whole package, as any of it may decide what a record says."""
+"""Which code made a result: the SHA-256 of sources, of all of the package unless some folders are named."""
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-_PACKAGE: Final = Path(__file__).parents[1]
+PACKAGE: Final = Path(__file__).parents[1]
 
 
-def code_digest(package: Path = _PACKAGE) -> str:
-    """Return the SHA-256 of all sources of the package: of their paths and of their text, in order."""
+def code_digest(folders: Sequence[str] = ("",), package: Path = PACKAGE) -> str:
+    """Return the SHA-256 of all sources in folders of the package: of their paths and of their text, in order."""
     digest = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
+    for path in sorted(path for folder in folders for path in (package / folder).rglob("*.py")):
         digest.update(f"{path.relative_to(package).as_posix()}\0".encode())
         digest.update(path.read_bytes().replace(b"\r\n", b"\n") + b"\0")
     return digest.hexdigest()

@@ -69,9 +69,12 @@ def power_to_markdown(power: Power, drawing: str = "") -> str:
     head = (
         f"# What the checks can see\n\n{escape(headline(power))}. {escape(code)}. How to read it: [power.md](power.md)."
     )
+    crashed = (
+        f"A check crashed in {len(power.crashed)} files: {escape(', '.join(power.crashed))}." if power.crashed else ""
+    )
     picture = f"![Detection against size, and stated limits against what is found]({drawing})" if drawing else ""
     sections = [f"## {one.title}\n\n{table(one.head, one.rows)}\n\n{escape(one.note)}" for one in tables_of(power)]
-    return "\n\n".join(section.rstrip() for section in [head, picture, *sections] if section) + "\n"
+    return "\n\n".join(section.rstrip() for section in [head, crashed, picture, *sections] if section) + "\n"
 
 
 def share_words(share: Share) -> str:
