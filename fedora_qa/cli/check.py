@@ -14,6 +14,7 @@ from fedora_qa.cli.host import peak_worker_memory_mib
 from fedora_qa.cli.kept import kept_folder
 from fedora_qa.cli.output_options import record_options
 from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.place_param import PlaceParam
 from fedora_qa.cli.record import gathered_arrays, record_of
 from fedora_qa.cli.say import say_record
 from fedora_qa.config import CheckConfig, read_config
@@ -22,13 +23,14 @@ from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.layout.dialect import Dialect, load_dialect
-from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.sequence.sequence import open_sequence, require_signature
+from fedora_qa.storage.place import Place, RemoteFile
 
 PATH = click.Path(path_type=Path)
 
 
 @click.command(short_help="Check files and say what is wrong, where, by how much and why.")
-@click.argument("files", nargs=-1, required=True, type=PATH)
+@click.argument("files", nargs=-1, required=True, type=PlaceParam())
 @click.option(
     "--effort",
     type=click.Choice(["quick", "standard", "full", "exhaustive"]),
@@ -64,7 +66,7 @@ PATH = click.Path(path_type=Path)
 )
 @record_options
 def check(
-    files: tuple[Path, ...],
+    files: tuple[Place, ...],
     config: Path | None,
     dask: str | None,
     resume: Path | None,
@@ -79,7 +81,7 @@ def check(
     if dask and given["jobs"]:
         raise MisuseError("Expected either --jobs or --dask, got both")
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
-    outputs.require_writable(files)
+    outputs.require_writable([file for file in files if isinstance(file, Path)])
     require_hdf5(files, options.dialect)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     kept = kept_folder(resume, settings, options) if resume else None
@@ -117,11 +119,14 @@ def check_options(settings: CheckConfig) -> CheckOptions:
     )
 
 
-def require_hdf5(files: Sequence[Path], dialect: Dialect | None) -> None:
+def require_hdf5(files: Sequence[Place], dialect: Dialect | None) -> None:
     """Raise ``MisuseError`` before any work where a path is missing, given twice, or no HDF5 file at all."""
     for path in files:
         if list(files).count(path) > 1:
             raise MisuseError(f"Expected each file once, got {path} {files.count(path)} times")
+        if isinstance(path, RemoteFile):
+            require_signature(path)  # to open it here as well would transfer its structure twice
+            continue
         try:
             open_sequence(path, dialect).close()
         except UnreadableFileError:

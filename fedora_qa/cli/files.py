@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import click
 
@@ -17,6 +16,7 @@ from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.errors import MisuseError
+from fedora_qa.storage.place import Place
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ def executor_for(settings: CheckConfig, dask: str | None) -> Executor:
     return ProcessExecutor(settings.jobs, threads=max(1, usable_cores() // settings.jobs))
 
 
-def checked(files: Sequence[Path], request: Request, executor: Executor) -> list[FileRun]:
+def checked(files: Sequence[Place], request: Request, executor: Executor) -> list[FileRun]:
     """Check the files, but for those whose run is kept, and return the runs of all in their order."""
     kept, required = request.kept, request.settings.required_coverage
     places = {path: kept.place(path) for path in files} if kept else {}

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Final
 
 from fedora_qa.engine.executors import Executor
@@ -12,14 +11,16 @@ from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Report, Tally
 from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import WorkerLostError
+from fedora_qa.storage.place import Place
+from fedora_qa.storage.server import version_of
 
 _SILENCE_S: Final = 2.0
 """After how long without a result it is asked whether anybody is left to give one."""
 
 
 def check_files(
-    paths: Sequence[Path], options: CheckOptions, executor: Executor, report: Report
-) -> Iterator[tuple[Path, FileRun]]:
+    paths: Sequence[Place], options: CheckOptions, executor: Executor, report: Report
+) -> Iterator[tuple[Place, FileRun]]:
     """Check files, and yield each as soon as it is done. What is found does not depend on who finds it.
 
     Parameters
@@ -40,7 +41,7 @@ def check_files(
     def tell(doing: str) -> None:
         report(_tally(doing, works))
 
-    works = [FileWork(path, checks, options, executor.capacity, tell) for path in paths]
+    works = [FileWork(path, version_of(path).size, checks, options, executor.capacity, tell) for path in paths]
     running: dict[Future[Any], Step] = {}
     waiting = list(works)
     while waiting:

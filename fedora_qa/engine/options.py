@@ -11,6 +11,7 @@ from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.judgement.tolerances import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.record.types import FileRecord
+from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
 _MEBIBYTE: Final = 1 << 20
 
@@ -47,9 +48,10 @@ class CheckOptions:
 
 @dataclass(frozen=True, slots=True)
 class FileRun:
-    """The record of one file, the evidence that lies beside it, and where the time went."""
+    """The record of one file, the evidence that lies beside it, where the time went, and what was asked of servers."""
 
     record: FileRecord
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     decoded_bytes: int = 0
+    traffic: Traffic = NO_TRAFFIC

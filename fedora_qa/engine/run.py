@@ -1,6 +1,5 @@
 """Check one file from beginning to end, in this process."""
 
-from pathlib import Path
 from typing import Any
 
 from fedora_qa.checks import CHECKS
@@ -9,11 +8,12 @@ from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.engine.whole import check_whole
 from fedora_qa.errors import MisuseError
+from fedora_qa.storage.place import Place
 
 __all__ = ["CheckOptions", "FileRun", "check_file", "quiet", "select_checks"]
 
 
-def check_file(path: Path, options: CheckOptions, progress: Progress = quiet) -> FileRun:
+def check_file(path: Place, options: CheckOptions, progress: Progress = quiet) -> FileRun:
     """Check one file.
 
     Raises

@@ -1,0 +1,15 @@
+"""A parameter that is a file, on this machine or behind a URL."""
+
+import click
+
+from fedora_qa.storage.place import Place, place_of
+
+
+class PlaceParam(click.ParamType[Place]):
+    """Turns what was given into a place; raises ``MisuseError`` for a URL that cannot be read from."""
+
+    name = "place"
+
+    def convert(self, value: str | Place, param: click.Parameter | None, ctx: click.Context | None) -> Place:
+        """Return the place that the text means."""
+        return place_of(value) if isinstance(value, str) else value
