@@ -17,7 +17,7 @@ from fedora_qa.layout.resolve import Layout, resolve
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.read_declared import read_declared
 from fedora_qa.storage.place import Place, RemoteFile
-from fedora_qa.storage.remote_bytes import RemoteBytes
+from fedora_qa.storage.remote_bytes import BLOCK_BYTES, RemoteBytes
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 from fedora_qa.storage.version import Version, local_version
 
@@ -205,7 +205,7 @@ def require_signature(path: Place) -> None:
 def _open_remote(place: RemoteFile, dialect: Dialect | None) -> Sequence:
     """Open a file behind a URL through Python's reading of it; HDF5's own drivers for servers are seldom built in."""
     with ExitStack() as opened:
-        remote = opened.enter_context(closing(RemoteBytes(place)))
+        remote = opened.enter_context(closing(RemoteBytes(place, BLOCK_BYTES)))
         _require_signature(place, remote)
         try:
             file = opened.enter_context(h5py.File(remote, "r"))

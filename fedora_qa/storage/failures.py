@@ -121,10 +121,12 @@ def _status(errors: tuple[BaseException, ...]) -> int | None:
 def _certificate(errors: tuple[BaseException, ...]) -> str | None:
     """Return what OpenSSL says against a certificate, or of a handshake that failed."""
     for error in errors:
-        if isinstance(error, ssl.SSLCertVerificationError):
-            return error.verify_message
         if isinstance(error, ssl.SSLError):
-            return error.reason or "no secure connection"
+            why = getattr(error, "verify_message", None) or getattr(
+                error, "reason", None
+            )  # aiohttp's subclass has neither
+            if isinstance(why, str):
+                return why
     return None
 
 

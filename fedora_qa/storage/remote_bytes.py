@@ -13,14 +13,19 @@ from fedora_qa.storage.traffic import Traffic
 from fedora_qa.storage.version import Version
 
 BLOCK_BYTES: Final = 1 << 18
-"""What is fetched at least; whatever is longer is fetched as it is (docs/remote.md says how it was chosen)."""
+"""For HDF5 files: large against its structure, small against images (docs/remote.md says how it was chosen)."""
 
-_BLOCKS: Final = 64
+_BLOCKS: Final = 256
 """How many of the latest are kept."""
 
 
 class RemoteBytes(io.RawIOBase):
     """The bytes of a file behind a URL, read-only. Not for several threads at once.
+
+    Parameters
+    ----------
+    block_bytes
+        What is fetched at least; whatever is longer is fetched as it is, and not kept.
 
     Attributes
     ----------
@@ -29,7 +34,7 @@ class RemoteBytes(io.RawIOBase):
         is told of damage must look here first.
     """
 
-    def __init__(self, place: RemoteFile, block_bytes: int = BLOCK_BYTES) -> None:
+    def __init__(self, place: RemoteFile, block_bytes: int) -> None:
         super().__init__()
         self.place = place
         self.failure: StorageError | None = None

@@ -1,7 +1,9 @@
 """Ask a server for a file: how long it is, of which version, and for stretches of it. Through fsspec, an extra."""
 
+import gc
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, Final, TypeVar
 
 from fedora_qa.errors import MisuseError, StorageError
@@ -88,12 +90,29 @@ class Server:
         for wait_s in (*_WAITS_S, None):
             self.traffic += Traffic(requests=1)
             try:
-                return request()
+                with _without_collection():
+                    return request()
             except Exception as error:  # noqa: BLE001 - libraries raise what they like; a person gets one sentence
                 if wait_s is None or not may_pass(error):
                     raise failure_of(error, self._place) from None
             time.sleep(wait_s)
         raise AssertionError("the last try returns or raises")
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Keep cyclic garbage until the request is done.
+
+    h5py holds its lock while it reads, and needs it to free its objects: were the thread that does the requests to
+    collect them meanwhile, both would wait for each other for ever (h5py issue 2019).
+    """
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def version_of(place: Place) -> Version:
