@@ -1,5 +1,6 @@
 """``fedora-qa check``: check files, write what was asked for, and say it in the terminal."""
 
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -8,6 +9,7 @@ from typing import Any
 
 import click
 
+from fedora_qa.cli.budget import Budget, BudgetParam, budgeted, require_budget_alone
 from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
 from fedora_qa.cli.host import peak_worker_memory_mib
@@ -35,6 +37,12 @@ PATH = click.Path(path_type=Path)
     "--effort",
     type=click.Choice(["quick", "standard", "full", "exhaustive"]),
     help="How much to look at; full unless configured otherwise.",
+)
+@click.option(
+    "--budget",
+    type=BudgetParam(),
+    metavar="TIME",
+    help="Look at as much as fits into a time such as 60s, 5m or 0.5h, in place of an effort.",
 )
 @click.option("--select", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Run only these checks. May be repeated.")
 @click.option("--ignore", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Leave these checks out. May be repeated.")
@@ -70,6 +78,7 @@ def check(
     config: Path | None,
     dask: str | None,
     resume: Path | None,
+    budget: Budget | None,
     outputs: Outputs,
     **given: Any,
 ) -> int:
@@ -77,19 +86,23 @@ def check(
 
     Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
     """
+    began = time.monotonic()
     settings = settings_from(config, given)
+    require_budget_alone(budget, given["effort"], settings)
     if dask and given["jobs"]:
         raise MisuseError("Expected either --jobs or --dask, got both")
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
+    options = replace(options, budget_s=budget.seconds if budget else None)
     outputs.require_writable([file for file in files if isinstance(file, Path)])
     require_hdf5(files, options.dialect)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     kept = kept_folder(resume, settings, options) if resume else None
     executor = executor_for(settings, dask)
     jobs = executor.capacity
-    runs = checked(files, Request(settings, options, started, kept), executor)
+    runs = checked(files, Request(settings, options, started, kept, began), executor)
     workers = {"peak_worker_memory_mib": peak_worker_memory_mib()} if settings.jobs > 1 else {}
     record = record_of(runs, settings, started, {"jobs": jobs, **workers})
+    record = budgeted(record, budget) if budget else record
     outputs.write(record, gathered_arrays(runs))
     say_record(record, github=outputs.github)
     return exit_code(record.files, settings.fail_on)

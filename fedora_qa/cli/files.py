@@ -21,12 +21,13 @@ from fedora_qa.storage.place import Place
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What files are to be checked for, and since when."""
+    """What files are to be checked for, and since when: ``began`` on ``time.monotonic``, for a budget of time."""
 
     settings: CheckConfig
     options: CheckOptions
     started: str
     kept: KeptFolder | None = None
+    began: float | None = None
 
 
 def executor_for(settings: CheckConfig, dask: str | None) -> Executor:
@@ -55,7 +56,7 @@ def checked(files: Sequence[Place], request: Request, executor: Executor) -> lis
     missing = [path for path in files if path not in runs]
     try:
         with executor, files_progress(known=len(runs)) as report:
-            for path, run in check_files(missing, request.options, executor, report):
+            for path, run in check_files(missing, request.options, executor, report, request.began):
                 runs[path] = replace(run, record=hold_to_coverage(run.record, required))
                 if kept:
                     places[path].store(runs[path], request.started)

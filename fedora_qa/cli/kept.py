@@ -68,7 +68,9 @@ class KeptFile:
             return None
         if list(arrays) != list(file.evidence):
             return None
-        return FileRun(replace(file, path=str(self.path)), arrays, record.run.seconds, _decoded_bytes(record))
+        reached = str(record.run.host.get("budget_reached", ""))
+        whole = replace(file, path=str(self.path))
+        return FileRun(whole, arrays, record.run.seconds, _decoded_bytes(record), reached=reached)
 
     def store(self, run: FileRun, started: str) -> None:
         """Keep what was found of the file, entirely or not at all; nothing where the file was changed meanwhile."""

@@ -39,6 +39,7 @@ def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, fact
                 "peak_memory_mib": peak_memory_mib(),
                 "decoded_bytes": sum(run.decoded_bytes for run in runs),
                 **_traffic(runs),
+                **_reached(runs),
                 **facts,
             },
         ),
@@ -57,6 +58,12 @@ def _traffic(runs: Sequence[FileRun]) -> dict[str, Scalar]:
     """Return what was asked of servers, where anything was."""
     traffic = sum((run.traffic for run in runs), NO_TRAFFIC)
     return {"transferred_bytes": traffic.transferred_bytes, "requests": traffic.requests} if traffic.requests else {}
+
+
+def _reached(runs: Sequence[FileRun]) -> dict[str, Scalar]:
+    """Return how far a budget of time has carried, in the order of the files, where there was one."""
+    reached = [run.reached for run in runs if run.reached]
+    return {"budget_reached": "; ".join(reached)} if reached else {}
 
 
 def _named(name: str, file: int, apart: bool) -> str:

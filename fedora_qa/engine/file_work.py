@@ -162,6 +162,11 @@ class FileWork:
 def stretches(windows: int, workers: int) -> tuple[Sequence[int], ...]:
     """Deal windows out in stretches that workers can measure by themselves."""
     length = min(max(windows // (_STRETCHES_PER_WORKER * workers), _FEWEST_WINDOWS), _MOST_WINDOWS)
-    count = -(-windows // length)
+    return equal_parts(windows, -(-windows // length))
+
+
+def equal_parts(windows: int, count: int) -> tuple[Sequence[int], ...]:
+    """Cut windows into neighbouring parts, none of them empty."""
+    count = min(count, windows)
     bounds = [windows * number // count for number in range(count + 1)] if count else []
     return tuple(range(start, stop) for start, stop in pairwise(bounds))

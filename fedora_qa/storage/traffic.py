@@ -14,5 +14,8 @@ class Traffic:
     def __add__(self, other: Self) -> "Traffic":
         return Traffic(self.transferred_bytes + other.transferred_bytes, self.requests + other.requests)
 
+    def __sub__(self, other: Self) -> "Traffic":
+        return Traffic(self.transferred_bytes - other.transferred_bytes, self.requests - other.requests)
+
 
 NO_TRAFFIC: Final = Traffic()
