@@ -1,6 +1,5 @@
 """``fedora-qa check``: check files, write what was asked for, and say it in the terminal."""
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -73,7 +72,9 @@ PATH = click.Path(path_type=Path)
     help="Plant a fault for each check, in memory: one that does not see its own is reported as crashed.",
 )
 @record_options
+@click.pass_obj
 def check(
+    began: float,
     files: tuple[Place, ...],
     config: Path | None,
     dask: str | None,
@@ -86,7 +87,6 @@ def check(
 
     Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
     """
-    began = time.monotonic()
     settings = settings_from(config, given)
     require_budget_alone(budget, given["effort"], settings)
     if dask and given["jobs"]:

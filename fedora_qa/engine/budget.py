@@ -97,7 +97,7 @@ def batch(left_s: float, pace: Pace, pending: int, workers: int) -> int:
 
     At most half of what fits, so that the pace is known anew before the end, and no worker waits for another for long.
     """
-    if pace.longest_s > left_s:
+    if not pending or pace.longest_s > left_s:
         return 0
     share = -(-pending // workers)
     return max(1, min(_MOST_WINDOWS, int(left_s / pace.longest_s / 2), share))

@@ -151,7 +151,8 @@ class BudgetedWork(FileWork):
             if other is not now:
                 self._traffic = sum((part.traffic for part in other.shown.values()), self._traffic)
         shown = Shown(self._steady_parts(), now.shown)
-        self._do("being judged", partial(finish_sampled, self._visited(now), shown, sorted(self._lost)), self._finished)
+        lost = sorted(set(self._lost) - now.shown.keys())
+        self._do("being judged", partial(finish_sampled, self._visited(now), shown, lost), self._finished)
 
     def _visited(self, density: Density) -> Survey:
         """Return the survey whose plan is what was visited, or lost."""
