@@ -33,7 +33,7 @@ def file_digest(path: Place) -> Digest:
 
     Files over 1 GiB get a partial digest: of their size, and of 64 evenly spread pieces of 1 MiB with the first and the
     last among them. It is the same wherever the file lies. Files behind a URL get no other: of shorter ones the pieces
-    are a sixteenth of all, so that less is read for the digest than for the quickest look.
+    are together a 256th, so that the quickest look costs more than the digest.
     """
     if isinstance(path, RemoteFile):
         return _remote_digest(path)
@@ -50,7 +50,8 @@ def file_digest(path: Place) -> Digest:
 def _remote_digest(place: RemoteFile) -> Digest:
     with closing(RemoteBytes(place, block_bytes=1)) as file:
         size = file.version.size
-        sha256 = _of_pieces(file, size, min(_PIECE, -(-size // (16 * _PIECES))))
+        piece = _PIECE if size > _WHOLE_UP_TO else -(-size // (256 * _PIECES))
+        sha256 = _of_pieces(file, size, piece)
         return Digest(sha256, "partial", file.version, file.traffic)
 
 
