@@ -74,7 +74,8 @@ PATH = click.Path(path_type=Path)
 @record_options
 @click.pass_obj
 def check(
-    began: float,
+    began: float | None,
+    /,
     files: tuple[Place, ...],
     config: Path | None,
     dask: str | None,

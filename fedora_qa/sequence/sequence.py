@@ -1,7 +1,6 @@
 """Open a sequence: read-only, lazy, in canonical units."""
 
 from contextlib import ExitStack, closing
-from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Protocol, Self
 
@@ -18,8 +17,9 @@ from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.read_declared import read_declared
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.remote_bytes import BLOCK_BYTES, RemoteBytes
+from fedora_qa.storage.server import version_of
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
-from fedora_qa.storage.version import Version, local_version
+from fedora_qa.storage.version import Version
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LARGEST_USER_BLOCK = 1 << 20
@@ -75,7 +75,7 @@ class Sequence:
         self.path = path
         self._file = file
         self._remote = remote
-        self.version: Version = remote.version if remote else local_version(Path(str(path)))
+        self.version: Version = remote.version if remote else version_of(path)
         self.layout: Layout = resolve(file, dialect)
         self.declared: Declared = read_declared(file, self.layout)
         self.origin_ns: int = self._find_origin_ns()

@@ -22,6 +22,7 @@ def check(*arguments: str | Path) -> int:
 
 def found(path: Path) -> dict[str, Any]:
     """What a record says of its file, but for where it lies and what only a server tells."""
+    file: dict[str, Any]
     (file,) = json.loads(path.read_text(encoding="utf-8"))["files"]
     for name in ("path", "sha256", "digest_kind"):
         del file[name]
