@@ -57,7 +57,7 @@ def changed(place: RemoteFile) -> StorageError:
 def _words(errors: tuple[BaseException, ...], place: RemoteFile) -> tuple[str, str]:
     """Return what was expected, and what there was in its place; the most telling of the errors counts."""
     status, certificate, unreached = _status(errors), _certificate(errors), _unreached(errors)
-    plainly = status is None and certificate is None and not unreached  # fsspec calls whatever fails not found
+    absent = status is None and isinstance(errors[-1], FileNotFoundError)  # fsspec calls so whatever fails at first
     forbidden = status in _UNAUTHORIZED or _any(errors, PermissionError)
     without_ranges = any(isinstance(one, ValueError) and "range requests" in str(one) for one in errors)
     advice = _CREDENTIALS if place.scheme == "s3" else "sign in, or have the URL signed anew"
@@ -69,7 +69,7 @@ def _words(errors: tuple[BaseException, ...], place: RemoteFile) -> tuple[str, s
         ),
         (forbidden, "access to the file", f"a refusal ({status or 'forbidden'}); {advice}"),
         (
-            status in _ABSENT or (plainly and _any(errors, FileNotFoundError)),
+            status in _ABSENT or absent,
             "an HDF5 file",
             "a path that does not exist",
         ),

@@ -133,3 +133,14 @@ def test_the_digest_is_the_same_wherever_a_long_file_lies(server: FileServer, mo
     here, there = file_digest(server.folder / "seq.h5"), file_digest(place_of(server.url("seq.h5")))
     assert (here.sha256, here.kind) == (there.sha256, there.kind)
     assert there.traffic.transferred_bytes == 64 * 16
+
+
+def test_a_file_that_is_damaged_where_it_lies(server: FileServer, capsys: pytest.CaptureFixture[str]) -> None:
+    """A truncated file is a finding, as on a disk; what is no HDF5 is misuse."""
+    content = (server.folder / "seq.h5").read_bytes()
+    (server.folder / "short.h5").write_bytes(content[: len(content) // 2])
+    (server.folder / "text.h5").write_bytes(b"text")
+    assert check(server.url("short.h5")) == 1
+    assert "truncated" in capsys.readouterr().out
+    assert check(server.url("text.h5")) == 2
+    assert "no HDF5 signature" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 import faulthandler
 import gc
+import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -141,6 +142,14 @@ def test_a_certificate_that_nobody_signed(folder: Path, tmp_path: Path) -> None:
         pytest.raises(StorageError, match="whose certificate can be verified, got self-signed certificate"),
     ):
         open_sequence(remote(server))
+
+
+def test_a_server_that_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A server that takes the request and never answers is given up, and not called empty."""
+    monkeypatch.setattr(storage_server, "_SILENCE_S", 0.2)
+    told = pytest.raises(StorageError, match="an answer of the server, got none in time")
+    with socket.create_server(("127.0.0.1", 0)) as silent, told:
+        open_sequence(place_of(f"http://127.0.0.1:{silent.getsockname()[1]}/seq.h5"))
 
 
 def test_without_the_extra(server: FileServer, monkeypatch: pytest.MonkeyPatch) -> None:
