@@ -47,6 +47,14 @@ class Pace:
         return max(self._latest_s)
 
     @property
+    def unevenness(self) -> float:
+        """How many times slower than their mean the slowest of the latest windows was: 1 where nothing disturbs.
+
+        Another load of the machine, which makes one window slower than others, may make judgement slower than rehearsed.
+        """
+        return self.longest_s / self.mean_s if self.mean_s else 1.0
+
+    @property
     def spent_s(self) -> float:
         """Seconds of all windows so far."""
         return self._spent_s
@@ -89,7 +97,10 @@ class Reserve:
         """
         if not self._rehearsed:
             return left_s > pace.spent_s
-        return windows >= 2 * self._rehearsed[-1][0] and left_s > 2 * self.seconds(windows) + pace.longest_s
+        return (
+            windows >= 2 * self._rehearsed[-1][0]
+            and left_s > 2 * pace.unevenness * self.seconds(windows) + pace.longest_s
+        )
 
 
 def batch(left_s: float, pace: Pace, pending: int, workers: int) -> int:

@@ -104,7 +104,7 @@ class BudgetedWork(FileWork):
 
     def _measure_more(self, now: Density, soon: int, left_s: float) -> bool:
         """Measure as many windows as fit beside the reserve that they will need; False where none fits."""
-        left_s -= self._reserve.seconds(soon + 1)
+        left_s -= now.pace.unevenness * self._reserve.seconds(soon + 1)
         count = batch(left_s, now.pace, len(now.pending), self._workers)
         if count:
             self._measure(now, [now.pending.popleft() for _ in range(count)], left_s)
@@ -113,7 +113,7 @@ class BudgetedWork(FileWork):
     def _fits(self, left_s: float, density: Density) -> bool:
         """Whether all windows that wait at a density fit, beside the reserve that they will need."""
         needed_s = density.pace.mean_s * len(density.pending) / self._workers
-        return needed_s + self._reserve.seconds(self.windows) <= left_s
+        return needed_s + density.pace.unevenness * self._reserve.seconds(self.windows) <= left_s
 
     def _measure(self, now: Density, windows: Sequence[int], allowed_s: float) -> None:
         began = time.monotonic()

@@ -48,7 +48,9 @@ def test_the_slowest_of_the_latest_counts() -> None:
     for _ in range(8):
         pace.add(1, 1.5)
     assert (pace.longest_s, pace.mean_s, pace.windows) == (1.5, 1.5, 11)
-    assert pace.spent_s == 23.0
+    pace.add(1, 3.5)
+    assert pace.unevenness == 3.5 / 1.75
+    assert pace.spent_s == 26.5
 
 
 def test_the_reserve_follows_what_was_rehearsed() -> None:
@@ -160,6 +162,29 @@ def test_ample_time_is_used_for_density(many_windows: Path, slow: Clock) -> None
     run = run_of(many_windows, 1000.0)
     assert seen(run) == list(range(51))
     assert run.reached.startswith("51 of 51 windows at the density of full, with ")
+
+
+class Denser(Slow):
+    """What if a denser look takes longer? A second at the density of quick, three at that of full."""
+
+    def update(self, state: list[int], window: Window) -> None:
+        """Take as long as the density asks for."""
+        CLOCK.now += {3: 0.0, 2: 0.5, 1: 2.0}[window.sampling.field_stride]
+        super().update(state, window)
+
+
+@pytest.mark.parametrize(
+    ("budget_s", "reached"), [(60.0, "quick"), (100.0, "quick"), (140.0, "standard"), (250.0, "full")]
+)
+def test_the_densest_with_which_all_windows_fit(
+    budget_s: float, reached: str, many_windows: Path, slow: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Density is bought only where it costs no window; what it is tried with never makes the run late."""
+    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Denser(),))
+    run = run_of(many_windows, budget_s)
+    assert f"at the density of {reached}, with " in run.reached
+    assert slow.now - 100.0 <= budget_s
+    assert seen(run) == list(range(51)) or budget_s == 60.0
 
 
 def test_files_share_the_budget(many_windows: Path, slow: Clock, tmp_path: Path) -> None:
