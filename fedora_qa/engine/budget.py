@@ -50,7 +50,7 @@ class Pace:
     def unevenness(self) -> float:
         """How many times slower than their mean the slowest of the latest windows was: 1 where nothing disturbs.
 
-        Another load of the machine, which makes one window slower than others, may make judgement slower than rehearsed.
+        Another load of the machine, which makes some windows slower, may make judgement slower than rehearsed.
         """
         return self.longest_s / self.mean_s if self.mean_s else 1.0
 
