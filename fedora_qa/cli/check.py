@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from fedora_qa.cli.began import BEGAN
 from fedora_qa.cli.budget import Budget, BudgetParam, budgeted, require_budget_alone
 from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
@@ -72,10 +73,7 @@ PATH = click.Path(path_type=Path)
     help="Plant a fault for each check, in memory: one that does not see its own is reported as crashed.",
 )
 @record_options
-@click.pass_obj
 def check(
-    began: float | None,
-    /,
     files: tuple[Place, ...],
     config: Path | None,
     dask: str | None,
@@ -100,7 +98,9 @@ def check(
     kept = kept_folder(resume, settings, options) if resume else None
     executor = executor_for(settings, dask)
     jobs = executor.capacity
-    runs = checked(files, Request(settings, options, started, kept, began), executor)
+    runs = checked(
+        files, Request(settings, options, started, kept, click.get_current_context().meta.get(BEGAN)), executor
+    )
     workers = {"peak_worker_memory_mib": peak_worker_memory_mib()} if settings.jobs > 1 else {}
     record = record_of(runs, settings, started, {"jobs": jobs, **workers})
     record = budgeted(record, budget) if budget else record

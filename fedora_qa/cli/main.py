@@ -15,6 +15,7 @@ from typing import Final, cast
 import click
 
 from fedora_qa import __version__
+from fedora_qa.cli.began import BEGAN
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
 from fedora_qa.record.wording import printable
@@ -50,6 +51,7 @@ class LazyGroup(click.Group):
         """Import a command."""
         if cmd_name not in COMMANDS:
             return None
+        ctx.meta.setdefault(BEGAN, time.monotonic())  # a budget of time pays for the import as well
         module, name = COMMANDS[cmd_name][0].split(":")
         return cast(click.Command, getattr(importlib.import_module(module), name))
 
@@ -97,8 +99,7 @@ def run(arguments: Sequence[str]) -> int:
 
 def _invoke(arguments: list[str]) -> int:
     """Run a command without click's own ending, which gives a closed pipe the code that means findings."""
-    began = time.monotonic()  # before a command is imported, which a budget of time pays for
-    with fedora_qa.make_context("fedora-qa", arguments, obj=began) as context:
+    with fedora_qa.make_context("fedora-qa", arguments) as context:
         code: int = fedora_qa.invoke(context)
     sys.stdout.flush()
     return code
