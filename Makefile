@@ -4,6 +4,7 @@
 #   make bench        speed and timing of the event sensor against a yardstick and the closed form: docs/benchmarks.md
 #   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
 #   make bench-flow   what reading frames between pixels costs, and how far it errs: docs/flow-interpolation.md
+#   make bench-files  what checking files of 1440x1080 takes, against decoding them: docs/full-size.md; half an hour, 5 GB
 #   make bench-imu    what IMU against pose can tell, and whether its errors hold: docs/inertial-limits.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
 #   make docs         writes the pages of docs/checks from what the checks say of themselves
@@ -20,7 +21,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint docs study-causes study-false-alarms study-mesh study-presets study-trade mutation bench bench-costs bench-flow bench-imu clean
+.PHONY: demo test lint docs study-causes study-false-alarms study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -41,6 +42,9 @@ bench-costs: $(READY)
 
 bench-flow: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.flow_interpolation
+
+bench-files: $(READY)
+	$(BIN)/python -m tests.benchmarks.full_size.study
 
 bench-imu: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.inertial_limits

@@ -98,9 +98,8 @@ def check(
     kept = kept_folder(resume, settings, options) if resume else None
     executor = executor_for(settings, dask)
     jobs = executor.capacity
-    runs = checked(
-        files, Request(settings, options, started, kept, click.get_current_context().meta.get(BEGAN)), executor
-    )
+    began = click.get_current_context().meta.get(BEGAN)
+    runs = checked(files, Request(settings, options, started, kept, began), executor)
     workers = {"peak_worker_memory_mib": peak_worker_memory_mib()} if settings.jobs > 1 else {}
     record = record_of(runs, settings, started, {"jobs": jobs, **workers})
     record = budgeted(record, budget) if budget else record

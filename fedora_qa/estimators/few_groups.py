@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f, norm, t
+
+from fedora_qa.estimators.tails import fisher_beyond, normal_beyond, student_beyond
 
 Float64 = NDArray[np.float64]
 
@@ -22,7 +23,7 @@ to overlook it costs more than to widen an error without need."""
 
 def student_factor(freedom: float) -> float:
     """Return by how much an error with so many degrees of freedom is to be widened, to be judged as a known one."""
-    return float(t.isf(TAIL, max(freedom, 1.0)) / norm.isf(TAIL))
+    return student_beyond(TAIL, max(freedom, 1.0)) / normal_beyond(TAIL)
 
 
 def shared_errors(by_part: Float64 | float, parts: float, by_group: Float64 | float, groups: float) -> Float64:
@@ -32,6 +33,6 @@ def shared_errors(by_part: Float64 | float, parts: float, by_group: Float64 | fl
     distribution; elsewhere they are the larger of both.
     """
     ratio = (by_group / np.maximum(by_part, 1e-300)) ** 2
-    shared = ratio > f.isf(BEYOND_CHANCE, max(groups - 1, 1), max(parts - 1, 1))
+    shared = ratio > fisher_beyond(BEYOND_CHANCE, max(groups - 1, 1), max(parts - 1, 1))
     found: Float64 = np.maximum(by_part, np.where(shared, student_factor(groups - 1), 1.0) * by_group)
     return found

@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from fedora_qa.estimators.few_groups import student_factor
 from fedora_qa.estimators.flow_motion_fit import Evidence
+from fedora_qa.estimators.tails import chi_squared_beyond
 
 Float64 = NDArray[np.float64]
 
@@ -101,7 +101,7 @@ def fit_field(errors_px: Float64, covariances_px2: Float64, templates: Float64) 
 
 def beyond_chance(freedom: float) -> float:
     """Return the mean square of so many deviations of unit variance that one case in a hundred exceeds."""
-    return float(stats.chi2.isf(_UNLIKELY, freedom)) / freedom
+    return chi_squared_beyond(_UNLIKELY, freedom) / freedom
 
 
 def robust_errors(matrix: Float64, scatter: Float64, scores: Float64) -> Float64:

@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from fedora_qa.estimators.normal_equations import BlockEquations, inverse_of
 from fedora_qa.estimators.summed_equations import SummedEquations
+from fedora_qa.estimators.tails import chi_squared_beyond
 
 Float64 = NDArray[np.float64]
 
@@ -224,7 +224,10 @@ class GroupedFit:
         while len(free) < len(self.parameters.groups):
             base = self._explains(free)
             gains = {g: (self._explains((*free, g)) - base) / unit for g in self.parameters.groups if g not in free}
-            excess = {g: gain / chi2.isf(SELECTION_TAIL, len(self.parameters.groups[g])) for g, gain in gains.items()}
+            excess = {
+                g: gain / chi_squared_beyond(SELECTION_TAIL, len(self.parameters.groups[g]))
+                for g, gain in gains.items()
+            }
             if max(excess.values()) < 1.0:
                 break
             best = max(gains, key=lambda g: gains[g] - 2.0 * len(self.parameters.groups[g]))  # Akaike's penalty
@@ -252,7 +255,7 @@ class GroupedFit:
         own, noise = inverse_of(own_normal), _SCATTER_IN_SCORE * self._scatter_normal[np.ix_(columns, columns)]
         spread = np.diag(own @ (scores.T @ scores) @ own) * stretches / (stretches - 1)
         expected = np.diag(own @ (own_normal + noise) @ own) * max(1.0, self.misfit) ** 2
-        by_chance = chi2.isf(SPREAD_TAIL, stretches - 1) / (stretches - 1)
+        by_chance = chi_squared_beyond(SPREAD_TAIL, stretches - 1) / (stretches - 1)
         errors: Float64 = np.sqrt(formal + np.where(spread > by_chance * expected, spread - expected, 0.0))
         return errors
 

@@ -4,7 +4,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t
+
+from fedora_qa.estimators.tails import chance_of_student
 
 Float64 = NDArray[np.float64]
 
@@ -44,4 +45,4 @@ def chance_of_largest(values: Float64, errors: Float64) -> float:
     deviates = np.max(apart / np.maximum(widths, 1e-300), axis=1)
     if np.mean(deviates > _FAR) > _FEW:
         return 1.0
-    return min(1.0, 2 * values.size * float(t.sf(float(deviates.max()), _FREEDOM * len(values))))
+    return min(1.0, 2 * values.size * chance_of_student(float(deviates.max()), _FREEDOM * len(values)))

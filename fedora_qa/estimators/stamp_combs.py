@@ -10,7 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri_exp
-from scipy.stats import binom
+
+from fedora_qa.estimators.tails import log_chance_of_hits
 
 Int64 = NDArray[np.int64]
 Float64 = NDArray[np.float64]
@@ -38,7 +39,7 @@ class CombCounts:
     def deviates(self) -> Float64:
         """Return how improbable so many hits are by chance (k,), as deviates of a normal distribution, 0 at least."""
         share = self.occupied / max(self.ticks, 1)
-        chances = binom.logsf(self.hits - 1, self.teeth, share)
+        chances = log_chance_of_hits(self.hits, self.teeth, share)
         deviates: Float64 = np.maximum(-ndtri_exp(np.minimum(chances, 0.0)), 0.0)
         return deviates
 

@@ -20,7 +20,7 @@ A value that moves in steps (a count) must also move by one whole step to leave 
 
 from dataclasses import dataclass
 
-from scipy.stats import norm
+from fedora_qa.estimators.tails import normal_beyond
 
 DEFAULT_FALSE_ALARM_RATE = 1e-4
 DEFAULT_POWER = 0.95
@@ -53,4 +53,4 @@ def tolerance_for(comparisons: int, false_alarm_rate: float, power: float = DEFA
     if not 0 < false_alarm_rate < 1 or not 0 < power < 1:
         raise ValueError(f"Expected rates between 0 and 1, got {false_alarm_rate} and {power}")
     share = false_alarm_rate / max(comparisons, 1)
-    return Tolerance(z_limit=float(norm.isf(share / 2)), z_power=float(norm.isf(1 - power)))
+    return Tolerance(z_limit=normal_beyond(share / 2), z_power=normal_beyond(1 - power))

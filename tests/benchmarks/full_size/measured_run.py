@@ -1,0 +1,72 @@
+"""A command as a user starts it: how long, how much of the processors, how much memory over all its processes."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import psutil
+
+_EVERY_S: Final = 0.05
+"""Between two looks at the memory; what is held for less may be missed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run of a command.
+
+    Attributes
+    ----------
+    code
+        Exit code.
+    wall_s, cpu_s
+        Seconds that passed, and those of all processors over all its processes.
+    peak_bytes
+        Largest sum over its processes of their proportional set sizes: what several share counts once.
+    """
+
+    code: int
+    wall_s: float
+    cpu_s: float
+    peak_bytes: int
+
+
+def run_measured(command: Sequence[str], threads: int = 1) -> Run:
+    """Run a command to its end, its libraries with so many threads; its output is thrown away."""
+    environment = {**os.environ, "OMP_NUM_THREADS": str(threads), "NUMBA_NUM_THREADS": str(threads)}
+    began, began_cpu = time.perf_counter(), _cpu_of_children_s()
+    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        peak = 0
+        while process.poll() is None:
+            peak = max(peak, _held_bytes(process.pid))
+            time.sleep(_EVERY_S)
+    return Run(process.returncode, time.perf_counter() - began, _cpu_of_children_s() - began_cpu, peak)
+
+
+def fedora_qa(*arguments: str) -> list[str]:
+    """Return the command line of the tool that this environment holds."""
+    return [sys.executable, "-c", "from fedora_qa.cli.main import main; main()", *arguments]
+
+
+def _held_bytes(pid: int) -> int:
+    try:
+        parent = psutil.Process(pid)
+        processes = [parent, *parent.children(recursive=True)]
+    except psutil.Error:
+        return 0
+    return sum(_proportional_bytes(process) for process in processes)
+
+
+def _proportional_bytes(process: psutil.Process) -> int:
+    try:
+        return int(process.memory_full_info().pss)
+    except psutil.Error:
+        return 0  # it has just ended
+
+
+def _cpu_of_children_s() -> float:
+    spent = os.times()
+    return spent.children_user + spent.children_system

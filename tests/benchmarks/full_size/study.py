@@ -1,0 +1,123 @@
+"""What checking full-size files costs: ``make bench-files`` writes docs/full-size.md.
+
+Files of 1440x1080 in the canonical codec, of three lengths, are generated once and kept in out/full-size. Every time is
+told as a ratio to what one thread of plain h5py needs to decode the same file, measured in the same run.
+"""
+
+import json
+import sys
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final, get_args
+
+import click
+from dask.distributed import LocalCluster
+
+from fedora_generator.generate import Request, generate_sequence
+from fedora_generator.scene import load_scene
+from fedora_qa.checks import CHECKS
+from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
+from fedora_qa.engine.plan import Effort
+from tests.benchmarks.full_size.measured_run import Run, fedora_qa, run_measured
+from tests.benchmarks.full_size.page import Measured, Reading, Selection, Study, page
+
+ROOT: Final = Path(__file__).parents[3]
+TARGET: Final = ROOT / "docs" / "full-size.md"
+KEPT: Final = ROOT / "out" / "full-size"
+
+SCENE: Final = "park-day"
+SIZE: Final = (1440, 1080)
+TINY: Final = (48, 36)
+LENGTHS_S: Final = (1.0, 2.0, 4.0)
+JOBS: Final = 2
+
+
+@click.command()
+@click.option("--lengths", default=",".join(f"{length:g}" for length in LENGTHS_S), show_default=True)
+@click.option("--size", default="x".join(map(str, SIZE)), show_default=True)
+def main(lengths: str, size: str) -> None:
+    """Generate what is not there, measure, and write docs/full-size.md."""
+    width, height = map(int, size.split("x"))
+    paths = {length: _sequence(length, (width, height)) for length in map(float, lengths.split(","))}
+    tiny = _sequence(0.4, TINY)
+    shortest = next(iter(paths.values()))
+    run_measured(fedora_qa("check", str(tiny)))  # compiled, for good
+    efforts = [effort for effort in get_args(Effort) if effort != "exhaustive"]
+    study = Study(
+        size=(width, height),
+        readings={length: _read(path) for length, path in paths.items()},
+        start_s={effort: _check(tiny, effort).run.wall_s for effort in efforts},
+        efforts=[
+            replace(_check(path, effort), length_s=length) for effort in efforts for length, path in paths.items()
+        ],
+        exhaustive=_check(shortest, "exhaustive", jobs=1),
+        alone=_check(shortest, "full", jobs=1),
+        together=_check(shortest, "full", jobs=JOBS),
+        on_cluster=_check_on_cluster(shortest),
+        selections=list(_selections(shortest)),
+    )
+    text = "".join(page(study))
+    TARGET.write_text(text, encoding="utf-8")
+    click.echo(text)
+
+
+def _sequence(length_s: float, size: tuple[int, int]) -> Path:
+    """Return a clean sequence, generated if it is not there."""
+    target = KEPT / f"{SCENE}-{size[0]}x{size[1]}-{length_s:g}s.h5"
+    if not target.exists():
+        KEPT.mkdir(parents=True, exist_ok=True)
+        scene = load_scene(SCENE).with_size(*size)
+        generate_sequence(scene, target, Request(duration_s=length_s, quality="draft"))
+    return target
+
+
+def _read(path: Path) -> Reading:
+    """Decode a file by plain h5py in a process of its own."""
+    with TemporaryDirectory() as folder:
+        said = Path(folder) / "said.json"
+        command = f"from tests.benchmarks.full_size.plain_reading import main; main({str(path)!r}, {str(said)!r})"
+        _succeed(run_measured([sys.executable, "-c", command]), path)
+        return Reading(**json.loads(said.read_text(encoding="utf-8")))
+
+
+def _check(path: Path, effort: str, jobs: int = JOBS) -> Measured:
+    """Check a file as a user would, and return what it took with what its record says of it."""
+    return _measured(path, "--effort", effort, "--jobs", str(jobs))
+
+
+def _check_on_cluster(path: Path) -> Measured:
+    """Check a file on a cluster of as many processes, started before."""
+    with LocalCluster(n_workers=JOBS, threads_per_worker=1, dashboard_address=None) as cluster:
+        _measured(path, "--effort", "quick", "--dask", cluster.scheduler_address)  # workers have loaded what they need
+        return _measured(path, "--effort", "full", "--dask", cluster.scheduler_address)
+
+
+def _measured(path: Path, *options: str, codes: Collection[int] = (CLEAN,)) -> Measured:
+    with TemporaryDirectory() as folder:
+        record = Path(folder) / "record.json"
+        run = _succeed(run_measured(fedora_qa("check", str(path), "--json", str(record), *options)), path, codes)
+        said: dict[str, Any] = json.loads(record.read_text(encoding="utf-8"))["run"]
+    return Measured(run=run, seconds=said["seconds"], decoded_bytes=said["host"]["decoded_bytes"])
+
+
+def _selections(path: Path) -> Iterator[Selection]:
+    """Check one subject after the other: what is decoded for it, and which streams its checks ask for."""
+    for subject in dict.fromkeys(check.name.split(".")[0] for check in CHECKS):
+        needs = {need for check in CHECKS if check.name.startswith(f"{subject}.") for need in check.needs}
+        measured = _measured(
+            path, "--select", subject, codes=(CLEAN, INCOMPLETE)
+        )  # few streams leave some unobservable
+        yield Selection(subject, tuple(sorted(needs)), measured)
+
+
+def _succeed(run: Run, path: Path, codes: Collection[int] = (CLEAN,)) -> Run:
+    """Return the run; raises ``RuntimeError`` at another exit code, so that no failure is timed as success."""
+    if run.code not in codes:
+        raise RuntimeError(f"Expected exit code {' or '.join(map(str, codes))} for {path}, got {run.code}")
+    return run
+
+
+if __name__ == "__main__":
+    main()

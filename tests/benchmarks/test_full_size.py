@@ -1,0 +1,61 @@
+"""The page of full-size files tells each time as a ratio to decoding, and a run is measured with all its processes."""
+
+import sys
+
+from tests.benchmarks.full_size.measured_run import Run, run_measured
+from tests.benchmarks.full_size.page import Measured, Reading, Selection, Study, page
+
+CHILD = """
+import time
+held = b"x" * 60_000_000
+until = time.process_time() + 0.5
+while time.process_time() < until:
+    pass
+"""
+HOLDS_AND_SPENDS = f"""
+import subprocess, sys
+held = b"x" * 40_000_000
+subprocess.run([sys.executable, "-c", {CHILD!r}], check=True)
+sys.exit(3)
+"""
+
+
+def test_a_run_counts_what_its_children_hold_and_spend() -> None:
+    """40 MB in the parent, 60 MB and half a second of processor in its child."""
+    run = run_measured([sys.executable, "-c", HOLDS_AND_SPENDS])
+    assert run.code == 3
+    assert run.peak_bytes > 100_000_000
+    assert run.cpu_s > 0.5
+    assert run.wall_s > 0.5
+
+
+def checked(wall_s: float, length_s: float = 1.0, decoded_bytes: int = 1_000_000_000) -> Measured:
+    return Measured(
+        Run(0, wall_s, 2 * wall_s, 900_000_000),
+        {"open": 0.1, "check depth.range": 0.75, "check imu.noise": 0.25},
+        decoded_bytes,
+        length_s,
+    )
+
+
+def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
+    study = Study(
+        size=(1440, 1080),
+        readings={length: Reading(int(1e9 * length), 2.0 * length, 2.0 * length) for length in (1.0, 4.0)},
+        start_s={"quick": 2.0, "full": 2.0},
+        efforts=[checked(2.1), checked(2.4, 4.0), checked(5.0), checked(14.6, 4.0)],
+        exhaustive=checked(40.0),
+        alone=checked(9.0),
+        together=checked(5.0),
+        on_cluster=checked(5.5),
+        selections=[Selection("depth", ("depth", "pose"), checked(3.0, decoded_bytes=200_000_000))],
+    )
+    rows = "".join(page(study)).splitlines()
+    assert "| quick | 4 | 2.0 | 0.4 | 0.05 | 0.05 | 4.8 | 900 | 25% |" in rows
+    assert "| full | 1 | 2.0 | 3.0 | 1.50 | 1.5 | 10.0 | 900 | 100% |" in rows
+    assert "| `full`, time of 4 times the length | 4.20 | 4.4 |" in rows
+    assert "| one job's time / two jobs', start included | 1.80 | 1.7 |" in rows
+    assert "| Dask's time / two jobs' | 1.10 | 1.15 |" in rows
+    assert "| `depth.range` | 0.75 | 0.75 |" in rows
+    assert "| together | 1.00 | 1.00 |" in rows
+    assert "| `depth` | 20.0% | 3.0 | depth, pose |" in rows
