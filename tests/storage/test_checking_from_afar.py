@@ -1,6 +1,8 @@
 """``fedora-qa check`` of a URL: the record of the file itself, from less than the file; and no secret anywhere."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +80,16 @@ def test_without_credentials(
     monkeypatch.setenv("AWS_CONFIG_FILE", str(tmp_path / "none"))
     assert check(f"s3://{BUCKET}/seq.h5") == 2
     assert "AWS_ACCESS_KEY_ID" in capsys.readouterr().err
+
+
+def test_a_public_bucket(bucket: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without credentials, where the environment says that none are wanted; fsspec reads it when it is loaded."""
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("FSSPEC_S3_ANON", "true")
+    command = [sys.executable, "-m", "fedora_qa.cli.main", "check", f"s3://{BUCKET}/seq.h5", *SELECTED]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_secrets_are_in_no_output(server: FileServer, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
