@@ -88,7 +88,15 @@ def test_a_public_bucket(bucket: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name)
     monkeypatch.setenv("FSSPEC_S3_ANON", "true")
     command = [sys.executable, "-m", "fedora_qa.cli.main", "check", f"s3://{BUCKET}/seq.h5", *SELECTED]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+
+    def run_apart() -> subprocess.CompletedProcess[str]:
+        return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+
+    refused = run_apart()
+    assert refused.returncode == 2
+    assert "access to the file, got a refusal (403)" in refused.stderr
+    bucket.put_object_acl(Bucket=BUCKET, Key="seq.h5", ACL="public-read")
+    done = run_apart()
     assert (done.returncode, done.stderr) == (0, "")
 
 
