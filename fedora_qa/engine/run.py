@@ -19,8 +19,11 @@ def check_file(path: Place, options: CheckOptions, progress: Progress = quiet) -
     Raises
     ------
     MisuseError
-        There is no such file, it is not HDF5, or the options name an unknown check.
+        There is no such file, it is not HDF5, or the options name an unknown check, or a budget of time, which
+        ``check_files`` keeps to.
     """
+    if options.budget_s is not None:
+        raise MisuseError("Expected check_files for a budget of time, got check_file, which takes what it takes")
     return check_whole(path, select_checks(options.select, options.ignore), options, progress)
 
 
