@@ -4,7 +4,8 @@
 
     FedoraError                what the user should read as one sentence
     ├── MisuseError            no such path, not HDF5 at all, bad options or config (exit code 2)
-    │   └── NotHdf5Error       the path exists and does not begin like HDF5
+    │   ├── NotHdf5Error       the path exists and does not begin like HDF5
+    │   └── StorageError       a file behind a URL cannot be had, or has become another while it was read
     ├── UnreadableFileError    an HDF5 signature, and no way in (a finding, not misuse)
     ├── UnreadableRowsError    some rows of one dataset cannot be decoded (a finding; the rest goes on)
     └── WorkerLostError        the process that did a task died (the task is done again; the rest goes on)
@@ -21,6 +22,10 @@ class MisuseError(FedoraError):
 
 class NotHdf5Error(MisuseError):
     """The path exists and holds no HDF5 file."""
+
+
+class StorageError(MisuseError):
+    """A file behind a URL cannot be had: no such object, no access, no connection, or it was changed meanwhile."""
 
 
 class UnreadableFileError(FedoraError):

@@ -8,12 +8,15 @@ from typing import Any
 
 import click
 
+from fedora_qa.cli.began import BEGAN
+from fedora_qa.cli.budget import Budget, BudgetParam, budgeted, require_budget_alone
 from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
 from fedora_qa.cli.host import peak_worker_memory_mib
 from fedora_qa.cli.kept import kept_folder
 from fedora_qa.cli.output_options import record_options
 from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.place_param import PlaceParam
 from fedora_qa.cli.record import gathered_arrays, record_of
 from fedora_qa.cli.say import say_record
 from fedora_qa.config import CheckConfig, read_config
@@ -22,17 +25,24 @@ from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.layout.dialect import Dialect, load_dialect
-from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.sequence.sequence import open_sequence, require_signature
+from fedora_qa.storage.place import Place, RemoteFile
 
 PATH = click.Path(path_type=Path)
 
 
 @click.command(short_help="Check files and say what is wrong, where, by how much and why.")
-@click.argument("files", nargs=-1, required=True, type=PATH)
+@click.argument("files", nargs=-1, required=True, type=PlaceParam())
 @click.option(
     "--effort",
     type=click.Choice(["quick", "standard", "full", "exhaustive"]),
     help="How much to look at; full unless configured otherwise.",
+)
+@click.option(
+    "--budget",
+    type=BudgetParam(),
+    metavar="TIME",
+    help="Look at as much as fits into a time such as 60s, 5m or 0.5h, in place of an effort.",
 )
 @click.option("--select", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Run only these checks. May be repeated.")
 @click.option("--ignore", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Leave these checks out. May be repeated.")
@@ -64,10 +74,11 @@ PATH = click.Path(path_type=Path)
 )
 @record_options
 def check(
-    files: tuple[Path, ...],
+    files: tuple[Place, ...],
     config: Path | None,
     dask: str | None,
     resume: Path | None,
+    budget: Budget | None,
     outputs: Outputs,
     **given: Any,
 ) -> int:
@@ -76,18 +87,22 @@ def check(
     Exit codes: 0 clean; 1 findings at or above --fail-on; 2 misuse; 3 incomplete. With several, 2 before 3 before 1.
     """
     settings = settings_from(config, given)
+    require_budget_alone(budget, given["effort"], settings)
     if dask and given["jobs"]:
         raise MisuseError("Expected either --jobs or --dask, got both")
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
-    outputs.require_writable(files)
+    options = replace(options, budget_s=budget.seconds if budget else None)
+    outputs.require_writable([file for file in files if isinstance(file, Path)])
     require_hdf5(files, options.dialect)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     kept = kept_folder(resume, settings, options) if resume else None
     executor = executor_for(settings, dask)
     jobs = executor.capacity
-    runs = checked(files, Request(settings, options, started, kept), executor)
+    began = click.get_current_context().meta.get(BEGAN)
+    runs = checked(files, Request(settings, options, started, kept, began), executor)
     workers = {"peak_worker_memory_mib": peak_worker_memory_mib()} if settings.jobs > 1 else {}
     record = record_of(runs, settings, started, {"jobs": jobs, **workers})
+    record = budgeted(record, budget) if budget else record
     outputs.write(record, gathered_arrays(runs))
     say_record(record, github=outputs.github)
     return exit_code(record.files, settings.fail_on)
@@ -117,11 +132,14 @@ def check_options(settings: CheckConfig) -> CheckOptions:
     )
 
 
-def require_hdf5(files: Sequence[Path], dialect: Dialect | None) -> None:
+def require_hdf5(files: Sequence[Place], dialect: Dialect | None) -> None:
     """Raise ``MisuseError`` before any work where a path is missing, given twice, or no HDF5 file at all."""
     for path in files:
         if list(files).count(path) > 1:
             raise MisuseError(f"Expected each file once, got {path} {files.count(path)} times")
+        if isinstance(path, RemoteFile):
+            require_signature(path)  # to open it here as well would transfer its structure twice
+            continue
         try:
             open_sequence(path, dialect).close()
         except UnreadableFileError:

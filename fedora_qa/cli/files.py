@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import click
 
@@ -17,16 +16,18 @@ from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.errors import MisuseError
+from fedora_qa.storage.place import Place
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What files are to be checked for, and since when."""
+    """What files are to be checked for, and since when: ``began`` on ``time.monotonic``, for a budget of time."""
 
     settings: CheckConfig
     options: CheckOptions
     started: str
     kept: KeptFolder | None = None
+    began: float | None = None
 
 
 def executor_for(settings: CheckConfig, dask: str | None) -> Executor:
@@ -47,7 +48,7 @@ def executor_for(settings: CheckConfig, dask: str | None) -> Executor:
     return ProcessExecutor(settings.jobs, threads=max(1, usable_cores() // settings.jobs))
 
 
-def checked(files: Sequence[Path], request: Request, executor: Executor) -> list[FileRun]:
+def checked(files: Sequence[Place], request: Request, executor: Executor) -> list[FileRun]:
     """Check the files, but for those whose run is kept, and return the runs of all in their order."""
     kept, required = request.kept, request.settings.required_coverage
     places = {path: kept.place(path) for path in files} if kept else {}
@@ -55,7 +56,7 @@ def checked(files: Sequence[Path], request: Request, executor: Executor) -> list
     missing = [path for path in files if path not in runs]
     try:
         with executor, files_progress(known=len(runs)) as report:
-            for path, run in check_files(missing, request.options, executor, report):
+            for path, run in check_files(missing, request.options, executor, report, request.began):
                 runs[path] = replace(run, record=hold_to_coverage(run.record, required))
                 if kept:
                     places[path].store(runs[path], request.started)

@@ -22,6 +22,8 @@ from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import read_record, write_record
 from fedora_qa.record.types import Record
+from fedora_qa.storage.place import Place
+from fedora_qa.storage.server import version_of
 
 _KEY: Final = "resume_key"
 """Where the record says of what it holds: among the facts of its run."""
@@ -35,20 +37,20 @@ class KeptFolder:
     settings: CheckConfig
     checked_with: str
 
-    def place(self, path: Path) -> "KeptFile":
+    def place(self, path: Place) -> "KeptFile":
         """Return a file's place in the folder, and note how the file is now."""
         whole = path.absolute()
-        name = f"{path.stem}-{hashlib.sha256(os.fsencode(whole)).hexdigest()[:12]}.json"
-        return KeptFile(path, self.folder / name, path.stat().st_mtime_ns, self)
+        name = f"{path.stem}-{hashlib.sha256(os.fsencode(str(whole))).hexdigest()[:12]}.json"
+        return KeptFile(path, self.folder / name, version_of(path).tag, self)
 
 
 @dataclass(frozen=True, slots=True)
 class KeptFile:
     """Where the run of one file is kept."""
 
-    path: Path
+    path: Place
     target: Path
-    changed_ns: int
+    tag: str
     kept: KeptFolder
 
     def load(self) -> FileRun | None:
@@ -66,20 +68,22 @@ class KeptFile:
             return None
         if list(arrays) != list(file.evidence):
             return None
-        return FileRun(replace(file, path=str(self.path)), arrays, record.run.seconds, _decoded_bytes(record))
+        reached = str(record.run.host.get("budget_reached", ""))
+        whole = replace(file, path=str(self.path))
+        return FileRun(whole, arrays, record.run.seconds, _decoded_bytes(record), reached=reached)
 
     def store(self, run: FileRun, started: str) -> None:
         """Keep what was found of the file, entirely or not at all; nothing where the file was changed meanwhile."""
-        if self.path.stat().st_mtime_ns != self.changed_ns:
+        if version_of(self.path).tag != self.tag:
             return
         key = self._key(run.record.sha256, run.record.digest_kind)
         write_arrays(arrays_beside(self.target), run.arrays)
         write_record(record_of([run], self.kept.settings, started, {_KEY: key}), self.target)
 
     def _key(self, sha256: str, kind: str) -> str:
-        """Return what the run depends on. A partial digest does not see every change, which the file's time does."""
-        changed_ns = self.changed_ns if kind == "partial" else None
-        parts = [sha256, kind, changed_ns, self.kept.checked_with]
+        """Return what the run depends on. A partial digest does not see every change; the version's tag does."""
+        tag = self.tag if kind == "partial" else None
+        parts = [sha256, kind, tag, self.kept.checked_with]
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 

@@ -6,6 +6,7 @@ Commands are imported when they are used, so that ``--help`` does not load numer
 import importlib
 import os
 import sys
+import time
 import traceback
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -14,6 +15,7 @@ from typing import Final, cast
 import click
 
 from fedora_qa import __version__
+from fedora_qa.cli.began import BEGAN
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
 from fedora_qa.record.wording import printable
@@ -49,6 +51,7 @@ class LazyGroup(click.Group):
         """Import a command."""
         if cmd_name not in COMMANDS:
             return None
+        ctx.meta.setdefault(BEGAN, time.monotonic())  # a budget of time pays for the import as well
         module, name = COMMANDS[cmd_name][0].split(":")
         return cast(click.Command, getattr(importlib.import_module(module), name))
 

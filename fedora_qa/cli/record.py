@@ -9,6 +9,7 @@ from fedora_qa.cli.host import host_facts, peak_memory_mib
 from fedora_qa.config import RULESET_VERSION, CheckConfig
 from fedora_qa.engine.options import FileRun
 from fedora_qa.record.types import RECORD_VERSION, Record, Run, Scalar, Tool
+from fedora_qa.storage.traffic import NO_TRAFFIC
 
 
 def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, facts: Mapping[str, Scalar]) -> Record:
@@ -37,6 +38,8 @@ def record_of(runs: Sequence[FileRun], settings: CheckConfig, started: str, fact
                 **host_facts(),
                 "peak_memory_mib": peak_memory_mib(),
                 "decoded_bytes": sum(run.decoded_bytes for run in runs),
+                **_traffic(runs),
+                **_reached(runs),
                 **facts,
             },
         ),
@@ -49,6 +52,18 @@ def gathered_arrays(runs: Sequence[FileRun]) -> dict[str, Any]:
     """Return the evidence of all files, under the names that the record uses."""
     apart = len(runs) > 1
     return {_named(name, i, apart): array for i, run in enumerate(runs) for name, array in run.arrays.items()}
+
+
+def _traffic(runs: Sequence[FileRun]) -> dict[str, Scalar]:
+    """Return what was asked of servers, where anything was."""
+    traffic = sum((run.traffic for run in runs), NO_TRAFFIC)
+    return {"transferred_bytes": traffic.transferred_bytes, "requests": traffic.requests} if traffic.requests else {}
+
+
+def _reached(runs: Sequence[FileRun]) -> dict[str, Scalar]:
+    """Return how far a budget of time has carried, in the order of the files, where there was one."""
+    reached = [run.reached for run in runs if run.reached]
+    return {"budget_reached": "; ".join(reached)} if reached else {}
 
 
 def _named(name: str, file: int, apart: bool) -> str:

@@ -176,5 +176,21 @@ def _run_lines(record: Record) -> Iterator[RenderableType]:
     ]
     line = f"{record.tool.name} {record.tool.version}, effort {record.effort}: {', '.join(parts)}"
     yield text(line, "dim")
+    yield from (text(line, "dim") for line in (*_transferred(record), *_reached(record)))
     if slowest:
         yield text("slowest checks: " + ", ".join(f"{name} {checks[name]:.1f} s" for name in slowest), "dim")
+
+
+def _transferred(record: Record) -> Iterator[str]:
+    """Say what was asked of servers, where files lie behind URLs."""
+    host, size = record.run.host, sum(file.size for file in record.files)
+    transferred, requests = host.get("transferred_bytes"), host.get("requests")
+    if isinstance(transferred, int) and requests:
+        yield f"transferred {transferred / 1e6:.1f} of {size / 1e6:.1f} MB in {requests} requests"
+
+
+def _reached(record: Record) -> Iterator[str]:
+    """Say how far a budget of time has carried, where there was one."""
+    reached = record.run.host.get("budget_reached")
+    if reached:
+        yield f"{record.effort}: {reached}"

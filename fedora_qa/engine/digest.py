@@ -1,9 +1,14 @@
 """Identify a file by its content, without reading a quarter of a terabyte twice."""
 
 import hashlib
+from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final, Literal
+from typing import BinaryIO, Final, Literal
+
+from fedora_qa.storage.place import Place, RemoteFile
+from fedora_qa.storage.remote_bytes import RemoteBytes
+from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
+from fedora_qa.storage.version import Version, local_version
 
 _WHOLE_UP_TO: Final = 1 << 30
 _PIECE: Final = 1 << 20
@@ -12,27 +17,47 @@ _PIECES: Final = 64
 
 @dataclass(frozen=True, slots=True)
 class Digest:
-    """A SHA-256, and whether it is of the whole file."""
+    """A SHA-256, and whether it is of the whole file.
+
+    ``version`` is that of the file which was read, ``traffic`` what that took of a server.
+    """
 
     sha256: str
     kind: Literal["full", "partial"]
+    version: Version
+    traffic: Traffic = NO_TRAFFIC
 
 
-def file_digest(path: Path) -> Digest:
+def file_digest(path: Place) -> Digest:
     """Return the file's digest.
 
     Files over 1 GiB get a partial digest: of their size, and of 64 evenly spread pieces of 1 MiB with the first and the
-    last among them.
+    last among them. It is the same wherever the file lies. Files behind a URL get no other: of shorter ones the pieces
+    are together a 256th, so that the quickest look costs more than the digest.
     """
-    size = path.stat().st_size
-    digest = hashlib.sha256()
+    if isinstance(path, RemoteFile):
+        return _remote_digest(path)
+    version = local_version(path)
     with path.open("rb") as file:
-        if size <= _WHOLE_UP_TO:
-            while piece := file.read(_PIECE):
-                digest.update(piece)
-            return Digest(digest.hexdigest(), "full")
-        digest.update(str(size).encode())
-        for number in range(_PIECES):
-            file.seek((size - _PIECE) * number // (_PIECES - 1))
-            digest.update(file.read(_PIECE))
-        return Digest(digest.hexdigest(), "partial")
+        if version.size > _WHOLE_UP_TO:
+            return Digest(_of_pieces(file, version.size, _PIECE), "partial", version)
+        digest = hashlib.sha256()
+        while piece := file.read(_PIECE):
+            digest.update(piece)
+        return Digest(digest.hexdigest(), "full", version)
+
+
+def _remote_digest(place: RemoteFile) -> Digest:
+    with closing(RemoteBytes(place, block_bytes=1)) as file:
+        size = file.version.size
+        piece = _PIECE if size > _WHOLE_UP_TO else -(-size // (256 * _PIECES))
+        sha256 = _of_pieces(file, size, piece)
+        return Digest(sha256, "partial", file.version, file.traffic)
+
+
+def _of_pieces(file: BinaryIO | RemoteBytes, size: int, piece: int) -> str:
+    digest = hashlib.sha256(str(size).encode())
+    for number in range(_PIECES):
+        file.seek((size - piece) * number // (_PIECES - 1))
+        digest.update(file.read(piece) or b"")
+    return digest.hexdigest()

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check
@@ -17,6 +16,7 @@ from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import Survey, survey_file
 from fedora_qa.engine.whole import check_whole
+from fedora_qa.storage.place import Place
 
 _STRETCHES_PER_WORKER: Final = 2
 """So that the last worker to end does not keep the others waiting for long."""
@@ -53,14 +53,15 @@ class FileWork:
 
     def __init__(
         self,
-        path: Path,
+        path: Place,
+        size: int,
         checks: tuple[Check[Any], ...],
         options: CheckOptions,
         workers: int,
         told: Callable[[str], None],
     ) -> None:
         self.path = path
-        self.bytes = path.stat().st_size if path.exists() else 0
+        self.bytes = size
         self.ready: deque[Step] = deque()
         self.run: FileRun | None = None
         self.windows = 0
@@ -161,6 +162,11 @@ class FileWork:
 def stretches(windows: int, workers: int) -> tuple[Sequence[int], ...]:
     """Deal windows out in stretches that workers can measure by themselves."""
     length = min(max(windows // (_STRETCHES_PER_WORKER * workers), _FEWEST_WINDOWS), _MOST_WINDOWS)
-    count = -(-windows // length)
+    return equal_parts(windows, -(-windows // length))
+
+
+def equal_parts(windows: int, count: int) -> tuple[Sequence[int], ...]:
+    """Cut windows into neighbouring parts, none of them empty."""
+    count = min(count, windows)
     bounds = [windows * number // count for number in range(count + 1)] if count else []
     return tuple(range(start, stop) for start, stop in pairwise(bounds))

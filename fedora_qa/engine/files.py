@@ -1,31 +1,41 @@
 """Check several files at once, and the windows of each, with whatever executor does the tasks."""
 
+import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Final
 
+from fedora_qa.engine.budgeted_work import BudgetedWork
 from fedora_qa.engine.executors import Executor
 from fedora_qa.engine.file_work import FileWork, Step
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Report, Tally
 from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import WorkerLostError
+from fedora_qa.storage.place import Place
+from fedora_qa.storage.server import version_of
 
 _SILENCE_S: Final = 2.0
 """After how long without a result it is asked whether anybody is left to give one."""
 
 
 def check_files(
-    paths: Sequence[Path], options: CheckOptions, executor: Executor, report: Report
-) -> Iterator[tuple[Path, FileRun]]:
+    paths: Sequence[Place],
+    options: CheckOptions,
+    executor: Executor,
+    report: Report,
+    began: float | None = None,
+) -> Iterator[tuple[Place, FileRun]]:
     """Check files, and yield each as soon as it is done. What is found does not depend on who finds it.
 
     Parameters
     ----------
     options
-        Their memory is that of the whole run; tasks that share it get their share.
+        Their memory is that of the whole run; tasks that share it get their share. So is their budget of time: a file
+        gets what is left of it in proportion to its length, and hands on what it does not use.
+    began
+        Since when (``time.monotonic``) the budget of time counts; now where None.
 
     Raises
     ------
@@ -40,7 +50,18 @@ def check_files(
     def tell(doing: str) -> None:
         report(_tally(doing, works))
 
-    works = [FileWork(path, checks, options, executor.capacity, tell) for path in paths]
+    began = time.monotonic() if began is None else began
+
+    def allot(work: FileWork) -> float:
+        now, ahead = time.monotonic(), works[works.index(work) :]
+        left_s = max(0.0, began + (options.budget_s or 0.0) - now)
+        return now + left_s * work.bytes / max(sum(one.bytes for one in ahead if one.run is None), 1)
+
+    def work_on(path: Place) -> FileWork:
+        of_file = (path, version_of(path).size, checks, options, executor.capacity, tell)
+        return FileWork(*of_file) if options.budget_s is None else BudgetedWork(*of_file, allot)
+
+    works = [work_on(path) for path in paths]
     running: dict[Future[Any], Step] = {}
     waiting = list(works)
     while waiting:

@@ -18,6 +18,7 @@ from fedora_qa.evidence.kept import together as kept_together
 from fedora_qa.judgement.diagnosis import diagnose
 from fedora_qa.judgement.judge import judge
 from fedora_qa.record.types import FileRecord, Finding, Result, Scalar
+from fedora_qa.storage.place import RemoteFile
 
 
 def finish_file(survey: Survey, parts: Sequence[Measured], lost: Sequence[int], progress: Progress) -> FileRun:
@@ -68,11 +69,11 @@ def finish_open(
     results += lost_windows(never, len(file.windows), facts)
     record = FileRecord(
         path=str(survey.path),
-        size=survey.version[0],
+        size=survey.version.size,
         sha256=survey.digest.sha256,
         digest_kind=survey.digest.kind,
         dialect=facts.layout.dialect_name,
-        inferred=_inferred(facts.layout.inferred, observations),
+        inferred=_inferred(facts.layout.inferred, observations) | _stored(survey),
         statistics=tables or {},
         verdict=verdict_of(results, crossing_streams(survey.checks)),
         results=results,
@@ -82,7 +83,8 @@ def finish_open(
     )
     seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
     decoded_bytes = measured.decoded_bytes + ready.decoder.decoded_bytes - decoded_before
-    return FileRun(record, kept.arrays, seconds, decoded_bytes)
+    traffic = survey.traffic + measured.traffic + file.sequence.traffic
+    return FileRun(record, kept.arrays, seconds, decoded_bytes, traffic)
 
 
 def _evidence(
@@ -113,6 +115,11 @@ def _proofs(
         file.sequence, file.ready, observations, options.effort, options.memory_bytes, options.false_alarm_rate
     )
     return prove_alive(survey.checks, results, plain, progress)
+
+
+def _stored(survey: Survey) -> dict[str, Scalar]:
+    """Return what tells versions of a file behind a URL apart beside its partial digest, as far as its server says."""
+    return {"storage.version": survey.version.tag} if isinstance(survey.path, RemoteFile) and survey.version.tag else {}
 
 
 def _inferred(by_layout: Mapping[str, Scalar], observations: Mapping[str, Observation]) -> dict[str, Scalar]:

@@ -1,7 +1,6 @@
 """What becomes of windows and files whose process died twice: outcomes that say so, and never a clean verdict."""
 
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check
@@ -10,6 +9,7 @@ from fedora_qa.engine.options import FileRun
 from fedora_qa.record.types import Coverage, FileRecord, Result
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span
+from fedora_qa.storage.place import Place
 
 NAME: Final = "windows"
 QUESTION: Final = "Could every window be measured?"
@@ -30,14 +30,14 @@ def lost_windows(lost: Sequence[Span], of: int, facts: Facts) -> tuple[Result, .
     return (Result(NAME, "crashed", QUESTION, coverage=Coverage(of - len(lost), of, "windows"), reason=reason),)
 
 
-def lost_file(path: Path, checks: Iterable[Check[Any]], doing: str) -> FileRun:
+def lost_file(path: Place, checks: Iterable[Check[Any]], doing: str) -> FileRun:
     """Return the run of a file that nobody could open, or judge: every check crashed."""
     digest = file_digest(path)
     reason = f"the process that was {doing} {_DIED}"
     return FileRun(
         FileRecord(
             path=str(path),
-            size=path.stat().st_size,
+            size=digest.version.size,
             sha256=digest.sha256,
             digest_kind=digest.kind,
             dialect="",

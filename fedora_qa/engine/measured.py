@@ -1,7 +1,7 @@
 """One pass over some windows of a surveyed file, in whichever process, and how passes are put together."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Final
 
@@ -10,6 +10,7 @@ from fedora_qa.engine.stopwatch import Stopwatch
 from fedora_qa.engine.stream import Accumulator, States, measure, merge, start
 from fedora_qa.engine.survey import OpenSurvey, Survey, opened
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
 STAGE: Final = "measuring"
 """As the stopwatch and the pass itself call it."""
@@ -22,12 +23,14 @@ class Measured:
     states: States
     seconds: float
     decoded_bytes: int
+    traffic: Traffic = NO_TRAFFIC
 
 
 def measure_windows(survey: Survey, windows: Sequence[int], progress: Progress) -> Measured:
     """Open a file, and hand windows of its survey, named by their place in it, to what sees them."""
     with opened(survey) as file:
-        return measure_open(survey, file, windows, progress)
+        measured = measure_open(survey, file, windows, progress)
+        return replace(measured, traffic=file.sequence.traffic)
 
 
 def measure_open(survey: Survey, file: OpenSurvey, windows: Sequence[int], progress: Progress) -> Measured:
@@ -56,4 +59,5 @@ def together(parts: Iterable[Measured], accumulators: Sequence[Accumulator], fac
         reduce(lambda earlier, later: merge(accumulators, earlier, later), states),
         seconds=sum(part.seconds for part in parts),
         decoded_bytes=sum(part.decoded_bytes for part in parts),
+        traffic=sum((part.traffic for part in parts), NO_TRAFFIC),
     )

@@ -11,6 +11,7 @@ from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.judgement.tolerances import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.record.types import FileRecord
+from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
 _MEBIBYTE: Final = 1 << 20
 
@@ -31,6 +32,8 @@ class CheckOptions:
         compute follows the size of frames and the number of events.
     canary
         Whether each check must see a fault that is planted for it in memory; one that does not is ``crashed``.
+    budget_s
+        Seconds that ``check_files`` may take over all files together, in place of what the effort says; None: any.
     evidence
         How much to keep for a person to see; None: only what checks keep themselves.
     """
@@ -42,14 +45,20 @@ class CheckOptions:
     memory_bytes: int = 1024 * _MEBIBYTE
     false_alarm_rate: float = DEFAULT_FALSE_ALARM_RATE
     canary: bool = False
+    budget_s: float | None = None
     evidence: EvidenceOptions | None = field(default_factory=EvidenceOptions)
 
 
 @dataclass(frozen=True, slots=True)
 class FileRun:
-    """The record of one file, the evidence that lies beside it, and where the time went."""
+    """The record of one file, the evidence that lies beside it, where the time went, and what was asked of servers.
+
+    ``reached`` says how far a budget of time has carried; empty without one.
+    """
 
     record: FileRecord
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     decoded_bytes: int = 0
+    traffic: Traffic = NO_TRAFFIC
+    reached: str = ""

@@ -17,7 +17,7 @@ from fedora_qa.sequence.window import Sampling
 
 Effort = Literal["quick", "standard", "full", "exhaustive"]
 
-_FEWEST_WINDOWS: Final = 4
+FEWEST_WINDOWS: Final = 4
 """A sample smaller than this cannot tell a local fault from a global one."""
 
 _FEWEST_PLACES: Final = 2_000
@@ -60,9 +60,9 @@ class Plan:
 def make_plan(effort: Effort, windows: int, pixels: int | None = None) -> Plan:
     """Choose windows for an effort, evenly spread over the sequence; ``pixels`` is the size of a frame, where known."""
     level = EFFORTS[effort]
-    wanted = min(windows, max(_FEWEST_WINDOWS, int(np.ceil(level.window_share * windows))))
+    wanted = min(windows, max(FEWEST_WINDOWS, int(np.ceil(level.window_share * windows))))
     chosen = np.unique(np.linspace(0, windows - 1, wanted).round().astype(int)) if windows else ()
-    return Plan(tuple(int(i) for i in chosen), windows, _sampling(level.sampling, pixels))
+    return Plan(tuple(int(i) for i in chosen), windows, sampling_of(effort, pixels))
 
 
 def sees_every_window(needs: Iterable[str]) -> bool:
@@ -70,8 +70,12 @@ def sees_every_window(needs: Iterable[str]) -> bool:
     return bool(streams := frozenset(needs)) and streams <= _SAMPLES
 
 
-def _sampling(usual: Sampling, pixels: int | None) -> Sampling:
-    """Return the usual sampling, denser in small frames, but never more than at full effort."""
+def sampling_of(effort: Effort, pixels: int | None) -> Sampling:
+    """Return how densely an effort looks at a window: the usual, denser in small frames, but never more than ``full``.
+
+    ``pixels`` is the size of a frame, where known.
+    """
+    usual = EFFORTS[effort].sampling
     if not pixels:
         return usual
     least = min((_FEWEST_PLACES / pixels) ** 0.5, EFFORTS["full"].sampling.tile_share)

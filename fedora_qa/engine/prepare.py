@@ -6,6 +6,7 @@ from typing import Final
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.windows import cut_windows, window_length_ns
 from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.scan import Scan, scan
 from fedora_qa.sequence.sequence import SequenceRows
@@ -41,9 +42,10 @@ def ready_to_measure(sequence: SequenceRows, scanned: Scan, memory_bytes: int) -
     """Cut the windows of an open sequence whose stamps have been scanned."""
     decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * memory_bytes))
     images = SharedImages(int(_IMAGES_SHARE * memory_bytes))
-    return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images, _frame_pixels(sequence))
+    return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images, frame_pixels(sequence.layout))
 
 
-def _frame_pixels(sequence: SequenceRows) -> int | None:
-    shapes = [binding.shape for key, binding in sequence.layout.bindings.items() if DATASETS[key].is_image]
+def frame_pixels(layout: Layout) -> int | None:
+    """Return the pixels of the largest images of a file; None without any."""
+    shapes = [binding.shape for key, binding in layout.bindings.items() if DATASETS[key].is_image]
     return max((height * width for _, height, width, *_ in shapes), default=None)

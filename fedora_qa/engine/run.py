@@ -1,6 +1,5 @@
 """Check one file from beginning to end, in this process."""
 
-from pathlib import Path
 from typing import Any
 
 from fedora_qa.checks import CHECKS
@@ -9,18 +8,22 @@ from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.engine.whole import check_whole
 from fedora_qa.errors import MisuseError
+from fedora_qa.storage.place import Place
 
 __all__ = ["CheckOptions", "FileRun", "check_file", "quiet", "select_checks"]
 
 
-def check_file(path: Path, options: CheckOptions, progress: Progress = quiet) -> FileRun:
+def check_file(path: Place, options: CheckOptions, progress: Progress = quiet) -> FileRun:
     """Check one file.
 
     Raises
     ------
     MisuseError
-        There is no such file, it is not HDF5, or the options name an unknown check.
+        There is no such file, it is not HDF5, or the options name an unknown check, or a budget of time, which
+        ``check_files`` keeps to.
     """
+    if options.budget_s is not None:
+        raise MisuseError("Expected check_files for a budget of time, got check_file, which takes what it takes")
     return check_whole(path, select_checks(options.select, options.ignore), options, progress)
 
 

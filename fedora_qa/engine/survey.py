@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from fedora_qa.checks.protocol import Check
@@ -16,7 +15,7 @@ from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stopwatch import Stopwatch
 from fedora_qa.engine.stream import Accumulator
 from fedora_qa.engine.unreadable import unreadable_record
-from fedora_qa.errors import FedoraError, UnreadableFileError
+from fedora_qa.errors import FedoraError, StorageError, UnreadableFileError
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.sequence.scan import Scan
@@ -24,6 +23,9 @@ from fedora_qa.sequence.sequence import Sequence as FileSequence
 from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.sequence.window import Span
 from fedora_qa.statistics.collector import StatisticsCollector
+from fedora_qa.storage.place import Place, RemoteFile
+from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
+from fedora_qa.storage.version import Version
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,15 +35,17 @@ class Survey:
     Attributes
     ----------
     version
-        Size and time of the last change: whoever opens the file later must find the same.
+        Whoever opens the file later must find the same.
     checks
         All that were selected.
     reasons
         Why a check's question cannot be asked of this file, by check; empty where it can.
+    traffic
+        What the survey has asked of a server.
     """
 
-    path: Path
-    version: tuple[int, int]
+    path: Place
+    version: Version
     digest: Digest
     scanned: Scan
     plan: Plan
@@ -49,6 +53,7 @@ class Survey:
     reasons: Mapping[str, str]
     options: CheckOptions
     seconds: Mapping[str, float]
+    traffic: Traffic = NO_TRAFFIC
 
     @property
     def asked(self) -> tuple[Check[Any], ...]:
@@ -94,7 +99,7 @@ class OpenSurvey:
 
 
 def survey_file(
-    path: Path, checks: tuple[Check[Any], ...], options: CheckOptions, progress: Progress
+    path: Place, checks: tuple[Check[Any], ...], options: CheckOptions, progress: Progress
 ) -> Survey | FileRun:
     """Scan the stamps of a file and plan its windows; the file's whole run where HDF5 refuses to open it.
 
@@ -104,12 +109,13 @@ def survey_file(
         There is no such file, or it is not HDF5.
     """
     watch = Stopwatch()
-    version = _version(path)
     try:
         with watch.stage("open"):
             sequence = open_sequence(path, options.dialect)
     except UnreadableFileError as error:
-        return FileRun(unreadable_record(path, file_digest(path), checks, str(error)), seconds=watch.seconds)
+        digest = file_digest(path)
+        record = unreadable_record(path, digest, checks, str(error))
+        return FileRun(record, seconds=watch.seconds, traffic=digest.traffic)
     with sequence:
         with watch.stage("digest"):
             digest = file_digest(path)
@@ -118,7 +124,7 @@ def survey_file(
             ready = prepare(sequence, options.memory_bytes)
     return Survey(
         path=path,
-        version=version,
+        version=sequence.version,
         digest=digest,
         scanned=ready.scanned,
         plan=make_plan(options.effort, len(ready.spans), ready.frame_pixels),
@@ -126,6 +132,7 @@ def survey_file(
         reasons={check.name: why_not_applicable(check, ready.facts) for check in checks},
         options=options,
         seconds=watch.seconds,
+        traffic=sequence.traffic + digest.traffic,
     )
 
 
@@ -136,12 +143,14 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
     Raises
     ------
     FedoraError
-        The file has been changed since.
+        The file has been changed since, or one behind a URL cannot be read, or was changed meanwhile.
     """
     path, options, asked = survey.path, survey.options, survey.asked
     with open_sequence(path, options.dialect) as sequence:
-        if _version(path) != survey.version:
-            raise FedoraError(f"Expected {path} to stay as it is while it is checked, got a change; check it again")
+        if sequence.version != survey.version:
+            raise (StorageError if isinstance(path, RemoteFile) else FedoraError)(
+                f"Expected {path} to stay as it is while it is checked, got a change; check it again"
+            )
         ready = ready_to_measure(sequence, survey.scanned, options.memory_bytes)
         chosen = tuple(ready.spans[number] for number in survey.plan.chosen)
         yield OpenSurvey(
@@ -155,16 +164,9 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
             keeper=EvidenceCollector(ready.spans, chosen, options.evidence) if options.evidence else None,
             distributions=DistributionsCollector(ready.spans) if options.evidence else None,
         )
+        sequence.require_unchanged()
 
 
 def _needed_by(checks: Iterable[Check[Any]]) -> frozenset[str]:
     """Return the streams that the checks ask for: where some are selected, statistics shall cost no others."""
     return frozenset(stream for check in checks for stream in check.needs)
-
-
-def _version(path: Path) -> tuple[int, int]:
-    try:
-        found = path.stat()
-    except OSError:
-        return 0, 0  # opening says what is wrong
-    return found.st_size, found.st_mtime_ns

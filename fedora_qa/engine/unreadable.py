@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Final
 
 from fedora_qa.causes import CAUSES
@@ -10,16 +9,17 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.digest import Digest
 from fedora_qa.engine.outcomes import not_applicable
 from fedora_qa.record.types import Coverage, Diagnosis, FileRecord, Finding, Result, Where
+from fedora_qa.storage.place import Place
 
 _TELLING_CHECK: Final = "integrity.readable"
 
 
-def unreadable_record(path: Path, digest: Digest, checks: Iterable[Check[Any]], reason: str) -> FileRecord:
+def unreadable_record(path: Place, digest: Digest, checks: Iterable[Check[Any]], reason: str) -> FileRecord:
     """Return the record of a file that HDF5 refuses to open; ``reason`` is what it says."""
     finding = Finding("F1", "integrity.readable.file", "critical", reason, Where())
     return FileRecord(
         path=str(path),
-        size=path.stat().st_size,
+        size=digest.version.size,
         sha256=digest.sha256,
         digest_kind=digest.kind,
         dialect="",

@@ -1,6 +1,5 @@
 """Check one file from beginning to end in one process, decoding what is looked at again only where it must be."""
 
-from pathlib import Path
 from typing import Any
 
 from fedora_qa.checks.protocol import Check
@@ -9,9 +8,10 @@ from fedora_qa.engine.measured import measure_open
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import opened, survey_file
+from fedora_qa.storage.place import Place
 
 
-def check_whole(path: Path, checks: tuple[Check[Any], ...], options: CheckOptions, progress: Progress) -> FileRun:
+def check_whole(path: Place, checks: tuple[Check[Any], ...], options: CheckOptions, progress: Progress) -> FileRun:
     """Survey a file, measure all windows of its plan, and judge it."""
     survey = survey_file(path, checks, options, progress)
     if isinstance(survey, FileRun):

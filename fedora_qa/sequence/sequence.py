@@ -1,8 +1,8 @@
 """Open a sequence: read-only, lazy, in canonical units."""
 
-from pathlib import Path
+from contextlib import ExitStack, closing
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, BinaryIO, Protocol, Self
 
 import h5py
 import numpy as np
@@ -15,6 +15,11 @@ from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.resolve import Layout, resolve
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.read_declared import read_declared
+from fedora_qa.storage.place import Place, RemoteFile
+from fedora_qa.storage.remote_bytes import BLOCK_BYTES, RemoteBytes
+from fedora_qa.storage.server import version_of
+from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
+from fedora_qa.storage.version import Version
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LARGEST_USER_BLOCK = 1 << 20
@@ -54,6 +59,8 @@ class Sequence:
     ----------
     path
         The file.
+    version
+        Which version of it was opened.
     layout
         Where each dataset lies, and what is absent or malformed.
     declared
@@ -62,12 +69,17 @@ class Sequence:
         The file's origin on its own clock: the earliest first stamp of any stream.
     """
 
-    def __init__(self, path: Path, file: h5py.File, dialect: Dialect | None) -> None:
+    def __init__(
+        self, path: Place, file: h5py.File, dialect: Dialect | None, remote: RemoteBytes | None = None
+    ) -> None:
         self.path = path
         self._file = file
+        self._remote = remote
+        self.version: Version = remote.version if remote else version_of(path)
         self.layout: Layout = resolve(file, dialect)
         self.declared: Declared = read_declared(file, self.layout)
         self.origin_ns: int = self._find_origin_ns()
+        self._require_sound()
 
     def __enter__(self) -> Self:
         return self
@@ -80,6 +92,18 @@ class Sequence:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+        if self._remote:
+            self._remote.close()
+
+    @property
+    def traffic(self) -> Traffic:
+        """What has been asked of a server so far."""
+        return self._remote.traffic if self._remote else NO_TRAFFIC
+
+    def require_unchanged(self) -> None:
+        """Raise ``StorageError`` where a file behind a URL could not be read, or is another than it was."""
+        if self._remote:
+            self._remote.require_unchanged()
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
         """Return rows of a dataset in canonical units, stamps as int64 ns from the origin.
@@ -88,17 +112,32 @@ class Sequence:
         ------
         UnreadableRowsError
             The rows cannot be decoded.
+        StorageError
+            The server does not give them, which says nothing of the file.
         """
-        return canonical_rows(self._file, self.layout.bindings[key], start, stop, self.origin_ns)
+        try:
+            return canonical_rows(self._file, self.layout.bindings[key], start, stop, self.origin_ns)
+        except UnreadableRowsError:
+            self._require_sound()
+            raise
 
     def raw_rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
-        """Return rows of a dataset as stored; raises ``UnreadableRowsError``."""
-        return raw_rows(self._file, self.layout.bindings[key], start, stop)
+        """Return rows of a dataset as stored; raises as ``rows`` does."""
+        try:
+            return raw_rows(self._file, self.layout.bindings[key], start, stop)
+        except UnreadableRowsError:
+            self._require_sound()
+            raise
 
     def chunk_rows(self, key: str) -> int:
         """Return how many rows are stored, and so decoded, together (about a megabyte where storage sets none)."""
         binding = self.layout.bindings[key]
         return binding.chunk_rows or _contiguous_rows(binding.shape)
+
+    def _require_sound(self) -> None:
+        """Raise what ended the reading of a file behind a URL: HDF5 tells of damage instead."""
+        if self._remote:
+            self._remote.require_sound()
 
     def _find_origin_ns(self) -> int:
         firsts = [self._first_stamp_ns(STAMPS_OF[stream]) for stream in self.layout.streams if stream in STAMPS_OF]
@@ -113,13 +152,13 @@ class Sequence:
         return instant_ns(first[0], binding) if len(first) else None
 
 
-def open_sequence(path: Path, dialect: Dialect | None = None) -> Sequence:
+def open_sequence(path: Place, dialect: Dialect | None = None) -> Sequence:
     """Open a file for reading.
 
     Parameters
     ----------
     path
-        An HDF5 file.
+        An HDF5 file, on this machine or behind a URL.
     dialect
         How the file names and scales things; recognised from the file when None.
 
@@ -132,16 +171,9 @@ def open_sequence(path: Path, dialect: Dialect | None = None) -> Sequence:
     UnreadableFileError
         The file begins like HDF5 and cannot be opened.
     """
-    if not path.exists():
-        raise MisuseError(f"Expected an HDF5 file, got a path that does not exist: {path}")
-    if not path.is_file():
-        raise MisuseError(f"Expected one HDF5 file, got a folder or device: {path}")
-    try:
-        signed = _has_signature(path)
-    except OSError as error:
-        raise MisuseError(f"Expected a readable file, got {error.strerror or error}: {path}") from error
-    if not signed:
-        raise NotHdf5Error(f"Expected an HDF5 file, got something else (no HDF5 signature): {path}")
+    if isinstance(path, RemoteFile):
+        return _open_remote(path, dialect)
+    require_signature(path)
     try:
         file = h5py.File(path, "r", locking="best-effort")
     except OSError as error:
@@ -153,19 +185,50 @@ def open_sequence(path: Path, dialect: Dialect | None = None) -> Sequence:
         raise
 
 
-def _has_signature(path: Path) -> bool:
+def require_signature(path: Place) -> None:
+    """Raise ``MisuseError`` where there is no such file, it may not be read, or it does not begin like HDF5."""
+    if isinstance(path, RemoteFile):
+        with closing(RemoteBytes(path, block_bytes=len(_SIGNATURE))) as remote:
+            _require_signature(path, remote)
+        return
+    if not path.exists():
+        raise MisuseError(f"Expected an HDF5 file, got a path that does not exist: {path}")
+    if not path.is_file():
+        raise MisuseError(f"Expected one HDF5 file, got a folder or device: {path}")
+    try:
+        with path.open("rb") as file:
+            _require_signature(path, file)
+    except OSError as error:
+        raise MisuseError(f"Expected a readable file, got {error.strerror or error}: {path}") from error
+
+
+def _open_remote(place: RemoteFile, dialect: Dialect | None) -> Sequence:
+    """Open a file behind a URL through Python's reading of it; HDF5's own drivers for servers are seldom built in."""
+    with ExitStack() as opened:
+        remote = opened.enter_context(closing(RemoteBytes(place, BLOCK_BYTES)))
+        _require_signature(place, remote)
+        try:
+            file = opened.enter_context(h5py.File(remote, "r"))
+        except OSError as error:
+            remote.require_sound()
+            raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
+        sequence = Sequence(place, file, dialect, remote)
+        opened.pop_all()
+        return sequence
+
+
+def _require_signature(path: Place, file: BinaryIO | RemoteBytes) -> None:
     """Look for the signature where HDF5 allows it: at 0, 512, 1024, 2048 ... bytes (a user block may come first)."""
-    with path.open("rb") as file:
-        offset = 0
-        while offset <= _LARGEST_USER_BLOCK:
-            file.seek(offset)
-            found = file.read(len(_SIGNATURE))
-            if found == _SIGNATURE:
-                return True
-            if len(found) < len(_SIGNATURE):
-                return False
-            offset = 2 * offset or 512
-    return False
+    offset = 0
+    while offset <= _LARGEST_USER_BLOCK:
+        file.seek(offset)
+        found = file.read(len(_SIGNATURE))
+        if found == _SIGNATURE:
+            return
+        if found is None or len(found) < len(_SIGNATURE):
+            break
+        offset = 2 * offset or 512
+    raise NotHdf5Error(f"Expected an HDF5 file, got something else (no HDF5 signature): {path}")
 
 
 def _contiguous_rows(shape: tuple[int, ...]) -> int:

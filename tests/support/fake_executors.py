@@ -49,5 +49,5 @@ def describe(task: Any) -> str:
     """Return the task's function, the name of its file, and its windows."""
     subject = task.args[0]
     path = subject if isinstance(subject, Path) else subject.path
-    windows = list(task.args[1]) if task.func.__name__ == "measure_windows" else ""
+    windows = list(task.args[1]) if task.func.__name__ in {"measure_windows", "measure_sampled"} else ""
     return f"{task.func.__name__} {path.name} {windows}".strip()

@@ -1,0 +1,117 @@
+"""The steps of a file that is checked within a budget of time; like all steps they can be done anywhere.
+
+What needs no images and no events sees every window, at once and first. All else sees windows one by one, in the order
+in which they are visited; each gives a state of its own, and in the end they are merged in the order of time.
+"""
+
+import pickle
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from fedora_qa.engine.finish import finish_open
+from fedora_qa.engine.measured import STAGE, Measured, together
+from fedora_qa.engine.options import FileRun
+from fedora_qa.engine.plan import Effort, Plan, sees_every_window
+from fedora_qa.engine.progress import Progress, quiet
+from fedora_qa.engine.stopwatch import Stopwatch
+from fedora_qa.engine.stream import Accumulator, States, measure
+from fedora_qa.engine.survey import OpenSurvey, Survey, opened
+from fedora_qa.storage.traffic import Traffic
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What a file has shown so far: to the checks that see every window, and to all else, by window."""
+
+    steady: tuple[Measured, ...]
+    sampled: Mapping[int, Measured]
+
+
+def has_steady_checks(survey: Survey) -> bool:
+    """Whether any check sees every window."""
+    return any(sees_every_window(check.needs) for check in survey.asked)
+
+
+def measure_steady(survey: Survey, windows: Sequence[int], progress: Progress) -> Measured:
+    """Hand neighbouring windows to the checks that see every window."""
+    with opened(survey) as file:
+        return _measured(survey, file, _steady(file), windows, progress)
+
+
+def measure_sampled(
+    survey: Survey, windows: Sequence[int], allowed_s: float, progress: Progress
+) -> dict[int, Measured]:
+    """Hand windows one by one to all else, in the order given, while they fit into a time; one at least."""
+    began = time.monotonic()
+    with opened(survey) as file:
+        accumulators = _sampled(file)
+        shown: dict[int, Measured] = {}
+        longest_s = 0.0
+        for done, window in enumerate(windows):
+            left_s = allowed_s - (time.monotonic() - began)
+            if shown and longest_s > left_s:
+                break
+            progress(STAGE, done, len(windows))
+            shown[window] = _measured(survey, file, accumulators, [window], quiet)
+            longest_s = max(longest_s, shown[window].seconds)
+        return shown
+
+
+def finish_sampled(survey: Survey, shown: Shown, lost: Sequence[int], progress: Progress) -> FileRun:
+    """Judge a file by what its windows have shown. ``lost`` are windows of the plan that nobody could measure."""
+    with opened(survey) as file:
+        return _finished(survey, file, shown, lost, progress)
+
+
+def rehearse(survey: Survey, shown: Shown, progress: Progress) -> Traffic:
+    """Do the same with a copy, to see how long it takes; return what it asked of a server."""
+    copy = pickle.loads(pickle.dumps(shown))  # judging takes the states apart
+    with opened(survey) as file:
+        _finished(survey, file, copy, (), progress)
+        return file.sequence.traffic
+
+
+def at_density(survey: Survey, plan: Plan, effort: Effort) -> Survey:
+    """Return the survey with another plan, of an effort's density."""
+    return replace(survey, plan=plan, options=replace(survey.options, effort=effort))
+
+
+def _finished(survey: Survey, file: OpenSurvey, shown: Shown, lost: Sequence[int], progress: Progress) -> FileRun:
+    facts = file.ready.facts
+    steady = together(shown.steady, _steady(file), facts)
+    sampled = together((part for _, part in sorted(shown.sampled.items())), _sampled(file), facts)
+    both = Measured(
+        States(
+            {**steady.states.states, **sampled.states.states},
+            {**steady.states.missed, **sampled.states.missed},
+            {**steady.states.crashes, **sampled.states.crashes},
+            {**steady.states.seconds, **sampled.states.seconds},
+        ),
+        steady.seconds + sampled.seconds,
+        steady.decoded_bytes + sampled.decoded_bytes,
+        steady.traffic + sampled.traffic,
+    )
+    return finish_open(survey, file, [both], [survey.windows.index(window) for window in lost], progress)
+
+
+def _measured(
+    survey: Survey, file: OpenSurvey, accumulators: Sequence[Accumulator], windows: Sequence[int], progress: Progress
+) -> Measured:
+    watch, ready = Stopwatch(), file.ready
+    decoded_before, traffic_before = ready.decoder.decoded_bytes, file.sequence.traffic
+    with watch.stage(STAGE):
+        spans = [ready.spans[window] for window in windows]
+        sampling = survey.plan.sampling
+        states = measure(accumulators, spans, ready.facts, ready.decoder, sampling, progress, ready.images)
+    traffic = file.sequence.traffic - traffic_before
+    return Measured(states, watch.seconds[STAGE], ready.decoder.decoded_bytes - decoded_before, traffic)
+
+
+def _steady(file: OpenSurvey) -> tuple[Accumulator, ...]:
+    return tuple(check for check in file.asked if sees_every_window(check.needs))
+
+
+def _sampled(file: OpenSurvey) -> tuple[Accumulator, ...]:
+    steady = _steady(file)
+    return tuple(one for one in file.accumulators if one not in steady)

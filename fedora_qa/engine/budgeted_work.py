@@ -1,0 +1,206 @@
+"""One file on its way to its record within a budget of time."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, Final
+
+from fedora_qa.checks.protocol import Check
+from fedora_qa.engine.budget import Reserve, batch
+from fedora_qa.engine.budget_steps import (
+    Shown,
+    at_density,
+    finish_sampled,
+    has_steady_checks,
+    measure_sampled,
+    measure_steady,
+    rehearse,
+)
+from fedora_qa.engine.densities import Densities, Density
+from fedora_qa.engine.executors import Result, Task
+from fedora_qa.engine.file_work import FileWork, Step, equal_parts
+from fedora_qa.engine.measured import Measured
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.plan import FEWEST_WINDOWS
+from fedora_qa.engine.survey import Survey
+from fedora_qa.engine.visiting import visiting_order
+from fedora_qa.storage.place import Place
+from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
+
+_ANY_TIME: Final = float("inf")
+
+
+class BudgetedWork(FileWork):
+    """One file: windows are visited in an order that spreads them evenly, for as long as the next one fits.
+
+    The least number of windows is visited whatever the budget. ``allot`` says until when (``time.monotonic``) the file
+    may take, once its stamps have been read. Only the process that deals out the steps looks at its clock.
+    """
+
+    def __init__(
+        self,
+        path: Place,
+        size: int,
+        checks: tuple[Check[Any], ...],
+        options: CheckOptions,
+        workers: int,
+        told: Callable[[str], None],
+        allot: Callable[["BudgetedWork"], float],
+    ) -> None:
+        self._allot = allot
+        self._deadline = 0.0
+        self._least = 0
+        self._densities: Densities | None = None
+        self._reserve = Reserve()
+        self._steady: dict[int, Measured] = {}
+        self._under_way: dict[int, tuple[Density | None, int]] = {}
+        self._rehearsing = False
+        self._rehearsals_s = 0.0
+        self._traffic = NO_TRAFFIC
+        super().__init__(path, size, checks, options, workers, told)
+
+    def _do_in_one(self) -> None:
+        """Go in steps even alone: between them it is decided what comes next."""
+        self._do_in_steps()
+
+    def _surveyed(self, survey: Survey | FileRun) -> None:
+        if isinstance(survey, FileRun):
+            self._finished(survey)
+            return
+        self._deadline = self._allot(self)
+        self.windows = survey.plan.of
+        self._least = min(FEWEST_WINDOWS, self.windows)
+        densities = self._densities = Densities(survey, visiting_order(self.windows))
+        for windows in equal_parts(self.windows, self._workers) if has_steady_checks(survey) else ():
+            task = partial(measure_steady, survey, windows)
+            self._start(task, partial(self._steady.__setitem__, windows[0]))
+        self._go_on(densities)
+
+    def _go_on(self, densities: Densities) -> None:
+        """Make steps ready while workers are free, and judge when nothing more fits."""
+        while len(self._under_way) < self._workers and self._next_step(densities):
+            pass
+        if not self._under_way:
+            self._judge(densities)
+
+    def _next_step(self, densities: Densities) -> bool:
+        """Make the next step ready; False where there is none for now."""
+        now, left_s = densities.now, self._deadline - time.monotonic()
+        soon = len(now.shown) + sum(windows for density, windows in self._under_way.values() if density is now)
+        if soon < self._least and now.pending:
+            self._measure(now, [now.pending.popleft()], _ANY_TIME)
+            return True
+        known = self._reserve.is_known
+        if len(now.shown) < self._least or (self._under_way and not known):
+            return False
+        worthwhile = not self._rehearsing and (now.pending or not known)
+        if worthwhile and self._reserve.is_due(len(now.shown), now.pace, left_s):
+            self._rehearse(now)
+            return True
+        if known and densities.changed(partial(self._fits, left_s)):
+            return self._next_step(densities)
+        return known and self._measure_more(now, soon, left_s)
+
+    def _measure_more(self, now: Density, soon: int, left_s: float) -> bool:
+        """Measure as many windows as fit beside the reserve that they will need; False where none fits."""
+        left_s -= now.pace.unevenness * self._reserve.seconds(soon + 1)
+        count = batch(left_s, now.pace, len(now.pending), self._workers)
+        if count:
+            self._measure(now, [now.pending.popleft() for _ in range(count)], left_s)
+        return bool(count)
+
+    def _fits(self, left_s: float, density: Density) -> bool:
+        """Whether all windows that wait at a density fit, beside the reserve that they will need."""
+        needed_s = density.pace.mean_s * len(density.pending) / self._workers
+        return needed_s + density.pace.unevenness * self._reserve.seconds(self.windows) <= left_s
+
+    def _measure(self, now: Density, windows: Sequence[int], allowed_s: float) -> None:
+        began = time.monotonic()
+
+        def measured(shown: dict[int, Measured]) -> None:
+            now.pending.extendleft(reversed([window for window in windows if window not in shown]))
+            now.shown.update(shown)
+            now.pace.add(len(shown), time.monotonic() - began)
+            self._seen = {0: max(self.windows_done, len(now.shown))}
+
+        def each_by_itself() -> None:
+            for window in windows:
+                alone = partial(measure_sampled, now.survey, (window,), _ANY_TIME)
+                self._start(alone, now.shown.update, partial(self._lost.append, window), now, 1)
+
+        task = partial(measure_sampled, now.survey, tuple(windows), allowed_s)
+        self._start(task, measured, each_by_itself, now, len(windows))
+
+    def _rehearse(self, now: Density) -> None:
+        began, windows = time.monotonic(), len(now.shown)
+
+        def rehearsed(traffic: Traffic) -> None:
+            took_s = time.monotonic() - began
+            self._reserve.add(windows, took_s)
+            self._rehearsals_s += took_s
+            self._traffic += traffic
+            self._rehearsing = False
+
+        self._rehearsing = True
+        self._start(partial(rehearse, self._visited(now), Shown(self._steady_parts(), dict(now.shown))), rehearsed)
+
+    def _judge(self, densities: Densities) -> None:
+        now = densities.now
+        for other in densities.tried:
+            if other is not now:
+                self._traffic = sum((part.traffic for part in other.shown.values()), self._traffic)
+        shown = Shown(self._steady_parts(), now.shown)
+        lost = sorted(set(self._lost) - now.shown.keys())
+        self._do("being judged", partial(finish_sampled, self._visited(now), shown, lost), self._finished)
+
+    def _visited(self, density: Density) -> Survey:
+        """Return the survey whose plan is what was visited, or lost."""
+        chosen = tuple(sorted({*density.shown, *self._lost}))
+        return at_density(density.survey, replace(density.survey.plan, chosen=chosen), density.effort)
+
+    def _steady_parts(self) -> tuple[Measured, ...]:
+        return tuple(part for _, part in sorted(self._steady.items()))
+
+    def _start(
+        self,
+        task: Task[Result],
+        then: Callable[[Result], None],
+        when_lost: Callable[[], None] | None = None,
+        density: Density | None = None,
+        windows: int = 0,
+    ) -> None:
+        """Make a step ready, which is under way until it has ended; a lost one is done again unless said otherwise."""
+        key = id(task)
+        self._under_way[key] = (density, windows)
+
+        def ended(result: Result) -> None:
+            del self._under_way[key]
+            then(result)
+            if self._densities:
+                self._go_on(self._densities)
+
+        def lost() -> None:
+            del self._under_way[key]
+            if when_lost is not None:
+                when_lost()
+            else:
+                self._start(task, then, partial(self._give_up, "being measured"))
+            if self._densities and not self.run:
+                self._go_on(self._densities)
+
+        self.ready.append(Step(task, self._tell, ended, lost))
+
+    def _finished(self, run: FileRun) -> None:
+        seconds = {**run.seconds, "rehearsals": self._rehearsals_s} if self._rehearsals_s else run.seconds
+        super()._finished(replace(run, reached=self._reached(), seconds=seconds, traffic=run.traffic + self._traffic))
+
+    def _reached(self) -> str:
+        """Say how far the budget has carried."""
+        if self._densities is None:
+            return "the file cannot be opened"
+        now, late_s = self._densities.now, time.monotonic() - self._deadline
+        text = f"{len(now.shown)} of {self.windows} windows at the density of {now.effort}"
+        if len(now.shown) <= self._least < self.windows:
+            text += ", the least that is always looked at"
+        return text + (f", {late_s:.1f} s longer than there was" if late_s > 0 else f", with {-late_s:.1f} s left")

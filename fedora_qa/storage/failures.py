@@ -1,0 +1,152 @@
+"""What went wrong between this machine and a server, in one sentence without any secret.
+
+What libraries say of a failed request may hold the whole URL, with its signature. So their texts are never repeated:
+the kind of failure is told from types, status codes and error numbers.
+"""
+
+import os
+import ssl
+from collections.abc import Iterator
+from typing import Final
+
+from fedora_qa.errors import StorageError
+from fedora_qa.storage.place import RemoteFile
+
+_UNAUTHORIZED: Final = frozenset({401, 403})
+_ABSENT: Final = frozenset({404, 410})
+_CHANGED: Final = 412
+"""Precondition failed: the object is no longer of the version that was asked for."""
+_MAY_PASS: Final = frozenset({408, 425, 429, 500, 502, 503, 504})
+
+_CREDENTIALS: Final = (
+    "give credentials in the environment (AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, or AWS_PROFILE), "
+    "or FSSPEC_S3_ANON=true for a public bucket"
+)
+
+
+def failure_of(error: BaseException, place: RemoteFile) -> StorageError:
+    """Return what to tell of a failed request. Raise it ``from None``: what caused it may hold secrets."""
+    expected, got = _words(tuple(_chain(error)), place)
+    return StorageError(f"Expected {expected}, got {got}: {place}")
+
+
+def may_pass(error: BaseException) -> bool:
+    """Whether the same request may succeed a moment later."""
+    errors = tuple(_chain(error))
+    status = _status(errors)
+    if status is not None:
+        return status in _MAY_PASS
+    if (
+        _any(errors, ConnectionRefusedError)
+        or _certificate(errors) is not None
+        or _named(errors, "FileExpired", "NoCredentialsError")
+    ):
+        return False
+    return _any(errors, TimeoutError, ConnectionError) or _named(
+        errors, "ClientPayloadError", "ServerDisconnectedError", "FSTimeoutError", "IncompleteRead"
+    )
+
+
+def changed(place: RemoteFile) -> StorageError:
+    """Return what to tell of a file that has become another while it was read."""
+    return StorageError(
+        f"Expected the file to stay as it is while it is checked, got a change; check it again: {place}"
+    )
+
+
+def _words(errors: tuple[BaseException, ...], place: RemoteFile) -> tuple[str, str]:
+    """Return what was expected, and what there was in its place; the most telling of the errors counts."""
+    status, certificate, unreached = _status(errors), _certificate(errors), _unreached(errors)
+    absent = status is None and isinstance(errors[-1], FileNotFoundError)  # fsspec calls so whatever fails at first
+    forbidden = status in _UNAUTHORIZED or _any(errors, PermissionError)
+    without_ranges = any(isinstance(one, ValueError) and "range requests" in str(one) for one in errors)
+    advice = _CREDENTIALS if place.scheme == "s3" else "sign in, or have the URL signed anew"
+    known: tuple[tuple[bool, str, str], ...] = (
+        (
+            status == _CHANGED or _named(errors, "FileExpired"),
+            "the file to stay as it is while it is checked",
+            "a change; check it again",
+        ),
+        (forbidden, "access to the file", f"a refusal ({status or 'forbidden'}); {advice}"),
+        (
+            status in _ABSENT or absent,
+            "an HDF5 file",
+            "a path that does not exist",
+        ),
+        (status is not None, "the server to send the file", f"the answer {status}"),
+        (certificate is not None, "a server whose certificate can be verified", certificate or ""),
+        (
+            _named(errors, "NoCredentialsError", "PartialCredentialsError"),
+            "credentials for the bucket",
+            f"none; {_CREDENTIALS}",
+        ),
+        (
+            _any(errors, TimeoutError) or _named(errors, "FSTimeoutError", "ReadTimeoutError"),
+            "an answer of the server",
+            "none in time",
+        ),
+        (
+            without_ranges,
+            "a server that gives parts of a file (range requests)",
+            "one that does not; download the file first",
+        ),
+        (unreached, "a connection to the server", f"none{_number(errors)}"),
+    )
+    otherwise = ("the server to send the file", f"{type(errors[-1]).__name__}{_number(errors)}")
+    return next(((expected, got) for holds, expected, got in known if holds), otherwise)
+
+
+def _chain(error: BaseException) -> Iterator[BaseException]:
+    """Yield an error and what led to it, which libraries wrap each other's errors into."""
+    found: BaseException | None = error
+    while found is not None:
+        yield found
+        found = found.__cause__ or found.__context__
+
+
+def _status(errors: tuple[BaseException, ...]) -> int | None:
+    """Return the status of an HTTP answer, as aiohttp or botocore tell it."""
+    for error in errors:
+        status = getattr(error, "status", None)
+        if isinstance(status, int) and status:
+            return status
+        response = getattr(error, "response", None)
+        if isinstance(response, dict):
+            status = response.get("ResponseMetadata", {}).get("HTTPStatusCode")
+            if isinstance(status, int):
+                return status
+    return None
+
+
+def _certificate(errors: tuple[BaseException, ...]) -> str | None:
+    """Return what OpenSSL says against a certificate, or of a handshake that failed."""
+    for error in errors:
+        if isinstance(error, ssl.SSLError):
+            why = getattr(error, "verify_message", None) or getattr(
+                error, "reason", None
+            )  # aiohttp's subclass has neither
+            if isinstance(why, str):
+                return why
+    return None
+
+
+def _number(errors: tuple[BaseException, ...]) -> str:
+    """Return what the system says of an error number, in brackets; nothing where there is none."""
+    numbers = (one.errno for one in errors if isinstance(one, OSError) and isinstance(one.errno, int) and one.errno > 0)
+    number = next(numbers, None)
+    return f" ({os.strerror(number)})" if number is not None else ""
+
+
+def _unreached(errors: tuple[BaseException, ...]) -> bool:
+    return _any(errors, ConnectionError) or _named(
+        errors, "ClientConnectorError", "ClientConnectorDNSError", "EndpointConnectionError", "ConnectTimeoutError"
+    )
+
+
+def _named(errors: tuple[BaseException, ...], *names: str) -> bool:
+    """Whether any of the errors is of one of these types, which are of extras that may not be there to be imported."""
+    return any(type(error).__name__ in names for error in errors)
+
+
+def _any(errors: tuple[BaseException, ...], *types: type[BaseException]) -> bool:
+    return any(isinstance(error, types) for error in errors)

@@ -1,0 +1,72 @@
+"""Where a file lies: on a disk of this machine, or behind a URL."""
+
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Final, Self
+from urllib.parse import urlsplit
+
+from fedora_qa.errors import MisuseError
+
+SCHEMES: Final = ("s3", "https", "http")
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class RemoteFile:
+    """A file behind a URL.
+
+    A URL may carry a password or a signature, which whoever reads a record, a log or a traceback must not get: only
+    ``url`` holds them, and nothing prints it. What is shown has neither user nor query.
+    """
+
+    url: str
+
+    def __str__(self) -> str:
+        parts = urlsplit(self.url)
+        return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
+
+    def __repr__(self) -> str:
+        return f"RemoteFile({str(self)!r})"
+
+    @property
+    def scheme(self) -> str:
+        """``s3``, ``https`` or ``http``."""
+        return urlsplit(self.url).scheme
+
+    @property
+    def name(self) -> str:
+        """The last part of its path."""
+        return PurePosixPath(urlsplit(self.url).path).name
+
+    @property
+    def stem(self) -> str:
+        """The name without its suffix."""
+        return PurePosixPath(self.name).stem
+
+    def absolute(self) -> Self:
+        """Return itself: a URL means the same everywhere."""
+        return self
+
+
+Place = Path | RemoteFile
+
+
+def place_of(text: str) -> Place:
+    """Return the place that a person means.
+
+    Raises
+    ------
+    MisuseError
+        It is a URL that cannot be read from, or an ``s3://`` one with credentials in it.
+    """
+    scheme, separator, _ = text.partition("://")
+    if not separator:
+        return Path(text)
+    if scheme.lower() not in SCHEMES:
+        raise MisuseError(f"Expected a path, or a URL of {', '.join(SCHEMES)}, got one of {scheme}")
+    place = RemoteFile(scheme.lower() + separator + text[len(scheme) + len(separator) :])
+    parts = urlsplit(place.url)
+    if not parts.netloc or not place.name:
+        raise MisuseError(f"Expected a URL of a file, got {place}")
+    if place.scheme == "s3" and "@" in parts.netloc:
+        raise MisuseError(f"Expected the credentials of {place} in the environment, got some in the URL")
+    return place

@@ -1,0 +1,141 @@
+"""Ask a server for a file: how long it is, of which version, and for stretches of it. Through fsspec, an extra."""
+
+import gc
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Final, TypeVar
+
+from fedora_qa.errors import MisuseError, StorageError
+from fedora_qa.storage.failures import failure_of, may_pass
+from fedora_qa.storage.place import Place, RemoteFile
+from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
+from fedora_qa.storage.version import Version, local_version
+
+T = TypeVar("T")
+
+_CONNECT_S: Final = 10.0
+_SILENCE_S: Final = 60.0
+"""How long a server may say nothing before the request is given up."""
+
+_WAITS_S: Final = (0.5, 2.0)
+"""Before a request is made again that may succeed a moment later."""
+
+
+class Server:
+    """The server's side of one file.
+
+    Attributes
+    ----------
+    traffic
+        What has been asked of it so far.
+
+    Raises
+    ------
+    MisuseError
+        The extra that reads such URLs is not installed.
+    StorageError
+        Here and from every request: the file cannot be had, which the message explains.
+    """
+
+    def __init__(self, place: RemoteFile) -> None:
+        self._place = place
+        self._files = _filesystem(place)
+        self._open: Any = None
+        self.traffic = NO_TRAFFIC
+        self.version = self.ask_version()
+
+    def ask_version(self) -> Version:
+        """Ask how long the file is now, and of which version."""
+        refresh = {"refresh": True} if self._place.scheme == "s3" else {}
+        facts = self._asked(lambda: self._files.info(self._place.url, **refresh))
+        size = facts.get("size")
+        if facts.get("type") == "directory":
+            raise StorageError(f"Expected one HDF5 file, got a folder: {self._place}")
+        if size is None:
+            raise StorageError(
+                f"Expected a server that tells the length of a file, got one that does not: {self._place}"
+            )
+        return Version(int(size), _tag(facts))
+
+    def fetch(self, start: int, stop: int) -> bytes:
+        """Return the bytes from ``start`` to ``stop``, both within the file, of the version that it had at first."""
+        fetched: bytes = self._asked(lambda: self._stretch(start, stop))
+        if len(fetched) != stop - start:
+            raise StorageError(f"Expected {stop - start} bytes from {start} on, got {len(fetched)}: {self._place}")
+        self.traffic += Traffic(transferred_bytes=len(fetched))
+        return fetched
+
+    def close(self) -> None:
+        """Let go of the file; connections are kept for others by fsspec."""
+        if self._open is not None:
+            self._open.close()
+
+    def _stretch(self, start: int, stop: int) -> bytes:
+        if self._open is None:
+            self._open = self._files.open(self._place.url, "rb", cache_type="none", **self._opening())
+            self.traffic += Traffic(requests=int(self._place.scheme == "s3"))  # it asks for the version by itself
+        self._open.seek(start)
+        return bytes(self._open.read(stop - start))
+
+    def _opening(self) -> Mapping[str, Any]:
+        """Return what binds the file to its version: s3fs sees to it by itself, HTTP has a header for it."""
+        if self._place.scheme == "s3":
+            return {}
+        tag = self.version.tag
+        strong = tag.startswith('"')  # a weak one may not be compared so, and a date is none
+        return {"size": self.version.size, "headers": {"If-Match": tag} if strong else {}}
+
+    def _asked(self, request: Callable[[], T]) -> T:
+        for wait_s in (*_WAITS_S, None):
+            self.traffic += Traffic(requests=1)
+            try:
+                with _without_collection():
+                    return request()
+            except Exception as error:  # noqa: BLE001 - libraries raise what they like; a person gets one sentence
+                if wait_s is None or not may_pass(error):
+                    raise failure_of(error, self._place) from None
+            time.sleep(wait_s)
+        raise AssertionError("the last try returns or raises")
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Keep cyclic garbage until the request is done.
+
+    h5py holds its lock while it reads, and needs it to free its objects: were the thread that does the requests to
+    collect them meanwhile, both would wait for each other for ever (h5py issue 2019).
+    """
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def version_of(place: Place) -> Version:
+    """Return which version a file is now, wherever it lies; raises ``StorageError`` where its server does not tell."""
+    return Server(place).version if isinstance(place, RemoteFile) else local_version(place)
+
+
+def _tag(facts: Mapping[str, Any]) -> str:
+    """Return what the server tells versions apart by; empty where it tells nothing but the size."""
+    return str(facts.get("ETag") or facts.get("LastModified") or facts.get("Last-Modified") or "")
+
+
+def _filesystem(place: RemoteFile) -> Any:
+    try:
+        import aiohttp  # noqa: PLC0415 - an extra
+        import fsspec  # noqa: PLC0415 - an extra
+
+        if place.scheme == "s3":
+            config = {"connect_timeout": _CONNECT_S, "read_timeout": _SILENCE_S}
+            return fsspec.filesystem("s3", use_listings_cache=False, config_kwargs=config)
+        timeout = aiohttp.ClientTimeout(total=None, sock_connect=_CONNECT_S, sock_read=_SILENCE_S)
+        return fsspec.filesystem(place.scheme, client_kwargs={"timeout": timeout})
+    except ImportError:
+        raise MisuseError(
+            f"Expected what reads {place.scheme}:// files; install it: pip install 'fedora-qa[remote]'"
+        ) from None

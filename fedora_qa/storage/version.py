@@ -1,0 +1,25 @@
+"""Which version of a file it is, as cheaply as can be told."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Version:
+    """Size in bytes, and what else changes with the content.
+
+    ``tag`` is the time of the last change (ns) of a local file, the ETag of one behind a URL, or where there is none
+    the time of its last change; empty where the server tells nothing.
+    """
+
+    size: int
+    tag: str
+
+
+def local_version(path: Path) -> Version:
+    """Return the version of a file on this machine; one that cannot be looked at has no size and no tag."""
+    try:
+        found = path.stat()
+    except OSError:
+        return Version(0, "")  # opening says what is wrong
+    return Version(found.st_size, str(found.st_mtime_ns))

@@ -1,0 +1,227 @@
+"""A budget of time: as many windows as fit, evenly spread, judged on time; and what is found is what they show."""
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fedora_qa.engine.budget import Pace, Reserve, batch
+from fedora_qa.engine.executors import Executor, InProcess
+from fedora_qa.engine.files import check_files
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.plan import FEWEST_WINDOWS
+from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.visiting import visiting_order
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+from tests.support.fake_executors import Loses, Travels
+from tests.support.handmade import write_handmade
+from tests.support.identical import identical
+from tests.support.killers import Counts
+
+
+@given(windows=st.integers(0, 400))
+def test_every_window_is_visited_once(windows: int) -> None:
+    """The order is one of all windows, from the first and the last on."""
+    order = visiting_order(windows)
+    assert sorted(order) == list(range(windows))
+    assert order[:2] == (0, windows - 1)[: len(order)] or windows == 1
+
+
+@given(windows=st.integers(2, 400), share=st.floats(0.01, 1))
+def test_every_beginning_is_spread_evenly(windows: int, share: float) -> None:
+    """However early it ends, no gap is longer than twice that of as many windows spread evenly, but for rounding."""
+    visited = sorted(visiting_order(windows)[: max(2, int(share * windows))])
+    longest = max(after - before for before, after in pairwise(visited))
+    assert longest <= 2 * (windows - 1) / (len(visited) - 1) + 1
+
+
+def test_the_slowest_of_the_latest_counts() -> None:
+    """What the first windows cost more, by loading and compiling, is forgotten after eight others."""
+    pace = Pace()
+    pace.add(1, 9.0)
+    pace.add(2, 2.0)
+    assert pace.longest_s == 9.0
+    for _ in range(8):
+        pace.add(1, 1.5)
+    assert (pace.longest_s, pace.mean_s, pace.windows) == (1.5, 1.5, 11)
+    pace.add(1, 3.5)
+    assert pace.unevenness == 3.5 / 1.75
+    assert pace.spent_s == 26.5
+
+
+def test_the_reserve_follows_what_was_rehearsed() -> None:
+    """After one rehearsal in proportion to the windows, after two on their line, and never less than the last."""
+    reserve = Reserve()
+    reserve.add(4, 2.0)
+    assert [reserve.seconds(n) for n in (2, 4, 8)] == [2.0, 2.0, 4.0]
+    reserve.add(8, 3.0)
+    assert [reserve.seconds(n) for n in (4, 8, 16)] == [3.0, 3.0, 5.0]
+    reserve.add(16, 2.5)
+    assert reserve.seconds(100) == 2.5
+
+
+@given(left_s=st.floats(0, 1e4), pending=st.integers(0, 500), workers=st.integers(1, 16))
+def test_a_step_fits(left_s: float, pending: int, workers: int) -> None:
+    """Several windows take at most half of what is left, by the slowest of the latest; where one fits, one is done."""
+    pace = Pace()
+    pace.add(1, 2.0)
+    count = batch(left_s, pace, pending, workers)
+    assert count <= min(8, pending)
+    assert (count > 0) == (pending > 0 and left_s >= 2.0)
+    assert count == 0 or (left_s >= 2.0 and (count == 1 or 2.0 * count <= left_s / 2))
+
+
+class Clock:
+    """A clock that only moves when it is told to."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        """Return the time."""
+        return self.now
+
+
+CLOCK = Clock()
+
+
+class Slow(Counts):
+    """How long does it take? A second a window, at the end two more and a tenth for each of them."""
+
+    def update(self, state: list[int], window: Window) -> None:
+        """Take a second."""
+        CLOCK.now += 1.0
+        super().update(state, window)
+
+    def conclude(self, state: list[int], facts: Facts) -> object:  # type: ignore[override]  # as the base says
+        """Take longer the more was seen."""
+        CLOCK.now += 2.0 + 0.1 * len(state)
+        return super().conclude(state, facts)
+
+
+@pytest.fixture
+def many_windows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A file of 51 windows of 2 ms."""
+    monkeypatch.setattr("fedora_qa.engine.windows.WINDOW_NS", 2_000_000)
+    return write_handmade(tmp_path / "seq.h5")
+
+
+@pytest.fixture
+def slow(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """Run the slow check alone, by a clock that only it moves."""
+    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Slow(),))
+    for module in ("budgeted_work", "budget_steps", "files"):
+        monkeypatch.setattr(f"fedora_qa.engine.{module}.time", CLOCK)
+    CLOCK.now = 100.0
+    return CLOCK
+
+
+def run_of(
+    path: Path, budget_s: float | None, executor: Executor | None = None, select: tuple[str, ...] = ()
+) -> FileRun:
+    options = CheckOptions(budget_s=budget_s, evidence=None, select=select)
+    with executor or InProcess() as running:
+        ((_, run),) = check_files([path], options, running, lambda tally: None)
+    return run
+
+
+def seen(run: FileRun) -> list[int]:
+    found: list[int] = json.loads(str(run.record.inferred["seen"]))
+    return found
+
+
+@pytest.mark.parametrize("budget_s", [20.0, 30.0, 50.0])
+def test_it_ends_on_time(budget_s: float, many_windows: Path, slow: Clock) -> None:
+    """By the clock: never late, most of the time used, rehearsals and judgement in it; windows evenly spread."""
+    run = run_of(many_windows, budget_s)
+    spent_s = slow.now - 100.0
+    assert budget_s - 5 <= spent_s <= budget_s
+    windows = seen(run)
+    assert sorted(windows) == windows
+    assert windows == sorted(visiting_order(51)[: len(windows)])
+    assert len(windows) >= 0.4 * budget_s
+    assert f"{len(windows)} of 51 windows at the density of quick, with " in run.reached
+
+
+def test_too_small_a_budget(many_windows: Path, slow: Clock) -> None:
+    """The least number of windows is looked at all the same, nothing is rehearsed, and the run says how late it is."""
+    run = run_of(many_windows, 1.0)
+    assert seen(run) == sorted(visiting_order(51)[:FEWEST_WINDOWS])
+    assert slow.now == 100.0 + 4 + 2.4
+    assert run.reached == (
+        "4 of 51 windows at the density of quick, the least that is always looked at, 5.4 s longer than there was"
+    )
+
+
+def test_ample_time_is_used_for_density(many_windows: Path, slow: Clock) -> None:
+    """Where all windows fit, all are seen at the density of ``full``."""
+    run = run_of(many_windows, 1000.0)
+    assert seen(run) == list(range(51))
+    assert run.reached.startswith("51 of 51 windows at the density of full, with ")
+
+
+class Denser(Slow):
+    """What if a denser look takes longer? A second at the density of quick, three at that of full."""
+
+    def update(self, state: list[int], window: Window) -> None:
+        """Take as long as the density asks for."""
+        CLOCK.now += {3: 0.0, 2: 0.5, 1: 2.0}[window.sampling.field_stride]
+        super().update(state, window)
+
+
+@pytest.mark.parametrize(
+    ("budget_s", "reached"), [(60.0, "quick"), (100.0, "quick"), (140.0, "standard"), (250.0, "full")]
+)
+def test_the_densest_with_which_all_windows_fit(
+    budget_s: float, reached: str, many_windows: Path, slow: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Density is bought only where it costs no window; what it is tried with never makes the run late."""
+    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Denser(),))
+    run = run_of(many_windows, budget_s)
+    assert f"at the density of {reached}, with " in run.reached
+    assert slow.now - 100.0 <= budget_s
+    assert seen(run) == list(range(51)) or budget_s == 60.0
+
+
+def test_files_share_the_budget(many_windows: Path, slow: Clock, tmp_path: Path) -> None:
+    """Three files of one length get a third each, and hand on what they leave."""
+    paths = [many_windows, *(write_handmade(tmp_path / f"{name}.h5") for name in "ab")]
+    options = CheckOptions(budget_s=90.0, evidence=None)
+    runs = [run for _, run in check_files(paths, options, InProcess(), lambda tally: None)]
+    counts = [len(seen(run)) for run in runs]
+    assert 75 <= slow.now - 100.0 <= 90.0
+    assert max(counts) - min(counts) <= 5
+
+
+@pytest.mark.parametrize("executor", [InProcess(), Travels()], ids=["alone", "three"])
+def test_with_time_for_all_it_is_a_full_check(
+    executor: Executor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All checks on all windows, visited in whatever order by one or three: the record of ``full``, to the last bit."""
+    monkeypatch.setattr("fedora_qa.engine.windows.WINDOW_NS", 20_000_000)
+    path = write_handmade(tmp_path / "seq.h5")
+    budgeted, full = run_of(path, 3600.0, executor), run_of(path, None)
+    assert budgeted.reached.startswith("6 of 6 windows at the density of full")
+    assert identical(budgeted.record, full.record)
+
+
+@pytest.mark.parametrize(("times", "gone"), [(1, []), (2, []), (9, [0])])
+def test_a_window_that_kills(times: int, gone: list[int], many_windows: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is looked at again, at each density; one that kills always is told, and the file is incomplete."""
+    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Counts(),))
+    executor = Loses("measure_sampled seq.h5 [0]", times=times)
+    run = run_of(many_windows, 3600.0, executor)
+    assert (run.record.verdict == "incomplete") == bool(gone)
+    assert [window for window in range(51) if window not in seen(run)] == gone
+
+
+def test_with_real_processes(park_day: Path) -> None:
+    """Two processes share the windows of a file: what sees every window, and what is looked at one by one."""
+    select = ("clocks", "imu", "integrity")
+    run = run_of(park_day, 600.0, ProcessExecutor(2), select=select)
+    assert " windows at the density of full, with " in run.reached
+    assert identical(run.record, run_of(park_day, None, select=select).record)
