@@ -12,9 +12,8 @@ class EvidenceOptions:
     Attributes
     ----------
     size_bytes
-        Uncompressed size of the pictures that the pass keeps, and again of those of the worst places and around them. What else is kept
-        (series, histograms, distributions, trajectory) stays below
-        3 MiB.
+        Uncompressed size of the pictures that the pass keeps, and again of those of the worst places and beside them.
+        What else is kept (series, histograms, distributions, trajectory) stays below 3 MiB.
     picture_width_px
         Width that pictures do not exceed; they are smaller where the size would not hold them.
     moments, places
