@@ -60,7 +60,7 @@ def gauge_of(measurement: Measurement) -> Gauge | None:
         error=(_share(deviation - spread), _share(deviation + spread)),
         sees=_sees(measurement, limit),
         beyond=0 if abs(deviation) <= _REACH else int(math.copysign(1, deviation)),
-        counts=deviation > 1 and measurement.side != "lower" or deviation < -1 and measurement.side != "upper",
+        counts=(deviation > 1 and measurement.side != "lower") or (deviation < -1 and measurement.side != "upper"),
         words=f"{abs(deviation):.3g} of the limit {'above' if deviation >= 0 else 'below'} the expected value",
     )
 

@@ -78,7 +78,9 @@ def environment() -> Environment:
 
 def _harmless(value: object) -> object:
     """Make text from a file printable before it is escaped: no control, invisible or direction-turning characters."""
-    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+    if not isinstance(value, str) or isinstance(value, Markup):
+        return value
+    return value if value.isascii() and value.isprintable() else printable(value)  # pictures are long, and of ASCII
 
 
 def _percent(share: float) -> str:

@@ -15,11 +15,12 @@ _LONGEST: Final = 720
 _LOSSLESS: Final = 101
 """OpenCV writes WebP without loss above quality 100."""
 
-_QUALITIES: Final = (85, 70, 55, 40)
+_QUALITIES: Final = (85, 60)
 _MOST_BYTES: Final = 14_000
 """Of one picture. About 170 of them (30 instants of 5, and some maps) make 3.2 MB of a report of at most 6."""
 
-_SMALLER: Final = 0.75
+_LEAST_STEP: Final = 0.9
+"""A picture that is too large is made smaller by at least this factor at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +50,7 @@ def png_uri(png: bytes) -> str:
 
 def _image(picture: colour_maps.Picture, alt: str, qualities: tuple[int, ...]) -> Image:
     """Encode with the first of the qualities that keeps the picture small; where none does, make it smaller."""
-    height, width = picture.shape[:2]
-    scale = min(_LONGEST / max(height, width), 1.0)
+    scale = min(_LONGEST / max(picture.shape[:2]), 1.0)
     while True:
         shown = _resized(picture, scale)
         for quality in qualities:
@@ -58,7 +58,9 @@ def _image(picture: colour_maps.Picture, alt: str, qualities: tuple[int, ...]) -
             if len(encoded) <= _MOST_BYTES or max(shown.shape[:2]) <= 1:
                 uri = "data:image/webp;base64," + base64.b64encode(encoded).decode("ascii")
                 return Image(uri, shown.shape[1], shown.shape[0], alt)
-        scale *= _SMALLER
+        # The size goes with the number of pixels, or nearly so.
+        scale *= min((_MOST_BYTES / len(encoded)) ** 0.5, _LEAST_STEP)
+        qualities = qualities[-1:]
 
 
 def _resized(picture: colour_maps.Picture, scale: float) -> colour_maps.Picture:
