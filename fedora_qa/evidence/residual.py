@@ -42,6 +42,6 @@ def carried_back_dn(
         x, y = columns + flow_px[..., 0] / block, rows + flow_px[..., 1] / block
     height, width = before.shape
     within = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)  # False for NaN
-    columns, rows = (np.where(within, place, _OUTSIDE).astype(np.float32) for place in (x, y))
-    found = cv2.remap(after, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    to_column, to_row = (np.where(within, place, _OUTSIDE).astype(np.float32) for place in (x, y))
+    found = cv2.remap(after, to_column, to_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.where(within, found - before, np.nan).astype(np.float16)

@@ -30,7 +30,7 @@ class Instant:
     flow_px
         (h, w, 2) in px of the stored image over ``flow_interval_us``.
     residual_dn
-        (h, w), what the flow leaves between the frames at both ends of its interval; NaN where there is nothing to tell.
+        (h, w), what the flow leaves between the frames at both ends of its interval; NaN where that is unknown.
     brighter, darker
         (h, w), events within ``events_interval_us``; ``events_known`` tells whether any could be read.
     box

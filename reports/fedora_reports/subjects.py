@@ -53,8 +53,8 @@ class MeasurementView:
 class CheckView:
     """One check: a row that is always seen, and its details.
 
-    ``principal`` is the measurement that lies farthest out; None where the check could not tell. ``nearness`` is how far
-    out that is, in limits; of what must be exact 0 or 1000.
+    ``principal`` is the measurement that lies farthest out; None where the check could not tell. ``nearness`` is how
+    far out that is, in limits; of what must be exact 0 or 1000.
     """
 
     anchor: str

@@ -98,8 +98,10 @@ def timeline_of(evidence: Evidence, findings: Sequence[Located], moments: Sequen
     named_findings = {one.finding.where.stream for one in findings}
     bin_s = (axis.high - axis.low) / (len(edges_us) - 1) / 1e6
     streams = [*known, *sorted(stream for stream in named_findings if stream and stream not in known)]
-    rows = [_row(stream, known.get(stream), axis, bin_s, [one for one in findings if one.finding.where.stream == stream])
-            for stream in streams]  # fmt: skip
+    rows = [
+        _row(stream, known.get(stream), axis, bin_s, [one for one in findings if one.finding.where.stream == stream])
+        for stream in streams
+    ]
     homeless = [one for one in findings if not one.finding.where.stream]
     if homeless:
         rows.append(_row(ELSEWHERE, None, axis, bin_s, homeless))

@@ -183,7 +183,8 @@ def _ends(panel: _Panel, path: FlownPath) -> str:
 
 def _marks(panel: _Panel, marks: Sequence[Mark]) -> str:
     """Return a diamond at each finding, with its word where there is room."""
-    drawn, labelled = [], []
+    drawn: list[str] = []
+    labelled: list[tuple[float, float]] = []
     for mark in marks:
         x, y = panel.places_px(mark.position_world_m)
         room = all(abs(x - other) > _LABEL_PX[0] or abs(y - below) > _LABEL_PX[1] for other, below in labelled)

@@ -1,7 +1,7 @@
 """How large the report of half an hour with a thousand findings is, and how long it takes to draw and to open.
 
-Run ``python -m tests.benchmarks.report_opening``. The record and its evidence are invented, with pictures of noise, which
-nothing compresses: larger than real ones.
+Run ``python -m tests.benchmarks.report_opening``. The record and its evidence are invented, with pictures of noise,
+which nothing compresses: larger than real ones.
 """
 
 import sys

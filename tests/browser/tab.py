@@ -9,7 +9,7 @@ from tests.browser.devtools import Browser, Message
 
 
 class Tab:
-    """One page, so many px wide and in a ``light`` or ``dark`` scheme; ``with`` closes it. ``scripts=False``: none run."""
+    """One page, so many px wide, in a ``light`` or ``dark`` scheme, with or without scripts; ``with`` closes it."""
 
     def __init__(
         self, browser: Browser, page: Path, *, width: int = 1200, scheme: str = "light", scripts: bool = True

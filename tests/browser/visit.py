@@ -27,7 +27,8 @@ _MEASURE = """
     pictures: pictures.map(p => ({name: p.alt, natural: p.naturalWidth, box: box(p)})),
     drawings: [...document.querySelectorAll('figure svg')].filter(shown).map(box),
     tables: [...document.querySelectorAll('table')].map(box),
-    captions: [...document.querySelectorAll('figure')].filter(shown).map(f => f.querySelector('figcaption')?.innerText ?? ''),
+    captions: [...document.querySelectorAll('figure')].filter(shown)
+      .map(f => f.querySelector('figcaption')?.innerText ?? ''),
     questions: [...document.querySelectorAll('.check summary .asked')].map(e => e.getBoundingClientRect().width),
     heading: document.querySelector('h1')?.innerText ?? '',
     overflow: root.scrollWidth - root.clientWidth,

@@ -19,9 +19,9 @@ function space(canvas) {
     if (event.buttons) turn(-event.movementX / 150, event.movementY / 150);
   });
   canvas.addEventListener("wheel", event => {
-    if (!event.ctrlKey && !event.shiftKey) return; // the page scrolls
+    if (!event.ctrlKey) return; // the page scrolls
     event.preventDefault();
-    closer(Math.exp(-(event.deltaY || event.deltaX) / 400));
+    closer(Math.exp(-event.deltaY / 400));
   }, { passive: false });
   canvas.addEventListener("keydown", event => {
     const act = {
@@ -81,9 +81,12 @@ function drawSpace(canvas, scene, view) {
     const [x, y] = place(point);
     pen.fillText(word, x + 8, y + 14);
   }
+  const labels = [];
   for (const [x, y, z, word] of scene.marks) {
     dot([x, y, z], 5, ink.getPropertyValue("--bad"));
     const [left, top] = place([x, y, z]);
+    if (labels.some(([other, above]) => Math.abs(other - left) < 34 && Math.abs(above - top) < 15)) continue;
+    labels.push([left, top]);
     pen.fillText(word, left + 8, top - 6);
   }
 }
