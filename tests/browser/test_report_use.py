@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from fedora_reports.html import render_html
 from tests.browser.devtools import Browser
 from tests.browser.sample_page import FINDINGS, HOSTILE, HOSTILE_NAME, write_sample
 from tests.browser.tab import Tab
+from tests.reports.evidence_samples import all_kinds
+from tests.support.records import failed, file_record, late_events, record
 
 SHOWN_TIME = "document.querySelector('.stage .time').textContent.split(' · ')[0]"
 SAID = "document.querySelector('.stage .said')?.textContent ?? ''"
@@ -199,11 +202,22 @@ def test_print_shows_all_moments_and_no_controls(tab: Tab) -> None:
     assert tab.pdf().startswith(b"%PDF")
 
 
+def test_each_of_several_files_has_frames_of_its_own(browser: Browser, tmp_path: Path) -> None:
+    """Two files in one report: what is shown of one does not move the other."""
+    files = [file_record(failed(), path=f"{name}.h5", diagnoses=(late_events(),)) for name in ("one", "two")]
+    arrays = {f"{k}/{name}": array for k in (0, 1) for name, array in all_kinds().items()}
+    both = tmp_path / "both.html"
+    both.write_text(render_html(record(*files), arrays), encoding="utf-8")
+    times = "[...document.querySelectorAll('.stage .time')].map(e => e.textContent.split(' · ')[0])"
+    with Tab(browser, both) as tab:
+        assert tab.evaluate(times) == ["0.500 s", "0.500 s"]
+        tab.click("#file-1 .timeline .track", 0.02, 0.3)
+        assert tab.evaluate(times) == ["0.500 s", "0.000 s"]
+        assert tab.complaints == []
+
+
 def test_a_file_without_pictures_has_no_viewer(browser: Browser, tmp_path: Path) -> None:
     """Scripts find nothing to do in a bare report, and say nothing about it."""
-    from fedora_reports.html import render_html  # noqa: PLC0415
-    from tests.support.records import record  # noqa: PLC0415
-
     bare = tmp_path / "bare.html"
     bare.write_text(render_html(record(), {}), encoding="utf-8")
     with Tab(browser, bare) as tab:

@@ -58,7 +58,7 @@ def test_explain_says_what_a_pass_is_worth(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_report_gets_all_of_it_with_the_best_check_of_each_cause(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of two checks that find a cause, the one that finds it from a smaller size on is the best; or one that finds all."""
+    """Of two checks that find a cause the best finds it from a smaller size on, or at every size that was tried."""
     published = worth_of(POWER)
     known = next(one for one in published.found if one.check == CHECK and one.at_95.value is not None)
     blunter = replace(known, check="imu.timing", at_95=replace(known.at_95, value=9.0))
