@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fedora_reports.html import render_html
@@ -213,6 +214,24 @@ def test_each_of_several_files_has_frames_of_its_own(browser: Browser, tmp_path:
         assert tab.evaluate(times) == ["0.500 s", "0.500 s"]
         tab.click("#file-1 .timeline .track", 0.02, 0.3)
         assert tab.evaluate(times) == ["0.500 s", "0.000 s"]
+        assert tab.complaints == []
+
+
+def test_instants_without_a_time_come_last(browser: Browser, tmp_path: Path) -> None:
+    """Where stamps say nothing, or lie outside the timeline, frames are shown all the same, and no playhead."""
+    arrays = all_kinds() | {"moments/times_us": np.array([np.nan, 9e12, 0.0])}
+    strange = tmp_path / "strange.html"
+    strange.write_text(render_html(record(), arrays), encoding="utf-8")
+    hidden = "document.querySelector('.playhead').getAttribute('visibility')"
+    with Tab(browser, strange) as tab:
+        assert tab.evaluate(hidden) == "visible"
+        tab.evaluate("document.querySelector('[data-slider]').focus()")
+        tab.press("End", 35)
+        assert tab.evaluate(hidden) == "hidden"
+        tab.click("[data-step='-1']")
+        assert (tab.evaluate(SHOWN_TIME), tab.evaluate(hidden)) == ("9000000.000 s", "hidden")
+        tab.click(".timeline .track", 0.02, 0.3)
+        assert (tab.evaluate(SHOWN_TIME), tab.evaluate(hidden)) == ("0.000 s", "visible")
         assert tab.complaints == []
 
 

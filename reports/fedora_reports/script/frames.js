@@ -10,7 +10,7 @@ function frames(section) {
   const timeline = section.querySelector(".timeline");
   const stops = [...section.querySelectorAll(".instant")]
     .map(element => ({ element, us: microseconds(element), finding: element.closest(".finding") }))
-    .sort((a, b) => a.us - b.us);
+    .sort((a, b) => (a.us > b.us) - (a.us < b.us)); // those without a time are at Infinity, the last
   if (!stops.length) return;
   const playheads = timeline ? [...timeline.querySelectorAll(".track")].map(addPlayhead) : [];
   slider.max = stops.length - 1;
@@ -30,10 +30,11 @@ function frames(section) {
 
   function movePlayheads(us) {
     const { low, high } = timeline.dataset;
-    const share = `${(100 * (us - low)) / (high - low)}%`;
+    const share = (us - low) / (high - low), known = share >= 0 && share <= 1;
     for (const line of playheads) {
-      line.setAttribute("x1", share);
-      line.setAttribute("x2", share);
+      line.setAttribute("x1", `${known ? 100 * share : 0}%`);
+      line.setAttribute("x2", `${known ? 100 * share : 0}%`);
+      line.setAttribute("visibility", known ? "visible" : "hidden");
     }
   }
 
