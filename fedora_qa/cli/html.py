@@ -6,6 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from fedora_qa.cli.worth import all_worth
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.types import Record
@@ -24,5 +25,8 @@ def require_renderer() -> None:
 def write_html(target: Path, record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Draw the report from a record and its arrays, and write it entirely or not at all."""
     from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
+    from fedora_reports.worth import Found, PassWorth  # noqa: PLC0415 - an extra
 
-    write_text(target, render_html(record, arrays))
+    found, whence = all_worth()
+    worth = PassWorth(tuple(Found(one.cause, one.check, one.words, one.best) for one in found), whence)
+    write_text(target, render_html(record, arrays, worth))

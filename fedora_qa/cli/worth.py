@@ -1,4 +1,6 @@
-"""What a passed check is worth, in words: shown by ``fedora-qa explain`` where a table has been published."""
+"""What a passed check is worth, in words: shown by ``fedora-qa explain`` and in reports where a table was published."""
+
+from dataclasses import dataclass
 
 from fedora_qa.power.worth import Found, Worth, read_worth
 from fedora_qa.record.power_tables import estimate_words, share_words
@@ -15,10 +17,44 @@ def worth_words(check: str) -> str:
     return "\n".join([*lines, "", _whence(worth)])
 
 
+@dataclass(frozen=True, slots=True)
+class FoundInWords:
+    """A cause that a check can be relied on to find. ``best``: no other check finds it from a smaller size on."""
+
+    cause: str
+    check: str
+    words: str
+    best: bool
+
+
+def all_worth() -> tuple[tuple[FoundInWords, ...], str]:
+    """Return what every check can be relied on to find, and in a sentence where that was measured; else nothing."""
+    worth = read_worth()
+    if worth is None:
+        return (), ""
+    relied_on = [one for check in dict.fromkeys(one.check for one in worth.found) for one in worth.of(check)]
+    best: dict[str, Found] = {}
+    for one in relied_on:
+        rival = best.setdefault(one.cause, one)
+        if _least(one) < _least(rival):
+            best[one.cause] = one
+    found = (FoundInWords(one.cause, one.check, _found(one), best[one.cause] is one) for one in relied_on)
+    return tuple(sorted(found, key=lambda one: list(best).index(one.cause))), _whence(worth)
+
+
+def _least(one: Found) -> float:
+    """Return the size from which a cause is found; what is found at every size that was tried comes first."""
+    return 0.0 if one.at_95.value is None else one.at_95.value
+
+
 def _line(one: Found) -> str:
+    return f"{one.cause}: {_found(one)}"
+
+
+def _found(one: Found) -> str:
     if one.at_95.value is None:
-        return f"{one.cause}: found {share_words(one.found)}"
-    return f"{one.cause}: 95% at {estimate_words(one.at_95, one.unit)}"
+        return f"found {share_words(one.found)}"
+    return f"95% at {estimate_words(one.at_95, one.unit)}"
 
 
 def _whence(worth: Worth) -> str:

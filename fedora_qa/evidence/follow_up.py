@@ -10,8 +10,8 @@ from fedora_qa.evidence.kept import Kept, together
 from fedora_qa.evidence.moments import keep_glimpse
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.pictures import block_px, picture_shape
-from fedora_qa.evidence.places import WHOLE, Box, Place, box_of, worst_places
-from fedora_qa.record.evidence import PLACES, named
+from fedora_qa.evidence.places import WHOLE, Box, Place, box_of, place_beside, worst_places
+from fedora_qa.record.evidence import BESIDE, PLACES, named
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.record.wording import place as words_of
 from fedora_qa.sequence.facts import Facts
@@ -33,13 +33,25 @@ def keep_places(
     spans
         All windows of the file.
     images
-        How many images may be decoded for it; one place needs one of each stream of images.
+        How many images may be decoded for it; one place needs one of each stream of images, and the frame at the end
+        of the flow. What the places leave of it is spent on the frames before and after them, the gravest first.
     """
     streams = sum(name in facts.clocks for name in ("rgb", "depth")) + bool(facts.flow_streams)
+    streams += bool(facts.flow_streams) and "rgb" in facts.clocks
     most = min(options.places, images // max(streams, 1))
-    width_px = fitting_width_px(facts, options, options.places)
+    width_px = fitting_width_px(facts, options, options.places * (1 + len(BESIDE)))
     places = worst_places(findings, spans, facts, most)
-    return together(_kept(place, facts, source, width_px) for place in places)
+    beside = (images // max(streams, 1) - len(places)) // len(BESIDE)
+    return together(
+        [
+            *(_kept(place, facts, source, width_px) for place in places),
+            *(
+                _kept_beside(place, name, step, spans, facts, source, width_px)
+                for place in places[: max(beside, 0)]
+                for name, step in BESIDE.items()
+            ),
+        ]
+    )
 
 
 def images_of(spans: Iterable[Span]) -> int:
@@ -62,6 +74,18 @@ def _kept(place: Place, facts: Facts, source: RowSource, width_px: int) -> Kept:
     box = np.array(_box(finding.where, seen, width_px))
     title = f"{finding.id}, {words_of(finding.where)}: left, top, right and bottom of its box as shares of a picture"
     return together([keep_glimpse(group, seen, facts, width_px), Kept.titled({named(group, "box"): (box, title)})])
+
+
+def _kept_beside(
+    place: Place, name: str, step: int, spans: Sequence[Span], facts: Facts, source: RowSource, width_px: int
+) -> Kept:
+    """Return what the streams show so many frames from a place; nothing where there is no such frame."""
+    beside = place_beside(place, step, spans, facts)
+    if beside is None:
+        return Kept()
+    seen = glimpse(Window(beside.span, facts, source, Sampling()), beside.time_ns, width_px, beside.rows)
+    group = named(PLACES, place.finding.id, name)
+    return keep_glimpse(group, seen, facts, width_px) if seen.pictures else Kept()
 
 
 def _box(where: Where, seen: Glimpse, width_px: int) -> Box:

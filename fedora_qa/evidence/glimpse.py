@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.pictures import block_px, mean_codes, mean_values
+from fedora_qa.evidence.residual import carried_back_dn
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.window import Window
 
@@ -40,8 +41,9 @@ class Glimpse:
     Attributes
     ----------
     pictures
-        By family: ``rgb`` (h, w, 3) codes, ``depth`` (h, w) m, ``flow`` (h, w, 2) px, all made smaller; ``events``
-        (2, H, W) darker and brighter events of each pixel of the sensor.
+        By family: ``rgb`` (h, w, 3) codes, ``depth`` (h, w) m, ``flow`` (h, w, 2) px, all made smaller; ``residual``
+        (h, w) DN, what that flow leaves between the frames at both its ends; ``events`` (2, H, W) darker and brighter
+        events of each pixel of the sensor.
     """
 
     time_ns: int
@@ -68,6 +70,8 @@ def glimpse(window: Window, time_ns: int, width_px: int, rows: Mapping[str, int]
         "events": lambda: _events(window, time_ns),
     }
     seen = {family: _readable(look) for family, look in looks.items()}
+    flow = seen["flow"]
+    seen["residual"] = None if flow is None else _readable(lambda: _residual(window, flow, width_px))
     return Glimpse(time_ns, {family: picture for family, picture in seen.items() if picture is not None})
 
 
@@ -131,6 +135,28 @@ def _beginning(window: Window, stream: str, time_ns: int) -> int | None:
         return row
     start_ns, end_ns = int(clock.times_ns[row]), int(clock.ends_ns[row])
     return row if 2 * abs(start_ns - time_ns) <= abs(end_ns - start_ns) else None
+
+
+def _residual(window: Window, flow: Picture, width_px: int) -> Picture | None:
+    """Compare the frames at both ends of a field's interval; None where there are none, or of another size."""
+    rows = [_frame_at(window, time_ns, flow) for time_ns in (flow.start_ns, flow.stop_ns)]
+    if rows[0] is None or rows[1] is None or rows[0] == rows[1]:
+        return None
+    (earlier, block), (later, _) = (_small_codes(window.rgb(row), width_px) for row in rows if row is not None)
+    if earlier.shape[:2] != flow.image.shape[:2] or block != flow.block:
+        return None
+    left = carried_back_dn(earlier, later, flow.image, block)
+    return Picture(left, flow.stream, flow.row, block, flow.start_ns, flow.stop_ns)
+
+
+def _frame_at(window: Window, time_ns: int, flow: Picture) -> int | None:
+    """Return the frame at an end of a field's interval: no farther than a quarter of it."""
+    clock = window.facts.clocks.get("rgb")
+    if clock is None or not clock.usable or "rgb" not in window.facts.streams:
+        return None
+    row = int(np.argmin(np.abs(clock.times_ns - time_ns)))
+    near = 4 * abs(int(clock.times_ns[row]) - time_ns) <= abs(flow.stop_ns - flow.start_ns)
+    return row if near else None
 
 
 def _events(window: Window, time_ns: int) -> Picture | None:

@@ -18,6 +18,7 @@ _BYTES_PER_PX: Final[Mapping[str, int]] = {
     **{f"path/{name}": 8 for name in FLOW_STREAMS},
 }
 _EVENT_BYTES_PER_PX: Final = 4
+_RESIDUAL_BYTES_PER_PX: Final = 2
 _LEAST_WIDTH_PX: Final = 16
 _USUAL_SENSOR: Final = (480, 640)
 
@@ -58,6 +59,8 @@ def glimpse_bytes(facts: Facts, width_px: int) -> int:
         if binding is not None and len(binding.shape) >= 3:
             family = "flow" if "flow" in key else key
             sizes[family] = max(sizes.get(family, 0), bytes_per_px * _pixels(binding.shape[1:3], width_px))
+    if "path/rgb" in sizes and "flow" in sizes:
+        sizes["residual"] = _RESIDUAL_BYTES_PER_PX * sizes["path/rgb"] // _BYTES_PER_PX["path/rgb"]
     camera = facts.declared.cameras.get("events")
     if "events" in facts.streams:
         shape = (camera.height, camera.width) if camera else _USUAL_SENSOR

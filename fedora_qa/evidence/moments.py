@@ -35,7 +35,8 @@ def keep_glimpse(group: str, one: Glimpse, facts: Facts, width_px: int) -> Kept:
 def _entries(glimpses: Sequence[Glimpse], facts: Facts, width_px: int) -> Entries:
     times_us = np.array([facts.to_file_us(one.time_ns) for one in glimpses])
     entries: dict[str, tuple[NDArray[Any], str]] = {"times_us": (times_us, f"Instants, {_ON_CLOCK}")}
-    for family, arrays_of in (("rgb", _rgb), ("depth", _depth), ("flow", _flow), ("events", _events)):
+    families = (("rgb", _rgb), ("depth", _depth), ("flow", _flow), ("residual", _residual), ("events", _events))
+    for family, arrays_of in families:
         pictures = [one.pictures.get(family) for one in glimpses]
         if any(picture is not None for picture in pictures):
             entries.update(arrays_of(pictures, facts, width_px))
@@ -63,6 +64,11 @@ def _flow(pictures: Pictures, facts: Facts, width_px: int) -> Entries:
         "flow_px": (_stacked(pictures, np.nan), title + _averaged(pictures)),
         "flow_interval_us": (_intervals_us(pictures, facts), f"Start and end of the flow's interval, {_ON_CLOCK}"),
     }
+
+
+def _residual(pictures: Pictures, facts: Facts, width_px: int) -> Entries:
+    title = "What the flow leaves: the frame at its end, carried back by it, minus the frame at its start, luma in DN"
+    return {"residual_dn": (_stacked(pictures, np.nan), title + _averaged(pictures))}
 
 
 def _events(pictures: Pictures, facts: Facts, width_px: int) -> Entries:

@@ -12,9 +12,8 @@ class EvidenceOptions:
     Attributes
     ----------
     size_bytes
-        Uncompressed size of the pictures that the pass keeps, and again of those of the worst places. What else is kept
-        (series, histograms, distributions, trajectory) stays below
-        3 MiB.
+        Uncompressed size of the pictures that the pass keeps, and again of those of the worst places and beside them.
+        What else is kept (series, histograms, distributions, trajectory) stays below 3 MiB.
     picture_width_px
         Width that pictures do not exceed; they are smaller where the size would not hold them.
     moments, places
@@ -23,9 +22,9 @@ class EvidenceOptions:
         How finely the samples of the streams are counted over time, and at most how many poses are kept.
     """
 
-    size_bytes: int = 8 * MEBIBYTE
+    size_bytes: int = 16 * MEBIBYTE
     picture_width_px: int = 360
-    moments: int = 6
+    moments: int = 12
     places: int = 6
     timeline_bins: int = 200
     trajectory_points: int = 4000

@@ -63,6 +63,27 @@ def place_of(finding: Finding, spans: Sequence[Span], facts: Facts) -> Place | N
     return Place(finding, span, (span.start_ns + span.stop_ns) // 2 if time_ns is None else time_ns, owned)
 
 
+def place_beside(place: Place, step: int, spans: Sequence[Span], facts: Facts) -> Place | None:
+    """Return the place so many frames later, or earlier; None where there is no such frame, or stamps say nothing.
+
+    Of a field of flow that the finding names the neighbour nearest to that frame is shown.
+    """
+    stream = next((name for name in _FRAMES if name in facts.clocks and facts.clocks[name].usable), None)
+    if stream is None:
+        return None
+    times_ns = facts.clocks[stream].times_ns
+    row = place.rows.get(stream, int(np.argmin(np.abs(times_ns - place.time_ns)))) + step
+    if not _has(facts, stream, row):
+        return None
+    time_ns = int(times_ns[row])
+    rows = {stream: row}
+    for name in place.rows:
+        if name in facts.flow_streams and facts.clocks[name].usable:
+            rows[name] = int(np.argmin(np.abs(facts.clocks[name].times_ns - time_ns)))
+    span = _owner({stream: row}, spans) or _around(time_ns, spans)
+    return None if span is None else Place(place.finding, span, time_ns, rows)
+
+
 def box_of(where: Where, height: int, width: int) -> Box:
     """Return a finding's tile or pixel as shares of an image of the stream named: left, top, right, bottom.
 

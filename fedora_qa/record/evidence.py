@@ -9,14 +9,17 @@ title in the record that can serve as its caption. Times are on the file's clock
 
     ``times_us`` (n,) float64 · ``rgb`` (n, h, w, 3) uint8 as stored, of ``rgb_times_us`` (n,) float64 · ``depth_m``
     (n, h, w) float32, of ``depth_times_us`` (n,) float64 · ``flow_px`` (n, h, w, 2) float32, of the fastest rate whose
-    interval begins there, in px of the *stored* image over ``flow_interval_us`` (n, 2) float64 · ``brighter``,
+    interval begins there, in px of the *stored* image over ``flow_interval_us`` (n, 2) float64 · ``residual_dn``
+    (n, h, w) float16: luma of the frame at the end of that interval, carried back by the flow, minus luma of the frame
+    at its start · ``brighter``,
     ``darker`` (n, h, w) uint16: events within ``events_interval_us`` (n, 2) float64, summed over the pixels that one
     pixel of the picture stands for. Where a moment lacks a picture of a stream, that stream's instants are NaN.
 ``places/<finding id>/...``
     What the streams show where a finding is worst: the arrays of a moment without their first axis, the flow of the
     rate that the finding names, and ``box`` (4,) float64: left, top, right, bottom of the worst pixel or tile as shares
     of the picture, 0 to 1, (0, 0, 1, 1) where the finding is of the whole picture. Findings at one place share the
-    pictures of the first of them.
+    pictures of the first of them. Under ``places/<finding id>/before/...`` and ``.../after/...`` lie the same arrays of
+    one frame earlier and later, without a box, as far as the budget for looking again allows.
 ``trajectory/...``
     n poses: ``times_us`` (n,) float64 · ``positions_world_m`` (n, 3) float64 as stored · ``speeds_m_s`` (n,) float64,
     smoothed as the statistics are, NaN where too few poses are there · ``forward_world`` (n, 3) float64: the body's X
@@ -49,6 +52,9 @@ TRAJECTORY: Final = "trajectory"
 TIMELINE: Final = "timeline"
 HISTOGRAMS: Final = "histograms"
 DISTRIBUTIONS: Final = "distributions"
+
+BESIDE: Final[Mapping[str, int]] = MappingProxyType({"before": -1, "after": 1})
+"""Groups below a place, and how many frames from it what they show lies."""
 
 QUANTITIES: Final[Mapping[str, str]] = MappingProxyType(
     {

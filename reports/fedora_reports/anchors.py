@@ -18,6 +18,10 @@ class Anchors:
         """Return the identifier of a part with a fixed name."""
         return f"{self.top}-{name}"
 
+    def moment(self, place: int) -> str:
+        """Return the identifier of a moment by its place."""
+        return f"{self.top}-moment-{place}"
+
     def finding(self, place: int) -> str:
         """Return the identifier of a finding by its place among all."""
         return f"{self.top}-finding-{place}"

@@ -21,6 +21,9 @@ BRIGHTER: Final = (196, 38, 29)
 DARKER: Final = (22, 92, 180)
 NO_EVENT: Final = (250, 250, 247)
 
+_FADED: Final = 0.4
+"""Share of its contrast that a frame keeps under events."""
+
 
 def _viridis() -> Picture:
     ramp = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_VIRIDIS)
@@ -76,12 +79,23 @@ def flow_wheel(size: int) -> Picture:
     return picture
 
 
-def event_colours(brighter: NDArray[Any], darker: NDArray[Any], full: float) -> Picture:
-    """Colour counts of events (h, w): red brighter, blue darker, purple both; ``full`` events or more are opaque."""
+def faded(picture: Picture) -> Picture:
+    """Return a picture in pale grey, so that what is drawn over it stands out."""
+    luma = picture.astype(np.float64) @ np.array([0.299, 0.587, 0.114])
+    pale = np.rint(255.0 - _FADED * (255.0 - luma))
+    return np.repeat(pale[..., None], 3, axis=2).astype(np.uint8)
+
+
+def event_colours(brighter: NDArray[Any], darker: NDArray[Any], full: float, ground: Picture | None = None) -> Picture:
+    """Colour counts of events (h, w): red brighter, blue darker, purple both; ``full`` events or more are opaque.
+
+    ``ground`` (h, w, 3) is what they are drawn over; an empty page unless given.
+    """
+    under = np.array(NO_EVENT, np.float64) if ground is None else ground.astype(np.float64)
     on, off = (np.asarray(counts, dtype=np.float64) for counts in (brighter, darker))
     total = on + off
     share_on = np.divide(on, total, out=np.zeros_like(on), where=total > 0)[..., None]
     # A single event must be seen beside `full` of them: opacity starts at a half.
     opacity = np.where(total > 0, 0.5 + 0.5 * np.clip((total - 1) / max(full - 1, 1.0), 0.0, 1.0), 0.0)[..., None]
     ink = share_on * np.array(BRIGHTER) + (1 - share_on) * np.array(DARKER)
-    return np.asarray(np.rint(opacity * ink + (1 - opacity) * np.array(NO_EVENT)), dtype=np.uint8)
+    return np.asarray(np.rint(opacity * ink + (1 - opacity) * under), dtype=np.uint8)

@@ -21,8 +21,12 @@ class Gauge:
         Where the value lies; at an end where it lies beyond it.
     error
         Left and right end of one standard error about the value.
+    sees
+        Where the least deviation lies that would have been seen; None where that is not known, or beyond the drawing.
     beyond
         -1 or 1 where the value lies beyond the drawing's left or right end, else 0.
+    counts
+        Whether the value lies beyond the limit on a side that counts.
     words
         The same in words.
     """
@@ -30,7 +34,9 @@ class Gauge:
     band: tuple[float, float]
     value: float
     error: tuple[float, float]
+    sees: float | None
     beyond: int
+    counts: bool
     words: str
 
 
@@ -52,9 +58,19 @@ def gauge_of(measurement: Measurement) -> Gauge | None:
         band=(left, right),
         value=_share(deviation),
         error=(_share(deviation - spread), _share(deviation + spread)),
+        sees=_sees(measurement, limit),
         beyond=0 if abs(deviation) <= _REACH else int(math.copysign(1, deviation)),
+        counts=(deviation > 1 and measurement.side != "lower") or (deviation < -1 and measurement.side != "upper"),
         words=f"{abs(deviation):.3g} of the limit {'above' if deviation >= 0 else 'below'} the expected value",
     )
+
+
+def _sees(measurement: Measurement, limit: float) -> float | None:
+    """Return where the least fault that would have been seen lies, on the side that counts."""
+    least = measurement.least_detectable
+    if least is None or not math.isfinite(least) or least < limit or least > _REACH * limit:
+        return None
+    return _share(-least / limit if measurement.side == "lower" else least / limit)
 
 
 def _share(deviation: float) -> float:

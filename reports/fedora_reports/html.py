@@ -1,9 +1,12 @@
 """The report: one self-contained HTML file that needs no network, drawn from a record and its evidence."""
 
+import base64
+import hashlib
 import re
 from collections.abc import Mapping
 from functools import cache
-from typing import Any
+from importlib.resources import files
+from typing import Any, Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -13,9 +16,12 @@ from fedora_qa.record.json_io import record_from_json, record_to_json
 from fedora_qa.record.types import Record
 from fedora_qa.record.wording import printable
 from fedora_reports.page import page_of
+from fedora_reports.worth import NOTHING_KNOWN, PassWorth
+
+_SCRIPTS: Final = ("listing.js", "frames.js", "space.js", "start.js")
 
 
-def render_html(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str:
+def render_html(record: Record, arrays: Mapping[str, NDArray[Any]], worth: PassWorth = NOTHING_KNOWN) -> str:
     """Return the report of a record as one HTML document.
 
     Parameters
@@ -26,15 +32,31 @@ def render_html(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str:
         The evidence by name, as ``fedora_qa.record.evidence`` describes; with several files each name is preceded by
         the file's place in the record, counted from 0 (``0/name``). What is missing or malformed is left out, and
         the report says so.
+    worth
+        What checks were measured to find, where that is known.
 
     Returns
     -------
     str
-        A document without scripts that asks for nothing beyond itself; its policy forbids both. Whatever comes from
-        a file is shown as text.
+        A document that asks for nothing beyond itself, and runs one script of its own; its policy names the script by
+        its digest and forbids all else. It can be read without it. Whatever comes from a file is shown as text.
     """
-    page = page_of(record_from_json(record_to_json(record)), arrays)
-    return environment().get_template("report.html.j2").render(page=page)
+    page = page_of(record_from_json(record_to_json(record)), arrays, worth)
+    script = report_script()
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+    return (
+        environment()
+        .get_template("report.html.j2")
+        .render(page=page, script=Markup(script), script_digest=f"sha256-{digest}")
+    )
+
+
+@cache
+def report_script() -> str:
+    """Return the script of the report: what a page can do beyond being read."""
+    folder = files("fedora_reports") / "script"
+    parts = [(folder / name).read_text(encoding="utf-8") for name in _SCRIPTS]
+    return '"use strict";\n' + "".join(parts)
 
 
 @cache
@@ -56,7 +78,9 @@ def environment() -> Environment:
 
 def _harmless(value: object) -> object:
     """Make text from a file printable before it is escaped: no control, invisible or direction-turning characters."""
-    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+    if not isinstance(value, str) or isinstance(value, Markup):
+        return value
+    return value if value.isascii() and value.isprintable() else printable(value)  # pictures are long, and of ASCII
 
 
 def _percent(share: float) -> str:

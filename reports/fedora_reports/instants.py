@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.record.evidence import MOMENTS, PLACES, named
+from fedora_qa.record.evidence import BESIDE, MOMENTS, PLACES, named
 from fedora_reports.evidence import Evidence
 
 Array = NDArray[Any]
@@ -29,10 +29,14 @@ class Instant:
         (h, w), NaN where there is none.
     flow_px
         (h, w, 2) in px of the stored image over ``flow_interval_us``.
+    residual_dn
+        (h, w), what the flow leaves between the frames at both ends of its interval; NaN where that is unknown.
     brighter, darker
         (h, w), events within ``events_interval_us``; ``events_known`` tells whether any could be read.
     box
         Left, top, right, bottom of the worst place as shares of the picture.
+    worst
+        Whether this is the worst place of a finding, and not beside it or anywhere.
     """
 
     time_us: float | None
@@ -40,12 +44,22 @@ class Instant:
     depth_m: Array | None
     flow_px: Array | None
     flow_interval_us: Array | None
+    residual_dn: Array | None
     brighter: Array | None
     darker: Array | None
     events_interval_us: Array | None
     rgb_known: bool = True
     events_known: bool = True
     box: tuple[float, float, float, float] | None = None
+    worst: bool = False
+
+    @property
+    def flow_interval_s(self) -> float:
+        """Length of the flow's interval; 1 where it is not known, or not positive."""
+        if self.flow_interval_us is None:
+            return 1.0
+        length_s = float(self.flow_interval_us[1] - self.flow_interval_us[0]) / 1e6
+        return length_s if np.isfinite(length_s) and length_s > 0 else 1.0
 
 
 def moments_of(evidence: Evidence) -> tuple[Instant, ...]:
@@ -58,11 +72,21 @@ def moments_of(evidence: Evidence) -> tuple[Instant, ...]:
                  for k, time_us in enumerate(times_us))  # fmt: skip
 
 
-def place_of(evidence: Evidence, finding: str) -> Instant | None:
-    """Return the worst place of a finding; None where no picture of it was kept."""
-    arrays = {name: evidence.numbers(named(PLACES, finding, name), *shape) for name, shape in _SHAPES.items()}
-    time_us = evidence.numbers(named(PLACES, finding, "times_us"))
-    instant = _instant(None if time_us is None else float(time_us), arrays, _box(evidence, finding))
+def places_of(evidence: Evidence, finding: str) -> tuple[Instant, ...]:
+    """Return the worst place of a finding and what was kept beside it, in time; nothing where no picture was kept."""
+    own = _place(evidence, _box(evidence, finding), finding)
+    if own is None:
+        return ()
+    beside = {name: _place(evidence, own.box, finding, name) for name in BESIDE}
+    both = [(step, beside[name]) for name, step in BESIDE.items()]
+    return tuple(one for _, one in sorted([(0, own), *both], key=lambda pair: pair[0]) if one is not None)
+
+
+def _place(evidence: Evidence, box: tuple[float, float, float, float] | None, *path: str) -> Instant | None:
+    """Return what is kept at a place, or beside it; None where no picture is."""
+    arrays = {name: evidence.numbers(named(PLACES, *path, name), *shape) for name, shape in _SHAPES.items()}
+    time_us = evidence.numbers(named(PLACES, *path, "times_us"))
+    instant = _instant(None if time_us is None else float(time_us), arrays, box, worst=len(path) == 1)
     seen = (instant.rgb, instant.depth_m, instant.flow_px, instant.brighter)
     return instant if any(picture is not None for picture in seen) else None
 
@@ -73,6 +97,7 @@ _SHAPES: dict[str, tuple[int | None, ...]] = {
     "depth_m": (None, None),
     "flow_px": (None, None, 2),
     "flow_interval_us": (2,),
+    "residual_dn": (None, None),
     "brighter": (None, None),
     "darker": (None, None),
     "events_interval_us": (2,),
@@ -88,7 +113,11 @@ def _at(stack: Array | None, k: int) -> Array | None:
 
 
 def _instant(
-    time_us: float | None, arrays: dict[str, Array | None], box: tuple[float, float, float, float] | None = None
+    time_us: float | None,
+    arrays: dict[str, Array | None],
+    box: tuple[float, float, float, float] | None = None,
+    *,
+    worst: bool = False,
 ) -> Instant:
     rgb, brighter, darker = arrays["rgb"], arrays["brighter"], arrays["darker"]
     if rgb is not None and rgb.dtype != np.uint8:
@@ -102,12 +131,14 @@ def _instant(
         depth_m=arrays["depth_m"],
         flow_px=arrays["flow_px"],
         flow_interval_us=_interval(arrays["flow_interval_us"]),
+        residual_dn=arrays["residual_dn"],
         brighter=brighter,
         darker=darker,
         events_interval_us=_interval(arrays["events_interval_us"]),
         rgb_known=frame_time_us is None or bool(np.isfinite(frame_time_us)),
         events_known=arrays["events_interval_us"] is None or _interval(arrays["events_interval_us"]) is not None,
         box=box,
+        worst=worst,
     )
 
 

@@ -47,7 +47,8 @@ def colour_bar(axis: Axis, table: colour_maps.Picture, alt: str, *, reverse: boo
 
 
 def _legend(kind: Kind, scales: PictureScales) -> Legend:
-    return {"frame": _frame, "events": _events, "depth": _depth, "flow": _flow}[kind](scales)
+    of_kind = {"frame": _frame, "events": _events, "depth": _depth, "flow": _flow, "residual": _residual}
+    return of_kind[kind](scales)
 
 
 def _frame(scales: PictureScales) -> Legend:
@@ -57,7 +58,7 @@ def _frame(scales: PictureScales) -> Legend:
 
 def _events(scales: PictureScales) -> Legend:
     full = f"opaque from {scales.full_events} a pixel" if scales.full_events > 1 else "opaque where one fell"
-    return Legend("events", NAMES["events"], f"counts a pixel, {full}")
+    return Legend("events", NAMES["events"], f"over the frame in grey, {full}")
 
 
 def _depth(scales: PictureScales) -> Legend:
@@ -69,6 +70,14 @@ def _depth(scales: PictureScales) -> Legend:
 
 
 def _flow(scales: PictureScales) -> Legend:
-    full = f"full from {scales.full_flow_px:.3g} px"
+    full = f"full from {scales.full_flow_px_s:.3g} px/s"
     wheel = drawing(colour_maps.flow_wheel(_WHEEL_PX), "Colours of flow: right red, down green, left cyan, up violet")
     return Legend("flow", NAMES["flow"], f"hue: direction; saturation: length, {full}; grey: none", wheel=wheel)
+
+
+def _residual(scales: PictureScales) -> Legend:
+    full = number(scales.full_residual_dn)
+    axis = Axis(-scales.full_residual_dn, scales.full_residual_dn)
+    bar = colour_bar(axis, colour_maps.DIVERGING, f"Colours of residuals from -{full} DN (blue) to {full} DN (red)")
+    text = "DN: the next frame, carried back by the flow, minus this one; grey: none"
+    return Legend("residual", NAMES["residual"], text, bar)

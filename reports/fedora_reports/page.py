@@ -9,17 +9,19 @@ from numpy.typing import NDArray
 from fedora_qa.record.types import FileRecord, Record, Verdict
 from fedora_qa.record.wording import cause_sentence, findings_of, identity, tally
 from fedora_reports.anchors import Anchors
-from fedora_reports.charts import Chart, histograms_of
+from fedora_reports.charts import Chart
+from fedora_reports.distributions import distributions_of
 from fedora_reports.evidence import Evidence, evidence_of
 from fedora_reports.flight import Flight, flight_of
 from fedora_reports.maps import Exhibits, exhibits
 from fedora_reports.problems import Link, Problems, problems_of
 from fedora_reports.provenance import Provenance, file_provenance, run_provenance
 from fedora_reports.statistics import Table, all_statistics, paper_tables, short_name
-from fedora_reports.strip import Strip, strip_of
+from fedora_reports.strip import Strip, pictures_of
 from fedora_reports.subjects import Subject, subjects_of
 from fedora_reports.timeline import Located, Timeline, timeline_of
 from fedora_reports.verdict import TITLES, VerdictWords, verdict_of
+from fedora_reports.worth import NOTHING_KNOWN, PassWorth, WorthRow, worth_rows
 
 _KEPT_BY_THE_PASS = ("moments", "places", "trajectory", "timeline", "histograms")
 
@@ -40,7 +42,8 @@ class FileSection:
     subjects: tuple[Subject, ...]
     paper: tuple[Table, ...]
     statistics: tuple[Table, ...]
-    histograms: tuple[Chart, ...]
+    distributions: tuple[Chart, ...]
+    worth: tuple[WorthRow, ...]
     exhibits: Exhibits
     provenance: Provenance
     missing: str
@@ -69,10 +72,11 @@ class Page:
     overview_tables: tuple[Table, ...]
     files: tuple[FileSection, ...]
     run: Provenance
+    worth_whence: str
 
 
-def page_of(record: Record, arrays: Mapping[str, NDArray[Any]]) -> Page:
-    """Return the page that shows a record and its evidence."""
+def page_of(record: Record, arrays: Mapping[str, NDArray[Any]], worth: PassWorth = NOTHING_KNOWN) -> Page:
+    """Return the page that shows a record and its evidence, and what passes are worth where that was measured."""
     several = len(record.files) != 1
     return Page(
         title=_title(record),
@@ -81,8 +85,9 @@ def page_of(record: Record, arrays: Mapping[str, NDArray[Any]]) -> Page:
         effort=record.effort,
         overview=tuple(_overview(file, k, record) for k, file in enumerate(record.files)) if several else (),
         overview_tables=paper_tables(record.files) if several else (),
-        files=tuple(_section(record, k, arrays) for k in range(len(record.files))),
+        files=tuple(_section(record, k, arrays, worth) for k in range(len(record.files))),
         run=run_provenance(record),
+        worth_whence=worth.whence,
     )
 
 
@@ -98,24 +103,27 @@ def _overview(file: FileRecord, place: int, record: Record) -> OverviewRow:
     return OverviewRow(link, file.verdict, TITLES[file.verdict], tally(file.results), cause)
 
 
-def _section(record: Record, place: int, arrays: Mapping[str, NDArray[Any]]) -> FileSection:
+def _section(record: Record, place: int, arrays: Mapping[str, NDArray[Any]], worth: PassWorth) -> FileSection:
     file, anchors, evidence = record.files[place], Anchors(place), evidence_of(record, place, arrays)
     located = [Located(finding, anchors.finding(k)) for k, (_, finding) in enumerate(findings_of(file))]
     links = [Link(one.anchor, one.finding.id) for one in located]
+    pictures = pictures_of(evidence, (one.finding.id for one in located), anchors)
+    moments = pictures.strip.rows if pictures.strip else ()
     return FileSection(
         anchors=anchors,
         name=short_name(file, record.files),
         path=file.path,
         identity=identity(file),
         verdict=verdict_of(file),
-        problems=problems_of(file, evidence, anchors),
-        timeline=timeline_of(evidence, located),
-        strip=strip_of(evidence),
-        flight=flight_of(evidence),
-        subjects=subjects_of(file, evidence, anchors, links),
+        problems=problems_of(file, pictures, anchors),
+        timeline=timeline_of(evidence, located, moments),
+        strip=pictures.strip,
+        flight=flight_of(evidence, located),
+        subjects=subjects_of(file, evidence, anchors, links, worth),
         paper=paper_tables((file,)),
         statistics=all_statistics(file),
-        histograms=histograms_of(evidence),
+        distributions=distributions_of(evidence),
+        worth=worth_rows(worth, file.results, [anchors.check(k) for k in range(len(file.results))]),
         exhibits=exhibits(evidence, _elsewhere(file, evidence)),
         provenance=file_provenance(file, evidence),
         missing=_missing(evidence),

@@ -1,9 +1,10 @@
-"""One instant as the paper shows it: colour frame, accumulated events, depth and flow beside each other."""
+"""One instant, aligned: colour frame, events over it, depth, flow, and what the flow leaves, beside each other."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+import cv2
 import numpy as np
 
 from fedora_qa.record.wording import number
@@ -14,9 +15,15 @@ from fedora_reports.picture_scales import PictureScales, flow_lengths_px
 from fedora_reports.pictures import Image, drawing, photograph
 from fedora_reports.scales import Axis
 
-Kind = Literal["frame", "events", "depth", "flow"]
+Kind = Literal["frame", "events", "depth", "flow", "residual"]
 
-NAMES: dict[Kind, str] = {"frame": "Colour frame", "events": "Events", "depth": "Depth", "flow": "Flow"}
+NAMES: dict[Kind, str] = {
+    "frame": "Colour frame",
+    "events": "Events",
+    "depth": "Depth",
+    "flow": "Flow",
+    "residual": "Residual of flow",
+}
 
 _ARROWS_ACROSS = 9
 """Arrows over a picture of flow, so that its direction is not told by colour alone."""
@@ -39,29 +46,50 @@ def panels_of(instant: Instant, scales: PictureScales) -> Iterator[Panel]:
     if instant.rgb is not None:
         yield _frame(instant, instant.rgb, scales.gain)
     if instant.brighter is not None and instant.darker is not None:
-        yield _events(instant, instant.brighter, instant.darker, scales.full_events)
+        yield _events(instant, instant.brighter, instant.darker, scales)
     if instant.depth_m is not None:
         yield _depth(instant, instant.depth_m, scales.depth_m)
     if instant.flow_px is not None:
-        yield _flow(instant, instant.flow_px, scales.full_flow_px)
+        yield _flow(instant, instant.flow_px, scales.full_flow_px_s * instant.flow_interval_s)
+    if instant.residual_dn is not None:
+        yield _residual(instant, instant.residual_dn, scales.full_residual_dn)
 
 
 def _frame(instant: Instant, rgb: Array, gain: int) -> Panel:
     if not instant.rgb_known:
         return _nothing("frame", instant, rgb)
-    shown = np.minimum(rgb.astype(np.uint16) * gain, 255).astype(np.uint8)
+    shown = _brightened(rgb, gain)
     brightened = f", shown {gain} times as bright" if gain > 1 else ""
     caption = f"DN {rgb.min()} to {rgb.max()} of 255{brightened}"
     return Panel("frame", NAMES["frame"], photograph(shown, _alt("frame", instant, caption)), caption, box=instant.box)
 
 
-def _events(instant: Instant, brighter: Array, darker: Array, full: int) -> Panel:
+def _events(instant: Instant, brighter: Array, darker: Array, scales: PictureScales) -> Panel:
     if not instant.events_known:
         return _nothing("events", instant, brighter)
     on, off = (int(finite(counts).sum()) for counts in (brighter, darker))
     caption = f"{_count(on)} brighter (red), {_count(off)} darker (blue){_within(instant.events_interval_us)}"
-    image = drawing(colour_maps.event_colours(brighter, darker, full), _alt("events", instant, caption))
+    ground, full = _ground(instant, scales.gain), scales.full_events
+    if ground is not None:
+        height, width = ground.shape[:2]
+        brighter, darker = (_stretched(counts, height, width) for counts in (brighter, darker))
+    image = drawing(colour_maps.event_colours(brighter, darker, full, ground), _alt("events", instant, caption))
     return Panel("events", NAMES["events"], image, caption, box=instant.box)
+
+
+def _ground(instant: Instant, gain: int) -> colour_maps.Picture | None:
+    """Return the frame that events are drawn over: the cameras of a file look through one field of view."""
+    return colour_maps.faded(_brightened(instant.rgb, gain)) if instant.rgb is not None and instant.rgb_known else None
+
+
+def _brightened(rgb: Array, gain: int) -> colour_maps.Picture:
+    return np.asarray(np.minimum(rgb.astype(np.uint16) * gain, 255), dtype=np.uint8)
+
+
+def _stretched(counts: Array, height: int, width: int) -> Array:
+    """Return counts of events in pixels of another picture, each as large as it is there."""
+    plain = np.nan_to_num(np.asarray(counts, dtype=np.float64), posinf=0.0, neginf=0.0)
+    return np.asarray(cv2.resize(plain, (width, height), interpolation=cv2.INTER_NEAREST_EXACT))
 
 
 def _depth(instant: Instant, depth_m: Array, axis: Axis | None) -> Panel:
@@ -91,6 +119,16 @@ def _flow(instant: Instant, flow_px: Array, full_px: float) -> Panel:
     )
     image = drawing(colour_maps.flow_colours(flow_px, full_px), _alt("flow", instant, caption))
     return Panel("flow", NAMES["flow"], image, caption, arrows_over(flow_px, full_px), instant.box)
+
+
+def _residual(instant: Instant, residual_dn: Array, full_dn: float) -> Panel:
+    sizes = np.abs(finite(residual_dn))
+    with np.errstate(over="ignore"):
+        caption = f"{np.sqrt(np.mean(sizes**2)):.2g} DN rms, up to {sizes.max():.3g} DN" if sizes.size else "none here"
+    shares = Axis(-full_dn, full_dn).shares(np.where(np.isfinite(residual_dn), residual_dn, np.nan))
+    picture = colour_maps.by_table(shares, colour_maps.DIVERGING)
+    image = drawing(picture, _alt("residual", instant, caption))
+    return Panel("residual", NAMES["residual"], image, caption, box=instant.box)
 
 
 def _nothing(kind: Kind, instant: Instant, picture: Array) -> Panel:
@@ -125,7 +163,7 @@ def _arrow(x: float, y: float, dx: float, dy: float) -> str:
 
 def _alt(kind: Kind, instant: Instant, caption: str) -> str:
     moment = "" if instant.time_us is None else f" at {seconds(instant.time_us)}"
-    boxed = "; the box marks the worst place" if instant.box else ""
+    boxed = "; the box marks the worst place" if instant.box and instant.worst else ""
     return f"{NAMES[kind]}{moment}: {caption}{boxed}"
 
 

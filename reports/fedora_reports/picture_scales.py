@@ -14,6 +14,10 @@ _DARK_DN = 64.0
 """Frames whose brightest hundredth stays below this are shown brightened, or nothing would be seen."""
 
 
+_LEAST_RESIDUAL_DN = 16.0
+"""Below, textures that are averaged over blocks and seen from another place leave as much where all is right."""
+
+
 @dataclass(frozen=True, slots=True)
 class PictureScales:
     """How values become colours.
@@ -24,21 +28,29 @@ class PictureScales:
         Whole factor by which frames are brightened; 1 shows them as stored.
     depth_m
         Logarithmic; None where no depth is known.
-    full_flow_px
-        Flow of this length or more has its full colour: the 99th percentile, so that one pixel does not fade the rest.
+    full_flow_px_s
+        Flow of this speed or more has its full colour: the 99th percentile, so that one pixel does not fade the rest. A
+        speed, because fields over intervals of different lengths are shown side by side; of a field whose interval is
+        not known the length counts as that of a second.
     full_events
         Events a pixel that are drawn opaque: the 99th percentile of the pixels that have any, rounded up.
+    full_residual_dn
+        Residuals of this size or more have the full colour: the 99th percentile, but never less than what noise and
+        averaging leave, or a good file would look alarming.
     """
 
     gain: int
     depth_m: Axis | None
-    full_flow_px: float
+    full_flow_px_s: float
     full_events: int
+    full_residual_dn: float
 
 
 def scales_for(instants: Sequence[Instant]) -> PictureScales:
     """Return the scales that suit all of these instants."""
-    return PictureScales(_gain(instants), _depth(instants), _full_flow(instants), _full_events(instants))
+    return PictureScales(
+        _gain(instants), _depth(instants), _full_flow(instants), _full_events(instants), _full_residual(instants)
+    )
 
 
 def flow_lengths_px(flow_px: Array) -> Array:
@@ -60,9 +72,15 @@ def _depth(instants: Sequence[Instant]) -> Axis | None:
 
 
 def _full_flow(instants: Sequence[Instant]) -> float:
-    known = [flow_lengths_px(one.flow_px) for one in instants if one.flow_px is not None]
+    known = [flow_lengths_px(one.flow_px) / one.flow_interval_s for one in instants if one.flow_px is not None]
     lengths = np.concatenate(known) if known else np.empty(0)
     return float(np.percentile(lengths, 99)) if lengths.size else 0.0
+
+
+def _full_residual(instants: Sequence[Instant]) -> float:
+    known = [np.abs(finite(one.residual_dn)) for one in instants if one.residual_dn is not None]
+    sizes = np.concatenate(known) if known else np.empty(0)
+    return max(float(np.percentile(sizes, 99)), _LEAST_RESIDUAL_DN) if sizes.size else _LEAST_RESIDUAL_DN
 
 
 def _full_events(instants: Sequence[Instant]) -> int:

@@ -12,9 +12,15 @@ from fedora_reports import colour_maps
 _LONGEST: Final = 720
 """Pixels of the longest side: more is not seen at the widths at which the report shows a picture."""
 
-_PHOTO_QUALITY: Final = 85
 _LOSSLESS: Final = 101
 """OpenCV writes WebP without loss above quality 100."""
+
+_QUALITIES: Final = (85, 60)
+_MOST_BYTES: Final = 14_000
+"""Of one picture. About 170 of them (30 instants of 5, and some maps) make 3.2 MB of a report of at most 6."""
+
+_LEAST_STEP: Final = 0.9
+"""A picture that is too large is made smaller by at least this factor at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +35,12 @@ class Image:
 
 def photograph(picture: colour_maps.Picture, alt: str) -> Image:
     """Encode a camera's picture (h, w, 3) uint8 RGB."""
-    return _encoded(picture, alt, _PHOTO_QUALITY)
+    return _image(picture, alt, _QUALITIES)
 
 
 def drawing(picture: colour_maps.Picture, alt: str) -> Image:
-    """Encode a picture (h, w, 3) uint8 RGB whose colours are values: without loss."""
-    return _encoded(picture, alt, _LOSSLESS)
+    """Encode a picture (h, w, 3) uint8 RGB whose colours are values: without loss, where that is not too large."""
+    return _image(picture, alt, (_LOSSLESS, *_QUALITIES))
 
 
 def png_uri(png: bytes) -> str:
@@ -42,14 +48,30 @@ def png_uri(png: bytes) -> str:
     return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
 
 
-def _encoded(picture: colour_maps.Picture, alt: str, quality: int) -> Image:
-    height, width = picture.shape[:2]
-    scale = _LONGEST / max(height, width)
-    if scale < 1.0:
-        width, height = max(round(width * scale), 1), max(round(height * scale), 1)
-        picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA).astype(np.uint8)
+def _image(picture: colour_maps.Picture, alt: str, qualities: tuple[int, ...]) -> Image:
+    """Encode with the first of the qualities that keeps the picture small; where none does, make it smaller."""
+    scale = min(_LONGEST / max(picture.shape[:2]), 1.0)
+    while True:
+        shown = _resized(picture, scale)
+        for quality in qualities:
+            encoded = _encoded(shown, quality)
+            if len(encoded) <= _MOST_BYTES or max(shown.shape[:2]) <= 1:
+                uri = "data:image/webp;base64," + base64.b64encode(encoded).decode("ascii")
+                return Image(uri, shown.shape[1], shown.shape[0], alt)
+        # The size goes with the number of pixels, or nearly so.
+        scale *= min((_MOST_BYTES / len(encoded)) ** 0.5, _LEAST_STEP)
+        qualities = qualities[-1:]
+
+
+def _resized(picture: colour_maps.Picture, scale: float) -> colour_maps.Picture:
+    if scale >= 1.0:
+        return picture
+    height, width = (max(round(side * scale), 1) for side in picture.shape[:2])
+    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _encoded(picture: colour_maps.Picture, quality: int) -> bytes:
     done, encoded = cv2.imencode(".webp", picture[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, quality])
     if not done:
         raise RuntimeError("Expected OpenCV to write WebP, got none; install opencv-contrib-python-headless")
-    uri = "data:image/webp;base64," + base64.b64encode(encoded.tobytes()).decode("ascii")
-    return Image(uri, width, height, alt)
+    return encoded.tobytes()

@@ -1,56 +1,80 @@
-"""Rows of panels that share their scales: the strip of moments, and the worst place of a finding."""
+"""Rows of panels that share their scales: the moments along the sequence, and the worst places of findings."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+from fedora_reports.anchors import Anchors
 from fedora_reports.evidence import Evidence
-from fedora_reports.instants import Instant, moments_of, place_of
+from fedora_reports.instants import Instant, moments_of, places_of
 from fedora_reports.legends import Legend, legends_for
 from fedora_reports.panels import Panel, panels_of, seconds
-from fedora_reports.picture_scales import scales_for
+from fedora_reports.picture_scales import PictureScales, scales_for
+
+Box = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The panels of one instant."""
+    """The panels of one instant. ``anchor`` is empty where nothing leads to it; ``worst`` marks a finding's place."""
 
+    anchor: str
     time: str
+    time_us: float | None
     panels: tuple[Panel, ...]
+    worst: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """Rows of panels, the legends that hold for all of them, and how the pictures were made.
-
-    A single row needs no legends: its captions tell its own scales.
-    """
+    """Moments, the legends that hold for all pictures of the file, and how the pictures were made."""
 
     rows: tuple[Row, ...]
     legends: tuple[Legend, ...]
     notes: tuple[str, ...] = ()
 
 
-def strip_of(evidence: Evidence) -> Strip | None:
-    """Return the moments of a sequence; None where none were kept."""
-    strip = _strip(moments_of(evidence))
-    if strip is None:
-        return None
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The worst place of a finding, and the frames beside it that were kept."""
+
+    row: Row
+    beside: tuple[Row, ...]
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """All of them."""
+        return (self.row, *self.beside)
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """All pictures of a file, in the same colours: moments, and places by the finding's identifier."""
+
+    strip: Strip | None
+    places: dict[str, Place]
+
+
+def pictures_of(evidence: Evidence, findings: Iterable[str], anchors: Anchors) -> Pictures:
+    """Draw all that was kept of a file; ``findings`` are the identifiers of its findings."""
+    moments = moments_of(evidence)
+    at_places = {one: instants for one in dict.fromkeys(findings) if (instants := places_of(evidence, one))}
+    scales = scales_for([*moments, *(instant for instants in at_places.values() for instant in instants)])
+    rows = tuple(_row(one, scales, anchors.moment(k)) for k, one in enumerate(moments))
+    places = {finding: _place(instants, scales) for finding, instants in at_places.items()}
+    shown = [panel for row in rows for panel in row.panels]
+    shown += [panel for place in places.values() for row in place.rows for panel in row.panels]
+    if not shown:
+        return Pictures(None, places)
     titles = (evidence.title(name) for name in evidence.under("moments") if not name.endswith("_us"))
-    return Strip(strip.rows, strip.legends, tuple(dict.fromkeys(titles)))
+    return Pictures(Strip(rows, legends_for(tuple(shown), scales), tuple(dict.fromkeys(titles))), places)
 
 
-def place_strip(evidence: Evidence, finding: str) -> Strip | None:
-    """Return the worst place of a finding as a strip of one row; None where no picture of it was kept."""
-    place = place_of(evidence, finding)
-    strip = None if place is None else _strip((place,))
-    return None if strip is None else Strip(strip.rows, ())
+def _place(instants: tuple[Instant, ...], scales: PictureScales) -> Place:
+    rows = [_row(one, scales) for one in instants]
+    worst = next(row for row in rows if row.worst)
+    return Place(worst, tuple(row for row in rows if row is not worst))
 
 
-def _strip(instants: tuple[Instant, ...]) -> Strip | None:
-    scales = scales_for(instants)
-    rows = tuple(Row(_time(one), tuple(panels_of(one, scales))) for one in instants)
-    panels = tuple(panel for row in rows for panel in row.panels)
-    return Strip(rows, legends_for(panels, scales)) if panels else None
-
-
-def _time(instant: Instant) -> str:
-    return "" if instant.time_us is None else seconds(instant.time_us)
+def _row(instant: Instant, scales: PictureScales, anchor: str = "") -> Row:
+    time = "" if instant.time_us is None else seconds(instant.time_us)
+    return Row(anchor, time, instant.time_us, tuple(panels_of(instant, scales)), instant.worst)

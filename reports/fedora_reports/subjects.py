@@ -1,5 +1,6 @@
 """Every check, by subject: what was asked, measured, expected, and what would have been seen."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -11,6 +12,7 @@ from fedora_reports.evidence import Evidence
 from fedora_reports.gauges import Gauge, gauge_of
 from fedora_reports.maps import Exhibits, exhibits
 from fedora_reports.problems import Link
+from fedora_reports.worth import Found, PassWorth
 
 _TITLES: Final = {
     "integrity": "Integrity of the file",
@@ -31,6 +33,7 @@ _TITLES: Final = {
 }
 
 _OPEN: Final[frozenset[Outcome]] = frozenset({"failed", "crashed", "warned"})
+_FARTHEST: Final = 1000.0
 _TELLING: Final[frozenset[Outcome]] = frozenset({"passed", "failed", "warned"})
 
 
@@ -50,7 +53,8 @@ class MeasurementView:
 class CheckView:
     """One check: a row that is always seen, and its details.
 
-    ``principal`` is the measurement that lies farthest out; None where the check could not tell.
+    ``principal`` is the measurement that lies farthest out; None where the check could not tell. ``nearness`` is how
+    far out that is, in limits; of what must be exact 0 or 1000.
     """
 
     anchor: str
@@ -65,6 +69,8 @@ class CheckView:
     measurements: tuple[MeasurementView, ...]
     findings: tuple[Link, ...]
     exhibits: Exhibits
+    worth: tuple[Found, ...]
+    nearness: float
 
     @property
     def open(self) -> bool:
@@ -81,11 +87,13 @@ class Subject:
     checks: tuple[CheckView, ...]
 
 
-def subjects_of(file: FileRecord, evidence: Evidence, anchors: Anchors, links: Sequence[Link]) -> tuple[Subject, ...]:
+def subjects_of(
+    file: FileRecord, evidence: Evidence, anchors: Anchors, links: Sequence[Link], worth: PassWorth
+) -> tuple[Subject, ...]:
     """Return the checks by subject, in the order of the record. ``links`` lead to the findings."""
     by_subject: dict[str, list[CheckView]] = {}
     for k, result in enumerate(file.results):
-        view = _check(result, anchors.check(k), evidence, links)
+        view = _check(result, anchors.check(k), evidence, links, worth)
         by_subject.setdefault(result.check.split(".", 1)[0], []).append(view)
     return tuple(Subject(name, _title(name), tuple(views)) for name, views in by_subject.items())
 
@@ -94,7 +102,7 @@ def _title(subject: str) -> str:
     return _TITLES.get(subject) or subject.replace("_", " ").capitalize()
 
 
-def _check(result: Result, anchor: str, evidence: Evidence, links: Sequence[Link]) -> CheckView:
+def _check(result: Result, anchor: str, evidence: Evidence, links: Sequence[Link], worth: PassWorth) -> CheckView:
     main = principal(result) if result.outcome in _TELLING else None
     own = {finding.id for finding in result.findings}
     return CheckView(
@@ -110,7 +118,20 @@ def _check(result: Result, anchor: str, evidence: Evidence, links: Sequence[Link
         measurements=tuple(_measurement(one) for one in result.measurements),
         findings=tuple(link for link in links if link.word in own),
         exhibits=exhibits(evidence, tuple(evidence.under(result.check))),
+        worth=worth.of(result.check),
+        nearness=0.0 if main is None else _nearness(main),
     )
+
+
+def _nearness(one: Measurement) -> float:
+    """Return how far out a measurement lies on the side that counts, in limits, at most 1000."""
+    if one.value is None or one.expected is None or one.limit is None:
+        return 0.0
+    deviation = one.value - one.expected
+    counted = {"both": abs(deviation), "upper": max(deviation, 0.0), "lower": max(-deviation, 0.0)}[one.side]
+    if not math.isfinite(counted) or counted > _FARTHEST * one.limit:
+        return _FARTHEST
+    return counted / one.limit if one.limit else 0.0
 
 
 def _measurement(one: Measurement) -> MeasurementView:

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 
 from fedora_qa.record.wording import number
 from fedora_reports.trajectory_path import FlownPath, flown_path
-from fedora_reports.trajectory_views import draw_views, without_path
+from fedora_reports.trajectory_views import Mark, draw_views, without_path
 
 TIME_LIMIT_S: Final = 120.0
 
@@ -83,6 +84,14 @@ _IN_SPACE: Final = (
 _FLAT: Final = "Arrowheads show where the body points. Seen from above and from the side at one scale; axes in metres."
 
 
+def flat_views(path: FlownPath, marks: Sequence[Mark]) -> tuple[str, str]:
+    """Return two views of a path with findings marked, as SVG, and their caption."""
+    if not path.runs:
+        return without_path(), "No pose has a finite position: there is no path to draw."
+    marked = " Diamonds mark findings, each where the body was when it begins." if marks else ""
+    return draw_views(path, marks), f"{_caption(path, 'ring', 'square', _FLAT)}{marked}"
+
+
 def _caption(path: FlownPath, start: str, end: str, rest: str) -> str:
     known = path.speed_range_m_s
     if known is None:
@@ -104,7 +113,7 @@ def _caption(path: FlownPath, start: str, end: str, rest: str) -> str:
 def _render(arrays: dict[str, Any], time_limit_s: float) -> tuple[bytes, str]:
     """Return the picture as PNG, or none and why in one sentence."""
     if find_spec("pyvista") is None:
-        return b"", "Two plain views, because pyvista is not installed: pip install 'fedora-qa[reports]'."
+        return b"", "No picture in space, because pyvista is not installed: pip install 'fedora-qa[reports]'."
     with tempfile.TemporaryDirectory(prefix="fedora-trajectory-") as folder:
         source, target = Path(folder, "path.npz"), Path(folder, "path.png")
         packed = io.BytesIO()
@@ -129,7 +138,7 @@ def _environment() -> dict[str, str]:
 
 
 def _sorry(reason: str) -> str:
-    return f"Two plain views, because OpenGL could not be used: {reason}; install libegl1 and libgl1-mesa-dri."
+    return f"No picture in space, because OpenGL could not be used: {reason}; install libegl1 and libgl1-mesa-dri."
 
 
 def _complaint(done: subprocess.CompletedProcess[str]) -> str:

@@ -1,5 +1,6 @@
 """The path of a flight as two flat views, from above and from the side, in SVG that follows the page's colours."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
@@ -25,6 +26,8 @@ _COLOURS: Final = speed_colours(16)
 _NO_SPEED: Final = "#8a949e"
 _NOSES: Final = 10
 _NOSE_PX: Final = 15.0
+_LABEL_PX: Final = (34.0, 15.0)
+"""Room that the word of a mark takes."""
 _AXIS_NAMES: Final = ("X east, m", "Y north, m", "Z up, m")
 
 
@@ -48,12 +51,25 @@ class _Panel:
         return np.stack([across, down], axis=-1)
 
 
-def draw_views(path: FlownPath) -> str:
-    """Return both views of a path with at least one pose, at one scale, with a scale of speeds and one of lengths."""
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A finding on the path: its word, the identifier of its place on the page, and where the body was, m (3,)."""
+
+    word: str
+    anchor: str
+    position_world_m: Float64
+
+
+def draw_views(path: FlownPath, marks: Sequence[Mark] = ()) -> str:
+    """Return both views of a path with at least one pose, at one scale, with a scale of speeds and one of lengths.
+
+    Each mark is a link to its finding; labels that would touch are left out, and the link keeps its word.
+    """
     box = box_around(path.positions_world_m)
     panels, height = _arranged(box)
     parts = [part for panel in panels for part in (_axes(panel), _path(panel, path), _noses(panel, path))]
     parts += [_ends(panel, path) for panel in panels]
+    parts += [_marks(panel, marks) for panel in panels]
     parts += [_legend(path, height - 18.0), _scale_bar(panels[0], height - 18.0)]
     return _svg(height, parts)
 
@@ -65,8 +81,8 @@ def without_path() -> str:
 
 def _svg(height: float, parts: list[str]) -> str:
     return (
-        f'<svg viewBox="0 0 {_WIDTH} {height:.0f}" role="img" aria-label="Two views of the path" fill="none" '
-        f'stroke="currentColor" font-size="14" style="max-width: {_WIDTH}px; width: 100%; height: auto" '
+        f'<svg viewBox="0 0 {_WIDTH} {height:.0f}" role="group" aria-label="Two views of the path" fill="none" '
+        f'stroke="currentColor" font-size="14" style="max-width: {_WIDTH}px" '
         f'xmlns="http://www.w3.org/2000/svg">{"".join(parts)}</svg>'
     )
 
@@ -163,6 +179,24 @@ def _ends(panel: _Panel, path: FlownPath) -> str:
     ring = f'<circle cx="{first[0]:.1f}" cy="{first[1]:.1f}" r="6" stroke-width="2.5"/>'
     square = f'<rect x="{last[0] - 5:.1f}" y="{last[1] - 5:.1f}" width="10" height="10" stroke-width="2.5"/>'
     return ring + (square if len(path.positions_world_m) > 1 else "")
+
+
+def _marks(panel: _Panel, marks: Sequence[Mark]) -> str:
+    """Return a diamond at each finding, with its word where there is room."""
+    drawn: list[str] = []
+    labelled: list[tuple[float, float]] = []
+    for mark in marks:
+        x, y = panel.places_px(mark.position_world_m)
+        room = all(abs(x - other) > _LABEL_PX[0] or abs(y - below) > _LABEL_PX[1] for other, below in labelled)
+        words = ""
+        if room:
+            labelled.append((x, y))
+            words = _text(x + 9, y - 7, mark.word, "start")
+        drawn.append(
+            f'<a href="#{escape(mark.anchor)}" class="mark grave" aria-label="{escape(mark.word)}, {panel.title}">'
+            f'<path class="diamond" d="M{x:.1f} {y - 6:.1f}l6 6l-6 6l-6 -6z"/>{words}</a>'
+        )
+    return "".join(drawn)
 
 
 def _legend(path: FlownPath, y: float) -> str:

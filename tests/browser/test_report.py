@@ -69,6 +69,17 @@ def test_report(browser: Browser, report: Report, width: int, scheme: str) -> No
     assert min(seen["questions"]) >= LEAST_LINE_PX
 
 
+@pytest.mark.parametrize("width", [390, 1200])
+def test_report_without_scripts(browser: Browser, report: Report, width: int) -> None:
+    """Where no script runs, all moments stand in rows, nothing is shown that would need one, and all is visible."""
+    shown = visit(browser, report.page, width=width, scheme="light", scripts=False)
+    assert (shown.complaints, shown.seen["sticking_out"], shown.seen["overflow"]) == ([], [], 0)
+    assert len(shown.seen["pictures"]) >= 12 * 4
+    boxes = [picture["box"] for picture in shown.seen["pictures"]] + shown.seen["drawings"] + shown.seen["tables"]
+    assert all(across > 0 and down > 0 for across, down in boxes)
+    assert "search" not in shown.seen["text"]
+
+
 def test_report_where_opengl_is_missing(
     browser: Browser, park_day: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -98,7 +109,9 @@ def test_findings_are_named(browser: Browser, report: Report) -> None:
     """A failing report names the probable cause with its unit; a clean one names none."""
     text = visit(browser, report.page, width=820, scheme="light").seen["text"]
     assert report.exit_code == (0 if report.verdict == "clean" else 1)
-    assert ("events:time_offset" in text) == (report.verdict == "findings")
+    causes = text[: text.index("Timeline\n\ndepth")]
+    assert ("events:time_offset" in causes) == (report.verdict == "findings")
+    assert "What a pass is worth" in text
 
 
 def test_the_browser_test_can_fail(browser: Browser, tmp_path: Path) -> None:

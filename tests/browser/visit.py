@@ -4,14 +4,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.browser.devtools import Browser, Message
+from tests.browser.devtools import Browser
+from tests.browser.tab import Tab
 
 # Everything folded is opened first: what is hidden in it must be in order too.
 _UNFOLD = "for (const part of document.querySelectorAll('details')) part.open = true"
 
 _MEASURE = """
 (async () => {
-  const pictures = [...document.images];
+  // With scripts one moment is shown at a time, and the rows of all of them are not; what needs scripts is not without.
+  const shown = e => !e.closest('.js .instants') && !e.closest('html:not(.js) .with-script');
+  const pictures = [...document.images].filter(shown);
   await Promise.all(pictures.map(picture => picture.decode().catch(() => null)));
   await document.fonts.ready;
   const box = element => { const b = element.getBoundingClientRect(); return [b.width, b.height]; };
@@ -22,9 +25,10 @@ _MEASURE = """
   return {
     text: document.body.innerText,
     pictures: pictures.map(p => ({name: p.alt, natural: p.naturalWidth, box: box(p)})),
-    drawings: [...document.querySelectorAll('figure svg')].map(box),
+    drawings: [...document.querySelectorAll('figure svg')].filter(shown).map(box),
     tables: [...document.querySelectorAll('table')].map(box),
-    captions: [...document.querySelectorAll('figure')].map(f => f.querySelector('figcaption')?.innerText ?? ''),
+    captions: [...document.querySelectorAll('figure')].filter(shown)
+      .map(f => f.querySelector('figcaption')?.innerText ?? ''),
     questions: [...document.querySelectorAll('.check summary .asked')].map(e => e.getBoundingClientRect().width),
     heading: document.querySelector('h1')?.innerText ?? '',
     overflow: root.scrollWidth - root.clientWidth,
@@ -46,48 +50,9 @@ class Visit:
     requests: list[str]
 
 
-def visit(browser: Browser, page: Path, *, width: int, scheme: str) -> Visit:
+def visit(browser: Browser, page: Path, *, width: int, scheme: str, scripts: bool = True) -> Visit:
     """Open a file in a new tab, so many px wide and in a ``light`` or ``dark`` scheme, unfold it and measure."""
-    browser.events.clear()
-    target = browser.call("Target.createTarget", url="about:blank")["targetId"]
-    tab = browser.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-    for domain in ("Page", "Runtime", "Log", "Network"):
-        browser.call(f"{domain}.enable", tab)
-    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600}
-    browser.call("Emulation.setDeviceMetricsOverride", tab, **size)
-    browser.call("Emulation.setEmulatedMedia", tab, features=[{"name": "prefers-color-scheme", "value": scheme}])
-    browser.events.clear()
-    browser.call("Page.navigate", tab, url=page.resolve().as_uri())
-    browser.wait_for("Page.loadEventFired")
-    _evaluate(browser, tab, _UNFOLD)
-    seen = _evaluate(browser, tab, _MEASURE)
-    browser.call("Target.closeTarget", targetId=target)
-    return Visit(seen, _complaints(browser.events), _requests(browser.events))
-
-
-def _evaluate(browser: Browser, tab: str, script: str) -> Any:
-    done = browser.call("Runtime.evaluate", tab, expression=script, awaitPromise=True, returnByValue=True)
-    if "exceptionDetails" in done:
-        raise RuntimeError(done["exceptionDetails"]["exception"]["description"])
-    return done["result"].get("value")
-
-
-def _complaints(events: list[Message]) -> list[str]:
-    """Return every error and warning of the console, of the browser's log, and every uncaught exception."""
-    said = []
-    for event in events:
-        params = event.get("params", {})
-        match event.get("method"):
-            case "Runtime.consoleAPICalled" if params["type"] in {"error", "warning", "assert"}:
-                said.append(str([argument.get("value") for argument in params["args"]]))
-            case "Runtime.exceptionThrown":
-                said.append(str(params["exceptionDetails"]["text"]))
-            case "Log.entryAdded" if params["entry"]["level"] in {"error", "warning"}:
-                said.append(str(params["entry"]["text"]))
-    return said
-
-
-def _requests(events: list[Message]) -> list[str]:
-    """Return every address that was asked for, in order; what is inside the page (data:) is none."""
-    asked = (e["params"]["request"]["url"] for e in events if e.get("method") == "Network.requestWillBeSent")
-    return [url for url in asked if not url.startswith("data:")]
+    with Tab(browser, page, width=width, scheme=scheme, scripts=scripts) as tab:
+        tab.evaluate(_UNFOLD)
+        seen = tab.evaluate(_MEASURE)
+        return Visit(seen, tab.complaints, tab.requests)

@@ -23,11 +23,12 @@ SHAPES = {
     "moments/depth_times_us": (MOMENTS,),
     "moments/flow_px": (MOMENTS, HEIGHT, WIDTH, 2),
     "moments/flow_interval_us": (MOMENTS, 2),
+    "moments/residual_dn": (MOMENTS, HEIGHT, WIDTH),
     "moments/brighter": (MOMENTS, SENSOR_HEIGHT, SENSOR_WIDTH),
     "moments/darker": (MOMENTS, SENSOR_HEIGHT, SENSOR_WIDTH),
     "moments/events_interval_us": (MOMENTS, 2),
 }
-TYPES = {"rgb": "u1", "depth_m": "f4", "flow_px": "f4", "brighter": "u2", "darker": "u2"}
+TYPES = {"rgb": "u1", "depth_m": "f4", "flow_px": "f4", "residual_dn": "f2", "brighter": "u2", "darker": "u2"}
 
 
 def collect(file: Memory, options: EvidenceOptions = OPTIONS) -> Kept:
@@ -142,7 +143,9 @@ def test_a_place_is_a_moment_with_a_box() -> None:
     )
     kept = places(memory(), found)
     expected = {name.replace("moments", "places/F7"): shape[1:] for name, shape in SHAPES.items()}
-    assert {name: array.shape for name, array in kept.arrays.items()} == expected | {"places/F7/box": (4,)}
+    beside = ("places/F7/before/", "places/F7/after/")
+    own = {name: array.shape for name, array in kept.arrays.items() if not name.startswith(beside)}
+    assert own == expected | {"places/F7/box": (4,)}
     np.testing.assert_array_equal(kept.arrays["places/F7/box"], [0.5, 0.5, 1.0, 1.0])
     assert np.unique(kept.arrays["places/F7/flow_px"][..., 0]).tolist() == [3.0]
     assert "flow/10hz" in kept.titles["places/F7/flow_px"]
@@ -155,9 +158,32 @@ def test_boxes_are_in_the_pixels_of_the_stream_named() -> None:
     np.testing.assert_array_equal(kept.arrays["places/F1/box"], [1 / 4, 2 / 3, 2 / 4, 1])
 
 
+def test_frames_beside_a_place_are_kept() -> None:
+    """The frame before and the one after it, with the arrays of a place but its box; at an end only one of them."""
+    kept = places(memory(), Finding("F1", "test.rule", "error", "Off.", Where("rgb", frame=15))).arrays
+    assert {name: int(kept[f"places/F1{name}/rgb"].max()) for name in ("", "/before", "/after")} == {
+        "": 15,
+        "/before": 14,
+        "/after": 16,
+    }
+    assert kept["places/F1/after/depth_m"].max() == 16.0
+    first = places(memory(), Finding("F1", "test.rule", "error", "Off.", Where("rgb", frame=0))).arrays
+    assert {name.split("/")[2] for name in first if name.count("/") == 3} == {"after"}
+
+
+def test_named_flow_stays_of_its_rate_beside_a_place() -> None:
+    """Beside a place of slow flow the nearest field of that rate is shown, not one of another."""
+    where = Where("flow/10hz", 300_000, 400_000, 3, 4, 15)
+    kept = places(memory(), Finding("F1", "test.rule", "error", "Off.", where)).arrays
+    spans_us = {name: np.ptp(kept[f"places/F1{name}/flow_interval_us"]) for name in ("", "/before", "/after")}
+    assert set(spans_us.values()) == {100_000.0}
+
+
 def test_places_keep_to_their_budget() -> None:
-    """One place needs three images; with seven there are two, with two none."""
+    """One place needs four images; with nine there are two, with three none; what is left goes to frames beside."""
     found = [Finding(f"F{i}", "test.rule", "error", "Off.", Where("rgb", frame=5 * i)) for i in range(1, 5)]
-    for images, expected in ((7, {"F1", "F2"}), (2, set())):
+    for images, expected in ((9, {"F1", "F2"}), (3, set())):
         assert {name.split("/")[1] for name in places(memory(), *found, images=images).arrays} == expected
+    kept = places(memory(), *found, images=4 * (4 + 2)).arrays
+    assert {name.split("/")[1] for name in kept if "/after/" in name} == {"F1"}
     assert images_of(memory().spans[:1]) == 10 + 10 + 2 + 5 + 10

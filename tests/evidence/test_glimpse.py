@@ -18,6 +18,7 @@ def test_each_stream_shows_its_image_there() -> None:
         "rgb": 16,
         "depth": 16,
         "flow": 16,
+        "residual": 16,
         "events": 0,
     }
     assert (pictures["flow"].stream, pictures["flow"].stop_ns - pictures["flow"].start_ns) == ("flow/50hz", 20 * MS)
@@ -37,13 +38,20 @@ def test_events_of_the_neighbouring_window_are_shown() -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "lost"), [("path/rgb", "rgb"), ("path/flow/50hz", "flow"), ("path/events/p", "events")]
+    ("key", "lost"),
+    [
+        ("path/rgb", {"rgb", "residual"}),
+        ("path/flow/50hz", {"flow", "residual"}),
+        ("path/events/p", {"events"}),
+        ("path/depth", {"depth"}),
+    ],
 )
-def test_unreadable_rows_cost_their_own_picture(key: str, lost: str) -> None:
-    """What cannot be decoded is left out, and the rest is shown."""
+def test_unreadable_rows_cost_their_own_picture(key: str, lost: set[str]) -> None:
+    """What cannot be decoded is left out, with what is made of it, and the rest is shown."""
     file = memory()
     file.unreadable = {key}
-    assert set(glimpse(file.window(1), 320 * MS, WIDTH).pictures) == {"rgb", "depth", "flow", "events"} - {lost}
+    every = {"rgb", "depth", "flow", "residual", "events"}
+    assert set(glimpse(file.window(1), 320 * MS, WIDTH).pictures) == every - lost
 
 
 def test_missing_streams_are_left_out() -> None:
@@ -51,7 +59,7 @@ def test_missing_streams_are_left_out() -> None:
     file = memory()
     clocks = {name: one for name, one in file.facts.clocks.items() if name != "depth"}
     file.facts = replace(file.facts, clocks=clocks, streams=file.facts.streams - {"depth", "events"})
-    assert set(glimpse(file.window(1), 320 * MS, WIDTH).pictures) == {"rgb", "flow"}
+    assert set(glimpse(file.window(1), 320 * MS, WIDTH).pictures) == {"rgb", "flow", "residual"}
 
 
 def test_flow_that_begins_elsewhere_is_not_shown() -> None:

@@ -77,5 +77,5 @@ def test_pictures_fit_into_the_size(height: int, width: int, glimpses: int) -> N
 @pytest.mark.parametrize(("width", "height", "expected"), [(270, 200, 270), (1440, 1080, 288)])
 def test_usual_images(width: int, height: int, expected: int) -> None:
     """With the default size small images stay whole and the paper's become 288 px wide."""
-    chosen = fitting_width_px(with_shapes(height, width), EvidenceOptions(), 6)
+    chosen = fitting_width_px(with_shapes(height, width), EvidenceOptions(), EvidenceOptions().moments)
     assert width // -(-width // chosen) == expected

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from fedora_qa.cli.worth import worth_words
+from fedora_qa.cli.worth import all_worth, worth_words
 from fedora_qa.errors import MisuseError
 from fedora_qa.power.sources import estimators_digest
 from fedora_qa.power.tables import power_of
 from fedora_qa.power.worth import read_worth, worth_of, write_worth
+from fedora_qa.record.power_types import Estimate, Share
 from tests.support.studies import CHECK, ORIGIN, study
 
 POWER = power_of(study(), ORIGIN)
@@ -54,3 +55,26 @@ def test_explain_says_what_a_pass_is_worth(monkeypatch: pytest.MonkeyPatch) -> N
     assert "The code has changed since" in worth_words(CHECK)
     monkeypatch.setattr("fedora_qa.cli.worth.read_worth", lambda: None)
     assert worth_words(CHECK) == ""
+
+
+def test_a_report_gets_all_of_it_with_the_best_check_of_each_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two checks that find a cause the best finds it from a smaller size on, or at every size that was tried."""
+    published = worth_of(POWER)
+    known = next(one for one in published.found if one.check == CHECK and one.at_95.value is not None)
+    blunter = replace(known, check="imu.timing", at_95=replace(known.at_95, value=9.0))
+    surer = replace(
+        known, cause="rgb:unsorted", found=Share(4, 4, 0.4, 1.0), at_95=Estimate(None, None, None), check="clocks.order"
+    )
+    unsure = replace(surer, check="clocks.rate", found=Share(3, 4, 0.2, 0.99))
+    both = replace(published, found=(blunter, known, unsure, surer))
+    monkeypatch.setattr("fedora_qa.cli.worth.read_worth", lambda: both)
+    found, whence = all_worth()
+    assert {(one.cause, one.check, one.best) for one in found} == {
+        (known.cause, "imu.timing", False),
+        (known.cause, CHECK, True),
+        ("rgb:unsorted", "clocks.order", True),
+    }
+    assert [one.words for one in found if one.cause == "rgb:unsorted"] == ["found 4 of 4 (100.0%)"]
+    assert "short and small files" in whence
+    monkeypatch.setattr("fedora_qa.cli.worth.read_worth", lambda: None)
+    assert all_worth() == ((), "")

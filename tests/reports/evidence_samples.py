@@ -21,6 +21,7 @@ def moments() -> dict[str, NDArray[Any]]:
         "moments/depth_m": depth_m,
         "moments/flow_px": flow_px,
         "moments/flow_interval_us": np.stack([times_us, times_us + 20e3], axis=1),
+        "moments/residual_dn": rng.normal(0.0, 20.0, (MOMENTS, 8, 12)).astype(np.float16),
         "moments/brighter": rng.integers(0, 4, (MOMENTS, 6, 9)).astype(np.uint16),
         "moments/darker": rng.integers(0, 4, (MOMENTS, 6, 9)).astype(np.uint16),
         "moments/events_interval_us": np.stack([times_us - 10e3, times_us + 10e3], axis=1),
@@ -31,6 +32,24 @@ def place(finding: str) -> dict[str, NDArray[Any]]:
     """The pictures of a finding: the second moment, with a box in its upper left quarter."""
     arrays = {name.replace("moments", f"places/{finding}"): array[1] for name, array in moments().items()}
     return arrays | {f"places/{finding}/box": np.array([0.0, 0.0, 0.5, 0.5])}
+
+
+def beside(finding: str) -> dict[str, NDArray[Any]]:
+    """The frames before and after a place: the first and the last moment."""
+    return {
+        name.replace("moments", f"places/{finding}/{group}"): array[k]
+        for group, k in (("before", 0), ("after", 2))
+        for name, array in moments().items()
+    }
+
+
+def distributions() -> dict[str, NDArray[Any]]:
+    """Times between events of a pixel, in two blocks; one of them shorter than what a logarithm can show."""
+    edges = np.array([0.0, 1.0, 2.0, 4.0, 8.0])
+    return {
+        "distributions/pixel_interval_ms/edges": edges,
+        "distributions/pixel_interval_ms/counts": np.array([[1, 0, 2, 1], [0, 4, 2, 3]]),
+    }
 
 
 def timeline() -> dict[str, NDArray[Any]]:
@@ -55,6 +74,8 @@ def all_kinds() -> dict[str, NDArray[Any]]:
     return {
         **moments(),
         **place("F1"),
+        **beside("F1"),
+        **distributions(),
         **timeline(),
         **histograms(),
         "event_response.timing/offset": series,

@@ -1,5 +1,7 @@
 """Read a report as a browser would: its elements, their order, and the text between them."""
 
+import base64
+import hashlib
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 
@@ -96,17 +98,27 @@ def complaints_about(page: ReadPage) -> list[str]:
     """Everything that no report may have: dangling links, double ids, pictures without words, requests."""
     ids = [one.attributes["id"] for one in page.elements if "id" in one.attributes]
     told = [f"id {name} occurs twice" for name in set(ids) if ids.count(name) > 1]
+    told += _scripts(page)
     for one in page.elements:
         told += _addresses(one, set(ids))
         told += [f"script: {name}" for name in one.attributes if name.startswith("on")]
-        if one.tag == "script":
-            told.append("script")
         if one.tag == "img":
             figure = one.within("figure")
             if not one.attributes.get("alt"):
                 told.append("a picture without words")
             if figure is None or not any(part.tag == "figcaption" and part.text.strip() for part in figure.inside):
                 told.append("a picture without caption")
+    return told
+
+
+def _scripts(page: ReadPage) -> list[str]:
+    """Every script that the page's own policy does not name by its digest."""
+    policies = [one.attributes.get("content") or "" for one in page.all("meta")]
+    told = []
+    for one in page.all("script"):
+        digest = base64.b64encode(hashlib.sha256(one.text.encode()).digest()).decode()
+        if set(one.attributes) or not any(f"script-src 'sha256-{digest}';" in policy for policy in policies):
+            told.append("script")
     return told
 
 

@@ -1,5 +1,7 @@
 """A gauge shows a value against what an honest file gives."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -49,3 +51,20 @@ def test_every_gauge_stays_on_the_drawing(value: float, limit: float, error: flo
     gauge = gauge_of(measured(value, limit, error=error))
     if gauge is not None:
         assert all(0.0 <= share <= 1.0 for share in (*gauge.band, gauge.value, *gauge.error))
+
+
+@pytest.mark.parametrize(("side", "counts"), [("both", True), ("upper", False), ("lower", True)])
+def test_only_the_side_that_counts_is_out(side: str, counts: bool) -> None:
+    """A value far below is drawn beyond the end whatever the side, and is out of order only where that side counts."""
+    gauge = gauge_of(measured(-30.0, side=side))
+    assert gauge is not None
+    assert (gauge.beyond, gauge.counts) == (-1, counts)
+
+
+@pytest.mark.parametrize(("side", "share"), [("both", 0.875), ("upper", 0.875), ("lower", 0.125)])
+def test_what_would_have_been_seen_is_marked(side: str, share: float) -> None:
+    """The least deviation that would have been seen lies beyond the limit, on the side that counts."""
+    for least, expected in ((3.0, share), (None, None), (5.0, None), (1.0, None)):
+        gauge = gauge_of(replace(measured(10.0, side=side), least_detectable=least))
+        assert gauge is not None
+        assert gauge.sees == expected

@@ -110,7 +110,7 @@ def test_two_hundred_findings_are_all_there() -> None:
 def test_evidence_of_one_value_is_drawn(value: float) -> None:
     """Pictures that hold nothing, or one value everywhere, break nothing."""
     flat = {
-        name: np.full_like(array, value) if array.dtype.kind == "f" else np.zeros_like(array)
+        name: np.full(array.shape, value, _of_range(array, value)) if array.dtype.kind == "f" else np.zeros_like(array)
         for name, array in all_kinds().items()
     }
     assert complaints_about(read_page(render_html(record(), flat))) == []
@@ -136,7 +136,13 @@ def test_one_pixel_and_one_moment_are_enough() -> None:
     }  # fmt: skip
     page = read_page(render_html(record(), tiny))
     assert complaints_about(page) == []
-    assert len(page.all("figure", kind="panel")) == 4
+    assert len(page.all("figure", kind="panel")) == 5
+
+
+def _of_range(array: NDArray[Any], value: float) -> np.dtype[Any]:
+    """The array's own type, or a wider one where that cannot hold the value."""
+    held = not np.isfinite(value) or value <= float(np.finfo(array.dtype).max)
+    return array.dtype if held else np.dtype(np.float32)
 
 
 def _any_array() -> st.SearchStrategy[NDArray[Any]]:

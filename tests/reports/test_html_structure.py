@@ -1,5 +1,6 @@
 """The report is one well-formed page that asks for nothing beyond itself."""
 
+import base64
 import hashlib
 from dataclasses import replace
 from itertools import pairwise
@@ -7,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from fedora_qa.record.types import Canary
-from fedora_reports.html import render_html
+from fedora_reports.html import render_html, report_script
 from tests.reports.evidence_samples import all_kinds
 from tests.reports.page_reader import ReadPage, complaints_about, read_page
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
@@ -47,12 +48,16 @@ def test_reader_refuses_what_is_not_well_formed(html: str) -> None:
         read_page(html)
 
 
-def test_policy_forbids_scripts_and_requests(page: ReadPage) -> None:
-    """The page's own policy allows its style and pictures that it carries, nothing else."""
+def test_policy_names_the_only_script(page: ReadPage) -> None:
+    """The page's own policy allows its style, pictures that it carries, and one script by its digest, nothing else."""
+    (script,) = page.all("script")
+    assert script.text == report_script()
+    digest = base64.b64encode(hashlib.sha256(script.text.encode()).digest()).decode()
     policies = [one.attributes.get("content") for one in page.all("meta")
                 if one.attributes.get("http-equiv") == "Content-Security-Policy"]  # fmt: skip
     assert policies == [
-        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
+        f"script-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
     ]
 
 
@@ -82,15 +87,15 @@ def test_failed_checks_are_open_and_passed_ones_are_not(page: ReadPage) -> None:
 
 
 def test_strip_shows_the_streams_beside_each_other(page: ReadPage) -> None:
-    """Three moments and one place, each with frame, events, depth and flow in this order."""
-    names = [one.inside[-1].text for one in page.all("figure", kind="panel")]
-    assert names == ["Colour frame", "Events", "Depth", "Flow"] * 4
+    """Three moments, one place and two frames beside it, each with all streams in this order."""
+    names = [next(part.text for part in one.inside if part.tag == "b") for one in page.all("figure", kind="panel")]
+    assert names == ["Colour frame", "Events", "Depth", "Flow", "Residual of flow"] * 6
 
 
 def test_missing_flow_is_said(page: ReadPage) -> None:
     """A picture without any value has a caption that says so."""
     flows = [one.text for one in page.all("figcaption") if one.text.startswith("Flow ")]
-    assert flows[-1] == "Flow none here"
+    assert flows.count("Flow none here") == 2  # of the last moment, which is also the frame after the place
 
 
 def test_finding_is_marked_on_the_timeline(page: ReadPage) -> None:
@@ -106,7 +111,7 @@ def test_finding_is_marked_on_the_timeline(page: ReadPage) -> None:
 def test_box_lies_where_the_finding_is_worst(page: ReadPage) -> None:
     """The box of the evidence is drawn over every picture of the place, in its shares."""
     boxes = [one.attributes for one in page.all("rect", kind="edge")]
-    assert len(boxes) == 4
+    assert len(boxes) == 3 * 5
     assert {(box["x"], box["y"], box["width"], box["height"]) for box in boxes} == {("0.0", "0.0", "0.5", "0.5")}
 
 

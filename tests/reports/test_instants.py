@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_reports.evidence import Evidence
-from fedora_reports.instants import moments_of, place_of
+from fedora_reports.instants import moments_of, places_of
 from fedora_reports.panels import arrows_over, panels_of
 from fedora_reports.picture_scales import scales_for
 from fedora_reports.pictures import Image, drawing
-from tests.reports.evidence_samples import moments, place
+from tests.reports.evidence_samples import beside, moments, place
 
 
 def decoded(image: Image) -> np.ndarray:
@@ -39,13 +39,15 @@ def test_captions_tell_range_unit_and_interval() -> None:
     depth_m[1] = 9.0
     told = captions(evidence(
         rgb=np.full((3, 8, 12, 3), 200, np.uint8), depth_m=depth_m, flow_px=np.full((3, 8, 12, 2), 3.0),
-        brighter=np.ones((3, 6, 9), np.uint16), darker=np.zeros((3, 6, 9), np.uint16),
+        residual_dn=np.full((3, 8, 12), -3.0), brighter=np.ones((3, 6, 9), np.uint16),
+        darker=np.zeros((3, 6, 9), np.uint16),
     ))  # fmt: skip
     assert told == {
         "frame": "DN 200 to 200 of 255",
         "events": "54 brighter (red), 0 darker (blue) in 20\u00a0ms",
         "depth": "4 to 4 m",
         "flow": "up to 4.24 px in 20\u00a0ms, along the arrows",
+        "residual": "3 DN rms, up to 3 DN",
     }
 
 
@@ -69,13 +71,13 @@ def test_one_colour_means_one_depth_in_all_moments() -> None:
     assert tuple(pictures[0][0, 0]) == (253, 231, 37)  # the nearest is the brightest
 
 
-@pytest.mark.parametrize("stream", ["rgb", "depth_m", "flow_px", "brighter"])
+@pytest.mark.parametrize("stream", ["rgb", "depth_m", "flow_px", "residual_dn", "brighter"])
 def test_a_missing_stream_costs_its_picture_only(stream: str) -> None:
-    """The other three are drawn."""
+    """The other four are drawn."""
     arrays = moments()
     del arrays[f"moments/{stream}"]
     instants = moments_of(Evidence(arrays, {}))
-    assert len(list(panels_of(instants[0], scales_for(instants)))) == 3
+    assert len(list(panels_of(instants[0], scales_for(instants)))) == 4
 
 
 def test_a_moment_without_frame_or_events_has_grey_panels() -> None:
@@ -87,17 +89,23 @@ def test_a_moment_without_frame_or_events_has_grey_panels() -> None:
 
 def test_place_has_its_box_and_time() -> None:
     """A place is a moment without its first axis."""
-    found = place_of(Evidence(place("F1"), {}), "F1")
-    assert found is not None
-    assert (found.box, found.time_us) == ((0.0, 0.0, 0.5, 0.5), 500e3)
-    assert place_of(Evidence(place("F1"), {}), "F2") is None
+    (found,) = places_of(Evidence(place("F1"), {}), "F1")
+    assert (found.box, found.time_us, found.worst) == ((0.0, 0.0, 0.5, 0.5), 500e3, True)
+    assert places_of(Evidence(place("F1"), {}), "F2") == ()
+
+
+def test_frames_beside_a_place_share_its_box() -> None:
+    """Before, at, and after, in time; the box of the place is drawn over all of them."""
+    found = places_of(Evidence(place("F1") | beside("F1"), {}), "F1")
+    assert [(one.time_us, one.worst) for one in found] == [(0.0, False), (500e3, True), (1e6, False)]
+    assert {one.box for one in found} == {(0.0, 0.0, 0.5, 0.5)}
+    assert places_of(Evidence(beside("F1"), {}), "F1") == ()
 
 
 def test_whole_picture_needs_no_box() -> None:
     """A finding of the whole picture is not framed."""
     arrays = place("F1") | {"places/F1/box": np.array([0.0, 0.0, 1.0, 1.0])}
-    found = place_of(Evidence(arrays, {}), "F1")
-    assert found is not None
+    (found,) = places_of(Evidence(arrays, {}), "F1")
     assert found.box is None
 
 
@@ -105,8 +113,7 @@ def test_whole_picture_needs_no_box() -> None:
 def test_box_of_one_pixel_can_be_seen(x: float, y: float) -> None:
     """A tiny box grows to be seen, stays within the picture, and still holds its pixel."""
     arrays = place("F1") | {"places/F1/box": np.array([x, y, x, y])}
-    found = place_of(Evidence(arrays, {}), "F1")
-    assert found is not None
+    (found,) = places_of(Evidence(arrays, {}), "F1")
     assert found.box is not None
     left, top, right, bottom = found.box
     assert right - left == pytest.approx(0.06)
@@ -114,6 +121,44 @@ def test_box_of_one_pixel_can_be_seen(x: float, y: float) -> None:
     assert 0 <= left <= x + 1e-9
     assert x - 1e-9 <= right <= 1 + 1e-9
     assert 0 <= top <= y + 1e-9
+
+
+def test_events_are_drawn_over_the_frame() -> None:
+    """Each pixel of the event camera covers its share of the frame in grey; without a frame the ground is empty."""
+    brighter, nothing = np.zeros((3, 6, 9), np.uint16), np.zeros((3, 6, 9), np.uint16)
+    brighter[:, 3, 3] = 9
+    rgb = np.zeros((3, 12, 18, 3), np.uint8)
+    arrays = moments() | {"moments/rgb": rgb, "moments/brighter": brighter, "moments/darker": nothing}
+    (instant, *_) = moments_of(Evidence(arrays, {}))
+    picture = next(decoded(one.image) for one in panels_of(instant, scales_for([instant])) if one.kind == "events")
+    assert picture.shape == (12, 18, 3)
+    red = np.argwhere(picture[..., 0].astype(int) - picture[..., 2] > 100)
+    assert (red.min(axis=0).tolist(), red.max(axis=0).tolist()) == ([6, 6], [7, 7])
+    assert np.unique(picture[0]).tolist() == [153]  # black keeps 40% of its contrast against white
+
+
+def test_one_colour_means_one_speed_of_flow() -> None:
+    """A field over five times the interval and five times as long has the same colours."""
+    flow_px = np.full((3, 8, 12, 2), 1.0)
+    interval_us = np.array([[0.0, 20e3], [0.0, 100e3], [0.0, 20e3]])
+    flow_px[1] *= 5
+    instants = moments_of(evidence(flow_px=flow_px, flow_interval_us=interval_us))
+    pictures = [
+        decoded(panel.image)
+        for one in instants
+        for panel in panels_of(one, scales_for(instants))
+        if panel.kind == "flow"
+    ]
+    np.testing.assert_array_equal(pictures[0], pictures[1])
+
+
+def test_small_residuals_stay_pale() -> None:
+    """What averaging leaves where all is right is not blown up to the full scale of colours."""
+    instants = moments_of(evidence(residual_dn=np.full((3, 8, 12), 1.0)))
+    (picture,) = (
+        decoded(panel.image) for panel in panels_of(instants[0], scales_for(instants)) if panel.kind == "residual"
+    )
+    assert picture.min() > 220
 
 
 def test_arrows_point_along_the_flow() -> None:
@@ -133,3 +178,13 @@ def test_large_pictures_are_made_smaller_and_others_kept() -> None:
     assert (large.width, large.height) == (720, 540)
     small = np.random.default_rng(0).integers(0, 256, (5, 7, 3)).astype(np.uint8)
     np.testing.assert_array_equal(decoded(drawing(small, "small")), small)
+
+
+def test_no_picture_is_larger_than_its_share_of_the_report() -> None:
+    """Noise, which nothing can compress, is written with loss or smaller; its words and proportions stay."""
+    noise = np.random.default_rng(0).integers(0, 256, (540, 720, 3)).astype(np.uint8)
+    image = drawing(noise, "noise")
+    assert len(image.uri) <= 4 / 3 * 14_000 + 40
+    assert image.alt == "noise"
+    assert image.width / image.height == pytest.approx(4 / 3, rel=0.02)
+    assert decoded(image).shape == (image.height, image.width, 3)

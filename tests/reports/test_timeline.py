@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from fedora_qa.record.types import Finding, Where
 from fedora_reports.evidence import Evidence
+from fedora_reports.strip import Row
 from fedora_reports.timeline import Located, Timeline, timeline_of
 from tests.reports.evidence_samples import timeline
 
@@ -74,3 +75,24 @@ def test_far_clocks_are_told_from_the_beginning() -> None:
 def test_no_time_no_timeline(edges_us: np.ndarray) -> None:
     """Edges that do not span any time give no timeline."""
     assert timeline_of(Evidence(timeline() | {"timeline/edges_us": edges_us}, {}), []) is None
+
+
+def test_findings_without_a_lane_are_ticks() -> None:
+    """What finds no room for its label is still marked where it begins, once a place."""
+    row = drawn(*[Where("rgb", 1e6, 1e6)] * 6).rows[1]
+    assert (row.more, row.ticks) == (2, "M500 0v100")
+
+
+def test_events_tell_their_greatest_rate() -> None:
+    """900 events in a bin of a fifth of a second are 4500 a second; frames need no rate."""
+    events, frames = drawn().rows
+    assert (events.peak, frames.peak) == ("up to 4.5 k events/s", "")
+
+
+def test_instants_with_pictures_are_marked_within_the_timeline() -> None:
+    """A moment in the middle is a stop there; one outside, or without a time, is none."""
+    rows = [Row(f"m{k}", str(time), time, ()) for k, time in enumerate((1e6, 9e9, None))]
+    found = timeline_of(Evidence(timeline(), {}), [], rows)
+    assert found is not None
+    assert [(stop.anchor, stop.share) for stop in found.stops] == [("m0", 0.5)]
+    assert (found.low_us, found.high_us) == (0.0, 2e6)

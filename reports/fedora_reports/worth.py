@@ -1,0 +1,56 @@
+"""What a pass is worth: the faults that a check was measured to find, and what became of that check here."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fedora_qa.record.types import Outcome, Result
+from fedora_qa.record.wording import OUTCOME_WORDS
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A fault that a check finds, and from which size on, in words. ``best``: no other check finds it smaller."""
+
+    cause: str
+    check: str
+    words: str
+    best: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PassWorth:
+    """What was measured of all checks, and in a sentence where that was."""
+
+    found: tuple[Found, ...]
+    whence: str
+
+    def of(self, check: str) -> tuple[Found, ...]:
+        """Return what one check was measured to find."""
+        return tuple(one for one in self.found if one.check == check)
+
+
+NOTHING_KNOWN = PassWorth((), "")
+
+
+@dataclass(frozen=True, slots=True)
+class WorthRow:
+    """A fault, how surely it is found and by which check, and what came of that check in this file."""
+
+    cause: str
+    words: str
+    check: str
+    anchor: str
+    outcome: Outcome
+    word: str
+
+
+def worth_rows(worth: PassWorth, results: Sequence[Result], anchors: Sequence[str]) -> tuple[WorthRow, ...]:
+    """Return a row for each fault whose best check was run on this file."""
+    places = {result.check: (result, anchor) for result, anchor in zip(results, anchors, strict=True)}
+    rows = []
+    for one in worth.found:
+        if one.best and one.check in places:
+            result, anchor = places[one.check]
+            word = OUTCOME_WORDS[result.outcome]
+            rows.append(WorthRow(one.cause, one.words, one.check, anchor, result.outcome, word))
+    return tuple(rows)

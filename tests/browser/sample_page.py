@@ -1,0 +1,64 @@
+"""A report of an imaginary file with many findings, some of them with hostile names, to be used in a browser."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fedora_qa.record.types import Finding, Measurement, Record, Where
+from fedora_reports import trajectory
+from fedora_reports.html import render_html
+from fedora_reports.worth import Found, PassWorth
+from tests.reports.evidence_samples import all_kinds
+from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
+
+FINDINGS: Final = 40
+HOSTILE: Final = "<img src=x onerror='console.error(1)'><script>console.error(2)</script>"
+HOSTILE_NAME: Final = HOSTILE.replace("/", "")  # of a file: without folders
+STREAMS: Final = ("rgb", "events", "depth", HOSTILE)
+
+WORTH: Final = PassWorth(
+    (Found("events:time_offset", "event_response.timing", "95% at 3.2 (2.1 to 5) ms", best=True),),
+    "Over 10 short and small files.",
+)
+
+
+def sample_record() -> Record:
+    """Checks of every outcome; forty findings over two seconds, F1 and F2 of them those of ``failed``."""
+    many = tuple(
+        Finding(
+            id=f"F{k}",
+            code="event_response.timing.offset",
+            severity="critical" if k == 30 else "error",
+            message=f"Finding number {k} {HOSTILE if k == 9 else 'is late'}.",
+            where=Where(STREAMS[k % 4], 2e6 * ((7 * k) % FINDINGS) / FINDINGS),
+        )
+        for k in range(3, FINDINGS + 1)
+    )
+    timing = replace(failed(), findings=(*failed().findings, *many))
+    near = Measurement("rate_change", 0.9, "ppm", 0.1, 0.0, 1.0, 1.6)
+    checks = (passed(), replace(passed("clocks.rate"), measurements=(near,)), timing, crashed(), not_observable())
+    return record(file_record(*checks, path=f"/data/{HOSTILE_NAME}.h5", diagnoses=(late_events(),)))
+
+
+def sample_arrays() -> dict[str, NDArray[Any]]:
+    """Three moments, the place of F1 with the frames beside it, and a path."""
+    turns = np.linspace(0.0, 6.0, 50)
+    return all_kinds() | {
+        "trajectory/times_us": np.linspace(0.0, 2e6, 50),
+        "trajectory/positions_world_m": np.stack([9 * np.cos(turns), 5 * np.sin(turns), turns], axis=1),
+        "trajectory/speeds_m_s": 2 + np.sin(turns),
+        "trajectory/forward_world": np.stack([-np.sin(turns), np.cos(turns), 0 * turns], axis=1),
+    }
+
+
+def write_sample(target: Path) -> Path:
+    """Write the report, without a picture in space, which would need OpenGL."""
+    with pytest.MonkeyPatch.context() as patch:
+        nothing = trajectory.TrajectoryPicture(b"", "", "", "")
+        patch.setattr(trajectory, "render_trajectory", lambda *_: nothing)
+        target.write_text(render_html(sample_record(), sample_arrays(), WORTH), encoding="utf-8")
+    return target

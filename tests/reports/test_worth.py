@@ -1,0 +1,44 @@
+"""What a pass is worth stands in the report, as it was handed in, with what came of each check here."""
+
+from fedora_reports.html import render_html
+from fedora_reports.worth import Found, PassWorth, worth_rows
+from tests.reports.page_reader import complaints_about, read_page
+from tests.support.records import failed, file_record, not_observable, passed, record
+
+WORTH = PassWorth(
+    (
+        Found("rgb:unsorted", "clocks.order", "found 13 of 13 (100.0%)", best=True),
+        Found("imu:time_offset", "imu.timing", "95% at 3.2 (2 to 5) ms", best=True),
+        Found("imu:time_offset", "clocks.order", "95% at 900 (700 to ?) ms", best=False),
+        Found("pose:teleport", "pose.continuity", "95% at 1 (0.5 to 2) m", best=True),
+    ),
+    "Over 2501 short and small files.",
+)
+
+
+def test_rows_are_of_the_best_checks_that_were_run() -> None:
+    """A fault whose best check was not run has no row; the outcome says whether it was looked for here."""
+    results = (passed(), failed(), not_observable())
+    rows = worth_rows(WORTH, results, ("a", "b", "c"))
+    assert [(row.cause, row.check, row.anchor, row.word) for row in rows] == [
+        ("rgb:unsorted", "clocks.order", "a", "passed"),
+        ("imu:time_offset", "imu.timing", "c", "not observable"),
+    ]
+
+
+def test_page_says_what_a_pass_is_worth_and_whence_that_is_known() -> None:
+    """The table, the sentence of where it was measured, and all that a check finds beside the check."""
+    page = read_page(render_html(record(file_record(passed(), not_observable())), {}, WORTH))
+    assert complaints_about(page) == []
+    (section,) = page.all("section", kind="worth")
+    assert "Over 2501 short and small files." in section.text
+    assert "95% at 3.2 (2 to 5) ms" in section.text
+    order = next(one for one in page.all("details", kind="check") if one.attributes["data-name"] == "clocks.order")
+    assert "rgb:unsorted found 13 of 13 (100.0%); imu:time_offset 95% at 900 (700 to ?) ms." in order.text
+
+
+def test_without_a_table_nothing_is_claimed() -> None:
+    """Where nothing was measured the section is left out."""
+    page = read_page(render_html(record(file_record(passed())), {}))
+    assert not page.all("section", kind="worth")
+    assert "What a pass is worth" not in page.text
