@@ -30,6 +30,7 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "checks": ("fedora_qa.cli.explain:checks", "List the checks, each with its question."),
         "explain": ("fedora_qa.cli.explain:explain", "Say what a check measures, how, and what it cannot see."),
         "layout": ("fedora_qa.cli.layout:layout", "Say what a file holds, where, and what was inferred."),
+        "schema": ("fedora_qa.cli.schema:schema", "Print the JSON schema of a document or configuration."),
         "doctor": ("fedora_qa.cli.doctor:doctor", "Say whether this machine can run the checks."),
     }
 )
