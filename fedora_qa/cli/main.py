@@ -26,6 +26,10 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "verify": ("fedora_qa.cli.verify:verify", "Verify that a release is still the one that was certified."),
         "stats": ("fedora_qa.cli.stats:stats", "Print the sequence and flow tables of files."),
         "compare": ("fedora_qa.cli.compare:compare", "Hold sequences, datasets or two versions against each other."),
+        "extract": (
+            "fedora_qa.cli.extract:extract",
+            "Cut out the least file that shows a finding, to send to somebody.",
+        ),
         "report": ("fedora_qa.cli.report:report", "Render a record again, without the data."),
         "checks": ("fedora_qa.cli.explain:checks", "List the checks, each with its question."),
         "explain": ("fedora_qa.cli.explain:explain", "Say what a check measures, how, and what it cannot see."),
