@@ -21,9 +21,9 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeVar
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
@@ -106,6 +106,17 @@ def read_config(path: Path) -> CheckConfig:
     config = read_toml(path, CONFIG_READER, "configuration")
     parse_bytes(config.memory)
     return dialect_beside(config, path)
+
+
+def with_options(config: CheckConfig, options: Mapping[str, Any]) -> CheckConfig:
+    """Return a configuration with options, by their keys, in its place; raises ``MisuseError`` as ``read_config``."""
+    values = {each.name: getattr(config, each.name) for each in fields(config)}
+    try:
+        changed = CONFIG_READER.validate_python({**values, **options})
+    except ValidationError as error:
+        raise MisuseError(f"Expected legal options, got {_first_problem(error)}") from None
+    parse_bytes(changed.memory)
+    return changed
 
 
 def read_toml(path: Path, reader: TypeAdapter[T], noun: str) -> T:
