@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Final, cast
 
 import click
+from click.shell_completion import CompletionItem, shell_complete
 
 from fedora_qa import __version__
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
@@ -40,6 +41,10 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
 )
 """Where each command is, and what it does, in the order in which help shows them."""
 
+PROGRAM: Final = "fedora-qa"
+COMPLETION_VARIABLE: Final = "_FEDORA_QA_COMPLETE"
+"""Set by a shell that asks what may follow, and by a person who asks for the script that makes it ask."""
+
 TRACEBACK_VARIABLE: Final = "FEDORA_QA_TRACEBACK"
 
 
@@ -57,6 +62,12 @@ class LazyGroup(click.Group):
         module, name = COMMANDS[cmd_name][0].split(":")
         return cast(click.Command, getattr(importlib.import_module(module), name))
 
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Return the commands and options that begin so, without importing any command."""
+        found = [CompletionItem(name, help=meaning) for name, (_, meaning) in COMMANDS.items()]
+        options = click.Command.shell_complete(self, ctx, incomplete)
+        return [*(item for item in found if item.value.startswith(incomplete)), *options]
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write what each command does, without importing any."""
         with formatter.section("Commands"):
@@ -64,7 +75,7 @@ class LazyGroup(click.Group):
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="fedora-qa")
+@click.version_option(__version__, prog_name=PROGRAM)
 def fedora_qa() -> None:
     """Recompute what must hold between the streams of an event-camera sequence, and say what does not.
 
@@ -74,10 +85,13 @@ def fedora_qa() -> None:
 
 
 def main() -> None:
-    """Run the command line and leave with its exit code."""
+    """Run the command line, or tell a shell what may follow, and leave with the exit code."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
+    instruction = os.environ.get(COMPLETION_VARIABLE)
+    if instruction:
+        sys.exit(shell_complete(fedora_qa, {}, PROGRAM, COMPLETION_VARIABLE, instruction))
     sys.exit(run(sys.argv[1:]))
 
 
@@ -101,7 +115,7 @@ def run(arguments: Sequence[str]) -> int:
 
 def _invoke(arguments: list[str]) -> int:
     """Run a command without click's own ending, which gives a closed pipe the code that means findings."""
-    with fedora_qa.make_context("fedora-qa", arguments) as context:
+    with fedora_qa.make_context(PROGRAM, arguments) as context:
         code: int = fedora_qa.invoke(context)
     sys.stdout.flush()
     return code
