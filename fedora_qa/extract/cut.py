@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fedora_qa.extract.index_maps import entries_kept, shifted
 from fedora_qa.extract.place import Piece
 from fedora_qa.extract.rows import Rows, rows_kept
-from fedora_qa.extract.storage import copy_attributes, copy_rows, needs_whole_chunks, new_dataset
+from fedora_qa.extract.storage import copy_attributes, copy_rows, copy_whole, needs_whole_chunks, new_dataset
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset
@@ -56,7 +56,7 @@ class Cutter:
         cuts: dict[int, _Cut] = {}
         for key, dataset in self._datasets.items():
             stream = DATASETS[key].stream
-            cuts[_address(dataset)] = _Cut(kept[stream], self._entries(stream, dataset, kept))
+            cuts[_address(self._file, dataset.name)] = _Cut(kept[stream], self._entries(stream, dataset, kept))
         with h5py.File(target, "w") as copy:
             writer = _Writer(cuts)
             writer.group(self._file, copy)
@@ -121,8 +121,9 @@ def _stop(rows: Rows, dataset: h5py.Dataset) -> int:
     return int(dataset.shape[0]) if rows.to_the_end else min(rows.stop, int(dataset.shape[0]))
 
 
-def _address(thing: h5py.Group | h5py.Dataset) -> int:
-    return int(h5py.h5o.get_info(thing.id).addr)
+def _address(group: h5py.Group, path: str) -> int:
+    """Return where the object of a hard link lies, as the link tells: the object itself may be damaged."""
+    return int(group.id.links.get_info(path.encode("utf-8", "surrogateescape")).u)
 
 
 @dataclass
@@ -135,32 +136,38 @@ class _Writer:
 
     def group(self, source: h5py.Group, copy: h5py.Group) -> None:
         """Write the attributes and members of a group."""
-        self.written[_address(source)] = copy.name
         copy_attributes(source, copy)
         for name, link in _links(source):
             try:
                 self._member(source, copy, name, link)
             except READ_ERRORS:
                 self.left_out.append(f"{source.name.rstrip('/')}/{name}")
+                with suppress(*READ_ERRORS):
+                    del copy[name]
 
     def _member(self, source: h5py.Group, copy: h5py.Group, name: str, link: Any) -> None:
         if not isinstance(link, h5py.HardLink):
             copy[name] = link
             return
-        thing = source[name]
-        address = _address(thing)
+        address = _address(source, name)
         if address in self.written:
             copy[name] = copy.file[self.written[address]]
-        elif isinstance(thing, h5py.Group):
+            return
+        thing = source[name]
+        if isinstance(thing, h5py.Group):
+            self.written[address] = f"{copy.name.rstrip('/')}/{name}"
             self.group(thing, copy.create_group(name))
-        elif isinstance(thing, h5py.Dataset) and address in self.cuts:
+            return
+        if isinstance(thing, h5py.Dataset) and address in self.cuts:
             self._rows(thing, copy, name, self.cuts[address])
-            self.written[address] = copy[name].name
-        elif isinstance(thing, h5py.Dataset) and thing.nbytes > _SMALL_BYTES:
+        elif not isinstance(thing, h5py.Dataset):
+            copy[name] = thing.dtype
+        elif thing.nbytes > _SMALL_BYTES:
             self.left_out.append(thing.name)
+            return
         else:
-            source.copy(thing, copy, name)
-            self.written[address] = copy[name].name
+            copy_whole(thing, copy, name)
+        self.written[address] = f"{copy.name.rstrip('/')}/{name}"
 
     def _rows(self, dataset: h5py.Dataset, copy: h5py.Group, name: str, cut: _Cut) -> None:
         if cut.entries is None:
@@ -173,7 +180,8 @@ class _Writer:
 
 
 def _links(group: h5py.Group) -> Iterator[tuple[str, Any]]:
-    """Yield the members of a group, by name, with how each is linked; those that cannot be listed are left out."""
+    """Yield the members of a group that can be listed, by name, with how each is linked."""
     with suppress(*READ_ERRORS):
         for name in group:
-            yield name, group.get(name, getlink=True)
+            if isinstance(name, str):  # what is no UTF-8 comes as bytes, and names nothing of any dialect
+                yield name, group.get(name, getlink=True)

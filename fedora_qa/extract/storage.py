@@ -6,8 +6,7 @@ begin within a chunk are decoded and stored anew.
 
 from collections.abc import Iterator
 from contextlib import suppress
-from itertools import product
-from math import ceil
+from math import ceil, prod
 from typing import Any, Final
 
 import h5py
@@ -22,15 +21,19 @@ _COPIED_AT_ONCE: Final = 16 << 20
 
 def copy_attributes(source: h5py.Group | h5py.Dataset, target: h5py.Group | h5py.Dataset) -> None:
     """Copy attributes with their stored types; what cannot be read, or points at objects of the file, is left out."""
-    for name in source.attrs:
+    names: list[str | bytes] = []
+    with suppress(*READ_ERRORS):
+        names += source.attrs
+    for name in names:
+        coded = name if isinstance(name, bytes) else name.encode()  # what is no UTF-8 comes as bytes
         with suppress(*READ_ERRORS):
-            stored = h5py.h5a.open(source.id, name.encode())
+            stored = h5py.h5a.open(source.id, coded)
             if not _holds_references(stored.get_type()):
-                _copy_attribute(stored, target, name)
+                _copy_attribute(stored, target, coded)
 
 
-def _copy_attribute(stored: Any, target: h5py.Group | h5py.Dataset, name: str) -> None:
-    copy = h5py.h5a.create(target.id, name.encode(), stored.get_type(), stored.get_space())
+def _copy_attribute(stored: Any, target: h5py.Group | h5py.Dataset, name: bytes) -> None:
+    copy = h5py.h5a.create(target.id, name, stored.get_type(), stored.get_space())
     if stored.get_space().get_simple_extent_type() != h5py.h5s.NULL:
         values = np.empty(stored.shape, dtype=stored.dtype)
         stored.read(values, mtype=stored.get_type())
@@ -45,9 +48,9 @@ def needs_whole_chunks(dataset: h5py.Dataset, start: int, stop: int) -> bool:
     """Whether rows of chunks cannot be decoded, or were never written, so that only whole chunks show it."""
     if dataset.chunks is None or start % dataset.chunks[0] == 0:
         return False
-    if any(_chunk_bytes(dataset, corner) is None for corner in _corners(dataset, start, stop)):
-        return True
     try:
+        if len(_written_corners(dataset, start, stop)) < _chunk_count(dataset, start, stop):
+            return True
         for _ in _blocks(dataset, start, stop):
             continue
     except READ_ERRORS:
@@ -64,12 +67,31 @@ def copy_rows(dataset: h5py.Dataset, parent: h5py.Group, name: str, start: int, 
         Rows that begin within a chunk cannot be decoded; see ``needs_whole_chunks``.
     """
     copy = new_dataset(dataset, parent, name, stop - start)
-    if dataset.chunks is not None and start % dataset.chunks[0] == 0:
+    if dataset.chunks is not None and start % dataset.chunks[0] == 0 and not _points_elsewhere(dataset):
         _copy_chunks(dataset, copy, start, stop)
     elif dataset.chunks is not None or dataset.id.get_storage_size():
         for first, rows in _blocks(dataset, start, stop):
             copy[first - start : first - start + len(rows)] = rows
     copy_attributes(dataset, copy)
+
+
+def copy_whole(dataset: h5py.Dataset, parent: h5py.Group, name: str) -> None:
+    """Copy a dataset of any shape beneath a group; one whose values lie in other files still refers to them.
+
+    HDF5's own copy is not used: damaged objects make it end the process.
+    """
+    stored = dataset.id
+    made = h5py.h5d.create(parent.id, name.encode(), stored.get_type(), stored.get_space(), stored.get_create_plist())
+    copy, outside = h5py.Dataset(made), dataset.is_virtual or dataset.external
+    if dataset.shape is not None and not outside and stored.get_storage_size():
+        copy[()] = dataset[()]
+    copy_attributes(dataset, copy)
+
+
+def _points_elsewhere(dataset: h5py.Dataset) -> bool:
+    """Whether stored bytes are no values but say where in the file values lie, as those of texts of any length do."""
+    stored_type = dataset.id.get_type()
+    return _holds_references(stored_type) or bool(stored_type.detect_class(h5py.h5t.VLEN)) or dataset.dtype.hasobject
 
 
 def new_dataset(dataset: h5py.Dataset, parent: h5py.Group, name: str, rows: int) -> h5py.Dataset:
@@ -82,24 +104,28 @@ def new_dataset(dataset: h5py.Dataset, parent: h5py.Group, name: str, rows: int)
 
 
 def _copy_chunks(dataset: h5py.Dataset, copy: h5py.Dataset, start: int, stop: int) -> None:
-    for corner in _corners(dataset, start, stop):
-        if _chunk_bytes(dataset, corner) is not None:
-            filters, stored = dataset.id.read_direct_chunk(corner)
-            copy.id.write_direct_chunk((corner[0] - start, *corner[1:]), stored, filters)
+    for corner in _written_corners(dataset, start, stop):
+        filters, stored = dataset.id.read_direct_chunk(corner)
+        copy.id.write_direct_chunk((corner[0] - start, *corner[1:]), stored, filters)
 
 
-def _corners(dataset: h5py.Dataset, start: int, stop: int) -> Iterator[tuple[int, ...]]:
-    """Yield the first index of every chunk that holds any of the rows."""
-    first = start // dataset.chunks[0] * dataset.chunks[0]
-    axes = [range(first, stop, dataset.chunks[0])]
-    axes += [range(0, size, chunk) for size, chunk in zip(dataset.shape[1:], dataset.chunks[1:], strict=True)]
-    yield from product(*axes)
+def _written_corners(dataset: h5py.Dataset, start: int, stop: int) -> list[tuple[int, ...]]:
+    """Return the first index of every chunk that holds any of the rows and was ever written."""
+    first, found = start // dataset.chunks[0] * dataset.chunks[0], []
+
+    def note(chunk: Any) -> None:
+        if first <= chunk.chunk_offset[0] < stop:
+            found.append(tuple(chunk.chunk_offset))
+
+    dataset.id.chunk_iter(note)
+    return found
 
 
-def _chunk_bytes(dataset: h5py.Dataset, corner: tuple[int, ...]) -> int | None:
-    """Return how many bytes a chunk takes in the file; None where it was never written."""
-    found = dataset.id.get_chunk_info_by_coord(corner)
-    return None if found.byte_offset is None else int(found.size)
+def _chunk_count(dataset: h5py.Dataset, start: int, stop: int) -> int:
+    """Return how many chunks hold any of the rows."""
+    along = ceil(stop / dataset.chunks[0]) - start // dataset.chunks[0]
+    across = (ceil(size / chunk) for size, chunk in zip(dataset.shape[1:], dataset.chunks[1:], strict=True))
+    return along * prod(across) if stop > start else 0
 
 
 def _blocks(dataset: h5py.Dataset, start: int, stop: int) -> Iterator[tuple[int, NDArray[Any]]]:

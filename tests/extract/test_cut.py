@@ -165,6 +165,10 @@ def test_what_belongs_to_no_stream(copy: Path, tmp_path: Path) -> None:
         file["notes/soft"] = h5py.SoftLink("/path/imu/ts")
         file["notes/hard"] = file["path/imu"]
         file["notes/loop"] = file["notes"]
+        file["notes/type"] = np.dtype([("a", "<i4"), ("b", "<f8")])
+        file["notes/texts"] = ["one", "of any length"]
+        file["notes/scalar"] = 3.5
+        file["notes/nothing"] = h5py.Empty("f8")
     kept, left_out = cut(copy, tmp_path / "piece.h5")
     assert left_out == ("/notes/large",)
     with h5py.File(tmp_path / "piece.h5") as piece:
@@ -172,6 +176,25 @@ def test_what_belongs_to_no_stream(copy: Path, tmp_path: Path) -> None:
         assert len(values(piece, "notes/soft")) == kept["imu"].stop - kept["imu"].start
         assert piece["notes/hard"] == piece["path/imu"]
         assert piece["notes/loop"] == piece["notes"]
+        assert piece["notes/type"].dtype.names == ("a", "b")
+        assert values(piece, "notes/texts").tolist() == [b"one", b"of any length"]
+        assert piece["notes/scalar"][()] == 3.5
+        assert piece["notes/nothing"].shape is None
+
+
+@pytest.mark.parametrize("path", ["path/imu/ts", "path/imu", "metadata/pose", "metadata/depth_range"])
+def test_what_does_not_open_is_left_out(path: str, copy: Path, tmp_path: Path) -> None:
+    """An object whose header is damaged is left out and named, and everything else is there."""
+    with h5py.File(copy) as file:
+        header = file.id.links.get_info(path.encode()).u
+    with copy.open("r+b") as stored:
+        stored.seek(header)
+        stored.write(b"\xff" * 4)
+    _, left_out = cut(copy, tmp_path / "piece.h5")
+    assert left_out == (f"/{path}",)
+    with h5py.File(tmp_path / "piece.h5") as piece:
+        assert path not in piece
+        assert len(values(piece, "path/rgb"))
 
 
 def test_another_dialect_stays_itself(tmp_path: Path) -> None:
