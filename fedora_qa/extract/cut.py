@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.extract.index_maps import entries_kept, shifted
 from fedora_qa.extract.place import Piece
+from fedora_qa.extract.remembering import RememberingFile
 from fedora_qa.extract.rows import Rows, rows_kept
 from fedora_qa.extract.storage import copy_attributes, copy_rows, copy_whole, needs_whole_chunks, new_dataset
 from fedora_qa.layout.canonical import DATASETS
@@ -50,6 +51,11 @@ class Cutter:
         Returns
         -------
         The rows that were kept, by stream, and the paths that were left out.
+
+        Raises
+        ------
+        MisuseError
+            The target cannot be written: the disk is full, say.
         """
         counts = _row_counts(self._datasets)
         kept = _aligned(rows_kept(piece, self._sequence, self._scanned, counts), self._datasets)
@@ -57,9 +63,11 @@ class Cutter:
         for key, dataset in self._datasets.items():
             stream = DATASETS[key].stream
             cuts[_address(self._file, dataset.name)] = _Cut(kept[stream], self._entries(stream, dataset, kept))
-        with h5py.File(target, "w") as copy:
-            writer = _Writer(cuts)
-            writer.group(self._file, copy)
+        with RememberingFile(target) as file:
+            with h5py.File(file, "w") as copy:
+                writer = _Writer(cuts, file)
+                writer.group(self._file, copy)
+            file.go_on()
         return kept, tuple(writer.left_out)
 
     def _entries(self, stream: str, dataset: h5py.Dataset, kept: Mapping[str, Rows]) -> NDArray[np.int64] | None:
@@ -131,6 +139,7 @@ class _Writer:
     """Walks a file and writes what is kept of it; an object that has several names is written once."""
 
     cuts: Mapping[int, _Cut]
+    file: RememberingFile
     written: dict[int, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
 
@@ -138,6 +147,7 @@ class _Writer:
         """Write the attributes and members of a group."""
         copy_attributes(source, copy)
         for name, link in _links(source):
+            self.file.go_on()
             try:
                 self._member(source, copy, name, link)
             except READ_ERRORS:

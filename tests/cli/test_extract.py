@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -108,6 +110,27 @@ def test_what_is_refused(
     assert told in done.err
     assert len(done.err.splitlines()) == 1
     assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+
+
+FULL = """
+import resource, signal, sys
+from fedora_qa.cli.main import run
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 20, 1 << 20))
+sys.exit(run(sys.argv[1:]))
+"""
+
+
+def test_a_full_disk_leaves_nothing(unsorted: Path, record: Path) -> None:
+    """Where the file cannot grow, that is said, and no piece of a piece is left."""
+    arguments = ["extract", str(unsorted), "F1", "--record", str(record), "-o", str(unsorted.with_name("small.h5"))]
+    before = sorted(unsorted.parent.iterdir())
+    done = subprocess.run([sys.executable, "-c", FULL, *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "fedora-qa: Expected to be able to write the piece, got: File too large; nothing is written\n"
+    )
+    assert sorted(unsorted.parent.iterdir()) == before
 
 
 def test_force_writes_over(unsorted: Path, record: Path, fedora_qa: Command) -> None:
