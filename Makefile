@@ -7,7 +7,7 @@
 #   make bench-files  what checking files of 1440x1080 takes, against decoding them: docs/full-size.md; half an hour, 5 GB
 #   make bench-imu    what IMU against pose can tell, and whether its errors hold: docs/inertial-limits.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
-#   make docs         writes the pages of docs/checks from what the checks say of themselves
+#   make docs         writes the pages of docs/checks from what the checks say of themselves, and the published schemas
 #   make power        350 clean and 2200 faulty files, what is found of them: docs/power-tables.md; 23 GB, an hour and a quarter
 #   make study-causes  every fault in four scenes: found, and named? docs/named-causes.md; two hours
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
@@ -51,6 +51,7 @@ bench-imu: $(READY)
 
 docs: $(READY)
 	$(BIN)/python -m fedora_qa.cli.check_pages docs/checks
+	$(BIN)/python -m fedora_qa.cli.schema_files
 
 study-causes: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.named_causes --fresh

@@ -21,9 +21,9 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeVar
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
@@ -56,18 +56,28 @@ Share = Annotated[float, Field(ge=0, le=1)]
 class CheckConfig:
     """Everything that a configuration file may say, and nothing else."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
     effort: Literal["quick", "standard", "full", "exhaustive"] = "full"
+    """How much to look at."""
     select: tuple[str, ...] = ()
+    """Subjects or checks to run; all where absent."""
     ignore: tuple[str, ...] = ()
+    """Subjects or checks to leave out."""
     dialect: str | None = None
+    """How the files name and scale things: a name, or a TOML file beside this one; recognised where absent."""
     fail_on: Literal["failed", "warned"] = "failed"
+    """From which outcome on a check counts as a finding."""
     memory: str = "1GB"
+    """Memory to aim at, such as 1GB or 512MiB."""
     false_alarm_rate: Annotated[float, Field(gt=0, lt=1)] = 1e-4
+    """How often an honest file may alarm; shared by all comparisons of a file."""
     canary: bool = False
+    """Whether each check must see a fault that is planted for it in memory."""
     jobs: Annotated[int, Field(ge=1)] = 1
+    """Tasks at once, each in a process of its own; they share the memory."""
     required_coverage: Mapping[str, Share] = field(default_factory=dict)
+    """Least share, 0 to 1, that a subject or check must see."""
 
     @property
     def memory_bytes(self) -> int:
@@ -82,7 +92,7 @@ class CheckConfig:
         return hashlib.sha256(canonical.encode()).hexdigest()
 
 
-_READER: Final = TypeAdapter(CheckConfig)
+CONFIG_READER: Final = TypeAdapter(CheckConfig)
 
 
 def read_config(path: Path) -> CheckConfig:
@@ -93,9 +103,20 @@ def read_config(path: Path) -> CheckConfig:
     MisuseError
         There is no such file, it is not TOML, or a key is unknown or has an illegal value; names the key.
     """
-    config = read_toml(path, _READER, "configuration")
+    config = read_toml(path, CONFIG_READER, "configuration")
     parse_bytes(config.memory)
     return dialect_beside(config, path)
+
+
+def with_options(config: CheckConfig, options: Mapping[str, Any]) -> CheckConfig:
+    """Return a configuration with options, by their keys, in its place; raises ``MisuseError`` as ``read_config``."""
+    values = {each.name: getattr(config, each.name) for each in fields(config)}
+    try:
+        changed = CONFIG_READER.validate_python({**values, **options})
+    except ValidationError as error:
+        raise MisuseError(f"Expected legal options, got {_first_problem(error)}") from None
+    parse_bytes(changed.memory)
+    return changed
 
 
 def read_toml(path: Path, reader: TypeAdapter[T], noun: str) -> T:

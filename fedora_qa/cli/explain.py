@@ -31,8 +31,14 @@ def checks() -> int:
     return 0
 
 
+def _names(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Return the subjects and checks that begin so, for the completion of shells."""
+    names = dict.fromkeys(name for check in CHECKS for name in (check.name.split(".")[0], check.name))
+    return [name for name in names if name.startswith(incomplete)]
+
+
 @click.command(short_help="Say what a check measures, how, and what it cannot see.")
-@click.argument("name", metavar="CHECK")
+@click.argument("name", metavar="CHECK", shell_complete=_names)
 def explain(name: str) -> int:
     """Say what CHECK, or every check of a subject, measures, how, and what it cannot see."""
     found = [check for check in CHECKS if name in {check.name, check.name.split(".")[0]}]

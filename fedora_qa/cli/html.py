@@ -22,6 +22,15 @@ def require_renderer() -> None:
         ) from None
 
 
+def render_html_or_none(record: Record, arrays: Mapping[str, NDArray[Any]]) -> str | None:
+    """Draw the report from a record and its arrays; None where what draws reports is not installed."""
+    try:
+        from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
+    except ImportError:
+        return None
+    return render_html(record, arrays)
+
+
 def write_html(target: Path, record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Draw the report from a record and its arrays, and write it entirely or not at all."""
     from fedora_reports.html import render_html  # noqa: PLC0415 - an extra

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Final, cast
 
 import click
+from click.shell_completion import CompletionItem, shell_complete
 
 from fedora_qa import __version__
 from fedora_qa.cli.began import BEGAN
@@ -28,14 +29,23 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
         "verify": ("fedora_qa.cli.verify:verify", "Verify that a release is still the one that was certified."),
         "stats": ("fedora_qa.cli.stats:stats", "Print the sequence and flow tables of files."),
         "compare": ("fedora_qa.cli.compare:compare", "Hold sequences, datasets or two versions against each other."),
+        "extract": (
+            "fedora_qa.cli.extract:extract",
+            "Cut out the least file that shows a finding, to send to somebody.",
+        ),
         "report": ("fedora_qa.cli.report:report", "Render a record again, without the data."),
         "checks": ("fedora_qa.cli.explain:checks", "List the checks, each with its question."),
         "explain": ("fedora_qa.cli.explain:explain", "Say what a check measures, how, and what it cannot see."),
         "layout": ("fedora_qa.cli.layout:layout", "Say what a file holds, where, and what was inferred."),
+        "schema": ("fedora_qa.cli.schema:schema", "Print the JSON schema of a document or configuration."),
         "doctor": ("fedora_qa.cli.doctor:doctor", "Say whether this machine can run the checks."),
     }
 )
 """Where each command is, and what it does, in the order in which help shows them."""
+
+PROGRAM: Final = "fedora-qa"
+COMPLETION_VARIABLE: Final = "_FEDORA_QA_COMPLETE"
+"""Set by a shell that asks what may follow, and by a person who asks for the script that makes it ask."""
 
 TRACEBACK_VARIABLE: Final = "FEDORA_QA_TRACEBACK"
 
@@ -55,6 +65,12 @@ class LazyGroup(click.Group):
         module, name = COMMANDS[cmd_name][0].split(":")
         return cast(click.Command, getattr(importlib.import_module(module), name))
 
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Return the commands and options that begin so, without importing any command."""
+        found = [CompletionItem(name, help=meaning) for name, (_, meaning) in COMMANDS.items()]
+        options = click.Command.shell_complete(self, ctx, incomplete)
+        return [*(item for item in found if item.value.startswith(incomplete)), *options]
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write what each command does, without importing any."""
         with formatter.section("Commands"):
@@ -62,7 +78,7 @@ class LazyGroup(click.Group):
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="fedora-qa")
+@click.version_option(__version__, prog_name=PROGRAM)
 def fedora_qa() -> None:
     """Recompute what must hold between the streams of an event-camera sequence, and say what does not.
 
@@ -72,10 +88,13 @@ def fedora_qa() -> None:
 
 
 def main() -> None:
-    """Run the command line and leave with its exit code."""
+    """Run the command line, or tell a shell what may follow, and leave with the exit code."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
+    instruction = os.environ.get(COMPLETION_VARIABLE)
+    if instruction:
+        sys.exit(shell_complete(fedora_qa, {}, PROGRAM, COMPLETION_VARIABLE, instruction))
     sys.exit(run(sys.argv[1:]))
 
 
@@ -99,7 +118,7 @@ def run(arguments: Sequence[str]) -> int:
 
 def _invoke(arguments: list[str]) -> int:
     """Run a command without click's own ending, which gives a closed pipe the code that means findings."""
-    with fedora_qa.make_context("fedora-qa", arguments) as context:
+    with fedora_qa.make_context(PROGRAM, arguments) as context:
         code: int = fedora_qa.invoke(context)
     sys.stdout.flush()
     return code

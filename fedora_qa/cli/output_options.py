@@ -17,6 +17,7 @@ _OPTIONS: Final = (
     click.option("--junit", type=PATH, metavar="OUT", help="Write JUnit XML, for the test pages of CI systems."),
     click.option("--sarif", type=PATH, metavar="OUT", help="Write SARIF 2.1.0, for code scanning."),
     click.option("--csv", type=PATH, metavar="DIR", help="Write tables as CSV files into a folder."),
+    click.option("--parquet", type=PATH, metavar="DIR", help="Write the same tables as Parquet files into a folder."),
     click.option("--github", is_flag=True, help="Print annotations for GitHub Actions after the summary."),
 )
 
@@ -36,12 +37,13 @@ def output_options(command: Callable[..., int]) -> Callable[..., int]:
         junit: Path | None,
         sarif: Path | None,
         csv: Path | None,
+        parquet: Path | None,
         github: bool,
         json: Path | None = None,
         **others: Any,
     ) -> int:
         outputs = Outputs(
-            json=json, markdown=markdown, html=html, junit=junit, sarif=sarif, csv=csv, github=github
+            json=json, markdown=markdown, html=html, junit=junit, sarif=sarif, csv=csv, parquet=parquet, github=github
         )  # fmt: skip
         return command(outputs=outputs, **others)
 

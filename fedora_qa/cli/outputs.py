@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.cli.arrays import arrays_beside, write_arrays
 from fedora_qa.cli.html import require_renderer, write_html
+from fedora_qa.cli.parquet import PARQUET_NAMES, require_parquet, write_parquet
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.csv_tables import CSV_NAMES, record_to_csv
@@ -24,8 +25,8 @@ from fedora_qa.record.types import Record
 class Outputs:
     """Where to write what; None is not written.
 
-    ``own`` is what a command writes by itself: a dialect, tables. ``csv`` is a folder. ``github`` is whether to print
-    annotations.
+    ``own`` is what a command writes by itself: a dialect, tables. ``csv`` and ``parquet`` are folders, and may be one.
+    ``github`` is whether to print annotations.
     """
 
     json: Path | None = None
@@ -35,6 +36,7 @@ class Outputs:
     junit: Path | None = None
     sarif: Path | None = None
     csv: Path | None = None
+    parquet: Path | None = None
     github: bool = False
 
     @property
@@ -51,9 +53,10 @@ class Outputs:
         """Raise ``MisuseError`` where an output cannot be written, or would overwrite an input or another output."""
         alone = (self.json, self.arrays, self.markdown, self.html, *self.own, self.junit, self.sarif)
         targets = [path for path in alone if path is not None]
-        if self.csv:
-            _require_folder(self.csv)
-            targets += [self.csv / name for name in CSV_NAMES if self.csv.is_dir()]
+        for folder, names in ((self.csv, CSV_NAMES), (self.parquet, PARQUET_NAMES)):
+            if folder:
+                _require_folder(folder)
+                targets += [folder / name for name in names if folder.is_dir()]
         places = [path.resolve() for path in targets]
         read = {path.resolve() for path in inputs}
         for target, place in zip(targets, places, strict=True):
@@ -65,6 +68,8 @@ class Outputs:
                 raise MisuseError(f"Expected the folder of {target} to exist; make it first")
             if not os.access(place.parent, os.W_OK):
                 raise MisuseError(f"Expected the folder of {target} to be writable")
+        if self.parquet:
+            require_parquet()
         if self.html:
             require_renderer()
 
@@ -83,6 +88,9 @@ class Outputs:
             self.csv.mkdir(exist_ok=True)
             for name, table in record_to_csv(record).items():
                 write_text(self.csv / name, table)
+        if self.parquet:
+            self.parquet.mkdir(exist_ok=True)
+            write_parquet(self.parquet, record)
         if self.html:
             write_html(self.html, record, arrays)
 

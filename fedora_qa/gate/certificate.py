@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Final, Literal
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter
 
-from fedora_qa.errors import MisuseError
 from fedora_qa.gate.baseline import named_files
 from fedora_qa.gate.documents import whole_digest
 from fedora_qa.gate.policy import Policy
 from fedora_qa.gate.release import FOLDER, inside
 from fedora_qa.gate.waivers import Waiver
-from fedora_qa.record.atomic import write_text
+from fedora_qa.record.documents import DocumentKind
 from fedora_qa.record.types import Coverage, FileRecord, Outcome, Record, Result, Tool
 
 CERTIFICATE_VERSION: Final = "1.0"
@@ -89,11 +88,21 @@ class Certificate:
     @property
     def own_digest(self) -> str:
         """What ``digest`` is in a certificate that nobody has changed."""
-        values = _ADAPTER.dump_python(replace(self, digest=""), mode="json")
+        values = CERTIFICATE.adapter.dump_python(replace(self, digest=""), mode="json")
         return hashlib.sha256(json.dumps(values, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-_ADAPTER: Final = TypeAdapter(Certificate)
+CERTIFICATE: Final = DocumentKind(
+    name="certificate",
+    noun="a certificate",
+    version=CERTIFICATE_VERSION,
+    adapter=TypeAdapter(Certificate),
+    written_by="fedora-qa gate --certificate",
+    again="certify the release again with this version",
+)
+
+write_certificate = CERTIFICATE.write
+read_certificate = CERTIFICATE.read
 
 
 def certificate_of(record: Record, policy: Policy, policy_sha256: str, digests: Mapping[str, str]) -> Certificate:
@@ -122,27 +131,6 @@ def certificate_of(record: Record, policy: Policy, policy_sha256: str, digests: 
         noted=tuple(note for name, file in named for note in _notes(name, file)),
     )
     return replace(certificate, digest=certificate.own_digest)
-
-
-def write_certificate(certificate: Certificate, path: Path) -> None:
-    """Write the certificate as JSON, entirely or not at all."""
-    text = json.dumps(_ADAPTER.dump_python(certificate, mode="json"), allow_nan=False, indent=1)
-    write_text(path, text + "\n")
-
-
-def read_certificate(path: Path) -> Certificate:
-    """Read a certificate; raises ``MisuseError`` where there is none, or one of another version."""
-    try:
-        return _ADAPTER.validate_json(path.read_bytes())
-    except OSError as problem:
-        raise MisuseError(f"Expected a readable certificate at {path}, got: {problem.strerror}") from None
-    except ValidationError as problem:
-        first = problem.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "the document"
-        raise MisuseError(
-            f"Expected a certificate of version {CERTIFICATE_VERSION} in {path}, got at {place}: {first['msg']}; "
-            "give what `fedora-qa gate --certificate` wrote"
-        ) from None
 
 
 def _certified(name: str, file: FileRecord, sha256: str) -> CertifiedFile:

@@ -26,7 +26,7 @@ RULES: Final = ("release", *(f"release.{rule}" for rule in (
 )))  # fmt: skip
 """The rules about a release, as severities name them: all together, and each. Waivers that are wrong always fail."""
 
-_STRICT: Final = ConfigDict(extra="forbid")
+_STRICT: Final = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,9 @@ class Bounds:
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
     least: float | None = None
+    """The least that it may be."""
     most: float | None = None
+    """The most that it may be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,63 +48,54 @@ class Documents:
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
     datasheet: str | None = None
+    """Says what the release is."""
     licence: str | None = None
+    """Says what may be done with it."""
     checksums: str | None = None
     """In the form of ``sha256sum``: it must list every sequence, and every digest in it must be right."""
 
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """Everything that a policy may say, and nothing else.
-
-    Attributes
-    ----------
-    ruleset_version
-        The ruleset that the policy was written for; another one is refused, so that an upgrade flips no gate.
-    files
-        Patterns of the sequences beneath the folder; ``**`` stands for any depth. Hidden files are left out.
-    check
-        The options of ``fedora-qa.toml``.
-    required_streams
-        Streams that every sequence must hold; ``flow`` is all rates.
-    required_checks
-        Subjects or checks that must tell of every sequence; one that cannot makes it incomplete.
-    severity
-        What the findings of a subject or check count as. ``error`` and ``critical`` fail the gate.
-    naming
-        Regular expression that the whole name of each sequence, relative to the folder, must match.
-    same_intrinsics
-        Cameras whose declared intrinsics must be the same in all sequences.
-    distinct_streams
-        Streams whose content must not occur twice; ``flow`` is all rates.
-    splits
-        Patterns by split, in which ``*`` stands for any text; each sequence in one, and no content in two.
-    """
+    """Everything that a policy may say, and nothing else."""
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
     ruleset_version: str
+    """The ruleset that the policy was written for; another one is refused, so that an upgrade flips no gate."""
     files: tuple[str, ...] = ("**/*.h5", "**/*.hdf5")
+    """Patterns of the sequences beneath the folder; ``**`` stands for any depth. Hidden files are left out."""
     check: CheckConfig = field(default_factory=CheckConfig)
+    """The options of ``fedora-qa.toml``."""
     required_streams: tuple[str, ...] = ()
+    """Streams that every sequence must hold; ``flow`` is all rates."""
     required_checks: tuple[str, ...] = ()
+    """Subjects or checks that must tell of every sequence; one that cannot makes it incomplete."""
     severity: Mapping[str, Severity] = field(default_factory=dict)
+    """What the findings of a subject or check count as. ``error`` and ``critical`` fail the gate."""
     naming: str | None = None
+    """Regular expression that the whole name of each sequence, relative to the folder, must match."""
     same_intrinsics: tuple[CameraName, ...] = ()
+    """Cameras whose declared intrinsics must be the same in all sequences."""
     distinct_streams: tuple[str, ...] = ()
+    """Streams whose content must not occur twice; ``flow`` is all rates."""
     totals: Mapping[Total, Bounds] = field(default_factory=dict)
+    """Bounds of sums over the release."""
     documents: Documents = field(default_factory=Documents)
+    """Files that must lie in the release, by their names in it."""
     splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Patterns by split, in which ``*`` stands for any text; each sequence in one, and no content in two."""
     waivers: tuple[Waiver, ...] = ()
+    """Findings that somebody answers for until a day."""
 
     @property
     def digest(self) -> str:
         """SHA-256 of everything that the policy says, equal for equal policies."""
-        canonical = json.dumps(_READER.dump_python(self, mode="json"), sort_keys=True, separators=(",", ":"))
+        canonical = json.dumps(POLICY_READER.dump_python(self, mode="json"), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 
 
-_READER: Final = TypeAdapter(Policy)
+POLICY_READER: Final = TypeAdapter(Policy)
 
 
 def read_policy(path: Path) -> Policy:
@@ -114,7 +107,7 @@ def read_policy(path: Path) -> Policy:
         There is no such file, it is not TOML, is for another ruleset, or a key is unknown or has an illegal value;
         names the key.
     """
-    policy = read_toml(path, _READER, "policy")
+    policy = read_toml(path, POLICY_READER, "policy")
     if policy.ruleset_version != RULESET_VERSION:
         raise MisuseError(
             f"Expected ruleset {policy.ruleset_version!r}, which {path} pins, got {RULESET_VERSION!r}; install the "

@@ -10,38 +10,31 @@ from pydantic import ConfigDict, Field
 from fedora_qa.gate.marking import marked
 from fedora_qa.gate.release import FOLDER
 from fedora_qa.gate.ruling import Ruling, Violation
-from fedora_qa.record.types import FileRecord, Finding, Result
+from fedora_qa.record.types import FileRecord, Finding, Result, Waived
 
 NonEmpty = Annotated[str, Field(min_length=1)]
 
 
 @dataclass(frozen=True, slots=True)
 class Waiver:
-    """A finding that is accepted: of one check, in one file, of one rule or with one cause.
+    """A finding that is accepted: of one check, in one file, of one rule or with one cause."""
 
-    Attributes
-    ----------
-    file
-        Name of the sequence in the release; ``.`` is the release itself.
-    code
-        The rule that may be broken.
-    cause
-        The probable cause, as ``stream:cause``, in place of a rule.
-    reason, owner
-        Why it is accepted, and who answers for that.
-    expires
-        The last day on which it holds.
-    """
-
-    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
     file: NonEmpty
+    """Name of the sequence in the release; ``.`` is the release itself."""
     check: NonEmpty
+    """The check whose finding it is."""
     reason: NonEmpty
+    """Why it is accepted."""
     owner: NonEmpty
+    """Who answers for that."""
     expires: date
+    """The last day on which it holds."""
     code: NonEmpty | None = None
+    """The rule that may be broken; or else ``cause``."""
     cause: NonEmpty | None = None
+    """The probable cause, as ``stream:cause``, in place of a rule."""
 
     def __post_init__(self) -> None:
         if (self.code is None) == (self.cause is None):
@@ -67,7 +60,8 @@ def waive(name: str, file: FileRecord, waivers: Iterable[Waiver], today: date) -
         for waiver in valid:
             if waiver.covers(name, file, result, finding):
                 message = f"{finding.message} Waived until {waiver.expires} by {waiver.owner}: {waiver.reason}"
-                return replace(finding, severity="info", message=message)
+                waived = Waived(waiver.owner, waiver.reason, waiver.expires.isoformat())
+                return replace(finding, severity="info", message=message, waived=waived)
         return finding
 
     return marked(file, mark)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from fedora_qa.record.types import FileRecord, Finding, Result, Severity, Where
+from fedora_qa.record.types import FileRecord, Finding, Result, Severity, Waived, Where
 from fedora_qa.record.wording import cause_sentence, why_incomplete
 
 Level = Literal["error", "warning", "note"]
@@ -19,7 +19,7 @@ class Problem:
     """One thing to show about a file.
 
     A file with a problem of level ``error`` is not clean: incomplete where one has the code ``INCOMPLETE``, else with
-    findings. ``code`` is the rule, ``check`` who found it (empty for ``INCOMPLETE``).
+    findings. ``code`` is the rule, ``check`` who found it (empty for ``INCOMPLETE``), ``waived`` who accepts it.
     """
 
     path: str
@@ -28,6 +28,7 @@ class Problem:
     level: Level
     message: str
     where: Where
+    waived: Waived | None = None
 
 
 def problems_of(file: FileRecord) -> tuple[Problem, ...]:
@@ -42,8 +43,16 @@ def problems_of(file: FileRecord) -> tuple[Problem, ...]:
 def _problems_of(result: Result, file: FileRecord) -> list[Problem]:
     failed = result.outcome == "failed"
     problems = [
-        Problem(file.path, result.check, f.code or result.check, _level(f, failed), _explained(f, file), f.where)
-        for f in result.findings
+        Problem(
+            path=file.path,
+            check=result.check,
+            code=finding.code or result.check,
+            level=_level(finding, failed),
+            message=_explained(finding, file),
+            where=finding.where,
+            waived=finding.waived,
+        )
+        for finding in result.findings
     ]
     if failed and not any(problem.level == "error" for problem in problems):
         message = f"The check failed: {result.reason or result.question}"

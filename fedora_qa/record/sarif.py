@@ -1,6 +1,7 @@
 """The record as SARIF 2.1.0 (OASIS standard, errata 01), as code-scanning systems read it.
 
-Findings are results; what makes a file incomplete is a notification of a run whose execution was not successful.
+Findings are results; what makes a file incomplete is a notification of a run whose execution was not successful. A
+waived finding is a suppressed result; where there is one, every result of the run says whether it is (3.27.23).
 """
 
 import hashlib
@@ -69,11 +70,14 @@ def _artifact(file: FileRecord) -> dict[str, Any]:
 
 def _results(findings: Iterable[Problem], rules: Sequence[str]) -> list[dict[str, Any]]:
     """Return a result for each finding; a fingerprint tells it from others of its rule, stream and file."""
+    findings = tuple(findings)
+    tells_suppressions = any(problem.waived for problem in findings)
     seen: Counter[tuple[str, str, str]] = Counter()
     results = []
     for problem in findings:
         kin = (problem.path, problem.code, problem.where.stream or "")
-        results.append(_result(problem, rules.index(problem.code), _fingerprint(*kin, str(seen[kin]))))
+        result = _result(problem, rules.index(problem.code), _fingerprint(*kin, str(seen[kin])))
+        results.append(result | ({"suppressions": _suppressions(problem)} if tells_suppressions else {}))
         seen[kin] += 1
     return results
 
@@ -88,6 +92,14 @@ def _result(problem: Problem, rule_index: int, fingerprint: str) -> dict[str, An
         "partialFingerprints": {"streamOfRule/v1": fingerprint},
         "properties": {"check": printable(problem.check)},
     }
+
+
+def _suppressions(problem: Problem) -> list[dict[str, Any]]:
+    if problem.waived is None:
+        return []
+    waived = problem.waived
+    justification = printable(f"{waived.reason} ({waived.owner}, until {waived.until})")
+    return [{"kind": "external", "status": "accepted", "justification": justification}]
 
 
 def _location(problem: Problem) -> dict[str, Any]:

@@ -68,14 +68,24 @@ class Coverage:
 
 
 @dataclass(frozen=True, slots=True)
+class Waived:
+    """Who answers for a finding that a policy accepts, why, and until which day (ISO 8601)."""
+
+    owner: str
+    reason: str
+    until: str
+
+
+@dataclass(frozen=True, slots=True)
 class Finding:
-    """A rule that was broken: which, how badly, and where."""
+    """A rule that was broken: which, how badly, and where; ``waived`` where a gate's policy accepts it."""
 
     id: str
     code: str
     severity: Severity
     message: str
     where: Where
+    waived: Waived | None = None
 
 
 @dataclass(frozen=True, slots=True)

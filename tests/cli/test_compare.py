@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 
 from fedora_generator.faults import plant_fault
-from fedora_qa.comparison.json_io import comparison_schema
+from fedora_qa.comparison.json_io import COMPARISON
 from tests.cli.conftest import Command
 
 
@@ -26,7 +26,7 @@ def test_a_planted_fault_is_a_new_finding(fedora_qa: Command, sequence: Path, tm
     assert "1 new, 0 gone" in done.out
     assert "clocks.order" in done.out
     document = json.loads(outputs["json"].read_text(encoding="utf-8"))
-    jsonschema.validate(document, comparison_schema())
+    jsonschema.validate(document, COMPARISON.schema())
     assert document["pairs"][0]["design"] == "versions"
     assert [one["change"] for one in document["pairs"][0]["versions"]["findings"]] == ["new"]
     for kind in ("html", "markdown"):

@@ -1,12 +1,14 @@
 """The formats that ``check`` writes and ``report`` writes again."""
 
 import json
+import sys
 from pathlib import Path
 
 import h5py
 import pytest
 from junitparser import JUnitXml
 
+from fedora_qa.cli.parquet import PARQUET_NAMES
 from fedora_qa.record.csv_tables import CSV_NAMES
 from tests.cli.conftest import Command
 
@@ -28,7 +30,7 @@ def formats(folder: Path) -> tuple[str | Path, ...]:
     folder.mkdir()
     return (
         "--junit", folder / "out.xml", "--sarif", folder / "out.sarif", "--csv", folder / "tables",
-        "--markdown", folder / "out.md", "--github",
+        "--markdown", folder / "out.md", "--github", "--parquet", folder / "tables",
     )  # fmt: skip
 
 
@@ -41,7 +43,7 @@ def test_report_writes_what_check_wrote(fedora_qa: Command, unsorted: Path, tmp_
         {p.relative_to(f): p.read_bytes() for p in f.rglob("*.*")} for f in (tmp_path / "one", tmp_path / "two")
     )
     assert one == two
-    assert len(one) == 3 + len(CSV_NAMES)
+    assert len(one) == 3 + len(CSV_NAMES) + len(PARQUET_NAMES)
     assert checked.out.splitlines()[1:-4] == reported.out.splitlines()[1:-4]
 
 
@@ -64,8 +66,17 @@ def test_the_summary_commands_nothing(fedora_qa: Command, sequence: Path, tmp_pa
     assert any("::error::x.h5" in line for line in lines[1:-1])
 
 
-def test_tables_need_a_folder(fedora_qa: Command, sequence: Path) -> None:
+@pytest.mark.parametrize("option", ["--csv", "--parquet"])
+def test_tables_need_a_folder(option: str, fedora_qa: Command, sequence: Path) -> None:
     """A file given as the folder of the tables is misuse, found before any work."""
-    done = fedora_qa("check", *STAMPS, sequence, "--csv", sequence)
+    done = fedora_qa("check", *STAMPS, sequence, option, sequence)
     assert done.code == 2
     assert "Expected a folder" in done.err
+
+
+def test_parquet_is_an_extra(fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without pyarrow the option is misuse that names what to install, before any work."""
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    done = fedora_qa("check", *STAMPS, sequence, "--parquet", sequence.with_name("tables"))
+    assert done.code == 2
+    assert "pip install 'fedora-qa[parquet]'" in done.err

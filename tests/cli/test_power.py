@@ -10,7 +10,7 @@ import pytest
 from fedora_generator.faults import plant_fault
 from fedora_qa.power import study
 from fedora_qa.power.worth import read_worth
-from fedora_qa.record.power_json import power_schema
+from fedora_qa.record.power_json import POWER
 from tests.cli.conftest import Command
 from tests.support.handmade import write_handmade
 
@@ -53,7 +53,7 @@ def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -
     assert "imu:unsorted" in done.out
     assert "3 of 3 (100.0%)" in done.out
     document = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
-    jsonschema.validate(document, power_schema())
+    jsonschema.validate(document, POWER.schema())
     assert (document["files"], document["clean"], document["false_alarms"]["files"]["count"]) == (5, 2, 0)
     assert [one["found"]["count"] for one in document["naming"]] == [3]
     assert "imu:unsorted" in (tmp_path / "p.html").read_text(encoding="utf-8").replace("<wbr>", "")

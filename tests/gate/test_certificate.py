@@ -111,5 +111,5 @@ def test_what_is_no_certificate(tmp_path: Path, certificate: Certificate) -> Non
         path.write_text(text)
         with pytest.raises(MisuseError, match="Expected a certificate"):
             read_certificate(path)
-    with pytest.raises(MisuseError, match="readable certificate"):
+    with pytest.raises(MisuseError, match="a certificate at"):
         read_certificate(tmp_path / "none.json")

@@ -7,6 +7,7 @@ import pytest
 
 from fedora_qa.gate.ruling import with_rulings
 from fedora_qa.gate.waivers import Waiver, waive, waivers_in_order
+from fedora_qa.record.types import Waived
 from tests.support.records import crashed, failed, file_record, late_events, passed
 
 TODAY = date(2026, 6, 1)
@@ -24,6 +25,7 @@ def test_a_waived_finding_is_information(waiver: Waiver) -> None:
     finding, warning = result.findings
     assert finding.severity == "info"
     assert finding.message.endswith("Waived until 2026-06-01 by anna: known latency")
+    assert finding.waived == Waived("anna", "known latency", "2026-06-01")
     assert warning == FILE.results[0].findings[1]
 
 

@@ -1,17 +1,19 @@
-"""The formats of one record, as golden files hold them.
+"""The formats of one record, and of what a gate writes besides, as golden files hold them.
 
 ``python -m tests.record.golden_formats`` writes them anew, for a change of a format that is meant.
 """
 
 from pathlib import Path
 
+from fedora_qa.gate.certificate import CERTIFICATE
 from fedora_qa.record.csv_tables import record_to_csv
 from fedora_qa.record.github import record_to_github
 from fedora_qa.record.json_io import record_to_json
 from fedora_qa.record.junit import record_to_junit
 from fedora_qa.record.markdown import record_to_markdown
 from fedora_qa.record.sarif import record_to_sarif
-from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
+from tests.support.certificates import CERTIFIED
+from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record, waived
 
 GOLDEN = Path(__file__).with_name("golden")
 
@@ -27,6 +29,8 @@ def formats() -> dict[str, str]:
         "record.github.txt": record_to_github(shown),
         "record.md": record_to_markdown(shown),
         **record_to_csv(shown),
+        "waived.sarif": record_to_sarif(record(file_record(waived(), path="waived.h5"))),
+        "certificate.json": CERTIFICATE.to_json(CERTIFIED),
     }
 
 

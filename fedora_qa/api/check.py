@@ -1,0 +1,70 @@
+"""Check files from Python, and read what was found before."""
+
+from dataclasses import fields, replace
+from datetime import UTC, datetime
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from fedora_qa.api.checked import CheckedRecord
+from fedora_qa.cli.arrays import arrays_beside, read_arrays
+from fedora_qa.cli.check import check_options, require_hdf5
+from fedora_qa.cli.files import Request, checked, executor_for
+from fedora_qa.cli.record import gathered_arrays, record_of
+from fedora_qa.config import CheckConfig, read_config, with_options
+from fedora_qa.errors import MisuseError
+from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.record.json_io import read_record as read_plain
+from fedora_qa.record.types import Record
+
+AnyPath = str | PathLike[str]
+
+
+def check(*paths: AnyPath, config: AnyPath | None = None, evidence: bool = True, **options: Any) -> CheckedRecord:
+    """Check files as ``fedora-qa check`` does, and return what was found of all of them.
+
+    Parameters
+    ----------
+    paths
+        HDF5 files, each once.
+    config
+        A ``fedora-qa.toml`` whose options hold where none are given here.
+    evidence
+        Whether to keep pictures and series for the report.
+    **options
+        The keys of ``fedora-qa.toml``: ``effort="quick"``, ``select=["imu"]``, ``jobs=4``. With several jobs a script
+        must guard its entry with ``if __name__ == "__main__"``, as for any processes.
+
+    Raises
+    ------
+    MisuseError
+        No such file, not HDF5 at all, or an option that does not exist or has an illegal value. What is wrong with a
+        file is no error: it stands in the record.
+    """
+    files = [Path(path) for path in paths]
+    if not files:
+        raise MisuseError("Expected at least one file to check, got none")
+    settings = with_options(read_config(Path(config)) if config else CheckConfig(), options)
+    engine_options = replace(check_options(settings), evidence=EvidenceOptions() if evidence else None)
+    require_hdf5(files, engine_options.dialect)
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    executor = executor_for(settings, None)
+    jobs = executor.capacity
+    runs = checked(files, Request(settings, engine_options, started), executor)
+    return _with_arrays(record_of(runs, settings, started, {"jobs": jobs}), gathered_arrays(runs))
+
+
+def read_record(path: AnyPath) -> CheckedRecord:
+    """Read a record that ``fedora-qa check --json`` or ``save`` wrote, with the arrays beside it if they are there.
+
+    Raises
+    ------
+    MisuseError
+        There is no record, or its arrays are damaged.
+    """
+    record, beside = read_plain(Path(path)), arrays_beside(Path(path))
+    return _with_arrays(record, read_arrays(beside) if beside.is_file() else {})
+
+
+def _with_arrays(record: Record, arrays: dict[str, Any]) -> CheckedRecord:
+    return CheckedRecord(**{field.name: getattr(record, field.name) for field in fields(record)}, arrays=arrays)

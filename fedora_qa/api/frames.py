@@ -1,0 +1,40 @@
+"""Tables of a record as data frames. What makes them is an extra, imported only where one is asked for."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final
+
+from fedora_qa.errors import MisuseError
+from fedora_qa.record.tables import Kind, Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_TYPES: Final[Mapping[Kind, str]] = {
+    "text": "string",
+    "texts": "object",
+    "integer": "Int64",
+    "integers": "object",
+    "number": "float64",
+    "scalar": "object",
+}
+
+
+def frame_of(table: Table) -> "pd.DataFrame":
+    """Return a table as a data frame; the types of its columns do not depend on what they hold.
+
+    Raises
+    ------
+    MisuseError
+        pandas is not installed.
+    """
+    try:
+        import pandas as pd  # noqa: PLC0415 - an extra
+    except ImportError as missing:
+        raise MisuseError(
+            f"Expected what makes data frames, got: {missing}; install it with pip install 'fedora-qa[notebook]'"
+        ) from None
+    columns = {
+        column.name: pd.Series([row[place] for row in table.rows], dtype=_TYPES[column.kind])
+        for place, column in enumerate(table.columns)
+    }
+    return pd.DataFrame(columns)

@@ -1,0 +1,132 @@
+"""``fedora-qa extract``: the least file that shows a finding, to send to somebody."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, get_args
+
+import click
+
+from fedora_qa.cli.check import check_options, require_hdf5, settings_from
+from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
+from fedora_qa.cli.output_options import PATH
+from fedora_qa.cli.outputs import Outputs
+from fedora_qa.cli.progress import progress_bar
+from fedora_qa.engine.digest import file_digest
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.plan import Effort
+from fedora_qa.engine.run import check_file
+from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.extract.extract import LONGEST_S, Extracted, Report, Wanted
+from fedora_qa.extract.extract import extract as extract_piece
+from fedora_qa.record.json_io import read_record
+from fedora_qa.record.types import FileRecord, Record
+from fedora_qa.record.wording import printable
+
+
+@click.command(short_help="Cut out the least file that shows a finding, to send to somebody.")
+@click.argument("file", type=PATH)
+@click.argument("finding")
+@click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The small file.")
+@click.option(
+    "--record", "record_path", type=PATH, metavar="RECORD", help="Where FINDING stands; else FILE is checked."
+)
+@click.option(
+    "--longest",
+    "longest_s",
+    type=click.FloatRange(min=0, min_open=True),
+    default=LONGEST_S,
+    show_default=True,
+    metavar="SECONDS",
+    help="The longest piece to try.",
+)
+@click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="As `check` had it.")
+@click.option("--config", type=PATH, help="As `check` had it.")
+@click.option("--dialect", metavar="NAME|FILE.toml", help="As `check` had it.")
+@click.option("--force", is_flag=True, help="Write over OUT where it is there.")
+def extract(
+    file: Path,
+    finding: str,
+    output: Path,
+    record_path: Path | None,
+    longest_s: float,
+    config: Path | None,
+    force: bool,
+    **given: Any,
+) -> int:
+    """Write what FILE holds around the place of FINDING (F1, say), and check that it is still found there.
+
+    Pieces are tried from short to long. Exit codes: 0 written, and the finding is found in it; 2 misuse; 3 written, and
+    the finding is not found in it.
+    """
+    read = [path for path in (file, record_path, config) if path is not None]
+    Outputs(own=(output,)).require_writable(read)
+    if output.exists() and not force:
+        raise MisuseError(f"Expected a new file to write, got {output}, which is there; use --force to write over it")
+    record = read_record(record_path) if record_path else None
+    options = check_options(settings_from(config, _as_recorded(given, record)))
+    require_hdf5([file], options.dialect)
+    known = _known(file, record, record_path) if record and record_path else _checked(file, options)
+    wanted = _wanted(finding, known)
+    with progress_bar(file.name) as bar:
+        extracted = _extracted(file, output, wanted, options, longest_s, lambda what: bar(f"looking at {what}", 0, 1))
+    for line in _lines(file, output, finding, wanted, extracted):
+        click.echo(printable(line))
+    return CLEAN if extracted.found else INCOMPLETE
+
+
+def _checked(file: Path, options: CheckOptions) -> FileRecord:
+    with progress_bar(file.name) as bar:
+        return check_file(file, options, bar).record
+
+
+def _as_recorded(given: Mapping[str, Any], record: Record | None) -> dict[str, Any]:
+    """Return the options with the effort of the record where none was given."""
+    effort = record.effort if record and record.effort in get_args(Effort) else None
+    return {**given, "effort": given["effort"] or effort}
+
+
+def _extracted(
+    file: Path, output: Path, wanted: Wanted, options: CheckOptions, longest_s: float, report: Report
+) -> Extracted:
+    try:
+        return extract_piece(file, output, wanted, options, longest_s, report)
+    except UnreadableFileError as problem:
+        raise MisuseError(f"Expected a file to cut a piece out of, got: {problem}; send the file as it is") from None
+
+
+def _known(file: Path, record: Record, record_path: Path) -> FileRecord:
+    """Return what a record says of a file, which it knows by its content; raises ``MisuseError`` where it is none."""
+    digest = file_digest(file)
+    for known in record.files:
+        if (known.sha256, known.digest_kind) == (digest.sha256, digest.kind):
+            return known
+    paths = ", ".join(known.path for known in record.files)
+    raise MisuseError(f"Expected a record of {file} as it is, got {record_path}, of other content ({paths})")
+
+
+def _wanted(finding: str, known: FileRecord) -> Wanted:
+    """Return the finding of this id; raises ``MisuseError`` where there is none."""
+    found = {each.id: Wanted(result.check, each) for result in known.results for each in result.findings}
+    if finding not in found:
+        told = ", ".join(found) if found else "no findings"
+        raise MisuseError(f"Expected a finding of {known.path} ({told}), got {finding!r}")
+    wanted = found[finding]
+    if wanted.check.startswith("release."):
+        raise MisuseError(f"Expected a finding about a sequence, got {finding}, which is about the release")
+    return wanted
+
+
+def _lines(file: Path, output: Path, finding: str, wanted: Wanted, extracted: Extracted) -> Iterator[str]:
+    """Say what was kept, and whether the finding is found in it."""
+    sizes = [path.stat().st_size / 1e6 for path in (output, file)]
+    yield f"{output}: {sizes[0]:.3g} MB of the {sizes[1]:.3g} MB of {file}"
+    for stream, rows in extracted.kept.items():
+        yield f"  {stream:<14} rows {rows.start} to {rows.stop} of {rows.of}"
+    for path in extracted.left_out:
+        yield f"  {path} was left out: no stream is known that it belongs to, or it cannot be read"
+    if extracted.found:
+        whole = " All rows are in it: nothing shorter shows the finding." if extracted.is_whole else ""
+        yield f"{finding} ({wanted.finding.code}) is found in it: {extracted.found.message}{whole}"
+    else:
+        longer = "it may need more of the file, or all of it; see --longest"
+        yield f"{finding} ({wanted.finding.code}) is not found in it: {longer}"

@@ -1,0 +1,83 @@
+"""The record's tables as Parquet. What writes them is an extra, imported only where they are asked for."""
+
+import math
+from collections.abc import Iterator
+from numbers import Real
+from pathlib import Path
+from typing import Any, Final
+
+from fedora_qa.errors import MisuseError
+from fedora_qa.record.atomic import replacing
+from fedora_qa.record.tables import TABLE_NAMES, Column, Kind, Table, tables_of
+from fedora_qa.record.types import Record
+
+PARQUET_NAMES: Final = tuple(f"{name}.parquet" for name in TABLE_NAMES)
+"""The files that hold the tables."""
+
+
+def require_parquet() -> None:
+    """Raise ``MisuseError`` where what writes Parquet is not installed."""
+    try:
+        import pyarrow.parquet  # noqa: F401, PLC0415 - an extra
+    except ImportError as missing:
+        raise MisuseError(
+            f"Expected what writes Parquet, got: {missing}; install it with pip install 'fedora-qa[parquet]'"
+        ) from None
+
+
+def write_parquet(folder: Path, record: Record) -> None:
+    """Write each table of a record into a folder, each file entirely or not at all."""
+    import pyarrow.parquet  # noqa: PLC0415 - an extra
+
+    for name, table in zip(PARQUET_NAMES, tables_of(record), strict=True):
+        with replacing(folder / name) as temporary:
+            pyarrow.parquet.write_table(arrow_table(table), temporary)
+
+
+def arrow_table(table: Table) -> Any:
+    """Return a table as Arrow's, every column of one type, what is not known null.
+
+    A column of scalars of any type becomes two: its numbers, and under ``<name>_text`` what is no number.
+    """
+    import pyarrow as pa  # noqa: PLC0415 - an extra
+
+    types: dict[Kind, Any] = {
+        "text": pa.string(),
+        "texts": pa.list_(pa.string()),
+        "integer": pa.int64(),
+        "integers": pa.list_(pa.int64()),
+        "number": pa.float64(),
+    }
+    return pa.table({column.name: pa.array(cells, types[column.kind]) for column, cells in _typed_columns(table)})
+
+
+def _typed_columns(table: Table) -> Iterator[tuple[Column, list[Any]]]:
+    for place, column in enumerate(table.columns):
+        cells = [_carried(row[place]) for row in table.rows]
+        if column.kind == "scalar":
+            yield Column(column.name, "number"), [cell if _is_number(cell) else None for cell in cells]
+            yield Column(f"{column.name}_text", "text"), [_no_number(cell) for cell in cells]
+        else:
+            yield column, cells
+
+
+def _carried(value: Any) -> Any:
+    """Return a cell as Arrow can carry it, and as the record's JSON does.
+
+    A number that is not finite is null, an undecodable byte of a path an escape.
+    """
+    if isinstance(value, str):
+        return value.encode("utf-8", "backslashreplace").decode("utf-8")
+    if isinstance(value, tuple):
+        return [_carried(item) for item in value]
+    return None if _is_number(value) and not math.isfinite(value) else value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _no_number(cell: Any) -> str | None:
+    if isinstance(cell, bool):
+        return "true" if cell else "false"
+    return cell if isinstance(cell, str) else None

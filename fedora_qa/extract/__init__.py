@@ -1,0 +1,1 @@
+"""The least file that shows a finding: cut out of a sequence around its place, and checked again."""

@@ -1,0 +1,197 @@
+"""Write a file that holds some rows of another: the same groups, attributes and links, index maps that count anew."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from math import lcm
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.extract.index_maps import entries_kept, shifted
+from fedora_qa.extract.place import Piece
+from fedora_qa.extract.remembering import RememberingFile
+from fedora_qa.extract.rows import Rows, rows_kept
+from fedora_qa.extract.storage import copy_attributes, copy_rows, copy_whole, needs_whole_chunks, new_dataset
+from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.dialect import Dialect
+from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset
+from fedora_qa.sequence.scan import FRAMES_OF_MAP, Scan
+from fedora_qa.sequence.sequence import SequenceRows
+
+_SMALL_BYTES: Final = 64 << 10
+"""What no dialect speaks of is copied whole where it is no larger: nobody knows which of its rows belong to a piece."""
+
+
+class Cutter:
+    """Cuts pieces out of one open file.
+
+    Parameters
+    ----------
+    file, sequence
+        The file, open for reading, and the sequence that it holds.
+    scanned
+        Its stamps and index maps.
+    dialect
+        How it names things.
+    """
+
+    def __init__(self, file: h5py.File, sequence: SequenceRows, scanned: Scan, dialect: Dialect) -> None:
+        self._file = file
+        self._sequence = sequence
+        self._scanned = scanned
+        self._datasets = _stream_datasets(file, dialect)
+
+    def write(self, piece: Piece, target: Path) -> tuple[dict[str, Rows], tuple[str, ...]]:
+        """Write a piece over what lies at the target.
+
+        Returns
+        -------
+        The rows that were kept, by stream, and the paths that were left out.
+
+        Raises
+        ------
+        MisuseError
+            The target cannot be written: the disk is full, say.
+        """
+        counts = _row_counts(self._datasets)
+        kept = _aligned(rows_kept(piece, self._sequence, self._scanned, counts), self._datasets)
+        cuts: dict[int, _Cut] = {}
+        for key, dataset in self._datasets.items():
+            stream = DATASETS[key].stream
+            cuts[_address(self._file, dataset.name)] = _Cut(kept[stream], self._entries(stream, dataset, kept))
+        with RememberingFile(target) as file:
+            with h5py.File(file, "w") as copy:
+                writer = _Writer(cuts, file)
+                writer.group(self._file, copy)
+            file.go_on()
+        return kept, tuple(writer.left_out)
+
+    def _entries(self, stream: str, dataset: h5py.Dataset, kept: Mapping[str, Rows]) -> NDArray[np.int64] | None:
+        """Return the kept entries of an index map; None of everything else, and where they cannot be read."""
+        if stream not in FRAMES_OF_MAP or "events" not in kept:
+            return None
+        frames, events = kept[stream], kept["events"]
+        index_map = self._scanned.facts.index_maps.get(stream)
+        if index_map is not None:
+            return entries_kept(index_map, frames, events)
+        with suppress(*READ_ERRORS):
+            return shifted(np.asarray(dataset[frames.start : _stop(frames, dataset)]).astype(np.int64), events)
+        return None
+
+
+def _stream_datasets(file: h5py.File, dialect: Dialect) -> dict[str, h5py.Dataset]:
+    """Return every dataset of a stream that can be opened, by canonical key, whether or not its stream is whole."""
+    found: dict[str, h5py.Dataset] = {}
+    for key, spec in DATASETS.items():
+        place = dialect.place_of(key)
+        if place is None or not spec.chunk_rows:
+            continue
+        with suppress(RefusedError):
+            dataset = find_dataset(file, place.path or key)
+            if dataset is not None and dataset.shape:
+                found[key] = dataset
+    return found
+
+
+def _row_counts(datasets: Mapping[str, h5py.Dataset]) -> dict[str, int]:
+    """Return the rows of each stream: of its shortest dataset, where they differ."""
+    counts: dict[str, int] = {}
+    for key, dataset in datasets.items():
+        stream = DATASETS[key].stream
+        counts[stream] = min(counts.get(stream, dataset.shape[0]), dataset.shape[0])
+    return counts
+
+
+def _aligned(kept: Mapping[str, Rows], datasets: Mapping[str, h5py.Dataset]) -> dict[str, Rows]:
+    """Return the rows with streams begun at a whole chunk where rows cannot be decoded, so that the damage is kept."""
+    whole = dict(kept)
+    for stream, rows in kept.items():
+        ours = [dataset for key, dataset in datasets.items() if DATASETS[key].stream == stream]
+        if any(needs_whole_chunks(dataset, rows.start, _stop(rows, dataset)) for dataset in ours):
+            together = lcm(*(dataset.chunks[0] for dataset in ours if dataset.chunks))
+            whole[stream] = Rows(rows.start // together * together, rows.stop, rows.of)
+    return whole
+
+
+@dataclass(frozen=True, slots=True)
+class _Cut:
+    """Rows of a dataset to keep; ``entries`` in their place where they are counted anew."""
+
+    rows: Rows
+    entries: NDArray[np.int64] | None
+
+
+def _stop(rows: Rows, dataset: h5py.Dataset) -> int:
+    return int(dataset.shape[0]) if rows.to_the_end else min(rows.stop, int(dataset.shape[0]))
+
+
+def _address(group: h5py.Group, path: str) -> int:
+    """Return where the object of a hard link lies, as the link tells: the object itself may be damaged."""
+    return int(group.id.links.get_info(path.encode("utf-8", "surrogateescape")).u)
+
+
+@dataclass
+class _Writer:
+    """Walks a file and writes what is kept of it; an object that has several names is written once."""
+
+    cuts: Mapping[int, _Cut]
+    file: RememberingFile
+    written: dict[int, str] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)
+
+    def group(self, source: h5py.Group, copy: h5py.Group) -> None:
+        """Write the attributes and members of a group."""
+        copy_attributes(source, copy)
+        for name, link in _links(source):
+            self.file.go_on()
+            try:
+                self._member(source, copy, name, link)
+            except READ_ERRORS:
+                self.left_out.append(f"{source.name.rstrip('/')}/{name}")
+                with suppress(*READ_ERRORS):
+                    del copy[name]
+
+    def _member(self, source: h5py.Group, copy: h5py.Group, name: str, link: Any) -> None:
+        if not isinstance(link, h5py.HardLink):
+            copy[name] = link
+            return
+        address = _address(source, name)
+        if address in self.written:
+            copy[name] = copy.file[self.written[address]]
+            return
+        thing = source[name]
+        if isinstance(thing, h5py.Group):
+            self.written[address] = f"{copy.name.rstrip('/')}/{name}"
+            self.group(thing, copy.create_group(name))
+            return
+        if isinstance(thing, h5py.Dataset) and address in self.cuts:
+            self._rows(thing, copy, name, self.cuts[address])
+        elif not isinstance(thing, h5py.Dataset):
+            copy[name] = thing.dtype
+        elif thing.nbytes > _SMALL_BYTES:
+            self.left_out.append(thing.name)
+            return
+        else:
+            copy_whole(thing, copy, name)
+        self.written[address] = f"{copy.name.rstrip('/')}/{name}"
+
+    def _rows(self, dataset: h5py.Dataset, copy: h5py.Group, name: str, cut: _Cut) -> None:
+        if cut.entries is None:
+            start = min(cut.rows.start, dataset.shape[0])
+            copy_rows(dataset, copy, name, start, max(_stop(cut.rows, dataset), start))
+            return
+        entries = new_dataset(dataset, copy, name, len(cut.entries))
+        entries[...] = cut.entries.astype(dataset.dtype)
+        copy_attributes(dataset, entries)
+
+
+def _links(group: h5py.Group) -> Iterator[tuple[str, Any]]:
+    """Yield the members of a group that can be listed, by name, with how each is linked."""
+    with suppress(*READ_ERRORS):
+        for name in group:
+            if isinstance(name, str):  # what is no UTF-8 comes as bytes, and names nothing of any dialect
+                yield name, group.get(name, getlink=True)

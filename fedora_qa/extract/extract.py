@@ -1,0 +1,108 @@
+"""Cut the least piece out of a sequence that still shows a finding, and see by a check of the piece that it does."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import h5py
+
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.run import check_file
+from fedora_qa.engine.windows import window_length_ns
+from fedora_qa.extract.cut import Cutter
+from fedora_qa.extract.place import pieces_around, place_of
+from fedora_qa.extract.rows import Rows
+from fedora_qa.layout.detect import detect_dialect
+from fedora_qa.record.atomic import replacing
+from fedora_qa.record.types import Finding
+from fedora_qa.sequence.scan import scan
+from fedora_qa.sequence.sequence import open_sequence
+
+LONGEST_S: Final = 20.0
+"""Length of the longest piece that is tried unless asked for otherwise: one can still be sent to somebody."""
+
+Report = Callable[[str], None]
+"""Called with what is going on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A finding, and the check that found it."""
+
+    check: str
+    finding: Finding
+
+
+@dataclass(frozen=True, slots=True)
+class Extracted:
+    """What was written.
+
+    Attributes
+    ----------
+    kept
+        Rows by stream.
+    left_out
+        Datasets that belong to no stream and are too large to be copied whole, and what could not be read.
+    found
+        The finding as the check of the piece tells it; None where it does not.
+    """
+
+    kept: dict[str, Rows]
+    left_out: tuple[str, ...]
+    found: Finding | None
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every row of every stream was kept."""
+        return all(rows.start == 0 and rows.to_the_end for rows in self.kept.values())
+
+
+def extract(
+    source: Path, target: Path, wanted: Wanted, options: CheckOptions, longest_s: float, report: Report
+) -> Extracted:
+    """Write the shortest piece that shows a finding, or the longest that was tried where none does.
+
+    Pieces around the finding's place are written and checked, each with twice the margin of the one before, until the
+    check finds the same rule broken in the same stream. The target is written entirely or not at all.
+
+    Parameters
+    ----------
+    options
+        How the finding was found; of the checks only the one that found it is run.
+    longest_s
+        Length of the longest piece to try; the first is tried whatever its length.
+
+    Raises
+    ------
+    MisuseError, UnreadableFileError
+        As ``open_sequence``.
+    """
+    options = replace(options, select=(wanted.check,), ignore=(), evidence=None, canary=False)
+    with open_sequence(source, options.dialect) as sequence, h5py.File(source, "r", locking="best-effort") as file:
+        scanned = scan(sequence, window_length_ns(sequence))
+        cutter = Cutter(file, sequence, scanned, options.dialect or detect_dialect(file))
+        place = place_of(wanted.finding.where, wanted.check, scanned)
+        with replacing(target) as temporary:
+            for piece in pieces_around(place, round(longest_s * NS_PER_S)):
+                report(f"a piece of {(piece.stop_ns - piece.start_ns) / NS_PER_S:.3g} s")
+                kept, left_out = cutter.write(piece, temporary)
+                extracted = Extracted(kept, left_out, _found_in(temporary, wanted, options))
+                if extracted.found or extracted.is_whole:
+                    break
+            return extracted
+
+
+def _found_in(piece: Path, wanted: Wanted, options: CheckOptions) -> Finding | None:
+    """Return the finding as a check of the piece tells it: the same rule, broken in the same stream."""
+    record = check_file(piece, options).record
+    same = (
+        finding
+        for result in record.results
+        for finding in result.findings
+        if result.check == wanted.check
+        and finding.code == wanted.finding.code
+        and finding.where.stream == wanted.finding.where.stream
+    )
+    return next(same, None)

@@ -1,0 +1,152 @@
+"""Where a finding lies in time, and the pieces of the file around it that may show it, the shortest first."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.conventions import NS_PER_US
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.scan import FRAMES_OF_MAP, Scan
+
+SHORTEST_MARGIN_NS: Final = 200_000_000
+"""A window: the least time in which flow of 10, 25 and 50 Hz all complete whole intervals."""
+
+
+_LONGEST_LOCAL_NS: Final = 5 * SHORTEST_MARGIN_NS
+"""A longer place is that of something lasting, which a part of it may show."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a finding lies.
+
+    Attributes
+    ----------
+    start_ns, stop_ns
+        From the file's origin, within the time that most streams share.
+    centre_ns
+        What pieces lie around that are shorter than the place.
+    rows
+        Rows (stream, start, stop) that belong to the finding whatever their stamps say; None where it names none.
+    """
+
+    start_ns: int
+    stop_ns: int
+    centre_ns: int
+    rows: tuple[str, int, int] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A stretch of time, both ends in it, and the rows that belong to it besides."""
+
+    start_ns: int
+    stop_ns: int
+    rows: tuple[str, int, int] | None = None
+
+
+def place_of(where: Where, check: str, scanned: Scan) -> Place:
+    """Return where a finding lies.
+
+    One that names no time concerns the whole file, and any stretch may show it: pieces then lie around the instant of
+    most events. What is wrong with the layout shows at the end, where rows are missing.
+    """
+    first, last = shared_time_ns(scanned)
+    times = _times_of(where, scanned)
+    if times is None:
+        centre = last if check.startswith("integrity.") else _busiest_ns(scanned, first, last)
+        return Place(centre, centre, centre)
+    start, stop = (min(max(time, first), last) for time in times)
+    named_by_rows = where.start_us is None or where.stop_us is None
+    return Place(start, stop, start if named_by_rows else _busiest_ns(scanned, start, stop), _rows_of(where))
+
+
+def pieces_around(place: Place, longest_ns: int) -> Iterator[Piece]:
+    """Yield pieces to try, each with twice the margin of the one before; all but the first no longer than the longest.
+
+    Each holds the whole of a short place, and as much of a long one as fits around its centre.
+    """
+    local = place.stop_ns - place.start_ns <= _LONGEST_LOCAL_NS
+    start, stop = (place.start_ns, place.stop_ns) if local else (place.centre_ns, place.centre_ns)
+    rows = place.rows if local or place.rows is None else (place.rows[0], place.rows[1], place.rows[1] + 1)
+    margin = SHORTEST_MARGIN_NS
+    while margin == SHORTEST_MARGIN_NS or stop - start + 2 * margin <= longest_ns:
+        yield Piece(start - margin, stop + margin, rows)
+        margin *= 2
+
+
+def shared_time_ns(scanned: Scan) -> tuple[int, int]:
+    """Return the time that most streams share: a stream whose clock jumps does not stretch it."""
+    facts = scanned.facts
+    spans = [_span_ns(facts, stream) for stream in facts.clocks if facts.clocks[stream].usable]
+    if facts.events and facts.events.count:
+        spans.append((facts.events.first_ns, facts.events.last_ns))
+    if not spans:
+        return 0, 0
+    first, last = np.median(np.array(spans, dtype=np.float64), axis=0)
+    return int(first), int(last)
+
+
+def _span_ns(facts: Facts, stream: str) -> tuple[int, int]:
+    clock = facts.clocks[stream]
+    stops = clock.times_ns if clock.ends_ns is None else clock.ends_ns
+    return int(clock.times_ns[0]), int(stops.max())
+
+
+def _times_of(where: Where, scanned: Scan) -> tuple[int, int] | None:
+    """Return the time that a place names or its rows have, from the origin; None where it names neither."""
+    if where.start_us is not None:
+        stop_us = where.start_us if where.stop_us is None else where.stop_us
+        return _from_origin_ns(where.start_us, scanned), _from_origin_ns(stop_us, scanned)
+    rows = _rows_of(where)
+    if rows is None:
+        return None
+    stream, start, stop = rows
+    times = [_time_of_row(stream, row, scanned) for row in (start, stop - 1)]
+    return None if times[0] is None or times[1] is None else (min(times[0], times[1]), max(times[0], times[1]))
+
+
+def _rows_of(where: Where) -> tuple[str, int, int] | None:
+    if where.stream is None:
+        return None
+    if where.index_start is not None:
+        stop = where.index_start if where.index_stop is None else where.index_stop
+        return where.stream, where.index_start, max(stop, where.index_start + 1)
+    if where.frame is not None:
+        return where.stream if _has_frames(where.stream) else "rgb", where.frame, where.frame + 1
+    return None
+
+
+def _has_frames(stream: str) -> bool:
+    return stream in {"rgb", "depth", *FRAMES_OF_MAP} or stream.startswith("flow/")
+
+
+def _time_of_row(stream: str, row: int, scanned: Scan) -> int | None:
+    stream = FRAMES_OF_MAP.get(stream, stream)
+    clock = scanned.facts.clocks.get(stream)
+    if clock is not None and len(clock.times_ns):
+        return int(clock.times_ns[min(row, len(clock.times_ns) - 1)])
+    runs = scanned.runs.get(stream)
+    if runs is None or not len(runs.cells):
+        return None
+    cell = max(int(np.searchsorted(runs.starts, row, "right")) - 1, 0)
+    return int(runs.cells[cell]) * scanned.cell_ns
+
+
+def _busiest_ns(scanned: Scan, start_ns: int, stop_ns: int) -> int:
+    """Return the middle of the window with most events between two times; halfway where there are none."""
+    runs = scanned.runs.get("events")
+    halfway = (start_ns + stop_ns) // 2
+    if runs is None:
+        return halfway
+    middles = runs.cells * scanned.cell_ns + scanned.cell_ns // 2
+    counts = np.diff(np.append(runs.starts, runs.count))
+    counts[(middles < start_ns) | (middles > stop_ns)] = 0
+    return int(middles[np.argmax(counts)]) if counts.any() else halfway
+
+
+def _from_origin_ns(time_us: float, scanned: Scan) -> int:
+    return round((time_us - scanned.facts.origin_us) * NS_PER_US)

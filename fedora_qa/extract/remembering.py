@@ -1,0 +1,55 @@
+"""A file to write through that remembers why a write failed.
+
+HDF5 cannot close a file that it could not write, and crashes over it when the interpreter ends. So a write that fails
+seems to succeed, all after it are dropped, and whoever writes asks for the failure.
+"""
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fedora_qa.errors import MisuseError
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
+
+class RememberingFile(io.FileIO):
+    """An empty file, open to read and write."""
+
+    def __init__(self, path: Path) -> None:
+        self.failure: OSError | None = None
+        super().__init__(path, "w+")
+
+    def write(self, data: "ReadableBuffer", /) -> int:
+        """Write all of ``data``."""
+        view = memoryview(data).cast("B")
+        with self._remembering():
+            written = 0
+            while self.failure is None and written < len(view):
+                written += super().write(view[written:]) or 0
+        return len(view)
+
+    def truncate(self, size: int | None = None, /) -> int:
+        """Cut or lengthen the file."""
+        size = self.tell() if size is None else size
+        with self._remembering():
+            if self.failure is None:
+                super().truncate(size)
+        return size
+
+    def go_on(self) -> None:
+        """Raise ``MisuseError`` where a write has failed."""
+        if self.failure is not None:
+            raise MisuseError(
+                f"Expected to be able to write the piece, got: {self.failure.strerror}; nothing is written"
+            )
+
+    @contextmanager
+    def _remembering(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self.failure = self.failure or error

@@ -1,0 +1,108 @@
+"""Which rows of each stream a piece keeps."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.extract.place import Piece, shared_time_ns
+from fedora_qa.layout.canonical import STAMPS_OF
+from fedora_qa.sequence.facts import Clock
+from fedora_qa.sequence.scan import FRAMES_OF_MAP, Runs, Scan
+from fedora_qa.sequence.sequence import SequenceRows
+
+_ANOTHER_UNIT: Final = 100
+"""Units of time differ by a thousand; a stream that is cut off, or whose clock jumps, rarely by a hundred."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Rows of a stream, of how many; where they reach its end, a dataset with more rows keeps them to its own."""
+
+    start: int
+    stop: int
+    of: int
+
+    @property
+    def to_the_end(self) -> bool:
+        """Whether they reach the stream's end."""
+        return self.stop >= self.of
+
+
+def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mapping[str, int]) -> dict[str, Rows]:
+    """Return the rows of every stream that lie in a piece.
+
+    A row lies where the latest stamp up to it does, as in windows, so that rows stay together whatever the stamps. Of
+    flow, whole intervals are kept. A stream whose stamps say nothing, or are of another time or unit than those of the
+    others, gives the same share of its rows as of the time.
+
+    Parameters
+    ----------
+    counts
+        Rows of each stream.
+    """
+    kept: dict[str, Rows] = {}
+    for stream, count in counts.items():
+        if stream in FRAMES_OF_MAP:
+            continue
+        start, stop = _range(stream, piece, sequence, scanned, count)
+        if piece.rows is not None and FRAMES_OF_MAP.get(piece.rows[0], piece.rows[0]) == stream:
+            _, first, last = piece.rows
+            start, stop = (min(start, first), max(stop, last)) if start < stop else (first, last)
+        start = min(max(start, 0), count)
+        kept[stream] = Rows(start, min(max(stop, start), count), count)
+    for stream, frames in FRAMES_OF_MAP.items():
+        if stream in counts:
+            kept[stream] = kept.get(frames, Rows(0, counts[stream], counts[stream]))
+    return kept
+
+
+def _range(stream: str, piece: Piece, sequence: SequenceRows, scanned: Scan, count: int) -> tuple[int, int]:
+    clock, runs = scanned.facts.clocks.get(stream), scanned.runs.get(stream)
+    first, last = shared_time_ns(scanned)
+    if clock is not None and clock.usable and _is_of(first, last, clock.times_ns[0], clock.times_ns.max()):
+        return _range_of_clock(clock, piece)
+    events = scanned.facts.events
+    if stream == "events" and runs and events and _is_of(first, last, events.first_ns, events.last_ns):
+        return _range_of_events(runs, piece, sequence, scanned)
+    length = max(last - first, 1)
+    return int(count * (piece.start_ns - first) / length), int(np.ceil(count * (piece.stop_ns - first) / length))
+
+
+def _is_of(first_ns: int, last_ns: int, own_first_ns: int, own_last_ns: int) -> bool:
+    """Whether a stream's time is that of the others: it meets theirs, and is not of another unit."""
+    length, own = max(last_ns - first_ns, 1), max(own_last_ns - own_first_ns, 1)
+    meets = own_first_ns <= last_ns and own_last_ns >= first_ns
+    return meets and 1 / _ANOTHER_UNIT < own / length < _ANOTHER_UNIT
+
+
+def _range_of_clock(clock: Clock, piece: Piece) -> tuple[int, int]:
+    starts = np.maximum.accumulate(clock.times_ns)
+    stops = starts if clock.ends_ns is None else np.maximum.accumulate(clock.ends_ns)
+    start = int(np.searchsorted(starts, piece.start_ns, "left"))
+    return start, max(start, int(np.searchsorted(stops, piece.stop_ns, "right")))
+
+
+def _range_of_events(runs: Runs, piece: Piece, sequence: SequenceRows, scanned: Scan) -> tuple[int, int]:
+    return (
+        _event_row(runs, piece.start_ns, sequence, scanned),
+        _event_row(runs, piece.stop_ns + 1, sequence, scanned),
+    )
+
+
+def _event_row(runs: Runs, time_ns: int, sequence: SequenceRows, scanned: Scan) -> int:
+    """Return the first row that lies at a time or later; the start of its window where stamps cannot be decoded."""
+    cell_start_ns = time_ns // scanned.cell_ns * scanned.cell_ns
+    first = int(np.searchsorted(runs.cells, time_ns // scanned.cell_ns, "left"))
+    bounds = np.append(runs.starts, runs.count)
+    start = int(bounds[first])
+    if first == len(runs.cells) or int(runs.cells[first]) * scanned.cell_ns > cell_start_ns:
+        return start
+    try:
+        times_ns = sequence.rows(STAMPS_OF["events"], start, int(bounds[first + 1]))
+    except UnreadableRowsError:
+        return start
+    envelope = np.maximum.accumulate(times_ns)
+    return start + int(np.searchsorted(envelope, time_ns, "left"))

@@ -1,0 +1,138 @@
+"""Copy rows of a dataset into another file, stored as they were: type, chunks, codec, checksum and attributes.
+
+Whole chunks are copied as bytes, so that a damaged one stays damaged and one that was never written stays so. Rows that
+begin within a chunk are decoded and stored anew.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from math import ceil, prod
+from typing import Any, Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.layout.links import READ_ERRORS
+
+_COPIED_AT_ONCE: Final = 16 << 20
+"""Bytes of decoded rows that are held together."""
+
+
+def copy_attributes(source: h5py.Group | h5py.Dataset, target: h5py.Group | h5py.Dataset) -> None:
+    """Copy attributes with their stored types; what cannot be read, or points at objects of the file, is left out."""
+    names: list[str | bytes] = []
+    with suppress(*READ_ERRORS):
+        names += source.attrs
+    for name in names:
+        coded = name if isinstance(name, bytes) else name.encode()  # what is no UTF-8 comes as bytes
+        with suppress(*READ_ERRORS):
+            stored = h5py.h5a.open(source.id, coded)
+            if not _holds_references(stored.get_type()):
+                _copy_attribute(stored, target, coded)
+
+
+def _copy_attribute(stored: Any, target: h5py.Group | h5py.Dataset, name: bytes) -> None:
+    copy = h5py.h5a.create(target.id, name, stored.get_type(), stored.get_space())
+    if stored.get_space().get_simple_extent_type() != h5py.h5s.NULL:
+        values = np.empty(stored.shape, dtype=stored.dtype)
+        stored.read(values, mtype=stored.get_type())
+        copy.write(values, mtype=stored.get_type())
+
+
+def _holds_references(stored_type: Any) -> bool:
+    return bool(stored_type.detect_class(h5py.h5t.REFERENCE))
+
+
+def needs_whole_chunks(dataset: h5py.Dataset, start: int, stop: int) -> bool:
+    """Whether rows of chunks cannot be decoded, or were never written, so that only whole chunks show it."""
+    if dataset.chunks is None or start % dataset.chunks[0] == 0:
+        return False
+    try:
+        if len(_written_corners(dataset, start, stop)) < _chunk_count(dataset, start, stop):
+            return True
+        for _ in _blocks(dataset, start, stop):
+            continue
+    except READ_ERRORS:
+        return True
+    return False
+
+
+def copy_rows(dataset: h5py.Dataset, parent: h5py.Group, name: str, start: int, stop: int) -> None:
+    """Copy rows of a dataset to a new dataset beneath a group.
+
+    Raises
+    ------
+    OSError
+        Rows that begin within a chunk cannot be decoded; see ``needs_whole_chunks``.
+    """
+    copy = new_dataset(dataset, parent, name, stop - start)
+    if dataset.chunks is not None and start % dataset.chunks[0] == 0 and not _points_elsewhere(dataset):
+        _copy_chunks(dataset, copy, start, stop)
+    elif dataset.chunks is not None or dataset.id.get_storage_size():
+        for first, rows in _blocks(dataset, start, stop):
+            copy[first - start : first - start + len(rows)] = rows
+    copy_attributes(dataset, copy)
+
+
+def copy_whole(dataset: h5py.Dataset, parent: h5py.Group, name: str) -> None:
+    """Copy a dataset of any shape beneath a group; one whose values lie in other files still refers to them.
+
+    HDF5's own copy is not used: damaged objects make it end the process.
+    """
+    stored = dataset.id
+    made = h5py.h5d.create(parent.id, name.encode(), stored.get_type(), stored.get_space(), stored.get_create_plist())
+    copy, outside = h5py.Dataset(made), dataset.is_virtual or dataset.external
+    if dataset.shape is not None and not outside and stored.get_storage_size():
+        copy[()] = dataset[()]
+    copy_attributes(dataset, copy)
+
+
+def _points_elsewhere(dataset: h5py.Dataset) -> bool:
+    """Whether stored bytes are no values but say where in the file values lie, as those of texts of any length do."""
+    stored_type = dataset.id.get_type()
+    return _holds_references(stored_type) or bool(stored_type.detect_class(h5py.h5t.VLEN)) or dataset.dtype.hasobject
+
+
+def new_dataset(dataset: h5py.Dataset, parent: h5py.Group, name: str, rows: int) -> h5py.Dataset:
+    """Create an empty dataset of so many rows, stored like another."""
+    shape = (rows, *dataset.shape[1:])
+    longest = None if dataset.chunks is None else (h5py.h5s.UNLIMITED, *dataset.shape[1:])
+    space = h5py.h5s.create_simple(shape, longest)
+    made = h5py.h5d.create(parent.id, name.encode(), dataset.id.get_type(), space, dataset.id.get_create_plist())
+    return h5py.Dataset(made)
+
+
+def _copy_chunks(dataset: h5py.Dataset, copy: h5py.Dataset, start: int, stop: int) -> None:
+    for corner in _written_corners(dataset, start, stop):
+        filters, stored = dataset.id.read_direct_chunk(corner)
+        copy.id.write_direct_chunk((corner[0] - start, *corner[1:]), stored, filters)
+
+
+def _written_corners(dataset: h5py.Dataset, start: int, stop: int) -> list[tuple[int, ...]]:
+    """Return the first index of every chunk that holds any of the rows and was ever written."""
+    first, found = start // dataset.chunks[0] * dataset.chunks[0], []
+
+    def note(chunk: Any) -> None:
+        if first <= chunk.chunk_offset[0] < stop:
+            found.append(tuple(chunk.chunk_offset))
+
+    dataset.id.chunk_iter(note)
+    return found
+
+
+def _chunk_count(dataset: h5py.Dataset, start: int, stop: int) -> int:
+    """Return how many chunks hold any of the rows."""
+    along = ceil(stop / dataset.chunks[0]) - start // dataset.chunks[0]
+    across = (ceil(size / chunk) for size, chunk in zip(dataset.shape[1:], dataset.chunks[1:], strict=True))
+    return along * prod(across) if stop > start else 0
+
+
+def _blocks(dataset: h5py.Dataset, start: int, stop: int) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Yield rows a block at a time, each with its first row; no chunk is decoded twice but where blocks meet in it."""
+    row_bytes = max(dataset.dtype.itemsize * int(np.prod(dataset.shape[1:], dtype=np.int64)), 1)
+    rows = max(_COPIED_AT_ONCE // row_bytes, 1)
+    if dataset.chunks is not None:
+        rows = ceil(rows / dataset.chunks[0]) * dataset.chunks[0]
+    for first in range(start, stop, rows):
+        yield first, dataset[first : min(first + rows, stop)]

@@ -1,0 +1,126 @@
+"""Versioned documents: JSON that is written entirely or not at all, read back with every problem named, and published.
+
+A record, a comparison, a study of detection and a certificate are each a ``DocumentKind``.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from fedora_qa.errors import MisuseError
+from fedora_qa.record.atomic import write_text
+from fedora_qa.record.schemas import schema_of
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class DocumentKind(Generic[T]):
+    """A kind of document, of one version.
+
+    Attributes
+    ----------
+    name
+        What it is called: ``record``. Its version stands under ``<name>_version``.
+    noun
+        The same with its article, for people.
+    adapter
+        Turns a value into plain ones and back, checking every type.
+    written_by
+        What writes such a document.
+    again
+        What to do where a document is of no use.
+    """
+
+    name: str
+    noun: str
+    version: str
+    adapter: TypeAdapter[T]
+    written_by: str
+    again: str
+
+    def to_json(self, value: T) -> str:
+        """Return a value as a JSON document.
+
+        NaN and infinity become null. What UTF-8 cannot carry (an undecodable byte in a path) is written as an escape.
+
+        Raises
+        ------
+        ValidationError
+            The value holds what its types do not allow; such a document would not be readable again.
+        """
+        plain = _plain(self.adapter.dump_python(value, warnings="none"))
+        text = json.dumps(plain, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+        self.adapter.validate_json(text)
+        return text
+
+    def from_json(self, text: str | bytes) -> T:
+        """Return the value that a JSON document holds.
+
+        Raises
+        ------
+        MisuseError
+            The text is not JSON, is of another version, or does not fit the schema; names the offending place.
+        """
+        self._require_version(text)
+        try:
+            return self.adapter.validate_json(text)
+        except ValidationError as problem:
+            first = problem.errors()[0]
+            place = ".".join(str(part) for part in first["loc"]) or "the document"
+            raise MisuseError(f"Expected {self.noun}, got at {place}: {first['msg']}; {self.again}") from None
+
+    def write(self, value: T, path: Path) -> None:
+        """Write a document, entirely or not at all; raises ``ValidationError`` as ``to_json`` does."""
+        write_text(path, self.to_json(value))
+
+    def read(self, path: Path) -> T:
+        """Read a document; raises ``MisuseError`` where there is none, as ``from_json`` does."""
+        try:
+            text = path.read_bytes()
+        except OSError as problem:
+            raise MisuseError(f"Expected {self.noun} at {path}, got: {problem.strerror}") from None
+        try:
+            return self.from_json(text)
+        except MisuseError as problem:
+            raise MisuseError(f"{problem} (in {path})") from None
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON schema (draft 2020-12) of a document as it is written."""
+        return schema_of(f"{self.name}:{self.version}", self.adapter, "serialization")
+
+    def _require_version(self, text: str | bytes) -> None:
+        try:
+            document = json.loads(text)
+        except ValueError as problem:
+            raise MisuseError(
+                f"Expected {self.noun} as JSON, got: {problem}; give what `{self.written_by}` wrote"
+            ) from None
+        key = f"{self.name}_version"
+        version = document.get(key) if isinstance(document, dict) else None
+        if version != self.version:
+            raise MisuseError(f"Expected {self.noun} with {key} {self.version!r}, got {version!r}; {self.again}")
+
+
+def _plain(value: Any) -> Any:
+    """Return the value as JSON can carry it: no NaN, no infinity, no lone surrogates, no array library's scalars."""
+    if isinstance(value, str | date):
+        return str(value).encode("utf-8", "backslashreplace").decode("utf-8")
+    if isinstance(value, Mapping):
+        return {_plain(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, bool) or value is None:
+        return value
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
+        return float(value) if math.isfinite(value) else None
+    raise TypeError(f"Expected a value that JSON can carry, got {type(value).__name__}")
