@@ -10,6 +10,7 @@ import click
 
 from fedora_qa.cli.began import BEGAN
 from fedora_qa.cli.budget import Budget, BudgetParam, budgeted, require_budget_alone
+from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
 from fedora_qa.cli.host import peak_worker_memory_mib
@@ -44,8 +45,20 @@ PATH = click.Path(path_type=Path)
     metavar="TIME",
     help="Look at as much as fits into a time such as 60s, 5m or 0.5h, in place of an effort.",
 )
-@click.option("--select", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Run only these checks. May be repeated.")
-@click.option("--ignore", multiple=True, metavar="SUBJECT[.PROPERTY]", help="Leave these checks out. May be repeated.")
+@click.option(
+    "--select",
+    multiple=True,
+    metavar="SUBJECT[.PROPERTY]",
+    shell_complete=complete_check,
+    help="Run only these checks. May be repeated.",
+)
+@click.option(
+    "--ignore",
+    multiple=True,
+    metavar="SUBJECT[.PROPERTY]",
+    shell_complete=complete_check,
+    help="Leave these checks out. May be repeated.",
+)
 @click.option("--config", type=PATH, help="Read options from a fedora-qa.toml; the command line counts more.")
 @click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
 @click.option("--fail-on", type=click.Choice(["failed", "warned"]), help="From which outcome on to exit with 1.")

@@ -10,6 +10,7 @@ from rich.text import Text
 from fedora_qa.checks import CHECKS
 from fedora_qa.checks.explanation import explanation
 from fedora_qa.checks.protocol import Check
+from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.terminal import stdout_console
 from fedora_qa.cli.worth import TITLE, worth_words
 from fedora_qa.errors import MisuseError
@@ -31,14 +32,8 @@ def checks() -> int:
     return 0
 
 
-def _names(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Return the subjects and checks that begin so, for the completion of shells."""
-    names = dict.fromkeys(name for check in CHECKS for name in (check.name.split(".")[0], check.name))
-    return [name for name in names if name.startswith(incomplete)]
-
-
 @click.command(short_help="Say what a check measures, how, and what it cannot see.")
-@click.argument("name", metavar="CHECK", shell_complete=_names)
+@click.argument("name", metavar="CHECK", shell_complete=complete_check)
 def explain(name: str) -> int:
     """Say what CHECK, or every check of a subject, measures, how, and what it cannot see."""
     found = [check for check in CHECKS if name in {check.name, check.name.split(".")[0]}]

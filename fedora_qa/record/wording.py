@@ -33,6 +33,7 @@ _COUNTED = {
     "pixels",
     "problems",
     "samples",
+    "steps",
     "ticks",
 }
 """Units that are plurals."""
