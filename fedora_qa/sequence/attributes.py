@@ -14,6 +14,10 @@ POSITIVE: Final = frozenset({"width", "height", "threshold_on", "threshold_off",
 """Numbers that must exceed zero; every other number of the layout must not be negative, but for the seed."""
 
 
+MOST_PIXELS_ALONG: Final = 1 << 16
+"""Of a camera's columns or rows: events count theirs in 16 bits."""
+
+
 class MalformedError(Exception):
     """An attribute is there and cannot be used; ``cause`` is an identifier of ``causes.py``."""
 
@@ -44,7 +48,7 @@ def _text(stored: Any, spec: AttributeSpec) -> str:
     if not isinstance(text, str):
         raise MalformedError("wrong_dtype", f"Expected text, got {_shown(stored)}")
     if spec.choices and text not in spec.choices:
-        raise MalformedError("unknown", f"Expected {' or '.join(map(repr, spec.choices))}, got {text!r}")
+        raise MalformedError("unknown", f"Expected {' or '.join(map(repr, spec.choices))}, got {_shown(text)}")
     return str(text)
 
 
@@ -102,6 +106,8 @@ def _require_range(value: float, spec: AttributeSpec) -> None:
         raise MalformedError("unknown", f"Expected a positive number, got {value}")
     if value < 0 and spec.name != "seed":
         raise MalformedError("unknown", f"Expected a number not below 0, got {value}")
+    if spec.name in {"width", "height"} and value > MOST_PIXELS_ALONG:
+        raise MalformedError("wrong_shape", f"Expected at most {MOST_PIXELS_ALONG} px, got {value}")
 
 
 def _shown(stored: Any) -> str:
