@@ -120,7 +120,8 @@ def canonical_rows(file: h5py.File, binding: Binding, start: int, stop: int, ori
     canonical = np.dtype(DATASETS[binding.key].dtype)
     if canonical.kind in "iu":
         return _integers(raw, canonical)
-    values = raw.astype(canonical, copy=False)
+    with np.errstate(over="ignore"):  # what the type cannot hold is infinite, and found to be
+        values = raw.astype(canonical, copy=False)
     return values if binding.scale == 1.0 else values * canonical.type(binding.scale)
 
 

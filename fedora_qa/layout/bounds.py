@@ -31,23 +31,6 @@ MOST_EXPANSION: Final = 1 << 15
 SMALL_BYTES: Final = 64 << 20
 """Decoded, this costs nobody anything."""
 
-_KNOWN_FILTERS: Final = {
-    4: "szip",
-    32002: "MAFISC",
-    32007: "JPEG-XR",
-    32010: "LPC-Rice",
-    32014: "fpzip",
-    32018: "FCIDECOMP",
-    32019: "JPEG",
-    32020: "VBZ",
-    32022: "BitGroom",
-    32023: "Granular BitRound",
-    32025: "Delta-Rice",
-    32027: "FLAC",
-    36559: "ECF, Prophesee's codec for events (github.com/prophesee-ai/hdf5_ecf)",
-}
-"""Filters that neither HDF5 nor hdf5plugin brings, by the numbers under which they are registered."""
-
 
 def require_bounded(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
     """Refuse a dataset that is larger than its bytes can hold, or than a machine should take.
@@ -83,18 +66,6 @@ def require_bounded(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None
         raise RefusedError("expands", "unknown", f"{message} bytes; write it through one codec")
 
 
-def require_filters(dataset: h5py.Dataset, path: str) -> None:
-    """Refuse a dataset that passes through a filter which is not installed; says which."""
-    kept = dataset.id.get_create_plist()
-    for position in range(kept.get_nfilters()):
-        number, _, _, name = kept.get_filter(position)
-        if not h5py.h5z.filter_avail(number):
-            known = _KNOWN_FILTERS.get(number) or name.decode("utf-8", "replace")[:60] or "no name"
-            raise RefusedError("missing_filter", "unknown", f"Expected the filters of {path} to be installed, got "
-                               f"number {number} ({known}), which is not; install its HDF5 plugin where "
-                               f"HDF5_PLUGIN_PATH says, or write the data again through Blosc-Zstd")  # fmt: skip
-
-
 def unwritten_chunks(dataset: h5py.Dataset) -> tuple[int, int]:
     """Count the chunks that take no place in the file, and all chunks: a writer that was stopped leaves such."""
     if not prod(dataset.shape):  # not its size, which wraps around at 2^63
@@ -105,10 +76,15 @@ def unwritten_chunks(dataset: h5py.Dataset) -> tuple[int, int]:
     return chunks - dataset.id.get_num_chunks(), chunks
 
 
-def _require_small_pieces(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
+def require_small_chunks(dataset: h5py.Dataset, path: str) -> None:
+    """Refuse chunks above ``LARGEST_CHUNK_BYTES``, which one value would be decoded with."""
     chunk_bytes = prod(dataset.chunks) * dataset.dtype.itemsize if dataset.chunks else 0
     if chunk_bytes > LARGEST_CHUNK_BYTES:
         _refuse_size(path, f"chunks of {LARGEST_CHUNK_BYTES} bytes", f"{chunk_bytes} bytes")
+
+
+def _require_small_pieces(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
+    require_small_chunks(dataset, path)
     pixels = prod(dataset.shape[1:3])
     if spec.is_image and pixels > LARGEST_IMAGE_PIXELS:
         _refuse_size(path, f"images of {LARGEST_IMAGE_PIXELS} pixels", f"{pixels} pixels")

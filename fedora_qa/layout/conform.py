@@ -21,7 +21,7 @@ def legal_ranks(spec: DatasetSpec, place: Place) -> tuple[int, ...]:
 
 def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
     """Refuse what no safe conversion exists for: what is not numbers at all, and colours that are not 8-bit codes."""
-    numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None
+    numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None and dataset.dtype.itemsize <= 8
     if not numeric or (spec.key == "path/rgb" and dataset.dtype != np.uint8):
         message = f"Expected {path} as {spec.dtype}, got {dataset.dtype}, which cannot be converted safely"
         raise RefusedError("wrong_dtype", "wrong_dtype", message)

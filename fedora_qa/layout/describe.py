@@ -8,6 +8,7 @@ import h5py
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.canonical import DATASETS, STREAMS
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
+from fedora_qa.layout.filters import filters_of
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.layout.stored_attribute import text_attribute
 from fedora_qa.layout.walk import walk
@@ -119,6 +120,4 @@ def _conversions(binding: Binding) -> Iterator[str]:
 
 
 def _codec(dataset: h5py.Dataset) -> str:
-    filters = dataset.id.get_create_plist()
-    names = [filters.get_filter(i)[3].decode("utf-8", "replace") for i in range(filters.get_nfilters())]
-    return " + ".join(name.split(";")[0].strip() for name in names) or "none"
+    return " + ".join(name.split(";")[0].strip() for _, name in filters_of(dataset)) or "none"

@@ -10,7 +10,8 @@ import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the Blosc codec
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.layout.links import READ_ERRORS
+from fedora_qa.layout.filters import require_filters
+from fedora_qa.layout.links import READ_ERRORS, RefusedError
 from fedora_qa.layout.walk import walk
 
 HEAD_ROWS: Final = 256
@@ -51,9 +52,10 @@ def take_inventory(file: h5py.File) -> tuple[Item, ...]:
     """Return every dataset of numbers of rank 1 or more whose first rows can be read."""
     items: list[Item] = []
     for path in dataset_paths(file):
-        with suppress(*READ_ERRORS):
+        with suppress(RefusedError, *READ_ERRORS):
             dataset = file[path]
             outside = dataset.is_virtual or dataset.external
+            require_filters(dataset, path)
             numbers = dataset.shape and prod(dataset.shape) and dataset.dtype.kind in "iufb"
             if numbers and not outside and _head_bytes(dataset) <= _MOST_HEAD_BYTES:
                 rows = _IMAGE_ROWS if dataset.ndim > 2 else HEAD_ROWS

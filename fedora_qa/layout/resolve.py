@@ -9,11 +9,20 @@ import numpy as np
 
 from fedora_qa.causes import INDEX_MAPS, allowed
 from fedora_qa.layout.binding import Binding, instant_ns, rows_together
-from fedora_qa.layout.bounds import require_bounded, require_filters, unwritten_chunks
-from fedora_qa.layout.canonical import FLOW_STREAMS, METADATA_GROUPS, PROMISED_BY, STREAMS, DatasetSpec, companions_of, datasets_of
+from fedora_qa.layout.bounds import require_bounded, require_small_chunks, unwritten_chunks
+from fedora_qa.layout.canonical import (
+    FLOW_STREAMS,
+    METADATA_GROUPS,
+    PROMISED_BY,
+    STREAMS,
+    DatasetSpec,
+    companions_of,
+    datasets_of,
+)
 from fedora_qa.layout.conform import require_readable_type, require_shape
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, Dialect, Place, scale_of
+from fedora_qa.layout.filters import require_filters
 from fedora_qa.layout.links import RefusedError, find_dataset, find_object, has_group, reading
 
 _EXTRA_STREAMS: Final = ("depth_range",)
@@ -219,6 +228,8 @@ class _Finder:
         if dataset is None:
             return 0
         numeric = dataset.size == 1 and dataset.dtype.kind in "iuf"
+        require_filters(dataset, place.offset_path)
+        require_small_chunks(dataset, place.offset_path)
         with reading(place.offset_path):
             offset = instant_ns(np.asarray(dataset[()]).reshape(-1)[0], binding) if numeric else None
         if offset is None:

@@ -18,6 +18,16 @@ MOST_PIXELS_ALONG: Final = 1 << 16
 """Of a camera's columns or rows: events count theirs in 16 bits."""
 
 
+LEAST_NUMBER: Final = 1e-30
+LARGEST_NUMBER: Final = 1e12
+"""Beyond these no unit of the layout has a meaning, and squares and nanoseconds leave float64 and int64."""
+
+LARGEST_ENTRY: Final = 1e9
+WORST_CONDITION: Final = 1e12
+"""Of a matrix of a camera, in px or m. A focal length of 8000 px comes to 1e8, a camera a kilometre off to 1e6; beyond,
+nothing is left of a float64 that goes through the matrix and back."""
+
+
 class MalformedError(Exception):
     """An attribute is there and cannot be used; ``cause`` is an identifier of ``causes.py``."""
 
@@ -79,7 +89,10 @@ def _matrix(size: int) -> Callable[[Any, AttributeSpec], NDArray[np.float64]]:
             raise MalformedError("wrong_shape", f"Expected a {size} x {size} matrix, got shape {matrix.shape}")
         if not np.all(np.isfinite(matrix)):
             raise MalformedError("nan_in_stream", "Expected finite entries, got NaN or infinity")
-        return matrix.astype(np.float64)
+        matrix = matrix.astype(np.float64)
+        if np.abs(matrix).max() > LARGEST_ENTRY or not np.linalg.cond(matrix) < WORST_CONDITION:
+            raise MalformedError("unknown", f"Expected a matrix that can be inverted, got {_shown(matrix.tolist())}")
+        return matrix
 
     return read
 
@@ -106,6 +119,8 @@ def _require_range(value: float, spec: AttributeSpec) -> None:
         raise MalformedError("unknown", f"Expected a positive number, got {value}")
     if value < 0 and spec.name != "seed":
         raise MalformedError("unknown", f"Expected a number not below 0, got {value}")
+    if spec.name != "seed" and (value > LARGEST_NUMBER or 0 < value < LEAST_NUMBER):
+        raise MalformedError("unknown", f"Expected 0 or {LEAST_NUMBER:g} to {LARGEST_NUMBER:g}, got {value:g}")
     if spec.name in {"width", "height"} and value > MOST_PIXELS_ALONG:
         raise MalformedError("wrong_shape", f"Expected at most {MOST_PIXELS_ALONG} px, got {value}")
 

@@ -25,6 +25,9 @@ BLOCK_ROWS = 1 << 20
 MOST_CELLS: Final = 1 << 14
 """Cells that become windows. An hour of a sequence fits; longer ones, and stamps far apart, get longer cells."""
 
+FARTHEST_INDEX: Final = 1 << 53
+"""Stored indices saturate here, so that differences of two fit int64, and float64 holds them."""
+
 FRAMES_OF_MAP = {"rgb_to_event": "rgb", "depth_to_event": "depth"}
 
 
@@ -214,6 +217,7 @@ def _index_maps(sequence: SequenceRows, tally: _EventTally) -> dict[str, IndexMa
         except UnreadableRowsError:
             continue
         none_before = np.zeros(len(frames), np.int64)
+        stored = np.clip(stored, -FARTHEST_INDEX, FARTHEST_INDEX)
         maps[name] = IndexMap(stored, tally.left.get(name, none_before), tally.right.get(name, none_before))
     return maps
 

@@ -96,7 +96,7 @@ def types_without_like(file: h5py.File) -> None:
         h5py.h5d.create(file.id, path.encode(), kind, space)
 
 
-def shapes_of(rank: int) -> Edit:
+def with_axes(rank: int) -> Edit:
     """All streams with another number of axes."""
 
     def edit(file: h5py.File) -> None:
@@ -186,7 +186,7 @@ def index_maps_out_of_bounds(file: h5py.File) -> None:
     file["metadata/depth_to_event"][:] = 2**63 - 1
 
 
-def declared_attribute(file: h5py.File) -> None:
+def one_text_many_times(file: h5py.File) -> None:
     """A text a million times, every one of which is the same 64 KiB."""
     text = "x" * 60_000
     file.attrs.create("sequence", np.array([text] * 400, dtype=object), dtype=h5py.string_dtype())
@@ -236,4 +236,5 @@ def names_that_are_not_text(file: h5py.File) -> None:
     """Names that are not UTF-8."""
     h5py.h5g.create(file.id, b"\xff\xfe")
     h5py.h5d.create(file.id, b"\xc3\x28", h5py.h5t.NATIVE_INT8, h5py.h5s.create(h5py.h5s.SCALAR))
-    file["path"].id.links.create_soft(b"\xf0\x28", b"\xc3\x28")
+    group = file["path"].id
+    group.links.create_soft(b"\xf0\x28", b"\xc3\x28")

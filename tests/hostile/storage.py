@@ -1,10 +1,12 @@
 """Attacks by how bytes are stored: sizes that are claimed, chunks, filters. Each edits an open copy of a small file."""
 
 import zlib
+from functools import cache
+from math import prod
 from typing import Any, Final
 
 import h5py
-import hdf5plugin  # noqa: F401  makes filter 32001 known to HDF5
+import hdf5plugin
 import numpy as np
 
 EVENTS: Final = tuple(f"path/events/{name}" for name in "xytp")
@@ -47,23 +49,23 @@ def frames_of_gigabytes(file: h5py.File) -> None:
     replace(file, "path/rgb", shape=(6, 30_000, 40_000, 3), dtype="u1", chunks=(1, 30_000, 40_000, 1), **BLOSC)
 
 
-def gzip_bomb_of_samples(file: h5py.File) -> None:
-    """IMU of five hundred million rows, all of them written, in a few kilobytes."""
+def bomb_of_samples(file: h5py.File) -> None:
+    """IMU of a hundred million rows, all of them written, in a few kilobytes."""
     for name in ("ts", "angular_velocity", "linear_acceleration"):
-        bomb(file, f"path/imu/{name}", rows=2**29, chunk=2**26)
+        bomb(file, f"path/imu/{name}", rows=2**27, chunk=2**21)
 
 
-def gzip_bomb_of_events(file: h5py.File) -> None:
-    """Eight billion events in a few kilobytes."""
+def bomb_of_events(file: h5py.File) -> None:
+    """A thousand million events in a few kilobytes."""
     for path in EVENTS:
-        bomb(file, path, rows=2**32, chunk=2**26)
+        bomb(file, path, rows=2**30, chunk=2**24)
 
 
-def gzip_bomb_of_an_index_map(file: h5py.File) -> None:
-    """An index map and its frames' stamps of a billion rows."""
-    bomb(file, "metadata/depth_to_event", rows=2**30, chunk=2**26)
-    bomb(file, "path/depth_ts", rows=2**30, chunk=2**26)
-    bomb(file, "path/depth", rows=2**30, chunk=2**14)
+def bomb_of_an_index_map(file: h5py.File) -> None:
+    """An index map, stamps and frames of a hundred million rows."""
+    bomb(file, "metadata/depth_to_event", rows=2**27, chunk=2**24)
+    bomb(file, "path/depth_ts", rows=2**27, chunk=2**24)
+    bomb(file, "path/depth", rows=2**27, chunk=2**14)
 
 
 def bomb(file: h5py.File, path: str, rows: int, chunk: int) -> None:
@@ -76,10 +78,16 @@ def bomb(file: h5py.File, path: str, rows: int, chunk: int) -> None:
     del file[path]
     space = h5py.h5s.create_simple((rows, *sizes))
     made = h5py.h5d.create(file.id, path.encode(), h5py.h5t.py_create(dtype), space, dcpl=kept)
-    packed = zlib.compress(zlib.compress(bytes(chunk * dtype.itemsize * int(np.prod(sizes, dtype=int))), 9), 9)
+    packed = zeros_packed_twice(chunk * dtype.itemsize * prod(sizes))
     for start in range(0, rows, chunk):
         made.write_direct_chunk((start, *(0 for _ in sizes)), packed)
     file[path].attrs["units"] = units
+
+
+@cache
+def zeros_packed_twice(count: int) -> bytes:
+    """Return what two gzip filters make of zeros."""
+    return zlib.compress(zlib.compress(bytes(count), 6), 9)
 
 
 def a_chunk_for_each_event(file: h5py.File) -> None:
@@ -95,20 +103,12 @@ def a_chunk_for_each_event(file: h5py.File) -> None:
 
 def a_chunk_beyond_its_dataset(file: h5py.File) -> None:
     """Event stamps in a chunk of 2 GiB, of which 77 rows are used."""
-    values, chunk = file["path/events/t"][:], 2**28 - 2**20
-    made = replace(
-        file, "path/events/t", shape=values.shape, maxshape=(None,), dtype="i8", chunks=(chunk,), compression="gzip"
-    )
-    packed = zlib.compressobj(1)
-    pieces = [packed.compress(values.tobytes())]
-    zeros, left = bytes(2**24), chunk * 8 - values.nbytes
-    while left:
-        pieces.append(packed.compress(zeros[: min(left, len(zeros))]))
-        left -= min(left, len(zeros))
-    made.id.write_direct_chunk((0,), b"".join([*pieces, packed.flush()]))
+    made = replace(file, "path/events/t", shape=(77,), maxshape=(None,), dtype="i8", chunks=(2**28 - 1,),
+                   compression="gzip")  # fmt: skip
+    made.id.write_direct_chunk((0,), b"packed")
 
 
-def a_writer_of_event_indices(file: h5py.File) -> None:
+def a_chunk_for_each_value(file: h5py.File) -> None:
     """Colour frames in tiles of 1 x 1 pixel."""
     values = file["path/rgb"][:]
     replace(file, "path/rgb", data=values, chunks=(1, 1, 1, 1))
@@ -128,6 +128,11 @@ def no_columns(file: h5py.File) -> None:
         if values.ndim > 2:
             replace(file, path, data=values[:, :, :0], chunks=(1, 1, 1, *values.shape[3:]),
                     maxshape=(None,) * values.ndim)  # fmt: skip
+
+
+def through_bitshuffle(file: h5py.File) -> None:
+    """Depth through a codec that a damaged chunk can crash."""
+    replace(file, "path/depth", data=file["path/depth"][:], chunks=(1, 27, 36), **hdf5plugin.Bitshuffle())
 
 
 def paths(file: h5py.File) -> list[str]:
