@@ -11,7 +11,8 @@ from fedora_qa.record.wording import printable
 
 Row = tuple[Scalar, ...]
 
-_FORMULA_STARTS: Final = ("=", "+", "-", "@")
+_FORMULA_STARTS: Final = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""What begins a formula, also after spaces, and in the full width that East Asian keyboards write."""
 _PLACE: Final = ("stream", "start_us", "stop_us", "index_start", "index_stop", "frame", "pixel", "tile")
 
 
@@ -106,5 +107,5 @@ def _cell(value: Scalar) -> str:
         return "true" if value else "false"
     if isinstance(value, str):
         shown = printable(value)
-        return f"'{shown}" if shown.startswith(_FORMULA_STARTS) else shown
+        return f"'{shown}" if shown.lstrip().startswith(_FORMULA_STARTS) else shown
     return str(value)

@@ -66,6 +66,8 @@ def read_record(path: Path) -> Record:
 def _require_version(text: str | bytes) -> None:
     try:
         document = json.loads(text)
+    except RecursionError:
+        raise MisuseError("Expected a record as JSON, got lists within lists without end") from None
     except ValueError as problem:
         raise MisuseError(f"Expected a record as JSON, got: {problem}; give a file that --json wrote") from None
     version = document.get("record_version") if isinstance(document, dict) else None
