@@ -91,7 +91,8 @@ def _matrix(size: int) -> Callable[[Any, AttributeSpec], NDArray[np.float64]]:
             raise MalformedError("nan_in_stream", "Expected finite entries, got NaN or infinity")
         matrix = matrix.astype(np.float64)
         if np.abs(matrix).max() > LARGEST_ENTRY or not np.linalg.cond(matrix) < WORST_CONDITION:
-            raise MalformedError("unknown", f"Expected a matrix that can be inverted, got {_shown(matrix.tolist())}")
+            cause = "intrinsics_focal" if size == 3 else "unknown"
+            raise MalformedError(cause, f"Expected a matrix that can be inverted, got {_shown(matrix.tolist())}")
         return matrix
 
     return read

@@ -1,6 +1,8 @@
 """Hostile files: never a crash, a hang, or more memory than they are worth; never clean about what was not seen."""
 
 import json
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -214,3 +216,14 @@ def test_layout_says_what_it_did_not_look_at(attacked: Attacked, capsys: pytest.
     assert "deeper than 32" in said
     assert "names cannot be printed" in said
     assert "what follows the first 10000" in said
+
+
+def test_a_tree_that_holds_itself_is_never_clean(clean_bytes: bytes, tmp_path: Path) -> None:
+    """HDF5 2.0 ends the process over it (docs/hostile-files.md); whatever happens, nobody takes that for a pass."""
+    path = tmp_path / "patched.h5"
+    path.write_bytes(clean_bytes)
+    patched.tree_that_holds_itself(path)
+    command = [sys.executable, "-m", "fedora_qa.cli.main", "check", str(path), "--select", "integrity"]
+    ended = subprocess.run(command, capture_output=True, timeout=120, check=False)
+    assert ended.returncode != 0
+    assert b"CLEAN" not in ended.stdout
