@@ -13,6 +13,11 @@
 #   make study-false-alarms  some hundred honest files through all checks: docs/false-alarms.md; about an hour
 #   make study-trade  what each effort costs, and what it finds: docs/trade.md; an hour
 #   make mutation     random small changes of estimators and judgement: do their unit tests notice? docs/mutation.md; half an hour
+#   make fuzz         100,000 mutants of a small file: nothing may crash, hang, eat memory, or be wrongly clean; hours
+#   make lock         the development dependencies, pinned with their hashes: requirements/dev.lock
+#   make test-lowest  the tests of layout, sequence and record with the lowest versions that pyproject.toml allows
+#   make audit        known vulnerabilities of what is locked;  make sbom  what is in it, as CycloneDX
+#   make wheel        builds the wheel twice, and fails where the two differ in one byte
 #   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
 
 PYTHON ?= python3
@@ -21,7 +26,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint docs study-causes study-false-alarms study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu clean
+.PHONY: demo test lint docs fuzz lock test-lowest audit sbom wheel study-causes study-false-alarms study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -95,6 +100,41 @@ study-trade: $(READY)
 
 study-presets: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.presets
+
+fuzz: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 PYTHONPATH=. $(BIN)/python -m tests.fuzz --jobs $(JOBS) --out $(OUT)/fuzz
+
+# What the supply chain needs lies in an environment of its own, so that it neither enters nor disturbs what is locked.
+TOOLS := $(OUT)/tools
+LOCK := $(TOOLS)/bin/uv pip compile --quiet pyproject.toml --universal --python-version 3.11 --no-header
+
+$(TOOLS)/.ready:
+	$(PYTHON) -m venv $(TOOLS)
+	$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check uv pip-audit cyclonedx-bom build 'hatchling>=1.25'
+	touch $@
+
+lock: $(TOOLS)/.ready
+	$(LOCK) --extra dev --generate-hashes --upgrade --output-file requirements/dev.lock
+	$(LOCK) --extra reports --resolution lowest-direct --upgrade --output-file requirements/lowest.lock
+
+test-lowest: $(TOOLS)/.ready
+	$(TOOLS)/bin/uv venv --quiet --clear --python 3.11 $(OUT)/lowest
+	$(TOOLS)/bin/uv pip install --quiet --python $(OUT)/lowest/bin/python -r requirements/lowest.lock pytest hypothesis
+	PYTHONPATH=.:generator:reports $(OUT)/lowest/bin/python -m pytest -q -W default tests/layout tests/sequence tests/record/test_json_io.py \
+	  tests/hostile
+
+audit: $(TOOLS)/.ready
+	$(TOOLS)/bin/pip-audit --require-hashes --disable-pip --requirement requirements/dev.lock
+
+sbom: $(TOOLS)/.ready
+	$(TOOLS)/bin/cyclonedx-py requirements requirements/dev.lock --pyproject pyproject.toml --output-reproducible \
+	  --output-format JSON --output-file $(OUT)/sbom.cdx.json
+
+wheel: $(TOOLS)/.ready
+	rm -rf $(OUT)/wheel-1 $(OUT)/wheel-2
+	for number in 1 2; do $(TOOLS)/bin/python -m build --wheel --no-isolation --outdir $(OUT)/wheel-$$number >$(OUT)/wheel.log || exit 1; done
+	cmp $(OUT)/wheel-1/*.whl $(OUT)/wheel-2/*.whl
+	sha256sum $(OUT)/wheel-1/*.whl
 
 test: lint
 	$(BIN)/pytest --numprocesses auto --dist worksteal

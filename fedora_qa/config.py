@@ -46,6 +46,9 @@ _BYTES_PER_UNIT: Final[Mapping[str, int]] = {
 LEAST_MEMORY_BYTES: Final = 64 * 2**20
 """A decoded colour and depth frame with two flow fields at 1440x1080 take 35 MiB."""
 
+MOST_TOML_BYTES: Final = 1 << 20
+"""Of a configuration, policy or dialect; ten thousand lines."""
+
 _DECIDES_NOTHING: Final = frozenset({"jobs"})
 """What makes a run faster and its record no other."""
 
@@ -122,9 +125,15 @@ def with_options(config: CheckConfig, options: Mapping[str, Any]) -> CheckConfig
 def read_toml(path: Path, reader: TypeAdapter[T], noun: str) -> T:
     """Read a TOML file as a type; raises ``MisuseError`` as ``read_config`` does. ``noun`` says what it holds."""
     try:
-        values = tomllib.loads(path.read_bytes().decode("utf-8"))
+        with path.open("rb") as file:
+            content = file.read(MOST_TOML_BYTES + 1)
+        if len(content) > MOST_TOML_BYTES:
+            raise MisuseError(f"Expected a {noun} of {MOST_TOML_BYTES} bytes at most, got more: {path}")
+        values = tomllib.loads(content.decode("utf-8"))
     except OSError as error:
         raise MisuseError(f"Expected a readable {noun} at {path}, got: {error.strerror}") from None
+    except RecursionError:
+        raise MisuseError(f"Expected TOML in {path}, got tables or lists within each other without end") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise MisuseError(f"Expected TOML in {path}, got: {error}") from None
     try:

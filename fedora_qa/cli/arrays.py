@@ -4,13 +4,16 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.atomic import replacing
+
+MOST_BYTES: Final = 4 << 30
+"""Unpacked: arrays from somewhere else must not eat the machine that draws them."""
 
 
 def arrays_beside(record_path: Path) -> Path:
@@ -38,7 +41,9 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise MisuseError(f"Expected the evidence of the record at {path}, got no such file")
     try:
-        with zipfile.ZipFile(path), np.load(path, allow_pickle=False) as stored:
+        with zipfile.ZipFile(path) as packed, np.load(path, allow_pickle=False) as stored:
+            if sum(entry.file_size for entry in packed.infolist()) > MOST_BYTES:
+                raise MisuseError(f"Expected evidence of {MOST_BYTES >> 20} MiB at most, got more in {path}")
             return {name: stored[name] for name in stored.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as problem:
+    except (OSError, ValueError, MemoryError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as problem:
         raise MisuseError(f"Expected the evidence of the record at {path}, got a damaged file: {problem}") from None

@@ -62,6 +62,7 @@ def _parts(description: Description, width: int) -> Iterator[RenderableType]:
     unused = description.unused[:_UNUSED_SHOWN]
     more = len(description.unused) - len(unused)
     yield from _lines("Not spoken of by the dialect", [*unused, *([f"... and {more} more"] if more else [])], "")
+    yield from _lines("Not looked at", description.unseen, "")
 
 
 def _table(rows: Sequence[DatasetRow]) -> Table:

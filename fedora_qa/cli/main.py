@@ -140,7 +140,7 @@ def _internal_error(error: Exception) -> int:
         traceback.print_exc()
     first_line = (str(error).splitlines() or ["no message"])[0]
     click.echo(
-        f"fedora-qa: internal error, {type(error).__name__}: {first_line} "
+        f"fedora-qa: internal error, {type(error).__name__}: {printable(first_line)} "
         f"(set {TRACEBACK_VARIABLE}=1 and run again for the traceback)",
         err=True,
     )

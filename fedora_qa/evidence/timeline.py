@@ -29,7 +29,9 @@ class Timeline:
     def count(self, times_ns: Int64) -> Int64:
         """Count stamps in each bin, those outside in none; in whole numbers, so that no stamp moves by rounding."""
         within = times_ns[(times_ns >= self.start_ns) & (times_ns <= self.stop_ns)]
-        places = (within - self.start_ns) * self.bins // (self.stop_ns - self.start_ns)
+        length_ns = self.stop_ns - self.start_ns
+        coarser = max(0, (length_ns * self.bins).bit_length() - 63)  # of decades the product would leave int64
+        places = ((within - self.start_ns) >> coarser) * self.bins // max(length_ns >> coarser, 1)
         return np.bincount(np.minimum(places, self.bins - 1), minlength=self.bins).astype(np.int64)
 
     def spread(self, count: int, span: Span) -> Int64:

@@ -25,6 +25,9 @@ INVALID_STAMP_NS: Final = -FARTHEST_STAMP_NS
 INVALID_POLARITY: Final = 255
 """Stands for a stored polarity that the dialect's code does not know."""
 
+FEWEST_ROWS: Final = 4096
+"""Samples and events are decoded in blocks of so many at least. A file may store each in a chunk of its own."""
+
 _INT64: Final = np.iinfo(np.int64)
 
 
@@ -54,7 +57,8 @@ class Binding:
     polarity
         Code of polarity.
     chunk_rows
-        Rows in a chunk; 0 for contiguous storage.
+        Rows that are decoded together: those of a chunk, or of as many chunks as ``rows_together`` says; 0 for
+        contiguous storage.
     """
 
     key: str
@@ -73,6 +77,12 @@ class Binding:
     def is_stored_canonically(self) -> bool:
         """Whether stored values are canonical values, but for the type and the origin of time."""
         return self.columns is None and self.scale == 1.0 and self.polarity == "01" and self.ns_per_unit in {None, 1000}
+
+
+def rows_together(key: str, stored_rows: int) -> int:
+    """Return how many rows to decode together where a chunk holds so many: whole chunks, never single events."""
+    fewest = min(DATASETS[key].chunk_rows, FEWEST_ROWS)
+    return stored_rows * -(-fewest // stored_rows) if 0 < stored_rows < fewest else stored_rows
 
 
 def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int) -> NDArray[Any]:
@@ -110,7 +120,8 @@ def canonical_rows(file: h5py.File, binding: Binding, start: int, stop: int, ori
     canonical = np.dtype(DATASETS[binding.key].dtype)
     if canonical.kind in "iu":
         return _integers(raw, canonical)
-    values = raw.astype(canonical, copy=False)
+    with np.errstate(over="ignore"):  # what the type cannot hold is infinite, and found to be
+        values = raw.astype(canonical, copy=False)
     return values if binding.scale == 1.0 else values * canonical.type(binding.scale)
 
 

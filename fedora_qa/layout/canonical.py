@@ -179,6 +179,9 @@ ATTRIBUTES: Final[Mapping[tuple[str, str], AttributeSpec]] = MappingProxyType(
 )
 """Every attribute of the layout by owner and name. The attribute ``units`` of each dataset stands in its spec."""
 
+METADATA_GROUPS: Final = tuple(dict.fromkeys(owner for owner, _ in ATTRIBUTES if owner.startswith("metadata/")))
+"""The groups that declare something."""
+
 FLOW_STREAMS: Final = tuple(f"flow/{rate_hz}hz" for rate_hz in FLOW_RATES_HZ)
 STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", *FLOW_STREAMS, "rgb_to_event", "depth_to_event")
 """Every stream that a file can hold, a flow rate each on its own."""

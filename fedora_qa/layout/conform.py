@@ -1,6 +1,4 @@
-"""Hold one stored dataset to its description: type, rank, shape, and whether its chunks were ever written."""
-
-from math import ceil, prod
+"""Hold one stored dataset to its description: type, rank, shape."""
 
 import h5py
 import numpy as np
@@ -23,7 +21,7 @@ def legal_ranks(spec: DatasetSpec, place: Place) -> tuple[int, ...]:
 
 def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
     """Refuse what no safe conversion exists for: what is not numbers at all, and colours that are not 8-bit codes."""
-    numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None
+    numeric = dataset.dtype.kind in "iufb" and dataset.dtype.subdtype is None and dataset.dtype.itemsize <= 8
     if not numeric or (spec.key == "path/rgb" and dataset.dtype != np.uint8):
         message = f"Expected {path} as {spec.dtype}, got {dataset.dtype}, which cannot be converted safely"
         raise RefusedError("wrong_dtype", "wrong_dtype", message)
@@ -40,16 +38,6 @@ def require_shape(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: 
     ):
         expected = " x ".join(str(size) for size in spec.shape)
         raise RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")
-
-
-def unwritten_chunks(dataset: h5py.Dataset) -> tuple[int, int]:
-    """Count the chunks that take no place in the file, and all chunks: a writer that was stopped leaves such."""
-    if not dataset.size:
-        return 0, 0
-    if dataset.chunks is None:
-        return int(dataset.id.get_storage_size() == 0), 1
-    chunks = prod(ceil(size / chunk) for size, chunk in zip(dataset.shape, dataset.chunks, strict=True))
-    return chunks - dataset.id.get_num_chunks(), chunks
 
 
 def _sizes_fit(spec: DatasetSpec, place: Place, shape: tuple[int, ...]) -> bool:

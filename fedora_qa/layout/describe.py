@@ -8,9 +8,10 @@ import h5py
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.canonical import DATASETS, STREAMS
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
-from fedora_qa.layout.inventory import dataset_paths
+from fedora_qa.layout.filters import filters_of
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.layout.stored_attribute import text_attribute
+from fedora_qa.layout.walk import walk
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +55,8 @@ class Description:
         Each stream that is not there or not whole, and why.
     unused
         Datasets of the file that the dialect does not speak of.
+    unseen
+        What was not looked at in search of them, and why; empty where nothing was left out.
     problems
         What is wrong, one sentence each.
     inferred
@@ -64,18 +67,20 @@ class Description:
     datasets: tuple[DatasetRow, ...]
     absent: tuple[tuple[str, str], ...]
     unused: tuple[str, ...]
+    unseen: tuple[str, ...]
     problems: tuple[str, ...]
     inferred: tuple[tuple[str, str | float], ...]
 
 
 def describe(file: h5py.File, layout: Layout) -> Description:
     """Describe what ``resolve`` found in a file."""
-    used = {binding.path for binding in layout.bindings.values()}
+    used, walked = {binding.path for binding in layout.bindings.values()}, walk(file)
     return Description(
         dialect=layout.dialect_name,
         datasets=tuple(_row(file[layout.bindings[key].path], layout.bindings[key]) for key in _found(layout)),
         absent=tuple((stream, layout.absent[stream]) for stream in STREAMS if stream in layout.absent),
-        unused=tuple(path for path in dataset_paths(file) if path not in used),
+        unused=tuple(path for path in walked.paths if path not in used),
+        unseen=walked.unseen,
         problems=tuple(problem.message for problem in layout.problems),
         inferred=tuple(layout.inferred.items()),
     )
@@ -115,6 +120,4 @@ def _conversions(binding: Binding) -> Iterator[str]:
 
 
 def _codec(dataset: h5py.Dataset) -> str:
-    filters = dataset.id.get_create_plist()
-    names = [filters.get_filter(i)[3].decode("utf-8", "replace") for i in range(filters.get_nfilters())]
-    return " + ".join(name.split(";")[0].strip() for name in names) or "none"
+    return " + ".join(name.split(";")[0].strip() for _, name in filters_of(dataset)) or "none"

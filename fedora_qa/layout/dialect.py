@@ -129,7 +129,7 @@ def load_dialect(name_or_path: str | Path) -> Dialect:
     text = _read_text(name_or_path)
     try:
         dialect = _READER.validate_python(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise MisuseError(f"Expected the dialect {name_or_path} to be TOML, got: {error}") from error
     except ValidationError as error:
         raise MisuseError(f"Expected a dialect in {name_or_path}, got: {_first_problem(error)}") from error

@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import dataclass
+from math import prod
 from typing import Any, Final
 
 import h5py
@@ -9,12 +10,17 @@ import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the Blosc codec
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.layout.links import READ_ERRORS
+from fedora_qa.layout.filters import require_filters
+from fedora_qa.layout.links import READ_ERRORS, RefusedError
+from fedora_qa.layout.walk import walk
 
 HEAD_ROWS: Final = 256
 """Rows that are read to guess what a dataset holds."""
 
 _IMAGE_ROWS: Final = 1
+
+_MOST_HEAD_BYTES: Final = 512 << 20
+"""Decoded for the first rows. What takes more is no dataset that could be checked, and is left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,30 +44,28 @@ class Item:
 
 
 def dataset_paths(file: h5py.File) -> tuple[str, ...]:
-    """Return the paths of all datasets that can be reached without following links out of their group.
-
-    Damaged groups end the walk early; what was found until then is returned. Names that cannot be printed are left
-    out: neither a terminal nor a dialect should hold them.
-    """
-    paths: list[str] = []
-
-    def note(path: str | bytes, found: h5py.Group | h5py.Dataset) -> None:
-        if isinstance(path, str) and path.isprintable() and isinstance(found, h5py.Dataset):
-            paths.append(path)
-
-    with suppress(*READ_ERRORS):
-        file.visititems(note)
-    return tuple(paths)
+    """Return the paths of the datasets that ``walk`` finds."""
+    return walk(file).paths
 
 
 def take_inventory(file: h5py.File) -> tuple[Item, ...]:
     """Return every dataset of numbers of rank 1 or more whose first rows can be read."""
     items: list[Item] = []
     for path in dataset_paths(file):
-        with suppress(*READ_ERRORS):
+        with suppress(RefusedError, *READ_ERRORS):
             dataset = file[path]
             outside = dataset.is_virtual or dataset.external
-            if dataset.shape and dataset.size and dataset.dtype.kind in "iufb" and not outside:
+            require_filters(dataset, path)
+            numbers = dataset.shape and prod(dataset.shape) and dataset.dtype.kind in "iufb"
+            if numbers and not outside and _head_bytes(dataset) <= _MOST_HEAD_BYTES:
                 rows = _IMAGE_ROWS if dataset.ndim > 2 else HEAD_ROWS
                 items.append(Item(path, dataset.shape, dataset.dtype, np.asarray(dataset[:rows])))
     return tuple(items)
+
+
+def _head_bytes(dataset: h5py.Dataset) -> int:
+    """Return what decoding the first rows takes: whole chunks, or the rows alone."""
+    rows = _IMAGE_ROWS if dataset.ndim > 2 else HEAD_ROWS
+    chunk = prod(dataset.chunks) if dataset.chunks else 0
+    row = prod(dataset.shape[1:])
+    return int(max(rows * row, chunk) * dataset.dtype.itemsize)

@@ -17,8 +17,12 @@ MAX_LINKS: Final = 16
 """Soft links followed in a row before they count as a loop."""
 
 
+LONGEST_MESSAGE: Final = 500
+"""Characters of a message: names and link targets may be as long as the file likes."""
+
+
 class RefusedError(Exception):
-    """A path that leads nowhere usable.
+    """A path that leads nowhere usable. Of a long message the middle is left out.
 
     Attributes
     ----------
@@ -29,7 +33,7 @@ class RefusedError(Exception):
     """
 
     def __init__(self, rule: str, cause: str, message: str, magnitude: float | None = None) -> None:
-        super().__init__(message)
+        super().__init__(_shortened(message))
         self.rule = rule
         self.cause = cause
         self.magnitude = magnitude
@@ -56,6 +60,11 @@ def find_dataset(file: h5py.File, path: str) -> h5py.Dataset | None:
             )
             raise RefusedError("outside_link", "missing_stream", message)
         return found
+
+
+def _shortened(message: str) -> str:
+    half = LONGEST_MESSAGE // 2
+    return message if len(message) <= LONGEST_MESSAGE else f"{message[:half]} ... {message[-half:]}"
 
 
 @contextmanager

@@ -8,12 +8,22 @@ import h5py
 import numpy as np
 
 from fedora_qa.causes import INDEX_MAPS, allowed
-from fedora_qa.layout.binding import Binding, instant_ns
-from fedora_qa.layout.canonical import FLOW_STREAMS, PROMISED_BY, STREAMS, DatasetSpec, companions_of, datasets_of
-from fedora_qa.layout.conform import require_readable_type, require_shape, unwritten_chunks
+from fedora_qa.layout.binding import Binding, instant_ns, rows_together
+from fedora_qa.layout.bounds import require_bounded, require_small_chunks, unwritten_chunks
+from fedora_qa.layout.canonical import (
+    FLOW_STREAMS,
+    METADATA_GROUPS,
+    PROMISED_BY,
+    STREAMS,
+    DatasetSpec,
+    companions_of,
+    datasets_of,
+)
+from fedora_qa.layout.conform import require_readable_type, require_shape
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, Dialect, Place, scale_of
-from fedora_qa.layout.links import RefusedError, find_dataset, has_group, reading
+from fedora_qa.layout.filters import require_filters
+from fedora_qa.layout.links import RefusedError, find_dataset, find_object, has_group, reading
 
 _EXTRA_STREAMS: Final = ("depth_range",)
 """Datasets of the layout that are declarations, not streams."""
@@ -82,6 +92,7 @@ def resolve(file: h5py.File, dialect: Dialect | None = None) -> Layout:
         finder.find(stream)
     if dialect.canonical_elsewhere:
         finder.hold_to_promises()
+        finder.hold_to_links()
     return Layout(
         dialect_name=dialect.name,
         bindings=finder.bindings,
@@ -155,6 +166,14 @@ class _Finder:
         if no_flow and has_group(self.file, "metadata/flow"):
             self._report_promise("flow", "metadata/flow")
 
+    def hold_to_links(self) -> None:
+        """Report groups of metadata that lie elsewhere, or whose link leads nowhere: what they declare is not seen."""
+        for owner in METADATA_GROUPS:
+            try:
+                find_object(self.file, owner)
+            except RefusedError as refused:
+                self._report("metadata", "", refused)
+
     def _report_promise(self, stream: str, group: str) -> None:
         message = f"Expected {stream}, which /{group} declares, got no such stream; write it or drop the declaration"
         self._report(stream, "", RefusedError("missing_stream", "missing_stream", message))
@@ -183,6 +202,8 @@ class _Finder:
             with reading(path):
                 require_readable_type(spec, dataset, path)
                 require_shape(spec, place, dataset, path)
+                require_filters(dataset, path)
+                require_bounded(spec, dataset, path)
                 binding = _as_stored(spec, place, dataset, path)
                 self._note_oddities(spec, dataset, path)
                 return replace(binding, offset_ns=self._offset_ns(place, binding))
@@ -207,6 +228,8 @@ class _Finder:
         if dataset is None:
             return 0
         numeric = dataset.size == 1 and dataset.dtype.kind in "iuf"
+        require_filters(dataset, place.offset_path)
+        require_small_chunks(dataset, place.offset_path)
         with reading(place.offset_path):
             offset = instant_ns(np.asarray(dataset[()]).reshape(-1)[0], binding) if numeric else None
         if offset is None:
@@ -248,7 +271,7 @@ def _as_stored(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str
         ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_stamps else None,
         scale=scale_of(spec.key, place),
         polarity=place.polarity,
-        chunk_rows=dataset.chunks[0] if dataset.chunks else 0,
+        chunk_rows=rows_together(spec.key, dataset.chunks[0]) if dataset.chunks else 0,
     )
 
 

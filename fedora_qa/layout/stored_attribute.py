@@ -10,12 +10,16 @@ from fedora_qa.layout.links import READ_ERRORS
 LARGEST_BYTES: Final = 16 << 20
 """A list of a million hot pixels; a damaged or hostile header can claim anything."""
 
+LONGEST_TEXT: Final = 4096
+"""Characters: a text of the layout is a word or a line."""
+
 
 def stored_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> Any:
     """Return the value of an attribute, numbers or text, or None where there is none.
 
     Ragged arrays, references and compounds are never read: no attribute of the layout is one, and where a damaged
-    file turns text into one, HDF5 follows its addresses out of the process's memory.
+    file turns text into one, HDF5 follows its addresses out of the process's memory. Text is one text: a list of texts
+    can name the same megabyte a million times.
 
     Raises
     ------
@@ -29,10 +33,15 @@ def stored_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> Any:
         dtype = attribute.dtype
         if dtype.kind in "OV" and h5py.check_string_dtype(dtype) is None:
             raise ValueError(f"a type that is neither numbers nor text ({dtype})")
+        if h5py.check_string_dtype(dtype) is not None and prod(attribute.shape or ()) > 1:
+            raise ValueError(f"{prod(attribute.shape)} texts where one is expected")
         stored_bytes = prod(attribute.shape or ()) * dtype.itemsize
         if stored_bytes > LARGEST_BYTES:
             raise ValueError(f"{stored_bytes} bytes, more than the {LARGEST_BYTES} that are read")
-        return holder.attrs[name]
+        value = holder.attrs[name]
+        if isinstance(value, str | bytes) and len(value) > LONGEST_TEXT:
+            raise ValueError(f"a text of {len(value)} characters, more than the {LONGEST_TEXT} that are read")
+        return value
     except READ_ERRORS as error:
         raise ValueError(str(error)) from error
 

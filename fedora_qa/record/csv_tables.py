@@ -8,7 +8,8 @@ from fedora_qa.record.tables import TABLE_NAMES, Cell, Table, tables_of
 from fedora_qa.record.types import Record
 from fedora_qa.record.wording import printable
 
-_FORMULA_STARTS: Final = ("=", "+", "-", "@")
+_FORMULA_STARTS: Final = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""What begins a formula, also after spaces, and in the full width that East Asian keyboards write."""
 
 CSV_NAMES: Final = tuple(f"{name}.csv" for name in TABLE_NAMES)
 """The files that hold the tables."""
@@ -37,5 +38,5 @@ def _cell(value: Cell) -> str:
         return _cell(" ".join(map(str, value)))
     if isinstance(value, str):
         shown = printable(value)
-        return f"'{shown}" if shown.startswith(_FORMULA_STARTS) else shown
+        return f"'{shown}" if shown.lstrip().startswith(_FORMULA_STARTS) else shown
     return str(value)

@@ -99,6 +99,8 @@ class DocumentKind(Generic[T]):
     def _require_version(self, text: str | bytes) -> None:
         try:
             document = json.loads(text)
+        except RecursionError:
+            raise MisuseError(f"Expected {self.noun} as JSON, got lists within lists without end") from None
         except ValueError as problem:
             raise MisuseError(
                 f"Expected {self.noun} as JSON, got: {problem}; give what `{self.written_by}` wrote"

@@ -14,6 +14,20 @@ POSITIVE: Final = frozenset({"width", "height", "threshold_on", "threshold_off",
 """Numbers that must exceed zero; every other number of the layout must not be negative, but for the seed."""
 
 
+MOST_PIXELS_ALONG: Final = 1 << 16
+"""Of a camera's columns or rows: events count theirs in 16 bits."""
+
+
+LEAST_NUMBER: Final = 1e-30
+LARGEST_NUMBER: Final = 1e12
+"""Beyond these no unit of the layout has a meaning, and squares and nanoseconds leave float64 and int64."""
+
+LARGEST_ENTRY: Final = 1e9
+WORST_CONDITION: Final = 1e12
+"""Of a matrix of a camera, in px or m. A focal length of 8000 px comes to 1e8, a camera a kilometre off to 1e6; beyond,
+nothing is left of a float64 that goes through the matrix and back."""
+
+
 class MalformedError(Exception):
     """An attribute is there and cannot be used; ``cause`` is an identifier of ``causes.py``."""
 
@@ -44,7 +58,7 @@ def _text(stored: Any, spec: AttributeSpec) -> str:
     if not isinstance(text, str):
         raise MalformedError("wrong_dtype", f"Expected text, got {_shown(stored)}")
     if spec.choices and text not in spec.choices:
-        raise MalformedError("unknown", f"Expected {' or '.join(map(repr, spec.choices))}, got {text!r}")
+        raise MalformedError("unknown", f"Expected {' or '.join(map(repr, spec.choices))}, got {_shown(text)}")
     return str(text)
 
 
@@ -75,7 +89,11 @@ def _matrix(size: int) -> Callable[[Any, AttributeSpec], NDArray[np.float64]]:
             raise MalformedError("wrong_shape", f"Expected a {size} x {size} matrix, got shape {matrix.shape}")
         if not np.all(np.isfinite(matrix)):
             raise MalformedError("nan_in_stream", "Expected finite entries, got NaN or infinity")
-        return matrix.astype(np.float64)
+        matrix = matrix.astype(np.float64)
+        if np.abs(matrix).max() > LARGEST_ENTRY or not np.linalg.cond(matrix) < WORST_CONDITION:
+            cause = "intrinsics_focal" if size == 3 else "unknown"
+            raise MalformedError(cause, f"Expected a matrix that can be inverted, got {_shown(matrix.tolist())}")
+        return matrix
 
     return read
 
@@ -102,6 +120,10 @@ def _require_range(value: float, spec: AttributeSpec) -> None:
         raise MalformedError("unknown", f"Expected a positive number, got {value}")
     if value < 0 and spec.name != "seed":
         raise MalformedError("unknown", f"Expected a number not below 0, got {value}")
+    if spec.name != "seed" and (value > LARGEST_NUMBER or 0 < value < LEAST_NUMBER):
+        raise MalformedError("unknown", f"Expected 0 or {LEAST_NUMBER:g} to {LARGEST_NUMBER:g}, got {value:g}")
+    if spec.name in {"width", "height"} and value > MOST_PIXELS_ALONG:
+        raise MalformedError("wrong_shape", f"Expected at most {MOST_PIXELS_ALONG} px, got {value}")
 
 
 def _shown(stored: Any) -> str:

@@ -9,6 +9,7 @@ from fedora_qa.causes import allowed
 from fedora_qa.conventions import FORMAT_NAME, STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import canonical_rows
+from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, attributes_of
 from fedora_qa.layout.links import RefusedError, find_object
 from fedora_qa.layout.resolve import Layout
@@ -33,7 +34,7 @@ def read_declared(file: h5py.File, layout: Layout) -> Declared:
     values = {owner: reader.read(owner) for owner in _OWNERS}
     flow = values["metadata/flow"]
     return Declared(
-        cameras=_cameras(values),
+        cameras=reader.cameras(values),
         events=_event_model(values["metadata/events"]),
         imu=_imu_model(values["metadata/imu"]),
         pose=_pose_model(values["metadata/pose"]),
@@ -75,6 +76,27 @@ class _Reader:
                 self._problem(owner, spec.name, "missing_stream", f"Expected {spec.meaning}, got no such attribute")
         return values
 
+    def cameras(self, values: Mapping[str, Values | None]) -> dict[str, Camera]:
+        """Return the cameras that are declared in full, and not beyond what checks can hold an image of."""
+        cameras = {}
+        for name in CAMERAS:
+            given = values[f"metadata/cameras/{name}"]
+            if given is None or not {"width", "height", "K", "T_body_camera"} <= given.keys():
+                continue
+            if given["width"] * given["height"] > LARGEST_IMAGE_PIXELS:
+                message = f"Expected {LARGEST_IMAGE_PIXELS} pixels at most, got {given['width']} x {given['height']}"
+                self._problem(f"metadata/cameras/{name}", "width", "wrong_shape", message)
+                continue
+            cameras[name] = Camera(
+                width=given["width"],
+                height=given["height"],
+                K=given["K"],
+                T_body_camera=given["T_body_camera"],
+                exposure_us=given.get("exposure_us", 0.0),
+                model=given.get("camera_model", "pinhole"),
+            )
+        return cameras
+
     def depth_range_m(self) -> tuple[float, float] | None:
         """Return nearest and farthest valid depth, if declared."""
         binding = self.layout.bindings.get("metadata/depth_range")
@@ -112,22 +134,6 @@ class _Reader:
     def _problem(self, owner: str, name: str, cause: str, message: str) -> None:
         known = cause if allowed(cause, "metadata") else "unknown"
         self.problems.append(DeclarationProblem(owner, name, message, known))
-
-
-def _cameras(values: Mapping[str, Values | None]) -> dict[str, Camera]:
-    cameras = {}
-    for name in CAMERAS:
-        given = values[f"metadata/cameras/{name}"]
-        if given is not None and {"width", "height", "K", "T_body_camera"} <= given.keys():
-            cameras[name] = Camera(
-                width=given["width"],
-                height=given["height"],
-                K=given["K"],
-                T_body_camera=given["T_body_camera"],
-                exposure_us=given.get("exposure_us", 0.0),
-                model=given.get("camera_model", "pinhole"),
-            )
-    return cameras
 
 
 def _event_model(given: Values | None) -> EventModel | None:

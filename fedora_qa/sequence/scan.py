@@ -6,6 +6,7 @@ stamp up to it, which never decreases.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,12 @@ Int64 = NDArray[np.int64]
 
 BLOCK_ROWS = 1 << 20
 """Event stamps looked at together."""
+
+MOST_CELLS: Final = 1 << 14
+"""Cells that become windows. An hour of a sequence fits; longer ones, and stamps far apart, get longer cells."""
+
+FARTHEST_INDEX: Final = 1 << 53
+"""Stored indices saturate here, so that differences of two fit int64, and float64 holds them."""
 
 FRAMES_OF_MAP = {"rgb_to_event": "rgb", "depth_to_event": "depth"}
 
@@ -161,7 +168,8 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
         index_maps=_index_maps(sequence, tally),
         sizes={key: binding.rows for key, binding in sequence.layout.bindings.items()},
     )
-    return Scan(facts, _runs(facts, tally, cell_ns), cell_ns, np.asarray(tally.block_first, dtype=np.int64))
+    runs, cell_ns = _few_cells(_runs(facts, tally, cell_ns), cell_ns)
+    return Scan(facts, runs, cell_ns, np.asarray(tally.block_first, dtype=np.int64))
 
 
 def _read_clock(sequence: SequenceRows, stream: str) -> Clock:
@@ -209,6 +217,7 @@ def _index_maps(sequence: SequenceRows, tally: _EventTally) -> dict[str, IndexMa
         except UnreadableRowsError:
             continue
         none_before = np.zeros(len(frames), np.int64)
+        stored = np.clip(stored, -FARTHEST_INDEX, FARTHEST_INDEX)
         maps[name] = IndexMap(stored, tally.left.get(name, none_before), tally.right.get(name, none_before))
     return maps
 
@@ -237,6 +246,22 @@ def _spread_evenly(count: int, cells: Int64) -> Runs:
     cell_of_row = cells[np.arange(count) * len(cells) // count]
     starts = np.flatnonzero(np.diff(cell_of_row, prepend=cell_of_row[0] - 1))
     return Runs(cell_of_row[starts], starts, count)
+
+
+def _few_cells(runs: Mapping[str, Runs], cell_ns: int) -> tuple[Mapping[str, Runs], int]:
+    """Join cells by two, four and so on until there are no more than ``MOST_CELLS``: stamps may be a day apart each."""
+    if sum(len(one.cells) for one in runs.values()) <= MOST_CELLS:
+        return runs, cell_ns
+    together = 1
+    while len(np.unique(np.concatenate([one.cells // together for one in runs.values()]))) > MOST_CELLS:
+        together *= 2
+    return {stream: _joined(one, together) for stream, one in runs.items()}, cell_ns * together
+
+
+def _joined(runs: Runs, together: int) -> Runs:
+    cells = runs.cells // together
+    first = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1)) if len(cells) else cells
+    return Runs(cells[first], runs.starts[first], runs.count)
 
 
 def _exact_us(origin_ns: int) -> float:

@@ -1,11 +1,11 @@
 """Open a sequence: read-only, lazy, in canonical units."""
 
 from contextlib import ExitStack, closing
+from math import prod
 from types import TracebackType
 from typing import Any, BinaryIO, Protocol, Self
 
 import h5py
-import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import MisuseError, NotHdf5Error, UnreadableFileError, UnreadableRowsError
@@ -233,7 +233,7 @@ def _require_signature(path: Place, file: BinaryIO | RemoteBytes) -> None:
 
 def _contiguous_rows(shape: tuple[int, ...]) -> int:
     """Rows to read together where storage sets none: about a megabyte."""
-    row_bytes = 8 * int(np.prod(shape[1:], dtype=np.int64))
+    row_bytes = 8 * prod(shape[1:])
     return max(1, (1 << 20) // max(row_bytes, 1))
 
 

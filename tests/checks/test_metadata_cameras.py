@@ -54,7 +54,7 @@ def moved(distance_m: float) -> Change:
         ("K", np.transpose, "K_form", None),
         ("K", entry(0, 1, 0.5), "K_form", None),
         ("K", entry(2, 2, 2.0), "K_form", None),
-        ("K", entry(1, 1, 0.0), "focal_lengths_not_positive", "intrinsics_focal"),
+        ("K", entry(1, 1, -20.0), "focal_lengths_not_positive", "intrinsics_focal"),
         ("K", entry(0, 2, 36.0), "principal_point_outside", "intrinsics_centre"),
         ("K", entry(1, 2, -0.6), "principal_point_outside", "intrinsics_centre"),
         ("T_body_camera", np.transpose, None, None),
@@ -71,6 +71,12 @@ def test_impossible_depth_cameras(path: Path, name: str, change: Change, rule: s
     assert (rule in found) if rule else not found
     if cause:
         assert cause in {diagnosis.cause for diagnosis in diagnoses_of(path, "metadata.cameras")}
+
+
+def test_focal_length_of_nothing(path: Path) -> None:
+    """Intrinsics that cannot be inverted are no camera: they are malformed, and nothing is computed with them."""
+    change_matrix(path, "depth", "K", entry(1, 1, 0.0))
+    assert "intrinsics_focal" in {diagnosis.cause for diagnosis in diagnoses_of(path, "metadata.complete")}
 
 
 def test_separation_is_measured(path: Path) -> None:

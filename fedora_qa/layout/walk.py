@@ -1,0 +1,114 @@
+"""Which datasets lie in a file? A walk that ends, however deep, wide or circular its groups are."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import h5py
+
+from fedora_qa.layout.links import READ_ERRORS
+
+DEEPEST: Final = 32
+"""Groups within groups; the canonical layout has three levels."""
+
+MOST_OBJECTS: Final = 10_000
+"""Links that are looked at. The canonical layout has some forty datasets."""
+
+
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """The datasets that were found, and what was not looked at, in words; empty where all was."""
+
+    paths: tuple[str, ...]
+    unseen: tuple[str, ...]
+
+
+@dataclass
+class _Missed:
+    """Counts of what a walk leaves out."""
+
+    unprintable: int = 0
+    damaged: int = 0
+    too_deep: int = 0
+    too_many: bool = False
+
+    def words(self) -> Iterator[str]:
+        if self.unprintable:
+            yield f"{self.unprintable} objects whose names cannot be printed"
+        if self.damaged:
+            yield f"{self.damaged} objects that cannot be opened"
+        if self.too_deep:
+            yield f"{self.too_deep} groups deeper than {DEEPEST} levels"
+        if self.too_many:
+            yield f"what follows the first {MOST_OBJECTS} objects"
+
+
+def walk(file: h5py.File) -> Walk:
+    """Return the paths of all datasets that hard links lead to, each once, in the order of their names.
+
+    Names that cannot be printed are left out: neither a terminal nor a dialect should hold them. So is what lies
+    deeper than ``DEEPEST`` or beyond ``MOST_OBJECTS``.
+    """
+    paths: list[str] = []
+    missed, links = _Missed(), _Links()
+    seen: set[tuple[int, int]] = set()
+    waiting: list[tuple[str, int, h5py.h5g.GroupID, bytes]] = [("", 0, file.id, b"/")]
+    while waiting:
+        path, depth, parent, name = waiting.pop()
+        try:
+            found, place = _open(parent, name)
+            if place in seen:
+                continue
+            seen.add(place)
+            if isinstance(found, h5py.h5d.DatasetID):
+                paths.append(path)
+            if not isinstance(found, h5py.h5g.GroupID):
+                continue
+            if depth == DEEPEST:
+                missed.too_deep += 1
+                continue
+            names = links.names(found)
+        except READ_ERRORS:
+            missed.damaged += 1
+            continue
+        for below in sorted(names, reverse=True):
+            readable = below.decode("utf-8", "surrogateescape")
+            if readable.isprintable():
+                waiting.append((f"{path}/{readable}" if path else readable, depth + 1, found, below))
+            else:
+                missed.unprintable += 1
+    missed.too_many = links.ended
+    return Walk(tuple(paths), tuple(missed.words()))
+
+
+class _Links:
+    """Lists hard links group by group, until ``MOST_OBJECTS`` have been looked at."""
+
+    def __init__(self) -> None:
+        self.looked_at = 0
+        self.ended = False
+
+    def names(self, group: h5py.h5g.GroupID) -> list[bytes]:
+        """Return the names of a group's hard links."""
+        found: list[bytes] = []
+
+        def note(name: bytes, about: h5py.h5l.LinkInfo) -> bool | None:
+            if self.looked_at == MOST_OBJECTS:
+                self.ended = True
+                return True
+            self.looked_at += 1
+            if about.type == h5py.h5l.TYPE_HARD:
+                found.append(name)
+            return None
+
+        group.links.iterate(note, info=True)
+        return found
+
+
+def _open(
+    parent: h5py.h5g.GroupID, name: bytes
+) -> tuple[h5py.h5g.GroupID | h5py.h5d.DatasetID | h5py.h5t.TypeID, tuple[int, int]]:
+    """Return an object, and where it lies: hard links can lead to it many times."""
+    found = h5py.h5o.open(parent, name)
+    about = h5py.h5o.get_info(found)
+    return found, (about.fileno, about.addr)

@@ -1,0 +1,79 @@
+"""Attacks that no library would write: bytes patched by hand. Each takes the path of a small file."""
+
+import struct
+from pathlib import Path
+from typing import Final
+
+import h5py
+import numpy as np
+
+BLOSC: Final = struct.pack("<H", 32001)
+
+
+def filter_that_nobody_has(path: Path) -> None:
+    """The Blosc filter of every dataset gets another number, and a name that colours a terminal."""
+    content = path.read_bytes()
+    named = content.index(b"blosc\0")
+    at = content.rindex(BLOSC, 0, named)
+    rest = content[at + 2 : at + 8]
+    patched = content.replace(BLOSC + rest, struct.pack("<H", 32999) + rest).replace(b"blosc\0", b"\x1b[31m\0"[:6])
+    path.write_bytes(patched)
+
+
+def chunks_at_one_place(path: Path) -> None:
+    """Every colour frame is stored where the first is."""
+    with h5py.File(path) as file:
+        chunks = [file["path/rgb"].id.get_chunk_info(i) for i in range(6)]
+    content = bytearray(path.read_bytes())
+    first = chunks[0].byte_offset
+    for chunk in chunks[1:]:
+        place = content.index(struct.pack("<Q", chunk.byte_offset))
+        content[place : place + 8] = struct.pack("<Q", first)
+    path.write_bytes(bytes(content))
+
+
+def chunks_beyond_the_end(path: Path) -> None:
+    """The chunks of colour frames claim gigabytes each."""
+    with h5py.File(path) as file:
+        chunks = [file["path/rgb"].id.get_chunk_info(i) for i in range(6)]
+    content = bytearray(path.read_bytes())
+    for chunk in chunks:
+        place = content.index(struct.pack("<Q", chunk.byte_offset))
+        key = content.rindex(struct.pack("<I", chunk.size), 0, place)
+        content[key : key + 4] = struct.pack("<I", 2**32 - 1)
+    path.write_bytes(bytes(content))
+
+
+def attribute_of_gigabytes(path: Path) -> None:
+    """The list of hot pixels claims a thousand million entries."""
+    with h5py.File(path, "r+") as file:
+        file["metadata/events"].attrs["hot_pixels"] = np.full((77, 2), 3, np.int64)
+    content = bytearray(path.read_bytes())
+    place = content.index(b"hot_pixels\0")
+    sizes = content.index(struct.pack("<QQ", 77, 2), place)
+    content[sizes : sizes + 8] = struct.pack("<Q", 2**30)
+    path.write_bytes(bytes(content))
+
+
+def user_block(path: Path) -> None:
+    """A program stands before the file, and its own signature after half a megabyte."""
+    content = path.read_bytes()
+    path.write_bytes(b"#!/bin/sh\necho owned\n".ljust(2**19, b"\0") + content)
+
+
+def signature_in_the_middle(path: Path) -> None:
+    """Two files in one: which is meant?"""
+    content = path.read_bytes()
+    path.write_bytes(content.ljust(2**20, b"\0") + content)
+
+
+def tree_that_holds_itself(path: Path) -> None:
+    """A node of the chunks' tree claims to be its own child."""
+    with h5py.File(path) as file:
+        first = file["path/rgb"].id.get_chunk_info(0)
+    content = bytearray(path.read_bytes())
+    at = content.index(struct.pack("<Q", first.byte_offset))
+    node = content.rindex(b"TREE", 0, at)
+    content[node + 5] = 1
+    content[at : at + 8] = struct.pack("<Q", node)
+    path.write_bytes(bytes(content))
