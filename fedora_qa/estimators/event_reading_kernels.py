@@ -136,7 +136,7 @@ def _polynomial(divided: Float64, seconds: Float64, first: int, points: int, now
 
 @njit(cache=True)
 def number_pixels(pixels: Int64, most: int, numbers: Int64) -> int:
-    """Write numbers of the different ``pixels`` (m,), below ``most``, as they first appear; return how many there are."""
+    """Write numbers of the different ``pixels`` (m,), below ``most``, as they first appear; return how many."""
     known, count = np.zeros(most, np.int32), 0
     for i in range(len(pixels)):
         if known[pixels[i]] == 0:
