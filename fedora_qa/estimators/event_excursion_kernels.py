@@ -11,8 +11,8 @@ Int32 = NDArray[np.int32]
 
 @njit(cache=True)
 def bound_excursions(
-    light: Float64,
-    error: Float64,
+    light: NDArray[np.floating],
+    error: NDArray[np.floating],
     counts: Int32,
     dark: float,
     steps: tuple[int, int],
@@ -35,54 +35,64 @@ def bound_excursions(
 
     While nothing is added to the events' sum, bounds are compared as they are: their logarithm is taken once.
     """
-    height, width = light.shape[1:]
-    low, high = np.empty(width), np.empty(width)
-    low_frame, high_frame = np.empty(width, np.int64), np.empty(width, np.int64)
-    for row in range(height):
+    width = light.shape[2]
+    low, high, low_frame, high_frame = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
+    for row in range(light.shape[1]):
         low[:], high[:] = 0.0, np.inf
+        ends = low, high, low_frame, high_frame
         for frame in range(len(light)):
-            for column in range(width):
-                if frame > 0:
-                    moved = (
-                        counts[frame - 1, 1, row, column] * steps[1]
-                        - counts[frame - 1, 0, row, column] * steps[0]
-                        - drift[frame - 1]
-                    )
-                    if moved != 0:
-                        _close(row, column, low, high, low_frame, high_frame, units, total, highest, lowest)
-                        total[row, column] += moved
+            if frame > 0:
+                off, on, leaked = counts[frame - 1, 0, row], counts[frame - 1, 1, row], drift[frame - 1]
+                for column in range(width):
+                    if (off[column] | on[column]) or leaked:
+                        _close(column, ends, units, total[row], highest[:, row], lowest[:, row])
+                        total[row, column] += on[column] * steps[1] - off[column] * steps[0] - leaked
                         low[column], high[column] = 0.0, np.inf
-                bright, off = light[frame, row, column] + dark, error[frame, row, column]
-                if off < np.inf and bright > off and off < uneven[0] + uneven[1] * bright:
-                    if bright - off > low[column]:
-                        low[column], low_frame[column] = bright - off, frames[frame]
-                    if bright + off < high[column]:
-                        high[column], high_frame[column] = bright + off, frames[frame]
+            _narrow(light[frame, row], error[frame, row], dark, uneven, float(frames[frame]), ends)
         for column in range(width):
-            _close(row, column, low, high, low_frame, high_frame, units, total, highest, lowest)
+            _close(column, ends, units, total[row], highest[:, row], lowest[:, row])
+
+
+@njit(cache=True)
+def _narrow(
+    light: NDArray[np.floating],
+    error: NDArray[np.floating],
+    dark: float,
+    uneven: tuple[float, float],
+    frame: float,
+    ends: tuple[Float64, Float64, Float64, Float64],
+) -> None:
+    """Take a frame's bounds of a row (w,) into the largest lower and the smallest upper one; without a branch."""
+    low, high, low_frame, high_frame = ends
+    for column in range(len(light)):
+        bright, off = light[column] + dark, float(error[column])
+        told = (bright > off) & (off < uneven[0] + uneven[1] * bright)
+        lower = bright - off if told else 0.0
+        upper = bright + off if told else np.inf
+        low_frame[column] = frame if lower > low[column] else low_frame[column]
+        low[column] = lower if lower > low[column] else low[column]
+        high_frame[column] = frame if upper < high[column] else high_frame[column]
+        high[column] = upper if upper < high[column] else high[column]
 
 
 @njit(cache=True)
 def _close(
-    row: int,
     column: int,
-    low: Float64,
-    high: Float64,
-    low_frame: Int64,
-    high_frame: Int64,
+    ends: tuple[Float64, Float64, Float64, Float64],
     units: float,
     total: Int64,
     highest: Int64,
     lowest: Int64,
 ) -> None:
     """Take the bounds of a run without events into those of the pixel."""
+    low, high, low_frame, high_frame = ends
     if low[column] > 0.0:
-        least = int(np.floor(np.log(low[column]) * units)) - total[row, column]
-        most = int(np.ceil(np.log(high[column]) * units)) - total[row, column]
-        if least > highest[0, row, column]:
-            highest[0, row, column], highest[1, row, column] = least, low_frame[column]
-        if most < lowest[0, row, column]:
-            lowest[0, row, column], lowest[1, row, column] = most, high_frame[column]
+        least = int(np.floor(np.log(low[column]) * units)) - total[column]
+        most = int(np.ceil(np.log(high[column]) * units)) - total[column]
+        if least > highest[0, column]:
+            highest[0, column], highest[1, column] = least, int(low_frame[column])
+        if most < lowest[0, column]:
+            lowest[0, column], lowest[1, column] = most, int(high_frame[column])
 
 
 @njit(cache=True)

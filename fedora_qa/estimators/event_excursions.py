@@ -69,8 +69,8 @@ class Excursions:
 
 
 def bound(
-    light: NDArray[np.float64],
-    error: NDArray[np.float64],
+    light: NDArray[np.floating],
+    error: NDArray[np.floating],
     counts: NDArray[np.int32],
     drift: NDArray[np.float64],
     *,

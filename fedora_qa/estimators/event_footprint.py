@@ -90,9 +90,9 @@ class Footprints:
         lost: NDArray[np.bool_],
         rounding: float,
         *,
-        sharp: Float64,
-        even: Float64,
-        error: Float64,
+        sharp: NDArray[np.float32],
+        even: NDArray[np.float32],
+        error: NDArray[np.float32],
     ) -> None:
         """Write the sharp and the even average of an (H, W) image, and a bound of the latter's error, (h, w) each.
 

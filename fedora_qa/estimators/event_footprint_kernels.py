@@ -34,9 +34,9 @@ def see_frame(
     split_columns: Weighted,
     inside: Bool,
     rounding: float,
-    sharp_means: Float64,
-    even_means: Float64,
-    errors: Float64,
+    sharp_means: Float32,
+    even_means: Float32,
+    errors: Float32,
 ) -> None:
     """Write what ``Footprints.see`` says, row by row, so that all but the frame itself stays in the cache."""
     width = luma.shape[1]
@@ -82,7 +82,7 @@ def _add(row: NDArray[Any], weight: float, line: Float64) -> None:
 
 
 @njit(cache=True, fastmath={"contract"})
-def _add_columns(line: Float64, first: NDArray[np.int64], weights: Float64, means: Float64) -> None:
+def _add_columns(line: Float64, first: NDArray[np.int64], weights: Float64, means: NDArray[Any]) -> None:
     for column in range(len(means)):
         # Unsigned: an index that may be negative costs a comparison each.
         at, total = np.uint64(first[column]), 0.0
@@ -98,8 +98,8 @@ def _add_even_columns(
     split: Float64,
     even_columns: Weighted,
     split_weights: Float64,
-    means: Float64,
-    bounds: Float64,
+    means: Float32,
+    bounds: Float32,
 ) -> None:
     """Write the means of ``even``, and those of ``whole`` less those of ``split`` by its own weights."""
     first, weights = even_columns
@@ -161,7 +161,7 @@ def _mark_rows(lost: Bool, lost_rows: Bool, first: int, weights: Float64, touche
 
 
 @njit(cache=True)
-def _lose_columns(touched: Bool, first: NDArray[np.int64], weights: Float64, error: Float64) -> None:
+def _lose_columns(touched: Bool, first: NDArray[np.int64], weights: Float64, error: Float32) -> None:
     """Make the error infinite of pixels whose columns that weigh, or those beside them, are marked."""
     before = 0
     until = np.zeros(len(touched) + 1, np.int64)

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 Int32 = NDArray[np.int32]
@@ -117,7 +118,7 @@ def _between(t0: float, t1: float, t2: float, t3: float, step: float, t: float) 
 
 
 @njit(cache=True)
-def mark_usable(sharp_dn: Float64, even_dn: Float64, error_dn: Float64, least_dn: float, usable: Bool) -> None:
+def mark_usable(sharp_dn: Float32, even_dn: Float32, error_dn: Float32, least_dn: float, usable: Bool) -> None:
     """Mark in ``usable`` (h, w) the pixels not darker than ``least_dn`` in either image whose error is finite."""
     for row in range(usable.shape[0]):
         for column in range(usable.shape[1]):

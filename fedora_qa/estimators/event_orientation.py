@@ -55,7 +55,7 @@ class LevelBlocks:
     whole: NDArray[np.bool_]
 
 
-def level_blocks(levels: Float64, known: NDArray[np.bool_]) -> LevelBlocks:
+def level_blocks(levels: NDArray[np.float32], known: NDArray[np.bool_]) -> LevelBlocks:
     """Return the block means of levels (n, h, w), ``known`` or not."""
     side, grid = _grid(levels.shape[1:])
     means, whole = np.empty((len(levels), *grid)), np.empty((len(levels), *grid), np.bool_)

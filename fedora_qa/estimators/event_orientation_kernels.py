@@ -15,7 +15,7 @@ Bool = NDArray[np.bool_]
 
 
 @njit(cache=True)
-def mean_blocks(image: Float64, known: Bool, side: int, means: Float64, whole: Bool) -> None:
+def mean_blocks(image: NDArray[np.float32], known: Bool, side: int, means: Float64, whole: Bool) -> None:
     """Write the means (r, c) of an image over blocks, and whether all their pixels are ``known`` (h, w)."""
     rows, columns = means.shape
     top, left = (image.shape[0] - rows * side) // 2, (image.shape[1] - columns * side) // 2

@@ -52,7 +52,7 @@ class Interval:
     ``level`` is that of the earlier frame; ``flags`` are those of ``event_shift_kernels``.
     """
 
-    level: Float64
+    level: NDArray[np.floating]
     change: Float64
     events: Float64
     flags: NDArray[np.uint8]
@@ -74,7 +74,7 @@ class Interval:
 
 
 def intervals(
-    levels: Float64,
+    levels: NDArray[np.float32],
     lit: NDArray[np.bool_],
     counts: NDArray[np.int32],
     threshold_on: float,

@@ -119,7 +119,7 @@ def _add_products(fired: Float32, line: Float32, sums: Float64) -> None:
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
-def add_slopes(level: Float64, change: Float64, flags: Flags, flag: int, box: Box, sums: Float64) -> None:
+def add_slopes(level: NDArray[np.floating], change: Float64, flags: Flags, flag: int, box: Box, sums: Float64) -> None:
     """Add to ``sums`` (3, 2) what ``registration_errors.slope_sums`` adds up, of a part of the image."""
     top, bottom, left, right = box
     for row in range(top, bottom):
@@ -145,8 +145,8 @@ def add_slopes(level: Float64, change: Float64, flags: Flags, flag: int, box: Bo
 
 @njit(cache=True)
 def step_between(
-    earlier: Float64,
-    later: Float64,
+    earlier: Float32,
+    later: Float32,
     lit_before: NDArray[np.bool_],
     lit_after: NDArray[np.bool_],
     counts: Int32,

@@ -1,7 +1,7 @@
 """What the checks of events share of a window: events that lie on the sensor, and frames as its pixels see them."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +79,7 @@ class SeenFrames:
     frames, times_ns
         (n,) rows and instants.
     sharp_dn, even_dn
-        (n, h, w) luma by the two reconstructions of ``event_footprint``.
+        (n, h, w) luma by the two reconstructions of ``event_footprint``, in single precision: 1e-5 DN, as luma itself.
     error_dn
         (n, h, w) bound of the error of ``even_dn``; infinite where a pixel is saturated or outside the frame.
     counts
@@ -88,9 +88,9 @@ class SeenFrames:
 
     frames: NDArray[np.int64]
     times_ns: NDArray[np.int64]
-    sharp_dn: NDArray[np.float64]
-    even_dn: NDArray[np.float64]
-    error_dn: NDArray[np.float64]
+    sharp_dn: NDArray[Any]
+    even_dn: NDArray[Any]
+    error_dn: NDArray[Any]
     counts: NDArray[np.int32]
 
     def __len__(self) -> int:
@@ -102,19 +102,19 @@ def seen_frames(window: Window) -> SeenFrames:
     return window.once("seen_frames", lambda: _seen_frames(window))
 
 
-def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return ``signal`` of the frames of a window and the next one."""
     return window.once("seen_signal", lambda: signal(seen_frames(window), declared))
 
 
-def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return the signal of the declared model (n, h, w), and where it is lit: known to better than half of itself."""
     lit = np.empty(seen.even_dn.shape, np.bool_)
     for frame, known in enumerate(lit):
         np.greater(seen.even_dn[frame], 2 * seen.error_dn[frame], out=known)
     if declared.model == "linear":
         return seen.even_dn, lit
-    levels = np.empty(seen.even_dn.shape)
+    levels = np.empty(seen.even_dn.shape, np.float32)
     for frame, level in enumerate(levels):
         np.add(seen.even_dn[frame], declared.log_eps_dn, out=level)
         np.log(np.maximum(level, 1e-3, out=level), out=level)
@@ -171,7 +171,7 @@ def _seen_frames(window: Window) -> SeenFrames:
     declared = window.facts.declared
     shape, wanted = sensor_shape(declared), _frames(window)
     rounding_dn = ROUNDING_DN[declared.transfer]
-    sharp_dn, even_dn, error_dn = (np.empty((len(wanted), *shape)) for _ in range(3))
+    sharp_dn, even_dn, error_dn = (np.empty((len(wanted), *shape), np.float32) for _ in range(3))
     prints: Footprints | None = None
     found: list[int] = []
     for frame in wanted:
