@@ -37,20 +37,19 @@ def bound_excursions(
     """
     width = light.shape[2]
     low, high, low_frame, high_frame = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
+    moved = np.empty(width, np.int64)
     for row in range(light.shape[1]):
-        low[:], high[:] = 0.0, np.inf
+        low[:], high[:], moved[:] = 0.0, np.inf, 0
         ends = low, high, low_frame, high_frame
         for frame in range(len(light)):
             if frame > 0:
-                off, on, leaked = counts[frame - 1, 0, row], counts[frame - 1, 1, row], drift[frame - 1]
+                off, on = counts[frame - 1, 0, row], counts[frame - 1, 1, row]
                 for column in range(width):
-                    if (off[column] | on[column]) or leaked:
-                        _close(column, ends, units, total[row], highest[:, row], lowest[:, row])
-                        total[row, column] += on[column] * steps[1] - off[column] * steps[0] - leaked
-                        low[column], high[column] = 0.0, np.inf
+                    moved[column] = on[column] * steps[1] - off[column] * steps[0] - drift[frame - 1]
+                _close(moved, False, ends, units, total[row], highest[:, row], lowest[:, row])
             _narrow(light[frame, row], error[frame, row], dark, uneven, float(frames[frame]), ends)
-        for column in range(width):
-            _close(column, ends, units, total[row], highest[:, row], lowest[:, row])
+        moved[:] = 0
+        _close(moved, True, ends, units, total[row], highest[:, row], lowest[:, row])
 
 
 @njit(cache=True)
@@ -77,22 +76,28 @@ def _narrow(
 
 @njit(cache=True)
 def _close(
-    column: int,
+    moved: Int64,
+    everywhere: bool,
     ends: tuple[Float64, Float64, Float64, Float64],
     units: float,
     total: Int64,
     highest: Int64,
     lowest: Int64,
 ) -> None:
-    """Take the bounds of a run without events into those of the pixel."""
+    """Take the bounds of runs of a row (w,) into those of their pixels where the events' sum has ``moved``."""
     low, high, low_frame, high_frame = ends
-    if low[column] > 0.0:
-        least = int(np.floor(np.log(low[column]) * units)) - total[column]
-        most = int(np.ceil(np.log(high[column]) * units)) - total[column]
-        if least > highest[0, column]:
-            highest[0, column], highest[1, column] = least, int(low_frame[column])
-        if most < lowest[0, column]:
-            lowest[0, column], lowest[1, column] = most, int(high_frame[column])
+    for column in range(len(moved)):
+        if not (everywhere or moved[column] != 0):
+            continue
+        if low[column] > 0.0:
+            least = int(np.floor(np.log(low[column]) * units)) - total[column]
+            most = int(np.ceil(np.log(high[column]) * units)) - total[column]
+            if least > highest[0, column]:
+                highest[0, column], highest[1, column] = least, int(low_frame[column])
+            if most < lowest[0, column]:
+                lowest[0, column], lowest[1, column] = most, int(high_frame[column])
+        total[column] += moved[column]
+        low[column], high[column] = 0.0, np.inf
 
 
 @njit(cache=True)

@@ -58,47 +58,46 @@ def sample_levels(
         if every > 1 and (x[i] + 3 * y[i]) % every != 0:
             continue
         at = y[i] * width + x[i]
-        pixel, known = pixels[at], samples[at]
         now, sign = (t[i] - frame_times[0]) * 1e-9, (1.0 if p[i] == 1 else -1.0)
-        before, sample = pixel[_ON] + pixel[_OFF], int(pixel[_BEFORE])
-        if before >= 1.0 and now - pixel[_T2] < least_gap * 1e-9:
-            known[_FRAME] = 0.0
-        elif before >= 3.0 and sample >= 0 and pixel[_SIGN1] == pixel[_SIGN2]:
+        before, sample = pixels[at, _ON] + pixels[at, _OFF], int(pixels[at, _BEFORE])
+        if before >= 1.0 and now - pixels[at, _T2] < least_gap * 1e-9:
+            samples[at, _FRAME] = 0.0
+        elif before >= 3.0 and sample >= 0 and pixels[at, _SIGN1] == pixels[at, _SIGN2]:
             at_frame = (frame_times[sample] - frame_times[0]) * 1e-9
-            gap = pixel[_T2] - pixel[_T1]
+            gap = pixels[at, _T2] - pixels[at, _T1]
             if (
-                pixel[_T1] <= at_frame
+                pixels[at, _T1] <= at_frame
                 and 0.0 < gap <= longest_gap * 1e-9
-                and gap <= 3.0 * (pixel[_T1] - pixel[_T0]) <= 9.0 * gap
-                and gap <= 3.0 * (now - pixel[_T2]) <= 9.0 * gap
+                and gap <= 3.0 * (pixels[at, _T1] - pixels[at, _T0]) <= 9.0 * gap
+                and gap <= 3.0 * (now - pixels[at, _T2]) <= 9.0 * gap
                 and usable[sample, y[i], x[i]]
             ):
-                brighter = pixel[_SIGN2] > 0.0
-                step = 1.0 if sign == pixel[_SIGN2] else -(off_over_on if brighter else 1.0 / off_over_on)
-                share, rate = _between(pixel[_T0], pixel[_T1], pixel[_T2], now, step, at_frame)
+                brighter = pixels[at, _SIGN2] > 0.0
+                step = 1.0 if sign == pixels[at, _SIGN2] else -(off_over_on if brighter else 1.0 / off_over_on)
+                share, rate = _between(pixels[at, _T0], pixels[at, _T1], pixels[at, _T2], now, step, at_frame)
                 # The last event has been counted; the sample lies before it.
-                level_on = pixel[_ON] + (share - 1.0 if brighter else 0.0)
-                level_off = pixel[_OFF] + (0.0 if brighter else share - 1.0)
+                level_on = pixels[at, _ON] + (share - 1.0 if brighter else 0.0)
+                level_off = pixels[at, _OFF] + (0.0 if brighter else share - 1.0)
                 slope = rate if brighter else -rate
-                straight = (at_frame - pixel[_T1]) / gap - share
+                straight = (at_frame - pixels[at, _T1]) / gap - share
                 more_on, more_off = (straight, 0.0) if brighter else (0.0, straight)
-                if known[_FRAME] > 0.0:
-                    places[rows, 0], places[rows, 1], places[rows, 2] = at, int(known[_FRAME]) - 1, sample
-                    regressors[rows, 0] = level_on - known[_LEVEL_ON]
-                    regressors[rows, 1] = known[_LEVEL_OFF] - level_off
-                    regressors[rows, 2] = max(slope, 0.0) - max(known[_SLOPE], 0.0)
-                    regressors[rows, 3] = min(slope, 0.0) - min(known[_SLOPE], 0.0)
-                    regressors[rows, 4] = max(gap, known[_GAP])
-                    regressors[rows, 5] = more_on - known[_MORE_ON]
-                    regressors[rows, 6] = known[_MORE_OFF] - more_off
+                if samples[at, _FRAME] > 0.0:
+                    places[rows, 0], places[rows, 1], places[rows, 2] = at, int(samples[at, _FRAME]) - 1, sample
+                    regressors[rows, 0] = level_on - samples[at, _LEVEL_ON]
+                    regressors[rows, 1] = samples[at, _LEVEL_OFF] - level_off
+                    regressors[rows, 2] = max(slope, 0.0) - max(samples[at, _SLOPE], 0.0)
+                    regressors[rows, 3] = min(slope, 0.0) - min(samples[at, _SLOPE], 0.0)
+                    regressors[rows, 4] = max(gap, samples[at, _GAP])
+                    regressors[rows, 5] = more_on - samples[at, _MORE_ON]
+                    regressors[rows, 6] = samples[at, _MORE_OFF] - more_off
                     rows += 1
-                known[_FRAME], known[_GAP] = sample + 1, gap
-                known[_MORE_ON], known[_MORE_OFF] = more_on, more_off
-                known[_LEVEL_ON], known[_LEVEL_OFF], known[_SLOPE] = level_on, level_off, slope
-        pixel[_T0], pixel[_T1], pixel[_T2] = pixel[_T1], pixel[_T2], now
-        pixel[_SIGN1], pixel[_SIGN2] = pixel[_SIGN2], sign
-        pixel[_BEFORE] = frame - 1
-        pixel[_ON if sign > 0.0 else _OFF] += 1.0
+                samples[at, _FRAME], samples[at, _GAP] = sample + 1, gap
+                samples[at, _MORE_ON], samples[at, _MORE_OFF] = more_on, more_off
+                samples[at, _LEVEL_ON], samples[at, _LEVEL_OFF], samples[at, _SLOPE] = level_on, level_off, slope
+        pixels[at, _T0], pixels[at, _T1], pixels[at, _T2] = pixels[at, _T1], pixels[at, _T2], now
+        pixels[at, _SIGN1], pixels[at, _SIGN2] = pixels[at, _SIGN2], sign
+        pixels[at, _BEFORE] = frame - 1
+        pixels[at, _ON if sign > 0.0 else _OFF] += 1.0
     return rows
 
 
