@@ -20,6 +20,10 @@ _FRAME, _LEVEL_ON, _LEVEL_OFF, _SLOPE, _GAP, _MORE_ON, _MORE_OFF = range(7)
 between the events would add to the levels."""
 
 
+_FEWEST = 4
+"""Events of a pixel that has a sample."""
+
+
 @njit(cache=True)
 def sample_levels(
     x: Columns,
@@ -51,13 +55,19 @@ def sample_levels(
     width = usable.shape[2]
     # Zeros, so that memory is touched only where pixels fire.
     pixels, samples = np.zeros((usable.shape[1] * width, 8)), np.zeros((usable.shape[1] * width, 7))
+    fired = np.zeros(usable.shape[1] * width, np.uint8)
+    for i in range(len(t)):
+        at = np.int64(y[i]) * width + x[i]
+        fired[at] = min(fired[at] + 1, _FEWEST)
     frame, rows = 0, 0
     for i in range(len(t)):
         while frame < len(frame_times) and frame_times[frame] < t[i]:
             frame += 1
         if every > 1 and (x[i] + 3 * y[i]) % every != 0:
             continue
-        at = y[i] * width + x[i]
+        at = np.int64(y[i]) * width + x[i]
+        if fired[at] < _FEWEST:
+            continue
         now, sign = (t[i] - frame_times[0]) * 1e-9, (1.0 if p[i] == 1 else -1.0)
         before, sample = pixels[at, _ON] + pixels[at, _OFF], int(pixels[at, _BEFORE])
         if before >= 1.0 and now - pixels[at, _T2] < least_gap * 1e-9:

@@ -37,10 +37,10 @@ def read_at_events(
 
     Levels are what ``images`` (n, h, w) show, or the logarithm of that plus ``log_eps`` where this is not NaN; of
     ``even_images`` likewise. A level is that of the polynomial through the six frames around the event, which must all
-    be ``usable`` (n, h, w). Of the pixels, one in ``every`` is read. ``pixels`` (m,) receives row * width + column,
-    ``readings`` (m, 8) the seconds since the first frame, the brighter and the darker events so far (darker ones
-    negative), the level, its slope (1/s), what four frames in place of six would add to the level, the sign of the
-    event, and the level of ``even_images``.
+    be ``usable`` (n, h, w). Of the pixels, one in ``every`` is read, where it fires twice or more: a single reading
+    tells nothing. ``pixels`` (m,) receives row * width + column, ``readings`` (m, 8) the seconds since the first frame,
+    the brighter and the darker events so far (darker ones negative), the level, its slope (1/s), what four frames in
+    place of six would add to the level, the sign of the event, and the level of ``even_images``.
 
     With ``tick_s`` > 0 events are those of a sensor that compares whole values once a tick: what their steps exceed
     half a value beyond the threshold by is taken from the level.
@@ -50,6 +50,8 @@ def read_at_events(
     seconds, seen, even_seen = np.empty(FINE), np.empty(FINE), np.empty(FINE)
     inverses, divided, even_divided = np.zeros((FINE, FINE)), np.empty((FINE, FINE)), np.empty((FINE, FINE))
     all_usable, known_from = np.empty((height, width), np.bool_), -1
+    again = np.zeros(height * width, np.uint8)
+    _mark_again(x, y, t, frame_times[0], frame_times[n - 1], width, again)
     rows, frame = 0, 0
     for i in range(len(t)):
         if t[i] <= frame_times[0] or t[i] > frame_times[n - 1]:
@@ -60,6 +62,8 @@ def read_at_events(
             continue
         row, column, sign = np.int64(y[i]), np.int64(x[i]), (1.0 if p[i] == 1 else -1.0)
         at = row * width + column
+        if again[at] < 2:
+            continue
         state[at, _ON if sign > 0.0 else _OFF] += sign
         first = min(max(frame + 1 - FINE // 2, 0), n - FINE)
         inner = min(max(frame + 1 - COARSE // 2, 0), n - COARSE) - first
@@ -94,9 +98,20 @@ def read_at_events(
     return rows
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _log(value: float) -> float:
     return float(np.log(max(value, 1e-3)))
+
+
+@njit(cache=True)
+def _mark_again(
+    x: NDArray[np.uint16], y: NDArray[np.uint16], t: Int64, start: int, stop: int, width: int, again: NDArray[np.uint8]
+) -> None:
+    """Count the events of each pixel in (start, stop], up to two."""
+    for i in range(len(t)):
+        if start < t[i] <= stop:
+            at = np.int64(y[i]) * width + x[i]
+            again[at] = min(again[at] + 1, 2)
 
 
 @njit(cache=True)
@@ -112,7 +127,7 @@ def _prepare(usable: Bool, times: Int64, all_usable: Bool, seconds: Float64, inv
             inverses[order, j] = 1e9 / (times[j + order] - times[j])
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _divide(levels: Float64, inverses: Float64, divided: Float64) -> None:
     """Write Newton's divided differences: ``divided[order, j]`` is that of the points from j to j + order."""
     n = len(levels)
@@ -123,7 +138,7 @@ def _divide(levels: Float64, inverses: Float64, divided: Float64) -> None:
             divided[order, j] = (divided[order - 1, j + 1] - divided[order - 1, j]) * inverses[order, j]
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _polynomial(divided: Float64, seconds: Float64, first: int, points: int, now: float) -> tuple[float, float]:
     """Return value and slope at ``now`` of the polynomial through so many points from the ``first`` on."""
     value, slope = divided[points - 1, first], 0.0
@@ -146,7 +161,7 @@ def number_pixels(pixels: Int64, most: int, numbers: Int64) -> int:
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _rounded_up(step: float) -> float:
     """Return by how much rounding to whole values exceeds a value, on average, that has passed a half by U step.
 

@@ -118,29 +118,40 @@ def _add_products(fired: Float32, line: Float32, sums: Float64) -> None:
     sums[0] += last
 
 
-@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+@njit(cache=True)
 def add_slopes(level: NDArray[np.floating], change: Float64, flags: Flags, flag: int, box: Box, sums: Float64) -> None:
     """Add to ``sums`` (3, 2) what ``registration_errors.slope_sums`` adds up, of a part of the image."""
     top, bottom, left, right = box
     for row in range(top, bottom):
-        above = max(row - 1, top)  # the row itself has no slope
-        a, b, c, d, e, f = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for column in range(left, right):
-            both = 1.0 if flags[row, column] & flags[above, column] & flag else 0.0
-            slope = both * (level[row, column] - level[above, column])
-            steeper = both * (change[row, column] - change[above, column])
-            a += abs(slope)
-            b += slope * slope
-            c += steeper * steeper
-        for column in range(left + 1, right):
-            both = 1.0 if flags[row, column] & flags[row, column - 1] & flag else 0.0
-            slope = both * (level[row, column] - level[row, column - 1])
-            steeper = both * (change[row, column] - change[row, column - 1])
-            d += abs(slope)
-            e += slope * slope
-            f += steeper * steeper
-        sums[0, 0], sums[1, 0], sums[2, 0] = sums[0, 0] + d, sums[1, 0] + e, sums[2, 0] + f
-        sums[0, 1], sums[1, 1], sums[2, 1] = sums[0, 1] + a, sums[1, 1] + b, sums[2, 1] + c
+        here = level[row, left:right], change[row, left:right], flags[row, left:right]
+        _add_slopes_of_row(*here, here[0][1:], here[1][1:], here[2][1:], flag, sums[:, 0])
+        if row > top:
+            above = level[row - 1, left:right], change[row - 1, left:right], flags[row - 1, left:right]
+            _add_slopes_of_row(*above, *here, flag, sums[:, 1])
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _add_slopes_of_row(
+    level: NDArray[np.floating],
+    change: Float64,
+    flags: Flags,
+    next_level: NDArray[np.floating],
+    next_change: Float64,
+    next_flags: Flags,
+    flag: int,
+    sums: Float64,
+) -> None:
+    slopes, squares, change_squares = 0.0, 0.0, 0.0
+    for i in range(len(next_level)):
+        both = 1.0 if (flags[i] & next_flags[i] & flag) != 0 else 0.0
+        slope = both * (float(next_level[i]) - level[i])
+        steeper = both * (next_change[i] - change[i])
+        slopes += abs(slope)
+        squares += slope * slope
+        change_squares += steeper * steeper
+    sums[0] += slopes
+    sums[1] += squares
+    sums[2] += change_squares
 
 
 @njit(cache=True)

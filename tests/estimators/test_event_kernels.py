@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_kernels import count_between_frames, find_repeats, follow_polarities, mark_bursts
+from fedora_qa.estimators.event_kernels import count_between_frames, find_repeats, mark_bursts
+from fedora_qa.estimators.event_rates import Tally
 from fedora_qa.estimators.event_shift import turned_pixels
 from tests.estimators.event_world import Stream
 
@@ -43,9 +44,9 @@ def test_events_between_frames_are_counted_once(events: Stream) -> None:
 @settings(deadline=None)
 def test_pixels_are_followed_one_by_one(events: Stream) -> None:
     """Every pixel gets its number of events and of runs of one polarity, its first and its last polarity."""
-    counts, runs = np.zeros((2, *SHAPE), np.int64)
-    first, last = np.full((2, *SHAPE), -1, np.int8)
-    follow_polarities(events.x, events.y, events.p, counts, runs, first, last)
+    tally = Tally.of_nothing(SHAPE)
+    tally.add(events.x, events.y, events.p)
+    counts, runs, first, last = tally.events, tally.runs, tally.first, tally.last
     for row, column in np.ndindex(SHAPE):
         own = events.p[(events.x == column) & (events.y == row)].tolist()
         reversals = sum(one != other for one, other in pairwise(own))

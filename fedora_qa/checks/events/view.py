@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from fedora_qa.checks.intermediates import clipped, luma_dn
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Footprints, footprints
-from fedora_qa.estimators.event_kernels import count_between_frames
+from fedora_qa.estimators.event_kernels import count_between_frames, survey_columns
+from fedora_qa.estimators.event_rates import follow
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
@@ -34,7 +35,15 @@ def all_events(window: Window) -> Events:
     if frames:
         last_ns = int(window.facts.clocks["rgb"].times_ns[frames[-1]])
         after_ns = max(HALO_NS, last_ns + HALO_NS - window.span.stop_ns)
-    return window.events(HALO_NS, after_ns)
+    return window.once("all_events", lambda: _read_only(window.events(HALO_NS, after_ns)))
+
+
+def _read_only(events: Events) -> Events:
+    """Return the events as views that cannot be written: some are such, and loops are compiled for one kind."""
+    columns = tuple(column.view() for column in (events.x, events.y, events.times_ns, events.p))
+    for column in columns:
+        column.flags.writeable = False
+    return Events(*columns)
 
 
 def sensor_events(window: Window) -> Events:
@@ -53,6 +62,16 @@ def own(window: Window, events: Events) -> Events:
     return Events(events.x[start:stop], events.y[start:stop], events.times_ns[start:stop], events.p[start:stop])
 
 
+def own_followed(window: Window) -> tuple[NDArray[np.int64], int]:
+    """Return what every pixel did in the events that a window owns, and how many of these repeat another."""
+    return window.once("own_followed", lambda: _own_followed(window))
+
+
+def _own_followed(window: Window) -> tuple[NDArray[np.int64], int]:
+    events = own(window, sensor_events(window))
+    return follow(events.x, events.y, events.times_ns, events.p, sensor_shape(window.facts.declared))
+
+
 def sensor_shape(declared: Declared) -> tuple[int, int]:
     """Return rows and columns of the event camera."""
     camera = declared.cameras["events"]
@@ -61,13 +80,16 @@ def sensor_shape(declared: Declared) -> tuple[int, int]:
 
 def _on_sensor(events: Events, declared: Declared) -> Events:
     height, width = sensor_shape(declared)
+    if events.x.dtype == events.y.dtype == np.uint16:
+        found = np.empty(7, np.int64)
+        survey_columns(events.x, events.y, events.p, (height, width), found)
+        if found[0] == found[1] == 0:
+            return events
     good = (events.x < width) & (events.y < height) & (events.p <= 1)
     if events.x.dtype != np.uint16 or events.y.dtype != np.uint16:
         good &= (events.x >= 0) & (events.y >= 0)
-    if good.all() and events.x.dtype == events.y.dtype == np.uint16:
-        return events
     x, y = events.x[good].astype(np.uint16), events.y[good].astype(np.uint16)
-    return Events(x, y, events.times_ns[good], events.p[good])
+    return _read_only(Events(x, y, events.times_ns[good], events.p[good]))
 
 
 @dataclass(frozen=True, slots=True)
