@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_footprint_kernels import average_taps, see_frame
+from fedora_qa.estimators.event_footprint_kernels import Weighted, average_taps, see_frame
 
 Float64 = NDArray[np.float64]
 
@@ -54,6 +54,12 @@ class Axis:
     sharp: Taps
     split: Taps
     inside: NDArray[np.bool_]
+
+    @property
+    def weighted(self) -> tuple[Weighted, Weighted, Weighted]:
+        """First pixels and weights: even, sharp, split."""
+        even, sharp, split = ((each.first, each.weights) for each in (self.even, self.sharp, self.split))
+        return even, sharp, split
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +105,8 @@ class Footprints:
         The bound is ``rounding`` and ``split_bound`` of what the image varies by among a pixel and its eight
         neighbours; infinite where a footprint leaves the image or touches a pixel that is ``lost`` or beside one.
         """
-        axes = (self.rows, self.columns)
-        taps = ((each.first, each.weights) for axis in axes for each in (axis.even, axis.sharp, axis.split))
-        see_frame(luma, lost, *taps, self.inside, rounding, sharp, even, error)
+        rows, columns = self.rows.weighted, self.columns.weighted
+        see_frame(luma, lost, rows, columns, self.inside, rounding, sharp, even, error)
 
 
 def footprints(

@@ -26,20 +26,21 @@ def average_taps(image: NDArray[Any], rows: Weighted, columns: Weighted, means: 
 def see_frame(
     luma: Float32,
     lost: Bool,
-    even_rows: Weighted,
-    sharp_rows: Weighted,
-    split_rows: Weighted,
-    even_columns: Weighted,
-    sharp_columns: Weighted,
-    split_columns: Weighted,
+    rows: tuple[Weighted, Weighted, Weighted],
+    columns: tuple[Weighted, Weighted, Weighted],
     inside: Bool,
     rounding: float,
     sharp_means: Float32,
     even_means: Float32,
     errors: Float32,
 ) -> None:
-    """Write what ``Footprints.see`` says, row by row, so that all but the frame itself stays in the cache."""
+    """Write what ``Footprints.see`` says, row by row, so that all but the frame itself stays in the cache.
+
+    ``rows`` and ``columns`` weigh frame pixels: even, sharp and split.
+    """
     width = luma.shape[1]
+    even_rows, sharp_rows, split_rows = rows
+    even_columns, sharp_columns, split_columns = columns
     lost_rows = _rows_with(lost)
     sharp, even, whole, split = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
     taps = even_rows[1].shape[1]
@@ -136,10 +137,10 @@ def _rows_with(lost: Bool) -> Bool:
     """Return the rows (H,) with a pixel that is lost."""
     rows = np.zeros(lost.shape[0], np.bool_)
     for row in range(lost.shape[0]):
-        found = 0
+        found = False
         for column in range(lost.shape[1]):
-            found |= np.uint8(lost[row, column])
-        rows[row] = found != 0
+            found |= lost[row, column]
+        rows[row] = found
     return rows
 
 

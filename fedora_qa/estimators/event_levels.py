@@ -32,6 +32,9 @@ Where the knee lies trades bias for scatter only. Both are measured after it, on
 MOST_EVENTS = 400_000
 """Beyond so many events, every second, third, ... pixel is followed: where pixels fire that often, pairs abound."""
 
+MOST_PAIRS = 20_000
+"""Beyond so many pairs, every second, third, ... is taken: then bounds of the frames limit the fit, not chance."""
+
 _ITERATIONS = 8
 _PARAMETERS = 4
 
@@ -123,8 +126,9 @@ def find_level_pairs(
         places,
         regressors,
     )
-    pixels, earlier, later = places[:count].T.copy()
-    own, gaps_s, straightened = regressors[:count, :4], regressors[:count, 4], regressors[:count, 5:]
+    taken = slice(0, count, max(1, -(-count // MOST_PAIRS)))
+    pixels, earlier, later = places[taken].T.copy()
+    own, gaps_s, straightened = regressors[taken, :4], regressors[taken, 4], regressors[taken, 5:]
     return LevelPairs(pixels, earlier, later, own.copy(), gaps_s.copy(), straightened.copy())
 
 

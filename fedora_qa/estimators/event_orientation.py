@@ -94,8 +94,8 @@ def add_events_beyond(
 ) -> None:
     """Add events that lie beyond the sensor (h, w) to blocks where they would lie on it with axes exchanged."""
     steps, side = (-threshold_off, threshold_on), _grid(shape)[0]
-    columns = (column.astype(np.int64) for column in (x, y, times_ns, p))
-    mean_blocks_beyond(*columns, frame_times_ns, shape, steps, side, blocks.swapped)
+    columns, rows, times, signs = (column.astype(np.int64) for column in (x, y, times_ns, p))
+    mean_blocks_beyond(columns, rows, times, signs, frame_times_ns, shape, steps, side, blocks.swapped)
 
 
 def step_moments(levels: LevelBlocks, events: EventBlocks, tiles: int) -> Float64:

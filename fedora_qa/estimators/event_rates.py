@@ -50,8 +50,8 @@ class Tally:
 
     def add_followed(self, followed: Int64) -> None:
         """Count what ``follow`` found in the events that come next, in place."""
-        columns = (array.reshape(-1) for array in (self.events, self.runs, self.first, self.last))
-        add_followed(followed, *columns)
+        events, runs, first, last = (self.events.ravel(), self.runs.ravel(), self.first.ravel(), self.last.ravel())
+        add_followed(followed, events, runs, first, last)
 
     def then(self, later: "Tally") -> "Tally":
         """Join with what comes later: a run that goes on over the border is one."""

@@ -16,6 +16,9 @@ _ON, _OFF, _BEYOND, _EVEN_BEYOND = range(4)
 """What is remembered of a pixel: brighter and darker events so far (darker ones negative), and by how much its steps
 exceeded the threshold, as either reconstruction of the frames has it."""
 
+_EVEN = 3
+"""Column of the divided differences of the even reconstruction; before it those of points from 0, 1 and 2 on."""
+
 
 @njit(cache=True)
 def read_at_events(
@@ -47,42 +50,48 @@ def read_at_events(
     """
     n, height, width = images.shape
     state = np.zeros((height * width, 4))
-    seconds, seen, even_seen = np.empty(FINE), np.empty(FINE), np.empty(FINE)
-    inverses, divided, even_divided = np.zeros((FINE, FINE)), np.empty((FINE, FINE)), np.empty((FINE, FINE))
+    seconds, inverses = np.empty(FINE), np.zeros((FINE, FINE))
+    divided = np.zeros((FINE, FINE))
     all_usable, known_from = np.empty((height, width), np.bool_), -1
     again = np.zeros(height * width, np.uint8)
     _mark_again(x, y, t, frame_times[0], frame_times[n - 1], width, again)
+    # Events of a pixel share its polynomials as long as they share the six frames.
+    curves, curve_of, first_curve, last_curve = (
+        np.empty((len(pixels), FINE, 4)),
+        np.zeros(height * width, np.int32),
+        0,
+        0,
+    )
     rows, frame = 0, 0
     for i in range(len(t)):
         if t[i] <= frame_times[0] or t[i] > frame_times[n - 1]:
             continue
         while frame_times[frame + 1] < t[i]:
             frame += 1
-        if every > 1 and (x[i] + 3 * y[i]) % every != 0:
-            continue
-        row, column, sign = np.int64(y[i]), np.int64(x[i]), (1.0 if p[i] == 1 else -1.0)
+        row, column, sign = int(y[i]), int(x[i]), (1.0 if p[i] == 1 else -1.0)
         at = row * width + column
-        if again[at] < 2:
+        if again[at] < 2 or (every > 1 and (x[i] + 3 * y[i]) % every != 0):
             continue
         state[at, _ON if sign > 0.0 else _OFF] += sign
         first = min(max(frame + 1 - FINE // 2, 0), n - FINE)
         inner = min(max(frame + 1 - COARSE // 2, 0), n - COARSE) - first
         if first != known_from:
-            known_from = first
+            known_from, first_curve = first, last_curve
             _prepare(usable[first : first + FINE], frame_times[first : first + FINE], all_usable, seconds, inverses)
             seconds += (frame_times[first] - frame_times[0]) * 1e-9
         if not all_usable[row, column]:
             continue
-        for j in range(FINE):
-            seen[j], even_seen[j] = images[first + j, row, column], even_images[first + j, row, column]
-            if not np.isnan(log_eps):
-                seen[j], even_seen[j] = _log(seen[j] + log_eps), _log(even_seen[j] + log_eps)
-        _divide(seen, inverses, divided)
-        _divide(even_seen, inverses, even_divided)
-        now = (t[i] - frame_times[0]) * 1e-9
-        level, slope = _polynomial(divided, seconds, 0, FINE, now)
-        coarse, _ = _polynomial(divided, seconds, inner, COARSE, now)
-        even, even_slope = _polynomial(even_divided, seconds, 0, FINE, now)
+        if curve_of[at] <= first_curve:
+            _divide(even_images, row, column, first, log_eps, inverses, divided)
+            curves[last_curve, :, _EVEN] = divided[:, 0]
+            _divide(images, row, column, first, log_eps, inverses, divided)
+            curves[last_curve, :, :_EVEN] = divided[:, :_EVEN]
+            last_curve += 1
+            curve_of[at] = last_curve
+        curve, now = curve_of[at] - 1, (t[i] - frame_times[0]) * 1e-9
+        level, slope = _polynomial(curves, curve, 0, seconds, 0, FINE, now)
+        coarse, _ = _polynomial(curves, curve, inner, seconds, inner, COARSE, now)
+        even, even_slope = _polynomial(curves, curve, _EVEN, seconds, 0, FINE, now)
         beyond, even_beyond = 0.0, 0.0
         if tick_s > 0.0:
             step, even_step = max(0.0, sign * slope) * tick_s, max(0.0, sign * even_slope) * tick_s
@@ -96,11 +105,6 @@ def read_at_events(
         readings[rows, 7] = even - state[at, _EVEN_BEYOND] + sign * even_beyond
         rows += 1
     return rows
-
-
-@njit(cache=True, inline="always")
-def _log(value: float) -> float:
-    return float(np.log(max(value, 1e-3)))
 
 
 @njit(cache=True)
@@ -127,25 +131,32 @@ def _prepare(usable: Bool, times: Int64, all_usable: Bool, seconds: Float64, inv
             inverses[order, j] = 1e9 / (times[j + order] - times[j])
 
 
-@njit(cache=True, inline="always")
-def _divide(levels: Float64, inverses: Float64, divided: Float64) -> None:
-    """Write Newton's divided differences: ``divided[order, j]`` is that of the points from j to j + order."""
-    n = len(levels)
-    for j in range(n):
-        divided[0, j] = levels[j]
-    for order in range(1, n):
-        for j in range(n - order):
+@njit(cache=True)
+def _divide(
+    images: NDArray[np.floating], row: int, column: int, first: int, log_eps: float, inverses: Float64, divided: Float64
+) -> None:
+    """Write Newton's divided differences of a pixel: ``divided[order, j]`` is that of points j to j + order."""
+    for j in range(FINE):
+        value = float(images[first + j, row, column])
+        divided[0, j] = value if np.isnan(log_eps) else np.log(max(value + log_eps, 1e-3))
+    for order in range(1, FINE):
+        for j in range(FINE - order):
             divided[order, j] = (divided[order - 1, j + 1] - divided[order - 1, j]) * inverses[order, j]
 
 
 @njit(cache=True, inline="always")
-def _polynomial(divided: Float64, seconds: Float64, first: int, points: int, now: float) -> tuple[float, float]:
-    """Return value and slope at ``now`` of the polynomial through so many points from the ``first`` on."""
-    value, slope = divided[points - 1, first], 0.0
+def _polynomial(
+    curves: Float64, curve: int, column: int, seconds: Float64, first: int, points: int, now: float
+) -> tuple[float, float]:
+    """Return value and slope at ``now`` of the polynomial through so many points from the ``first`` on.
+
+    ``curves[curve, :, column]`` are the divided differences of these points.
+    """
+    value, slope = curves[curve, points - 1, column], 0.0
     for order in range(points - 2, -1, -1):
         since = now - seconds[first + order]
         slope = slope * since + value
-        value = value * since + divided[order, first]
+        value = value * since + curves[curve, order, column]
     return value, slope
 
 

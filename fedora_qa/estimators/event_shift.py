@@ -30,9 +30,9 @@ def cross_correlation(change: Float64, events: Float64, usable: NDArray[np.bool_
     (2 R + 1, 2 R + 1), R the radius; the middle is no shift. Products are in single precision.
     """
     patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
-    images = (np.ascontiguousarray(image, np.float64) for image in (change, events))
+    one, other = (np.ascontiguousarray(image, np.float64) for image in (change, events))
     flags = np.ascontiguousarray(usable).view(np.uint8)
-    correlate(*images, flags, USABLE, (0, usable.shape[0], 0, usable.shape[1]), patch)
+    correlate(one, other, flags, USABLE, (0, usable.shape[0], 0, usable.shape[1]), patch)
     return patch
 
 
@@ -69,7 +69,7 @@ class Interval:
     def patch(self, flag: int) -> Float64:
         """Return the cross-correlation over the flagged pixels of the whole image."""
         patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
-        correlate(self.change, self.events, self.flags, flag, (0, *self.flags.shape[:1], 0, self.flags.shape[1]), patch)
+        correlate(self.change, self.events, self.flags, flag, (0, self.flags.shape[0], 0, self.flags.shape[1]), patch)
         return patch
 
 

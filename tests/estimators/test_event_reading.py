@@ -120,10 +120,11 @@ def test_polynomial_is_that_through_the_points() -> None:
     inverses, divided = np.zeros((FINE, FINE)), np.empty((FINE, FINE))
     for order in range(1, FINE):
         inverses[order, : FINE - order] = 1 / (seconds[order:] - seconds[: FINE - order])
-    _divide(levels, inverses, divided)
-    assert _polynomial(divided, seconds, 0, FINE, 0.04) == pytest.approx((curve(0.04), curve.deriv()(0.04)), rel=1e-6)
+    _divide(levels[:, np.newaxis, np.newaxis], 0, 0, 0, np.nan, inverses, divided)
+    due, curves = (curve(0.04), curve.deriv()(0.04)), divided[np.newaxis]
+    assert _polynomial(curves, 0, 0, seconds, 0, FINE, 0.04) == pytest.approx(due, rel=1e-6)
     inner = np.polynomial.Polynomial.fit(seconds[1:5], levels[1:5], 3)
-    assert _polynomial(divided, seconds, 1, 4, 0.04)[0] == pytest.approx(inner(0.04), rel=1e-6)
+    assert _polynomial(curves, 0, 1, seconds, 1, 4, 0.04)[0] == pytest.approx(inner(0.04), rel=1e-6)
 
 
 @pytest.mark.parametrize("step", [0.0, 0.3, 1.0, 1.7, 25.4])

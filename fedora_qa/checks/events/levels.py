@@ -232,7 +232,7 @@ def _usable_pixels(seen: SeenFrames, declared: EventModel, rounding_dn: float) -
         sigma_dn = 2 * rounding_dn / np.sqrt(12.0)
         contrast = ROUNDING_SHARE * min(declared.threshold_on, declared.threshold_off)
         least_dn = max(sigma_dn / contrast - declared.log_eps_dn, 0.5)
-    usable = np.empty(seen.even_dn.shape, np.bool_)
+    usable: NDArray[np.bool_] = np.empty(seen.even_dn.shape, np.bool_)
     for frame, marked in enumerate(usable):
         mark_usable(seen.sharp_dn[frame], seen.even_dn[frame], seen.error_dn[frame], least_dn, marked)
     for column, row in declared.hot_pixels:

@@ -91,7 +91,7 @@ def most_shifted(
     usual = np.median(shifts[known], axis=0)
     deviations = shifts - usual
     errors = errors * _scatter(deviations[known] / errors[known])
-    scores = np.where(known[:, np.newaxis], np.abs(deviations) / errors, 0.0)
+    scores = np.where(known[:, np.newaxis], np.abs(deviations) / errors, -1.0)
     part, axis = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))
     shift = float(deviations[part, axis])
     alike = known & (deviations[:, axis] / shift > 1 / 2) if shift else known

@@ -40,10 +40,10 @@ def all_events(window: Window) -> Events:
 
 def _read_only(events: Events) -> Events:
     """Return the events as views that cannot be written: some are such, and loops are compiled for one kind."""
-    columns = tuple(column.view() for column in (events.x, events.y, events.times_ns, events.p))
-    for column in columns:
+    views = Events(events.x.view(), events.y.view(), events.times_ns.view(), events.p.view())
+    for column in (views.x, views.y, views.times_ns, views.p):
         column.flags.writeable = False
-    return Events(*columns)
+    return views
 
 
 def sensor_events(window: Window) -> Events:
