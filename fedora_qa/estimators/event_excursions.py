@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_kernels import bound_excursions
+from fedora_qa.estimators.event_excursion_kernels import bound_excursions, join_bounds
 
 Int64 = NDArray[np.int64]
 
@@ -36,7 +36,8 @@ class Excursions:
         (2, h, w) the largest lower bound and the smallest upper bound of E, counted from the first frame, and the frame
         of each.
     start
-        (2, h, w) lower and upper bound of E at the first frame.
+        (2, h, w) lower and upper bound of E at frame 0; (2, 0, 0) of a stretch that begins later, where no reference is
+        declared.
     """
 
     first_frame: int
@@ -48,17 +49,11 @@ class Excursions:
 
     def then(self, later: "Excursions") -> "Excursions":
         """Join with the stretch that begins at this one's last frame. Exact, hence associative."""
-        highest, lowest = later.highest.copy(), later.lowest.copy()
-        for bounds in (highest, lowest):
-            bounds[0] -= self.total
-        return Excursions(
-            self.first_frame,
-            later.last_frame,
-            self.total + later.total,
-            np.where(highest[0] > self.highest[0], highest, self.highest),
-            np.where(lowest[0] < self.lowest[0], lowest, self.lowest),
-            self.start,
-        )
+        highest, lowest = np.empty_like(self.highest), np.empty_like(self.lowest)
+        join_bounds(self.total, self.highest, later.highest, 1, highest)
+        join_bounds(self.total, self.lowest, later.lowest, -1, lowest)
+        total = self.total + later.total
+        return Excursions(self.first_frame, later.last_frame, total, highest, lowest, self.start)
 
     def excess(self) -> NDArray[np.float64]:
         """Return by how much (h, w) E has surely varied, nat; negative where nothing is sure."""
@@ -74,37 +69,45 @@ class Excursions:
 
 
 def bound(
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
+    light: NDArray[np.floating],
+    error: NDArray[np.floating],
     counts: NDArray[np.int32],
     drift: NDArray[np.float64],
     *,
     threshold_on: float,
     threshold_off: float,
     frames: Int64,
+    dark: float = 0.0,
+    uneven: tuple[float, float] = (np.inf, 0.0),
 ) -> Excursions:
     """Return the excursions over consecutive frames.
 
     Parameters
     ----------
-    lower, upper
-        (n, h, w) bounds of the signal at each frame, nat; not finite where nothing is known.
+    light, error
+        (n, h, w) light at each frame and what it may be off by; infinite where nothing is known. The signal is the
+        logarithm of the light and ``dark``.
     counts
         (n - 1, 2, h, w) darker and brighter events between the frames.
     drift
         (n - 1,) nat that the signal appears to gain between frames besides (leak).
     frames
         (n,) numbers of the frames.
+    uneven
+        Errors not below the first and the second times the light tell nothing.
     """
-    highest, lowest = np.zeros((2, 2, *lower.shape[1:]), np.int64)
+    shape = light.shape[1:]
+    highest, lowest, total = np.zeros((2, *shape), np.int64), np.zeros((2, *shape), np.int64), np.zeros(shape, np.int64)
     highest[0], lowest[0] = -_FARTHEST, _FARTHEST
-    on, off = (round(threshold * UNITS_PER_NAT) for threshold in (threshold_on, threshold_off))
+    steps = (round(threshold_off * UNITS_PER_NAT), round(threshold_on * UNITS_PER_NAT))
     moved = np.rint(drift * UNITS_PER_NAT).astype(np.int64)
-    total = bound_excursions(lower, upper, counts, UNITS_PER_NAT, on, off, moved, frames, highest, lowest)
-    known = np.isfinite(lower[0]) & np.isfinite(upper[0])
-    ends = [np.where(known, end, 0.0) * UNITS_PER_NAT for end in (lower[0], upper[0])]
-    start = np.stack([
-        np.where(known, np.floor(ends[0]).astype(np.int64), -_FARTHEST),
-        np.where(known, np.ceil(ends[1]).astype(np.int64), _FARTHEST),
-    ])  # fmt: skip
+    bound_excursions(light, error, counts, dark, steps, moved, frames, uneven, UNITS_PER_NAT, total, highest, lowest)
+    start = np.empty((2, 0, 0), np.int64)
+    if frames[0] == 0:
+        no_time, first = np.zeros(shape, np.int64), (np.zeros((2, *shape), np.int64), np.zeros((2, *shape), np.int64))
+        first[0][0], first[1][0] = -_FARTHEST, _FARTHEST
+        bound_excursions(
+            light[:1], error[:1], counts[:0], dark, steps, moved[:0], frames[:1], uneven, UNITS_PER_NAT, no_time, *first
+        )
+        start = np.stack([first[0][0], first[1][0]])
     return Excursions(int(frames[0]), int(frames[-1]), total, highest, lowest, start)

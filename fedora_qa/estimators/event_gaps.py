@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri_exp
 
+from fedora_qa.estimators.event_stamp_kernels import longest_silences
+
 Int64 = NDArray[np.int64]
 
 BINS: Final = 16
@@ -55,18 +57,17 @@ def strangest_silence(
     ``begins_ns`` is the first event of the file: all references are reached at first, and a silence so soon after that
     it has less than ``FEWEST_BINS`` of its lengths before it is not told from a sensor that begins to fire.
     """
-    stamps = times_ns[np.flatnonzero(np.diff(times_ns, prepend=times_ns[0] - 1))] if len(times_ns) else times_ns
-    empty = np.diff(stamps) - tick_ns
-    own = np.flatnonzero((stamps[1:] >= start_ns) & (stamps[1:] < stop_ns))
-    longest = own[np.argsort(-empty[own], kind="stable")[:_LONGEST]]
+    longest_ns, ends_ns = np.zeros(_LONGEST, np.int64), np.zeros(_LONGEST, np.int64)
+    count, silences = longest_silences(times_ns, start_ns, stop_ns, longest_ns, ends_ns)
     known = (min(start_ns, int(times_ns[0])), max(stop_ns, int(times_ns[-1]))) if len(times_ns) else (start_ns, stop_ns)
     found = [
-        _examine(times_ns, known, int(stamps[i]), int(stamps[i + 1]), int(empty[i]))
-        for i in longest
-        if empty[i] > 0 and (begins_ns is None or stamps[i] - FEWEST_BINS * empty[i] >= begins_ns)
+        _examine(times_ns, known, after_ns - length_ns, after_ns, length_ns - tick_ns)
+        for after_ns, length_ns in zip(ends_ns[:count].tolist(), longest_ns[:count].tolist(), strict=True)
+        if length_ns > tick_ns
+        and (begins_ns is None or after_ns - length_ns - FEWEST_BINS * (length_ns - tick_ns) >= begins_ns)
     ]
     told = [silence for silence in found if silence is not None]
-    return max(told, key=lambda silence: silence.z, default=None), len(own)
+    return max(told, key=lambda silence: silence.z, default=None), silences
 
 
 def _examine(

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_kernels import sample_levels
+from fedora_qa.estimators.event_level_kernels import sample_levels, sum_blocks
 
 Float64 = NDArray[np.float64]
 
@@ -28,6 +28,12 @@ SURE_WITHIN = 0.05
 
 A pair spans some five events, so that an error of this size is 1% of its change: what a threshold shall be known to.
 Where the knee lies trades bias for scatter only. Both are measured after it, on the pairs as they are weighed."""
+
+MOST_EVENTS = 400_000
+"""Beyond so many events, every second, third, ... pixel is followed: where pixels fire that often, pairs abound."""
+
+MOST_PAIRS = 20_000
+"""Beyond so many pairs, every second, third, ... is taken: then bounds of the frames limit the fit, not chance."""
 
 _ITERATIONS = 8
 _PARAMETERS = 4
@@ -81,11 +87,10 @@ class LevelPairs:
         needed = float(np.partition(self.gaps_s, wanted - 1)[wanted - 1])
         return self.take(self.gaps_s <= 2.0 ** np.ceil(np.log2(needed)))
 
-    def change_of(self, levels: NDArray[np.floating]) -> Float64:
-        """Return how ``levels`` (n, h, w) change between the two samples, (m,)."""
-        flat = levels.reshape(len(levels), -1)
-        change: Float64 = flat[self.later, self.pixels].astype(np.float64) - flat[self.earlier, self.pixels]
-        return change
+    def ends_of(self, images: NDArray[np.floating]) -> Float64:
+        """Return what ``images`` (n, h, w) hold at the earlier and at the later sample, (2, m)."""
+        flat = images.reshape(len(images), -1)
+        return np.array([flat[self.earlier, self.pixels], flat[self.later, self.pixels]], dtype=np.float64)
 
 
 def find_level_pairs(
@@ -114,14 +119,16 @@ def find_level_pairs(
         p,
         frame_times_ns,
         usable,
+        max(1, -(-len(times_ns) // MOST_EVENTS)),
         longest_gap_ns,
         max(least_gap_ns, 1),
         off_over_on,
         places,
         regressors,
     )
-    pixels, earlier, later = places[:count].T.copy()
-    own, gaps_s, straightened = regressors[:count, :4], regressors[:count, 4], regressors[:count, 5:]
+    taken = slice(0, count, max(1, -(-count // MOST_PAIRS)))
+    pixels, earlier, later = places[taken].T.copy()
+    own, gaps_s, straightened = regressors[taken, :4], regressors[taken, 4], regressors[taken, 5:]
     return LevelPairs(pixels, earlier, later, own.copy(), gaps_s.copy(), straightened.copy())
 
 
@@ -150,19 +157,17 @@ class NormalBlocks:
         return len(self.counts)
 
 
-def sureness(
-    pairs: LevelPairs, levels: NDArray[np.floating], otherwise: NDArray[np.floating], threshold: float
-) -> Float64:
+def sureness(pairs: LevelPairs, levels: Float64, otherwise: Float64, threshold: float) -> Float64:
     """Return weights (m,), 0 to 1, of pairs by how far two readings of what they hold lie apart.
 
-    ``levels`` and ``otherwise`` (n, h, w) are the levels by two reconstructions of the frames, in the unit of
+    ``levels`` and ``otherwise`` (2, m) are the levels at both ends by two reconstructions of the frames, in the unit of
     ``threshold``; cubics and straight lines are the two readings of the events. With d the distance in thresholds over
     ``SURE_WITHIN`` the weight is 1 / (1 + d^2)^2 (Geman and McClure 1985). Errors of footprints at edges are no noise
     but take contrast away; under the inverse variance 1 / (1 + d^2) those of d = 4 would still pull half as much as
     those of d = 1. Squared, it is an eighteenth. The residual has no part in it, so that no threshold is favoured.
     """
-    between = levels.reshape(len(levels), -1) - otherwise.reshape(len(otherwise), -1)
-    of_frames = np.hypot(between[pairs.earlier, pairs.pixels], between[pairs.later, pairs.pixels]) / threshold
+    between = levels - otherwise
+    of_frames = np.hypot(between[0], between[1]) / threshold
     of_events = np.abs(pairs.straightened).sum(axis=1)
     weights: Float64 = (1.0 + (of_frames**2 + of_events**2) / SURE_WITHIN**2) ** -2.0
     return weights
@@ -192,26 +197,11 @@ def normal_blocks(
     X: Float64, y: Float64, weights: Float64, block_of_row: NDArray[np.intp], blocks: int, times_s: Float64
 ) -> NormalBlocks:
     """Return the weighted normal equations of y (m,) on X (m, k), summed by block."""
-    Xw = X * weights[:, np.newaxis]
-    matrices = np.zeros((blocks, X.shape[1], X.shape[1]))
-    vectors = np.zeros((blocks, X.shape[1]))
-    for block in range(blocks):
-        of_block = block_of_row == block
-        matrices[block] = Xw[of_block].T @ X[of_block]
-        vectors[block] = Xw[of_block].T @ y[of_block]
-
-    def total(values: Float64) -> Float64:
-        return np.bincount(block_of_row, values, minlength=blocks).astype(np.float64)
-
-    counts = total(np.ones(len(y)))
-    return NormalBlocks(
-        matrices,
-        vectors,
-        total(weights * y**2),
-        total(weights),
-        counts,
-        total(times_s) / np.maximum(counts, 1.0),
-    )
+    matrices, vectors = np.zeros((blocks, X.shape[1], X.shape[1])), np.zeros((blocks, X.shape[1]))
+    sums = np.zeros((blocks, 4))
+    sum_blocks(X, y, weights, block_of_row.astype(np.int64), times_s, matrices, vectors, sums)
+    squares, total, counts, times = sums.T.copy()
+    return NormalBlocks(matrices, vectors, squares, total, counts, times / np.maximum(counts, 1.0))
 
 
 def huber_weights(X: Float64, y: Float64) -> Float64:

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.event_footprint import LEFT_BY_SHARP
 from fedora_qa.estimators.event_levels import NormalBlocks, huber_weights, normal_blocks
-from fedora_qa.estimators.event_reading_kernels import FINE, read_at_events
+from fedora_qa.estimators.event_reading_kernels import FINE, number_pixels, read_at_events
 
 Float64 = NDArray[np.float64]
 
@@ -87,46 +87,62 @@ def read_frames(
     times_ns: NDArray[np.int64],
     p: NDArray[np.uint8],
     frame_times_ns: NDArray[np.int64],
-    levels: Float64,
-    even_levels: Float64 | None = None,
+    images: NDArray[np.floating],
+    even_images: NDArray[np.floating] | None = None,
+    usable: NDArray[np.bool_] | None = None,
     *,
     threshold: float,
+    log_eps_dn: float | None = None,
     tick_s: float = 0.0,
     leak_rate_hz: float = 0.0,
 ) -> Readings | None:
-    """Read ``levels`` (n, h, w), NaN where unusable, at each event; None with fewer than six frames.
+    """Read the levels of ``images`` (n, h, w) at each event; None with fewer than six frames.
 
-    ``even_levels`` are those of the even reconstruction, known at the same places; the same levels where there is none.
-    ``tick_s`` is the rendered step of a sensor of the linear model, 0 for one of log intensity. ``leak_rate_hz`` is
-    declared: so many brighter events a second are not due to the light.
+    Levels are those of the images, or with ``log_eps_dn`` the logarithms of images and this, in DN. ``even_images`` are
+    those of the even reconstruction; the same images where there is none. ``usable`` (n, h, w) says where both are
+    known; where they are finite if not given. ``tick_s`` is the rendered step of a sensor of the linear model, 0 for
+    one of log intensity. ``leak_rate_hz`` is declared: so many brighter events a second are not due to the light.
     """
     if len(frame_times_ns) < FINE:
         return None
-    inside = int(np.count_nonzero((times_ns > frame_times_ns[0]) & (times_ns <= frame_times_ns[-1])))
+    usable = np.isfinite(images) if usable is None else usable
+    inside = int(np.diff(np.searchsorted(times_ns, frame_times_ns[[0, -1]], side="right"))[0])
     every = max(1, -(-inside // MOST_READINGS))
-    pixels, columns = np.empty(inside, np.int64), np.empty((inside, 7))
-    count = read_at_events(x, y, times_ns, p, frame_times_ns, levels, every, tick_s, pixels, columns)
+    pixels, columns = np.empty(inside, np.int64), np.empty((inside, 8))
+    count = read_at_events(
+        x,
+        y,
+        times_ns,
+        p,
+        frame_times_ns,
+        images,
+        images if even_images is None else even_images,
+        usable,
+        np.nan if log_eps_dn is None else log_eps_dn,
+        every,
+        tick_s,
+        pixels,
+        columns,
+    )
     kept = np.arange(count)
     if tick_s > 0:
         kept = kept[~_before_turns(pixels[:count], columns[:count, 6])]
-    kept = kept[np.bincount(pixels[kept], minlength=1)[pixels[kept]] > 1]
+    numbers = _numbered(pixels[kept], usable[0].size)
+    often = np.bincount(numbers)[numbers] > 1
+    kept, numbers = kept[often], numbers[often]
     pixels, columns = pixels[kept], columns[kept]
     columns[:, 1] -= leak_rate_hz * columns[:, 0]
-    level, coarse, even = columns[:, 3], columns[:, 3] + columns[:, 5], columns[:, 3]
-    if even_levels is not None:
-        others, unused = np.empty((inside, 7)), np.empty(inside, np.int64)
-        read_at_events(x, y, times_ns, p, frame_times_ns, even_levels, every, tick_s, unused, others)
-        even = others[kept, 3]
-    by_place = LEFT_BY_SHARP * _less_mean(even - level, pixels, np.ones(len(kept)))
+    level, coarse, even = columns[:, 3], columns[:, 3] + columns[:, 5], columns[:, 7]
+    by_place = LEFT_BY_SHARP * _less_mean(even - level, numbers, np.ones(len(kept)))
     weights = 1 / (1 + (columns[:, 5] ** 2 + by_place**2) / (ERROR_SHARE * threshold) ** 2)
-    regressors = [_less_mean(column, pixels, weights) for column in columns[:, [1, 2, 4]].T]
+    regressors = [_less_mean(column, numbers, weights) for column in columns[:, [1, 2, 4]].T]
     return Readings(
         pixels,
         frame_times_ns[0] * 1e-9 + columns[:, 0],
         np.column_stack(regressors),
-        _less_mean(level, pixels, weights),
-        _less_mean(coarse, pixels, weights),
-        _less_mean(even, pixels, weights),
+        _less_mean(level, numbers, weights),
+        _less_mean(coarse, numbers, weights),
+        _less_mean(even, numbers, weights),
         weights,
     )
 
@@ -168,8 +184,16 @@ def _before_turns(pixels: NDArray[np.int64], signs: Float64) -> NDArray[np.bool_
     return before
 
 
-def _less_mean(values: Float64, pixels: NDArray[np.int64], weights: Float64) -> Float64:
-    total = np.bincount(pixels, weights)
-    mean = np.bincount(pixels, weights * values) / np.maximum(total, 1e-300)
-    centred: Float64 = values - mean[pixels]
+def _numbered(pixels: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+    """Return the number (m,) of each event's pixel among those that occur."""
+    numbers = np.empty(len(pixels), np.int64)
+    number_pixels(pixels, most, numbers)
+    return numbers
+
+
+def _less_mean(values: Float64, numbers: NDArray[np.int64], weights: Float64) -> Float64:
+    """Return values (m,) less the weighted mean of their pixel, which goes by its number."""
+    total = np.bincount(numbers, weights)
+    mean = np.bincount(numbers, weights * values) / np.maximum(total, 1e-300)
+    centred: Float64 = values - mean[numbers]
     return centred

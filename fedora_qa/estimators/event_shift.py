@@ -1,15 +1,17 @@
 """By how many pixels events are shifted against frames: the peak of their cross-correlation."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft2, next_fast_len, rfft2
+
+from fedora_qa.estimators.event_shift_kernels import RADIUS, USABLE, add_slopes, correlate, follow_turns, step_between
 
 Float64 = NDArray[np.float64]
 
-RADIUS_PX: Final = 8
+RADIUS_PX: Final = RADIUS
 """Farthest shift that is tried in each direction."""
 
 
@@ -25,35 +27,75 @@ def cross_correlation(change: Float64, events: Float64, usable: NDArray[np.bool_
     """Return the sum over pixels x of change(x) events(x + s) for all shifts s, rows down and columns right.
 
     ``change`` and ``events`` (h, w) are taken less their means over the usable pixels, 0 elsewhere. The result is
-    (2 R + 1, 2 R + 1), R the radius; the middle is no shift.
+    (2 R + 1, 2 R + 1), R the radius; the middle is no shift. Products are in single precision.
     """
-    one, other = (np.where(usable, image - image[usable].mean(), 0.0) if usable.any() else 0 * image
-                  for image in (change, events))  # fmt: skip
-    padded = [next_fast_len(size + RADIUS_PX, real=True) for size in change.shape]
-    product = np.conj(rfft2(one, padded)) * rfft2(other, padded)
-    correlation = irfft2(product, padded)
-    shifts = np.arange(-RADIUS_PX, RADIUS_PX + 1)
-    patch: Float64 = correlation[np.ix_(shifts, shifts)]
+    patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
+    one, other = (np.ascontiguousarray(image, np.float64) for image in (change, events))
+    flags = np.ascontiguousarray(usable).view(np.uint8)
+    correlate(one, other, flags, USABLE, (0, usable.shape[0], 0, usable.shape[1]), patch)
     return patch
 
 
-def turned_pixels(counts: NDArray[np.int32], changes: Float64) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return where events changed sign within an interval or since those before it, and where these or frames did.
+@dataclass(frozen=True, slots=True)
+class ShiftSums:
+    """Sums of parts of an interval: cross-correlations (k, s, s), squares (k, 2), slopes (k, 3, 2)."""
 
-    ``counts`` (n, 2, h, w) are darker and brighter events of successive intervals, ``changes`` (n, h, w) what the
-    signal changed by; the results are (n, h, w). A pixel whose signal changes against its last events is on its way
-    back through both thresholds and has not fired yet. Events of the first interval, and others that nothing is known
-    before, count as changed.
+    patches: Float64
+    squares: Float64
+    slopes: Float64
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """What frames and events say has changed between two frames (h, w), and flags of its pixels.
+
+    ``level`` is that of the earlier frame; ``flags`` are those of ``event_shift_kernels``.
     """
-    darker, brighter = counts[:, 0] > 0, counts[:, 1] > 0
-    sign = np.zeros(counts.shape[2:], np.int8)
-    turned, against = np.empty(darker.shape, np.bool_), np.empty(darker.shape, np.bool_)
-    for i, (off, on) in enumerate(zip(darker, brighter, strict=True)):
-        now = on.astype(np.int8) - off
-        turned[i] = (on & off) | ((on ^ off) & (now != sign))
-        against[i] = sign * changes[i] < 0
-        sign = np.where(on | off, now, sign)
-    return turned, turned | against
+
+    level: NDArray[np.floating]
+    change: Float64
+    events: Float64
+    flags: NDArray[np.uint8]
+
+    def sums(self, flag: int, boxes: Sequence[tuple[int, int, int, int]]) -> ShiftSums:
+        """Return the sums over flagged pixels of parts of the image: top, bottom, left, right."""
+        patches = np.empty((len(boxes), 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
+        squares, slopes = np.empty((len(boxes), 2)), np.zeros((len(boxes), 3, 2))
+        for i, box in enumerate(boxes):
+            squares[i] = correlate(self.change, self.events, self.flags, flag, box, patches[i])
+            add_slopes(self.level, self.change, self.flags, flag, box, slopes[i])
+        return ShiftSums(patches, squares, slopes)
+
+    def patch(self, flag: int) -> Float64:
+        """Return the cross-correlation over the flagged pixels of the whole image."""
+        patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
+        correlate(self.change, self.events, self.flags, flag, (0, self.flags.shape[0], 0, self.flags.shape[1]), patch)
+        return patch
+
+
+def intervals(
+    levels: NDArray[np.float32],
+    lit: NDArray[np.bool_],
+    counts: NDArray[np.int32],
+    threshold_on: float,
+    threshold_off: float,
+    chosen: Sequence[int],
+) -> Iterator[Interval]:
+    """Yield the chosen ones of successive intervals, in order; each is overwritten by the next.
+
+    ``levels`` (n, h, w) are those of the frames, ``lit`` where they are known, ``counts`` (n - 1, 2, h, w) darker and
+    brighter events. A pixel whose signal changes against its last events is on its way back through both thresholds and
+    has not fired yet. Events of the first interval, and others that nothing is known before, count as changed.
+    """
+    shape = levels.shape[1:]
+    change, events = np.empty(shape), np.empty(shape)
+    signs, flags = np.zeros(shape, np.int8), np.empty(shape, np.uint8)
+    for i in range(max(chosen, default=-1) + 1):
+        steps = (-threshold_off, threshold_on)
+        step_between(levels[i], levels[i + 1], lit[i], lit[i + 1], counts[i], steps, change, events, flags)
+        follow_turns(counts[i], change, signs, flags)
+        if i in chosen:
+            yield Interval(levels[i], change, events, flags)
 
 
 def peak(correlation: Float64) -> Shift | None:

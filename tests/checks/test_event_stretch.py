@@ -14,7 +14,8 @@ def excursions(half_width: list[float]) -> Excursions:
     level, width = (np.array(of_frames)[:, np.newaxis, np.newaxis] for of_frames in (LEVELS, half_width))
     silent = np.zeros((3, 2, 1, 1), np.int32)
     ends = {"threshold_on": 0.2, "threshold_off": 0.2, "frames": np.arange(4)}
-    return bound(level - width, level + width, silent, np.zeros(3), **ends)
+    light, error = np.exp(level), np.exp(level) * np.expm1(width)  # of the upper end; the lower lies farther
+    return bound(light, error, silent, np.zeros(3), **ends)
 
 
 def test_what_only_uneven_frames_contradict_is_their_flaw() -> None:

@@ -8,8 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_kernels import count_between_frames, find_repeats, follow_polarities, mark_bursts
-from fedora_qa.estimators.event_shift import turned_pixels
+from fedora_qa.estimators.event_kernels import count_between_frames, find_repeats, mark_bursts, survey_columns
+from fedora_qa.estimators.event_rates import Tally, follow
+from fedora_qa.estimators.event_shift import Interval, intervals
+from fedora_qa.estimators.event_shift_kernels import KEPT, SETTLED, USABLE
+from fedora_qa.estimators.event_stamp_kernels import crowds, longest_silences
+from fedora_qa.estimators.registration_errors import slope_sums
 from tests.estimators.event_world import Stream
 
 SHAPE = (3, 4)
@@ -43,9 +47,9 @@ def test_events_between_frames_are_counted_once(events: Stream) -> None:
 @settings(deadline=None)
 def test_pixels_are_followed_one_by_one(events: Stream) -> None:
     """Every pixel gets its number of events and of runs of one polarity, its first and its last polarity."""
-    counts, runs = np.zeros((2, *SHAPE), np.int64)
-    first, last = np.full((2, *SHAPE), -1, np.int8)
-    follow_polarities(events.x, events.y, events.p, counts, runs, first, last)
+    tally = Tally.of_nothing(SHAPE)
+    tally.add(events.x, events.y, events.p)
+    counts, runs, first, last = tally.events, tally.runs, tally.first, tally.last
     for row, column in np.ndindex(SHAPE):
         own = events.p[(events.x == column) & (events.y == row)].tolist()
         reversals = sum(one != other for one, other in pairwise(own))
@@ -101,6 +105,13 @@ def test_an_event_at_a_frame_belongs_before_it(stamp_ns: int) -> None:
     assert counts[:, 1, 0, 0].tolist() == ([1, 0] if stamp_ns == 20_000 else [0, 1])
 
 
+def flags_of(counts: np.ndarray, levels: np.ndarray) -> list[np.ndarray]:
+    """Flags of all intervals, all pixels lit."""
+    lit = np.ones(levels.shape, np.bool_)
+    found = intervals(levels.astype(np.float32), lit, counts, 0.2, 0.2, range(len(counts)))
+    return [one.flags[0].copy() for one in found]
+
+
 def test_pixels_whose_events_change_sign_have_turned() -> None:
     """Both signs in an interval, another sign than before, or nothing known before: turned; no events: not."""
     counts = np.zeros((3, 2, 1, 4), np.int32)
@@ -108,15 +119,82 @@ def test_pixels_whose_events_change_sign_have_turned() -> None:
     counts[1, :, 0, 0] = 1  # both signs
     counts[1, 0, 0, 1] = 2  # darker
     counts[2, 1, 0, 2] = 1  # brighter again
-    turned = turned_pixels(counts, np.zeros((3, 1, 4)))[0][:, 0]
-    assert turned.tolist() == [[True, True, True, False], [True, True, False, False], [False] * 4]
+    turned = [(flags & KEPT == 0).tolist() for flags in flags_of(counts, np.zeros((4, 1, 4)))]
+    assert turned == [[True, True, True, False], [True, True, False, False], [False] * 4]
 
 
 def test_pixels_whose_frames_change_against_their_last_events_have_turned() -> None:
     """A pixel on its way back through both thresholds is silent: only its frames tell that it has turned."""
     counts = np.zeros((2, 2, 1, 3), np.int32)
     counts[0, 1, 0, :2] = 1  # brighter; the last pixel is silent
-    changes = np.array([[[1.0, 1.0, -1.0]], [[-0.5, 0.5, -1.0]]])
-    by_events, known = turned_pixels(counts, changes)
-    assert by_events[1, 0].tolist() == [False] * 3
-    assert known[1, 0].tolist() == [True, False, False]
+    levels = np.cumsum([[[0.0, 0.0, 0.0]], [[1.0, 1.0, -1.0]], [[-0.5, 0.5, -1.0]]], axis=0)
+    _, later = flags_of(counts, levels)
+    assert (later & KEPT == 0).tolist() == [False] * 3
+    assert (later & SETTLED == 0).tolist() == [True, False, False]
+    assert np.all(later & USABLE)
+
+
+def test_intervals_say_what_frames_and_events_have_changed() -> None:
+    """The change is that of the levels, events count by their thresholds, and dark pixels of either frame are out."""
+    rng = np.random.default_rng(3)
+    levels, counts = rng.normal(size=(3, 4, 5)).astype(np.float32), rng.poisson(1, (2, 2, 4, 5)).astype(np.int32)
+    lit = rng.uniform(size=levels.shape) < 0.7
+    for i, found in zip([1], intervals(levels, lit, counts, 0.2, 0.3, [1]), strict=True):
+        assert np.allclose(found.change, levels[i + 1] - levels[i], atol=1e-6)
+        assert np.allclose(found.events, 0.2 * counts[i, 1] - 0.3 * counts[i, 0])
+        assert np.array_equal(found.flags & USABLE != 0, lit[i] & lit[i + 1])
+
+
+def test_slopes_are_those_of_their_definition() -> None:
+    """Sums over a part of the image are those of ``slope_sums`` over the part alone."""
+    rng = np.random.default_rng(4)
+    level, change = rng.normal(size=(2, 9, 12))
+    flags = rng.integers(0, 8, (9, 12)).astype(np.uint8)
+    part = Interval(level, change, change, flags).sums(KEPT, [(2, 8, 1, 11)])
+    inside = slice(2, 8), slice(1, 11)
+    assert np.allclose(part.slopes[0], slope_sums(level[inside], change[inside], (flags & KEPT > 0)[inside]))
+    assert np.allclose(part.squares[0], np.sum(change[inside][(flags & KEPT > 0)[inside]] ** 2))
+
+
+@given(streams())
+@settings(deadline=None)
+def test_repeats_are_counted_while_pixels_are_followed(events: Stream) -> None:
+    """The count is that of the search that also names the first one."""
+    found = follow(events.x, events.y, events.times_ns, events.p, SHAPE)[1]
+    assert found == find_repeats(events.x, events.y, events.times_ns, events.p, SHAPE)[0]
+
+
+@given(streams())
+@settings(deadline=None)
+def test_events_beyond_the_sensor_are_surveyed(events: Stream) -> None:
+    """Counts, the first offender, the farthest place and both polarities, on a sensor that is too small."""
+    found, p = np.empty(7, np.int64), events.p * 2
+    survey_columns(events.x, events.y, p, (2, 3), found)
+    outside, strange = (events.x >= 3) | (events.y >= 2), p > 1
+    first = np.flatnonzero(outside | strange)
+    expected = [outside.sum(), strange.sum(), first[0] if len(first) else -1]
+    expected += [max(column.tolist(), default=0) for column in (events.x, events.y)]
+    assert found.tolist() == [*expected, np.sum(p == 0), 0]
+
+
+@given(streams(), st.integers(0, 30), st.integers(1, 6))
+@settings(deadline=None)
+def test_silences_are_the_longest_distances_of_stamps(events: Stream, start: int, wanted: int) -> None:
+    """Longest first, of equal ones the earlier, of those that end in the window."""
+    stamps = np.unique(events.times_ns)
+    ends, lengths = stamps[1:], np.diff(stamps)
+    own = (ends >= start * 1000) & (ends < 25_000)
+    order = np.argsort(-lengths[own], kind="stable")[:wanted]
+    found_lengths, found_ends = np.zeros((2, wanted), np.int64)
+    count, silences = longest_silences(events.times_ns, start * 1000, 25_000, found_lengths, found_ends)
+    assert silences == np.count_nonzero(own)
+    assert found_lengths[:count].tolist() == lengths[own][order].tolist()
+    assert found_ends[:count].tolist() == ends[own][order].tolist()
+
+
+@given(streams(), st.integers(1, 4))
+@settings(deadline=None)
+def test_crowds_are_stamps_of_many_events(events: Stream, least: int) -> None:
+    """The fullest stamp, and how many hold so many or more."""
+    counts = np.unique(events.times_ns, return_counts=True)[1]
+    assert crowds(events.times_ns, least) == (max(counts.tolist(), default=0), np.count_nonzero(counts >= least))

@@ -48,7 +48,8 @@ def ideal_linear(rng: np.random.Generator, frames: int = 30, pixels: int = 6) ->
 
 def excursions(level: np.ndarray, counts: np.ndarray, error: float = 0.0, first: int = 0) -> Excursions:
     drift, frames = np.zeros(len(counts)), np.arange(first, first + len(level))
-    return bound(level - error, level + error, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
+    light, off = np.exp(level) * np.cosh(error), np.exp(level) * np.sinh(error)  # logarithms of level -+ error
+    return bound(light, off, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
 
 
 def runs(values: np.ndarray, counts: np.ndarray, error: float = 0.0, first: int = 0) -> Runs:
@@ -126,8 +127,37 @@ def test_wide_bounds_excuse_everything() -> None:
     level, counts = zigzag(3, 0)
     unknown = np.full(level.shape, np.inf)
     drift, frames = np.zeros(len(counts)), np.arange(len(level))
-    free = bound(-unknown, unknown, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
+    free = bound(np.exp(level), unknown, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
     assert np.all(free.excess() < 0)
+
+
+def test_uneven_light_tells_nothing() -> None:
+    """Errors that reach the first limit and the second times the light are as good as infinite ones."""
+    level, counts = zigzag(1, 0)
+    light, drift, frames = np.exp(level), np.zeros(len(counts)), np.arange(len(level))
+    ends = {"threshold_on": ON, "threshold_off": OFF, "frames": frames}
+    error = np.full(level.shape, 0.01)
+    for uneven, broken in (((0.011, 0.0), True), ((0.0, 0.011), True), ((0.01, 0.0), False), ((0.0, 0.001), False)):
+        found = bound(light, error, counts, drift, uneven=uneven, **ends)
+        assert bool(found.excess() > ON + OFF) == broken
+
+
+def test_bounds_are_those_of_a_plain_loop() -> None:
+    """Bounds that are compared before their logarithm is taken are those of the definition, frame by frame."""
+    rng = np.random.default_rng(8)
+    light, error = rng.uniform(1, 9, (12, 3, 4)), rng.uniform(0, 3, (12, 3, 4))
+    error[rng.uniform(size=error.shape) < 0.2] = np.inf
+    counts = rng.poisson(0.2, (11, 2, 3, 4)).astype(np.int32)
+    ends = {"threshold_on": ON, "threshold_off": OFF, "frames": np.arange(12), "dark": 0.5}
+    found = bound(light, error, counts, np.zeros(11), **ends)
+    known = error < light + 0.5
+    with np.errstate(invalid="ignore", divide="ignore"):
+        lower, upper = np.log(light + 0.5 - error), np.log(light + 0.5 + error)
+    moved = np.concatenate([np.zeros((1, 3, 4)), np.cumsum(ON * counts[:, 1] - OFF * counts[:, 0], axis=0)])
+    highest, lowest = np.where(known, lower - moved, -np.inf), np.where(known, upper - moved, np.inf)
+    assert np.allclose(found.excess(), highest.max(axis=0) - lowest.min(axis=0), atol=1e-9)
+    assert np.array_equal(found.highest[1], highest.argmax(axis=0))
+    assert np.array_equal(found.lowest[1], lowest.argmin(axis=0))
 
 
 def test_leak_is_taken_off() -> None:
@@ -136,7 +166,7 @@ def test_leak_is_taken_off() -> None:
     counts[:, 1] = 1
     frames = np.arange(21)
     for drift, broken in ((np.full(20, ON), False), (np.zeros(20), True)):
-        found = bound(level, level, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
+        found = bound(np.exp(level), 0 * level, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
         assert bool(found.excess() > ON + OFF) == broken
 
 

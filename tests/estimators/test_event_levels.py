@@ -41,7 +41,9 @@ def pairs_of(events: Stream, **options: int) -> LevelPairs:
 def blocks_of(pairs: LevelPairs) -> NormalBlocks:
     """Halves of the image, five frames at a time, each with outlier weights of its own."""
     times_s = FRAMES_NS[pairs.earlier] * 1e-9
-    return blocks_at(pairs, pairs.change_of(LEVELS), (pairs.pixels % SHAPE[1]) // (SHAPE[1] // 2), times_s, 0.1)
+    return blocks_at(
+        pairs, np.diff(pairs.ends_of(LEVELS), axis=0)[0], (pairs.pixels % SHAPE[1]) // (SHAPE[1] // 2), times_s, 0.1
+    )
 
 
 def blocks_at(
@@ -136,7 +138,7 @@ def test_sureness_falls_where_readings_part(events: Stream) -> None:
     pairs = replace(pairs, straightened=np.zeros_like(pairs.straightened))
     otherwise = LEVELS.copy()
     otherwise[pairs.later[0]].flat[pairs.pixels[0]] += 0.2 * SURE_WITHIN
-    weights = sureness(pairs, LEVELS, otherwise, 0.2)
+    weights = sureness(pairs, pairs.ends_of(LEVELS), pairs.ends_of(otherwise), 0.2)
     assert weights[0] == pytest.approx(0.25)
     elsewhere = pairs.pixels != pairs.pixels[0]
     assert np.all(weights[elsewhere] == 1.0)
@@ -145,7 +147,7 @@ def test_sureness_falls_where_readings_part(events: Stream) -> None:
 def test_sureness_falls_where_straight_lines_part_from_cubics(events: Stream) -> None:
     """With frames read alike, the weight is that of the distance between both readings of the events."""
     pairs = pairs_of(events)
-    weights = sureness(pairs, LEVELS, LEVELS, 0.2)
+    weights = sureness(pairs, pairs.ends_of(LEVELS), pairs.ends_of(LEVELS), 0.2)
     apart = np.abs(pairs.straightened).sum(axis=1) / SURE_WITHIN
     assert np.allclose(weights, 1 / (1 + apart**2) ** 2)
     assert weights.max() > 0.9
@@ -155,7 +157,7 @@ def test_sureness_falls_where_straight_lines_part_from_cubics(events: Stream) ->
 def test_unsure_pairs_do_not_move_the_fit(events: Stream) -> None:
     """Half of the changes read at three quarters of their size spoil a plain fit by 5% and more, a sure one by 1%."""
     pairs = pairs_of(events)
-    change = pairs.change_of(LEVELS)
+    change = np.diff(pairs.ends_of(LEVELS), axis=0)[0]
     spoilt = np.random.default_rng(0).uniform(size=len(pairs)) < 0.5
     change[spoilt] *= 0.75
     block, times_s = np.arange(len(pairs)) % 4, np.zeros(len(pairs))

@@ -8,7 +8,7 @@ import pytest
 from fedora_qa.estimators.event_fit import ResponseFit, _effective_parts, fit_readings
 from fedora_qa.estimators.event_levels import concatenate
 from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
-from fedora_qa.estimators.event_reading_kernels import _polynomial, _rounded_up
+from fedora_qa.estimators.event_reading_kernels import FINE, _divide, _polynomial, _rounded_up
 from tests.estimators.event_world import MS, Stream, Waves, linear_events, log_events
 
 SHAPE = (24, 30)
@@ -117,7 +117,14 @@ def test_polynomial_is_that_through_the_points() -> None:
     rng = np.random.default_rng(2)
     seconds, levels = np.sort(rng.uniform(0, 0.1, 6)), rng.normal(size=6)
     curve = np.polynomial.Polynomial.fit(seconds, levels, 5)
-    assert _polynomial(seconds, levels, 0.04) == pytest.approx((curve(0.04), curve.deriv()(0.04)), rel=1e-6)
+    inverses, divided = np.zeros((FINE, FINE)), np.empty((FINE, FINE))
+    for order in range(1, FINE):
+        inverses[order, : FINE - order] = 1 / (seconds[order:] - seconds[: FINE - order])
+    _divide(levels[:, np.newaxis, np.newaxis], 0, 0, 0, np.nan, inverses, divided)
+    due, curves = (curve(0.04), curve.deriv()(0.04)), divided[np.newaxis]
+    assert _polynomial(curves, 0, 0, seconds, 0, FINE, 0.04) == pytest.approx(due, rel=1e-6)
+    inner = np.polynomial.Polynomial.fit(seconds[1:5], levels[1:5], 3)
+    assert _polynomial(curves, 0, 1, seconds, 1, 4, 0.04)[0] == pytest.approx(inner(0.04), rel=1e-6)
 
 
 @pytest.mark.parametrize("step", [0.0, 0.3, 1.0, 1.7, 25.4])

@@ -7,28 +7,29 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.events.shifted import CLEAR, PartSums, Shifted, most_shifted, tile_sums
+from fedora_qa.checks.events.shifted import CLEAR, PartSums, Shifted, most_shifted, tiles_of
 from fedora_qa.checks.events.tiles import tile_around
 from fedora_qa.checks.events.view import (
-    SeenFrames,
     seen_frames,
+    seen_signal,
     sensor_shape,
-    signal,
     why_frames_and_events_do_not_meet,
 )
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
-from fedora_qa.conventions import US_PER_S
-from fedora_qa.estimators.event_shift import RADIUS_PX, Shift, cross_correlation, peak, turned_pixels
-from fedora_qa.estimators.registration_errors import open_level_errors, slope_sums
+from fedora_qa.conventions import NS_PER_S, US_PER_S
+from fedora_qa.estimators.event_shift import RADIUS_PX, Interval, Shift, intervals, peak
+from fedora_qa.estimators.event_shift_kernels import KEPT, SETTLED, USABLE
+from fedora_qa.estimators.registration_errors import open_level_errors
 from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
 
 INTERVALS: Final = 3
-"""Frame intervals of a window that are correlated, evenly spread."""
+"""Frame intervals of 0.2 s that are correlated, evenly spread over a window."""
+
+WINDOW_NS: Final = NS_PER_S // 5
 
 LEAST_CORRELATION: Final = 0.1
 """Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
@@ -88,7 +89,7 @@ class Alignment(WindowCheck[Correlations]):
     How
     ---
     The change of the signal between two frames is cross-correlated with the signed events in between, over shifts of up
-    to eight pixels; the peak of the sum over three intervals a window is found to a fraction of a pixel by parabolas.
+    to eight pixels; the peak of the sum over three intervals each 0.2 s is found to a fraction of a pixel by parabolas.
     A pixel whose brightness has turned fires late: it must first come back through both thresholds. Such hysteresis
     drags events behind the motion, so pixels whose events change sign within the interval or since the one before are
     left out. Shift and delay are nearly one along the mean motion and are fitted alone, not jointly: a late stream
@@ -128,19 +129,20 @@ class Alignment(WindowCheck[Correlations]):
         seen, declared = seen_frames(window), window.facts.declared.events
         if declared is None or len(seen) < 2:
             return None
-        levels, lit = signal(seen, declared)
-        turned = turned_pixels(seen.counts, np.diff(levels, axis=0))
+        levels, lit = seen_signal(window, declared)
         last = len(seen) - 2
         # Nothing is known of the events before the first interval, which is taken only where there is no other.
-        chosen = np.unique(np.linspace(min(1, last), last, INTERVALS).round().astype(int))
-        sums = [_interval(levels, lit, turned, seen, declared, int(i)) for i in chosen]
-        patches, dragged, settled, squares, slopes, tiles = zip(*sums, strict=True)
+        wanted = max(1, round(INTERVALS * (window.span.stop_ns - window.span.start_ns) / WINDOW_NS))
+        chosen = np.unique(np.linspace(min(1, last), last, wanted).round().astype(int)).tolist()
+        thresholds = declared.threshold_on, declared.threshold_off
+        sums = [_sums(one) for one in intervals(levels, lit, seen.counts, *thresholds, chosen)]
+        whole, dragged, settled, tiles = zip(*sums, strict=True)
         return Correlations(
-            np.array(patches),
+            np.concatenate([one.patches for one in whole]),
             np.array(dragged),
             np.array(settled),
-            np.array(squares),
-            np.array(slopes),
+            np.concatenate([one.squares for one in whole]),
+            np.concatenate([one.slopes for one in whole]),
             _added(tiles),
             window.span.start_ns,
             window.span.stop_ns,
@@ -261,28 +263,11 @@ def _added(parts: Sequence[PartSums]) -> PartSums:
     return PartSums(*(np.sum([getattr(part, name) for part in parts], axis=0) for name in PartSums.__slots__))
 
 
-def _interval(
-    levels: Float64,
-    lit: NDArray[np.bool_],
-    turned: tuple[NDArray[np.bool_], NDArray[np.bool_]],
-    seen: SeenFrames,
-    declared: EventModel,
-    i: int,
-) -> tuple[Float64, Float64, Float64, Float64, Float64, PartSums]:
+def _sums(interval: Interval) -> tuple[PartSums, Float64, Float64, PartSums]:
     """Return the sums of one frame interval, as in ``Correlations``."""
-    usable = lit[i] & lit[i + 1]
-    change = np.where(usable, levels[i + 1] - levels[i], 0.0)
-    events = declared.threshold_on * seen.counts[i, 1] - declared.threshold_off * seen.counts[i, 0]
-    kept, settled = (usable & ~one[i] for one in turned)
-    squares = np.array([np.sum(change[kept] ** 2), np.sum(events[kept] ** 2)])
-    return (
-        cross_correlation(change, events, kept),
-        cross_correlation(change, events, usable),
-        cross_correlation(change, events, settled),
-        squares,
-        slope_sums(levels[i], change, kept),
-        tile_sums(levels[i], change, events, kept),
-    )
+    height, width = interval.flags.shape
+    whole = interval.sums(KEPT, [(0, height, 0, width)])
+    return whole, interval.patch(USABLE), interval.patch(SETTLED), tiles_of(interval, KEPT)
 
 
 def _intervals(facts: Facts) -> int:

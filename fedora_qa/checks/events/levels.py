@@ -10,6 +10,7 @@ from fedora_qa.checks.events.rows import local_tick_ns
 from fedora_qa.checks.events.view import HALO_NS, ROUNDING_DN, SeenFrames, events_around, seen_frames, sensor_events
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.event_fit import ResponseFit, fit_response
+from fedora_qa.estimators.event_level_kernels import mark_usable
 from fedora_qa.estimators.event_levels import LevelPairs, NormalBlocks, accumulate, find_level_pairs, sureness
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Events, Window
@@ -122,7 +123,8 @@ def _summed(
     window: Window, pairs: LevelPairs, seen: SeenFrames, declared: EventModel, sure: NDArray[np.float64]
 ) -> LevelSums:
     """Return the sums of pairs with weights (m,)."""
-    log_sharp, log_even = (log_levels(luma, declared) for luma in (seen.sharp_dn, seen.even_dn))
+    sharp, even = (pairs.ends_of(luma) for luma in (seen.sharp_dn, seen.even_dn))
+    log_sharp, log_even = (log_levels(luma, declared) for luma in (sharp, even))
     linear = declared.model == "linear"
 
     def sums(pairs: LevelPairs, levels: NDArray[np.float64]) -> NormalBlocks:
@@ -131,9 +133,9 @@ def _summed(
     return LevelSums(
         sums(pairs, log_sharp),
         sums(pairs, log_even),
-        sums(pairs, seen.sharp_dn),
-        sums(pairs, seen.even_dn),
-        sums(pairs.with_straight_lines(), seen.sharp_dn if linear else log_sharp),
+        sums(pairs, sharp),
+        sums(pairs, even),
+        sums(pairs.with_straight_lines(), sharp if linear else log_sharp),
         float(np.average(local_tick_ns(window) * 1e-9 / pairs.gaps_s, weights=sure)),
         len(pairs),
         window.span.index,
@@ -174,7 +176,8 @@ def _fit_at(window: Window, seen: SeenFrames, declared: EventModel, events: Even
     pairs = _pairs(window, seen, declared, moved).tightest(ENOUGH_PAIRS)
     if len(pairs) < FEWEST_PAIRS:
         return None
-    levels = seen.sharp_dn if declared.model == "linear" else log_levels(seen.sharp_dn, declared)
+    sharp = pairs.ends_of(seen.sharp_dn)
+    levels = sharp if declared.model == "linear" else log_levels(sharp, declared)
     return fit_response(_sums(pairs, seen, levels, np.ones(len(pairs))))
 
 
@@ -186,7 +189,7 @@ def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Event
         events.times_ns,
         events.p,
         seen.times_ns,
-        usable_pixels(seen, declared, ROUNDING_DN[window.facts.declared.transfer]),
+        usable_pixels(window, seen, declared),
         longest_gap_ns=LONGEST_GAP_NS,
         least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else int(burst_ns),
         off_over_on=declared.threshold_off / declared.threshold_on,
@@ -201,29 +204,37 @@ def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Event
 def _sureness(pairs: LevelPairs, seen: SeenFrames, declared: EventModel) -> NDArray[np.float64]:
     """Return how surely frames and events tell the levels of pairs, (m,): alike in both domains."""
     threshold = 0.5 * (declared.threshold_on + declared.threshold_off)
+    sharp, even = (pairs.ends_of(luma) for luma in (seen.sharp_dn, seen.even_dn))
     if declared.model == "linear":
-        return sureness(pairs, seen.sharp_dn, seen.even_dn, threshold)
-    return sureness(pairs, log_levels(seen.sharp_dn, declared), log_levels(seen.even_dn, declared), threshold)
+        return sureness(pairs, sharp, even, threshold)
+    return sureness(pairs, log_levels(sharp, declared), log_levels(even, declared), threshold)
 
 
 def _sums(pairs: LevelPairs, seen: SeenFrames, levels: NDArray[np.float64], sure: NDArray[np.float64]) -> NormalBlocks:
-    """Return the normal equations of four blocks, the quarters of the image."""
-    height, width = levels.shape[1:]
+    """Return the normal equations of four blocks, the quarters of the image, of ``levels`` (2, m) at both ends."""
+    height, width = seen.even_dn.shape[1:]
     rows, columns = np.divmod(pairs.pixels, width)
     quarter = 2 * (2 * rows // height) + 2 * columns // width
     middle_ns = (seen.times_ns[pairs.earlier] + seen.times_ns[pairs.later]) / 2
-    return accumulate(pairs, pairs.change_of(levels), quarter, 4, middle_ns * 1e-9, sure)
+    return accumulate(pairs, levels[1] - levels[0], quarter, 4, middle_ns * 1e-9, sure)
 
 
-def usable_pixels(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> NDArray[np.bool_]:
-    """Return the pixels (n, h, w) bright enough, not saturated, and not declared hot."""
+def usable_pixels(window: Window, seen: SeenFrames, declared: EventModel) -> NDArray[np.bool_]:
+    """Return the pixels (n, h, w) of a window's frames bright enough, not saturated, and not declared hot."""
+    rounding_dn = ROUNDING_DN[window.facts.declared.transfer]
+    return window.once("usable_pixels", lambda: _usable_pixels(seen, declared, rounding_dn))
+
+
+def _usable_pixels(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> NDArray[np.bool_]:
     least_dn = 4.0
     if declared.model == "log":
         # The standard deviation of rounding, uniform over a step, over the level is that of its logarithm.
         sigma_dn = 2 * rounding_dn / np.sqrt(12.0)
         contrast = ROUNDING_SHARE * min(declared.threshold_on, declared.threshold_off)
         least_dn = max(sigma_dn / contrast - declared.log_eps_dn, 0.5)
-    usable: NDArray[np.bool_] = (np.minimum(seen.sharp_dn, seen.even_dn) >= least_dn) & np.isfinite(seen.error_dn)
+    usable: NDArray[np.bool_] = np.empty(seen.even_dn.shape, np.bool_)
+    for frame, marked in enumerate(usable):
+        mark_usable(seen.sharp_dn[frame], seen.even_dn[frame], seen.error_dn[frame], least_dn, marked)
     for column, row in declared.hot_pixels:
         if 0 <= row < usable.shape[1] and 0 <= column < usable.shape[2]:
             usable[:, row, column] = False

@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.events.levels import FEWEST_PAIRS, log_levels, usable_pixels
+from fedora_qa.checks.events.levels import FEWEST_PAIRS, usable_pixels
 from fedora_qa.checks.events.rows import local_tick_ns
 from fedora_qa.checks.events.tiles import GRID
-from fedora_qa.checks.events.view import ROUNDING_DN, seen_frames, sensor_events
+from fedora_qa.checks.events.view import seen_frames, sensor_events
 from fedora_qa.estimators.event_delays import CellSums
 from fedora_qa.estimators.event_fit import ResponseFit, fit_readings
 from fedora_qa.estimators.event_levels import NormalBlocks, concatenate
@@ -49,20 +49,18 @@ def reading_sums(window: Window) -> ReadingSums | None:
     seen, declared = seen_frames(window), window.facts.declared.events
     if declared is None:
         return None
-    usable = usable_pixels(seen, declared, ROUNDING_DN[window.facts.declared.transfer])
+    usable = usable_pixels(window, seen, declared)
     events, linear = sensor_events(window), declared.model == "linear"
-    sharp, even = (
-        known_dn if linear else log_levels(known_dn, declared)
-        for known_dn in (np.where(usable, image_dn, np.nan) for image_dn in (seen.sharp_dn, seen.even_dn))
-    )
     readings = read_frames(
         events.x,
         events.y,
         events.times_ns,
         events.p,
         seen.times_ns,
-        sharp,
-        even,
+        seen.sharp_dn,
+        seen.even_dn,
+        usable,
+        log_eps_dn=None if linear else declared.log_eps_dn,
         threshold=min(declared.threshold_on, declared.threshold_off),
         tick_s=local_tick_ns(window) * 1e-9 if linear else 0.0,
         leak_rate_hz=declared.leak_rate_hz,

@@ -10,6 +10,8 @@ from fedora_qa.checks.events.view import all_events, own, sensor_shape
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_US
+from fedora_qa.estimators.event_kernels import survey_columns
+from fedora_qa.estimators.event_stamp_kernels import crowds
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
@@ -48,6 +50,8 @@ def local_tick_ns(window: Window) -> int:
 
 def _crowded_step_ns(events: Events) -> int:
     times_ns = events.times_ns
+    if crowds(times_ns, _CROWD)[1] < _CROWD:
+        return 0
     first = np.flatnonzero(np.diff(times_ns, prepend=times_ns[:1] - 1))
     counts = np.diff(first, append=len(times_ns))
     crowded = counts >= max(_CROWD, 0.1 * float(counts.max(initial=0)))
@@ -112,19 +116,16 @@ class Bounds(WindowCheck[BoundsCount]):
     def measure(self, window: Window) -> BoundsCount:
         """Count offenders."""
         events = own(window, all_events(window))
-        height, width = sensor_shape(window.facts.declared)
-        outside = (events.x >= width) | (events.y >= height)
-        if events.x.dtype.kind == "i" or events.y.dtype.kind == "i":
-            outside |= (events.x < 0) | (events.y < 0)
-        unknown = events.p > 1
-        rows = np.flatnonzero(outside | unknown)
+        found = np.empty(7, np.int64)
+        survey_columns(events.x, events.y, events.p, sensor_shape(window.facts.declared), found)
+        outside, unknown, first, column, row, off, on = found.tolist()
         return BoundsCount(
             seen=len(events),
-            outside=int(np.count_nonzero(outside)),
-            bad_polarity=int(np.count_nonzero(unknown)),
-            first=event_at(events, int(rows[0]), window.owned("events").start) if len(rows) else None,
-            farthest=(int(events.x.max()), int(events.y.max())) if len(events) else (0, 0),
-            polarities=(int(np.count_nonzero(events.p == 0)), int(np.count_nonzero(events.p == 1))),
+            outside=outside,
+            bad_polarity=unknown,
+            first=event_at(events, first, window.owned("events").start) if first >= 0 else None,
+            farthest=(column, row),
+            polarities=(off, on),
         )
 
     def conclude(self, state: Sequence[BoundsCount], facts: Facts) -> Observation:

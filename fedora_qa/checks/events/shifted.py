@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.events.tiles import GRID
-from fedora_qa.estimators.event_shift import cross_correlation, peak
-from fedora_qa.estimators.registration_errors import open_level_errors, slope_sums
+from fedora_qa.estimators.event_shift import Interval, ShiftSums, peak
+from fedora_qa.estimators.event_shift_kernels import USABLE
+from fedora_qa.estimators.registration_errors import open_level_errors
 
 Float64 = NDArray[np.float64]
 
@@ -24,13 +25,8 @@ _FREEDOM: Final = 8
 """Parts beyond two from which on their scatter says more than their errors do."""
 
 
-@dataclass(frozen=True, slots=True)
-class PartSums:
-    """Sums of parts, as of the whole image: cross-correlations (k, s, s), squares (k, 2), slopes (k, 3, 2)."""
-
-    patches: Float64
-    squares: Float64
-    slopes: Float64
+PartSums = ShiftSums
+"""Sums of parts, as of the whole image."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,16 +55,13 @@ class Shifted:
 
 def tile_sums(level: Float64, change: Float64, events: Float64, usable: NDArray[np.bool_]) -> PartSums:
     """Return the sums of each of the tiles of an image."""
-    patches, squares, slopes = [], [], []
-    rows, columns = ([-(-edge * size // GRID) for edge in range(GRID + 1)] for size in change.shape)
-    for top, bottom in pairwise(rows):
-        for left, right in pairwise(columns):
-            tile = slice(top, bottom), slice(left, right)
-            inside = usable[tile]
-            patches.append(cross_correlation(change[tile], events[tile], inside))
-            squares.append([np.sum(image[tile][inside] ** 2) for image in (change, events)])
-            slopes.append(slope_sums(level[tile], change[tile], inside))
-    return PartSums(np.array(patches), np.array(squares), np.array(slopes))
+    return tiles_of(Interval(level, change, events, np.ascontiguousarray(usable).view(np.uint8)), USABLE)
+
+
+def tiles_of(interval: Interval, flag: int) -> PartSums:
+    """Return the sums of each of the tiles of an interval, over the pixels with a flag."""
+    rows, columns = ([-(-edge * size // GRID) for edge in range(GRID + 1)] for size in interval.flags.shape)
+    return interval.sums(flag, [(*down, *right) for down in pairwise(rows) for right in pairwise(columns)])
 
 
 def most_shifted(
@@ -98,7 +91,7 @@ def most_shifted(
     usual = np.median(shifts[known], axis=0)
     deviations = shifts - usual
     errors = errors * _scatter(deviations[known] / errors[known])
-    scores = np.where(known[:, np.newaxis], np.abs(deviations) / errors, 0.0)
+    scores = np.where(known[:, np.newaxis], np.abs(deviations) / errors, -1.0)
     part, axis = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))
     shift = float(deviations[part, axis])
     alike = known & (deviations[:, axis] / shift > 1 / 2) if shift else known

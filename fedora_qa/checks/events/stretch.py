@@ -4,7 +4,7 @@ A longer stretch sees rarer losses, but gives every flaw of the frames' antialia
 the place. States of any windows merge exactly: what may still grow stays open, at both ends of a state only.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import sqrt
 from typing import Final
 
@@ -156,44 +156,43 @@ def stretch_of(window: Window) -> Stretch | None:
 def join(seen: SeenFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> Stretch:
     """Return the stretch of two frames or more."""
     law = _log_law if declared.model == "log" else _linear_law
-    believed = _without_uneven(seen, declared, rounding_dn)
-    return Stretch(law(believed, declared), law(seen, declared), seen.counts.sum(axis=(0, 1), dtype=np.int64), excused)
+    events = seen.counts.sum(axis=(0, 1), dtype=np.int32).astype(np.int64)
+    uneven = rounding_dn, (declared.threshold_on + declared.threshold_off) / 2
+    return Stretch(law(seen, declared, uneven), law(seen, declared, _ALL), events, excused)
 
 
-def _without_uneven(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> SeenFrames:
-    """Leave frames out where the pixels that a footprint cuts leave the signal open by C+ + C- or more.
+_ALL: Final = (np.inf, 0.0)
+"""Every frame is believed.
 
-    The signal is known that well without them, from the events. They would add something only where their bound holds
-    to the last, and that is so if the frame is the mean over its pixel. Of a renderer with n samples a side, a step of
-    d DN makes it err by up to d / (2 n); the bound of ``event_footprint`` is 0.27 d on average (at 9/4 frame pixels an
-    event pixel: two cut pixels a side of 1/6 d each over 9/4, in both directions). Four samples a side may thus err by
-    half the bound, which is most where the bound is.
-    """
-    scale = seen.even_dn + declared.log_eps_dn if declared.model == "log" else 1.0
-    uneven = 2 * (seen.error_dn - rounding_dn) >= (declared.threshold_on + declared.threshold_off) * scale
-    return replace(seen, error_dn=np.where(uneven, np.inf, seen.error_dn))
+Else frames are left out where the pixels that a footprint cuts leave the signal open by C+ + C- or more: where their
+error is not below rounding and (C+ + C-) / 2 times the light (log; of the linear model, (C+ + C-) / 2).
+
+The signal is known that well without them, from the events. They would add something only where their bound holds
+to the last, and that is so if the frame is the mean over its pixel. Of a renderer with n samples a side, a step of
+d DN makes it err by up to d / (2 n); the bound of ``event_footprint`` is 0.27 d on average (at 9/4 frame pixels an
+event pixel: two cut pixels a side of 1/6 d each over 9/4, in both directions). Four samples a side may thus err by
+half the bound, which is most where the bound is.
+"""
 
 
-def _log_law(seen: SeenFrames, declared: EventModel) -> Excursions:
-    low = np.maximum(seen.even_dn - seen.error_dn + declared.log_eps_dn, 0.0)
-    high = seen.even_dn + seen.error_dn + declared.log_eps_dn
-    with np.errstate(divide="ignore"):
-        lower, upper = np.log(low), np.log(high)
+def _log_law(seen: SeenFrames, declared: EventModel, uneven: tuple[float, float]) -> Excursions:
     elapsed_s = np.diff(seen.times_ns) / NS_PER_S
     return bound(
-        lower,
-        upper,
+        seen.even_dn,
+        seen.error_dn,
         seen.counts,
         declared.leak_rate_hz * declared.threshold_on * elapsed_s,
         threshold_on=declared.threshold_on,
         threshold_off=declared.threshold_off,
         frames=seen.frames,
+        dark=declared.log_eps_dn,
+        uneven=uneven,
     )
 
 
-def _linear_law(seen: SeenFrames, declared: EventModel) -> Runs:
+def _linear_law(seen: SeenFrames, declared: EventModel, uneven: tuple[float, float]) -> Runs:
     # The event camera rounds luma to whole values itself.
-    error = seen.error_dn + 0.5
+    error = np.where(seen.error_dn < sum(uneven), seen.error_dn + 0.5, np.inf)
     return follow_runs(
         seen.even_dn - error,
         seen.even_dn + error,

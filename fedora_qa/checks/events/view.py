@@ -1,16 +1,16 @@
 """What the checks of events share of a window: events that lie on the sensor, and frames as its pixels see them."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.intermediates import clipped, luma_dn
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Footprints, footprints
-from fedora_qa.estimators.event_kernels import count_between_frames
+from fedora_qa.estimators.event_kernels import count_between_frames, survey_columns
+from fedora_qa.estimators.event_rates import follow
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
@@ -35,7 +35,15 @@ def all_events(window: Window) -> Events:
     if frames:
         last_ns = int(window.facts.clocks["rgb"].times_ns[frames[-1]])
         after_ns = max(HALO_NS, last_ns + HALO_NS - window.span.stop_ns)
-    return window.events(HALO_NS, after_ns)
+    return window.once("all_events", lambda: _read_only(window.events(HALO_NS, after_ns)))
+
+
+def _read_only(events: Events) -> Events:
+    """Return the events as views that cannot be written: some are such, and loops are compiled for one kind."""
+    views = Events(events.x.view(), events.y.view(), events.times_ns.view(), events.p.view())
+    for column in (views.x, views.y, views.times_ns, views.p):
+        column.flags.writeable = False
+    return views
 
 
 def sensor_events(window: Window) -> Events:
@@ -54,6 +62,16 @@ def own(window: Window, events: Events) -> Events:
     return Events(events.x[start:stop], events.y[start:stop], events.times_ns[start:stop], events.p[start:stop])
 
 
+def own_followed(window: Window) -> tuple[NDArray[np.int64], int]:
+    """Return what every pixel did in the events that a window owns, and how many of these repeat another."""
+    return window.once("own_followed", lambda: _own_followed(window))
+
+
+def _own_followed(window: Window) -> tuple[NDArray[np.int64], int]:
+    events = own(window, sensor_events(window))
+    return follow(events.x, events.y, events.times_ns, events.p, sensor_shape(window.facts.declared))
+
+
 def sensor_shape(declared: Declared) -> tuple[int, int]:
     """Return rows and columns of the event camera."""
     camera = declared.cameras["events"]
@@ -62,13 +80,16 @@ def sensor_shape(declared: Declared) -> tuple[int, int]:
 
 def _on_sensor(events: Events, declared: Declared) -> Events:
     height, width = sensor_shape(declared)
+    if events.x.dtype == events.y.dtype == np.uint16:
+        found = np.empty(7, np.int64)
+        survey_columns(events.x, events.y, events.p, (height, width), found)
+        if found[0] == found[1] == 0:
+            return events
     good = (events.x < width) & (events.y < height) & (events.p <= 1)
     if events.x.dtype != np.uint16 or events.y.dtype != np.uint16:
         good &= (events.x >= 0) & (events.y >= 0)
-    if good.all() and events.x.dtype == events.y.dtype == np.uint16:
-        return events
     x, y = events.x[good].astype(np.uint16), events.y[good].astype(np.uint16)
-    return Events(x, y, events.times_ns[good], events.p[good])
+    return _read_only(Events(x, y, events.times_ns[good], events.p[good]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +101,7 @@ class SeenFrames:
     frames, times_ns
         (n,) rows and instants.
     sharp_dn, even_dn
-        (n, h, w) luma by the two reconstructions of ``event_footprint``.
+        (n, h, w) luma by the two reconstructions of ``event_footprint``, in single precision: 1e-5 DN, as luma itself.
     error_dn
         (n, h, w) bound of the error of ``even_dn``; infinite where a pixel is saturated or outside the frame.
     counts
@@ -89,9 +110,9 @@ class SeenFrames:
 
     frames: NDArray[np.int64]
     times_ns: NDArray[np.int64]
-    sharp_dn: NDArray[np.float64]
-    even_dn: NDArray[np.float64]
-    error_dn: NDArray[np.float64]
+    sharp_dn: NDArray[Any]
+    even_dn: NDArray[Any]
+    error_dn: NDArray[Any]
     counts: NDArray[np.int32]
 
     def __len__(self) -> int:
@@ -103,12 +124,23 @@ def seen_frames(window: Window) -> SeenFrames:
     return window.once("seen_frames", lambda: _seen_frames(window))
 
 
-def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return ``signal`` of the frames of a window and the next one."""
+    return window.once("seen_signal", lambda: signal(seen_frames(window), declared))
+
+
+def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return the signal of the declared model (n, h, w), and where it is lit: known to better than half of itself."""
-    lit = np.isfinite(seen.error_dn) & (seen.even_dn > 2 * seen.error_dn)
+    lit = np.empty(seen.even_dn.shape, np.bool_)
+    for frame, known in enumerate(lit):
+        np.greater(seen.even_dn[frame], 2 * seen.error_dn[frame], out=known)
     if declared.model == "linear":
         return seen.even_dn, lit
-    return np.log(np.maximum(seen.even_dn + declared.log_eps_dn, 1e-3)), lit
+    levels = np.empty(seen.even_dn.shape, np.float32)
+    for frame, level in enumerate(levels):
+        np.add(seen.even_dn[frame], declared.log_eps_dn, out=level)
+        np.log(np.maximum(level, 1e-3, out=level), out=level)
+    return levels, lit
 
 
 def why_frames_and_events_do_not_meet(facts: Facts) -> str:
@@ -157,42 +189,29 @@ def _frames(window: Window) -> list[int]:
 
 
 def _seen_frames(window: Window) -> SeenFrames:
+    """See the frames. Each colour is rounded by at most half a step of its code, so luma is as well."""
     declared = window.facts.declared
-    shape = sensor_shape(declared)
-    seen: list[tuple[int, NDArray[np.float64]]] = []
+    shape, wanted = sensor_shape(declared), _frames(window)
+    rounding_dn = ROUNDING_DN[declared.transfer]
+    sharp_dn, even_dn, error_dn = (np.empty((len(wanted), *shape), np.float32) for _ in range(3))
     prints: Footprints | None = None
-    for frame in _frames(window):
+    found: list[int] = []
+    for frame in wanted:
         try:
-            luma = luma_dn(window, frame)
+            luma, lost = luma_dn(window, frame), clipped(window, frame)
         except UnreadableRowsError:
             continue
         if prints is None:
             prints = footprints(
                 declared.cameras["rgb"].K, (luma.shape[0], luma.shape[1]), declared.cameras["events"].K, shape
             )
-        seen.append((frame, _seen(luma, clipped(window, frame), prints, ROUNDING_DN[declared.transfer])))
-    frames = np.array([frame for frame, _ in seen], dtype=np.int64)
+        at = len(found)
+        prints.see(luma, lost, rounding_dn, sharp=sharp_dn[at], even=even_dn[at], error=error_dn[at])
+        found.append(frame)
+    frames, count = np.array(found, dtype=np.int64), len(found)
     times_ns = window.facts.clocks["rgb"].times_ns[frames]
-    images = np.stack([image for _, image in seen], axis=1) if seen else np.empty((3, 0, *shape))
-    counts = np.zeros((max(len(frames) - 1, 0), 2, *shape), np.int32)
-    if len(frames) > 1:
+    counts = np.zeros((max(count - 1, 0), 2, *shape), np.int32)
+    if count > 1:
         events = sensor_events(window)
         count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
-    return SeenFrames(frames, times_ns, images[0], images[1], images[2], counts)
-
-
-def _seen(
-    luma: NDArray[np.float32], lost: NDArray[np.bool_], prints: Footprints, rounding_dn: float
-) -> NDArray[np.float64]:
-    """Return sharp and even luma and the bound of the latter's error, (3, h, w).
-
-    Each colour is rounded by at most half a step of its code, so luma is as well. Within a pixel luma varies by at most
-    what it varies among the pixel and its eight neighbours.
-    """
-    ring = np.ones((3, 3), np.uint8)
-    contrast = cv2.morphologyEx(luma, cv2.MORPH_GRADIENT, ring)
-    error = rounding_dn + prints.split_bound(contrast)
-    if lost.any():
-        error[prints.average(cv2.dilate(lost.astype(np.uint8), ring)) > 0] = np.inf
-    error[~prints.inside] = np.inf
-    return np.stack([prints.sharp_average(luma), prints.average(luma), error])
+    return SeenFrames(frames, times_ns, sharp_dn[:count], even_dn[:count], error_dn[:count], counts)

@@ -1,0 +1,115 @@
+"""Compiled loops that follow signal minus events of every pixel, and join what they found."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+Int32 = NDArray[np.int32]
+
+
+@njit(cache=True)
+def bound_excursions(
+    light: NDArray[np.floating],
+    error: NDArray[np.floating],
+    counts: Int32,
+    dark: float,
+    steps: tuple[int, int],
+    drift: Int64,
+    frames: Int64,
+    uneven: tuple[float, float],
+    units: float,
+    total: Int64,
+    highest: Int64,
+    lowest: Int64,
+) -> None:
+    """Follow signal minus events of every pixel over the frames.
+
+    The signal is the logarithm of ``light`` (n, h, w) and ``dark``, known to ``error`` (n, h, w), and counts ``units``
+    times. ``counts`` (n - 1, 2, h, w) holds darker and brighter events between the frames, each a step of ``steps``,
+    ``drift`` (n - 1,) what the signal gains besides, ``frames`` (n,) their numbers. ``total`` (h, w) receives what the
+    events sum to; ``highest`` (2, h, w) the largest lower bound of the difference and its frame; ``lowest`` the
+    smallest upper bound. Bounds that are not finite, or off by more than the first of ``uneven`` and the second times
+    the light, tell nothing.
+
+    While nothing is added to the events' sum, bounds are compared as they are: their logarithm is taken once.
+    """
+    width = light.shape[2]
+    low, high, low_frame, high_frame = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
+    moved = np.empty(width, np.int64)
+    for row in range(light.shape[1]):
+        low[:], high[:], moved[:] = 0.0, np.inf, 0
+        ends = low, high, low_frame, high_frame
+        for frame in range(len(light)):
+            if frame > 0:
+                off, on = counts[frame - 1, 0, row], counts[frame - 1, 1, row]
+                for column in range(width):
+                    moved[column] = on[column] * steps[1] - off[column] * steps[0] - drift[frame - 1]
+                _close(moved, False, ends, units, total[row], highest[:, row], lowest[:, row])
+            _narrow(light[frame, row], error[frame, row], dark, uneven, float(frames[frame]), ends)
+        moved[:] = 0
+        _close(moved, True, ends, units, total[row], highest[:, row], lowest[:, row])
+
+
+@njit(cache=True)
+def _narrow(
+    light: NDArray[np.floating],
+    error: NDArray[np.floating],
+    dark: float,
+    uneven: tuple[float, float],
+    frame: float,
+    ends: tuple[Float64, Float64, Float64, Float64],
+) -> None:
+    """Take a frame's bounds of a row (w,) into the largest lower and the smallest upper one; without a branch."""
+    low, high, low_frame, high_frame = ends
+    for column in range(len(light)):
+        bright, off = light[column] + dark, float(error[column])
+        told = (bright > off) & (off < uneven[0] + uneven[1] * bright)
+        lower = bright - off if told else 0.0
+        upper = bright + off if told else np.inf
+        low_frame[column] = frame if lower > low[column] else low_frame[column]
+        low[column] = lower if lower > low[column] else low[column]
+        high_frame[column] = frame if upper < high[column] else high_frame[column]
+        high[column] = upper if upper < high[column] else high[column]
+
+
+@njit(cache=True)
+def _close(
+    moved: Int64,
+    everywhere: bool,
+    ends: tuple[Float64, Float64, Float64, Float64],
+    units: float,
+    total: Int64,
+    highest: Int64,
+    lowest: Int64,
+) -> None:
+    """Take the bounds of runs of a row (w,) into those of their pixels where the events' sum has ``moved``."""
+    low, high, low_frame, high_frame = ends
+    for column in range(len(moved)):
+        if not (everywhere or moved[column] != 0):
+            continue
+        if low[column] > 0.0:
+            least = int(np.floor(np.log(low[column]) * units)) - total[column]
+            most = int(np.ceil(np.log(high[column]) * units)) - total[column]
+            if least > highest[0, column]:
+                highest[0, column], highest[1, column] = least, int(low_frame[column])
+            if most < lowest[0, column]:
+                lowest[0, column], lowest[1, column] = most, int(high_frame[column])
+        total[column] += moved[column]
+        low[column], high[column] = 0.0, np.inf
+
+
+@njit(cache=True)
+def join_bounds(total: Int64, earlier: Int64, later: Int64, sign: int, joined: Int64) -> None:
+    """Write the larger of earlier bounds and of later ones less ``total``, with its frame, (2, h, w).
+
+    With ``sign`` -1 the smaller one. Of equal ones the earlier.
+    """
+    for row in range(total.shape[0]):
+        for column in range(total.shape[1]):
+            moved = later[0, row, column] - total[row, column]
+            if sign * moved > sign * earlier[0, row, column]:
+                joined[0, row, column], joined[1, row, column] = moved, later[1, row, column]
+            else:
+                joined[0, row, column], joined[1, row, column] = earlier[0, row, column], earlier[1, row, column]

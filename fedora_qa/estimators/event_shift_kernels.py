@@ -1,0 +1,178 @@
+"""Compiled loops that correlate frame changes with events over a few pixels of shift.
+
+So few shifts cost less as sums of products than by transforms, and single precision is enough for these: a row adds up
+in a few partial sums, which leaves errors of a millionth, and rows are added in double precision.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Int32 = NDArray[np.int32]
+Signs = NDArray[np.int8]
+Flags = NDArray[np.uint8]
+Box = tuple[int, int, int, int]
+"""Top, bottom, left and right of a part of the image, half open."""
+
+RADIUS = 8
+_SIDE = 2 * RADIUS + 1
+
+USABLE, KEPT, SETTLED = 1, 2, 4
+"""Pixels that are lit in both frames; of these, those whose events have not turned; of these, those whose frames have
+not turned against them."""
+
+
+@njit(cache=True)
+def follow_turns(counts: Int32, change: Float64, signs: Signs, flags: Flags) -> None:
+    """Take from ``flags`` (h, w) the pixels that have turned in an interval, and update ``signs`` (h, w).
+
+    ``counts`` (2, h, w) are darker and brighter events, ``change`` (h, w) is what the signal changes by, ``signs`` the
+    sign of each pixel's last events before, 0 where nothing is known or both signs came. ``KEPT`` and ``SETTLED`` are
+    taken where events changed sign within the interval or since those before it, ``SETTLED`` also where the change is
+    against the last events.
+    """
+    for row in range(signs.shape[0]):
+        for column in range(signs.shape[1]):
+            off, on, sign = counts[0, row, column] > 0, counts[1, row, column] > 0, signs[row, column]
+            now = np.int8(on) - np.int8(off)
+            if sign * change[row, column] < 0:
+                flags[row, column] &= USABLE | KEPT
+            if on | off:
+                if (on & off) | (now != sign):
+                    flags[row, column] &= USABLE
+                signs[row, column] = now
+
+
+@njit(cache=True)
+def correlate(
+    change: Float64, events: Float64, flags: Flags, flag: int, box: Box, patch: Float64
+) -> tuple[float, float]:
+    """Write the cross-correlation of change and events of a part of the image, (2 R + 1, 2 R + 1), and return squares.
+
+    Both are taken less their means over the pixels with the ``flag``, and are 0 elsewhere; the squares (change, events)
+    are summed over these pixels as they are.
+    """
+    top, bottom, left, right = box
+    count, change_sum, event_sum, change_squares, event_squares = 0, 0.0, 0.0, 0.0, 0.0
+    for row in range(top, bottom):
+        of_row = _sums_of_row(change[row, left:right], events[row, left:right], flags[row, left:right], flag)
+        count += int(of_row[0])
+        change_sum, event_sum = change_sum + of_row[1], event_sum + of_row[2]
+        change_squares, event_squares = change_squares + of_row[3], event_squares + of_row[4]
+    patch[:] = 0.0
+    if count > 0:
+        around = np.zeros((bottom - top + 2 * RADIUS, right - left + 2 * RADIUS), np.float32)
+        for row in range(top, bottom):
+            line = around[row - top + RADIUS, RADIUS : RADIUS + right - left]
+            _less(change[row, left:right], change_sum / count, flags[row, left:right], flag, line)
+        fired = np.empty(right - left, np.float32)
+        for row in range(top, bottom):
+            _less(events[row, left:right], event_sum / count, flags[row, left:right], flag, fired)
+            for down in range(_SIDE):
+                _add_products(fired, around[row - top + 2 * RADIUS - down], patch[down])
+    return change_squares, event_squares
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _sums_of_row(change: Float64, events: Float64, flags: Flags, flag: int) -> tuple[float, float, float, float, float]:
+    """Return number, sums and squares of the flagged pixels."""
+    count, change_sum, event_sum, change_squares, event_squares = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(len(flags)):
+        used = (flags[i] & flag) != 0
+        one, other = change[i] if used else 0.0, events[i] if used else 0.0
+        count += 1.0 if used else 0.0
+        change_sum += one
+        event_sum += other
+        change_squares += one * one
+        event_squares += other * other
+    return count, change_sum, event_sum, change_squares, event_squares
+
+
+@njit(cache=True)
+def _less(values: Float64, mean: float, flags: Flags, flag: int, line: Float32) -> None:
+    for i in range(len(flags)):
+        line[i] = values[i] - mean if (flags[i] & flag) != 0 else 0.0
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _add_products(fired: Float32, line: Float32, sums: Float64) -> None:
+    """Add the products of a row (w,) with ``line`` (w + 2 R,) at each shift, to the right last, four at a time."""
+    for first in range(0, _SIDE - 1, 4):
+        a, b, c, d = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+        for i in range(len(fired)):
+            at, value = i + first, fired[i]
+            a += value * line[at]
+            b += value * line[at + 1]
+            c += value * line[at + 2]
+            d += value * line[at + 3]
+        right = _SIDE - 1 - first
+        sums[right] += a
+        sums[right - 1] += b
+        sums[right - 2] += c
+        sums[right - 3] += d
+    last = np.float32(0)
+    for i in range(len(fired)):
+        last += fired[i] * line[i + _SIDE - 1]
+    sums[0] += last
+
+
+@njit(cache=True)
+def add_slopes(level: NDArray[np.floating], change: Float64, flags: Flags, flag: int, box: Box, sums: Float64) -> None:
+    """Add to ``sums`` (3, 2) what ``registration_errors.slope_sums`` adds up, of a part of the image."""
+    top, bottom, left, right = box
+    for row in range(top, bottom):
+        here = level[row, left:right], change[row, left:right], flags[row, left:right]
+        _add_slopes_of_row(*here, here[0][1:], here[1][1:], here[2][1:], flag, sums[:, 0])
+        if row > top:
+            above = level[row - 1, left:right], change[row - 1, left:right], flags[row - 1, left:right]
+            _add_slopes_of_row(*above, *here, flag, sums[:, 1])
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _add_slopes_of_row(
+    level: NDArray[np.floating],
+    change: Float64,
+    flags: Flags,
+    next_level: NDArray[np.floating],
+    next_change: Float64,
+    next_flags: Flags,
+    flag: int,
+    sums: Float64,
+) -> None:
+    slopes, squares, change_squares = 0.0, 0.0, 0.0
+    for i in range(len(next_level)):
+        both = 1.0 if (flags[i] & next_flags[i] & flag) != 0 else 0.0
+        slope = both * (float(next_level[i]) - level[i])
+        steeper = both * (next_change[i] - change[i])
+        slopes += abs(slope)
+        squares += slope * slope
+        change_squares += steeper * steeper
+    sums[0] += slopes
+    sums[1] += squares
+    sums[2] += change_squares
+
+
+@njit(cache=True)
+def step_between(
+    earlier: Float32,
+    later: Float32,
+    lit_before: NDArray[np.bool_],
+    lit_after: NDArray[np.bool_],
+    counts: Int32,
+    steps: tuple[float, float],
+    change: Float64,
+    events: Float64,
+    flags: Flags,
+) -> None:
+    """Write what frames and events of an interval say has changed, (h, w), and flag the pixels lit in both frames.
+
+    ``counts`` (2, h, w) are darker and brighter events, each a step of ``steps``.
+    """
+    for row in range(flags.shape[0]):
+        for column in range(flags.shape[1]):
+            change[row, column] = later[row, column] - earlier[row, column]
+            events[row, column] = steps[0] * counts[0, row, column] + steps[1] * counts[1, row, column]
+            lit = lit_before[row, column] & lit_after[row, column]
+            flags[row, column] = USABLE | KEPT | SETTLED if lit else 0
