@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.events.answer import TOLD_WITHIN_S, Answer
 from fedora_qa.checks.events.levels import HELD_LEVEL_BIAS
-from fedora_qa.checks.events.readings import KINDS, ReadingFits, ReadingSums, cell_sums
+from fedora_qa.checks.events.readings import KINDS, ReadingFits, ReadingSums, cell_sums, fit_all
 from fedora_qa.checks.events.rows import tick_ns
 from fedora_qa.checks.events.tiles import GRID
 from fedora_qa.conventions import NS_PER_US
@@ -129,9 +129,11 @@ def late_region(state: Sequence[ReadingSums]) -> Local | None:
 
 
 def _local(state: Sequence[ReadingSums], summed: int) -> Local | None:
-    if not state:
+    fits = fit_all(state)
+    if fits is None:
         return None
-    fine, coarse, even = (cell_sums(state, kind) for kind in KINDS)
+    kappas_s = fits.fit.kappa_s, fits.coarse.kappa_s, fits.even.kappa_s
+    fine, coarse, even = (cell_sums(state, kind, kappa_s) for kind, kappa_s in zip(KINDS, kappas_s, strict=True))
     found = delays_of_parts(fine, summed)
     values = np.where(found.known & (found.relative_sigmas <= READ_WELL), found.seconds, np.nan)
     # What bounds the bias of a whole file differs from part to part, and is noise to their comparison.

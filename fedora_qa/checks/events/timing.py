@@ -72,8 +72,9 @@ class Timing(WindowCheck[Seen]):
     How
     ---
     Frames are read at events: where light changes slowly between frames, the polynomial through six of them gives a
-    pixel's level L and slope L' at the stamp of each event, and L = a + C+ P - C- M + delta L' over the pixel's events
-    so far, delta being the delay. Where light changes fast, events are read at frames instead, by bracketed level
+    pixel's level L and slope L' at the stamp of each event, and L = a + C+ P - C- M + delta L' + kappa |L'| over the
+    pixel's events so far, delta being the delay, and kappa what frames tell wrongly at the ends of edges, whichever way
+    the light goes. Where light changes fast, events are read at frames instead, by bracketed level
     samples as in event_response.threshold. The one with the smaller standard error and bound is stated. Windows and
     tiles (4 x 4) are fitted by themselves; every stretch and every rectangle is held against the rest. Where neither
     tells (gross offsets), offsets up to 100 ms are tried on two windows in a second look. After an alarm, offset,
