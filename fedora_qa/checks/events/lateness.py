@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import pi
+from math import hypot, isfinite, pi
 from typing import Final
 
 import numpy as np
@@ -74,6 +74,18 @@ def expected_delay_ms(declared: EventModel | None, facts: Facts) -> tuple[float,
     declared_ms = max(declared.packet_interval_us, 1) * NS_PER_US / 1e6
     # A grid that nobody declared may come from rounding up, down or to the nearest tick.
     return declared_ms / 2 + low_pass_ms, max(tick_ms - declared_ms, 0.0)
+
+
+def told_error_ms(found: Lateness, offset_ms: float, bound_ms: float, facts: Facts) -> float:
+    """Return the error of an offset as it is told: its own, that of ``bound_ms``, and by how much it is read too small.
+
+    Light does not change evenly for long. A change of angular frequency w, moved by d, is read as sin(w d) / w in place
+    of d. Frames an interval h apart show changes up to w = pi / h; half of that is taken for what edges are made of.
+    Offsets that were searched for are undone before they are read.
+    """
+    interval_ms = float(np.median(np.diff(facts.clocks["rgb"].times_ns))) / 1e6
+    read = max(float(np.sinc(0.5 * offset_ms / max(interval_ms, 1e-6))), 0.0) if isfinite(found.told_within_s) else 1.0
+    return hypot(1e3 * found.error_s, bound_ms, offset_ms * (1.0 - read))
 
 
 def by_levels(found: Answer, declared: EventModel) -> Lateness:

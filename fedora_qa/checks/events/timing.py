@@ -17,6 +17,7 @@ from fedora_qa.checks.events.lateness import (
     expected_delay_ms,
     late_region,
     late_stretch,
+    told_error_ms,
 )
 from fedora_qa.checks.events.levels import FoundOffset, LevelSums, level_sums, search_offset
 from fedora_qa.checks.events.readings import ReadingSums, fit_all, reading_sums
@@ -173,7 +174,7 @@ class Timing(WindowCheck[Seen]):
             code="event_response.timing.offset",
             where=EVENTS,
             suspects=(
-                *_late(offset, hypot(error, bound), facts, shapes.constant + shapes.stretch,
+                *_late(offset, told_error_ms(found, offset, bound, facts), facts, shapes.constant + shapes.stretch,
                        told=told and shapes.constant > shapes.stretch),
                 *_drifting(found, shapes.drift),
                 _WRONG_MODEL,
