@@ -43,6 +43,8 @@ class ResponseFit:
         Time by which events are stamped late (negative: early), at ``middle_s``.
     delay_rate
         How that grows, s/s; 0 where the blocks are of fewer than four times.
+    kappa_s
+        Part of the levels that goes with the size of their slope, s; 0 where that is not fitted (``event_reading``).
     middle_s
         Mean time of the pairs.
     standard_errors
@@ -59,6 +61,7 @@ class ResponseFit:
     threshold_off: float
     delay_s: float
     delay_rate: float
+    kappa_s: float
     middle_s: float
     standard_errors: Errors
     attenuation: Errors
@@ -98,11 +101,11 @@ def fit_response(blocks: NormalBlocks) -> ResponseFit | None:
 
 
 def fit_readings(blocks: NormalBlocks, groups: Sequence[NDArray[np.intp]] = ()) -> ResponseFit | None:
-    """Fit frames read at events (``event_reading``): thresholds, delay and rate; None where there are too few.
+    """Fit frames read at events (``event_reading``): thresholds, delay, rate and kappa; None where there are too few.
 
     ``groups`` (b,) number the groups of blocks that may share an error; they are left out together as well.
     """
-    return None if _too_few(blocks) else _fit(blocks, np.eye(3), uncertain_counts=False, groups=groups)
+    return None if _too_few(blocks) else _fit(blocks, np.eye(4), uncertain_counts=False, groups=groups)
 
 
 def _too_few(blocks: NormalBlocks) -> bool:
@@ -116,7 +119,9 @@ def _fit(
     uncertain_counts: bool,
     groups: Sequence[NDArray[np.intp]] = (),
 ) -> ResponseFit | None:
-    """Fit C+, C-, delay and its rate, to which ``reduction`` (k, 3) takes the columns of the blocks.
+    """Fit C+, C-, delay and its rate, and kappa if asked for, to which ``reduction`` takes the columns of the blocks.
+
+    Of the reduction (4, 3 or 4) the columns are those of C+, C-, delay and kappa.
 
     ``uncertain_counts`` says that counts of events may be in error themselves, as interpolated ones are. Blocks that
     have ``groups`` are cells, few of which may hold all edges: errors are judged by how many they are.
@@ -142,10 +147,11 @@ def _fit(
         threshold_on=float(theta[0]),
         threshold_off=float(theta[1]),
         delay_s=float(theta[2]),
-        delay_rate=float(theta[3]) if len(theta) > 3 else 0.0,
+        delay_rate=float(theta[reduction.shape[1]]) if len(theta) > reduction.shape[1] else 0.0,
+        kappa_s=float(theta[3]) if reduction.shape[1] > 3 else 0.0,
         middle_s=middle_s,
-        standard_errors=_named(errors),
-        attenuation=_named(attenuation),
+        standard_errors=_named(errors, reduction.shape[1]),
+        attenuation=_named(attenuation, reduction.shape[1]),
         # |r'e| <= |r| |e| (Cauchy and Schwarz), with r what other regressors leave of the slope: 1/|r|^2 = (N^-1)_33.
         coherent_delay_s=float(formal[2] * np.sqrt(weight)),
         sigma=float(np.sqrt(variance)),
@@ -179,13 +185,14 @@ def _rates_as_slope(steps: Float64) -> Float64:
 def _with_rate(blocks: NormalBlocks, reduction: Float64, times_s: Float64) -> tuple[Float64, Float64]:
     """Return normal equations (b, m, m), (b, m) of the reduced columns.
 
-    Where there are times enough, the slope times the time of the block fits the growth of the delay.
+    Where there are times enough, the slope times the time of the block, the last column, fits the growth of the delay.
     """
-    count = 4 if len(np.unique(times_s.round(3))) >= FEWEST_TIMES else 3
+    known = reduction.shape[1]
+    count = known + 1 if len(np.unique(times_s.round(3))) >= FEWEST_TIMES else known
     reductions = np.zeros((len(blocks), len(reduction), count))
-    reductions[:, :, :3] = reduction
-    if count > 3:
-        reductions[:, :, 3] = times_s[:, np.newaxis] * reduction[:, 2]
+    reductions[:, :, :known] = reduction
+    if count > known:
+        reductions[:, :, known] = times_s[:, np.newaxis] * reduction[:, 2]
     normals: Float64 = np.einsum("bij,bik,bkl->bjl", reductions, blocks.matrices, reductions)
     sides: Float64 = np.einsum("bij,bi->bj", reductions, blocks.vectors)
     return normals, sides
@@ -219,8 +226,9 @@ def _attenuation(normal: Float64, theta: Float64, squares: float) -> Float64:
     return bias
 
 
-def _named(values: Float64) -> Errors:
-    rate = float(values[3]) if len(values) > 3 else float("inf")
+def _named(values: Float64, known: int) -> Errors:
+    """Name the errors of C+, C- and delay, and that of the rate behind so many ``known``; infinite where not fitted."""
+    rate = float(values[known]) if len(values) > known else float("inf")
     return Errors(float(values[0]), float(values[1]), float(values[2]), rate)
 
 

@@ -139,7 +139,7 @@ class NormalBlocks:
     Attributes
     ----------
     matrices, vectors
-        (b, k, k) and (b, k): X'WX and X'Wy of k parameters: four of level pairs, three of readings.
+        (b, k, k) and (b, k): X'WX and X'Wy of k parameters, four of level pairs and of readings.
     squares, weights, counts
         (b,): y'Wy, the sum of weights, and the number of samples.
     times_s

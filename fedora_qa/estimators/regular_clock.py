@@ -6,6 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import NS_PER_S
+
 Int64 = NDArray[np.int64]
 Float64 = NDArray[np.float64]
 
@@ -108,10 +110,29 @@ def is_rounded(times_ns: Int64) -> bool:
     """Whether stamps (N,) that often repeat are those of a regular clock, rounded to a grid above its period.
 
     Samples that are written twice delay all that follow in the count of rows; rounding delays none by more than a step.
+    Few repeats tell that only where the grid itself is no period of a clock (``has_odd_grid_above_period``).
     """
     steps = np.diff(times_ns)
     often = int(np.count_nonzero(steps == 0)) >= _FEWEST_REPEATS
-    return often and _on_one_line(times_ns, int(steps.max()))
+    return (often and _on_one_line(times_ns, int(steps.max()))) or has_odd_grid_above_period(times_ns)
+
+
+def has_odd_grid_above_period(times_ns: Int64) -> bool:
+    """Whether stamps (N,) are those of a clock of a whole rate, in Hz, rounded to a grid a little above its period.
+
+    All steps are then none or one, and stamps stay within one grid of the clock; of a grid that is the period of a
+    whole rate itself, the repeats are samples that were written twice.
+    """
+    steps = np.diff(times_ns)
+    grid_ns = int(steps.max(initial=0))
+    if grid_ns <= 0 or not np.isin(steps, (0, grid_ns)).all() or not np.any(steps == 0):
+        return False
+    numbers = np.arange(len(times_ns), dtype=np.float64)
+    elapsed_ns = (times_ns - times_ns[0]).astype(np.float64)
+    rate_hz = max(round(NS_PER_S / _line(numbers, elapsed_ns)[0]), 1)
+    kept = float(np.ptp(elapsed_ns - numbers * NS_PER_S / rate_hz)) <= grid_ns
+    whole_ns = NS_PER_S / max(round(NS_PER_S / grid_ns), 1)
+    return kept and abs(grid_ns - whole_ns) > _ROUNDED_NS
 
 
 def _on_one_line(times_ns: Int64, grid_ns: int) -> bool:

@@ -211,6 +211,23 @@ def test_few_frames_on_a_grid_above_their_period_are_not_doubled() -> None:
     assert doubled.alarms[0].suspects[0].cause == "duplicated_samples"
 
 
+@pytest.mark.parametrize("start", [0, 7, 13])
+def test_a_grid_just_above_the_period_repeats_a_stamp_or_two(start: int) -> None:
+    """Half a second of frames at 50 Hz on a grid of 21 ms: the grid is named, not a doubled frame or another rate."""
+    frames = (exact_facts().clocks["rgb"].times_ns[start : start + 25] + 10_500_000) // 21_000_000 * 21_000_000
+    coarse = with_clock(exact_facts(), "rgb", clock(frames))
+    for check in ("clocks.order", "clocks.rate"):
+        best = max(judged(check, coarse).alarms[0].suspects, key=lambda one: one.weight)
+        assert (best.cause, best.stream, best.magnitude) == ("quantised_time", "rgb", pytest.approx(21.0)), check
+
+
+def test_one_doubled_frame_lies_on_no_odd_grid() -> None:
+    """All steps of exact frames, one of them doubled, are of 20 ms too, but that is their period."""
+    frames = exact_facts().clocks["rgb"].times_ns[:25]
+    doubled = judged("clocks.order", with_clock(exact_facts(), "rgb", clock(np.insert(frames, 9, frames[9]))))
+    assert doubled.alarms[0].suspects[0].cause == "duplicated_samples"
+
+
 def test_jitter_is_no_change_of_rate() -> None:
     """Of 300 clocks with white jitter none is said to change its rate, and the scores have about unit spread."""
     rng = np.random.default_rng(11)

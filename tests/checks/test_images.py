@@ -112,16 +112,24 @@ def test_a_camera_that_comes_back_may_see_the_same(world: FlowWorld) -> None:
 
 
 def test_resting_camera_may_repeat_its_frames(world: FlowWorld) -> None:
-    """All frames alike, no flow and one pose: nothing is wrong, and order cannot be told."""
+    """All frames alike, no flow and one pose: neither repeats nor order can be told from a buffer that is stuck."""
     frames, pose = frames_of(world), world.rows_by_key
     still = world.with_flow(lambda _, flow: np.zeros_like(flow)).with_rows(
         path_rgb=np.repeat(frames[:1], len(frames), axis=0),
         path_pose_position=np.repeat(pose["path/pose/position"][:1], len(pose["path/pose/position"]), axis=0),
         path_pose_orientation=np.repeat(pose["path/pose/orientation"][:1], len(pose["path/pose/orientation"]), axis=0),
     )
-    assert judged(Repeats(), still).result.outcome == "passed"
+    repeats = judged(Repeats(), still).result
+    assert (repeats.outcome, repeats.findings) == ("not_observable", ())
+    assert "the camera rests" in repeats.reason
     assert judged(Order(), still).result.outcome == "not_observable"
     assert judged(Exposure(), still).result.outcome == "passed"
+
+
+def test_camera_at_rest_whose_frames_differ_repeats_none(world: FlowWorld) -> None:
+    """Where all frames differ none is repeated, wherever the camera is."""
+    still = world.with_flow(lambda _, flow: np.zeros_like(flow)).without("pose")
+    assert judged(Repeats(), still).result.outcome == "passed"
 
 
 def test_repeats_that_nothing_explains_are_noted(world: FlowWorld) -> None:

@@ -193,6 +193,16 @@ def test_north_east_down_poses_are_told_from_a_turned_sensor(path: Path) -> None
     assert (diagnosis.cause, diagnosis.stream) == ("frame_convention", "pose")
 
 
+def test_an_offset_is_told_no_more_surely_than_stamps_are_rounded(path: Path) -> None:
+    """An IMU that is 3.4 us late is stamped 3 us late: what is told is off by a part of a microsecond, and says so."""
+    imu_stamps(lambda t: t + 3.4e-6)(MotionFile()).write(path)
+    diagnosis = check_file(path, CheckOptions(select=("imu.timing",), evidence=None)).record.diagnoses[0]
+    assert (diagnosis.cause, diagnosis.stream) == ("time_offset", "imu")
+    assert diagnosis.magnitude is not None
+    assert diagnosis.standard_error is not None
+    assert abs(diagnosis.magnitude - 3.4e-3) < 2 * diagnosis.standard_error < 1e-3
+
+
 def averaged(f: MotionFile) -> MotionFile:
     """Every sample the mean over the interval before its stamp."""
     times_s = f.samples.imu_times_s

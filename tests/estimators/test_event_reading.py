@@ -1,5 +1,6 @@
 """Frames read at events, on a closed-form world whose levels are known without error at any time."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from fedora_qa.estimators.event_fit import ResponseFit, _effective_parts, fit_readings
 from fedora_qa.estimators.event_levels import concatenate
-from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
+from fedora_qa.estimators.event_reading import Readings, Way, _corners, read_frames, reading_blocks, reading_weights
 from fedora_qa.estimators.event_reading_kernels import FINE, _divide, _polynomial, _rounded_up
 from tests.estimators.event_world import MS, Stream, Waves, linear_events, log_events
 
@@ -90,6 +91,50 @@ def test_crests_between_frames_make_no_event_early() -> None:
     fitted = fit(found)
     assert fitted.standard_errors.delay_s < 1e-4
     assert abs(fitted.delay_s) < 4 * fitted.standard_errors.delay_s
+
+
+def test_what_frames_tell_wrongly_at_edges_is_no_delay() -> None:
+    """Levels that are off by 1 ms of their slope's size, as at the ends of edges, move the delay by nothing."""
+    found = readings("log", events_of("log"))
+    wrong = replace(found, levels=found.levels - 1e-3 * found.regressors[:, 3])
+    plain, fitted = fit(found), fit(wrong)
+    assert fitted.delay_s == pytest.approx(plain.delay_s, abs=1e-5)
+    assert fitted.kappa_s == pytest.approx(plain.kappa_s - 1e-3, abs=1e-5)
+
+
+def test_edges_of_one_kind_hardly_tell_a_delay() -> None:
+    """Where light rises at one pixel of a hundred, the delay is told by far less than where it rises at every other."""
+    falling, both = (fit(_edges(share)).standard_errors.delay_s for share in (0.01, 0.5))
+    assert falling > 3 * both
+
+
+def _edges(share_that_rises: float) -> Readings:
+    """Eight readings each of 720 pixels, through which an edge passes."""
+    rng = np.random.default_rng(3)
+    pixels, count = np.repeat(np.arange(720), 8), 720 * 8
+    signs = np.where(np.repeat(rng.random(720) < share_that_rises, 8), 1.0, -1.0)
+    slopes = signs * rng.uniform(2, 12, count)
+    events = np.tile(np.arange(8) - 3.5, 720)
+    levels = 0.2 * signs * events + 0.01 * rng.normal(size=count)
+    columns = np.where(signs > 0, events, 0.0), np.where(signs < 0, -events, 0.0), slopes, np.abs(slopes)
+    columns = *columns[:2], *(each - np.repeat(each.reshape(-1, 8).mean(axis=1), 8) for each in columns[2:])
+    ones = np.ones(count)
+    return Readings(pixels, np.linspace(0, 0.4, count), np.column_stack(columns), levels, levels, levels, ones)
+
+
+def test_corners_are_told_by_the_parabolas_on_both_sides() -> None:
+    """The distance of two parabolas, by NumPy's polynomials through three frames each, at uneven times."""
+    rng = np.random.default_rng(5)
+    seconds, levels = np.sort(rng.uniform(0, 0.2, 8)), rng.normal(size=(8, 2, 3))
+    pixels, times = np.array([0, 4, 5, 2]), np.array([0.3, 0.5, 0.5, 0.7])
+    at = seconds[[0, 2, 4, 6]] + times * (seconds[[1, 3, 5, 7]] - seconds[[0, 2, 4, 6]])
+    expected = []
+    for pixel, time, first in zip(pixels, at, [0, 1, 3, 4], strict=True):
+        curve = levels[:, pixel // 3, pixel % 3]
+        ends = (slice(first, first + 3), slice(first + 1, first + 4))
+        one, other = (np.polynomial.Polynomial.fit(seconds[each], curve[each], 2)(time) for each in ends)
+        expected.append(other - one)
+    assert np.abs(_corners(pixels, at, seconds, levels)) == pytest.approx(np.abs(expected), rel=1e-6)
 
 
 def test_cells_that_hold_nearly_all_are_few() -> None:

@@ -9,7 +9,7 @@ from fedora_qa.checks.clocks.local_rates import WORST_ROUNDING, rate_change
 from fedora_qa.checks.clocks.streams import all_stamps, fits_of
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
-from fedora_qa.estimators.regular_clock import RegularClock
+from fedora_qa.estimators.regular_clock import RegularClock, has_odd_grid_above_period
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 
@@ -116,10 +116,13 @@ class Rate(FactsCheck):
 def _rounded(stream: str, times_ns: NDArray[np.int64], nominal_ns: float) -> tuple[Suspect, ...]:
     """Suspect a grid where stamps never stray by more than it from the nominal rate, and all steps are multiples of it.
 
-    A grid that nearly divides the period leaves all steps alike but a few, as of another rate with jumps.
+    A grid that nearly divides the period leaves all steps alike but a few, as of another rate with jumps; one a little
+    above the period leaves all alike but a few that are none.
     """
     steps_ns = np.diff(times_ns)
     grid_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) else 0
+    if has_odd_grid_above_period(times_ns):
+        return (Suspect("quantised_time", stream, 0.95, grid_ns / NS_PER_MS, "ms"),)
     strays_ns = float(np.ptp(times_ns - np.arange(len(times_ns)) * nominal_ns)) if len(times_ns) else 0.0
     if not (_LEAST_GRID_NS <= grid_ns < steps_ns.min() and strays_ns <= grid_ns):
         return ()

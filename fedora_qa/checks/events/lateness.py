@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import pi
+from math import hypot, isfinite, pi
 from typing import Final
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.events.answer import TOLD_WITHIN_S, Answer
 from fedora_qa.checks.events.levels import HELD_LEVEL_BIAS
-from fedora_qa.checks.events.readings import KINDS, ReadingFits, ReadingSums, cell_sums
+from fedora_qa.checks.events.readings import KINDS, ReadingFits, ReadingSums, cell_sums, fit_all
 from fedora_qa.checks.events.rows import tick_ns
 from fedora_qa.checks.events.tiles import GRID
 from fedora_qa.conventions import NS_PER_US
@@ -76,6 +76,18 @@ def expected_delay_ms(declared: EventModel | None, facts: Facts) -> tuple[float,
     return declared_ms / 2 + low_pass_ms, max(tick_ms - declared_ms, 0.0)
 
 
+def told_error_ms(found: Lateness, offset_ms: float, bound_ms: float, facts: Facts) -> float:
+    """Return the error of an offset as it is told: its own, that of ``bound_ms``, and by how much it is read too small.
+
+    Light does not change evenly for long. A change of angular frequency w, moved by d, is read as sin(w d) / w in place
+    of d. Frames an interval h apart show changes up to w = pi / h; half of that is taken for what edges are made of.
+    Offsets that were searched for are undone before they are read.
+    """
+    interval_ms = float(np.median(np.diff(facts.clocks["rgb"].times_ns))) / 1e6
+    read = max(float(np.sinc(0.5 * offset_ms / max(interval_ms, 1e-6))), 0.0) if isfinite(found.told_within_s) else 1.0
+    return hypot(1e3 * found.error_s, bound_ms, offset_ms * (1.0 - read))
+
+
 def by_levels(found: Answer, declared: EventModel) -> Lateness:
     """Return what bracketed level samples say.
 
@@ -129,9 +141,11 @@ def late_region(state: Sequence[ReadingSums]) -> Local | None:
 
 
 def _local(state: Sequence[ReadingSums], summed: int) -> Local | None:
-    if not state:
+    fits = fit_all(state)
+    if fits is None:
         return None
-    fine, coarse, even = (cell_sums(state, kind) for kind in KINDS)
+    kappas_s = fits.fit.kappa_s, fits.coarse.kappa_s, fits.even.kappa_s
+    fine, coarse, even = (cell_sums(state, kind, kappa_s) for kind, kappa_s in zip(KINDS, kappas_s, strict=True))
     found = delays_of_parts(fine, summed)
     values = np.where(found.known & (found.relative_sigmas <= READ_WELL), found.seconds, np.nan)
     # What bounds the bias of a whole file differs from part to part, and is noise to their comparison.

@@ -92,10 +92,22 @@ def fit_all(state: Sequence[ReadingSums]) -> ReadingFits | None:
     return ReadingFits(*known) if len(known) == len(KINDS) else None
 
 
-def cell_sums(state: Sequence[ReadingSums], kind: str) -> CellSums:
-    """Return the sums of windows by tiles."""
-    blocks = [getattr(one, kind) for one in state]
-    return CellSums(*(np.stack([getattr(one, name) for one in blocks]) for name in CellSums.__slots__))
+def cell_sums(state: Sequence[ReadingSums], kind: str, kappa_s: float) -> CellSums:
+    """Return the sums of windows by tiles, of C+, C- and delay: with the file's kappa, as a cell may hold one edge."""
+    cells = [_with_kappa(getattr(one, kind), kappa_s) for one in state]
+    return CellSums(*(np.stack(each) for each in zip(*cells, strict=True)))
+
+
+def _with_kappa(blocks: NormalBlocks, kappa_s: float) -> tuple[NDArray[np.float64], ...]:
+    """Return what ``CellSums`` holds, of levels less kappa |L'|."""
+    sizes = blocks.matrices[:, :, 3]
+    return (
+        blocks.matrices[:, :3, :3],
+        blocks.vectors[:, :3] - kappa_s * sizes[:, :3],
+        blocks.squares - 2 * kappa_s * blocks.vectors[:, 3] + kappa_s**2 * sizes[:, 3],
+        blocks.weights,
+        blocks.counts,
+    )
 
 
 def _tiles(readings: Readings, shape: tuple[int, ...]) -> NDArray[np.intp]:

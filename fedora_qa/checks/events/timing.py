@@ -17,6 +17,7 @@ from fedora_qa.checks.events.lateness import (
     expected_delay_ms,
     late_region,
     late_stretch,
+    told_error_ms,
 )
 from fedora_qa.checks.events.levels import FoundOffset, LevelSums, level_sums, search_offset
 from fedora_qa.checks.events.readings import ReadingSums, fit_all, reading_sums
@@ -72,8 +73,9 @@ class Timing(WindowCheck[Seen]):
     How
     ---
     Frames are read at events: where light changes slowly between frames, the polynomial through six of them gives a
-    pixel's level L and slope L' at the stamp of each event, and L = a + C+ P - C- M + delta L' over the pixel's events
-    so far, delta being the delay. Where light changes fast, events are read at frames instead, by bracketed level
+    pixel's level L and slope L' at the stamp of each event, and L = a + C+ P - C- M + delta L' + kappa |L'| over the
+    pixel's events so far, delta being the delay, and kappa what frames tell wrongly at the ends of edges, whichever way
+    the light goes. Where light changes fast, events are read at frames instead, by bracketed level
     samples as in event_response.threshold. The one with the smaller standard error and bound is stated. Windows and
     tiles (4 x 4) are fitted by themselves; every stretch and every rectangle is held against the rest. Where neither
     tells (gross offsets), offsets up to 100 ms are tried on two windows in a second look. After an alarm, offset,
@@ -172,7 +174,7 @@ class Timing(WindowCheck[Seen]):
             code="event_response.timing.offset",
             where=EVENTS,
             suspects=(
-                *_late(offset, hypot(error, bound), facts, shapes.constant + shapes.stretch,
+                *_late(offset, told_error_ms(found, offset, bound, facts), facts, shapes.constant + shapes.stretch,
                        told=told and shapes.constant > shapes.stretch),
                 *_drifting(found, shapes.drift),
                 _WRONG_MODEL,

@@ -65,6 +65,9 @@ _EVERY: Final = 8
 _DELAYS_MS: Final = tuple(float(late) for late in range(-30, 31, 2) if late)
 """Offsets that are tried, as far as the halo of a window reaches. One that is off by a millisecond still mends most."""
 
+_END_NS: Final = 2 * NS_PER_MS
+"""From an end of the events to the next frame: a step of the ladder of offsets."""
+
 _IMAGES: Final = ("sharp_dn", "even_dn", "error_dn", "counts")
 
 _PEAKS: Final = 3
@@ -129,10 +132,11 @@ def causes_by_undoing(tried: Sequence[Trial], facts: Facts) -> tuple[Suspect, ..
     """Return the causes whose undoing mends a part, that which mends most; nothing where none mends enough.
 
     A repair that leaves more pixels broken than the best one is less probable by exp(-1) for each twentieth of them.
-    Frames that were moved or turned have the effect of events that were.
+    Frames that were moved or turned have the effect of events that were. Where all that is broken in earnest stays so,
+    a few pixels at the end of a file that some repair mends are chance.
     """
     told = [one for one in tried if one.best >= MENDED * one.broken]
-    if not told:
+    if not told or nothing_mends(tried):
         return ()
     trial = max(told, key=lambda one: one.best)
     fair = max(1.0, 0.05 * trial.broken)
@@ -145,12 +149,13 @@ def causes_by_undoing(tried: Sequence[Trial], facts: Facts) -> tuple[Suspect, ..
 
 
 def nothing_mends(tried: Sequence[Trial]) -> bool:
-    """Whether some window is broken in both halves, and no repair mends even half of any part that tells.
+    """Whether some window that tells is broken in both halves, and no repair mends even half of any part that tells.
 
     A loss at one instant breaks one half only.
     """
     telling = [one for one in tried if one.broken >= ENOUGH_BROKEN]
-    throughout = max(Counter(one.window for one in telling).values(), default=0) == _PARTS
+    parts = Counter(one.window for one in tried)
+    throughout = any(parts[one.window] == _PARTS for one in telling)
     return throughout and all(one.best < one.broken / 2 for one in telling)
 
 
@@ -196,12 +201,24 @@ def _repairs(window: Window, seen: SeenFrames, declared: EventModel) -> Iterator
     for right_px, down_px in _likely_shifts(seen, declared):
         along = float(right_px) if down_px == 0 else None
         yield _repair("spatial_offset", *_moved_back(seen.counts, right_px, down_px), size=along)
-    events = sensor_events(window)
     for late_ms in _DELAYS_MS:
-        counts = np.zeros_like(seen.counts)
-        stamps_ns = events.times_ns - round(late_ms * NS_PER_MS)
-        count_between_frames(events.x, events.y, stamps_ns, events.p, seen.times_ns, counts)
-        yield _repair("time_offset", counts, everywhere, size=late_ms)
+        yield _repair("time_offset", _on_time(window, seen, round(late_ms * NS_PER_MS)), everywhere, size=late_ms)
+
+
+def _on_time(window: Window, seen: SeenFrames, late_ns: int) -> Counts:
+    """Return the counts of events that are late by so much; as they are where the file would have to go on longer.
+
+    An interval that no event can have been moved from would be emptied, and nothing that contradicts a frame be left.
+    """
+    events, scan = sensor_events(window), window.facts.events
+    counts = np.zeros_like(seen.counts)
+    count_between_frames(events.x, events.y, events.times_ns - late_ns, events.p, seen.times_ns, counts)
+    if scan is None:
+        return counts
+    begins_ns, ends_ns = seen.times_ns[:-1] + late_ns, seen.times_ns[1:] + late_ns
+    untold = (begins_ns < scan.first_ns - _END_NS) | (ends_ns > scan.last_ns + _END_NS)
+    counts[untold] = seen.counts[untold]
+    return counts
 
 
 def _repair(

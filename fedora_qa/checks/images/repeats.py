@@ -79,7 +79,8 @@ class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
     Cannot see
     ----------
     Frames that repeat but for noise: ``images.order`` and ``event_response.frames``. A camera at rest may repeat its
-    frames. Where neither flow nor pose nor events tell, repeats are noted.
+    frames: not_observable where it does and rests throughout. Where neither flow nor pose nor events tell, repeats are
+    noted.
 
     Sources
     -------
@@ -123,6 +124,11 @@ class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
         ]
         if frozen:
             return Observation(coverage, (_count(frozen, facts),))
+        if repeats and known and not any(moved.values()):
+            at_rest = (
+                f"{len(repeats)} frames repeat an earlier one, and the camera rests: no frame must differ from others"
+            )
+            return Observation(coverage, unobservable=at_rest)
         notices = () if known or not repeats else (_noted(repeats),)
         return Observation(coverage, (no_faults("repeated_frames", "frames", "images.repeats.frames"),), notices)
 

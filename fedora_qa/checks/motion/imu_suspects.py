@@ -1,6 +1,7 @@
 """Which causes would explain that a parameter of the fit of IMU against pose is off."""
 
 from collections.abc import Callable
+from math import hypot, sqrt
 from typing import Final
 
 from fedora_qa.checks.motion.clues import Clues
@@ -10,6 +11,9 @@ from fedora_qa.estimators.grouped_fit import Fitted, group_of
 
 _ENOUGH: Final = 0.5
 _MS, _PPM = 1e3, 1e6
+
+_ROUNDED_S: Final = 1e-6 / sqrt(12.0)
+"""Files stamp in whole microseconds: all stamps of an even clock are rounded by the same part of one."""
 
 
 def suspects_for(kind: Kind, name: str, found: Fitted, share: float, clues: Clues) -> tuple[Suspect, ...]:
@@ -32,7 +36,8 @@ def suspects_for(kind: Kind, name: str, found: Fitted, share: float, clues: Clue
 
 
 def _time_offset(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
-    """Blame either: two clocks alone cannot tell which of them is late."""
+    """Blame either: two clocks alone cannot tell which of them is late, nor what of a delay is written in stamps."""
+    error = hypot(error, _ROUNDED_S)
     return (
         Suspect("time_offset", "imu", clues.imu_late * weight, _MS * value, "ms", _MS * error),
         Suspect("time_offset", "pose", clues.pose_late * weight, -_MS * value, "ms", _MS * error),
