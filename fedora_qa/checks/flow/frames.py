@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.comparison import is_noisy
-from fedora_qa.checks.flow.intervals import Interval, PoseTrack, frame_at, pose_track
+from fedora_qa.checks.flow.intervals import Interval, PoseTrack, frame_at, motion_over, pose_track
 from fedora_qa.checks.flow.lattice import sample_field
 from fedora_qa.checks.intermediates import luma_dn
 from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both
@@ -191,7 +191,7 @@ def _geometry(window: Window, interval: Interval) -> Geometry | None:
         return None
     frames = [frame_at(facts.clocks["depth"], time_ns) for time_ns in (interval.start_ns, interval.end_ns)]
     track = pose_track(window, camera)
-    motion = track.motion(interval.start_ns, interval.end_ns)
+    motion = motion_over(window, track, interval)
     if frames[0] is None or frames[1] is None or motion is None:
         return None
     correction, uncertainty_px = _correction(window, track, interval, frames[0], motion)

@@ -1,6 +1,6 @@
 """The fields of flow that a window owns: their intervals, the frames at their ends, and the camera's motion between."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -101,22 +101,24 @@ class PoseTrack:
 
     def motion_into(self, later: "PoseTrack", start_ns: int, end_ns: int) -> RigidMotion | None:
         """Return how points move where another track holds at the end; None where no pose covers an instant."""
-        (R0, position0_m), (R1, position1_m) = self.pose(start_ns), later.pose(end_ns)
-        if not all(np.all(np.isfinite(values)) for values in (R0, position0_m, R1, position1_m)):
-            return None
-        return camera_motion(R0, position0_m, R1, position1_m, self.camera.T_body_camera)
+        return _motion_between(self.pose(start_ns), later.pose(end_ns), self.camera)
 
     def pose(self, time_ns: int) -> tuple[Float64, Float64]:
         """Return R_world_body (3, 3) and position in the world (3,) m at an instant; NaN where no pose covers it."""
-        R, positions_m = self._at(time_ns, time_ns)
+        R, positions_m = self.poses_at(np.array([time_ns], dtype=np.int64))
         return R[0], positions_m[0]
+
+    def poses_at(self, at_ns: NDArray[np.int64]) -> tuple[Float64, Float64]:
+        """Return R_world_body (n, 3, 3) and positions (n, 3) m at instants (n,); NaN where no pose covers one."""
+        poses = self.poses
+        return interpolate_poses(poses.times_ns, poses.positions_world_m, poses.orientations_xyzw, at_ns=at_ns)
 
     def covariance(self, start_ns: int, end_ns: int, position_sigma_m: float, rotation_sigma_rad: float) -> Float64:
         """Return the covariance (6, 6) of the motion's twist under the declared pose noise.
 
         The product of a rotation's noise with the baseline, second order in the noise, is added to the position's.
         """
-        R, positions_m = self._at(start_ns, end_ns)
+        R, positions_m = self.poses_at(np.array([start_ns, end_ns], dtype=np.int64))
         baseline_m = float(np.linalg.norm(positions_m[1] - positions_m[0]))
         return motion_covariance(
             R[0], positions_m[0], R[1], positions_m[1], self.camera.T_body_camera,
@@ -158,11 +160,6 @@ class PoseTrack:
         """Return the track of a camera that is mounted otherwise."""
         return replace(self, camera=replace(self.camera, T_body_camera=T_body_camera))
 
-    def _at(self, start_ns: int, end_ns: int) -> tuple[Float64, Float64]:
-        poses = self.poses
-        at_ns = np.array([start_ns, end_ns], dtype=np.int64)
-        return interpolate_poses(poses.times_ns, poses.positions_world_m, poses.orientations_xyzw, at_ns=at_ns)
-
 
 def pose_track(window: Window, camera: Camera) -> PoseTrack:
     """Return the poses around the window, far enough for every interval it owns and the one before and after."""
@@ -170,6 +167,34 @@ def pose_track(window: Window, camera: Camera) -> PoseTrack:
     margin_ns = 2 * min(longest_ns, NS_PER_S) + _POSE_MARGIN_NS
     poses = window.once(("poses for flow", margin_ns), lambda: _finite(window.pose(margin_ns)))
     return PoseTrack(poses, camera)
+
+
+def motion_over(window: Window, track: PoseTrack, interval: Interval) -> RigidMotion | None:
+    """Return how points move over an interval in the camera of a window's own track; None where no pose covers it.
+
+    Poses at all ends of the window's intervals are interpolated at once.
+    """
+    poses = window.once("poses at ends of intervals", lambda: _poses_at_ends(window, track))
+    ends = poses.get(interval.start_ns), poses.get(interval.end_ns)
+    if ends[0] is None or ends[1] is None:
+        return track.motion(interval.start_ns, interval.end_ns)
+    key = ("motion", interval.start_ns, interval.end_ns)
+    return window.once(key, lambda: _motion_between(*ends, track.camera))
+
+
+def _poses_at_ends(window: Window, track: PoseTrack) -> Mapping[int, tuple[Float64, Float64]]:
+    intervals = [one for stream in window.facts.flow_streams for one in owned_intervals(window, stream)]
+    at_ns = np.unique(np.array([(one.start_ns, one.end_ns) for one in intervals], dtype=np.int64))
+    R, positions_m = track.poses_at(at_ns)
+    return {int(time_ns): (R[i], positions_m[i]) for i, time_ns in enumerate(at_ns)}
+
+
+def _motion_between(
+    before: tuple[Float64, Float64], after: tuple[Float64, Float64], camera: Camera
+) -> RigidMotion | None:
+    if not all(np.all(np.isfinite(values)) for values in (*before, *after)):
+        return None
+    return camera_motion(*before, *after, camera.T_body_camera)
 
 
 def longest_interval_ns(facts: Facts, stream: str) -> int:

@@ -12,6 +12,7 @@ from fedora_qa.checks.flow.intervals import (
     PoseTrack,
     depths_plausible,
     frame_at,
+    motion_over,
     owned_intervals,
     place,
     pose_track,
@@ -133,7 +134,7 @@ def _may_pass(
     window: Window, track: PoseTrack, interval: Interval, frame: int, standing_m: NDArray[np.float32]
 ) -> bool:
     """Whether any point that stands may end behind the camera's plane, or too near to it to tell."""
-    motion = track.motion(interval.start_ns, interval.end_ns)
+    motion = motion_over(window, track, interval)
     depth_m = window.depth_m(frame)
     range_m = window.once(("range of depth", frame), lambda: depth_range_m(depth_m, standing_m))
     return motion is None or (range_m is not None and not _all_before(track, motion, depth_m.shape, range_m, window))
@@ -186,7 +187,7 @@ def _before_and_behind(
     window: Window, track: PoseTrack, interval: Interval, depth_m: NDArray[np.float32], valid: Mask
 ) -> tuple[Mask, Mask]:
     """Return which pixels' points end surely before the camera's plane, and which surely behind it."""
-    motion = track.motion(interval.start_ns, interval.end_ns)
+    motion = motion_over(window, track, interval)
     if motion is None or not valid.any():
         return np.zeros_like(valid), np.zeros_like(valid)
     height, width = depth_m.shape
