@@ -6,7 +6,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow.intervals import Interval, PoseTrack
+from fedora_qa.checks.flow.intervals import Interval, PoseTrack, motion_between
 from fedora_qa.checks.flow.lattice import FEWEST_PIXELS, Lattice, Region, lattice_of, region_of, thinned
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_motion_fit import (
@@ -159,12 +159,13 @@ def templates_of(
     track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample, correction: Float64
 ) -> Float64:
     """Return the templates of the small faults for one field, about a corrected motion."""
+    ends = track.ends(interval.start_ns, interval.end_ns)
 
     def remounted(rotation_rad: Float64, shift_m: Float64) -> RigidMotion:
         T_body_camera = track.camera.T_body_camera.copy()
         T_body_camera[:3, :3] = T_body_camera[:3, :3] @ exp(-rotation_rad)
         T_body_camera[:3, 3] -= shift_m
-        remounted_motion = track.mounted(T_body_camera).motion(interval.start_ns, interval.end_ns) or motion
+        remounted_motion = motion_between(*ends, replace(track.camera, T_body_camera=T_body_camera)) or motion
         return remounted_motion.corrected(correction)
 
     def delayed(seconds: float) -> RigidMotion | None:

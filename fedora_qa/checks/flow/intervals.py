@@ -16,6 +16,8 @@ from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.window import PoseSamples, Window
 
 Float64 = NDArray[np.float64]
+Pose = tuple[Float64, Float64]
+"""R_world_body (3, 3) and position in the world (3,) m; NaN where it is not known."""
 
 _DEPTH_RANGE_M: Final = (0.05, 1000.0)
 """Where depths lie in metres when nothing is declared."""
@@ -97,16 +99,21 @@ class PoseTrack:
 
     def motion(self, start_ns: int, end_ns: int) -> RigidMotion | None:
         """Return how points move in the camera between two instants; None where no pose covers them."""
-        return self.motion_into(self, start_ns, end_ns)
+        return motion_between(*self.ends(start_ns, end_ns), self.camera)
 
     def motion_into(self, later: "PoseTrack", start_ns: int, end_ns: int) -> RigidMotion | None:
         """Return how points move where another track holds at the end; None where no pose covers an instant."""
-        return _motion_between(self.pose(start_ns), later.pose(end_ns), self.camera)
+        return motion_between(self.pose(start_ns), later.pose(end_ns), self.camera)
 
-    def pose(self, time_ns: int) -> tuple[Float64, Float64]:
+    def pose(self, time_ns: int) -> Pose:
         """Return R_world_body (3, 3) and position in the world (3,) m at an instant; NaN where no pose covers it."""
         R, positions_m = self.poses_at(np.array([time_ns], dtype=np.int64))
         return R[0], positions_m[0]
+
+    def ends(self, start_ns: int, end_ns: int) -> tuple[Pose, Pose]:
+        """Return the poses at two instants."""
+        R, positions_m = self.poses_at(np.array([start_ns, end_ns], dtype=np.int64))
+        return (R[0], positions_m[0]), (R[1], positions_m[1])
 
     def poses_at(self, at_ns: NDArray[np.int64]) -> tuple[Float64, Float64]:
         """Return R_world_body (n, 3, 3) and positions (n, 3) m at instants (n,); NaN where no pose covers one."""
@@ -179,19 +186,18 @@ def motion_over(window: Window, track: PoseTrack, interval: Interval) -> RigidMo
     if ends[0] is None or ends[1] is None:
         return track.motion(interval.start_ns, interval.end_ns)
     key = ("motion", interval.start_ns, interval.end_ns)
-    return window.once(key, lambda: _motion_between(*ends, track.camera))
+    return window.once(key, lambda: motion_between(*ends, track.camera))
 
 
-def _poses_at_ends(window: Window, track: PoseTrack) -> Mapping[int, tuple[Float64, Float64]]:
+def _poses_at_ends(window: Window, track: PoseTrack) -> Mapping[int, Pose]:
     intervals = [one for stream in window.facts.flow_streams for one in owned_intervals(window, stream)]
     at_ns = np.unique(np.array([(one.start_ns, one.end_ns) for one in intervals], dtype=np.int64))
     R, positions_m = track.poses_at(at_ns)
     return {int(time_ns): (R[i], positions_m[i]) for i, time_ns in enumerate(at_ns)}
 
 
-def _motion_between(
-    before: tuple[Float64, Float64], after: tuple[Float64, Float64], camera: Camera
-) -> RigidMotion | None:
+def motion_between(before: Pose, after: Pose, camera: Camera) -> RigidMotion | None:
+    """Return how points move in a camera between two poses of the body; None where either is not known."""
     if not all(np.all(np.isfinite(values)) for values in (*before, *after)):
         return None
     return camera_motion(*before, *after, camera.T_body_camera)
