@@ -70,11 +70,16 @@ def _luma_about(rgb: Colours, of_codes: Float32, part: Int64, reach: int) -> Flo
     height, width = rgb.shape[:2]
     red, green, blue = of_codes[0], of_codes[1], of_codes[2]
     luma = np.empty((part[3] - part[1] + 2 * reach, part[2] - part[0] + 2 * reach), np.float32)
+    first = part[0] - reach
+    inner = max(-first, 0), min(width - first, luma.shape[1])
     for j in range(len(luma)):
         of_row, line = rgb[mirrored(part[1] - reach + j, height)], luma[j]
-        for k in range(len(line)):
-            pixel = of_row[mirrored(part[0] - reach + k, width)]
-            line[k] = red[pixel[0]] + green[pixel[1]] + blue[pixel[2]]
+        for k in range(inner[0], inner[1]):
+            line[k] = red[of_row[first + k, 0]] + green[of_row[first + k, 1]] + blue[of_row[first + k, 2]]
+        for k in range(inner[0]):
+            line[k] = line[-2 * first - k]
+        for k in range(inner[1], len(line)):
+            line[k] = line[2 * inner[1] - 2 - k]
     return luma
 
 
