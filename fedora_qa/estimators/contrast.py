@@ -60,10 +60,11 @@ class SeenFlow:
 
     def mirrored(self, axis: int) -> "SeenFlow":
         """Return the flow whose grid, not its values, is turned over: 0 left to right, 1 top to bottom."""
-        view = list(self.view)
-        last = self.flow_px.shape[1 - axis] - 1
-        view[2 * axis], view[2 * axis + 1] = -view[2 * axis], last - view[2 * axis + 1]
-        return replace(self, view=tuple(view))
+        across, left, down, top, wide, high = self.view
+        height, width = self.flow_px.shape[:2]
+        if axis:
+            return replace(self, view=(across, left, -down, height - 1 - top, wide, high))
+        return replace(self, view=(-across, width - 1 - left, down, top, wide, high))
 
     def at(self, x: Columns, y: Columns) -> Float64:
         """Return the flow (n, 2) at pixels of the event camera, in its pixels; NaN where there is none."""
@@ -142,7 +143,7 @@ def _vote_weights() -> Float32:
     """Return the weights (PARTS, VOTE_PX) of a Gaussian on the pixels from 3 before to 4 behind one, of sum 1."""
     from_place = np.arange(-3, VOTE_PX - 3) - np.arange(PARTS)[:, None] / PARTS
     weights = np.exp(-0.5 * np.square(from_place / SIGMA_PX))
-    return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float32)
 
 
 _WEIGHTS: Final = _vote_weights()

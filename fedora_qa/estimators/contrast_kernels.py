@@ -3,7 +3,8 @@
 Events come as columns: ``x``, ``y`` (px) and ``tau``, the instant in intervals of the flow after its start. A flow
 (H, W, 2) is the displacement over the interval, px of its own grid, of the point that is at a pixel at the start.
 A view (6,) of it says where pixels of the event camera lie on that grid, as scale and offset of columns, then of rows,
-and how many pixels of theirs are one of its own, along columns and rows. It is read bilinearly, and only where it is asked.
+and how many pixels of the event camera are one of its own, along columns and rows. It is read bilinearly, and only
+where it is asked for.
 """
 
 import numpy as np
@@ -128,7 +129,7 @@ def _vote(line: Float32, share: float, across: tuple[float, ...]) -> float:
     for j in range(VOTE_PX):
         added += votes[j] * (before[j] + before[j] + votes[j])
         line[j] = before[j] + votes[j]
-    return added
+    return float(added)
 
 
 @njit(cache=True)

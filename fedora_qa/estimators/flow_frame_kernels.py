@@ -1,6 +1,6 @@
 """Compiled reading of a colour frame between pixels: only what lies about the places that are asked for is made.
 
-Its luma is smoothed by a Gaussian, and a cubic B-spline reads it between pixels, as ``flow_warp`` does of a whole image.
+Its luma is smoothed by a Gaussian and read by a cubic B-spline, as ``flow_warp`` does with a whole image.
 """
 
 import numpy as np

@@ -46,6 +46,7 @@ At 3 px it is 1e-3, which beside a bright edge moved tiles of little texture by 
 pixels are five deep, the reach of Gaussian and spline together: nearer to the border frames are extrapolated.
 """
 
+
 def inverse_depth(depth_m: Float32) -> Float32:
     """Return 1 / depth (H, W), 0 where depth is invalid."""
     return np.asarray(inverse_of(np.ascontiguousarray(depth_m, dtype=np.float32)), dtype=np.float32)

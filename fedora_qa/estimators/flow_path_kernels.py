@@ -113,9 +113,18 @@ def _reading_error(lines: Float32, row: int, column: int) -> float:
         highest, above, here = lines[j - 2][first:stop], lines[j - 1][first:stop], lines[j][first:stop]
         below, lowest = lines[j + 1][first:stop], lines[j + 2][first:stop]
         for i in range(4, 10):
-            across, down = here[i - 2] - np.float32(2) * here[i] + here[i + 2], above[i] - np.float32(2) * here[i] + below[i]
-            left, right = here[i - 4] - np.float32(2) * here[i - 2] + here[i], here[i] - np.float32(2) * here[i + 2] + here[i + 4]
-            upper, lower = highest[i] - np.float32(2) * above[i] + here[i], here[i] - np.float32(2) * below[i] + lowest[i]
+            across, down = (
+                here[i - 2] - np.float32(2) * here[i] + here[i + 2],
+                above[i] - np.float32(2) * here[i] + below[i],
+            )
+            left, right = (
+                here[i - 4] - np.float32(2) * here[i - 2] + here[i],
+                here[i] - np.float32(2) * here[i + 2] + here[i + 4],
+            )
+            upper, lower = (
+                highest[i] - np.float32(2) * above[i] + here[i],
+                here[i] - np.float32(2) * below[i] + lowest[i],
+            )
             steps = abs(across - left) + abs(right - across) + abs(down - upper) + abs(lower - down)
             error = _OF_SECOND_DIFFERENCE * (abs(across) + abs(down)) + _OF_THIRD_DIFFERENCE * steps
             largest = error if error > largest else largest

@@ -41,7 +41,7 @@ def _is_odd(line: Float32, depths: Float32) -> bool:
         u, v = abs(line[2 * column]), abs(line[2 * column + 1])
         present, valid = (u < _INFINITE) & (v < _INFINITE), (depths[column] > 0) & (depths[column] < _INFINITE)
         odd |= np.int32((present != valid) | (u == _INFINITE) | (v == _INFINITE))
-    return odd != 0
+    return bool(odd != 0)
 
 
 def depth_range_m(depth_m: Float32, standing_m: Float32) -> tuple[float, float] | None:
@@ -57,7 +57,7 @@ def depth_range_m(depth_m: Float32, standing_m: Float32) -> tuple[float, float] 
 
 
 @njit(cache=True)
-def _range_of_bits(depths: NDArray[np.int32], standing: NDArray[np.int32]) -> tuple[int, int]:
+def _range_of_bits(depths: NDArray[np.int32], standing: NDArray[np.int32]) -> tuple[np.int32, np.int32]:
     least, largest = _INFINITE_BITS, np.int32(0)
     for row in range(len(depths)):
         of_depth, of_standing = depths[row], standing[row]

@@ -35,7 +35,9 @@ def uniform_flow(u: float, v: float) -> SeenFlow:
     return SeenFlow(np.broadcast_to(np.array([u, v], np.float32), (HEIGHT, WIDTH, 2)).copy())
 
 
-def warped(x: np.ndarray, y: np.ndarray, tau: np.ndarray, candidates: list[tuple[SeenFlow, np.ndarray]]) -> WarpedEvents:
+def warped(
+    x: np.ndarray, y: np.ndarray, tau: np.ndarray, candidates: list[tuple[SeenFlow, np.ndarray]]
+) -> WarpedEvents:
     """Events in any order, carried on a canvas that must be blank again afterwards."""
     order, canvas = pixel_by_pixel(x, y), blank_canvas(HEIGHT, WIDTH)
     found = sharpness_under(x[order], y[order], tau[order], candidates, canvas)
@@ -88,8 +90,7 @@ def test_gain_of_a_drift_is_found(velocity_px: tuple[float, float], too_large: f
     x, y, tau = events_of_dots(velocity_px)
     flow = uniform_flow(*(too_large * component for component in velocity_px))
     found = [
-        best_gain(warped(x, y, tau + late, [(flow, gain * UNIT) for gain in GAINS]).sharpness)
-        for late in (0.0, 0.1)
+        best_gain(warped(x, y, tau + late, [(flow, gain * UNIT) for gain in GAINS]).sharpness) for late in (0.0, 0.1)
     ]
     assert found == pytest.approx([1 / too_large] * 2, rel=0.03)
 

@@ -105,8 +105,8 @@ def _measure(window: Window, interval: Interval, events: Events, canvas: Float32
         return None
     taken = slice(int(start), int(stop), 1 + int(stop - start) // MOST_EVENTS)
     order = pixel_by_pixel(events.x[taken], events.y[taken])
-    x, y, times_ns = (values[taken][order] for values in (events.x, events.y, events.times_ns))
-    tau = (times_ns - interval.start_ns) / interval.length_ns
+    x, y = events.x[taken][order], events.y[taken][order]
+    tau = (events.times_ns[taken][order] - interval.start_ns) / interval.length_ns
     turns = [0.0 * _UNIT, *(gain * _UNIT for gain in GAINS), *_turns(interval.duration_s)]
     as_stored = sharpness_under(x, y, tau, [(seen, turn) for turn in turns], canvas)
     if as_stored.carried < FEWEST_EVENTS:

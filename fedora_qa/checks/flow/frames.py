@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.comparison import is_noisy
-from fedora_qa.checks.flow.intervals import Interval, PoseTrack, frame_at, motion_over, pose_track
+from fedora_qa.checks.flow.intervals import Interval, PoseTrack, frame_at, pose_track
 from fedora_qa.checks.flow.lattice import sample_field
+from fedora_qa.checks.flow.motions import motion_over
 from fedora_qa.checks.intermediates import luma_dn
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 from fedora_qa.estimators.flow_frame_kernels import luma_patches, parts_about, read_parts

@@ -9,15 +9,8 @@ import numpy as np
 from fedora_qa.checks.flow.comparison import FieldError, compare_field, is_noisy
 from fedora_qa.checks.flow.geometry_suspects import geometry_suspects
 from fedora_qa.checks.flow.hypotheses import Weighed, weigh_hypotheses
-from fedora_qa.checks.flow.intervals import (
-    PoseTrack,
-    ends_on_frame,
-    frame_at,
-    motion_over,
-    owned_intervals,
-    place,
-    pose_track,
-)
+from fedora_qa.checks.flow.intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
+from fedora_qa.checks.flow.motions import motion_over
 from fedora_qa.checks.flow.suspects import spreads_over
 from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.checks.standing import why_not_told_apart

@@ -1,6 +1,6 @@
 """The fields of flow that a window owns: their intervals, the frames at their ends, and the camera's motion between."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -174,26 +174,6 @@ def pose_track(window: Window, camera: Camera) -> PoseTrack:
     margin_ns = 2 * min(longest_ns, NS_PER_S) + _POSE_MARGIN_NS
     poses = window.once(("poses for flow", margin_ns), lambda: _finite(window.pose(margin_ns)))
     return PoseTrack(poses, camera)
-
-
-def motion_over(window: Window, track: PoseTrack, interval: Interval) -> RigidMotion | None:
-    """Return how points move over an interval in the camera of a window's own track; None where no pose covers it.
-
-    Poses at all ends of the window's intervals are interpolated at once.
-    """
-    poses = window.once("poses at ends of intervals", lambda: _poses_at_ends(window, track))
-    ends = poses.get(interval.start_ns), poses.get(interval.end_ns)
-    if ends[0] is None or ends[1] is None:
-        return track.motion(interval.start_ns, interval.end_ns)
-    key = ("motion", interval.start_ns, interval.end_ns)
-    return window.once(key, lambda: motion_between(*ends, track.camera))
-
-
-def _poses_at_ends(window: Window, track: PoseTrack) -> Mapping[int, Pose]:
-    intervals = [one for stream in window.facts.flow_streams for one in owned_intervals(window, stream)]
-    at_ns = np.unique(np.array([(one.start_ns, one.end_ns) for one in intervals], dtype=np.int64))
-    R, positions_m = track.poses_at(at_ns)
-    return {int(time_ns): (R[i], positions_m[i]) for i, time_ns in enumerate(at_ns)}
 
 
 def motion_between(before: Pose, after: Pose, camera: Camera) -> RigidMotion | None:

@@ -26,6 +26,7 @@ _ROUNDING_PX: Final = 18 * 2.0**-24
 Four roundings of 2 f (1 + |m|) and of pixel and principal point, with f = 0.87 W at 60 degrees: below 18 W.
 """
 
+
 @dataclass(frozen=True, slots=True)
 class Chain:
     """Consecutive fields of one rate, by row, that lead from one instant to another."""

@@ -12,11 +12,11 @@ from fedora_qa.checks.flow.intervals import (
     PoseTrack,
     depths_plausible,
     frame_at,
-    motion_over,
     owned_intervals,
     place,
     pose_track,
 )
+from fedora_qa.checks.flow.motions import motion_over
 from fedora_qa.checks.flow.stamps import stamp_measurements
 from fedora_qa.checks.flow.suspects import DISPLACEMENTS, spreads_over
 from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Observation, Suspect, WindowCheck
