@@ -14,9 +14,6 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-CLEAR_PX = 5
-"""Paths keep so far away from the border: nearer, pixels about them are not known."""
-
 CELL_PX = 4
 """Step between the pixels whose targets are noted, and side of the cells that they are noted in."""
 
@@ -33,6 +30,8 @@ _CROWDED_PX = 0.5
 """Flows that lead to one place and differ by more belong to different surfaces, where flow does not slope."""
 
 _REACH = 5
+"""Pixels about a path's that tell whether it keeps 4 px away from breaks: those themselves bend over three pixels."""
+
 _BREAK = np.float32(BREAK_PX)
 
 

@@ -1,6 +1,7 @@
 """Compare one stored field of flow with the one recomputed from depth and pose."""
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final, Literal
 
 import numpy as np
@@ -161,19 +162,28 @@ def templates_of(
     """Return the templates of the small faults for one field, about a corrected motion."""
     ends = track.ends(interval.start_ns, interval.end_ns)
 
+    def corrected(declared: RigidMotion) -> RigidMotion:
+        return declared.corrected(correction) if correction.any() else declared
+
     def remounted(rotation_rad: Float64, shift_m: Float64) -> RigidMotion:
         T_body_camera = track.camera.T_body_camera.copy()
-        T_body_camera[:3, :3] = T_body_camera[:3, :3] @ exp(-rotation_rad)
+        T_body_camera[:3, :3] = T_body_camera[:3, :3] @ _turned_back(*rotation_rad.tolist())
         T_body_camera[:3, 3] -= shift_m
         remounted_motion = motion_between(*ends, replace(track.camera, T_body_camera=T_body_camera)) or motion
-        return remounted_motion.corrected(correction)
+        return corrected(remounted_motion)
 
     def delayed(seconds: float) -> RigidMotion | None:
         shift_ns = round(seconds * NS_PER_S)
         delayed_motion = track.motion(interval.start_ns + shift_ns, interval.end_ns + shift_ns)
-        return None if delayed_motion is None else delayed_motion.corrected(correction)
+        return None if delayed_motion is None else corrected(delayed_motion)
 
-    return small_fault_templates(track.camera.K, motion.corrected(correction), sample, remounted, delayed)
+    return small_fault_templates(track.camera.K, corrected(motion), sample, remounted, delayed)
+
+
+@cache
+def _turned_back(x_rad: float, y_rad: float, z_rad: float) -> Float64:
+    """Return the inverse rotation (3, 3) of a rotation vector: of a few, for every field the same."""
+    return exp(-np.array([x_rad, y_rad, z_rad]))
 
 
 def _repeats(window: Window, interval: Interval, frame: int, region: Region | None) -> Literal["", "flow", "depth"]:
