@@ -1,7 +1,10 @@
 """Compiled loops over events that are carried along a flow.
 
 Events come as columns: ``x``, ``y`` (px) and ``tau``, the instant in intervals of the flow after its start. A flow
-(h, w, 2) is the displacement over the interval, px of the event camera, of the point that is at a pixel at the start.
+(H, W, 2) is the displacement over the interval, px of its own grid, of the point that is at a pixel at the start.
+A view (6,) of it says where pixels of the event camera lie on that grid, as scale and offset of columns, then of rows,
+and how many pixels of the event camera are one of its own, along columns and rows. It is read bilinearly, and only
+where it is asked for.
 """
 
 import numpy as np
@@ -13,117 +16,153 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 Columns = NDArray[np.uint16]
 
+MARGIN_OF_CANVAS_PX = 8
+"""By which a canvas is larger than the image on every side, so that votes need not be cut."""
+
+VOTE_PX = 8
+"""A vote covers so many pixels both ways; farther than 4 px from its place it is less than 4e-4 of its peak."""
+
+PARTS = 128
+"""Votes lie at whole parts of a pixel: what that rounds off has a variance of 5e-6 px^2."""
+
 _ROUNDS = 3
 """Steps towards the pixel at which an event's point was at the start."""
 
 
 @njit(cache=True)
-def vote_warped(
-    x: Columns, y: Columns, tau: Float64, fields: Float32, which: Int64, turns: Float64, margin: float, images: Float64
-) -> int:
-    """Add each event, carried to the middle of the interval, to ``images`` (k, h, w); return how many were carried.
-
-    Image i is carried by ``fields[which[i]]`` of (m, h, w, 2), times ``turns[i]`` (2, 2). An event counts for all
-    images or none: it must have a flow in every field, and lie farther from the border than one and a half times its
-    way, or than ``margin`` px. One that is carried out of the image leaves no vote. Votes are quadratic B-splines,
-    whose variance is 1/4 px^2 wherever the event ends.
-    """
-    height, width = fields.shape[1], fields.shape[2]
-    carried = 0
+def flows_at(flow_px: Float32, view: Float64, x: Columns, y: Columns) -> Float64:
+    """Return the flow (n, 2), px of the event camera, at its pixels; NaN where there is none."""
+    flows = np.empty((len(x), 2))
     for i in range(len(x)):
-        if not _is_usable(x[i], y[i], tau[i], fields, margin):
-            continue
-        carried += 1
+        flows[i, 0], flows[i, 1] = _flow_at(flow_px, view, int(x[i]), int(y[i]))
+    return flows
+
+
+@njit(cache=True)
+def _flow_at(flow_px: Float32, view: Float64, column: int, row: int) -> tuple[float, float]:
+    at_column, at_row = view[0] * column + view[1], view[2] * row + view[3]
+    if not (0 <= at_column <= flow_px.shape[1] - 1 and 0 <= at_row <= flow_px.shape[0] - 1):
+        return np.nan, np.nan
+    left, top = int(at_column), int(at_row)
+    right, below = at_column - left, at_row - top
+    u, v = np.float64(flow_px[top, left, 0]), np.float64(flow_px[top, left, 1])
+    if right > 0 or below > 0:
+        beyond_left, beyond_top = left + (right > 0), top + (below > 0)
+        b, c, d = right * (1 - below), (1 - right) * below, right * below
+        beside, under, across = flow_px[top, beyond_left], flow_px[beyond_top, left], flow_px[beyond_top, beyond_left]
+        u = (1 - right) * (1 - below) * u + b * beside[0] + c * under[0] + d * across[0]
+        v = (1 - right) * (1 - below) * v + b * beside[1] + c * under[1] + d * across[1]
+    return u * view[4], v * view[5]
+
+
+@njit(cache=True)
+def carry(
+    x: Columns,
+    y: Columns,
+    tau: Float64,
+    flow_px: Float32,
+    view: Float64,
+    flows: Float64,
+    turns: Float64,
+    shape: tuple[int, int],
+) -> Float32:
+    """Return where events are at the middle of the interval, (k, n, 2) column and row, by the flow times each turn.
+
+    Along the turned flow at the pixel that a point gets to the event from; ``flows`` (n, 2) are those at the events.
+    """
+    places = np.empty((len(turns), len(x), 2), np.float32)
+    for i in range(len(x)):
         for k in range(len(turns)):
-            du, dv = _displacement(x[i], y[i], tau[i], fields[which[k]], turns[k])
-            column, row = x[i] + (0.5 - tau[i]) * du, y[i] + (0.5 - tau[i]) * dv
-            if 1.0 <= column <= width - 2.0 and 1.0 <= row <= height - 2.0:
-                _vote(images[k], column, row)
-    return carried
+            turn = turns[k]
+            column, row = int(x[i]), int(y[i])
+            u, v = flows[i, 0], flows[i, 1]
+            du, dv = turn[0, 0] * u + turn[0, 1] * v, turn[1, 0] * u + turn[1, 1] * v
+            for _ in range(_ROUNDS - 1):
+                before_column, before_row = x[i] - tau[i] * du, y[i] - tau[i] * dv
+                if not (0.0 <= before_column <= shape[1] - 1 and 0.0 <= before_row <= shape[0] - 1):
+                    break
+                next_column, next_row = int(before_column + 0.5), int(before_row + 0.5)
+                if next_column == column and next_row == row:
+                    break
+                column, row = next_column, next_row
+                u, v = _flow_at(flow_px, view, column, row)
+                if not (np.isfinite(u) and np.isfinite(v)):
+                    break
+                du, dv = turn[0, 0] * u + turn[0, 1] * v, turn[1, 0] * u + turn[1, 1] * v
+            places[k, i, 0], places[k, i, 1] = x[i] + (0.5 - tau[i]) * du, y[i] + (0.5 - tau[i]) * dv
+    return places
+
+
+@njit(cache=True, fastmath={"reassoc"})
+def sum_of_squares(places: Float32, weights: Float32, canvas: Float32) -> float:
+    """Return the sum of squares of the image of votes at places (n, 2), column and row; none beyond the image.
+
+    Each vote adds to the sum what it changes, so that no image need be gone through; the ``canvas`` (h + 16, w + 16) is
+    all zero before and after. ``weights`` (PARTS, VOTE_PX) are those of a vote by the part of a pixel where it lies.
+    """
+    total = 0.0
+    for i in range(len(places)):
+        left, top, right, down = _corner(places[i, 0], places[i, 1], canvas)
+        if left < 0:
+            continue
+        of = weights[right]
+        across = (of[0], of[1], of[2], of[3], of[4], of[5], of[6], of[7])
+        for k in range(VOTE_PX):
+            total += _vote(canvas[top + k][left : left + VOTE_PX], weights[down, k], across)
+    for i in range(len(places)):
+        left, top, _, _ = _corner(places[i, 0], places[i, 1], canvas)
+        if left >= 0:
+            for k in range(VOTE_PX):
+                canvas[top + k][left : left + VOTE_PX] = 0
+    return total
+
+
+@njit(cache=True, fastmath={"reassoc"})
+def _vote(line: Float32, share: float, across: tuple[float, ...]) -> float:
+    """Add a share of eight weights to a line of eight pixels; return what that adds to the sum of squares."""
+    votes = (
+        share * across[0], share * across[1], share * across[2], share * across[3],
+        share * across[4], share * across[5], share * across[6], share * across[7],
+    )  # fmt: skip
+    before = (line[0], line[1], line[2], line[3], line[4], line[5], line[6], line[7])  # so that none waits for another
+    added = np.float32(0)
+    for j in range(VOTE_PX):
+        added += votes[j] * (before[j] + before[j] + votes[j])
+        line[j] = before[j] + votes[j]
+    return float(added)
 
 
 @njit(cache=True)
-def _is_usable(x: int, y: int, tau: float, fields: Float32, margin: float) -> bool:
-    """Whether an event has a flow in every field, and room for its way: see ``vote_warped``."""
-    longest = _longest(fields, y, x)
-    if not np.isfinite(longest):
-        return False
-    clear = min(1.5 * abs(tau - 0.5) * longest + 2.0, margin)
-    return bool(clear <= x <= fields.shape[2] - 1 - clear and clear <= y <= fields.shape[1] - 1 - clear)
-
-
-@njit(cache=True)
-def _longest(fields: Float32, row: int, column: int) -> float:
-    """Return the largest component of all fields at a pixel, px; infinite where any has none."""
-    longest = 0.0
-    for m in range(len(fields)):
-        u, v = fields[m, row, column, 0], fields[m, row, column, 1]
-        if not (np.isfinite(u) and np.isfinite(v)):
-            return np.inf
-        longest = max(longest, abs(u), abs(v))
-    return longest
-
-
-@njit(cache=True)
-def _displacement(x: int, y: int, tau: float, flow: Float32, turn: Float64) -> tuple[float, float]:
-    """Return the turned flow (px) at the pixel from which a point gets to (x, y) at ``tau``."""
-    column, row = int(x), int(y)
-    du, dv = 0.0, 0.0
-    for _ in range(_ROUNDS):
-        u, v = flow[row, column, 0], flow[row, column, 1]
-        if not (np.isfinite(u) and np.isfinite(v)):
-            break
-        du, dv = turn[0, 0] * u + turn[0, 1] * v, turn[1, 0] * u + turn[1, 1] * v
-        before_column, before_row = x - tau * du, y - tau * dv
-        if not (0.0 <= before_column <= flow.shape[1] - 1 and 0.0 <= before_row <= flow.shape[0] - 1):
-            break
-        column, row = int(np.rint(before_column)), int(np.rint(before_row))
-    return du, dv
-
-
-@njit(cache=True)
-def _vote(image: Float64, column: float, row: float) -> None:
-    """Add a quadratic B-spline around a place that is at least 1 px inside the image."""
-    at_column, at_row = int(np.rint(column)), int(np.rint(row))
-    a, b = column - at_column, row - at_row
-    for j in range(-1, 2):
-        down = 0.75 - b * b if j == 0 else 0.5 * (0.5 + j * b) ** 2
-        for i in range(-1, 2):
-            right = 0.75 - a * a if i == 0 else 0.5 * (0.5 + i * a) ** 2
-            image[at_row + j, at_column + i] += down * right
+def _corner(column: float, row: float, canvas: Float32) -> tuple[int, int, int, int]:
+    """Return the first column and row of a vote on the canvas, and its parts of a pixel; -1 beyond the image."""
+    height, width = canvas.shape[0] - 2 * MARGIN_OF_CANVAS_PX, canvas.shape[1] - 2 * MARGIN_OF_CANVAS_PX
+    if not (0 <= column <= width - 1 and 0 <= row <= height - 1):
+        return -1, -1, 0, 0
+    right, down = int(column * PARTS + np.float32(0.5)), int(row * PARTS + np.float32(0.5))
+    corner = MARGIN_OF_CANVAS_PX - 3
+    return right // PARTS + corner, down // PARTS + corner, right % PARTS, down % PARTS
 
 
 @njit(cache=True)
 def meetings_with_oneself(
-    x: Columns,
-    y: Columns,
-    tau: Float64,
-    fields: Float32,
-    which: Int64,
-    turns: Float64,
-    margin: float,
-    sigma: float,
-    memory: int,
+    pixels: Int64, tau: Float64, flows: Float64, which: Int64, turns: Float64, sigma: float, memory: int
 ) -> Float64:
     """Return for each candidate (k,) the density that events of one pixel leave where others of it are carried to.
 
-    As ``vote_warped``, but by the flow at the pixel itself; the density is that of a vote of standard deviation
-    ``sigma`` px on another like it. Of each pixel the last ``memory`` events are remembered.
+    By the flow at the pixel itself, candidate i by ``flows[which[i]]`` of (m, n, 2), times ``turns[i]``; the density is
+    that of a vote of standard deviation ``sigma`` px on another like it. Events come by pixel, those of one in order of
+    time; each is held against the ``memory`` before it.
     """
-    height, width = fields.shape[1], fields.shape[2]
-    before = np.full((height * width, memory), np.nan)
-    known = np.zeros(height * width, np.int64)
     met = np.zeros(len(turns))
-    for i in range(len(x)):
-        if not _is_usable(x[i], y[i], tau[i], fields, margin):
-            continue
-        at = y[i] * width + x[i]
-        for k in range(len(turns)) if known[at] else range(0):
-            u, v = fields[which[k], y[i], x[i], 0], fields[which[k], y[i], x[i], 1]
-            du, dv = turns[k, 0, 0] * u + turns[k, 0, 1] * v, turns[k, 1, 0] * u + turns[k, 1, 1] * v
-            for j in range(min(known[at], memory)):
-                apart = (tau[i] - before[at, j]) ** 2 * (du * du + dv * dv)
-                met[k] += 2.0 * np.exp(-apart / (4.0 * sigma * sigma)) / (4.0 * np.pi * sigma * sigma)
-        before[at, known[at] % memory] = tau[i]
-        known[at] += 1
+    for i in range(1, len(pixels)):
+        for j in range(i - 1, max(i - 1 - memory, -1), -1):
+            if pixels[j] != pixels[i]:
+                break
+            squared = (tau[i] - tau[j]) ** 2 / (4.0 * sigma * sigma)
+            for k in range(len(turns)):
+                u, v = flows[which[k], i, 0], flows[which[k], i, 1]
+                du, dv = turns[k, 0, 0] * u + turns[k, 0, 1] * v, turns[k, 1, 0] * u + turns[k, 1, 1] * v
+                apart = squared * (du * du + dv * dv)
+                if apart < 40.0:
+                    met[k] += 2.0 * np.exp(-apart) / (4.0 * np.pi * sigma * sigma)
     return met

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow_mask_kernels import spread_at_targets
+from fedora_qa.estimators.flow_mask_kernels import inverse_of, mark_edges, spread_at_targets
 from fedora_qa.estimators.remapping import read_at
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import moved_points
@@ -42,42 +42,25 @@ _CROWDED_PX: Final = 0.25
 _WIDENED_PX: Final = 9
 """Edges are widened by 4 px on either side, where a mixed pixel is seen with less than 1e-4 of its contrast.
 
-At 3 px it is 1e-3, which beside a bright edge moved tiles of little texture by up to 0.1 px.
+At 3 px it is 1e-3, which beside a bright edge moved tiles of little texture by up to 0.1 px. Widened alike, the border
+pixels are five deep, the reach of Gaussian and spline together: nearer to the border frames are extrapolated.
 """
-
-_BORDER_PX: Final = 5
-"""Reach of Gaussian and spline together: nearer to the border frames are extrapolated."""
 
 
 def inverse_depth(depth_m: Float32) -> Float32:
     """Return 1 / depth (H, W), 0 where depth is invalid."""
-    valid = np.isfinite(depth_m) & (depth_m > 0)
-    return np.divide(1.0, depth_m, out=np.zeros_like(depth_m), where=valid)
+    return np.asarray(inverse_of(np.ascontiguousarray(depth_m, dtype=np.float32)), dtype=np.float32)
 
 
 def edges(inverse_depth_per_m: Float32, focal_px: float | None = None) -> NDArray[np.uint8]:
     """Return 1 within 4 px of an edge of the depth, of an invalid pixel or of the border, else 0; (H, W).
 
-    With a focal length, too, of pixels whose surface is seen at so flat an angle that its texture may be aliased.
-    """
-    laplacian = np.asarray(cv2.Laplacian(inverse_depth_per_m, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE))
-    edge = (np.abs(laplacian) > np.float32(EDGE) * inverse_depth_per_m) | (inverse_depth_per_m <= 0)
-    if focal_px is not None:
-        edge |= _grazed(inverse_depth_per_m, focal_px)
-    return _widened(edge)
-
-
-def _grazed(inverse_depth_per_m: Float32, focal_px: float) -> Mask:
-    """Return which pixels see their surface at so flat an angle that its texture may be aliased.
-
-    Over one pixel the inverse depth w of a plane changes by |grad w|, and the pixel's footprint is longer than wide by
+    With a focal length, too, of pixels whose surface is seen at so flat an angle that its texture may be aliased: over
+    one pixel the inverse depth w of a plane changes by |grad w|, and the pixel's footprint is longer than wide by
     f |grad w| / w.
     """
-    image = inverse_depth_per_m
-    right = np.asarray(cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=1)) / 2
-    down = np.asarray(cv2.Sobel(image, cv2.CV_32F, 0, 1, ksize=1)) / 2
-    grazed: Mask = np.hypot(right, down) * np.float32(focal_px) > np.float32(_LONGEST_FOOTPRINT) * image
-    return grazed
+    steepest = np.float32(np.inf if focal_px is None else _LONGEST_FOOTPRINT / focal_px)
+    return _widened(mark_edges(inverse_depth_per_m, np.float32(EDGE), steepest))
 
 
 def seen_in_both(
@@ -136,12 +119,11 @@ def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint
     for component in (u, v):
         breaks |= np.abs(cv2.Laplacian(component, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)) > BREAK_PX
     crowded = spread_at_targets(flow_px) > _CROWDED_PX**2
-    return _widened(breaks), _widened(crowded)
+    return _widened(breaks.astype(np.uint8)), _widened(crowded.astype(np.uint8))
 
 
-def _widened(edge: Mask) -> NDArray[np.uint8]:
-    border = slice(_BORDER_PX - _WIDENED_PX // 2, _WIDENED_PX // 2 - _BORDER_PX)
-    framed = np.ones_like(edge)
-    framed[border, border] = edge[border, border]
-    kernel = np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8)
-    return np.asarray(cv2.dilate(framed.astype(np.uint8), kernel), dtype=np.uint8)
+def _widened(edge: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Widen edges (H, W), 1 and 0, of which the outermost pixels always are some."""
+    for side in (edge[0], edge[-1], edge[:, 0], edge[:, -1]):
+        side[...] = 1
+    return np.asarray(cv2.dilate(edge, np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8)), dtype=np.uint8)

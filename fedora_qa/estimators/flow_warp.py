@@ -32,8 +32,14 @@ _SPLINE_AT_PIXELS: Final = np.array([1 / 6, 4 / 6, 1 / 6], dtype=np.float32)
 
 def smooth(image: Float32, sigma_px: float = 1.0) -> Float32:
     """Return the image (H, W) blurred by the Gaussian that makes ``sigma_px`` together with the B-spline."""
+    taps = smoothing_taps(sigma_px)
+    return np.asarray(cv2.sepFilter2D(image, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101))
+
+
+def smoothing_taps(sigma_px: float = 1.0) -> Float32:
+    """Return the weights of that Gaussian, four standard deviations to either side, of sum 1."""
     sigma = float(np.sqrt(max(sigma_px**2 - SPLINE_VARIANCE_PX2, 1e-6)))
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_REFLECT_101), dtype=np.float32)
+    return np.asarray(cv2.getGaussianKernel(round(8 * sigma + 1) | 1, sigma, cv2.CV_32F), dtype=np.float32)[:, 0]
 
 
 def read_at_pixels(smoothed: Float32) -> Float32:

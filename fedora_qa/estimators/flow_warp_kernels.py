@@ -12,35 +12,44 @@ def read_spline(
     """Return the B-spline of coefficients (H, W) at positions (n, m); beyond the image its border."""
     height, width = coefficients.shape
     read = np.empty(columns.shape, np.float32)
-    across = np.empty(4, np.float32)
-    down = np.empty(4, np.float32)
     for i in range(columns.shape[0]):
         for j in range(columns.shape[1]):
-            x, y = _within(columns[i, j], width), _within(rows[i, j], height)
-            column, row = int(x), int(y)
-            _weigh(x - np.float32(column), across)
-            _weigh(y - np.float32(row), down)
-            total = np.float32(0)
-            if 1 <= column < width - 2 and 1 <= row < height - 2:
-                for k in range(4):
-                    line = coefficients[row - 1 + k]
-                    total += down[k] * (
-                        across[0] * line[column - 1]
-                        + across[1] * line[column]
-                        + across[2] * line[column + 1]
-                        + across[3] * line[column + 2]
-                    )
-            else:
-                for k in range(4):
-                    line = coefficients[_mirrored(row - 1 + k, height)]
-                    for m in range(4):
-                        total += down[k] * across[m] * line[_mirrored(column - 1 + m, width)]
-            read[i, j] = total
+            x, y = within(columns[i, j], width), within(rows[i, j], height)
+            read[i, j] = read_spline_at(coefficients, x, y, 0, 0, width, height)
     return read
 
 
 @njit(cache=True)
-def _within(position: np.float32, size: int) -> np.float32:
+def read_spline_at(
+    coefficients: NDArray[np.float32], x: np.float32, y: np.float32, left: int, top: int, width: int, height: int
+) -> np.float32:
+    """Return the B-spline at a place within an image (height, width), of whose coefficients a part is given.
+
+    The part begins at ``left`` and ``top``, and holds a pixel before the place and two behind, where the image does.
+    """
+    column, row = int(x), int(y)
+    across, down = _weights(x - np.float32(column)), _weights(y - np.float32(row))
+    total = np.float32(0)
+    if 1 <= column < width - 2 and 1 <= row < height - 2:
+        first = column - 1 - left
+        for k in range(4):
+            line = coefficients[row - 1 + k - top]
+            total += down[k] * (
+                across[0] * line[first]
+                + across[1] * line[first + 1]
+                + across[2] * line[first + 2]
+                + across[3] * line[first + 3]
+            )
+    else:
+        for k in range(4):
+            line = coefficients[mirrored(row - 1 + k, height) - top]
+            for m in range(4):
+                total += down[k] * across[m] * line[mirrored(column - 1 + m, width) - left]
+    return total
+
+
+@njit(cache=True)
+def within(position: np.float32, size: int) -> np.float32:
     """Return the position, or the border where it lies beyond; 0 where it is no number."""
     if not position > np.float32(0):
         return np.float32(0)
@@ -48,17 +57,16 @@ def _within(position: np.float32, size: int) -> np.float32:
 
 
 @njit(cache=True)
-def _weigh(t: np.float32, weights: NDArray[np.float32]) -> None:
-    """Fill in the weights (4,) of the pixels before and after a fraction t."""
+def _weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+    """Return the weights of the pixels before and after a fraction t."""
     rest = np.float32(1) - t
-    weights[0] = rest * rest * rest / np.float32(6)
-    weights[3] = t * t * t / np.float32(6)
-    weights[1] = (t * t * (np.float32(3) * t - np.float32(6)) + np.float32(4)) / np.float32(6)
-    weights[2] = np.float32(1) - weights[0] - weights[1] - weights[3]
+    first, last = rest * rest * rest / np.float32(6), t * t * t / np.float32(6)
+    second = (t * t * (np.float32(3) * t - np.float32(6)) + np.float32(4)) / np.float32(6)
+    return first, second, np.float32(1) - first - second - last, last
 
 
 @njit(cache=True)
-def _mirrored(index: int, size: int) -> int:
+def mirrored(index: int, size: int) -> int:
     """Return the place of an index at most a few pixels outside."""
     if size == 1:
         return 0

@@ -1,14 +1,21 @@
-"""Sharpness of warped events: votes are B-splines, and the true flow makes a moving pattern sharpest."""
+"""Sharpness of warped events: votes are Gaussians, and the true flow makes a moving pattern sharpest."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import BSpline
 from scipy.stats import norm
 
-from fedora_qa.estimators.contrast import GAINS, best_gain, sharpness_under
-from fedora_qa.estimators.contrast_kernels import meetings_with_oneself, vote_warped
+from fedora_qa.estimators.contrast import (
+    GAINS,
+    SeenFlow,
+    WarpedEvents,
+    best_gain,
+    blank_canvas,
+    pixel_by_pixel,
+    sharpness_under,
+)
+from fedora_qa.estimators.contrast_kernels import PARTS, carry, meetings_with_oneself, sum_of_squares
 
 HEIGHT, WIDTH = 60, 90
 UNIT = np.eye(2)
@@ -24,22 +31,56 @@ def events_of_dots(velocity_px: tuple[float, float], late: float = 0.0, seed: in
     return at[:, 0], at[:, 1], tau + late
 
 
-def uniform_flow(u: float, v: float) -> np.ndarray:
-    return np.broadcast_to(np.array([u, v], np.float32), (HEIGHT, WIDTH, 2)).copy()
+def uniform_flow(u: float, v: float) -> SeenFlow:
+    return SeenFlow(np.broadcast_to(np.array([u, v], np.float32), (HEIGHT, WIDTH, 2)).copy())
+
+
+def warped(
+    x: np.ndarray, y: np.ndarray, tau: np.ndarray, candidates: list[tuple[SeenFlow, np.ndarray]]
+) -> WarpedEvents:
+    """Events in any order, carried on a canvas that must be blank again afterwards."""
+    order, canvas = pixel_by_pixel(x, y), blank_canvas(HEIGHT, WIDTH)
+    found = sharpness_under(x[order], y[order], tau[order], candidates, canvas)
+    assert not canvas.any()
+    return found
 
 
 @settings(deadline=None)  # the first call compiles
-@given(st.floats(0, 1), st.floats(-6, 6), st.floats(-6, 6))
-def test_a_vote_is_a_quadratic_spline(tau: float, u: float, v: float) -> None:
-    """One event leaves the product of two B-splines, of sum 1, at the place where it is at the middle."""
-    image, flow = np.zeros((1, HEIGHT, WIDTH)), uniform_flow(u, v)
-    at = np.array([40], np.uint16), np.array([30], np.uint16), np.array([tau])
-    carried = vote_warped(*at, flow[np.newaxis], np.zeros(1, np.int64), UNIT[np.newaxis], 12.0, image)
-    spline = BSpline.basis_element([-1.5, -0.5, 0.5, 1.5], extrapolate=False)
-    column, row = 40 + (0.5 - tau) * float(flow[0, 0, 0]), 30 + (0.5 - tau) * float(flow[0, 0, 1])
-    expected = np.outer(*(np.nan_to_num(spline(np.arange(n) - x)) for n, x in ((HEIGHT, row), (WIDTH, column))))
-    assert carried == 1
-    np.testing.assert_allclose(image[0], expected, atol=1e-6)
+@given(st.lists(st.tuples(st.floats(0, 1), st.floats(30, 34), st.floats(30, 34)), min_size=1, max_size=6))
+def test_votes_are_gaussians(events: list[tuple[float, float, float]]) -> None:
+    """The sum of squares is that of the image of votes: each the Gaussian of sum 1 at where the event is carried to."""
+    weights = np.exp(-0.5 * np.square(np.arange(-3, 5) - np.arange(PARTS)[:, None] / PARTS)).astype(np.float32)
+    weights /= weights.sum(axis=1, keepdims=True)
+    places = np.array([(column, row) for _, column, row in events], dtype=np.float32)
+    canvas = blank_canvas(HEIGHT, WIDTH)
+    image = sum(np.outer(*(norm.pdf(np.arange(n) - at) for n, at in zip((HEIGHT, WIDTH), place[::-1], strict=True)))
+                for place in places)  # fmt: skip
+    assert sum_of_squares(places, weights, canvas) == pytest.approx(float(np.sum(np.square(image))), rel=0.01)
+    assert not canvas.any()
+
+
+def test_events_are_carried_to_the_middle() -> None:
+    """By the turned flow at the pixel where their point was at the start: here another one than where they fired."""
+    flow_px = np.zeros((HEIGHT, WIDTH, 2), np.float32)
+    flow_px[:, :40], flow_px[:, 40:] = (8.0, -2.0), (6.0, 0.0)
+    one, at = SeenFlow(flow_px), (np.array([42], np.uint16), np.array([20], np.uint16), np.array([0.75]))
+    turns = np.array([UNIT, -UNIT, 0.0 * UNIT])
+    places = carry(*at, flow_px, np.array(one.view), one.at(*at[:2]), turns, (HEIGHT, WIDTH))
+    np.testing.assert_allclose(places[:, 0], [(42 - 0.25 * 8, 20 + 0.25 * 2), (42 + 0.25 * 6, 20), (42, 20)], atol=1e-5)
+
+
+def test_flow_is_read_where_the_event_camera_sees_it() -> None:
+    """A pixel of the event camera may lie between pixels of the flow, and be larger; a mirrored grid keeps values."""
+    columns, rows = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+    flow_px = np.stack((2.0 * columns + rows, columns - rows), axis=-1).astype(np.float32)
+    seen = SeenFlow(flow_px, (1.5, 0.25, 2.0, -0.5, 1 / 1.5, 1 / 2.0))
+    x, y = np.array([10, 50, 60], np.uint16), np.array([4, 0, 20], np.uint16)
+    column, row = 1.5 * 10 + 0.25, 2.0 * 4 - 0.5
+    expected = ((2 * column + row) / 1.5, (column - row) / 2.0)
+    nothing = (np.nan, np.nan)  # above the first row, and behind the last column but a quarter
+    np.testing.assert_allclose(seen.at(x, y), [expected, nothing, nothing], rtol=1e-6)
+    np.testing.assert_array_equal(SeenFlow(flow_px).mirrored(0).at(x[:1], y[:1])[0], flow_px[4, WIDTH - 1 - 10])
+    np.testing.assert_array_equal(SeenFlow(flow_px).mirrored(1).at(x[:1], y[:1])[0], flow_px[HEIGHT - 1 - 4, 10])
 
 
 @pytest.mark.parametrize("velocity_px", [(12.0, 0.0), (-7.0, 5.0)])
@@ -49,8 +90,7 @@ def test_gain_of_a_drift_is_found(velocity_px: tuple[float, float], too_large: f
     x, y, tau = events_of_dots(velocity_px)
     flow = uniform_flow(*(too_large * component for component in velocity_px))
     found = [
-        best_gain(sharpness_under(x, y, tau + late, [(flow, gain * UNIT) for gain in GAINS]).sharpness)
-        for late in (0.0, 0.1)
+        best_gain(warped(x, y, tau + late, [(flow, gain * UNIT) for gain in GAINS]).sharpness) for late in (0.0, 0.1)
     ]
     assert found == pytest.approx([1 / too_large] * 2, rel=0.03)
 
@@ -59,7 +99,7 @@ def test_backward_and_exchanged_flow_smear() -> None:
     """The true flow is sharper than none, and none is sharper than the flow turned round or with exchanged axes."""
     x, y, tau = events_of_dots((9.0, 4.0))
     flow = uniform_flow(9.0, 4.0)
-    true, none, back, exchanged = sharpness_under(
+    true, none, back, exchanged = warped(
         x, y, tau, [(flow, UNIT), (flow, 0 * UNIT), (flow, -UNIT), (flow, UNIT[::-1])]
     ).sharpness
     assert true > 1.5 * none > 1.5 * back
@@ -70,8 +110,8 @@ def test_all_candidates_carry_the_same_events() -> None:
     """An event without a flow in one candidate counts for none, so that sharpness can be compared."""
     x, y, tau = events_of_dots((5.0, 0.0))
     whole, half = uniform_flow(5.0, 0.0), uniform_flow(5.0, 0.0)
-    half[:, : WIDTH // 2] = np.nan
-    alone, together = (sharpness_under(x, y, tau, [(one, UNIT), (half, UNIT)]) for one in (half, whole))
+    half.flow_px[:, : WIDTH // 2] = np.nan
+    alone, together = (warped(x, y, tau, [(one, UNIT), (half, UNIT)]) for one in (half, whole))
     assert alone.carried == together.carried < len(x)
     np.testing.assert_allclose(alone.sharpness, together.sharpness)
 
@@ -79,9 +119,9 @@ def test_all_candidates_carry_the_same_events() -> None:
 def test_nothing_to_carry_is_nothing() -> None:
     """Without events, or without a flow, nothing is carried and nothing breaks."""
     x, y, tau = events_of_dots((5.0, 0.0))
-    nowhere = np.full((HEIGHT, WIDTH, 2), np.nan, np.float32)
-    for found in (sharpness_under(x[:0], y[:0], tau[:0], [(uniform_flow(1, 1), UNIT)]),
-                  sharpness_under(x, y, tau, [(nowhere, UNIT)])):  # fmt: skip
+    nowhere = SeenFlow(np.full((HEIGHT, WIDTH, 2), np.nan, np.float32))
+    for found in (warped(x[:0], y[:0], tau[:0], [(uniform_flow(1, 1), UNIT)]),
+                  warped(x, y, tau, [(nowhere, UNIT)])):  # fmt: skip
         assert (found.carried, found.sharpness.tolist(), found.way_px) == (0, [0.0], 0.0)
 
 
@@ -91,8 +131,9 @@ def test_meetings_of_a_pixel_with_itself_are_those_of_all_pairs() -> None:
     x, y = (rng.integers(20, 24, 40).astype(np.uint16) for _ in range(2))
     tau = np.sort(rng.uniform(0, 1, x.size))
     turns = np.array([0.0 * UNIT, UNIT, 1.5 * UNIT])
-    flow = uniform_flow(4.0, -3.0)[np.newaxis]
-    found = meetings_with_oneself(x, y, tau, flow, np.zeros(3, np.int64), turns, 12.0, 1.2, x.size)
+    order, flows = pixel_by_pixel(x, y), np.broadcast_to((4.0, -3.0), (1, x.size, 2)).copy()
+    pixels = (y.astype(np.int64) * WIDTH + x)[order]
+    found = meetings_with_oneself(pixels, tau[order], flows, np.zeros(3, np.int64), turns, 1.2, x.size)
     same = (x[:, np.newaxis] == x) & (y[:, np.newaxis] == y) & ~np.eye(x.size, dtype=bool)
     for gain, met in zip((0.0, 1.0, 1.5), found, strict=True):
         apart = 5.0 * gain * (tau[:, np.newaxis] - tau)
@@ -108,5 +149,5 @@ def test_pixels_that_fire_in_place_move_no_gain() -> None:
     columns = [np.concatenate(pair) for pair in ((x, pixels[:, 0]), (y, pixels[:, 1]), (tau, late))]
     both = columns[0].astype(np.uint16), columns[1].astype(np.uint16), columns[2]
     flow = uniform_flow(5.0, 2.0)
-    gain = best_gain(sharpness_under(*both, [(flow, gain * UNIT) for gain in GAINS]).sharpness)
+    gain = best_gain(warped(*both, [(flow, gain * UNIT) for gain in GAINS]).sharpness)
     assert gain == pytest.approx(1.0, abs=0.05)

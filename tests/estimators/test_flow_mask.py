@@ -16,7 +16,7 @@ COLUMNS, ROWS = (a.astype(np.float32) for a in np.meshgrid(np.arange(WIDTH), np.
 def plane(normal: tuple[float, float, float] = (0.1, 0.9, 0.3), distance_m: float = 2.0) -> np.ndarray:
     rays = np.stack(((COLUMNS - 39.5) / 70, (ROWS - 29.5) / 70, np.ones_like(ROWS)), axis=-1)
     slopes = rays @ np.array(normal, dtype=np.float32)
-    return np.where(slopes > 0.05, distance_m / slopes, np.nan).astype(np.float32)
+    return np.divide(distance_m, slopes, out=np.full_like(slopes, np.nan), where=slopes > 0.05)
 
 
 def inner(mask: np.ndarray) -> np.ndarray:

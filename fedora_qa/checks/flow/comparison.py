@@ -1,12 +1,13 @@
 """Compare one stored field of flow with the one recomputed from depth and pose."""
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow.intervals import Interval, PoseTrack
+from fedora_qa.checks.flow.intervals import Interval, PoseTrack, motion_between
 from fedora_qa.checks.flow.lattice import FEWEST_PIXELS, Lattice, Region, lattice_of, region_of, thinned
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow_motion_fit import (
@@ -159,20 +160,30 @@ def templates_of(
     track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample, correction: Float64
 ) -> Float64:
     """Return the templates of the small faults for one field, about a corrected motion."""
+    ends = track.ends(interval.start_ns, interval.end_ns)
+
+    def corrected(declared: RigidMotion) -> RigidMotion:
+        return declared.corrected(correction) if correction.any() else declared
 
     def remounted(rotation_rad: Float64, shift_m: Float64) -> RigidMotion:
         T_body_camera = track.camera.T_body_camera.copy()
-        T_body_camera[:3, :3] = T_body_camera[:3, :3] @ exp(-rotation_rad)
+        T_body_camera[:3, :3] = T_body_camera[:3, :3] @ _turned_back(*rotation_rad.tolist())
         T_body_camera[:3, 3] -= shift_m
-        remounted_motion = track.mounted(T_body_camera).motion(interval.start_ns, interval.end_ns) or motion
-        return remounted_motion.corrected(correction)
+        remounted_motion = motion_between(*ends, replace(track.camera, T_body_camera=T_body_camera)) or motion
+        return corrected(remounted_motion)
 
     def delayed(seconds: float) -> RigidMotion | None:
         shift_ns = round(seconds * NS_PER_S)
         delayed_motion = track.motion(interval.start_ns + shift_ns, interval.end_ns + shift_ns)
-        return None if delayed_motion is None else delayed_motion.corrected(correction)
+        return None if delayed_motion is None else corrected(delayed_motion)
 
-    return small_fault_templates(track.camera.K, motion.corrected(correction), sample, remounted, delayed)
+    return small_fault_templates(track.camera.K, corrected(motion), sample, remounted, delayed)
+
+
+@cache
+def _turned_back(x_rad: float, y_rad: float, z_rad: float) -> Float64:
+    """Return the inverse rotation (3, 3) of a rotation vector: of a few, for every field the same."""
+    return exp(-np.array([x_rad, y_rad, z_rad]))
 
 
 def _repeats(window: Window, interval: Interval, frame: int, region: Region | None) -> Literal["", "flow", "depth"]:

@@ -4,14 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.events.view import sensor_shape
 from fedora_qa.checks.flow.intervals import Interval, owned_intervals
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.contrast import GAINS, sharpness_under
+from fedora_qa.estimators.contrast import GAINS, SeenFlow, blank_canvas, pixel_by_pixel, sharpness_under
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
 
@@ -75,7 +74,8 @@ def measure_fields(window: Window) -> tuple[FieldSharpness, ...]:
         events = _on_sensor(window.events(SHORTEST_NS, max(last_ns - window.span.stop_ns, 0)), window.facts)
     except UnreadableRowsError:
         return ()
-    measured = (_measure(window, interval, events) for interval in chosen)
+    canvas = blank_canvas(*sensor_shape(window.facts.declared))
+    measured = (_measure(window, interval, events, canvas) for interval in chosen)
     return tuple(one for one in measured if one is not None)
 
 
@@ -91,27 +91,29 @@ def _middle_ns(interval: Interval) -> int:
     return interval.start_ns + interval.length_ns // 2
 
 
-def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpness | None:
+def _measure(window: Window, interval: Interval, events: Events, canvas: Float32) -> FieldSharpness | None:
     try:
         stored = window.flow_px(interval.stream, interval.row)
     except UnreadableRowsError:
         return None
-    seen, *mirrored = (_seen_by_events(window.facts, field) for field in (stored, stored[:, ::-1], stored[::-1]))
+    seen = _seen_by_events(window.facts, stored)
     focal_px = float(window.facts.declared.cameras["events"].K[0, 0])
-    half_ns = _length_ns(interval, seen, focal_px) // 2
+    half_ns = _length_ns(interval, seen, focal_px, sensor_shape(window.facts.declared)) // 2
     middle_ns = _middle_ns(interval)
     start, stop = np.searchsorted(events.times_ns, [middle_ns - half_ns, middle_ns + half_ns])
     if stop - start < FEWEST_EVENTS:
         return None
     taken = slice(int(start), int(stop), 1 + int(stop - start) // MOST_EVENTS)
-    x, y = events.x[taken], events.y[taken]
-    tau = (events.times_ns[taken] - interval.start_ns) / interval.length_ns
+    order = pixel_by_pixel(events.x[taken], events.y[taken])
+    x, y = events.x[taken][order], events.y[taken][order]
+    tau = (events.times_ns[taken][order] - interval.start_ns) / interval.length_ns
     turns = [0.0 * _UNIT, *(gain * _UNIT for gain in GAINS), *_turns(interval.duration_s)]
-    as_stored = sharpness_under(x, y, tau, [(seen, turn) for turn in turns])
+    as_stored = sharpness_under(x, y, tau, [(seen, turn) for turn in turns], canvas)
     if as_stored.carried < FEWEST_EVENTS:
         return None
     own, turned = as_stored.sharpness[1 + GAINS.index(1.0)], as_stored.sharpness[1 + len(GAINS) :]
-    pairs = [sharpness_under(x, y, tau, [(seen, _UNIT), (field, _UNIT)]).sharpness for field in mirrored]
+    mirrored = (seen.mirrored(axis) for axis in range(2))
+    pairs = [sharpness_under(x, y, tau, [(seen, _UNIT), (field, _UNIT)], canvas).sharpness for field in mirrored]
     rivals = np.array([*((own, one) for one in turned), *pairs])
     way_rad = as_stored.way_px / _RMS_OF_TIME / focal_px
     return FieldSharpness(
@@ -119,17 +121,23 @@ def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpne
     )
 
 
-def _length_ns(interval: Interval, seen: Float32, focal_px: float) -> int:
+def _length_ns(interval: Interval, seen: SeenFlow, focal_px: float, shape: tuple[int, int]) -> int:
     """Return the time that events are taken from: of up to the whole interval that which makes the allowance least.
 
     With the root mean square way w it is 1 / (12 w^2) for the pixels and 2 a^2 = 24 (w / focal)^2 for bent paths, least
-    at w^2 = focal / sqrt(288).
+    at w^2 = focal / sqrt(288). Some thousands of pixels tell w: the choice need not be exact.
     """
-    speed_px = np.hypot(seen[..., 0], seen[..., 1])
-    known = speed_px[np.isfinite(speed_px)].astype(np.float64)
+    step = max(1, int(np.sqrt(shape[0] * shape[1] / _FOR_SPEED)))
+    columns, rows = np.meshgrid(*(np.arange(0, size, step, dtype=np.uint16) for size in shape[::-1]))
+    speed_px = np.hypot(*seen.at(columns.ravel(), rows.ravel()).T)
+    known = speed_px[np.isfinite(speed_px)]
     way_px = _RMS_OF_TIME * float(np.sqrt(np.mean(np.square(known)))) if len(known) else 0.0
     best = np.sqrt(focal_px / np.sqrt(288.0)) / max(way_px, 1e-9)
     return int(np.clip(best * interval.length_ns, SHORTEST_NS, max(interval.length_ns, SHORTEST_NS)))
+
+
+_FOR_SPEED: Final = 5_000
+"""Pixels that tell how fast the image moves."""
 
 
 def _turns(seconds: float) -> tuple[Float64, ...]:
@@ -141,22 +149,12 @@ _RMS_OF_TIME: Final = 12**-0.5
 """Root mean square distance of an instant from the middle, over the length of the interval."""
 
 
-def _seen_by_events(facts: Facts, flow_px: Float32) -> Float32:
-    """Return the flow (h, w, 2) at the pixels of the event camera, in its pixels, NaN where there is none."""
-    cameras = facts.declared.cameras
-    K_flow, K_event = cameras["depth"].K, cameras["events"].K
-    height, width = sensor_shape(facts.declared)
-    scales = K_flow[[0, 1], [0, 1]] / K_event[[0, 1], [0, 1]]
-    columns = (np.arange(width) - K_event[0, 2]) * scales[0] + K_flow[0, 2]
-    rows = (np.arange(height) - K_event[1, 2]) * scales[1] + K_flow[1, 2]
-    at = [np.ascontiguousarray(one, dtype=np.float32) for one in np.meshgrid(columns, rows)]
-    components = []
-    for i in range(2):
-        component = np.ascontiguousarray(flow_px[..., i], dtype=np.float32)
-        nowhere = float("nan")
-        read = cv2.remap(component, at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=nowhere)
-        components.append(np.asarray(read, dtype=np.float32) / np.float32(scales[i]))
-    return np.stack(components, axis=-1)
+def _seen_by_events(facts: Facts, flow_px: Float32) -> SeenFlow:
+    """Return the flow as the event camera sees it, which sits where the depth camera does."""
+    K_flow, K_event = (facts.declared.cameras[name].K for name in ("depth", "events"))
+    across, down = (float(K_flow[i, i] / K_event[i, i]) for i in range(2))
+    left, top = (float(K_flow[i, 2] - K_event[i, 2] * K_flow[i, i] / K_event[i, i]) for i in range(2))
+    return SeenFlow(np.ascontiguousarray(flow_px, dtype=np.float32), (across, left, down, top, 1 / across, 1 / down))
 
 
 def _on_sensor(events: Events, facts: Facts) -> Events:

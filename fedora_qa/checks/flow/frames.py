@@ -9,12 +9,16 @@ from numpy.typing import NDArray
 from fedora_qa.checks.flow.comparison import is_noisy
 from fedora_qa.checks.flow.intervals import Interval, PoseTrack, frame_at, pose_track
 from fedora_qa.checks.flow.lattice import sample_field
+from fedora_qa.checks.flow.motions import motion_over
 from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.conventions import LUMA_WEIGHTS_RGB
+from fedora_qa.estimators.flow_frame_kernels import luma_patches, parts_about, read_parts
 from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both
 from fedora_qa.estimators.flow_motion_fit import fit_motion, twist_statistic
 from fedora_qa.estimators.flow_tiles import patches_of, pixels_of
-from fedora_qa.estimators.flow_warp import read_at_pixels, read_between, smooth
+from fedora_qa.estimators.flow_warp import read_between, smooth, smoothing_taps
 from fedora_qa.estimators.image_noise import noise_variances
+from fedora_qa.estimators.image_transfer import to_linear
 from fedora_qa.estimators.residual_flow import LUMA_ROUNDING_VARIANCE_DN2, TILE_PX
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.sequence.declared import Camera
@@ -28,6 +32,9 @@ Mask = NDArray[np.bool_]
 
 _SAME: Final = 1e-6
 """Pixels, or metres, by which two cameras may differ and still be one."""
+
+_IN_PARTS: Final = 0.3
+"""Share of a frame up to which only the parts that are asked for are made: what is made of all serves three rates."""
 
 _PLAUSIBLE: Final = 10.0
 """A correction of the pose of up to so many times its expected square is believed when pixels are masked."""
@@ -79,20 +86,16 @@ class FramePair:
 
     def first(self, origins: Int64) -> Float32:
         """Return patches of the first frame on tiles of the flow's grid with their halo, (n, s, s)."""
-        if self.optics.H_rgb_flow is None:
-            smoothed = self._smoothed(self.before)
-            at_pixels = self.window.of_image("luma at pixels", self.before, lambda: read_at_pixels(smoothed))
-            return np.asarray(patches_of(at_pixels, origins), dtype=np.float32)
         columns, rows = pixels_of(origins)
         return self._read(self.before, columns.astype(np.float32), rows.astype(np.float32))
 
     def noise_variances_dn2(self, origins: Int64) -> Float64:
         """Return the variance (n,) of noise that pixels of the first frame may hold, by tiles of the flow, DN^2."""
-        luma = luma_dn(self.window, self.before)
+        rgb = self.window.rgb(self.before)
         middles = (origins + TILE_PX // 2).astype(np.float32)
         corners = np.stack(self._on_frame(middles[:, 0], middles[:, 1]), axis=-1) - TILE_PX // 2
-        inside = np.clip(np.rint(corners), 0, np.array(luma.shape[::-1]) - TILE_PX).astype(np.int64)
-        patches = patches_of(luma, inside, halo_px=0)
+        inside = np.clip(np.rint(corners), 0, np.array(rgb.shape[1::-1]) - TILE_PX).astype(np.int64)
+        patches = luma_patches(rgb, _luma_of_codes(self.window.facts), inside, TILE_PX)
         return np.maximum(noise_variances(patches), LUMA_ROUNDING_VARIANCE_DN2)
 
     def second(self, columns: Float32, rows: Float32) -> Float32:
@@ -100,7 +103,13 @@ class FramePair:
         return self._read(self.after, columns, rows)
 
     def _read(self, frame: int, columns: Float32, rows: Float32) -> Float32:
-        columns, rows = self._on_frame(columns, rows)
+        """Read a frame at positions (n, s, s): of the parts about them, or where these are large of all of it."""
+        columns, rows = (np.ascontiguousarray(places) for places in self._on_frame(columns, rows))
+        rgb, taps = self.window.rgb(frame), smoothing_taps(self.optics.sigma_px)
+        parts = parts_about(columns, rows, rgb.shape[1], rgb.shape[0])
+        sides = parts[:, 2:] - parts[:, :2] + len(taps) - 1
+        if np.sum(sides[:, 0] * sides[:, 1]) < _IN_PARTS * rgb.shape[0] * rgb.shape[1]:
+            return np.asarray(read_parts(rgb, _luma_of_codes(self.window.facts), taps, parts, columns, rows))
         flat = (-1, columns.shape[-1])
         return read_between(self._smoothed(frame), columns.reshape(flat), rows.reshape(flat)).reshape(columns.shape)
 
@@ -116,6 +125,12 @@ class FramePair:
     def _smoothed(self, frame: int) -> Float32:
         sigma_px = self.optics.sigma_px
         return self.window.of_image("smooth luma", frame, lambda: smooth(luma_dn(self.window, frame), sigma_px))
+
+
+def _luma_of_codes(facts: Facts) -> Float32:
+    """Return what each code (3, 256) of a channel adds to the luma of linear R, G, B, in DN."""
+    linear_dn = to_linear(np.arange(256.0), facts.declared.transfer)
+    return np.outer(LUMA_WEIGHTS_RGB, linear_dn).astype(np.float32)
 
 
 def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair | None:
@@ -191,7 +206,7 @@ def _geometry(window: Window, interval: Interval) -> Geometry | None:
         return None
     frames = [frame_at(facts.clocks["depth"], time_ns) for time_ns in (interval.start_ns, interval.end_ns)]
     track = pose_track(window, camera)
-    motion = track.motion(interval.start_ns, interval.end_ns)
+    motion = motion_over(window, track, interval)
     if frames[0] is None or frames[1] is None or motion is None:
         return None
     correction, uncertainty_px = _correction(window, track, interval, frames[0], motion)

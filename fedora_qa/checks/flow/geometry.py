@@ -10,6 +10,7 @@ from fedora_qa.checks.flow.comparison import FieldError, compare_field, is_noisy
 from fedora_qa.checks.flow.geometry_suspects import geometry_suspects
 from fedora_qa.checks.flow.hypotheses import Weighed, weigh_hypotheses
 from fedora_qa.checks.flow.intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
+from fedora_qa.checks.flow.motions import motion_over
 from fedora_qa.checks.flow.suspects import spreads_over
 from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.checks.standing import why_not_told_apart
@@ -106,7 +107,7 @@ class Endpoint(WindowCheck[WindowErrors]):
             for interval in owned_intervals(window, stream):
                 track = track or pose_track(window, window.facts.declared.cameras["depth"])
                 frame = frame_at(window.facts.clocks["depth"], interval.start_ns)
-                motion = track.motion(interval.start_ns, interval.end_ns)
+                motion = motion_over(window, track, interval)
                 if frame is None or not ends_on_frame(window.facts, interval):
                     without_depth += 1
                 elif motion is None:

@@ -16,6 +16,8 @@ from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.window import PoseSamples, Window
 
 Float64 = NDArray[np.float64]
+Pose = tuple[Float64, Float64]
+"""R_world_body (3, 3) and position in the world (3,) m; NaN where it is not known."""
 
 _DEPTH_RANGE_M: Final = (0.05, 1000.0)
 """Where depths lie in metres when nothing is declared."""
@@ -97,26 +99,33 @@ class PoseTrack:
 
     def motion(self, start_ns: int, end_ns: int) -> RigidMotion | None:
         """Return how points move in the camera between two instants; None where no pose covers them."""
-        return self.motion_into(self, start_ns, end_ns)
+        return motion_between(*self.ends(start_ns, end_ns), self.camera)
 
     def motion_into(self, later: "PoseTrack", start_ns: int, end_ns: int) -> RigidMotion | None:
         """Return how points move where another track holds at the end; None where no pose covers an instant."""
-        (R0, position0_m), (R1, position1_m) = self.pose(start_ns), later.pose(end_ns)
-        if not all(np.all(np.isfinite(values)) for values in (R0, position0_m, R1, position1_m)):
-            return None
-        return camera_motion(R0, position0_m, R1, position1_m, self.camera.T_body_camera)
+        return motion_between(self.pose(start_ns), later.pose(end_ns), self.camera)
 
-    def pose(self, time_ns: int) -> tuple[Float64, Float64]:
+    def pose(self, time_ns: int) -> Pose:
         """Return R_world_body (3, 3) and position in the world (3,) m at an instant; NaN where no pose covers it."""
-        R, positions_m = self._at(time_ns, time_ns)
+        R, positions_m = self.poses_at(np.array([time_ns], dtype=np.int64))
         return R[0], positions_m[0]
+
+    def ends(self, start_ns: int, end_ns: int) -> tuple[Pose, Pose]:
+        """Return the poses at two instants."""
+        R, positions_m = self.poses_at(np.array([start_ns, end_ns], dtype=np.int64))
+        return (R[0], positions_m[0]), (R[1], positions_m[1])
+
+    def poses_at(self, at_ns: NDArray[np.int64]) -> tuple[Float64, Float64]:
+        """Return R_world_body (n, 3, 3) and positions (n, 3) m at instants (n,); NaN where no pose covers one."""
+        poses = self.poses
+        return interpolate_poses(poses.times_ns, poses.positions_world_m, poses.orientations_xyzw, at_ns=at_ns)
 
     def covariance(self, start_ns: int, end_ns: int, position_sigma_m: float, rotation_sigma_rad: float) -> Float64:
         """Return the covariance (6, 6) of the motion's twist under the declared pose noise.
 
         The product of a rotation's noise with the baseline, second order in the noise, is added to the position's.
         """
-        R, positions_m = self._at(start_ns, end_ns)
+        R, positions_m = self.poses_at(np.array([start_ns, end_ns], dtype=np.int64))
         baseline_m = float(np.linalg.norm(positions_m[1] - positions_m[0]))
         return motion_covariance(
             R[0], positions_m[0], R[1], positions_m[1], self.camera.T_body_camera,
@@ -158,11 +167,6 @@ class PoseTrack:
         """Return the track of a camera that is mounted otherwise."""
         return replace(self, camera=replace(self.camera, T_body_camera=T_body_camera))
 
-    def _at(self, start_ns: int, end_ns: int) -> tuple[Float64, Float64]:
-        poses = self.poses
-        at_ns = np.array([start_ns, end_ns], dtype=np.int64)
-        return interpolate_poses(poses.times_ns, poses.positions_world_m, poses.orientations_xyzw, at_ns=at_ns)
-
 
 def pose_track(window: Window, camera: Camera) -> PoseTrack:
     """Return the poses around the window, far enough for every interval it owns and the one before and after."""
@@ -170,6 +174,13 @@ def pose_track(window: Window, camera: Camera) -> PoseTrack:
     margin_ns = 2 * min(longest_ns, NS_PER_S) + _POSE_MARGIN_NS
     poses = window.once(("poses for flow", margin_ns), lambda: _finite(window.pose(margin_ns)))
     return PoseTrack(poses, camera)
+
+
+def motion_between(before: Pose, after: Pose, camera: Camera) -> RigidMotion | None:
+    """Return how points move in a camera between two poses of the body; None where either is not known."""
+    if not all(np.all(np.isfinite(values)) for values in (*before, *after)):
+        return None
+    return camera_motion(*before, *after, camera.T_body_camera)
 
 
 def longest_interval_ns(facts: Facts, stream: str) -> int:

@@ -45,8 +45,10 @@ class Composition(WindowCheck[WindowComposition]):
 
     How
     ---
-    Flow is read bilinearly between pixels. Paths within 4 px of breaks of the flow, or of places where pixels of
-    different flow meet (one of them is hidden midway), are left out. After an alarm the rate that disagrees with the
+    Flow is read bilinearly between pixels of a lattice whose density the effort states. Paths within 4 px of breaks of
+    the flow are left out, and those that get midway to a place where another surface leads, too, and hides them or is
+    hidden: every fourth pixel of a field tells which flows lead where, and flows that differ by more than 0.5 px, and
+    than the flow's slope makes of their distance, are of two surfaces. After an alarm the rate that disagrees with the
     others is named, and faults are undone on it (sign, axes, mirrors, unit, gain, neighbouring intervals, fields of
     another rate, repeated fields), on the pixels that are off where these are few.
 
@@ -65,7 +67,7 @@ class Composition(WindowCheck[WindowComposition]):
     Sources
     -------
     First principles: Lagrange's remainder for the reading, `geometry/rigid_flow.py` for the rounding; the derivation
-    stands in `checks/flow/rates_chain.py`.
+    stands in `estimators/flow_path_kernels.py`.
     """
 
     name = "flow_rates.composition"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.rates_chain import Composed, Segment, compose
 from fedora_qa.estimators.depth_warp import lattice_stride
+from fedora_qa.estimators.flow_path_kernels import medians_of_parts
 from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
@@ -79,7 +80,7 @@ def compare(window: Window, segment: Segment) -> RateAgreement | None:
         return RateAgreement(segment, None, None, None, lost)
     error_px = np.linalg.norm(slow.displacement_px - fast.displacement_px, axis=-1)
     bound_px = slow.bound_px + fast.bound_px
-    whole = _deviation(error_px, bound_px, compared)
+    whole = _deviation(error_px[compared], bound_px[compared])
     tiles = _tiles(columns, rows, *_shapes(window, segment).pop())
     worst, tile = _worst_tile(error_px, bound_px, compared, tiles) or (whole, None)
     return RateAgreement(segment, whole, worst, tile, lost)
@@ -135,20 +136,22 @@ def _tiles(columns: Float64, rows: Float64, height: int, width: int) -> _Tiles:
     )
 
 
-def _deviation(error_px: Float64, bound_px: Float64, chosen: Mask) -> Deviation:
-    return Deviation(float(np.median(error_px[chosen])), float(np.median(bound_px[chosen])))
+def _deviation(error_px: Float64, bound_px: Float64) -> Deviation:
+    return Deviation(float(np.median(error_px)), float(np.median(bound_px)))
 
 
 def _worst_tile(
     error_px: Float64, bound_px: Float64, compared: Mask, tiles: _Tiles
 ) -> tuple[Deviation, tuple[int, int, int, int]] | None:
     """Return the tile that is off most; None where no tile holds enough pixels."""
-    counts = np.bincount(tiles.numbers[compared], minlength=_TILES[0] * _TILES[1])
-    found = [
-        (_deviation(error_px, bound_px, compared & (tiles.numbers == tile)), int(tile))
-        for tile in np.flatnonzero(counts >= _FEWEST_IN_TILE)
-    ]
-    if not found:
+    pixels = np.flatnonzero(compared)
+    pixels = pixels[np.argsort(tiles.numbers[pixels], kind="stable")]
+    counts = np.bincount(tiles.numbers[pixels], minlength=_TILES[0] * _TILES[1])
+    starts = np.concatenate(([0], np.cumsum(counts)))
+    typical_px, limits_px = (medians_of_parts(values[pixels], starts) for values in (error_px, bound_px))
+    enough = counts >= _FEWEST_IN_TILE
+    if not enough.any():
         return None
-    worst, tile = max(found, key=lambda one: one[0].suspicion)
+    tile = int(np.argmax(np.where(enough, typical_px / limits_px, -1.0)))
+    worst = Deviation(float(typical_px[tile]), float(limits_px[tile]))
     return worst, tiles.edges(tile)

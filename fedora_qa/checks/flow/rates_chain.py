@@ -1,14 +1,13 @@
 """Fields of one rate, one after the other, composed to the displacement over a longer interval."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow_mask import flow_conflicts
+from fedora_qa.estimators.flow_path_kernels import spans_at_targets, step
 from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.window import Window
 
@@ -26,17 +25,6 @@ _ROUNDING_PX: Final = 18 * 2.0**-24
 
 Four roundings of 2 f (1 + |m|) and of pixel and principal point, with f = 0.87 W at 60 degrees: below 18 W.
 """
-
-_OF_SECOND_DIFFERENCE: Final = 0.25
-"""Twice the error of bilinear reading, which is an eighth of the second differences (Lagrange's remainder)."""
-
-_OF_THIRD_DIFFERENCE: Final = 0.5
-"""Where two surfaces meet, flow steps by s from one pixel to the next, and what is read between them errs by up to s.
-
-The second difference is s before the step and -s behind it, the third 2 s; where flow is smooth it vanishes.
-"""
-
-_KNOWN, _BREAK, _CROWDED = np.uint8(1), np.uint8(2), np.uint8(4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,19 +72,6 @@ class Composed:
     stays: Mask
 
 
-@dataclass(frozen=True, slots=True)
-class _Field:
-    """A field to read between its pixels.
-
-    ``error_px`` (H, W) bounds what bilinear reading errs by; half floats resolve it to 6e-8 px. ``flags`` (H, W) say
-    where flow is known, and where it is not to be read or not to lead to.
-    """
-
-    flow_px: Float32
-    error_px: NDArray[np.float16]
-    flags: NDArray[np.uint8]
-
-
 def segments(window: Window, slow: str, fast: str) -> Iterator[Segment]:
     """Yield the shortest common intervals that begin with a field of the slower rate that the window owns."""
     slow_clock, fast_clock = window.facts.clocks[slow], window.facts.clocks[fast]
@@ -142,77 +117,33 @@ def exists(facts: Facts, chain: Chain) -> bool:
 
 def compose(window: Window, chain: Chain, columns: Float64, rows: Float64, change: Change | None = None) -> Composed:
     """Follow pixels (n,) of integer coordinates along a chain, each field changed as asked."""
-    x, y, alone = columns, rows, len(chain.rows) == 1
+    x, y = columns.copy(), rows.copy()
     bound_px = np.zeros(len(x))
     clear, stays = np.ones(len(x), dtype=np.bool_), np.ones(len(x), dtype=np.bool_)
+    last = len(chain.rows) - 1
     for place, row in enumerate(chain.rows):
-        field = _field(window, chain.stream, row, change)
-        stays &= _inside(x, y, field.flags.shape)
-        x, y = np.where(stays, x, 0.0), np.where(stays, y, 0.0)
-        here = _nearest(x, y)
-        flow_px, slope, known = _read(field, x, y)
-        clear &= known & (alone | (field.flags[here] & _BREAK == 0))
-        if place > 0:
-            bound_px = bound_px * (1.0 + slope) + field.error_px[here].astype(np.float64)
-        bound_px += _ROUNDING_PX * sum(field.flags.shape)
-        x, y = x + flow_px[:, 0], y + flow_px[:, 1]
-        lands = _inside(x, y, field.flags.shape)
-        there = _nearest(np.where(lands, x, 0.0), np.where(lands, y, 0.0))
-        clear &= alone | (field.flags[there] & _CROWDED == 0)
-        stays &= lands
+        lines, spans = _field(window, chain.stream, row, change, place < last)
+        rounding_px = _ROUNDING_PX * (lines.shape[0] + lines.shape[1] // 2)
+        step(lines, spans, rounding_px, place == 0, last > 0, x, y, bound_px, clear, stays)
     return Composed(np.stack((x - columns, y - rows), axis=-1), bound_px, clear, stays)
 
 
-def _field(window: Window, stream: str, row: int, change: Change | None) -> _Field:
-    """Return a field ready to be read; kept for the window where it is as stored."""
-    stored_px = window.flow_px(stream, row)
+def _field(
+    window: Window, stream: str, row: int, change: Change | None, is_left: bool
+) -> tuple[Float32, NDArray[np.float32]]:
+    """Return a field as lines (H, 2 W) of u and v, and which flows lead where, if paths go on from there.
+
+    The latter is kept for the window where the field is as stored.
+    """
+    flow_px = window.flow_px(stream, row)
     if change is not None:
-        return _prepared(np.ascontiguousarray(change(stored_px), dtype=np.float32))
-    return window.once(("field to compose", stream, row), lambda: _prepared(stored_px))
+        flow_px = change(flow_px)
+    lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
+    if not is_left:
+        return lines, _ASKS_NOTHING
+    if change is not None:
+        return lines, spans_at_targets(lines)
+    return lines, window.once(("flows to cells", stream, row), lambda: spans_at_targets(lines))
 
 
-def _prepared(flow_px: Float32) -> _Field:
-    known = np.isfinite(flow_px[..., 0]) & np.isfinite(flow_px[..., 1])
-    breaks, crowded = flow_conflicts(flow_px)
-    with np.errstate(over="ignore", invalid="ignore"):  # beside unknown pixels nothing is read
-        error_px = np.maximum(_reading_error(flow_px[..., 0]), _reading_error(flow_px[..., 1]))
-        nearby_px = np.asarray(cv2.dilate(np.nan_to_num(error_px), np.ones((3, 3), np.uint8))).astype(np.float16)
-    return _Field(flow_px, nearby_px, _KNOWN * known.astype(np.uint8) + _BREAK * breaks + _CROWDED * crowded)
-
-
-def _reading_error(component_px: Float32) -> Float32:
-    """Return how far reading one component between pixels may err, (H, W), by its bends and steps along both axes."""
-    error_px = np.zeros_like(component_px)
-    for flow_px, error in ((component_px, error_px), (component_px.T, error_px.T)):
-        bends = flow_px[2:] - 2 * flow_px[1:-1] + flow_px[:-2]
-        error[1:-1] += np.float32(_OF_SECOND_DIFFERENCE) * np.abs(bends)
-        steps = np.float32(_OF_THIRD_DIFFERENCE) * np.abs(np.diff(bends, axis=0))
-        error[1:-2] += steps
-        error[2:-1] += steps
-    return error_px
-
-
-def _inside(x: Float64, y: Float64, shape: Sequence[int]) -> Mask:
-    """Whether positions lie where four pixels surround them (the last column and row have none behind them)."""
-    inside: Mask = (x >= 0) & (x < shape[1] - 1) & (y >= 0) & (y < shape[0] - 1)
-    return inside
-
-
-def _nearest(x: Float64, y: Float64) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return row and column of the nearest pixel."""
-    return np.rint(y).astype(np.intp), np.rint(x).astype(np.intp)
-
-
-def _read(field: _Field, x: Float64, y: Float64) -> tuple[Float64, Float64, Mask]:
-    """Return the bilinear flow (n, 2), the sum of its absolute slopes (n,), and whether all it rests on is known."""
-    column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-    right, below = (x - column)[:, None], (y - row)[:, None]
-    places = [(row + i, column + j) for i in (0, 1) for j in (0, 1)]
-    # A pixel is read as it stands, whatever lies beside it.
-    needed = [np.ones(len(x), dtype=np.bool_), x > column, y > row, (x > column) & (y > row)]
-    known = np.all([~need | (field.flags[at] & _KNOWN > 0) for at, need in zip(places, needed, strict=True)], axis=0)
-    corners = [np.nan_to_num(field.flow_px[at].astype(np.float64)) for at in places]
-    above = corners[0] + right * (corners[1] - corners[0])
-    under = corners[2] + right * (corners[3] - corners[2])
-    slopes = np.abs(corners[1] - corners[0]) + np.abs(under - above)
-    return above + below * (under - above), slopes.sum(axis=-1), known
+_ASKS_NOTHING: Final = np.empty((0, 0, 4), dtype=np.float32)

@@ -16,10 +16,13 @@ from fedora_qa.checks.flow.intervals import (
     place,
     pose_track,
 )
+from fedora_qa.checks.flow.motions import motion_over
 from fedora_qa.checks.flow.stamps import stamp_measurements
 from fedora_qa.checks.flow.suspects import DISPLACEMENTS, spreads_over
 from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Observation, Suspect, WindowCheck
 from fedora_qa.checks.standing import standing_depth_m
+from fedora_qa.estimators.flow_pattern_kernels import compare_patterns, depth_range_m
+from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import moved_points
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import PoseModel
@@ -117,15 +120,43 @@ def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame:
     depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
     if depth_m.shape != flow_px.shape[:2]:
         return None
+    standing_m = standing_depth_m(window, frame)
+    passes = track is not None and standing_m is not None and _may_pass(window, track, interval, frame, standing_m)
+    lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
+    unfounded, missing, infinite = compare_patterns(lines, depth_m, depth_m if standing_m is None else standing_m)
+    is_known = track is not None and standing_m is not None
+    if not passes and not unfounded and not infinite and not (missing and is_known):
+        return FieldPattern(interval, frame, 0, 0, 0, 0, deep=True, infinite=0, missing=0, pixel=None)
+    return _examined(window, track, interval, frame, standing_m)
+
+
+def _may_pass(
+    window: Window, track: PoseTrack, interval: Interval, frame: int, standing_m: NDArray[np.float32]
+) -> bool:
+    """Whether any point that stands may end behind the camera's plane, or too near to it to tell."""
+    motion = motion_over(window, track, interval)
+    depth_m = window.depth_m(frame)
+    range_m = window.once(("range of depth", frame), lambda: depth_range_m(depth_m, standing_m))
+    return motion is None or (range_m is not None and not _all_before(track, motion, depth_m.shape, range_m, window))
+
+
+def _examined(
+    window: Window,
+    track: PoseTrack | None,
+    interval: Interval,
+    frame: int,
+    standing_m: NDArray[np.float32] | None,
+) -> FieldPattern:
+    """Look at every pixel of a field in which something is odd, or may be."""
+    depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
     u, v = flow_px[..., 0], flow_px[..., 1]
     present = np.isfinite(u) & np.isfinite(v)
     valid = np.isfinite(depth_m) & (depth_m > 0)
     unfounded, missing = present & ~valid, valid & ~present
     behind = np.zeros_like(valid)
-    standing_m = standing_depth_m(window, frame)
     if track is not None and standing_m is not None:
         still = valid & np.isfinite(standing_m)
-        before, behind = _before_and_behind(track, interval, depth_m, still, window.facts.declared.pose)
+        before, behind = _before_and_behind(window, track, interval, depth_m, still)
         unfounded |= present & behind
         missing &= before
     else:
@@ -153,22 +184,31 @@ def _alike(flow_px: NDArray[np.float32]) -> int:
 
 
 def _before_and_behind(
-    track: PoseTrack, interval: Interval, depth_m: NDArray[np.float32], valid: Mask, noise: PoseModel | None
+    window: Window, track: PoseTrack, interval: Interval, depth_m: NDArray[np.float32], valid: Mask
 ) -> tuple[Mask, Mask]:
     """Return which pixels' points end surely before the camera's plane, and which surely behind it."""
-    motion = track.motion(interval.start_ns, interval.end_ns)
+    motion = motion_over(window, track, interval)
     if motion is None or not valid.any():
         return np.zeros_like(valid), np.zeros_like(valid)
     height, width = depth_m.shape
-    corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=np.float64)
-    turned = moved_points(track.camera.K, motion, corners[:, 0], corners[:, 1], np.ones(4))[2] - motion.t_m[2]
-    nearest_m, farthest_m = float(depth_m[valid].min()), float(depth_m[valid].max())
-    margin_m = _margin_m(noise, farthest_m)
-    if turned.min() > 0 and nearest_m * turned.min() + motion.t_m[2] > margin_m:
-        return valid, np.zeros_like(valid)  # the usual case: nothing comes near the camera's plane
+    range_m = float(depth_m[valid].min()), float(depth_m[valid].max())
+    if _all_before(track, motion, depth_m.shape, range_m, window):
+        return valid, np.zeros_like(valid)
+    margin_m = _margin_m(window.facts.declared.pose, range_m[1])
     columns, rows = np.arange(width, dtype=np.float64)[None, :], np.arange(height, dtype=np.float64)[:, None]
     Z1_m = moved_points(track.camera.K, motion, columns, rows, depth_m.astype(np.float64))[2]
     return valid & (Z1_m > margin_m), valid & (Z1_m < -margin_m)
+
+
+def _all_before(
+    track: PoseTrack, motion: RigidMotion, shape: tuple[int, ...], range_m: tuple[float, float], window: Window
+) -> bool:
+    """Whether all points of an image end surely before the camera's plane, as the nearest in its corners does."""
+    height, width = shape
+    corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=np.float64)
+    turned = moved_points(track.camera.K, motion, corners[:, 0], corners[:, 1], np.ones(4))[2] - motion.t_m[2]
+    margin_m = _margin_m(window.facts.declared.pose, range_m[1])
+    return bool(turned.min() > 0 and range_m[0] * turned.min() + motion.t_m[2] > margin_m)
 
 
 def _margin_m(noise: PoseModel | None, distance_m: float) -> float:

@@ -1,0 +1,28 @@
+"""The camera's motion over the intervals of a window, from poses that are interpolated once."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fedora_qa.checks.flow.intervals import Interval, Pose, PoseTrack, motion_between, owned_intervals
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.sequence.window import Window
+
+
+def motion_over(window: Window, track: PoseTrack, interval: Interval) -> RigidMotion | None:
+    """Return how points move over an interval in the camera of a window's own track; None where no pose covers it.
+
+    Poses at all ends of the window's intervals are interpolated at once.
+    """
+    poses = window.once("poses at ends of intervals", lambda: _poses_at_ends(window, track))
+    before, after = poses.get(interval.start_ns), poses.get(interval.end_ns)
+    if before is None or after is None:
+        return track.motion(interval.start_ns, interval.end_ns)
+    return motion_between(before, after, track.camera)
+
+
+def _poses_at_ends(window: Window, track: PoseTrack) -> Mapping[int, Pose]:
+    intervals = [one for stream in window.facts.flow_streams for one in owned_intervals(window, stream)]
+    at_ns = np.unique(np.array([(one.start_ns, one.end_ns) for one in intervals], dtype=np.int64))
+    R, positions_m = track.poses_at(at_ns)
+    return {int(time_ns): (R[i], positions_m[i]) for i, time_ns in enumerate(at_ns)}
