@@ -57,12 +57,17 @@ def neighbours(window: Window) -> Iterator[Pair]:
 
 def luma_on_flow_grid(window: Window, frame: int) -> Float32:
     """Return the luma (H, W) of a frame on the grid of the flow, in DN."""
-    optics, luma = optics_of(window.facts), luma_dn(window, frame)
+    optics = optics_of(window.facts)
     if not isinstance(optics, Optics) or optics.H_rgb_flow is None:
-        return luma
+        return luma_dn(window, frame)
+    H_rgb_flow = optics.H_rgb_flow
+    return window.of_image("luma on the flow's grid", frame, lambda: _warped(window, frame, H_rgb_flow))
+
+
+def _warped(window: Window, frame: int, H_rgb_flow: NDArray[np.float64]) -> Float32:
     camera = window.facts.declared.cameras["depth"]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    warped = cv2.warpPerspective(luma, optics.H_rgb_flow, (camera.width, camera.height), flags=flags)
+    warped = cv2.warpPerspective(luma_dn(window, frame), H_rgb_flow, (camera.width, camera.height), flags=flags)
     return np.asarray(warped, dtype=np.float32)
 
 
