@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+
+from fedora_qa.estimators.event_footprint_kernels import average_taps, see_frame
 
 Float64 = NDArray[np.float64]
 
@@ -28,22 +29,30 @@ by 6.6, 4.4, 2.8, 2.0% (even) and 2.7, 1.2, 0.5, 0.3% (sharp) at s = 1, 2, 3, 4:
 
 
 @dataclass(frozen=True, slots=True)
+class Taps:
+    """Weights of successive frame pixels along one axis: the first pixel (m,), and the weights (m, k) from there."""
+
+    first: NDArray[np.int64]
+    weights: Float64
+
+
+@dataclass(frozen=True, slots=True)
 class Axis:
-    """Weights (n_event, n_frame) along one axis.
+    """What the m pixels of the event camera take of the frame along one axis.
 
     Attributes
     ----------
     even, sharp
-        Of a mean over the footprint, by the straight line and by the cubic.
+        Means over the footprint, by the straight line and by the cubic.
     split
         ``even`` times the share of each pixel that lies inside.
     inside
-        (n_event,): the footprint lies wholly in the frame.
+        (m,): the footprint lies wholly in the frame.
     """
 
-    even: Any
-    sharp: Any
-    split: Any
+    even: Taps
+    sharp: Taps
+    split: Taps
     inside: NDArray[np.bool_]
 
 
@@ -75,6 +84,25 @@ class Footprints:
         """
         return self.average(contrast) - _both(self.rows.split, contrast, self.columns.split)
 
+    def see(
+        self,
+        luma: NDArray[np.float32],
+        lost: NDArray[np.bool_],
+        rounding: float,
+        *,
+        sharp: Float64,
+        even: Float64,
+        error: Float64,
+    ) -> None:
+        """Write the sharp and the even average of an (H, W) image, and a bound of the latter's error, (h, w) each.
+
+        The bound is ``rounding`` and ``split_bound`` of what the image varies by among a pixel and its eight
+        neighbours; infinite where a footprint leaves the image or touches a pixel that is ``lost`` or beside one.
+        """
+        axes = (self.rows, self.columns)
+        taps = ((each.first, each.weights) for axis in axes for each in (axis.even, axis.sharp, axis.split))
+        see_frame(luma, lost, *taps, self.inside, rounding, sharp, even, error)
+
 
 def footprints(
     K_frame: Float64, shape_frame: tuple[int, int], K_event: Float64, shape_event: tuple[int, int]
@@ -90,33 +118,45 @@ def _axis(frame: Float64, event: Float64, size_frame: int, size_event: int) -> A
     """Return the weights along one axis; ``frame`` and ``event`` are focal length and principal point, px."""
     edges = (np.arange(size_event + 1) - 0.5 - event[1]) * (frame[0] / event[0]) + frame[1] + 0.5
     lengths = np.diff(edges)[:, np.newaxis]
-    even = _means(edges, size_frame, points=2) / lengths
-    sharp = _means(edges, size_frame, points=min(4, size_frame + 1)) / lengths
+    even = _means(edges, size_frame, points=2)
+    sharp = _means(edges, size_frame, points=min(4, size_frame + 1))
     # One part in a million of a pixel is what K as written in a file may lack.
     inside = (edges[:-1] >= -1e-6) & (edges[1:] <= size_frame + 1e-6)
-    return Axis(csr_array(even), csr_array(sharp), csr_array(even**2 * lengths), inside)
+    return Axis(
+        Taps(even.first, even.weights / lengths),
+        Taps(sharp.first, sharp.weights / lengths),
+        Taps(even.first, even.weights**2 / lengths),
+        inside,
+    )
 
 
-def _means(edges: Float64, size: int, points: int) -> Float64:
-    """Return the weights (m, size) of pixels in the integral between each two edges, Lagrange of so many ``points``.
+def _means(edges: Float64, size: int, points: int) -> Taps:
+    """Return the weights of pixels in the integral between each two edges, Lagrange of so many ``points``.
 
-    The primitive at border k is the sum of the pixels before it.
+    The primitive at border k is the sum of the pixels before it: pixel j has the weight of all borders behind it.
     """
     at = np.clip(edges, 0.0, size)
-    first = np.clip(np.floor(at).astype(int) - points // 2 + 1, 0, size + 1 - points)
-    borders = np.zeros((len(edges), size + 1))
+    first = np.clip(np.floor(at).astype(np.int64) - points // 2 + 1, 0, size + 1 - points)
+    borders = np.ones((points, len(edges)))
     for i in range(points):
-        weight = np.ones(len(edges))
         for j in range(points):
             if j != i:
-                weight *= (at - first - j) / (i - j)
-        borders[np.arange(len(edges)), first + i] = weight
-    before = np.cumsum(borders[:, ::-1], axis=1)[:, ::-1][:, 1:]
-    weights = np.diff(before, axis=0)
+                borders[i] *= (at - first - j) / (i - j)
+    count = min(int(np.diff(first).max(initial=0)) + points - 1, size)
+    start = np.minimum(first[:-1], size - count)
+    pixels = start[:, np.newaxis] + np.arange(count)
+
+    def before(edge: slice) -> Float64:
+        behind = [(first[edge] + i)[:, np.newaxis] > pixels for i in range(points)]
+        total: Float64 = np.sum([borders[i, edge, np.newaxis] * behind[i] for i in range(points)], axis=0)
+        return total
+
+    weights = before(slice(1, None)) - before(slice(None, -1))
     weights[np.abs(weights) < 1e-12] = 0.0
-    return weights
+    return Taps(start, weights)
 
 
-def _both(rows: Any, image: NDArray[Any], columns: Any) -> Float64:
-    averaged: Float64 = np.ascontiguousarray((columns @ (rows @ image).T).T, dtype=np.float64)
-    return averaged
+def _both(rows: Taps, image: NDArray[Any], columns: Taps) -> Float64:
+    means = np.empty((len(rows.first), len(columns.first)))
+    average_taps(np.ascontiguousarray(image), (rows.first, rows.weights), (columns.first, columns.weights), means)
+    return means

@@ -10,6 +10,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.event_orientation_kernels import (
+    add_moments,
+    mean_blocks,
+    mean_blocks_beyond,
+    mean_event_blocks,
+)
+
 Float64 = NDArray[np.float64]
 
 BLOCK_PX: Final = 4
@@ -40,31 +47,75 @@ class Moments:
         return max(float(dd - d * d / max(n, 1.0)), 0.0) / max(float(n), 1.0)
 
 
-def moments(change: Float64, events: list[Float64], whole: NDArray[np.bool_]) -> Moments:
-    """Return the moments of one frame change with each of the event changes, block means all, over whole blocks."""
-    d = change[whole]
-    rows = []
-    for event_change in events:
-        e = event_change[whole]
-        rows.append([d.size, d.sum(), e.sum(), d @ d, e @ e, d @ e])
-    return Moments(np.array(rows, dtype=np.float64))
+@dataclass(frozen=True, slots=True)
+class LevelBlocks:
+    """Means of a level over blocks (n, r, c), frame by frame, and where all of a block is known."""
+
+    means: Float64
+    whole: NDArray[np.bool_]
 
 
-def undone(square: Float64, shape: tuple[int, int]) -> list[Float64]:
-    """Return block means of an event image on a square, each of ``SYMMETRIES`` undone on the sensor (h, w).
+def level_blocks(levels: Float64, known: NDArray[np.bool_]) -> LevelBlocks:
+    """Return the block means of levels (n, h, w), ``known`` or not."""
+    side, grid = _grid(levels.shape[1:])
+    means, whole = np.empty((len(levels), *grid)), np.empty((len(levels), *grid), np.bool_)
+    for i in range(len(levels)):
+        mean_blocks(levels[i], known[i], side, means[i], whole[i])
+    return LevelBlocks(means, whole)
 
-    The grid of blocks lies in the middle of the sensor, so that mirroring maps it onto itself (to half a pixel).
-    """
-    height, width = shape
-    upright, swapped = block_means(square[:height, :width]), block_means(square[:width, :height].T)
-    return [(swapped if swap else upright)[:: -1 if up else 1, :: -1 if left else 1] for swap, left, up in SYMMETRIES]
+
+@dataclass(frozen=True, slots=True)
+class EventBlocks:
+    """Means over blocks (n - 1, r, c) of what events sum to between frames: as they lie, and with axes exchanged."""
+
+    upright: Float64
+    swapped: Float64
 
 
-def block_means(image: Float64) -> Float64:
-    """Return the means over blocks of ``BLOCK_PX`` that fit into an image (h, w), centred."""
-    side = min(BLOCK_PX, *image.shape)
-    rows, columns = image.shape[0] // side, image.shape[1] // side
-    top, left = (image.shape[0] - rows * side) // 2, (image.shape[1] - columns * side) // 2
-    blocks = image[top : top + rows * side, left : left + columns * side].reshape(rows, side, columns, side)
-    means: Float64 = np.einsum("risj->rs", blocks) / side**2
-    return means
+def event_blocks(counts: NDArray[np.int32], threshold_on: float, threshold_off: float) -> EventBlocks:
+    """Return the block means of darker and brighter events (n - 1, 2, h, w) on a sensor."""
+    side, grid = _grid(counts.shape[2:])
+    upright, swapped = np.zeros((2, len(counts), *grid))
+    for i in range(len(counts)):
+        mean_event_blocks(counts[i], threshold_on, threshold_off, side, upright[i], swapped[i])
+    return EventBlocks(upright, swapped)
+
+
+def add_events_beyond(
+    blocks: EventBlocks,
+    x: NDArray[np.integer],
+    y: NDArray[np.integer],
+    times_ns: NDArray[np.int64],
+    p: NDArray[np.integer],
+    frame_times_ns: NDArray[np.int64],
+    shape: tuple[int, int],
+    threshold_on: float,
+    threshold_off: float,
+) -> None:
+    """Add events that lie beyond the sensor (h, w) to blocks where they would lie on it with axes exchanged."""
+    steps, side = (-threshold_off, threshold_on), _grid(shape)[0]
+    columns = (column.astype(np.int64) for column in (x, y, times_ns, p))
+    mean_blocks_beyond(*columns, frame_times_ns, shape, steps, side, blocks.swapped)
+
+
+def step_moments(levels: LevelBlocks, events: EventBlocks, tiles: int) -> Float64:
+    """Return moments (n - 1, tiles^2, 8, 6) of changes between successive frames and events under all symmetries."""
+    sums = np.zeros((len(events.upright), tiles**2, len(SYMMETRIES), 6))
+    for i, (upright, swapped) in enumerate(zip(events.upright, events.swapped, strict=True)):
+        whole = levels.whole[i] & levels.whole[i + 1]
+        add_moments(levels.means[i + 1] - levels.means[i], whole, upright, swapped, tiles, sums[i])
+    return sums
+
+
+def span_moments(levels: LevelBlocks, events: EventBlocks) -> Moments:
+    """Return moments (8, 6) of the change from the first frame to the last and of all events in between."""
+    sums = np.zeros((1, len(SYMMETRIES), 6))
+    whole, change = levels.whole[0] & levels.whole[-1], levels.means[-1] - levels.means[0]
+    add_moments(change, whole, events.upright.sum(axis=0), events.swapped.sum(axis=0), 1, sums)
+    return Moments(sums[0])
+
+
+def _grid(shape: tuple[int, ...]) -> tuple[int, tuple[int, int]]:
+    """Return the side of blocks, and how many rows and columns of them fit into an image (h, w)."""
+    side = min(BLOCK_PX, *shape)
+    return side, (shape[0] // side, shape[1] // side)

@@ -7,10 +7,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.events.view import seen_frames, signal, why_frames_and_events_do_not_meet
+from fedora_qa.checks.events.blocks import block_moments
+from fedora_qa.checks.events.view import why_frames_and_events_do_not_meet
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_US, US_PER_S
-from fedora_qa.estimators.event_orientation import BLOCK_PX, block_means, moments
+from fedora_qa.estimators.event_orientation import BLOCK_PX
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -78,18 +79,11 @@ class Frames(WindowCheck[IntervalMoments]):
 
     def measure(self, window: Window) -> IntervalMoments | None:
         """Sum over the blocks of each interval."""
-        seen, declared = seen_frames(window), window.facts.declared.events
-        if declared is None or len(seen) < 2:
+        blocks = block_moments(window)
+        if blocks is None:
             return None
-        levels, lit = signal(seen, declared)
-        sums = []
-        for i, (off, on) in enumerate(seen.counts):
-            usable = lit[i] & lit[i + 1]
-            events = block_means(declared.threshold_on * on - declared.threshold_off * off)
-            change = block_means(np.where(usable, levels[i + 1] - levels[i], 0.0))
-            whole = block_means(usable.astype(np.float64)) > 1 - 1e-9
-            sums.append(moments(change, [events], whole).sums[0])
-        return IntervalMoments(np.stack([seen.frames[:-1], seen.frames[1:]], axis=1), np.array(sums))
+        upright = blocks.steps[:, :, 0].sum(axis=1)
+        return IntervalMoments(np.stack([blocks.frames[:-1], blocks.frames[1:]], axis=1), upright)
 
     def conclude(self, state: Sequence[IntervalMoments], facts: Facts) -> Observation:
         """Find the interval that is farthest from all others."""

@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.events.tiles import GRID, tile_around
+from fedora_qa.checks.events.blocks import block_moments
+from fedora_qa.checks.events.tiles import tile_around
 from fedora_qa.checks.events.turned import (
     LEAST_PREDICTED,
     Turned,
@@ -17,19 +18,15 @@ from fedora_qa.checks.events.turned import (
     words_for,
 )
 from fedora_qa.checks.events.view import (
-    all_events,
-    seen_frames,
     sensor_shape,
-    signal,
     why_frames_and_events_do_not_meet,
 )
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import US_PER_S
-from fedora_qa.estimators.event_kernels import count_between_frames
-from fedora_qa.estimators.event_orientation import BLOCK_PX, SYMMETRIES, Moments, block_means, moments, undone
+from fedora_qa.estimators.event_orientation import BLOCK_PX, SYMMETRIES, Moments
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.window import Events, Window
+from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
 
@@ -98,19 +95,12 @@ class Orientation(WindowCheck[Agreement]):
 
     def measure(self, window: Window) -> Agreement | None:
         """Correlate in one window."""
-        seen, declared = seen_frames(window), window.facts.declared.events
-        if declared is None or len(seen) < 2:
+        blocks = block_moments(window)
+        if blocks is None:
             return None
-        levels, lit = signal(seen, declared)
-        counts = _square_counts(window, seen.times_ns)
-        signed = declared.threshold_on * counts[:, 1] - declared.threshold_off * counts[:, 0]
-        shape = sensor_shape(window.facts.declared)
-        turned = [undone(image, shape) for image in signed]
-        steps = [_moments(levels, lit, i, i + 1, images).sums for i, images in enumerate(turned)]
-        tiles = [_moments_of_tiles(levels, lit, i, images) for i, images in enumerate(turned)]
-        span = _moments(levels, lit, 0, -1, undone(signed.sum(axis=0), shape))
+        tiles = blocks.steps.sum(axis=0)
         start_ns, stop_ns = window.span.start_ns, window.span.stop_ns
-        return Agreement(Moments(np.sum(steps, axis=0)), span, np.sum(tiles, axis=0), start_ns, stop_ns)
+        return Agreement(Moments(tiles.sum(axis=0)), blocks.span, tiles, start_ns, stop_ns)
 
     def conclude(self, state: Sequence[Agreement], facts: Facts) -> Observation:
         """Compare the orientations over all windows."""
@@ -209,38 +199,6 @@ def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Meas
         suspects=found,
     )
     return agreement, alternative
-
-
-def _square_counts(window: Window, times_ns: NDArray[np.int64]) -> NDArray[np.int32]:
-    """Count events between frames on a square that also holds what exchanged axes would put outside the sensor."""
-    side = max(sensor_shape(window.facts.declared))
-    events = all_events(window)
-    good = (events.x < side) & (events.y < side) & (events.p <= 1)
-    if events.x.dtype.kind == "i" or events.y.dtype.kind == "i":
-        good &= (events.x >= 0) & (events.y >= 0)
-    if not good.all():
-        x, y = events.x[good].astype(np.uint16), events.y[good].astype(np.uint16)
-        events = Events(x, y, events.times_ns[good], events.p[good])
-    counts = np.zeros((len(times_ns) - 1, 2, side, side), np.int32)
-    count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
-    return counts
-
-
-def _moments(levels: Float64, lit: NDArray[np.bool_], earlier: int, later: int, events: list[Float64]) -> Moments:
-    """Return the moments of the change between two frames, over blocks that are lit in both."""
-    usable = lit[earlier] & lit[later]
-    whole = block_means(usable.astype(np.float64)) > 1 - 1e-9
-    return moments(block_means(np.where(usable, levels[later] - levels[earlier], 0.0)), events, whole)
-
-
-def _moments_of_tiles(levels: Float64, lit: NDArray[np.bool_], earlier: int, events: list[Float64]) -> Float64:
-    """Return the sums (t, 8, 6) of moments of the change to the next frame, tile by tile."""
-    usable = lit[earlier] & lit[earlier + 1]
-    whole = block_means(usable.astype(np.float64)) > 1 - 1e-9
-    change = block_means(np.where(usable, levels[earlier + 1] - levels[earlier], 0.0))
-    rows, columns = (np.arange(size) * GRID // size for size in whole.shape)
-    tiles = GRID * rows[:, np.newaxis] + columns
-    return np.array([moments(change, events, whole & (tiles == tile)).sums for tile in range(GRID**2)])
 
 
 def _predicted(kind: Sequence[Moments], noise: float) -> float:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -103,12 +102,23 @@ def seen_frames(window: Window) -> SeenFrames:
     return window.once("seen_frames", lambda: _seen_frames(window))
 
 
+def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return ``signal`` of the frames of a window and the next one."""
+    return window.once("seen_signal", lambda: signal(seen_frames(window), declared))
+
+
 def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return the signal of the declared model (n, h, w), and where it is lit: known to better than half of itself."""
-    lit = np.isfinite(seen.error_dn) & (seen.even_dn > 2 * seen.error_dn)
+    lit = np.empty(seen.even_dn.shape, np.bool_)
+    for frame, known in enumerate(lit):
+        np.greater(seen.even_dn[frame], 2 * seen.error_dn[frame], out=known)
     if declared.model == "linear":
         return seen.even_dn, lit
-    return np.log(np.maximum(seen.even_dn + declared.log_eps_dn, 1e-3)), lit
+    levels = np.empty(seen.even_dn.shape)
+    for frame, level in enumerate(levels):
+        np.add(seen.even_dn[frame], declared.log_eps_dn, out=level)
+        np.log(np.maximum(level, 1e-3, out=level), out=level)
+    return levels, lit
 
 
 def why_frames_and_events_do_not_meet(facts: Facts) -> str:
@@ -157,42 +167,29 @@ def _frames(window: Window) -> list[int]:
 
 
 def _seen_frames(window: Window) -> SeenFrames:
+    """See the frames. Each colour is rounded by at most half a step of its code, so luma is as well."""
     declared = window.facts.declared
-    shape = sensor_shape(declared)
-    seen: list[tuple[int, NDArray[np.float64]]] = []
+    shape, wanted = sensor_shape(declared), _frames(window)
+    rounding_dn = ROUNDING_DN[declared.transfer]
+    sharp_dn, even_dn, error_dn = (np.empty((len(wanted), *shape)) for _ in range(3))
     prints: Footprints | None = None
-    for frame in _frames(window):
+    found: list[int] = []
+    for frame in wanted:
         try:
-            luma = luma_dn(window, frame)
+            luma, lost = luma_dn(window, frame), clipped(window, frame)
         except UnreadableRowsError:
             continue
         if prints is None:
             prints = footprints(
                 declared.cameras["rgb"].K, (luma.shape[0], luma.shape[1]), declared.cameras["events"].K, shape
             )
-        seen.append((frame, _seen(luma, clipped(window, frame), prints, ROUNDING_DN[declared.transfer])))
-    frames = np.array([frame for frame, _ in seen], dtype=np.int64)
+        at = len(found)
+        prints.see(luma, lost, rounding_dn, sharp=sharp_dn[at], even=even_dn[at], error=error_dn[at])
+        found.append(frame)
+    frames, count = np.array(found, dtype=np.int64), len(found)
     times_ns = window.facts.clocks["rgb"].times_ns[frames]
-    images = np.stack([image for _, image in seen], axis=1) if seen else np.empty((3, 0, *shape))
-    counts = np.zeros((max(len(frames) - 1, 0), 2, *shape), np.int32)
-    if len(frames) > 1:
+    counts = np.zeros((max(count - 1, 0), 2, *shape), np.int32)
+    if count > 1:
         events = sensor_events(window)
         count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
-    return SeenFrames(frames, times_ns, images[0], images[1], images[2], counts)
-
-
-def _seen(
-    luma: NDArray[np.float32], lost: NDArray[np.bool_], prints: Footprints, rounding_dn: float
-) -> NDArray[np.float64]:
-    """Return sharp and even luma and the bound of the latter's error, (3, h, w).
-
-    Each colour is rounded by at most half a step of its code, so luma is as well. Within a pixel luma varies by at most
-    what it varies among the pixel and its eight neighbours.
-    """
-    ring = np.ones((3, 3), np.uint8)
-    contrast = cv2.morphologyEx(luma, cv2.MORPH_GRADIENT, ring)
-    error = rounding_dn + prints.split_bound(contrast)
-    if lost.any():
-        error[prints.average(cv2.dilate(lost.astype(np.uint8), ring)) > 0] = np.inf
-    error[~prints.inside] = np.inf
-    return np.stack([prints.sharp_average(luma), prints.average(luma), error])
+    return SeenFrames(frames, times_ns, sharp_dn[:count], even_dn[:count], error_dn[:count], counts)

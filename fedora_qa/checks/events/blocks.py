@@ -1,0 +1,56 @@
+"""How frames and events have changed over blocks of pixels, shared by the checks of orientation and of frames."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.events.tiles import GRID
+from fedora_qa.checks.events.view import all_events, seen_frames, seen_signal, sensor_events, sensor_shape
+from fedora_qa.estimators.event_orientation import (
+    Moments,
+    add_events_beyond,
+    event_blocks,
+    level_blocks,
+    span_moments,
+    step_moments,
+)
+from fedora_qa.sequence.window import Window
+
+
+@dataclass(frozen=True, slots=True)
+class BlockMoments:
+    """Moments of frames (n,) and the events between them.
+
+    Attributes
+    ----------
+    frames
+        (n,) rows.
+    steps
+        (n - 1, t, 8, 6) between successive frames: of each tile of the image, under the eight symmetries.
+    span
+        Between the first frame and the last, of the whole image.
+    """
+
+    frames: NDArray[np.int64]
+    steps: NDArray[np.float64]
+    span: Moments
+
+
+def block_moments(window: Window) -> BlockMoments | None:
+    """Return the moments of a window's frames and the next one; None where there are not two."""
+    return window.once("block_moments", lambda: _block_moments(window))
+
+
+def _block_moments(window: Window) -> BlockMoments | None:
+    seen, declared = seen_frames(window), window.facts.declared.events
+    if declared is None or len(seen) < 2:
+        return None
+    levels = level_blocks(*seen_signal(window, declared))
+    events = event_blocks(seen.counts, declared.threshold_on, declared.threshold_off)
+    stored = all_events(window)
+    if len(stored) > len(sensor_events(window)):
+        shape = sensor_shape(window.facts.declared)
+        columns = stored.x, stored.y, stored.times_ns, stored.p
+        add_events_beyond(events, *columns, seen.times_ns, shape, declared.threshold_on, declared.threshold_off)
+    return BlockMoments(seen.frames, step_moments(levels, events, GRID), span_moments(levels, events))
