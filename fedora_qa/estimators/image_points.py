@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fedora_qa.estimators.event_footprint import Footprints
 
 Float64 = NDArray[np.float64]
-Int32 = NDArray[np.int32]
+Int64 = NDArray[np.int64]
 
 
 def sharp_colours(prints: Footprints, rgb: NDArray[np.uint8], linear_dn: Float64, pixels: NDArray[Any]) -> Float64:
@@ -28,27 +28,32 @@ def sharp_colours(prints: Footprints, rgb: NDArray[np.uint8], linear_dn: Float64
         row * width + column in the event camera.
     """
     rows, columns = prints.rows.sharp, prints.columns.sharp
-    at = np.asarray(pixels, dtype=np.int64)
-    means = np.empty((len(at), 3))
-    _average(rgb, linear_dn, at // columns.shape[0], at % columns.shape[0],
-             rows.indptr, rows.indices, rows.data, columns.indptr, columns.indices, columns.data, means)  # fmt: skip
+    at_rows, at_columns = np.divmod(np.asarray(pixels, dtype=np.int64), len(columns.first))
+    means = np.empty((len(pixels), 3))
+    _average(rgb, linear_dn, at_rows, at_columns, rows.first, rows.weights, columns.first, columns.weights, means)
     return np.maximum(means, 0.0)
 
 
 @njit(cache=True)
 def _average(
-    rgb: NDArray[np.uint8], linear_dn: Float64, at_rows: NDArray[np.int64], at_columns: NDArray[np.int64],
-    row_starts: Int32, row_places: Int32, row_weights: Float64,
-    column_starts: Int32, column_places: Int32, column_weights: Float64, means: Float64,
-) -> None:  # fmt: skip
+    rgb: NDArray[np.uint8],
+    linear_dn: Float64,
+    at_rows: Int64,
+    at_columns: Int64,
+    first_rows: Int64,
+    row_weights: Float64,
+    first_columns: Int64,
+    column_weights: Float64,
+    means: Float64,
+) -> None:
     for i in range(len(at_rows)):
         row, column = at_rows[i], at_columns[i]
         red = green = blue = 0.0
-        for a in range(row_starts[row], row_starts[row + 1]):
-            line = rgb[row_places[a]]
-            for b in range(column_starts[column], column_starts[column + 1]):
-                weight = row_weights[a] * column_weights[b]
-                pixel = line[column_places[b]]
+        for a in range(row_weights.shape[1]):
+            line = rgb[first_rows[row] + a]
+            for b in range(column_weights.shape[1]):
+                weight = row_weights[row, a] * column_weights[column, b]
+                pixel = line[first_columns[column] + b]
                 red += weight * linear_dn[pixel[0]]
                 green += weight * linear_dn[pixel[1]]
                 blue += weight * linear_dn[pixel[2]]
