@@ -67,6 +67,8 @@ def motion_share(before: Float32, after: Float32, flow_px: Float32, box: Box | N
     box
         Left, top, right, bottom of the part that is looked at; None: all.
     """
+    if not before.shape == after.shape == flow_px.shape[:2]:
+        raise ValueError(f"Expected frames on the flow's grid {flow_px.shape[:2]}, got {before.shape}, {after.shape}")
     left, top, right, bottom = box = box or (0, 0, before.shape[1], before.shape[0])
     stride = max(1, isqrt((right - left) * (bottom - top) // _SPEEDS))
     speed_px = most_of_the_flow(flow_px, box, _LARGEST_FLOW_PX, _MOST_OF_THE_FLOW, stride)
