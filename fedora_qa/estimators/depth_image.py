@@ -5,13 +5,14 @@ differences tell how far it may err elsewhere.
 """
 
 from dataclasses import dataclass, replace
+from math import ceil, sqrt
 from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.depth_image_kernels import edges_and_errors
+from fedora_qa.estimators.depth_image_kernels import edges_and_errors, marked_before
 from fedora_qa.estimators.flow_mask import EDGE
 
 Depths = NDArray[np.floating[Any]]
@@ -39,6 +40,9 @@ that the two frames' shares add up to about 3 sigma, where their difference has 
 _WIDENED_PX: Final = 9
 """Edges are widened by 4 px on either side, as ``flow_mask`` widens them."""
 
+_MOST_CELLS: Final = 400_000
+"""Cells in which it is counted where edges are: the pixels themselves of small frames, two by two of large ones."""
+
 
 @dataclass(frozen=True, slots=True)
 class DepthImage:
@@ -53,7 +57,9 @@ class DepthImage:
     near_edge
         (H, W) 1 within 4 px of an edge, of an invalid pixel or of the border, else 0.
     marked_before
-        (H + 1, W + 1) how many pixels above and to the left of each are near an edge.
+        How many cells above and to the left of each hold a pixel that is near an edge, (h + 1, w + 1) cells.
+    cell_px
+        Width and height of a cell.
     nearest_per_m
         Inverse depth of the nearest surface; 0 where nothing is valid.
     """
@@ -62,6 +68,7 @@ class DepthImage:
     error_per_m: Float32
     near_edge: Marks
     marked_before: Counts
+    cell_px: int
     nearest_per_m: float
 
     def moved(self, axis: int, shift_px: int) -> "DepthImage":
@@ -76,7 +83,7 @@ class DepthImage:
             depths_m=depths_m,
             error_per_m=error_per_m,
             near_edge=near_edge,
-            marked_before=_marked_before(near_edge),
+            marked_before=marked_before(near_edge, self.cell_px),
         )
 
 
@@ -90,8 +97,6 @@ def depth_image(depths_m: Depths, relative_step: float = 0.0) -> DepthImage:
     floor = _ROUNDINGS * SINGLE_PRECISION + relative_step / 2
     nearest_per_m = edges_and_errors(depths_m, EDGE, _OF_SECOND_DIFFERENCE, floor, marks, error_per_m)
     near_edge = np.asarray(cv2.dilate(marks, np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8)), dtype=np.uint8)
-    return DepthImage(depths_m, error_per_m, near_edge, _marked_before(near_edge), float(nearest_per_m))
-
-
-def _marked_before(near_edge: Marks) -> Counts:
-    return np.asarray(cv2.integral(near_edge), dtype=np.int32)
+    cell_px = max(1, ceil(sqrt(depths_m.size / _MOST_CELLS)))
+    counts = marked_before(near_edge, cell_px)
+    return DepthImage(depths_m, error_per_m, near_edge, counts, cell_px, float(nearest_per_m))

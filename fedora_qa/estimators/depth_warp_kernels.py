@@ -15,29 +15,29 @@ _OCTANT: Final = np.sqrt(0.5)
 
 
 @njit(cache=True)
-def is_clear(marked_before: NDArray[np.int32], row: int, column: int, radius_px: float) -> bool:
-    """Return whether nothing that is marked lies within a radius of a pixel.
+def is_clear(marked_before: NDArray[np.int32], cell: int, row: int, column: int, radius_px: float) -> bool:
+    """Return whether nothing that is marked lies within a radius of a pixel; a cell that is marked is so as a whole.
 
-    Looked at are two oblong boxes that cover the circle, by counts of what is marked above and to the left
-    (F. C. Crow, Summed-area tables for texture mapping, SIGGRAPH (1984)).
+    Looked at are two oblong boxes that cover the circle. Frames end in marks, and what is beyond is not clear.
     """
-    height, width = marked_before.shape[0] - 1, marked_before.shape[1] - 1
+    height, width = cell * (marked_before.shape[0] - 1), cell * (marked_before.shape[1] - 1)
     if not radius_px < max(height, width):  # so it is, too, where it is NaN
         return False
     long, short = int(radius_px), int(radius_px * _OCTANT)
     if row < long or column < long or row + long >= height or column + long >= width:
         return False
     return not (
-        _marked(marked_before, row - short, row + short, column - long, column + long)
-        or _marked(marked_before, row - long, row + long, column - short, column + short)
+        _marked(marked_before, cell, row, column, short, long)
+        or _marked(marked_before, cell, row, column, long, short)
     )
 
 
 @njit(cache=True)
-def _marked(marked_before: NDArray[np.int32], top: int, bottom: int, left: int, right: int) -> int:
-    """Count what is marked in a box, both ends included."""
-    upto, before = marked_before[bottom + 1], marked_before[top]
-    return upto[right + 1] - upto[left] - before[right + 1] + before[left]
+def _marked(marked_before: NDArray[np.int32], cell: int, row: int, column: int, down: int, across: int) -> int:
+    """Count the marked cells that lie within so many rows and columns of a pixel."""
+    before, upto = marked_before[(row - down) // cell], marked_before[(row + down) // cell + 1]
+    left, right = (column - across) // cell, (column + across) // cell + 1
+    return upto[right] - upto[left] - before[right] + before[left]
 
 
 @njit(cache=True)
@@ -51,7 +51,7 @@ def _ray_length(K: Float64, column: float, row: float) -> float:
 @njit(cache=True)
 def _landed(
     K: Float64, R: Float64, t: Float64, ray: float, column: float, row: float, depth_m: float,
-    marked_before: NDArray[np.int32], nearest_per_m: float,
+    height: int, width: int, marked_before: NDArray[np.int32], cell: int, nearest_per_m: float,
 ) -> tuple[bool, float, float, float, float, float]:  # fmt: skip
     """Return whether a pixel can be compared in the second frame; its column and row there, X1, Y1, Z1.
 
@@ -68,12 +68,11 @@ def _landed(
         return False, 0.0, 0.0, X1, Y1, Z1
     column1 = (K[0, 0] * X1 + K[0, 1] * Y1) / Z1 + K[0, 2]
     row1 = K[1, 1] * Y1 / Z1 + K[1, 2]
-    height, width = marked_before.shape[0] - 1, marked_before.shape[1] - 1
     if not (0.0 <= column1 < width - 1 and 0.0 <= row1 < height - 1):
         return False, 0.0, 0.0, X1, Y1, Z1
     parallax_px = K[0, 0] * np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]) * length
     parallax_px *= max(nearest_per_m - 1.0 / z0, 0.0)
-    seen = is_clear(marked_before, int(np.rint(row1)), int(np.rint(column1)), parallax_px)
+    seen = is_clear(marked_before, cell, int(np.rint(row1)), int(np.rint(column1)), parallax_px)
     return seen, column1, row1, X1, Y1, Z1
 
 
@@ -92,13 +91,13 @@ def _read(depths: Depths, column: float, row: float) -> tuple[float, float, floa
 @njit(cache=True)
 def residuals_of(
     K: Float64, R: Float64, t: Float64, ray: float, columns: Float64, rows: Float64, depths_m: Float64,
-    depths1_m: Depths, marked_before: NDArray[np.int32], nearest_per_m: float,
+    depths1_m: Depths, marked_before: NDArray[np.int32], cell: int, nearest_per_m: float,
 ) -> Float64:  # fmt: skip
     """Return the residuals (n,) of ``carry`` alone."""
     residuals = np.empty(len(columns))
     for i in range(len(columns)):
         seen, column1, row1, _, _, Z1 = _landed(
-            K, R, t, ray, columns[i], rows[i], depths_m[i], marked_before, nearest_per_m
+            K, R, t, ray, columns[i], rows[i], depths_m[i], *depths1_m.shape, marked_before, cell, nearest_per_m
         )
         residuals[i] = np.nan
         if seen:
@@ -111,7 +110,7 @@ def residuals_of(
 def carry(
     K: Float64, R: Float64, t: Float64, ray: float, scale: float, motion_error: Float64, per_slope: float,
     columns: Float64, rows: Float64, depths_m: Float64, relative_errors: Float64, depths1_m: Depths,
-    errors1_per_m: NDArray[np.float32], marked_before: NDArray[np.int32], nearest_per_m: float,
+    errors1_per_m: NDArray[np.float32], marked_before: NDArray[np.int32], cell: int, nearest_per_m: float,
     residuals: Float64, bounds: Float64, by_twist: Float64,
 ) -> int:  # fmt: skip
     """Write residuals (n,), bounds (n,) and derivatives (n, 6) of pixels; NaN, NaN and 0 where they are not seen.
@@ -121,7 +120,7 @@ def carry(
     count = 0
     for i in range(len(columns)):
         seen, column1, row1, X1, Y1, Z1 = _landed(
-            K, R, t, ray, columns[i], rows[i], depths_m[i], marked_before, nearest_per_m
+            K, R, t, ray, columns[i], rows[i], depths_m[i], *depths1_m.shape, marked_before, cell, nearest_per_m
         )
         residuals[i] = bounds[i] = np.nan
         by_twist[i] = 0.0

@@ -32,7 +32,8 @@ def most_of_the_flow(flow_px: Float32, box: Box, largest_px: float, percent: flo
     count = 0
     for row in range(top, bottom, stride):
         for column in range(left, right, stride):
-            length = np.hypot(flow_px[row, column, 0], flow_px[row, column, 1])
+            u, v = np.float64(flow_px[row, column, 0]), np.float64(flow_px[row, column, 1])
+            length = np.sqrt(u * u + v * v)
             if length < largest_px:
                 lengths[count] = length
                 count += 1
@@ -104,23 +105,21 @@ def share_of_flow(
     """
     rows, columns = valid.shape
     predicted, level, change = np.empty(valid.size), np.empty(valid.size), np.empty(valid.size)
+    mean = np.empty((rows, columns))
+    for row in range(rows):
+        for column in range(columns):
+            mean[row, column] = 0.5 * (np.float64(before[row, column]) + np.float64(after[row, column]))
     count = 0
     for row in range(2, rows - 2):
+        here, above, over, under, below = mean[row], mean[row - 1], mean[row - 2], mean[row + 1], mean[row + 2]
         for column in range(2, columns - 2):
-            if not valid[row, column]:
-                continue
-            right = _slope(
-                _mean(before, after, row, column - 2), _mean(before, after, row, column - 1),
-                _mean(before, after, row, column + 1), _mean(before, after, row, column + 2),
-            )  # fmt: skip
-            down = _slope(
-                _mean(before, after, row - 2, column), _mean(before, after, row - 1, column),
-                _mean(before, after, row + 1, column), _mean(before, after, row + 2, column),
-            )  # fmt: skip
-            predicted[count] = -(right * flow_px[row, column, 0] + down * flow_px[row, column, 1])
-            level[count] = _mean(before, after, row, column)
-            change[count] = np.float64(after[row, column]) - np.float64(before[row, column])
-            count += 1
+            if valid[row, column]:
+                right = _slope(here[column - 2], here[column - 1], here[column + 1], here[column + 2])
+                down = _slope(over[column], above[column], under[column], below[column])
+                predicted[count] = -(right * flow_px[row, column, 0] + down * flow_px[row, column, 1])
+                level[count] = here[column]
+                change[count] = np.float64(after[row, column]) - np.float64(before[row, column])
+                count += 1
     if count < fewest:
         return False, 0.0, 0.0, 0.0
     design = np.ones((count, 3))
@@ -135,11 +134,6 @@ def share_of_flow(
     solution = inverse @ (design.T @ change[:count])
     left = change[:count] - design @ solution
     return True, solution[0], inverse[0, 0], np.mean(left * left)
-
-
-@njit(cache=True)
-def _mean(before: Float32, after: Float32, row: int, column: int) -> float:
-    return 0.5 * (np.float64(before[row, column]) + np.float64(after[row, column]))
 
 
 @njit(cache=True)

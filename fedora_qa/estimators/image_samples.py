@@ -92,6 +92,10 @@ def _around(image: Float32, row: int, column: int) -> float:
     """Return the mean of a pixel and its eight neighbours; beyond the border the image is mirrored."""
     height, width = image.shape
     total = 0.0
+    if 0 < row < height - 1 and 0 < column < width - 1:
+        for i in range(row - 1, row + 2):
+            total += image[i, column - 1] + image[i, column] + image[i, column + 1]
+        return total / 9.0
     for i in range(row - 1, row + 2):
         line = image[min(abs(i), 2 * (height - 1) - abs(i)) if height > 1 else 0]
         for k in range(column - 1, column + 2):
