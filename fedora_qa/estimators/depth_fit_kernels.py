@@ -1,4 +1,4 @@
-"""A compiled step of the fit of two depth frames: robust normal equations of a few numbers, from thousands of pixels."""
+"""A compiled step of the fit of two depth frames: robust equations of a few numbers, from thousands of pixels."""
 
 import numpy as np
 from numba import njit

@@ -60,7 +60,7 @@ def edges_and_errors(
         if row > 0:
             _err(widest[(row - 2) % 3], widest[(row - 1) % 3], widest[row % 3], above, of_bend, floor,
                  errors_per_m[row - 1])  # fmt: skip
-    return nearest.max()
+    return float(nearest.max())
 
 
 @njit(cache=True)
@@ -101,7 +101,7 @@ def _widen(bends: Float64, widest: Float64) -> None:
     last = len(bends) - 1
     widest[0], widest[last] = bends[: min(2, last + 1)].max(), bends[max(last - 1, 0) :].max()
     for column in range(1, last):
-        widest[column] = max(max(bends[column - 1], bends[column]), bends[column + 1])
+        widest[column] = max(bends[column - 1], bends[column], bends[column + 1])
 
 
 @njit(cache=True)
@@ -109,7 +109,7 @@ def _err(
     before: Float64, at: Float64, after: Float64, inverse: Float64, of_bend: float, floor: float, errors: Float32
 ) -> None:
     for column in range(len(errors)):
-        largest = max(max(before[column], at[column]), after[column])
+        largest = max(before[column], at[column], after[column])
         errors[column] = of_bend * largest + floor * inverse[column]
 
 

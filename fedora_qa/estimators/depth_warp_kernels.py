@@ -27,8 +27,7 @@ def is_clear(marked_before: NDArray[np.int32], cell: int, row: int, column: int,
     if row < long or column < long or row + long >= height or column + long >= width:
         return False
     return not (
-        _marked(marked_before, cell, row, column, short, long)
-        or _marked(marked_before, cell, row, column, long, short)
+        _marked(marked_before, cell, row, column, short, long) or _marked(marked_before, cell, row, column, long, short)
     )
 
 
@@ -37,7 +36,7 @@ def _marked(marked_before: NDArray[np.int32], cell: int, row: int, column: int, 
     """Count the marked cells that lie within so many rows and columns of a pixel."""
     before, upto = marked_before[(row - down) // cell], marked_before[(row + down) // cell + 1]
     left, right = (column - across) // cell, (column + across) // cell + 1
-    return upto[right] - upto[left] - before[right] + before[left]
+    return int(upto[right] - upto[left] - before[right] + before[left])
 
 
 @njit(cache=True)
@@ -97,7 +96,18 @@ def residuals_of(
     residuals = np.empty(len(columns))
     for i in range(len(columns)):
         seen, column1, row1, _, _, Z1 = _landed(
-            K, R, t, ray, columns[i], rows[i], depths_m[i], *depths1_m.shape, marked_before, cell, nearest_per_m
+            K,
+            R,
+            t,
+            ray,
+            columns[i],
+            rows[i],
+            depths_m[i],
+            depths1_m.shape[0],
+            depths1_m.shape[1],
+            marked_before,
+            cell,
+            nearest_per_m,
         )
         residuals[i] = np.nan
         if seen:
@@ -120,7 +130,18 @@ def carry(
     count = 0
     for i in range(len(columns)):
         seen, column1, row1, X1, Y1, Z1 = _landed(
-            K, R, t, ray, columns[i], rows[i], depths_m[i], *depths1_m.shape, marked_before, cell, nearest_per_m
+            K,
+            R,
+            t,
+            ray,
+            columns[i],
+            rows[i],
+            depths_m[i],
+            depths1_m.shape[0],
+            depths1_m.shape[1],
+            marked_before,
+            cell,
+            nearest_per_m,
         )
         residuals[i] = bounds[i] = np.nan
         by_twist[i] = 0.0

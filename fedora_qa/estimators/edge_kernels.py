@@ -76,12 +76,10 @@ def _differ(
 
 
 @njit(cache=True)
-def _inverse(
-    depth_m: NDArray[Any], row: int, column: int, farthest_m: float, nearer_m: float
-) -> tuple[float, bool]:
+def _inverse(depth_m: NDArray[Any], row: int, column: int, farthest_m: float, nearer_m: float) -> tuple[float, bool]:
     """Return inverse depth, and whether it is known."""
     depth = np.float64(depth_m[row, column])
-    known = (depth > 0.0) & (depth < nearer_m)
+    known = bool((depth > 0.0) & (depth < nearer_m))
     return 1.0 / depth if known else 1.0 / farthest_m, known
 
 

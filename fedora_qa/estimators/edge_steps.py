@@ -52,9 +52,7 @@ def depth_steps(depth_m: NDArray[Any], axis: int, *, farthest_m: float) -> Depth
     if depth.shape[1 - axis] < 4:
         return _nowhere()
     rows, columns = find_steps(depth, axis == 1, farthest_m, SINGLE_PRECISION, LEAST_STEP)
-    first, second = (
-        _inverse(depth[rows + i * axis, columns + i * (1 - axis)], farthest_m) for i in (0, 1)
-    )
+    first, second = (_inverse(depth[rows + i * axis, columns + i * (1 - axis)], farthest_m) for i in (0, 1))
     return DepthSteps(
         columns + 0.5 * (1 - axis), rows + 0.5 * axis, 1.0 / np.maximum(first, second), np.asarray(first > second)
     )
@@ -63,7 +61,7 @@ def depth_steps(depth_m: NDArray[Any], axis: int, *, farthest_m: float) -> Depth
 def _inverse(depth_m: NDArray[Any], farthest_m: float) -> Float64:
     depth = depth_m.astype(np.float64)
     known = (depth > 0) & (depth < farthest_m * (1 - SINGLE_PRECISION))
-    return np.divide(1.0, depth, out=np.full(depth.shape, 1.0 / farthest_m), where=known)
+    return np.asarray(np.divide(1.0, depth, out=np.full(depth.shape, 1.0 / farthest_m), where=known))
 
 
 def _nowhere() -> DepthSteps:

@@ -30,6 +30,6 @@ def cut_off(rgb: UInt8, luma: Float32, saturated: float) -> NDArray[np.bool_]:
     for row in range(height):
         codes, values, into = rgb[row], luma[row], lost[row]
         for column in range(width):
-            code = max(max(codes[column, 0], codes[column, 1]), codes[column, 2])
+            code = max(codes[column, 0], codes[column, 1], codes[column, 2])
             into[column] = (code == most) | (values[column] >= level)
     return lost

@@ -81,7 +81,9 @@ def motion_share(before: Float32, after: Float32, flow_px: Float32, box: Box | N
     if np.count_nonzero(valid) < FEWEST_PIXELS:
         return None
     first, second = (_smooth(reduced(frame, box, step)) for frame in (before, after))
-    found, share, inverse, left_dn2 = share_of_flow(first, second, flow / step, valid, FEWEST_PIXELS, _CONDITION)
+    found, share, inverse, left_dn2 = share_of_flow(
+        first, second, flow / np.float32(step), valid, FEWEST_PIXELS, _CONDITION
+    )
     if not found:
         return None
     # Smoothing lowers the rounding's variance as it lowers the number of pixels.

@@ -133,7 +133,7 @@ def share_of_flow(
     inverse = np.linalg.inv(matrix)
     solution = inverse @ (design.T @ change[:count])
     left = change[:count] - design @ solution
-    return True, solution[0], inverse[0, 0], np.mean(left * left)
+    return True, float(solution[0]), float(inverse[0, 0]), float(np.mean(left * left))
 
 
 @njit(cache=True)

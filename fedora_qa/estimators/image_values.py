@@ -51,7 +51,7 @@ def values_between(values: NDArray[Any], least: float, most: float) -> NDArray[n
     count = _count_between(flat, ends[0], ends[1])
     if not count:  # as a rule: picking them out takes longer than seeing that there are none
         return np.empty(0, np.float32)
-    return flat[(flat >= ends[0]) & (flat <= ends[1])].view(np.float32)
+    return np.asarray(flat[(flat >= ends[0]) & (flat <= ends[1])]).view(np.float32)
 
 
 @njit(cache=True)
@@ -61,7 +61,7 @@ def _count_not_finite(bits: Bits) -> tuple[int, int]:
         u, v = bits[i, 0] & _SIGN, bits[i, 1] & _SIGN
         nan += (u > _INFINITY) | (v > _INFINITY)
         infinite += (u == _INFINITY) | (v == _INFINITY)
-    return nan, infinite
+    return int(nan), int(infinite)
 
 
 @njit(cache=True)
@@ -70,7 +70,7 @@ def _count_outside(bits: Bits, least: np.int32, most: np.int32) -> tuple[int, in
     for i in range(len(bits)):
         nan += (bits[i] & _SIGN) > _INFINITY
         inside += (bits[i] >= least) & (bits[i] <= most)
-    return nan, len(bits) - nan - inside
+    return int(nan), int(len(bits) - nan - inside)
 
 
 @njit(cache=True)
@@ -89,4 +89,4 @@ def _count_between(bits: Bits, least: np.int32, most: np.int32) -> int:
     count = np.int32(0)
     for i in range(len(bits)):
         count += (bits[i] >= least) & (bits[i] <= most)
-    return count
+    return int(count)

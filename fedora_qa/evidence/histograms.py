@@ -101,4 +101,3 @@ def _readable(window: Window, stream: str, read: Callable[[int], Image]) -> Iter
             yield read(row)
         except UnreadableRowsError:
             continue
-

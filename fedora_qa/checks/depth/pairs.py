@@ -118,9 +118,7 @@ def pair_between(window: Window, track: PoseTrack, first: int, second: int) -> D
     return None if known is None else DepthPair(window, track, first, second, start_ns, end_ns, *known)
 
 
-def _motion(
-    facts: Facts, track: PoseTrack, start_ns: int, end_ns: int
-) -> tuple[RigidMotion, Float64, Float64] | None:
+def _motion(facts: Facts, track: PoseTrack, start_ns: int, end_ns: int) -> tuple[RigidMotion, Float64, Float64] | None:
     """Return motion, motion error and noise of a ``DepthPair``; None where no pose covers it."""
     motion = track.motion(start_ns, end_ns)
     if motion is None:

@@ -81,7 +81,7 @@ def tally_flow(key: str, row: int, flow_px: NDArray[np.float32]) -> Tally:
     """Count NaN and infinite pixels of a field, (H, W, 2)."""
     pixels = flow_px.shape[0] * flow_px.shape[1]
     nan, infinite = count_not_finite(flow_px)
-    first = _first(row, np.isinf(flow_px).any(axis=-1)) if infinite else (-1, -1)
+    first = _first(row, np.isinf(flow_px[..., 0]) | np.isinf(flow_px[..., 1])) if infinite else (-1, -1)
     filled = ((row, 1.0 - nan / pixels),)
     return Tally(key, pixels, nan, infinite, first=first, filled=filled)
 
