@@ -4,21 +4,19 @@ Inverse depth is affine in the pixel on every plane, so that reading it bilinear
 differences tell how far it may err elsewhere.
 """
 
-from dataclasses import dataclass, replace
-from math import ceil, sqrt
+from dataclasses import dataclass
 from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.depth_image_kernels import edges_and_errors, marked_before
+from fedora_qa.estimators.depth_image_kernels import edges_and_errors
 from fedora_qa.estimators.flow_mask import EDGE
 
 Depths = NDArray[np.floating[Any]]
 Float32 = NDArray[np.float32]
 Marks = NDArray[np.uint8]
-Counts = NDArray[np.int32]
 
 SINGLE_PRECISION: Final = 2.0**-24
 """Unit roundoff of float32."""
@@ -40,9 +38,6 @@ that the two frames' shares add up to about 3 sigma, where their difference has 
 _WIDENED_PX: Final = 9
 """Edges are widened by 4 px on either side, as ``flow_mask`` widens them."""
 
-_MOST_CELLS: Final = 400_000
-"""Cells in which it is counted where edges are: the pixels themselves of small frames, two by two of large ones."""
-
 
 @dataclass(frozen=True, slots=True)
 class DepthImage:
@@ -56,10 +51,8 @@ class DepthImage:
         (H, W) how far a value of inverse depth read near each pixel may err, 1/m.
     near_edge
         (H, W) 1 within 4 px of an edge, of an invalid pixel or of the border, else 0.
-    marked_before
-        How many cells above and to the left of each hold a pixel that is near an edge, (h + 1, w + 1) cells.
-    cell_px
-        Width and height of a cell.
+    clearance_px
+        (H, W) distance to the nearest pixel that is near an edge; 0 there.
     nearest_per_m
         Inverse depth of the nearest surface; 0 where nothing is valid.
     """
@@ -67,24 +60,18 @@ class DepthImage:
     depths_m: Depths
     error_per_m: Float32
     near_edge: Marks
-    marked_before: Counts
-    cell_px: int
+    clearance_px: Float32
     nearest_per_m: float
 
     def moved(self, axis: int, shift_px: int) -> "DepthImage":
         """Return the image moved by whole pixels to the right (axis 0) or down (1); what comes in is no clear place."""
         along = 1 - axis
-        near_edge = np.roll(self.near_edge, shift_px, along)
         entered = slice(0, shift_px) if shift_px > 0 else slice(shift_px, None)
-        near_edge[(slice(None), entered) if axis == 0 else entered] = 1
+        at = (slice(None), entered) if axis == 0 else (entered,)
+        near_edge, clearance_px = (np.roll(image, shift_px, along) for image in (self.near_edge, self.clearance_px))
+        near_edge[at], clearance_px[at] = 1, 0.0
         depths_m, error_per_m = (np.roll(image, shift_px, along) for image in (self.depths_m, self.error_per_m))
-        return replace(
-            self,
-            depths_m=depths_m,
-            error_per_m=error_per_m,
-            near_edge=near_edge,
-            marked_before=marked_before(near_edge, self.cell_px),
-        )
+        return DepthImage(depths_m, error_per_m, near_edge, clearance_px, self.nearest_per_m)
 
 
 def depth_image(depths_m: Depths, relative_step: float = 0.0) -> DepthImage:
@@ -97,6 +84,6 @@ def depth_image(depths_m: Depths, relative_step: float = 0.0) -> DepthImage:
     floor = _ROUNDINGS * SINGLE_PRECISION + relative_step / 2
     nearest_per_m = edges_and_errors(depths_m, EDGE, _OF_SECOND_DIFFERENCE, floor, marks, error_per_m)
     near_edge = np.asarray(cv2.dilate(marks, np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8)), dtype=np.uint8)
-    cell_px = max(1, ceil(sqrt(depths_m.size / _MOST_CELLS)))
-    counts = marked_before(near_edge, cell_px)
-    return DepthImage(depths_m, error_per_m, near_edge, counts, cell_px, float(nearest_per_m))
+    clear = np.asarray(near_edge == 0).view(np.uint8)
+    clearance_px = np.asarray(cv2.distanceTransform(clear, cv2.DIST_L2, 3), dtype=np.float32)
+    return DepthImage(depths_m, error_per_m, near_edge, clearance_px, float(nearest_per_m))

@@ -111,30 +111,3 @@ def _err(
     for column in range(len(errors)):
         largest = max(before[column], at[column], after[column])
         errors[column] = of_bend * largest + floor * inverse[column]
-
-
-@njit(cache=True)
-def marked_before(marks: Marks, cell: int) -> NDArray[np.int32]:
-    """Return how many cells above and to the left of each hold a mark, (h + 1, w + 1) for marks (H, W).
-
-    A table of sums (F. C. Crow, Summed-area tables for texture mapping, SIGGRAPH (1984)).
-    """
-    height, width = marks.shape
-    rows, columns = (height + cell - 1) // cell, (width + cell - 1) // cell
-    counts = np.zeros((rows + 1, columns + 1), np.int32)
-    of_row = np.empty(width, np.uint8)
-    for row in range(rows):
-        of_row[:] = 0
-        for line in range(row * cell, min((row + 1) * cell, height)):
-            marked = marks[line]
-            for i in range(width):
-                of_row[i] |= marked[i]
-        above, here = counts[row], counts[row + 1]
-        running = np.int32(0)
-        for column in range(columns):
-            held = np.uint8(0)
-            for i in range(column * cell, min((column + 1) * cell, width)):
-                held |= of_row[i]
-            running += held
-            here[column + 1] = above[column + 1] + running
-    return counts

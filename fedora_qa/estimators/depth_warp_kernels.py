@@ -1,6 +1,6 @@
 """Compiled loops that carry pixels of one depth frame into another."""
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -10,33 +10,6 @@ from fedora_qa.estimators.depth_image_kernels import inverse_at
 
 Depths = NDArray[np.floating[Any]]
 Float64 = NDArray[np.float64]
-
-_OCTANT: Final = np.sqrt(0.5)
-
-
-@njit(cache=True)
-def is_clear(marked_before: NDArray[np.int32], cell: int, row: int, column: int, radius_px: float) -> bool:
-    """Return whether nothing that is marked lies within a radius of a pixel; a cell that is marked is so as a whole.
-
-    Looked at are two oblong boxes that cover the circle. Frames end in marks, and what is beyond is not clear.
-    """
-    height, width = cell * (marked_before.shape[0] - 1), cell * (marked_before.shape[1] - 1)
-    if not radius_px < max(height, width):  # so it is, too, where it is NaN
-        return False
-    long, short = int(radius_px), int(radius_px * _OCTANT)
-    if row < long or column < long or row + long >= height or column + long >= width:
-        return False
-    return not (
-        _marked(marked_before, cell, row, column, short, long) or _marked(marked_before, cell, row, column, long, short)
-    )
-
-
-@njit(cache=True)
-def _marked(marked_before: NDArray[np.int32], cell: int, row: int, column: int, down: int, across: int) -> int:
-    """Count the marked cells that lie within so many rows and columns of a pixel."""
-    before, upto = marked_before[(row - down) // cell], marked_before[(row + down) // cell + 1]
-    left, right = (column - across) // cell, (column + across) // cell + 1
-    return int(upto[right] - upto[left] - before[right] + before[left])
 
 
 @njit(cache=True)
@@ -50,7 +23,7 @@ def _ray_length(K: Float64, column: float, row: float) -> float:
 @njit(cache=True)
 def _landed(
     K: Float64, R: Float64, t: Float64, ray: float, column: float, row: float, depth_m: float,
-    height: int, width: int, marked_before: NDArray[np.int32], cell: int, nearest_per_m: float,
+    clearance_px: NDArray[np.float32], nearest_per_m: float,
 ) -> tuple[bool, float, float, float, float, float]:  # fmt: skip
     """Return whether a pixel can be compared in the second frame; its column and row there, X1, Y1, Z1.
 
@@ -67,11 +40,12 @@ def _landed(
         return False, 0.0, 0.0, X1, Y1, Z1
     column1 = (K[0, 0] * X1 + K[0, 1] * Y1) / Z1 + K[0, 2]
     row1 = K[1, 1] * Y1 / Z1 + K[1, 2]
+    height, width = clearance_px.shape
     if not (0.0 <= column1 < width - 1 and 0.0 <= row1 < height - 1):
         return False, 0.0, 0.0, X1, Y1, Z1
     parallax_px = K[0, 0] * np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]) * length
     parallax_px *= max(nearest_per_m - 1.0 / z0, 0.0)
-    seen = is_clear(marked_before, cell, int(np.rint(row1)), int(np.rint(column1)), parallax_px)
+    seen = bool(clearance_px[int(np.rint(row1)), int(np.rint(column1))] > parallax_px)
     return seen, column1, row1, X1, Y1, Z1
 
 
@@ -90,7 +64,7 @@ def _read(depths: Depths, column: float, row: float) -> tuple[float, float, floa
 @njit(cache=True)
 def residuals_of(
     K: Float64, R: Float64, t: Float64, ray: float, columns: Float64, rows: Float64, depths_m: Float64,
-    depths1_m: Depths, marked_before: NDArray[np.int32], cell: int, nearest_per_m: float,
+    depths1_m: Depths, clearance_px: NDArray[np.float32], nearest_per_m: float,
 ) -> Float64:  # fmt: skip
     """Return the residuals (n,) of ``carry`` alone."""
     residuals = np.empty(len(columns))
@@ -103,10 +77,7 @@ def residuals_of(
             columns[i],
             rows[i],
             depths_m[i],
-            depths1_m.shape[0],
-            depths1_m.shape[1],
-            marked_before,
-            cell,
+            clearance_px,
             nearest_per_m,
         )
         residuals[i] = np.nan
@@ -120,7 +91,7 @@ def residuals_of(
 def carry(
     K: Float64, R: Float64, t: Float64, ray: float, scale: float, motion_error: Float64, per_slope: float,
     columns: Float64, rows: Float64, depths_m: Float64, relative_errors: Float64, depths1_m: Depths,
-    errors1_per_m: NDArray[np.float32], marked_before: NDArray[np.int32], cell: int, nearest_per_m: float,
+    errors1_per_m: NDArray[np.float32], clearance_px: NDArray[np.float32], nearest_per_m: float,
     residuals: Float64, bounds: Float64, by_twist: Float64,
 ) -> int:  # fmt: skip
     """Write residuals (n,), bounds (n,) and derivatives (n, 6) of pixels; NaN, NaN and 0 where they are not seen.
@@ -137,10 +108,7 @@ def carry(
             columns[i],
             rows[i],
             depths_m[i],
-            depths1_m.shape[0],
-            depths1_m.shape[1],
-            marked_before,
-            cell,
+            clearance_px,
             nearest_per_m,
         )
         residuals[i] = bounds[i] = np.nan

@@ -1,13 +1,10 @@
-"""Depth frames made ready to be read: edges as everywhere, and circles that are clear of them."""
+"""Depth frames made ready to be read: edges as everywhere, and how far values may err."""
 
 import numpy as np
 import pytest
-from scipy.ndimage import distance_transform_edt
 
 from fedora_qa.estimators.depth_fit_kernels import medians_by_group
 from fedora_qa.estimators.depth_image import depth_image
-from fedora_qa.estimators.depth_image_kernels import marked_before
-from fedora_qa.estimators.depth_warp_kernels import is_clear
 from fedora_qa.estimators.flow_mask import edges, inverse_depth
 
 HEIGHT, WIDTH = 61, 83
@@ -44,32 +41,6 @@ def test_errors_are_shares_of_the_largest_bend_around(seed: int) -> None:
     image = depth_image(depth_m, relative_step=1e-3)
     np.testing.assert_allclose(image.error_per_m, 0.25 * around + (8 * 2.0**-24 + 5e-4) * inverse, rtol=1e-6)
     assert image.nearest_per_m == pytest.approx(inverse.max())
-
-
-@pytest.mark.parametrize("cell", [1, 2, 3])
-def test_a_clear_circle_holds_no_mark(cell: int) -> None:
-    """What is called clear is so by exact distances; what is not has a mark within the circle's corners and cells."""
-    rng = np.random.default_rng(cell)
-    marks = (rng.random((HEIGHT, WIDTH)) < 0.002).astype(np.uint8)
-    marks[0], marks[-1], marks[:, 0], marks[:, -1] = 1, 1, 1, 1
-    distances_px, counts = distance_transform_edt(marks == 0), marked_before(marks, cell)
-    cleared = 0
-    for row, column, radius_px in zip(
-        rng.integers(0, HEIGHT, 2000), rng.integers(0, WIDTH, 2000), rng.uniform(0, 20, 2000), strict=True
-    ):
-        clear = is_clear(counts, cell, int(row), int(column), float(radius_px))
-        cleared += clear
-        if clear:
-            assert distances_px[row, column] > radius_px
-        else:
-            assert distances_px[row, column] <= 1.23 * radius_px + 1.5 * (cell - 1) + 1e-9
-    assert cleared > 200
-
-
-@pytest.mark.parametrize("radius_px", [np.nan, np.inf, 1e9])
-def test_a_circle_without_bounds_is_not_clear(radius_px: float) -> None:
-    """Motions without bounds hide everything."""
-    assert not is_clear(marked_before(np.zeros((9, 9), np.uint8), 1), 1, 4, 4, radius_px)
 
 
 def test_medians_by_group() -> None:

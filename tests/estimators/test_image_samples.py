@@ -106,7 +106,8 @@ def test_counts_of_odd_values() -> None:
     nan, infinite = count_not_finite(np.stack((u, v), axis=-1))
     assert nan == np.count_nonzero(np.isnan(u) | np.isnan(v))
     assert infinite == np.count_nonzero(np.isinf(u) | np.isinf(v))
-    assert count_outside(ODD, 1.0, 30.0) == (1, np.count_nonzero(~((ODD >= 1) & (ODD <= 30)) & ~np.isnan(ODD)))
+    outside = int(np.count_nonzero(~((ODD >= 1) & (ODD <= 30)) & ~np.isnan(ODD)))
+    assert count_outside(ODD, 1.0, 30.0) == (1, outside)
     assert positive_extremes(ODD) == (float(np.float32(1e-40)), 30.0)
     assert positive_extremes(np.array([0.0, -2.0, np.nan, np.inf], np.float32)) is None
     assert values_between(ODD, 2.0, 30.0).tolist() == [2.5, 30.0]
