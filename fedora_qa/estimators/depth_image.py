@@ -68,7 +68,8 @@ class DepthImage:
         along = 1 - axis
         entered = slice(0, shift_px) if shift_px > 0 else slice(shift_px, None)
         at = (slice(None), entered) if axis == 0 else (entered,)
-        near_edge, clearance_px = (np.roll(image, shift_px, along) for image in (self.near_edge, self.clearance_px))
+        near_edge = np.roll(self.near_edge, shift_px, along)
+        clearance_px = np.roll(self.clearance_px, shift_px, along)
         near_edge[at], clearance_px[at] = 1, 0.0
         depths_m, error_per_m = (np.roll(image, shift_px, along) for image in (self.depths_m, self.error_per_m))
         return DepthImage(depths_m, error_per_m, near_edge, clearance_px, self.nearest_per_m)
