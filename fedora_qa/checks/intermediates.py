@@ -1,11 +1,12 @@
 """What several checks want of a window, computed once and only when asked for."""
 
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
+from fedora_qa.estimators.image_luma import cut_off, luma_of
 from fedora_qa.sequence.window import Window
 
 SATURATED_DN: Final = 250.0
@@ -25,18 +26,12 @@ def clipped(window: Window, frame: int) -> NDArray[np.bool_]:
 
     One channel is enough: a leaf in bright light has a clipped green and a luma of little more than a half.
     """
-    return window.of_image("clipped", frame, lambda: _clipped(window.rgb(frame), luma_dn(window, frame)))
-
-
-def _clipped(rgb: NDArray[np.uint8], luma: NDArray[np.float32]) -> NDArray[np.bool_]:
-    channels = (rgb[..., i] == np.iinfo(np.uint8).max for i in range(3))
-    return np.asarray(np.logical_or.reduce([luma >= SATURATED_DN, *channels]))
+    return window.of_image("clipped", frame, lambda: cut_off(window.rgb(frame), luma_dn(window, frame), SATURATED_DN))
 
 
 def _luma_of(rgb: NDArray[np.uint8], transfer: str) -> NDArray[np.float32]:
-    table = _linear_dn_table(transfer)
-    weights = np.asarray(LUMA_WEIGHTS_RGB, dtype=np.float32)
-    return cast(NDArray[np.float32], table[rgb] @ weights)
+    of_codes = np.outer(LUMA_WEIGHTS_RGB, _linear_dn_table(transfer)).astype(np.float32)
+    return luma_of(rgb, of_codes)
 
 
 def _linear_dn_table(transfer: str) -> NDArray[np.float32]:

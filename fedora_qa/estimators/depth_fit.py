@@ -13,8 +13,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.depth_fit_kernels import known_rows, weighted_step
 from fedora_qa.estimators.depth_image import DepthImage
-from fedora_qa.estimators.depth_warp import DepthModel, Lattice, Warped, warp
+from fedora_qa.estimators.depth_warp import DepthModel, Lattice, Warped, residuals_after, warp
+from fedora_qa.geometry import so3
+from fedora_qa.geometry.camera import RigidMotion
 
 Float64 = NDArray[np.float64]
 
@@ -89,11 +92,8 @@ def fit_depth(
     """
     value, z, convex = start, np.zeros(noise.shape[1]), True
     for _ in range(_ITERATIONS):
-        warped = _warped(family, value, noise @ z, lattice, image1)
-        if warped is None:
-            return None
-        by_value = _by_value(family, value, step, noise @ z, lattice, image1)
-        solved = _solve(warped, by_value, noise, z, convex=convex)
+        linear = _linearised(family, value, step, noise @ z, lattice, image1)
+        solved = None if linear is None else _solve(*linear, noise, z, convex=convex)
         if solved is None:
             return None
         change, errors, _ = solved
@@ -107,43 +107,59 @@ def fit_depth(
 def _concluded(
     family: Family, value: float, step: float | None, z: Float64, noise: Float64, lattice: Lattice, image1: DepthImage
 ) -> DepthFit | None:
-    warped = _warped(family, value, noise @ z, lattice, image1)
-    if warped is None:
+    linear = _linearised(family, value, step, noise @ z, lattice, image1)
+    solved = None if linear is None else _solve(*linear, noise, z)
+    if linear is None or solved is None:
         return None
-    solved = _solve(warped, _by_value(family, value, step, noise @ z, lattice, image1), noise, z)
-    if solved is None:
-        return None
-    _, errors, bound = solved
+    warped, (_, errors, bound) = linear[0], solved
     return DepthFit(
         value=value,
         standard_error=float(errors[0]) if step is not None else np.inf,
         bound=bound if step is not None else 0.0,
         twist=noise @ z,
         warped=warped,
-        typical=float(np.nanmedian(np.abs(warped.residuals))),
+        typical=float(np.median(np.abs(warped.residuals[np.isfinite(warped.residuals)]))),
         noise_square=float(z @ z),
         noise_dof=float(np.sum(1.0 - errors[1:] ** 2)),
     )
 
 
-def _warped(family: Family, value: float, twist: Float64, lattice: Lattice, image1: DepthImage) -> Warped | None:
-    model = family(value)
-    if model is None or not model.conceivable or not np.all(np.isfinite(twist)):
-        return None
-    warped = warp(replace(model, motion=model.motion.corrected(twist)), lattice, image1)
-    return warped if np.count_nonzero(np.isfinite(warped.residuals)) >= FEWEST_PIXELS else None
-
-
-def _by_value(
+def _linearised(
     family: Family, value: float, step: float | None, twist: Float64, lattice: Lattice, image1: DepthImage
-) -> Float64:
-    """Return the residual's derivative by the parameter (n,); zero where nothing is to be fitted."""
+) -> tuple[Warped, Float64] | None:
+    """Return the warped lattice, and the residual's derivative by the parameter (n,): 0 where none is to be fitted."""
+    if not np.all(np.isfinite(twist)):
+        return None
+    correct = _correction(twist)
+    model = family(value)
+    if model is None or not model.conceivable:
+        return None
+    warped = warp(correct(model), lattice, image1)
+    if warped.seen < FEWEST_PIXELS:
+        return None
     if step is None:
-        return np.zeros(len(lattice.columns))
-    ahead, behind = (_warped(family, value + side * step, twist, lattice, image1) for side in (1, -1))
+        return warped, np.zeros(len(lattice.columns))
+    sides = [family(value + side * step) for side in (1, -1)]
+    ahead, behind = (
+        residuals_after(correct(side), lattice, image1) if side is not None and side.conceivable else None
+        for side in sides
+    )
     if ahead is None or behind is None:
-        return np.full(len(lattice.columns), np.nan)
-    return np.asarray((ahead.residuals - behind.residuals) / (2 * step))
+        return None
+    return warped, (ahead - behind) / (2 * step)
+
+
+def _correction(twist: Float64) -> Callable[[DepthModel], DepthModel]:
+    """Return how a model is corrected by a twist (6,): ``RigidMotion.corrected``, its rotation reckoned once."""
+    if not twist.any():
+        return lambda model: model
+    dR, shift_m = so3.exp(twist[:3]), twist[3:]
+
+    def corrected(model: DepthModel) -> DepthModel:
+        motion = RigidMotion(dR @ model.motion.R, dR @ model.motion.t_m + shift_m)
+        return replace(model, motion=motion)
+
+    return corrected
 
 
 def _solve(
@@ -154,23 +170,11 @@ def _solve(
     Residuals far beyond the typical one weigh less (Cauchy's weights), so that single places do not lead. Far from the
     solution these may hold on to a part of the image; Huber's (``convex``) have one minimum only.
     """
-    known = np.isfinite(warped.residuals) & np.isfinite(by_value)
-    if np.count_nonzero(known) < FEWEST_PIXELS:
+    residuals, bounds, columns = known_rows(warped.residuals, warped.bounds, by_value, warped.by_twist, noise)
+    if len(residuals) < FEWEST_PIXELS:
         return None
-    residuals, bounds = warped.residuals[known], warped.bounds[known]
-    sigmas = np.maximum(bounds, _TO_SIGMA * float(np.median(np.abs(residuals))))
-    sizes = np.abs(residuals)
-    weights = 1.0 / (sigmas * np.maximum(sigmas, sizes) if convex else sigmas**2 + sizes**2)
-    columns = np.column_stack((by_value[known], warped.by_twist[known] @ noise))
     held = np.ones(columns.shape[1])
     held[0] = 0.0 if np.any(columns[:, 0]) else 1.0
-    matrix = (columns * weights[:, None]).T @ columns + np.diag(held)
-    scale = np.sqrt(np.diag(matrix))
-    if not np.all(np.isfinite(matrix)) or np.any(scale <= 0):
-        return None
-    inverse = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
-    gradient = (columns * weights[:, None]).T @ residuals
-    gradient[1:] += z
-    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
-    row = (columns @ inverse[0]) * weights
-    return -inverse @ gradient, errors, float(np.sum(np.abs(row) * bounds))
+    pull = np.concatenate(([0.0], z))
+    found, change, errors, bound = weighted_step(residuals, bounds, columns, held, pull, _TO_SIGMA, convex)
+    return (change, errors, bound) if found else None

@@ -5,16 +5,18 @@ differences tell how far it may err elsewhere.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow_mask import edges
+from fedora_qa.estimators.depth_image_kernels import edges_and_errors
+from fedora_qa.estimators.flow_mask import EDGE
 
+Depths = NDArray[np.floating[Any]]
 Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
+Marks = NDArray[np.uint8]
 
 SINGLE_PRECISION: Final = 2.0**-24
 """Unit roundoff of float32."""
@@ -33,6 +35,9 @@ White noise of sigma has second differences of 2.4 sigma along each axis and nea
 that the two frames' shares add up to about 3 sigma, where their difference has at most 1.4.
 """
 
+_WIDENED_PX: Final = 9
+"""Edges are widened by 4 px on either side, as ``flow_mask`` widens them."""
+
 
 @dataclass(frozen=True, slots=True)
 class DepthImage:
@@ -40,55 +45,46 @@ class DepthImage:
 
     Attributes
     ----------
-    inverse_per_m
-        (H, W) inverse z-depth, 1/m; 0 where invalid.
+    depths_m
+        (H, W) z-depth, m; not positive, infinite or NaN where invalid.
     error_per_m
-        (H, W) how far a value read near each pixel may err, 1/m.
+        (H, W) how far a value of inverse depth read near each pixel may err, 1/m.
+    near_edge
+        (H, W) 1 within 4 px of an edge, of an invalid pixel or of the border, else 0.
     clearance_px
-        (H, W) distance to the nearest pixel that is an edge, invalid, or within the border; 0 there.
+        (H, W) distance to the nearest pixel that is near an edge; 0 there.
+    nearest_per_m
+        Inverse depth of the nearest surface; 0 where nothing is valid.
     """
 
-    inverse_per_m: Float64
+    depths_m: Depths
     error_per_m: Float32
+    near_edge: Marks
     clearance_px: Float32
-
-    @property
-    def nearest_per_m(self) -> float:
-        """Inverse depth of the nearest surface; 0 where nothing is valid."""
-        return float(self.inverse_per_m.max(initial=0.0))
+    nearest_per_m: float
 
     def moved(self, axis: int, shift_px: int) -> "DepthImage":
         """Return the image moved by whole pixels to the right (axis 0) or down (1); what comes in is no clear place."""
         along = 1 - axis
-        inverse_per_m = np.roll(self.inverse_per_m, shift_px, along)
-        error_per_m = np.roll(self.error_per_m, shift_px, along)
-        clearance_px = np.roll(self.clearance_px, shift_px, along)
         entered = slice(0, shift_px) if shift_px > 0 else slice(shift_px, None)
-        clearance_px[(slice(None), entered) if axis == 0 else entered] = 0.0
-        return DepthImage(inverse_per_m, error_per_m, clearance_px)
+        at = (slice(None), entered) if axis == 0 else (entered,)
+        near_edge = np.roll(self.near_edge, shift_px, along)
+        clearance_px = np.roll(self.clearance_px, shift_px, along)
+        near_edge[at], clearance_px[at] = 1, 0.0
+        depths_m, error_per_m = (np.roll(image, shift_px, along) for image in (self.depths_m, self.error_per_m))
+        return DepthImage(depths_m, error_per_m, near_edge, clearance_px, self.nearest_per_m)
 
 
-def depth_image(depths_m: NDArray[np.floating], relative_step: float = 0.0) -> DepthImage:
+def depth_image(depths_m: Depths, relative_step: float = 0.0) -> DepthImage:
     """Prepare depths (H, W) in metres, NaN or not positive where invalid.
 
     ``relative_step`` is the largest step of quantised depths as a share of the depth: values err by half of it.
     """
-    depths = depths_m.astype(np.float64)
-    inverse = np.divide(1.0, depths, out=np.zeros_like(depths), where=np.isfinite(depths) & (depths > 0))
-    single = inverse.astype(np.float32)
-    bends = np.asarray(cv2.dilate(_bends(inverse), np.ones((3, 3), np.uint8)), dtype=np.float32)
-    floor = np.float32(_ROUNDINGS * SINGLE_PRECISION + relative_step / 2)
-    clear = (edges(single) == 0).astype(np.uint8)
-    return DepthImage(
-        inverse_per_m=inverse,
-        error_per_m=np.float32(_OF_SECOND_DIFFERENCE) * bends + floor * single,
-        clearance_px=np.asarray(cv2.distanceTransform(clear, cv2.DIST_L2, 3), dtype=np.float32),
-    )
-
-
-def _bends(inverse: Float64) -> Float32:
-    """Return the absolute second differences along both axes together, (H, W); 0 on the border."""
-    bends = np.zeros_like(inverse)
-    bends[:, 1:-1] += np.abs(inverse[:, 2:] - 2 * inverse[:, 1:-1] + inverse[:, :-2])
-    bends[1:-1] += np.abs(inverse[2:] - 2 * inverse[1:-1] + inverse[:-2])
-    return bends.astype(np.float32)
+    depths_m = np.ascontiguousarray(depths_m)
+    marks, error_per_m = np.empty(depths_m.shape, np.uint8), np.empty(depths_m.shape, np.float32)
+    floor = _ROUNDINGS * SINGLE_PRECISION + relative_step / 2
+    nearest_per_m = edges_and_errors(depths_m, EDGE, _OF_SECOND_DIFFERENCE, floor, marks, error_per_m)
+    near_edge = np.asarray(cv2.dilate(marks, np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8)), dtype=np.uint8)
+    clear = np.asarray(near_edge == 0).view(np.uint8)
+    clearance_px = np.asarray(cv2.distanceTransform(clear, cv2.DIST_L2, 3), dtype=np.float32)
+    return DepthImage(depths_m, error_per_m, near_edge, clearance_px, float(nearest_per_m))

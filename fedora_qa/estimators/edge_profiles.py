@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.edge_kernels import add_profiles
 from fedora_qa.estimators.edge_steps import DepthSteps
 
 Float64 = NDArray[np.float64]
@@ -57,17 +58,27 @@ def tile_profiles(
     at
         Columns and rows (n,) of the steps in that image, px.
     """
-    image, along, across = (strength, *at) if axis == 0 else (strength.T, at[1], at[0])
-    length, lines = image.shape[1], image.shape[0]
+    return _tile_profiles(strength, steps, axis, at, first_px, differences=False)
+
+
+def difference_profiles(picture: NDArray[Any], steps: DepthSteps, axis: int, at: tuple[Float64, Float64]) -> Float64:
+    """Return ``tile_profiles`` of the absolute differences of a picture's (h, w) neighbours along the axis."""
+    return _tile_profiles(picture, steps, axis, at, 0.5, differences=True)
+
+
+def _tile_profiles(
+    picture: NDArray[Any], steps: DepthSteps, axis: int, at: tuple[Float64, Float64], first_px: float, *,
+    differences: bool,
+) -> Float64:  # fmt: skip
+    image, along, across = (picture, *at) if axis == 0 else (picture.T, at[1], at[0])
+    length, lines = image.shape[1] - differences, image.shape[0]
     starts = along - first_px - RADIUS_PX
     inside = (starts >= 0) & (starts + 2 * RADIUS_PX <= length - 1) & (across >= 0) & (across <= lines - 1)
-    sums = np.zeros((2, TILES * TILES, 2 * RADIUS_PX + 1))
-    profiles = _read(image, starts[inside], across[inside])
-    totals = profiles.sum(axis=1, keepdims=True)
-    profiles = np.divide(profiles, totals, out=np.zeros_like(profiles), where=totals > 0)
     tiles = _tile(along[inside], length) + TILES * _tile(across[inside], lines)
-    np.add.at(sums, (steps.near_first[inside].astype(int), tiles), profiles)
-    return sums
+    groups = steps.near_first[inside] * (TILES * TILES) + tiles
+    sums = np.zeros((2 * TILES * TILES, 2 * RADIUS_PX + 1))
+    add_profiles(image, differences, starts[inside], across[inside], groups, sums)
+    return sums.reshape(2, TILES * TILES, -1)
 
 
 def find_place(profile: Float64) -> int:
@@ -87,18 +98,6 @@ def peak_near(profile: Float64, middle: int, reach: int = REACH) -> EdgePeak:
     strength = float(beyond.sum())
     centroid = float(offsets @ beyond) / strength if strength > 0 else 0.0
     return EdgePeak(middle - RADIUS_PX + float(np.clip(centroid, -reach, reach)), strength / float(profile.sum()))
-
-
-def _read(image: NDArray[Any], starts: Float64, lines: Float64) -> Float64:
-    """Return 2 R + 1 successive values (n, 2 R + 1) along lines of an image, linearly between pixels."""
-    first, line = np.floor(starts).astype(np.int64), np.floor(lines).astype(np.int64)
-    part_along, part_across = (starts - first)[:, np.newaxis], (lines - line)[:, np.newaxis]
-    places = np.minimum(first[:, np.newaxis] + np.arange(2 * RADIUS_PX + 2), image.shape[1] - 1)
-    above = image[line[:, np.newaxis], places].astype(np.float64)
-    below = image[np.minimum(line + 1, image.shape[0] - 1)[:, np.newaxis], places]
-    rows = above + part_across * (below - above)
-    values: Float64 = rows[:, :-1] + part_along * np.diff(rows, axis=1)
-    return values
 
 
 def _tile(places: Float64, size: int) -> NDArray[np.int64]:

@@ -6,17 +6,17 @@ for large flows too. One number a pair of frames: flow of any shape will do, exp
 """
 
 from dataclasses import dataclass
-from math import ceil, pi
+from math import ceil, isqrt, pi, sqrt
 from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.image_motion_kernels import Box, most_of_the_flow, reduced, reduced_flow, share_of_flow
 from fedora_qa.estimators.residual_flow import LUMA_ROUNDING_VARIANCE_DN2
 
 Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 
 FEWEST_PIXELS: Final = 64
 """Reduced pixels below which nothing is said."""
@@ -30,6 +30,12 @@ LARGEST_PX: Final = 1.5
 
 _MOST_OF_THE_FLOW: Final = 90.0
 _LARGEST_FLOW_PX: Final = 1e4
+
+_SPEEDS: Final = 20_000
+"""About so many pixels tell how long most of the flow is: as many as a lattice of every eighth has in a large frame."""
+
+_CONDITION: Final = 1e10
+"""Of the normal matrix: beyond, brightness and motion cannot be told apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +55,7 @@ class MotionShare:
     rounding_error: float
 
 
-def motion_share(before: Float32, after: Float32, flow_px: Float32) -> MotionShare | None:
+def motion_share(before: Float32, after: Float32, flow_px: Float32, box: Box | None = None) -> MotionShare | None:
     """Return how far ``after`` lies from ``before`` along the flow; None where too little of the flow is valid.
 
     Parameters
@@ -58,66 +64,33 @@ def motion_share(before: Float32, after: Float32, flow_px: Float32) -> MotionSha
         (H, W) frames, DN.
     flow_px
         (H, W, 2) from the first frame on, NaN where invalid.
+    box
+        Left, top, right, bottom of the part that is looked at; None: all.
     """
-    with np.errstate(invalid="ignore", over="ignore"):
-        speeds_px = np.hypot(flow_px[..., 0], flow_px[..., 1])
-        valid = np.asarray(speeds_px < _LARGEST_FLOW_PX)
+    if not before.shape == after.shape == flow_px.shape[:2]:
+        raise ValueError(f"Expected frames on the flow's grid {flow_px.shape[:2]}, got {before.shape}, {after.shape}")
+    left, top, right, bottom = box = box or (0, 0, before.shape[1], before.shape[0])
+    stride = max(1, isqrt((right - left) * (bottom - top) // _SPEEDS))
+    speed_px = most_of_the_flow(flow_px, box, _LARGEST_FLOW_PX, _MOST_OF_THE_FLOW, stride)
+    if not speed_px < _LARGEST_FLOW_PX:
+        return None
+    step = max(1, ceil(speed_px / LARGEST_PX))
+    if min(right - left, bottom - top) < step:
+        return None
+    flow, valid = reduced_flow(flow_px, box, step, _LARGEST_FLOW_PX)
     if np.count_nonzero(valid) < FEWEST_PIXELS:
         return None
-    speed_px = np.percentile(speeds_px[valid], _MOST_OF_THE_FLOW)
-    step = max(1, ceil(speed_px / LARGEST_PX))
-    if min(valid.shape) < step:
-        return None
-    whole = _without_rim(_reduced(valid.astype(np.float32), step) > 1 - 1e-3)
-    if np.count_nonzero(whole) < FEWEST_PIXELS:
-        return None
-    flow = _reduced(np.asarray(np.where(valid[..., None], flow_px, 0), dtype=np.float32), step)[whole] / step
-    first, second = (_smooth(_reduced(frame, step)) for frame in (before, after))
-    mean: Float64 = 0.5 * (first + second)
-    right, down = _slope(mean, axis=1), _slope(mean, axis=0)
-    predicted = -(right[whole] * flow[:, 0] + down[whole] * flow[:, 1])
-    level = mean[whole] - mean[whole].mean()
-    design = np.column_stack([predicted, np.ones_like(level), level])
-    return _fit(design, (second - first)[whole], 2 * LUMA_ROUNDING_VARIANCE_DN2 / step**2)
-
-
-def _fit(design: Float64, change: Float64, rounding_variance_dn2: float) -> MotionShare | None:
-    """Return the first coefficient; smoothing lowers the rounding's variance as it lowers the number of pixels."""
-    matrix = design.T @ design
-    if np.linalg.cond(matrix / np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)) + 1e-300)) > 1e10:
-        return None
-    inverse = np.linalg.inv(matrix)
-    solution = inverse @ (design.T @ change)
-    left = float(np.mean((change - design @ solution) ** 2))
-    errors = np.sqrt(
-        inverse[0, 0] * np.array([max(CORRELATED_PIXELS * left, rounding_variance_dn2), rounding_variance_dn2])
+    first, second = (_smooth(reduced(frame, box, step)) for frame in (before, after))
+    found, share, inverse, left_dn2 = share_of_flow(
+        first, second, flow / np.float32(step), valid, FEWEST_PIXELS, _CONDITION
     )
-    return MotionShare(float(solution[0]), float(errors[0]), float(errors[1]))
+    if not found:
+        return None
+    # Smoothing lowers the rounding's variance as it lowers the number of pixels.
+    rounding_dn2 = 2 * LUMA_ROUNDING_VARIANCE_DN2 / step**2
+    standard_error = sqrt(inverse * max(CORRELATED_PIXELS * left_dn2, rounding_dn2))
+    return MotionShare(share, standard_error, sqrt(inverse * rounding_dn2))
 
 
-def _without_rim(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the mask without the rim whose slopes would reach beyond the image."""
-    inner = np.zeros_like(mask)
-    inner[2:-2, 2:-2] = mask[2:-2, 2:-2]
-    return inner
-
-
-def _slope(image: Float64, axis: int) -> Float64:
-    """Return the derivative: five taps, exact for quartics, 3% small at 1 rad/px."""
-    ahead, behind = (np.roll(image, -by, axis) for by in (1, 2)), (np.roll(image, by, axis) for by in (1, 2))
-    (one, two), (back_one, back_two) = ahead, behind
-    slope: Float64 = (8 * (one - back_one) - (two - back_two)) / 12
-    return slope
-
-
-def _smooth(image: Float32) -> Float64:
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), SMOOTHING_PX), dtype=np.float64)
-
-
-def _reduced(image: Float32, step: int) -> Float32:
-    """Return the means of ``step`` x ``step`` pixels."""
-    if step == 1:
-        return image
-    rows, columns = image.shape[0] // step, image.shape[1] // step
-    cut = np.ascontiguousarray(image[: rows * step, : columns * step])
-    return np.asarray(cv2.resize(cut, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float32)
+def _smooth(image: Float32) -> Float32:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), SMOOTHING_PX), dtype=np.float32)

@@ -5,31 +5,33 @@ level by e, of variance 2/3 C^2 between two frames. Where the picture has slope 
 the regression of e on g.
 """
 
-from typing import Final
-
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Float64 = NDArray[np.float64]
 
-_NEIGHBOURS: Final = (
-    ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
-    ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
-)
-"""Pixels and their neighbours to the left, and above."""
 
-
+@njit(cache=True)
 def slope_sums(level: Float64, change: Float64, usable: NDArray[np.bool_]) -> Float64:
     """Return sums over usable pixels (3, 2), to the right and down.
 
     They are of the slopes of the level and of their squares, and of the squares of the slopes of its change.
     """
+    height, width = usable.shape
     sums = np.zeros((3, 2))
-    for axis, (ahead, behind) in enumerate(_NEIGHBOURS):
-        both = usable[ahead] & usable[behind]
-        slope = (level[ahead] - level[behind])[both]
-        sums[:2, axis] = np.abs(slope).sum(), np.sum(slope**2)
-        sums[2, axis] = np.sum((change[ahead] - change[behind])[both] ** 2)
+    for row in range(height):
+        for column in range(width):
+            if not usable[row, column]:
+                continue
+            for axis in range(2):
+                behind_row, behind_column = row - axis, column - 1 + axis
+                if min(behind_row, behind_column) < 0 or not usable[behind_row, behind_column]:
+                    continue
+                slope = level[row, column] - level[behind_row, behind_column]
+                sums[0, axis] += abs(slope)
+                sums[1, axis] += slope * slope
+                sums[2, axis] += (change[row, column] - change[behind_row, behind_column]) ** 2
     return sums
 
 

@@ -15,6 +15,7 @@ from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.histograms import window_values
 from fedora_qa.evidence.kept import Kept
+from fedora_qa.evidence.pixel_intervals import intervals_ns
 from fedora_qa.evidence.value_counts import count_values, octave_counts, octave_edges
 from fedora_qa.record.evidence import DISTRIBUTIONS, QUANTITIES, named
 from fedora_qa.sequence.facts import Facts
@@ -28,6 +29,7 @@ LONGEST_INTERVAL_NS: Final = 100 * NS_PER_MS
 """Longer times between events of a pixel are not counted: a window looks no further back."""
 
 _MOST_BLOCKS: Final = 128
+_MOST_PLACES: Final = 1 << 22
 _RATE_BIN_NS: Final = 5 * NS_PER_MS
 """Divides every length that windows have down to 25 ms."""
 
@@ -86,11 +88,17 @@ def pixel_intervals_ms(pixels: Int64, times_ns: Int64, start_ns: int) -> NDArray
     times_ns
         (N,) their stamps.
     """
-    order = np.argsort(pixels, kind="stable")
-    ends_ns, steps_ns = times_ns[order][1:], np.diff(times_ns[order])
-    of_one_pixel = np.diff(pixels[order]) == 0
-    kept = of_one_pixel & (ends_ns >= start_ns) & (steps_ns <= LONGEST_INTERVAL_NS)
-    return np.asarray(steps_ns[kept] / NS_PER_MS)
+    names, places = _numbered(pixels)
+    return intervals_ns(places, times_ns, names, start_ns, LONGEST_INTERVAL_NS) / NS_PER_MS
+
+
+def _numbered(pixels: Int64) -> tuple[int, Int64]:
+    """Return how many numbers tell pixels apart, and those numbers; as they are, where they are not too many."""
+    most = int(pixels.max(initial=-1)) + 1
+    if most <= _MOST_PLACES and int(pixels.min(initial=0)) >= 0:
+        return most, pixels
+    names, places = np.unique(pixels, return_inverse=True)
+    return len(names), places.astype(np.int64)
 
 
 def _add(state: Blocks, place: int, counts: Mapping[str, Int64]) -> None:
@@ -111,7 +119,8 @@ def _event_counts(window: Window) -> dict[str, Int64]:
     except UnreadableRowsError:
         return {}
     span, times_ns = window.span, events.times_ns.astype(np.int64)
-    pixels = (events.y.astype(np.int64) << 16) + events.x
+    columns, rows = (place.astype(np.int64) - int(place.min(initial=0)) for place in (events.x, events.y))
+    pixels = rows * (int(columns.max(initial=0)) + 1) + columns
     return {
         "event_rate_per_ms": count_values(_rates_per_ms(times_ns, span, scan.first_ns, scan.last_ns)),
         "pixel_interval_ms": count_values(pixel_intervals_ms(pixels, times_ns, span.start_ns)),

@@ -1,23 +1,23 @@
 """How depth, flow, brightness and event rates are distributed over the windows that are looked at."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import LUMA_WEIGHTS_RGB, NS_PER_S
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.kept import Kept, together
 from fedora_qa.evidence.value_counts import Int64, added, count_values, histogram
 from fedora_qa.record.evidence import HISTOGRAMS, named
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.statistics.moments import pixel_sample
+from fedora_qa.statistics.moments import pixel_sample, sampled_luma_dn, sampled_speeds_px
 
 Image = TypeVar("Image")
 
-_LUMA_WEIGHTS: Final = np.array(LUMA_WEIGHTS_RGB, dtype=np.float32)
 _LARGEST_SENSOR_PX: Final = 4096
 
 
@@ -30,10 +30,10 @@ def _count_window(window: Window) -> dict[str, Int64]:
     facts = window.facts
     samples: dict[str, Iterable[NDArray[Any]]] = {
         "depth_m": (pixel_sample(image) for image in _readable(window, "depth", window.depth_m)),
-        "luma_dn": (pixel_sample(image) @ _LUMA_WEIGHTS for image in _readable(window, "rgb", window.rgb)),
+        "luma_dn": _readable(window, "rgb", lambda frame: sampled_luma_dn(window, frame)),
     }
     for stream in facts.flow_streams:
-        samples[stream] = _speeds(window, stream)
+        samples[stream] = _readable(window, stream, partial(sampled_speeds_px, window, stream))
     return {quantity: added(count_values(image) for image in images) for quantity, images in samples.items()}
 
 
@@ -101,8 +101,3 @@ def _readable(window: Window, stream: str, read: Callable[[int], Image]) -> Iter
             yield read(row)
         except UnreadableRowsError:
             continue
-
-
-def _speeds(window: Window, stream: str) -> Iterator[NDArray[Any]]:
-    for flow in _readable(window, stream, lambda row: window.flow_px(stream, row)):
-        yield np.linalg.norm(pixel_sample(flow), axis=2)

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.causes import stream_family
-from fedora_qa.conventions import LUMA_WEIGHTS_RGB, NS_PER_S
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.record.types import Scalar
 from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.statistics.moments import Moments, added, pixel_sample
+from fedora_qa.statistics.moments import Moments, added, pixel_sample, sampled_luma_dn, sampled_speeds_px
 from fedora_qa.statistics.trajectory import Motion, rotation, translation
 
 Image = TypeVar("Image")
@@ -73,7 +73,7 @@ class StatisticsCollector:
                 speeds_px={stream: _flow_speeds(window, stream, streams) for stream in window.facts.flow_streams},
                 depth_m=added(Moments.of(depth, _is_depth(depth)) for depth in depths_m),
                 disparity_per_m=added(_disparities(depth) for depth in depths_m),
-                luma_dn=added(_luma(image) for image in _readable(window, "rgb", window.rgb, streams)),
+                luma_dn=added(_readable(window, "rgb", lambda frame: _luma(window, frame), streams)),
             )
         )
 
@@ -151,8 +151,7 @@ def _count_events(window: Window, streams: frozenset[str]) -> tuple[int, int]:
 
 
 def _flow_speeds(window: Window, stream: str, streams: frozenset[str]) -> Moments:
-    fields = _readable(window, stream, lambda row: window.flow_px(stream, row), streams)
-    speeds = (np.linalg.norm(pixel_sample(flow), axis=2) for flow in fields)
+    speeds = _readable(window, stream, lambda row: sampled_speeds_px(window, stream, row), streams)
     return added(Moments.of(speed, np.isfinite(speed)) for speed in speeds)
 
 
@@ -165,8 +164,8 @@ def _disparities(depth_m: NDArray[np.float32]) -> Moments:
     return Moments.of(1.0 / np.where(valid, depth_m, 1.0), valid)
 
 
-def _luma(rgb: NDArray[np.uint8]) -> Moments:
-    luma_dn = pixel_sample(rgb) @ np.array(LUMA_WEIGHTS_RGB)
+def _luma(window: Window, frame: int) -> Moments:
+    luma_dn = sampled_luma_dn(window, frame)
     return Moments.of(luma_dn, np.isfinite(luma_dn))
 
 

@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import LUMA_WEIGHTS_RGB
+from fedora_qa.sequence.window import Window
+
 _STRIDE = 4
 _SMALL_IMAGE_PX = 128
 
@@ -74,3 +77,26 @@ def pixel_sample(image: NDArray[Any]) -> NDArray[Any]:
     if min(image.shape[:2]) < _SMALL_IMAGE_PX:
         return image
     return image[_STRIDE // 2 :: _STRIDE, _STRIDE // 2 :: _STRIDE]
+
+
+def sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.float32]:
+    """Return the length of the flow at the sampled pixels of a field; made once a window."""
+    return window.once(("sampled speeds", stream, field), lambda: _speeds_px(window.flow_px(stream, field)))
+
+
+def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float64]:
+    """Return the luma of the stored codes at the sampled pixels of a colour frame; made once a window."""
+    return window.once(("sampled luma", frame), lambda: _luma_dn(window.rgb(frame)))
+
+
+def _speeds_px(flow_px: NDArray[np.float32]) -> NDArray[np.float32]:
+    sample = pixel_sample(flow_px)
+    u, v = sample[..., 0], sample[..., 1]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.sqrt(u * u + v * v), dtype=np.float32)
+
+
+def _luma_dn(rgb: NDArray[np.uint8]) -> NDArray[np.float64]:
+    red, green, blue = np.moveaxis(pixel_sample(rgb), -1, 0)
+    of_red, of_green, of_blue = LUMA_WEIGHTS_RGB
+    return np.asarray(of_red * red + of_green * green + of_blue * blue)

@@ -11,7 +11,7 @@ from fedora_qa.checks.events.view import sensor_shape
 from fedora_qa.checks.flow.intervals import frame_at
 from fedora_qa.checks.intermediates import luma_dn
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.edge_profiles import tile_profiles
+from fedora_qa.estimators.edge_profiles import difference_profiles, tile_profiles
 from fedora_qa.estimators.edge_steps import depth_steps
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -82,14 +82,14 @@ def _of_frame(window: Window, row: int, frame: int) -> tuple[Float64, Float64] |
         return None
     facts, cameras = window.facts, window.facts.declared.cameras
     far_m = _farthest_m(facts, depth_m)
-    pictures = [_log(image) for image in (luma, luma[:, ::-1], luma[::-1])]
+    picture = _log(luma)
+    pictures = (picture, picture[:, ::-1], picture[::-1])
     counts = _counts_around(window, int(facts.clocks["depth"].times_ns[row]))
     colour, events = [], []
     for axis in (0, 1):
         steps = depth_steps(depth_m, axis, farthest_m=far_m)
         places = seen_from(cameras["depth"], cameras["rgb"], steps)
-        differences = (np.abs(np.diff(picture, axis=1 - axis)) for picture in pictures)
-        colour.append([tile_profiles(one, steps, axis, places, first_px=0.5) for one in differences])
+        colour.append([difference_profiles(one, steps, axis, places) for one in pictures])
         if counts is None:
             events.append(np.zeros_like(colour[-1][0]))
         else:

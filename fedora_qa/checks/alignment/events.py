@@ -14,6 +14,7 @@ from fedora_qa.checks.alignment.odd_one_out import PairShift, shift_suspects
 from fedora_qa.checks.events.view import SeenFrames, seen_frames
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.estimators.event_shift import RADIUS_PX, cross_correlation
+from fedora_qa.estimators.image_changes import change_and_events
 from fedora_qa.estimators.registration import PEAK_RADIUS_PX, registered_shift
 from fedora_qa.estimators.registration_errors import open_level_errors, slope_sums
 from fedora_qa.record.types import Coverage, Where
@@ -168,14 +169,10 @@ _OTHERS: Final = (
 
 def _interval(seen: SeenFrames, i: int) -> tuple[Float64, Float64, Float64, Float64]:
     """Return the sums of one frame interval, as in ``Registration``."""
-    turned_within = (seen.counts[i] > 0).all(axis=0)
-    usable = np.isfinite(seen.error_dn[i]) & np.isfinite(seen.error_dn[i + 1]) & ~turned_within
     before, after = (np.log(seen.even_dn[frame] + DARK_DN) for frame in (i, i + 1))
-    change = np.where(usable, np.abs(after - before), 0.0)
-    events = np.where(usable, seen.counts[i].sum(axis=0), 0.0)
-    lit = [image[usable] for image in (change, events)]
-    squares = [float(np.sum((image - image.mean()) ** 2)) if len(image) else 0.0 for image in lit]
-    sums = np.array([change[events > 0].sum(), events.sum(), *squares])
+    change, events, usable, sums = change_and_events(
+        before, after, seen.error_dn[i], seen.error_dn[i + 1], seen.counts[i]
+    )
     slopes = slope_sums(before, change, usable)
     slopes[:2] = slope_sums(before, change, events > 0)[:2]
     auto, cross = (cross_correlation(change, other, usable) for other in (change, events))

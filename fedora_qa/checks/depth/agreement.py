@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.depth.pairs import DepthPair
-from fedora_qa.estimators.depth_fit import fit_depth
-from fedora_qa.estimators.depth_warp import Lattice, Warped, warp
+from fedora_qa.estimators.depth_fit_kernels import medians_by_group
+from fedora_qa.estimators.depth_warp import Lattice, warp
 
 Float64 = NDArray[np.float64]
 
@@ -68,49 +68,50 @@ class PairAgreement:
 def compare(pair: DepthPair) -> PairAgreement | None:
     """Compare a pair, its motion corrected within its noise; None where the frames share too few pixels."""
     model, lattice = pair.model(), pair.lattice(most=None)
-    fit = fit_depth(lambda _: model, pair.lattice(), pair.images[1], pair.noise, start=0.0, step=None)
+    fit = pair.fit_as_declared()
     if fit is None:
         return None
-    corrected = replace(model, motion=model.motion.corrected(fit.twist))
-    warped = warp(corrected, lattice, pair.images[1])
-    whole = _deviation(warped, np.isfinite(warped.residuals))
-    worst, tile = _worst_tile(warped, lattice, pair.images[0].inverse_per_m.shape) or (whole, None)
+    warped = warp(replace(model, motion=model.motion.corrected(fit.twist)), lattice, pair.images[1])
+    known = np.isfinite(warped.residuals)
+    sizes, bounds = np.abs(warped.residuals[known]), warped.bounds[known]
+    whole = Deviation(float(np.median(sizes)), float(np.median(bounds)))
+    tiles = _tiles(lattice, pair.images[0].depths_m.shape)[known]
+    worst, tile = _worst_tile(sizes, bounds, tiles, pair.images[0].depths_m.shape) or (whole, None)
     return PairAgreement(
         pair.first,
         pair.second,
         whole,
         worst,
         tile,
-        pixels=int(np.count_nonzero(np.isfinite(warped.residuals))),
+        pixels=warped.seen,
         noise_square=fit.noise_square,
         noise_dof=fit.noise_dof,
         repeats=max(whole.suspicion, worst.suspicion) > 1 and _same(pair),
     )
 
 
-def _deviation(warped: Warped, chosen: NDArray[np.bool_]) -> Deviation:
-    residuals, bounds = warped.residuals[chosen], warped.bounds[chosen]
-    return Deviation(float(np.median(np.abs(residuals))), float(np.median(bounds)))
+def _tiles(lattice: Lattice, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Return the number of the tile in which each pixel of a lattice lies, row by row."""
+    across, down = _TILES
+    height, width = shape
+    column = (lattice.columns * across / width).astype(np.uint8)
+    row = (lattice.rows * down / height).astype(np.uint8)
+    return row * np.uint8(across) + column
 
 
 def _worst_tile(
-    warped: Warped, lattice: Lattice, shape: tuple[int, ...]
+    sizes: Float64, bounds: Float64, tiles: NDArray[np.uint8], shape: tuple[int, ...]
 ) -> tuple[Deviation, tuple[int, int, int, int]] | None:
     """Return the tile that is off most, and where it lies; None where no tile holds enough pixels."""
     across, down = _TILES
     height, width = shape
-    column = (lattice.columns * across / width).astype(np.intp)
-    row = (lattice.rows * down / height).astype(np.intp)
-    known = np.isfinite(warped.residuals)
-    tiles = row * across + column
-    counts = np.bincount(tiles[known], minlength=across * down)
-    found = [(_deviation(warped, known & (tiles == tile)), tile) for tile in np.flatnonzero(counts >= _FEWEST_IN_TILE)]
-    if not found:
+    typical, limits = medians_by_group(sizes, bounds, tiles, across * down, _FEWEST_IN_TILE)
+    if not np.isfinite(typical).any():
         return None
-    worst, tile = max(found, key=lambda one: one[0].suspicion)
-    top, left = divmod(int(tile), across)
+    tile = int(np.nanargmax(typical / limits))
+    top, left = divmod(tile, across)
     edges = (left * width // across, top * height // down, (left + 1) * width // across, (top + 1) * height // down)
-    return worst, edges
+    return Deviation(float(typical[tile]), float(limits[tile])), edges
 
 
 def _same(pair: DepthPair) -> bool:

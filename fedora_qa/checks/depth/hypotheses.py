@@ -87,9 +87,9 @@ def _lattice(image: DepthImage, tile: Tile | None) -> Lattice:
     if tile is None:
         return lattice_of(image, 1, _PIXELS)
     left, top, right, bottom = tile
-    within = np.zeros_like(image.clearance_px)
-    within[top:bottom, left:right] = 1.0
-    return lattice_of(replace(image, clearance_px=image.clearance_px * within), 1, _PIXELS)
+    near_edge = np.ones_like(image.near_edge)
+    near_edge[top:bottom, left:right] = image.near_edge[top:bottom, left:right]
+    return lattice_of(replace(image, near_edge=near_edge), 1, _PIXELS)
 
 
 def _hypotheses(pair: DepthPair) -> Iterator[_Hypothesis]:
@@ -145,7 +145,7 @@ def _of_the_grid(pair: DepthPair) -> Iterator[_Hypothesis]:
         yield _Hypothesis(mirrored, turned, _only(pair.model()))
         for images in _either(pair, turned):
             yield _Hypothesis(mirrored, images, _only(pair.model()), of=PART)
-    within_px = max(pair.images[0].clearance_px.shape) / 2  # images that are shifted further share too little
+    within_px = max(pair.images[0].depths_m.shape) / 2  # images that are shifted further share too little
     for axis in (0, 1):
         moved = (
             ("spatial_offset", "depth", 1.0, float),

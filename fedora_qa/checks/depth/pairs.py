@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.intervals import PoseTrack, pose_track
 from fedora_qa.checks.standing import standing_depth_m, why_not_told_apart
-from fedora_qa.estimators.depth_fit import noise_directions
+from fedora_qa.estimators.depth_fit import DepthFit, fit_depth, noise_directions
 from fedora_qa.estimators.depth_image import DepthImage, depth_image
 from fedora_qa.estimators.depth_step import DepthStep, depth_step
 from fedora_qa.estimators.depth_warp import DepthModel, Lattice, lattice_of, lattice_stride
@@ -39,6 +39,8 @@ class DepthPair:
         Their stamps, from the file's origin.
     motion
         How points move in the camera from the first to the second.
+    motion_error
+        Twist (6,) by which interpolating the pose between its samples may err.
     noise
         (6, k) independent directions of the motion's noise, one standard deviation long; k = 0 where it is exact.
     """
@@ -50,17 +52,13 @@ class DepthPair:
     start_ns: int
     end_ns: int
     motion: RigidMotion
+    motion_error: Float64
     noise: Float64
 
     @property
     def images(self) -> tuple[DepthImage, DepthImage]:
         """Both frames, ready to be read."""
         return image_of(self.window, self.first), image_of(self.window, self.second)
-
-    @property
-    def motion_error(self) -> Float64:
-        """Twist (6,) by which interpolating the pose between its samples may err."""
-        return self.track.interpolation_twist(self.start_ns, self.end_ns)
 
     def model(self) -> DepthModel:
         """Return how the frames hang together as the file declares."""
@@ -81,11 +79,22 @@ class DepthPair:
         return None if motion is None else replace(self.model(), motion=motion)
 
     def lattice(self, most: int | None = FIT_PIXELS) -> Lattice:
-        """Return pixels of the first frame, as dense as the effort asks for and at most so many."""
-        image = self.images[0]
-        height, width = image.inverse_per_m.shape
+        """Return pixels of the first frame, as dense as the effort asks for and at most so many; made once a window."""
+        return self.window.once(("depth lattice", self.first, most), lambda: self._lattice(most))
+
+    def fit_as_declared(self) -> DepthFit | None:
+        """Return the fit of the motion within its noise, all else being as declared; made once a window."""
+        return self.window.once(("depth as declared", self.first), self._fit_as_declared)
+
+    def _lattice(self, most: int | None) -> Lattice:
+        image = image_of(self.window, self.first)
+        height, width = image.depths_m.shape
         stride = lattice_stride(height, width, self.window.sampling.tile_share)
         return lattice_of(image, stride, most)
+
+    def _fit_as_declared(self) -> DepthFit | None:
+        model, image1 = self.model(), image_of(self.window, self.second)
+        return fit_depth(lambda _: model, self.lattice(), image1, self.noise, start=0.0, step=None)
 
 
 def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
@@ -104,13 +113,20 @@ def pair_between(window: Window, track: PoseTrack, first: int, second: int) -> D
     """Return a pair by its rows; None where no pose covers it or the frame's size is not the camera's."""
     times_ns = window.facts.clocks["depth"].times_ns
     start_ns, end_ns = int(times_ns[first]), int(times_ns[second])
+    # Kept is the motion alone: a pair that the window kept would keep the window in turn, and all its images.
+    known = window.once(("depth motion", first, second), lambda: _motion(window.facts, track, start_ns, end_ns))
+    return None if known is None else DepthPair(window, track, first, second, start_ns, end_ns, *known)
+
+
+def _motion(facts: Facts, track: PoseTrack, start_ns: int, end_ns: int) -> tuple[RigidMotion, Float64, Float64] | None:
+    """Return motion, motion error and noise of a ``DepthPair``; None where no pose covers it."""
     motion = track.motion(start_ns, end_ns)
     if motion is None:
         return None
-    noise = window.facts.declared.pose
+    noise = facts.declared.pose
     sigma_m, sigma_rad = (noise.position_sigma_m, noise.rotation_sigma_rad) if noise else (_ANYTHING_M, _ANYTHING_RAD)
     directions = noise_directions(track.covariance(start_ns, end_ns, sigma_m, sigma_rad))
-    return DepthPair(window, track, first, second, start_ns, end_ns, motion, directions)
+    return motion, track.interpolation_twist(start_ns, end_ns), directions
 
 
 def image_of(window: Window, frame: int) -> DepthImage:

@@ -107,7 +107,7 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
         fit = fit_depth(self.family(pair), lattice, image1, pair.noise, start=self.from_value, step=_STEP)
         if fit is None or not np.isfinite(fit.standard_error):
             return None
-        as_declared = fit_depth(lambda _: pair.model(), lattice, image1, pair.noise, start=0.0, step=None)
+        as_declared = pair.fit_as_declared()
         return PairFit(
             pair.first,
             pair.second,

@@ -13,6 +13,7 @@ from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, Wi
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.depth_step import DepthStep
+from fedora_qa.estimators.image_values import positive_extremes, values_between
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -119,15 +120,18 @@ class Range(WindowCheck[WindowRange]):
 
 def _tally(frame: int, depth_m: NDArray[np.float32], range_m: tuple[float, float] | None) -> list[FrameRange]:
     """Tally a frame; nothing where it has no valid pixel."""
-    valid = depth_m[np.isfinite(depth_m) & (depth_m > 0)]
-    if not len(valid):
+    ends_m = positive_extremes(depth_m)
+    if ends_m is None:
         return []
     on_end, near_end = [0, 0], [0, 0]
     for i, end_m in enumerate(range_m or ()):
-        distances = np.abs(valid.astype(np.float64) / end_m - 1.0)
+        if end_m <= 0:
+            continue
+        # A little more than the neighbourhood: its ends are rounded to single precision.
+        around = values_between(depth_m, end_m * (1 - 2 * _NEIGHBOURHOOD), end_m * (1 + 2 * _NEIGHBOURHOOD))
+        distances = np.abs(around.astype(np.float64) / end_m - 1.0)
         on_end[i] = int(np.count_nonzero(distances <= _ROUNDING))
         near_end[i] = int(np.count_nonzero(distances <= _NEIGHBOURHOOD)) - on_end[i]
-    ends_m = float(valid.min()), float(valid.max())
     return [FrameRange(frame, *ends_m, sum(depth_m.shape), (on_end[0], on_end[1]), (near_end[0], near_end[1]))]
 
 

@@ -19,7 +19,7 @@ from fedora_qa.checks.events.view import (
 )
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.event_footprint import footprints
+from fedora_qa.estimators.event_footprint import Footprints, footprints
 from fedora_qa.estimators.event_levels import LevelPairs, find_level_pairs
 from fedora_qa.estimators.image_levels import (
     ColourBlocks,
@@ -29,6 +29,7 @@ from fedora_qa.estimators.image_levels import (
     fit_colours,
     joined,
 )
+from fedora_qa.estimators.image_points import sharp_colours
 from fedora_qa.estimators.image_transfer import TRANSFERS, to_code, to_linear
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.declared import EventModel
@@ -139,18 +140,17 @@ def _usable(window: Window, seen: SeenFrames, declared: EventModel) -> NDArray[n
 def _colours(window: Window, seen: SeenFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
     """Return linear R, G, B (m, 3) of each pair's pixel at its earlier and its later frame, in DN."""
     cameras, shape = window.facts.declared.cameras, sensor_shape(window.facts.declared)
-    table = to_linear(np.arange(256.0), window.facts.declared.transfer)
+    linear_dn = to_linear(np.arange(256.0), window.facts.declared.transfer)
     earlier, later = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
+    prints: Footprints | None = None
     for i, frame in enumerate(seen.frames):
         at_start, at_end = pairs.earlier == i, pairs.later == i
         if not (at_start.any() or at_end.any()):
             continue
         rgb = window.rgb(int(frame))
-        prints = footprints(cameras["rgb"].K, (rgb.shape[0], rgb.shape[1]), cameras["events"].K, shape)
-        for channel in range(3):
-            means = np.maximum(prints.sharp_average(table[rgb[..., channel]]).ravel(), 0.0)
-            earlier[at_start, channel] = means[pairs.pixels[at_start]]
-            later[at_end, channel] = means[pairs.pixels[at_end]]
+        prints = prints or footprints(cameras["rgb"].K, (rgb.shape[0], rgb.shape[1]), cameras["events"].K, shape)
+        earlier[at_start] = sharp_colours(prints, rgb, linear_dn, pairs.pixels[at_start])
+        later[at_end] = sharp_colours(prints, rgb, linear_dn, pairs.pixels[at_end])
     return earlier, later
 
 

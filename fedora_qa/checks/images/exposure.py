@@ -126,7 +126,8 @@ class Exposure(WindowCheck[WindowExposure]):
             if rgb.size and rgb.min() == rgb.max():
                 blank.append(frame)
             sampled = rgb[::_SAMPLED_EVERY_PX, ::_SAMPLED_EVERY_PX]
-            clipped.append(float(np.mean((sampled == CLIPPED_DN).any(axis=-1))))
+            brightest = np.maximum(np.maximum(sampled[..., 0], sampled[..., 1]), sampled[..., 2])
+            clipped.append(float(np.mean(brightest == CLIPPED_DN)))
             codes += np.bincount(sampled.ravel(), minlength=CODES)
         return WindowExposure(tuple(gains), tuple(blank), float(np.sum(clipped)), window.owned("rgb"), codes)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.flow.intervals import interval_at, pose_track
 from fedora_qa.checks.images.pairs import flow_rate_of, luma_on_flow_grid
 from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.estimators.image_samples import steepness
 from fedora_qa.geometry.camera import RigidMotion, camera_motion
 from fedora_qa.geometry.so3 import log
 from fedora_qa.sequence.declared import Camera
@@ -121,7 +122,7 @@ def _by_pose(window: Window, frame: int) -> bool | None:
 
 def _steepness(window: Window, frame: int) -> float:
     """Return the slope of the image at its steep places, DN per px."""
-    return float(np.percentile(np.hypot(*_gradients(luma_dn(window, frame))), STEEP_PERCENTILE))
+    return steepness(luma_dn(window, frame), STEEP_PERCENTILE)
 
 
 def _least_motion_px(window: Window, frame: int) -> float | None:

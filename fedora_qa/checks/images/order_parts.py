@@ -38,9 +38,8 @@ PartShares = tuple[tuple[float, float], ...]
 def shares_of_parts(before: Float32, after: Float32, flow_px: Float32) -> PartShares:
     """Return by how much of the flow each part of two frames (H, W) lies apart."""
     shares = []
-    for left, top, right, bottom in boxes(before.shape[1], before.shape[0]):
-        part = slice(top, bottom), slice(left, right)
-        found = motion_share(before[part], after[part], flow_px[part])
+    for box in boxes(before.shape[1], before.shape[0]):
+        found = motion_share(before, after, flow_px, box)
         told = found is not None and max(found.rounding_error, found.standard_error) < CLEAR
         shares.append((found.share, found.standard_error) if found is not None and told else (nan, nan))
     return tuple(shares)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.flow.frames import Optics, optics_of
 from fedora_qa.checks.flow.intervals import frame_at, owned_intervals
 from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.estimators.image_samples import along_the_flow
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 
@@ -57,12 +58,17 @@ def neighbours(window: Window) -> Iterator[Pair]:
 
 def luma_on_flow_grid(window: Window, frame: int) -> Float32:
     """Return the luma (H, W) of a frame on the grid of the flow, in DN."""
-    optics, luma = optics_of(window.facts), luma_dn(window, frame)
+    optics = optics_of(window.facts)
     if not isinstance(optics, Optics) or optics.H_rgb_flow is None:
-        return luma
+        return luma_dn(window, frame)
+    H_rgb_flow = optics.H_rgb_flow
+    return window.of_image("luma on the flow's grid", frame, lambda: _warped(window, frame, H_rgb_flow))
+
+
+def _warped(window: Window, frame: int, H_rgb_flow: NDArray[np.float64]) -> Float32:
     camera = window.facts.declared.cameras["depth"]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    warped = cv2.warpPerspective(luma, optics.H_rgb_flow, (camera.width, camera.height), flags=flags)
+    warped = cv2.warpPerspective(luma_dn(window, frame), H_rgb_flow, (camera.width, camera.height), flags=flags)
     return np.asarray(warped, dtype=np.float32)
 
 
@@ -73,19 +79,9 @@ def same_points(window: Window, pair: Pair) -> tuple[Float32, Float32]:
     """
     if pair.flow_px is None:
         return _coarse(luma_dn(window, pair.before)), _coarse(luma_dn(window, pair.after))
-    before, after = (
-        np.asarray(cv2.blur(luma_on_flow_grid(window, frame), (3, 3)), dtype=np.float32)
-        for frame in (pair.before, pair.after)
-    )
-    height, width = before.shape
-    step = max(1, width // SAMPLED_COLUMNS)
-    rows, columns = np.mgrid[0:height:step, 0:width:step].astype(np.float32)
-    u, v = np.moveaxis(pair.flow_px[::step, ::step], -1, 0)
-    with np.errstate(invalid="ignore"):
-        at_columns, at_rows = columns + u, rows + v
-        shown = (at_columns >= 0) & (at_columns <= width - 1) & (at_rows >= 0) & (at_rows <= height - 1)
-    moved = cv2.remap(after, np.where(shown, at_columns, 0), np.where(shown, at_rows, 0), cv2.INTER_LINEAR)
-    return before[::step, ::step], np.asarray(np.where(shown, moved, np.nan), dtype=np.float32)
+    before, after = (luma_on_flow_grid(window, frame) for frame in (pair.before, pair.after))
+    step = max(1, before.shape[1] // SAMPLED_COLUMNS)
+    return along_the_flow(before, after, pair.flow_px, step)
 
 
 def _coarse(luma: Float32) -> Float32:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M
+from fedora_qa.estimators.image_values import count_not_finite, count_outside
 
 _FLOAT32_ROUNDING: Final = 2.0**-22
 """Depth is compared with a range in float64 before it is rounded to float32 (2^-24, relative); two more bits for
@@ -78,28 +79,21 @@ def tally_samples(key: str, start: int, samples: NDArray[np.float64]) -> Tally:
 
 def tally_flow(key: str, row: int, flow_px: NDArray[np.float32]) -> Tally:
     """Count NaN and infinite pixels of a field, (H, W, 2)."""
-    u, v = flow_px[..., 0], flow_px[..., 1]
-    infinite = np.isinf(u) | np.isinf(v)
-    nan = int(np.count_nonzero(np.isnan(u) | np.isnan(v)))
-    return Tally(
-        key=key,
-        values=u.size,
-        nan=nan,
-        infinite=int(np.count_nonzero(infinite)),
-        first=_first(row, infinite),
-        filled=((row, 1.0 - nan / u.size),),
-    )
+    pixels = flow_px.shape[0] * flow_px.shape[1]
+    nan, infinite = count_not_finite(flow_px)
+    first = _first(row, np.isinf(flow_px[..., 0]) | np.isinf(flow_px[..., 1])) if infinite else (-1, -1)
+    filled = ((row, 1.0 - nan / pixels),)
+    return Tally(key, pixels, nan, infinite, first=first, filled=filled)
 
 
 def tally_depth(key: str, row: int, depth_mm: NDArray[Any], range_m: tuple[float, float] | None) -> Tally:
     """Count pixels of a frame, (H, W) in mm, that are neither NaN nor within a range in metres (above 0 if None)."""
     nearest_mm, farthest_mm = _bounds_mm(range_m)
-    nan = np.isnan(depth_mm)
-    bad = ~(((depth_mm >= nearest_mm) & (depth_mm <= farthest_mm)) | nan)
-    invalid = int(np.count_nonzero(nan))
+    invalid, outside = count_outside(depth_mm, float(nearest_mm), float(farthest_mm))
     filled = ((row, 1.0 - invalid / depth_mm.size),)
-    if not bad.any():
+    if not outside:
         return Tally(key, depth_mm.size, invalid, filled=filled)
+    bad = ~(((depth_mm >= nearest_mm) & (depth_mm <= farthest_mm)) | np.isnan(depth_mm))
     values = depth_mm[bad]
     finite = values[np.isfinite(values)]
     rescaled_mm = finite.astype(np.float64) * MM_PER_M

@@ -1,0 +1,103 @@
+"""Compiled reading of images at some of their pixels: slopes, and the same points in two frames along a flow."""
+
+from math import isqrt
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+_REACH: Final = 5
+_POINTS: Final = 5_000
+"""About so many points tell how steep an image is: fifty of them are among its steepest hundredth."""
+
+
+def _taps() -> tuple[Float64, Float64]:
+    """Return the weights (11,) of a Gaussian of sigma 1, cut at 4 sigma, and of its central differences."""
+    gaussian = np.exp(-0.5 * np.arange(-_REACH + 1, _REACH) ** 2)
+    gaussian = np.pad(gaussian / gaussian.sum(), 2)
+    return gaussian[1:-1], (gaussian[:-2] - gaussian[2:]) / 2
+
+
+_SMOOTH, _SLOPE = _taps()
+
+
+def steepness(luma: Float32, percentile: float) -> float:
+    """Return a percentile of the slopes of an image (H, W), smoothed with sigma 1, per px, from some of its points."""
+    stride = max(1, isqrt(luma.size // _POINTS))
+    return float(np.percentile(_slopes(luma, stride, _SMOOTH, _SLOPE), percentile))
+
+
+@njit(cache=True)
+def _slopes(luma: Float32, stride: int, smooth: Float64, slope: Float64) -> Float64:
+    """Return the slopes at every so many-th pixel; beyond the border the image goes on as it ends."""
+    height, width = luma.shape
+    reach = len(smooth) // 2
+    slopes = np.empty(((height + stride - 1) // stride) * ((width + stride - 1) // stride))
+    place = 0
+    for row in range(0, height, stride):
+        for column in range(0, width, stride):
+            right = down = 0.0
+            for i in range(-reach, reach + 1):
+                line = luma[min(max(row + i, 0), height - 1)]
+                level = change = 0.0
+                for k in range(-reach, reach + 1):
+                    value = np.float64(line[min(max(column + k, 0), width - 1)])
+                    level += smooth[k + reach] * value
+                    change -= slope[k + reach] * value
+                right += smooth[i + reach] * change
+                down -= slope[i + reach] * level
+            slopes[place] = np.sqrt(right * right + down * down)
+            place += 1
+    return slopes
+
+
+def along_the_flow(before: Float32, after: Float32, flow_px: Float32, step: int) -> tuple[Float32, Float32]:
+    """Return both images (H, W), averaged over 3 x 3 pixels, where a flow (H, W, 2) leads every so many-th pixel.
+
+    NaN in the second where that lies outside the image, or the flow is not known.
+    """
+    if not before.shape == after.shape == flow_px.shape[:2]:
+        raise ValueError(f"Expected frames on the flow's grid {flow_px.shape[:2]}, got {before.shape}, {after.shape}")
+    return _along_the_flow(before, after, flow_px, step)
+
+
+@njit(cache=True)
+def _along_the_flow(before: Float32, after: Float32, flow_px: Float32, step: int) -> tuple[Float32, Float32]:
+    height, width = before.shape
+    rows, columns = (height + step - 1) // step, (width + step - 1) // step
+    first, second = np.empty((rows, columns), np.float32), np.full((rows, columns), np.nan, np.float32)
+    for i in range(rows):
+        for k in range(columns):
+            row, column = i * step, k * step
+            first[i, k] = _around(before, row, column)
+            x = column + np.float64(flow_px[row, column, 0])
+            y = row + np.float64(flow_px[row, column, 1])
+            if not (0.0 <= x <= width - 1 and 0.0 <= y <= height - 1):  # so it is, too, where it is NaN
+                continue
+            left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
+            right, below = min(left + 1, width - 1), min(top + 1, height - 1)
+            share, down = x - left, y - top
+            above = (1 - share) * _around(after, top, left) + share * _around(after, top, right)
+            under = (1 - share) * _around(after, below, left) + share * _around(after, below, right)
+            second[i, k] = (1 - down) * above + down * under
+    return first, second
+
+
+@njit(cache=True)
+def _around(image: Float32, row: int, column: int) -> float:
+    """Return the mean of a pixel and its eight neighbours; beyond the border the image is mirrored."""
+    height, width = image.shape
+    total = 0.0
+    if 0 < row < height - 1 and 0 < column < width - 1:
+        for i in range(row - 1, row + 2):
+            total += image[i, column - 1] + image[i, column] + image[i, column + 1]
+        return total / 9.0
+    for i in range(row - 1, row + 2):
+        line = image[min(abs(i), 2 * (height - 1) - abs(i)) if height > 1 else 0]
+        for k in range(column - 1, column + 2):
+            total += line[min(abs(k), 2 * (width - 1) - abs(k)) if width > 1 else 0]
+    return total / 9.0

@@ -1,0 +1,92 @@
+"""Compiled counts over all values of an image, in one pass.
+
+Numbers of single precision are read as the whole numbers that their bits are: those of positive numbers are in the same
+order, infinity is 0x7F800000, and what lies above is NaN. Whole numbers are compared several at a time.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Bits = NDArray[np.int32]
+
+_INFINITY: Final = np.int32(0x7F800000)
+_SIGN: Final = np.int32(0x7FFFFFFF)
+"""All bits but that of the sign."""
+
+
+def bits_of(values: NDArray[Any]) -> Bits:
+    """Return the bits of values, taken to single precision."""
+    return np.ascontiguousarray(values, dtype=np.float32).view(np.int32)
+
+
+def count_not_finite(values: NDArray[np.float32]) -> tuple[int, int]:
+    """Count the vectors (n, 2) of which any component is NaN, and those of which any is infinite."""
+    nan, infinite = _count_not_finite(bits_of(values).reshape(-1, 2))
+    return int(nan), int(infinite)
+
+
+def count_outside(values: NDArray[Any], least: float, most: float) -> tuple[int, int]:
+    """Count the values that are NaN, and all others that are negative or not between two ends, both included."""
+    ends = bits_of(np.maximum([least, most], 0.0))
+    nan, outside = _count_outside(bits_of(values).ravel(), ends[0], ends[1])
+    return int(nan), int(outside)
+
+
+def positive_extremes(values: NDArray[Any]) -> tuple[float, float] | None:
+    """Return the least and the greatest of the values that are positive and finite; None where there are none."""
+    least, most = _positive_extremes(bits_of(values).ravel())
+    if most == 0:
+        return None
+    low, high = np.array([least, most], np.int32).view(np.float32).tolist()
+    return low, high
+
+
+def values_between(values: NDArray[Any], least: float, most: float) -> NDArray[np.float32]:
+    """Return the values between two positive ends, both included, in single precision."""
+    ends = bits_of(np.array([least, most]))
+    flat = bits_of(values).ravel()
+    count = _count_between(flat, ends[0], ends[1])
+    if not count:  # as a rule: picking them out takes longer than seeing that there are none
+        return np.empty(0, np.float32)
+    return np.asarray(flat[(flat >= ends[0]) & (flat <= ends[1])]).view(np.float32)
+
+
+@njit(cache=True)
+def _count_not_finite(bits: Bits) -> tuple[int, int]:
+    nan, infinite = np.int32(0), np.int32(0)
+    for i in range(len(bits)):
+        u, v = bits[i, 0] & _SIGN, bits[i, 1] & _SIGN
+        nan += (u > _INFINITY) | (v > _INFINITY)
+        infinite += (u == _INFINITY) | (v == _INFINITY)
+    return int(nan), int(infinite)
+
+
+@njit(cache=True)
+def _count_outside(bits: Bits, least: np.int32, most: np.int32) -> tuple[int, int]:
+    nan, inside = np.int32(0), np.int32(0)
+    for i in range(len(bits)):
+        nan += (bits[i] & _SIGN) > _INFINITY
+        inside += (bits[i] >= least) & (bits[i] <= most)
+    return int(nan), int(len(bits) - nan - inside)
+
+
+@njit(cache=True)
+def _positive_extremes(bits: Bits) -> tuple[np.int32, np.int32]:
+    least, most = _INFINITY, np.int32(0)
+    for i in range(len(bits)):
+        value = bits[i]
+        valid = (value > 0) & (value < _INFINITY)
+        least = min(least, value if valid else _INFINITY)
+        most = max(most, value if valid else np.int32(0))
+    return least, most
+
+
+@njit(cache=True)
+def _count_between(bits: Bits, least: np.int32, most: np.int32) -> int:
+    count = np.int32(0)
+    for i in range(len(bits)):
+        count += (bits[i] >= least) & (bits[i] <= most)
+    return int(count)

@@ -1,0 +1,54 @@
+"""Depth frames made ready to be read: edges as everywhere, and how far values may err."""
+
+import numpy as np
+import pytest
+
+from fedora_qa.estimators.depth_fit_kernels import medians_by_group
+from fedora_qa.estimators.depth_image import depth_image
+from fedora_qa.estimators.flow_mask import edges, inverse_depth
+
+HEIGHT, WIDTH = 61, 83
+
+
+def boards(seed: int) -> np.ndarray:
+    """Slanted boards before a wall, and a hole."""
+    rng = np.random.default_rng(seed)
+    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
+    depth_m = 9.0 / (1 + 0.002 * columns + 0.001 * rows)
+    for _ in range(4):
+        left, top = rng.integers(0, WIDTH - 20), rng.integers(0, HEIGHT - 20)
+        depth_m[top : top + 15, left : left + 18] = 3.0 / (1 + 0.004 * columns[top : top + 15, left : left + 18])
+    depth_m[40:43, 10:14] = np.nan
+    return np.asarray(depth_m, dtype=np.float32)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_edges_are_those_that_flow_is_masked_by(seed: int) -> None:
+    """One definition of an edge for depth and flow, here by a compiled loop and there by OpenCV."""
+    depth_m = boards(seed)
+    np.testing.assert_array_equal(depth_image(depth_m).near_edge, edges(inverse_depth(depth_m)))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_errors_are_shares_of_the_largest_bend_around(seed: int) -> None:
+    """Against second differences by slices, and the largest of nine by a filter."""
+    depth_m = boards(seed).astype(np.float64)
+    inverse = np.where(np.isfinite(depth_m), 1 / depth_m, 0.0)
+    bends = np.zeros_like(inverse)
+    bends[:, 1:-1] += np.abs(np.diff(inverse, 2, axis=1))
+    bends[1:-1] += np.abs(np.diff(inverse, 2, axis=0))
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(bends, 1), (3, 3)).max(axis=(2, 3))
+    image = depth_image(depth_m, relative_step=1e-3)
+    np.testing.assert_allclose(image.error_per_m, 0.25 * around + (8 * 2.0**-24 + 5e-4) * inverse, rtol=1e-6)
+    assert image.nearest_per_m == pytest.approx(inverse.max())
+
+
+def test_medians_by_group() -> None:
+    """Against masks; groups that are too small have none."""
+    rng = np.random.default_rng(1)
+    first, second, groups = rng.random(500), rng.random(500), rng.integers(0, 7, 500).astype(np.uint8)
+    groups[:3] = 7
+    medians = medians_by_group(first, second, groups, 9, 4)
+    for values, found in zip((first, second), medians, strict=True):
+        np.testing.assert_array_equal(found[:7], [np.median(values[groups == group]) for group in range(7)])
+        assert np.isnan(found[7:]).all()

@@ -1,0 +1,114 @@
+"""Images read at some of their pixels agree with what OpenCV and NumPy make of all of them."""
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import LUMA_WEIGHTS_RGB
+from fedora_qa.estimators.event_footprint import footprints
+from fedora_qa.estimators.image_luma import cut_off, luma_of
+from fedora_qa.estimators.image_motion_kernels import is_of_one_value, reduced, reduced_flow
+from fedora_qa.estimators.image_points import sharp_colours
+from fedora_qa.estimators.image_samples import along_the_flow, steepness
+from fedora_qa.estimators.image_values import count_not_finite, count_outside, positive_extremes, values_between
+
+Float32 = NDArray[np.float32]
+RNG = np.random.default_rng(5)
+ODD = np.array([0.0, -0.0, -1.0, 1.0, 2.5, 30.0, np.inf, -np.inf, np.nan, 1e-40], np.float32)
+
+
+def texture(height: int = 90, width: int = 120) -> Float32:
+    return np.asarray(cv2.GaussianBlur(RNG.normal(100, 60, (height, width)).astype(np.float32), (0, 0), 0.8))
+
+
+def test_steepness() -> None:
+    """The steep places of a sample are those of the smoothed image, borders and chance aside."""
+    image = texture(400, 500)
+    down, right = np.gradient(cv2.GaussianBlur(image, (0, 0), 1.0))
+    expected = np.percentile(np.hypot(right, down), 99.0)
+    assert steepness(image, 99.0) == pytest.approx(expected, rel=0.05)
+
+
+def test_points_along_the_flow() -> None:
+    """Both frames where a flow leads, averaged over 3 x 3, as blurring and remapping them whole gives them."""
+    before, after = texture(), texture()
+    flow_px = RNG.normal(0, 4, (90, 120, 2)).astype(np.float32)
+    flow_px[10:20, 30:60] = np.nan
+    first, second = along_the_flow(before, after, flow_px, 3)
+    np.testing.assert_allclose(first, cv2.blur(before, (3, 3))[::3, ::3], rtol=1e-5)
+    rows, columns = np.mgrid[0:90:3, 0:120:3].astype(np.float32)
+    x, y = columns + flow_px[::3, ::3, 0], rows + flow_px[::3, ::3, 1]
+    shown = (x >= 0) & (x <= 119) & (y >= 0) & (y <= 89)
+    expected = cv2.remap(cv2.blur(after, (3, 3)), np.where(shown, x, 0), np.where(shown, y, 0), cv2.INTER_LINEAR)
+    np.testing.assert_allclose(second, np.where(shown, expected, np.nan), atol=0.05)
+
+
+def test_frames_off_the_grid_of_the_flow_are_refused() -> None:
+    """A frame of another size than the flow is no place to read from."""
+    with pytest.raises(ValueError, match="flow's grid"):
+        along_the_flow(texture(), texture(80, 120), np.zeros((90, 120, 2), np.float32), 2)
+
+
+@pytest.mark.parametrize("step", [1, 2, 7])
+def test_reduced_images_are_means_of_blocks(step: int) -> None:
+    """Of a box, as OpenCV's area average has them; blocks with anything invalid do not count."""
+    image, flow_px = texture(), RNG.normal(0, 4, (90, 120, 2)).astype(np.float32)
+    flow_px[40, 50], flow_px[41, 80] = (np.nan, 1.0), (1e9, 0.0)
+    box = left, top, right, bottom = 11, 5, 118, 84
+    rows, columns = (bottom - top) // step, (right - left) // step
+
+    def means(values: Float32) -> Float32:
+        cut = np.ascontiguousarray(values[top : top + rows * step, left : left + columns * step])
+        return np.asarray(cv2.resize(cut, (columns, rows), interpolation=cv2.INTER_AREA))
+
+    np.testing.assert_allclose(reduced(image, box, step), means(image), rtol=1e-5)
+    speeds = np.hypot(flow_px[..., 0], flow_px[..., 1])
+    bad = means((~(speeds < 1e4)).astype(np.float32)) > 0
+    found, valid = reduced_flow(flow_px, box, step, 1e4)
+    expected = ~bad
+    expected[:2], expected[-2:], expected[:, :2], expected[:, -2:] = False, False, False, False
+    np.testing.assert_array_equal(valid, expected)
+    np.testing.assert_allclose(found[valid], means(flow_px)[valid], atol=1e-4)
+
+
+def test_one_value() -> None:
+    """One pixel is enough for an image to be of more than one value."""
+    image = np.full((5, 7), 3.0, np.float32)
+    assert is_of_one_value(image)
+    image[4, 6] = 4.0
+    assert not is_of_one_value(image)
+
+
+def test_luma_and_what_is_cut_off() -> None:
+    """Luma is the weighted sum of what codes stand for; white in any channel may be cut off, and bright luma."""
+    rgb = RNG.integers(0, 256, (30, 40, 3)).astype(np.uint8)
+    linear = np.linspace(0, 255, 256) ** 2 / 255
+    luma = luma_of(rgb, np.outer(LUMA_WEIGHTS_RGB, linear).astype(np.float32))
+    np.testing.assert_allclose(luma, linear[rgb] @ np.array(LUMA_WEIGHTS_RGB), rtol=1e-5)
+    np.testing.assert_array_equal(cut_off(rgb, luma, 200.0), (rgb == 255).any(axis=2) | (luma >= 200.0))
+
+
+def test_colours_of_single_footprints() -> None:
+    """Those of the pixels that are asked for are those of the whole image."""
+    K_frame = np.array([[90.0, 0, 59.5], [0, 90.0, 44.5], [0, 0, 1]])
+    K_event = np.array([[40.0, 0, 25.5], [0, 40.0, 19.5], [0, 0, 1]])
+    prints = footprints(K_frame, (90, 120), K_event, (40, 52))
+    rgb, linear = RNG.integers(0, 256, (90, 120, 3)).astype(np.uint8), np.linspace(0, 255, 256) ** 2 / 255
+    pixels = RNG.integers(0, 40 * 52, 200)
+    whole = [np.maximum(prints.sharp_average(linear[rgb[..., i]]), 0).ravel()[pixels] for i in range(3)]
+    np.testing.assert_allclose(sharp_colours(prints, rgb, linear, pixels), np.stack(whole, axis=1), atol=1e-9)
+
+
+def test_counts_of_odd_values() -> None:
+    """Zeros of both signs, infinities, NaN and subnormal numbers are counted as NumPy counts them."""
+    u, v = (part.ravel() for part in np.meshgrid(ODD, ODD))
+    nan, infinite = count_not_finite(np.stack((u, v), axis=-1))
+    assert nan == np.count_nonzero(np.isnan(u) | np.isnan(v))
+    assert infinite == np.count_nonzero(np.isinf(u) | np.isinf(v))
+    outside = int(np.count_nonzero(~((ODD >= 1) & (ODD <= 30)) & ~np.isnan(ODD)))
+    assert count_outside(ODD, 1.0, 30.0) == (1, outside)
+    assert positive_extremes(ODD) == (float(np.float32(1e-40)), 30.0)
+    assert positive_extremes(np.array([0.0, -2.0, np.nan, np.inf], np.float32)) is None
+    assert values_between(ODD, 2.0, 30.0).tolist() == [2.5, 30.0]
+    assert not len(values_between(ODD, 3.0, 4.0))
