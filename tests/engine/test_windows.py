@@ -62,12 +62,26 @@ def test_windows_of_a_clean_file_lie_on_the_grid(park_day: Path) -> None:
 def test_small_frames_are_not_thinned_out(effort: Effort) -> None:
     """Dense checks look at two thousand places of a frame where full effort does, and no denser than it does."""
     most = EFFORTS["full"].sampling.tile_share
-    for pixels in (120 * 90, 180 * 136, 640 * 480, 1440 * 1080):
+    for pixels in (120 * 90, 180 * 136, 640 * 480):
         share = make_plan(effort, 10, pixels).sampling.tile_share
-        assert share >= EFFORTS[effort].sampling.tile_share
         assert pixels * share**2 >= min(2000, pixels * most**2) * (1 - 1e-9)
         assert effort == "exhaustive" or share <= most
     assert make_plan(effort, 10, None).sampling == EFFORTS[effort].sampling
+
+
+def test_large_frames_are_looked_at_in_as_many_places_as_smaller_ones() -> None:
+    """From 400,000 pixels on the number of places stays; exhaustive looks everywhere."""
+    shares = {pixels: make_plan("full", 10, pixels).sampling.tile_share for pixels in (400_000, 1440 * 1080)}
+    assert shares[400_000] == EFFORTS["full"].sampling.tile_share
+    places = [pixels * share for pixels, share in shares.items()]
+    assert places == pytest.approx([100_000, 100_000])
+    assert make_plan("exhaustive", 10, 1440 * 1080).sampling.tile_share == 1.0
+
+
+@pytest.mark.parametrize("pixels", [120 * 90, 640 * 480, 720 * 540, 1440 * 1080, 4000 * 3000])
+def test_no_effort_looks_denser_than_a_greater_one(pixels: int) -> None:
+    shares = [make_plan(effort, 10, pixels).sampling.tile_share for effort in EFFORTS]
+    assert shares == sorted(shares)
 
 
 def test_single_samples_are_all_seen() -> None:
