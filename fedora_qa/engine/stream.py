@@ -55,9 +55,14 @@ class States:
 
 
 def start(checks: Iterable[Accumulator], facts: Facts) -> States:
-    """Return the states that have seen nothing."""
+    """Return the states that have seen nothing.
+
+    A check that could not even say whether its question can be asked crashes here, where that is noted.
+    """
     states = States({})
     for check in checks:
+        if isinstance(check, Check):
+            attempt(states, check.name, partial(check.not_applicable, facts))
         states.states[check.name] = attempt(states, check.name, partial(check.start, facts))
     return states
 

@@ -45,6 +45,10 @@ def find_sequences(folder: Path, patterns: Iterable[str]) -> tuple[SequenceFile,
     """Return the files that match any pattern, none hidden; raises ``MisuseError`` as ``find_release`` does."""
     if not folder.is_dir():
         raise MisuseError(f"Expected a folder with a release, got: {folder}")
+    patterns = tuple(patterns)
+    for pattern in patterns:
+        if not is_plain(pattern):
+            raise MisuseError(f"Expected patterns beneath the folder with a release, got {pattern!r}")
     found = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file()}
     names = sorted(path.relative_to(folder).as_posix() for path in found)
     return tuple(SequenceFile(name, inside(folder, name)) for name in names if not _is_hidden(name))

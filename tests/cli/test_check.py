@@ -64,6 +64,16 @@ class Crashes(Answers):
         raise ZeroDivisionError("division by zero")
 
 
+class CannotSay(Answers):
+    """Can it be asked?"""
+
+    name = "test.cannot_say"
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Fail over odd declarations."""
+        raise ZeroDivisionError("focal length of zero")
+
+
 @pytest.fixture
 def test_checks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Run these checks in place of the real ones."""
@@ -128,6 +138,16 @@ def test_crash_is_an_outcome(fedora_qa: Command, sequence: Path, tmp_path: Path)
     crashed = read_record(tmp_path / "out.json").files[0].results[-1]
     assert (crashed.check, crashed.outcome) == ("test.crashes", "crashed")
     assert "Traceback" in crashed.traceback
+
+
+def test_a_check_that_cannot_say_whether_it_applies_crashes_alone(
+    fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (CannotSay(), Answers()))
+    assert fedora_qa("check", sequence, "--json", tmp_path / "out.json").code == 3
+    crashed, answered = read_record(tmp_path / "out.json").files[0].results
+    assert (crashed.outcome, answered.outcome) == ("crashed", "passed")
+    assert "focal length of zero" in crashed.traceback
 
 
 @pytest.mark.usefixtures("test_checks")

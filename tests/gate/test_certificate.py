@@ -102,6 +102,14 @@ def test_no_name_leads_out(name: str, certificate: Certificate, folder: Path) ->
         differences(hostile, folder, TODAY)
 
 
+@pytest.mark.parametrize("pattern", ["../*.h5", "/etc/*", "**/../../*.h5", ""])
+def test_no_pattern_leads_out(pattern: str, certificate: Certificate, folder: Path) -> None:
+    """Patterns of a certificate that somebody made look nowhere but in the folder."""
+    made_up = replace(certificate, patterns=(pattern,))
+    with pytest.raises(MisuseError, match="beneath the folder"):
+        differences(made_up, folder, TODAY)
+
+
 def test_what_is_no_certificate(tmp_path: Path, certificate: Certificate) -> None:
     """No file, no JSON, another version, and an unknown key are refused by name."""
     path = tmp_path / "certificate.json"
