@@ -153,6 +153,7 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
             )
         ready = ready_to_measure(sequence, survey.scanned, options.memory_bytes)
         chosen = tuple(ready.spans[number] for number in survey.plan.chosen)
+        needed = _needed_by(asked) if options.select else None
         yield OpenSurvey(
             sequence=sequence,
             ready=ready,
@@ -160,9 +161,9 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
             chosen=chosen,
             planned=frozenset(survey.plan.chosen),
             asked=asked,
-            statistics=StatisticsCollector(_needed_by(asked) if options.select else None),
-            keeper=EvidenceCollector(ready.spans, chosen, options.evidence) if options.evidence else None,
-            distributions=DistributionsCollector(ready.spans) if options.evidence else None,
+            statistics=StatisticsCollector(needed),
+            keeper=EvidenceCollector(ready.spans, chosen, options.evidence, needed) if options.evidence else None,
+            distributions=DistributionsCollector(ready.spans, needed) if options.evidence else None,
         )
         sequence.require_unchanged()
 

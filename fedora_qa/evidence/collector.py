@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.glimpse import Glimpse, glimpse
-from fedora_qa.evidence.histograms import keep_histograms, padded_sum, seconds_of, window_pixels, window_values
+from fedora_qa.evidence.histograms import (
+    is_wanted,
+    keep_histograms,
+    padded_sum,
+    seconds_of,
+    window_pixels,
+    window_values,
+)
 from fedora_qa.evidence.instants import fitting_width_px, spread_instants
 from fedora_qa.evidence.kept import Kept, together
 from fedora_qa.evidence.moments import keep_moments
@@ -65,11 +72,20 @@ class EvidenceCollector:
         All of its windows.
     chosen
         Those that will be looked at; the moments are spread over them.
+    families
+        Of which streams values are counted (``flow`` is every rate); None: all. The moments show every stream.
     """
 
     name = "evidence"
 
-    def __init__(self, spans: Sequence[Span], chosen: Sequence[Span], options: EvidenceOptions) -> None:
+    def __init__(
+        self,
+        spans: Sequence[Span],
+        chosen: Sequence[Span],
+        options: EvidenceOptions,
+        families: frozenset[str] | None = None,
+    ) -> None:
+        self._families = families
         self._spans = tuple(spans)
         self._chosen = tuple(chosen)
         self._options = options
@@ -89,8 +105,9 @@ class EvidenceCollector:
         """Add what a window shows. Windows come in order."""
         instants = state.plan.instants.get(window.span.index, ())
         state.glimpses += [glimpse(window, time_ns, state.plan.width_px) for time_ns in instants]
-        _add_values(state.values, window_values(window))
-        if "events" in window.facts.streams and window.owned("events"):
+        _add_values(state.values, window_values(window, self._families))
+        wanted = "events" in window.facts.streams and is_wanted("events", self._families)
+        if wanted and window.owned("events"):
             _count_events(state, window)
 
     def merge(self, state: Seen, later: Seen) -> Seen:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.evidence.histograms import window_values
+from fedora_qa.evidence.histograms import is_wanted, window_values
 from fedora_qa.evidence.kept import Kept
 from fedora_qa.evidence.pixel_intervals import intervals_ns
 from fedora_qa.evidence.value_counts import count_values, octave_counts, octave_edges
@@ -41,11 +41,14 @@ class DistributionsCollector:
     ----------
     spans
         All windows of the file: they alone decide how long a block is, so that it depends on nothing else.
+    families
+        Of which streams values are counted (``flow`` is every rate); None: all.
     """
 
     name = "distributions"
 
-    def __init__(self, spans: Sequence[Span]) -> None:
+    def __init__(self, spans: Sequence[Span], families: frozenset[str] | None = None) -> None:
+        self._families = families
         cell_ns = spans[0].stop_ns - spans[0].start_ns if spans else 1
         self._block_ns = cell_ns << max(0, ceil(log2(max(len(spans), 1) / _MOST_BLOCKS)))
 
@@ -55,7 +58,9 @@ class DistributionsCollector:
 
     def update(self, state: Blocks, window: Window) -> None:
         """Add what a window shows."""
-        counts = {**window_values(window), **_event_counts(window)}
+        counts = window_values(window, self._families)
+        if is_wanted("events", self._families):
+            counts = {**counts, **_event_counts(window)}
         _add(state, window.span.start_ns // self._block_ns, counts)
 
     def merge(self, state: Blocks, later: Blocks) -> Blocks:

@@ -7,6 +7,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.causes import stream_family
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.kept import Kept, together
@@ -21,19 +22,27 @@ Image = TypeVar("Image")
 _LARGEST_SENSOR_PX: Final = 4096
 
 
-def window_values(window: Window) -> dict[str, Int64]:
-    """Count sampled pixels of the images that a window owns, by quantity: ``depth_m``, ``luma_dn``, ``flow/10hz``."""
-    return window.once("value counts", lambda: _count_window(window))
+def window_values(window: Window, families: frozenset[str] | None = None) -> dict[str, Int64]:
+    """Count sampled pixels of the images that a window owns, by quantity: ``depth_m``, ``luma_dn``, ``flow/10hz``.
+
+    Of the streams of these ``families`` (``flow`` is every rate); None: all.
+    """
+    return window.once(("value counts", families), lambda: _count_window(window, families))
 
 
-def _count_window(window: Window) -> dict[str, Int64]:
+def is_wanted(stream: str, families: frozenset[str] | None) -> bool:
+    """Whether a stream is of one of the families; None: every stream is."""
+    return families is None or stream_family(stream) in families
+
+
+def _count_window(window: Window, families: frozenset[str] | None) -> dict[str, Int64]:
     facts = window.facts
     samples: dict[str, Iterable[NDArray[Any]]] = {
-        "depth_m": (pixel_sample(image) for image in _readable(window, "depth", window.depth_m)),
-        "luma_dn": _readable(window, "rgb", lambda frame: sampled_luma_dn(window, frame)),
+        "depth_m": (pixel_sample(image) for image in _readable(window, "depth", window.depth_m, families)),
+        "luma_dn": _readable(window, "rgb", lambda frame: sampled_luma_dn(window, frame), families),
     }
     for stream in facts.flow_streams:
-        samples[stream] = _readable(window, stream, partial(sampled_speeds_px, window, stream))
+        samples[stream] = _readable(window, stream, partial(sampled_speeds_px, window, stream), families)
     return {quantity: added(count_values(image) for image in images) for quantity, images in samples.items()}
 
 
@@ -94,9 +103,11 @@ def _title(quantity: str) -> str:
     return f"Sampled pixels by length of {quantity}, px over its interval"
 
 
-def _readable(window: Window, stream: str, read: Callable[[int], Image]) -> Iterator[Image]:
-    """Yield the images of a stream that a window owns and that can be decoded."""
-    for row in window.owned(stream) if stream in window.facts.streams else ():
+def _readable(
+    window: Window, stream: str, read: Callable[[int], Image], families: frozenset[str] | None
+) -> Iterator[Image]:
+    """Yield the images of a stream that a window owns and that can be decoded, if it is wanted."""
+    for row in window.owned(stream) if stream in window.facts.streams and is_wanted(stream, families) else ():
         try:
             yield read(row)
         except UnreadableRowsError:

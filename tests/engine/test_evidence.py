@@ -30,7 +30,7 @@ def check_evidence(run: FileRun) -> None:
 
 def test_clean_file_shows_no_worst_place(park_day: Path) -> None:
     """A clean file keeps moments, trajectory, timeline, histograms and distributions, and no place."""
-    run = check_file(park_day, CheckOptions(select=FAST))
+    run = check_file(park_day, CheckOptions(select=(*FAST, "depth.range")))
     check_evidence(run)
     assert groups(run) == {"moments", "trajectory", "timeline", "histograms", "distributions"}
     assert run.arrays["moments/rgb"].shape == (12, 200, 270, 3)

@@ -9,6 +9,7 @@ import pytest
 
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.evidence.options import EvidenceOptions
 from tests.support.handmade import write_handmade
 
 IMAGES = {"path/rgb", "path/depth", "path/flow/10hz", "path/flow/25hz", "path/flow/50hz"}
@@ -60,6 +61,13 @@ def test_a_selection_decodes_what_it_needs(select: str, allowed: set[str], whole
     """Neither other checks nor the statistics make a selection decode what its own checks do not look at."""
     check(whole, select)
     assert decoded.keys() <= allowed
+
+
+def test_what_is_kept_of_a_selection_counts_its_streams_alone(whole: Path, decoded: Counter[str]) -> None:
+    """Evidence shows a few moments of every stream, and decodes no whole stream that no check asks for."""
+    check_file(whole, CheckOptions(select=("imu",), evidence=EvidenceOptions(moments=2)))
+    with h5py.File(whole) as file:
+        assert [key for key in IMAGES if decoded[key] >= len(file[key])] == []
 
 
 def test_each_block_is_decoded_once(whole: Path, decoded: Counter[str]) -> None:

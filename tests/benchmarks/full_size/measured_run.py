@@ -10,8 +10,8 @@ from typing import Final
 
 import psutil
 
-_EVERY_S: Final = 0.05
-"""Between two looks at the memory; what is held for less may be missed."""
+_EVERY_S: Final = 0.25
+"""Between two looks at the memory; what is held for less may be missed. A look costs tens of ms of system time."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -107,7 +107,7 @@ def _effort_row(study: Study, effort: str, measured: Measured) -> str:
 def _figures(study: Study) -> Iterator[str]:
     longest = max(study.readings)
     yield (
-        "\nMemory is the largest sum over all processes of their proportional set sizes, looked at twenty times a "
+        "\nMemory is the largest sum over all processes of their proportional set sizes, looked at four times a "
         f"second (asked: {MEMORY_TARGET_BYTES / 1e6:.0f} MB).\n\n| figure | measured | asked |\n| --- | --- | --- |\n"
     )
     first, *_, last = study.of_effort("full")
