@@ -165,6 +165,11 @@ def stream_family(stream: str) -> str:
     return stream.split("/", 1)[0]
 
 
+def in_families(stream: str, families: frozenset[str] | None) -> bool:
+    """Whether a stream is of one of the families; with None every stream is."""
+    return families is None or stream_family(stream) in families
+
+
 def allowed(cause: str, stream: str) -> bool:
     """Whether the cause can befall the stream (a single flow rate counts as flow)."""
     return stream_family(stream) in CAUSES[cause].streams

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.causes import in_families
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.glimpse import Glimpse, glimpse
 from fedora_qa.evidence.histograms import (
-    is_wanted,
     keep_histograms,
     padded_sum,
     seconds_of,
@@ -106,7 +106,7 @@ class EvidenceCollector:
         instants = state.plan.instants.get(window.span.index, ())
         state.glimpses += [glimpse(window, time_ns, state.plan.width_px) for time_ns in instants]
         _add_values(state.values, window_values(window, self._families))
-        wanted = "events" in window.facts.streams and is_wanted("events", self._families)
+        wanted = "events" in window.facts.streams and in_families("events", self._families)
         if wanted and window.owned("events"):
             _count_events(state, window)
 

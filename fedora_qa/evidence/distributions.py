@@ -11,9 +11,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.causes import in_families
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.evidence.histograms import is_wanted, window_values
+from fedora_qa.evidence.histograms import window_values
 from fedora_qa.evidence.kept import Kept
 from fedora_qa.evidence.pixel_intervals import intervals_ns
 from fedora_qa.evidence.value_counts import count_values, octave_counts, octave_edges
@@ -59,7 +60,7 @@ class DistributionsCollector:
     def update(self, state: Blocks, window: Window) -> None:
         """Add what a window shows."""
         counts = window_values(window, self._families)
-        if is_wanted("events", self._families):
+        if in_families("events", self._families):
             counts = {**counts, **_event_counts(window)}
         _add(state, window.span.start_ns // self._block_ns, counts)
 

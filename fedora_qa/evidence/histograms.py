@@ -7,7 +7,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.causes import stream_family
+from fedora_qa.causes import in_families
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.kept import Kept, together
@@ -28,11 +28,6 @@ def window_values(window: Window, families: frozenset[str] | None = None) -> dic
     Of the streams of these ``families`` (``flow`` is every rate); None: all.
     """
     return window.once(("value counts", families), lambda: _count_window(window, families))
-
-
-def is_wanted(stream: str, families: frozenset[str] | None) -> bool:
-    """Whether a stream is of one of the families; None: every stream is."""
-    return families is None or stream_family(stream) in families
 
 
 def _count_window(window: Window, families: frozenset[str] | None) -> dict[str, Int64]:
@@ -107,7 +102,7 @@ def _readable(
     window: Window, stream: str, read: Callable[[int], Image], families: frozenset[str] | None
 ) -> Iterator[Image]:
     """Yield the images of a stream that a window owns and that can be decoded, if it is wanted."""
-    for row in window.owned(stream) if stream in window.facts.streams and is_wanted(stream, families) else ():
+    for row in window.owned(stream) if stream in window.facts.streams and in_families(stream, families) else ():
         try:
             yield read(row)
         except UnreadableRowsError:

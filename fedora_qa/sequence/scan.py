@@ -23,7 +23,7 @@ BLOCK_ROWS = 1 << 20
 """Event stamps looked at together."""
 
 MOST_CELLS: Final = 1 << 14
-"""Cells that become windows. An hour of a sequence fits; longer ones, and stamps far apart, get longer cells."""
+"""Cells that become windows: 54 minutes of 0.2 s. Longer sequences, and stamps far apart, get longer cells."""
 
 FARTHEST_INDEX: Final = 1 << 53
 """Stored indices saturate here, so that differences of two fit int64, and float64 holds them."""

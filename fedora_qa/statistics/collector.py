@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.causes import stream_family
+from fedora_qa.causes import in_families
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.record.types import Scalar
@@ -79,9 +79,7 @@ class StatisticsCollector:
 
     def _streams(self, facts: Facts) -> frozenset[str]:
         """Return the streams that are decoded."""
-        if self._families is None:
-            return facts.streams
-        return frozenset(stream for stream in facts.streams if stream_family(stream) in self._families)
+        return frozenset(stream for stream in facts.streams if in_families(stream, self._families))
 
     def merge(self, state: list[WindowStatistics], later: list[WindowStatistics]) -> list[WindowStatistics]:
         """Return the state that has seen what both have, ``later`` being of later windows."""
