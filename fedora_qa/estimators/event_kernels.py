@@ -15,7 +15,6 @@ Int32 = NDArray[np.int32]
 Bool = NDArray[np.bool_]
 Columns = NDArray[np.uint16]
 Polarities = NDArray[np.uint8]
-Signs = NDArray[np.int8]
 
 
 @njit(cache=True)
@@ -62,43 +61,6 @@ def survey_columns(
         on += p[i] == 1
         column, row = max(column, np.int64(x[i])), max(row, np.int64(y[i]))
     found[0], found[1], found[2], found[3], found[4], found[5], found[6] = outside, unknown, first, column, row, off, on
-
-
-@njit(cache=True)
-def follow_pixels(x: Columns, y: Columns, t: Int64, p: Polarities, width: int, followed: Int64) -> int:
-    """Follow every pixel through some events; return how many share pixel and stamp with the event before.
-
-    ``followed`` (h * w, 2) is zero at first and receives, in one line of the cache, the last event as
-    2 (t - t[0]) + p + 1, and what was counted: 2^32 times the sequences of one polarity, twice the events, and the
-    polarity of the first event.
-    """
-    repeats = 0
-    for i in range(len(t)):
-        at, now = np.int64(y[i]) * width + x[i], 2 * (t[i] - t[0]) + p[i] + 1
-        last = followed[at, 0]
-        repeats += (last > 0) & ((last - 1) >> 1 == (now - 1) >> 1)
-        turned = (last == 0) | ((last - 1) & 1 != p[i])
-        followed[at, 0] = now
-        followed[at, 1] += 2 + (np.int64(turned) << 32) + (p[i] if last == 0 else 0)
-    return repeats
-
-
-@njit(cache=True)
-def add_followed(followed: Int64, events: Int64, runs: Int64, first: Signs, last: Signs) -> None:
-    """Add what ``follow_pixels`` found to ``events``, and sequences of one polarity to ``runs``, (h * w,) each.
-
-    ``first`` and ``last`` (h * w,) hold the polarity of each pixel's first and last event, negative where there is
-    none. A sequence that goes on is one.
-    """
-    for at in range(len(events)):
-        counted = followed[at, 1]
-        if counted:
-            began = counted & 1
-            events[at] += (counted & 0xFFFFFFFF) >> 1
-            runs[at] += (counted >> 32) - (1 if last[at] == began else 0)
-            if first[at] < 0:
-                first[at] = began
-            last[at] = (followed[at, 0] - 1) & 1
 
 
 @njit(cache=True)

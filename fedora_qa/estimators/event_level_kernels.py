@@ -1,4 +1,4 @@
-"""Compiled loop that finds bracketed level samples. Events come as in ``event_kernels``."""
+"""Compiled loop that finds bracketed level samples. Events come by pixel."""
 
 import numpy as np
 from numba import njit
@@ -9,16 +9,6 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 Int32 = NDArray[np.int32]
 Bool = NDArray[np.bool_]
-Columns = NDArray[np.uint16]
-Polarities = NDArray[np.uint8]
-
-_T2, _T1, _T0, _SIGN2, _SIGN1, _ON, _OFF, _BEFORE = range(8)
-"""What is remembered of a pixel, in one line of the cache: the times of its last three events, the signs of the last
-two, its counts so far and the frame before its last event."""
-_FRAME, _LEVEL_ON, _LEVEL_OFF, _SLOPE, _GAP, _MORE_ON, _MORE_OFF = range(7)
-"""And of its last sample: the frame (one more, so that 0 is none), levels, slope and gap, and what a straight line
-between the events would add to the levels."""
-
 
 _FEWEST = 4
 """Events of a pixel that has a sample."""
@@ -26,10 +16,8 @@ _FEWEST = 4
 
 @njit(cache=True)
 def sample_levels(
-    x: Columns,
-    y: Columns,
-    t: Int64,
-    p: Polarities,
+    starts: Int64,
+    stamped: Int64,
     frame_times: Int64,
     usable: Bool,
     every: int,
@@ -45,69 +33,69 @@ def sample_levels(
     pixel whose frame is ``usable`` (n, h, w), with an event before and one after them at a third to three times their
     gap: a cubic through less even events swings.
     Events closer than ``least_gap`` ns break the chain of a pixel: between them events may be lost.
-    Of the pixels, one in ``every`` is followed.
+    Of the pixels, one in ``every`` is followed. Events come by pixel, as in ``event_pixel_kernels``.
 
     ``off_over_on`` is the ratio of the thresholds, good to first order. ``places`` (m, 3) receives pixel, earlier and
     later frame; ``regressors`` (m, 7) the brighter and darker events between the samples, fractions included (darker
     ones count negative), the change of their rates, 1/s, the longer of the two gaps, s, and what straight lines would
     add to the first two.
     """
-    width = usable.shape[2]
-    # Zeros, so that memory is touched only where pixels fire.
-    pixels, samples = np.zeros((usable.shape[1] * width, 8)), np.zeros((usable.shape[1] * width, 7))
-    fired = np.zeros(usable.shape[1] * width, np.uint8)
-    for i in range(len(t)):
-        at = np.int64(y[i]) * width + x[i]
-        fired[at] = min(fired[at] + 1, _FEWEST)
-    frame, rows = 0, 0
-    for i in range(len(t)):
-        while frame < len(frame_times) and frame_times[frame] < t[i]:
-            frame += 1
-        if every > 1 and (x[i] + 3 * y[i]) % every != 0:
-            continue
-        at = np.int64(y[i]) * width + x[i]
-        if fired[at] < _FEWEST:
-            continue
-        now, sign = (t[i] - frame_times[0]) * 1e-9, (1.0 if p[i] == 1 else -1.0)
-        before, sample = pixels[at, _ON] + pixels[at, _OFF], int(pixels[at, _BEFORE])
-        if before >= 1.0 and now - pixels[at, _T2] < least_gap * 1e-9:
-            samples[at, _FRAME] = 0.0
-        elif before >= 3.0 and sample >= 0 and pixels[at, _SIGN1] == pixels[at, _SIGN2]:
-            at_frame = (frame_times[sample] - frame_times[0]) * 1e-9
-            gap = pixels[at, _T2] - pixels[at, _T1]
-            if (
-                pixels[at, _T1] <= at_frame
-                and 0.0 < gap <= longest_gap * 1e-9
-                and gap <= 3.0 * (pixels[at, _T1] - pixels[at, _T0]) <= 9.0 * gap
-                and gap <= 3.0 * (now - pixels[at, _T2]) <= 9.0 * gap
-                and usable[sample, y[i], x[i]]
-            ):
-                brighter = pixels[at, _SIGN2] > 0.0
-                step = 1.0 if sign == pixels[at, _SIGN2] else -(off_over_on if brighter else 1.0 / off_over_on)
-                share, rate = _between(pixels[at, _T0], pixels[at, _T1], pixels[at, _T2], now, step, at_frame)
-                # The last event has been counted; the sample lies before it.
-                level_on = pixels[at, _ON] + (share - 1.0 if brighter else 0.0)
-                level_off = pixels[at, _OFF] + (0.0 if brighter else share - 1.0)
-                slope = rate if brighter else -rate
-                straight = (at_frame - pixels[at, _T1]) / gap - share
-                more_on, more_off = (straight, 0.0) if brighter else (0.0, straight)
-                if samples[at, _FRAME] > 0.0:
-                    places[rows, 0], places[rows, 1], places[rows, 2] = at, int(samples[at, _FRAME]) - 1, sample
-                    regressors[rows, 0] = level_on - samples[at, _LEVEL_ON]
-                    regressors[rows, 1] = samples[at, _LEVEL_OFF] - level_off
-                    regressors[rows, 2] = max(slope, 0.0) - max(samples[at, _SLOPE], 0.0)
-                    regressors[rows, 3] = min(slope, 0.0) - min(samples[at, _SLOPE], 0.0)
-                    regressors[rows, 4] = max(gap, samples[at, _GAP])
-                    regressors[rows, 5] = more_on - samples[at, _MORE_ON]
-                    regressors[rows, 6] = samples[at, _MORE_OFF] - more_off
+    _, height, width = usable.shape
+    rows = 0
+    for row in range(height):
+        for column in range(width):
+            at = row * width + column
+            begin, stop = starts[at], starts[at + 1]
+            if stop - begin < _FEWEST or (every > 1 and (column + 3 * row) % every != 0):
+                continue
+            frame, known, sampled = 0, False, 0
+            on = (stamped[begin] & 1) + (stamped[begin + 1] & 1) + (stamped[begin + 2] & 1)
+            level_on, level_off, slope, gap_s, more_on, more_off = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for i in range(begin + 3, stop):
+                one, other = stamped[i - 2], stamped[i - 1]
+                brighter = other & 1
+                t1, t2, t3 = one >> 1, other >> 1, stamped[i] >> 1
+                on_before, off_before = on, i - begin - on
+                on += stamped[i] & 1
+                if t3 - t2 < least_gap:
+                    known = False
+                    continue
+                gap = t2 - t1
+                if one & 1 != brighter or gap <= 0 or gap > longest_gap:
+                    continue
+                t0 = stamped[i - 3] >> 1
+                if not (gap <= 3 * (t1 - t0) <= 9 * gap and gap <= 3 * (t3 - t2) <= 9 * gap):
+                    continue
+                while frame < len(frame_times) and frame_times[frame] < t2:
+                    frame += 1
+                if frame == 0 or frame_times[frame - 1] < t1 or not usable[frame - 1, row, column]:
+                    continue
+                step = 1.0 if stamped[i] & 1 == brighter else -(off_over_on if brighter else 1.0 / off_over_on)
+                since = frame_times[0]
+                share, rate = _between(
+                    (t0 - since) * 1e-9,
+                    (t1 - since) * 1e-9,
+                    (t2 - since) * 1e-9,
+                    (t3 - since) * 1e-9,
+                    step,
+                    (frame_times[frame - 1] - since) * 1e-9,
+                )
+                # The event at t2 is counted; the sample lies before it.
+                now_on = on_before + (share - 1.0 if brighter else 0.0)
+                now_off = off_before + (0.0 if brighter else share - 1.0)
+                now_slope, now_gap_s = (rate if brighter else -rate), gap * 1e-9
+                straight = (frame_times[frame - 1] - t1) / gap - share
+                now_more_on, now_more_off = (straight, 0.0) if brighter else (0.0, straight)
+                if known:
+                    places[rows, 0], places[rows, 1], places[rows, 2] = at, sampled, frame - 1
+                    regressors[rows, 0], regressors[rows, 1] = now_on - level_on, level_off - now_off
+                    regressors[rows, 2] = max(now_slope, 0.0) - max(slope, 0.0)
+                    regressors[rows, 3] = min(now_slope, 0.0) - min(slope, 0.0)
+                    regressors[rows, 4] = max(now_gap_s, gap_s)
+                    regressors[rows, 5], regressors[rows, 6] = now_more_on - more_on, more_off - now_more_off
                     rows += 1
-                samples[at, _FRAME], samples[at, _GAP] = sample + 1, gap
-                samples[at, _MORE_ON], samples[at, _MORE_OFF] = more_on, more_off
-                samples[at, _LEVEL_ON], samples[at, _LEVEL_OFF], samples[at, _SLOPE] = level_on, level_off, slope
-        pixels[at, _T0], pixels[at, _T1], pixels[at, _T2] = pixels[at, _T1], pixels[at, _T2], now
-        pixels[at, _SIGN1], pixels[at, _SIGN2] = pixels[at, _SIGN2], sign
-        pixels[at, _BEFORE] = frame - 1
-        pixels[at, _ON if sign > 0.0 else _OFF] += 1.0
+                known, sampled, gap_s, slope = True, frame - 1, now_gap_s, now_slope
+                level_on, level_off, more_on, more_off = now_on, now_off, now_more_on, now_more_off
     return rows
 
 
@@ -164,3 +152,29 @@ def sum_blocks(
     for j in range(X.shape[1]):
         for k in range(j):
             matrices[:, k, j] = matrices[:, j, k]
+
+
+@njit(cache=True)
+def weigh(X: Float64, y: Float64, weights: Float64, matrix: Float64, vector: Float64) -> None:
+    """Write the normal equations X'WX (k, k) and X'Wy (k,) of y (m,) on X (m, k)."""
+    parameters = X.shape[1]
+    matrix[:], vector[:] = 0.0, 0.0
+    for i in range(len(y)):
+        for j in range(parameters):
+            weighted = weights[i] * X[i, j]
+            vector[j] += weighted * y[i]
+            for k in range(j + 1):
+                matrix[j, k] += weighted * X[i, k]
+    for j in range(parameters):
+        for k in range(j):
+            matrix[k, j] = matrix[j, k]
+
+
+@njit(cache=True)
+def residuals(X: Float64, y: Float64, theta: Float64, residual: Float64) -> None:
+    """Write |y - X theta| (m,)."""
+    for i in range(len(y)):
+        left = y[i]
+        for j in range(X.shape[1]):
+            left -= X[i, j] * theta[j]
+        residual[i] = abs(left)

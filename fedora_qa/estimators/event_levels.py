@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_level_kernels import sample_levels, sum_blocks
+from fedora_qa.estimators.event_level_kernels import residuals, sample_levels, sum_blocks, weigh
+from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
 
 Float64 = NDArray[np.float64]
 
@@ -105,21 +106,39 @@ def find_level_pairs(
     least_gap_ns: int = 1,
     off_over_on: float = 1.0,
 ) -> LevelPairs:
+    """Return ``level_pairs`` of events as columns in the order of time."""
+    events = by_pixel(x, y, times_ns, p, (usable.shape[1], usable.shape[2]))
+    return level_pairs(
+        events,
+        frame_times_ns,
+        usable,
+        longest_gap_ns=longest_gap_ns,
+        least_gap_ns=least_gap_ns,
+        off_over_on=off_over_on,
+    )
+
+
+def level_pairs(
+    events: PixelEvents,
+    frame_times_ns: NDArray[np.int64],
+    usable: NDArray[np.bool_],
+    *,
+    longest_gap_ns: int,
+    least_gap_ns: int = 1,
+    off_over_on: float = 1.0,
+) -> LevelPairs:
     """Find the level samples at frame times, at pixels whose frames are ``usable`` (n, h, w).
 
     Events of a pixel closer than ``least_gap_ns`` break its chain. ``off_over_on`` is the declared ratio of the
     thresholds; it only bends the cubic.
     """
-    places = np.empty((len(times_ns), 3), np.int32)
-    regressors = np.empty((len(times_ns), _PARAMETERS + 3))
+    places, regressors = np.empty((len(events), 3), np.int32), np.empty((len(events), _PARAMETERS + 3))
     count = sample_levels(
-        x,
-        y,
-        times_ns,
-        p,
+        events.starts,
+        events.stamped,
         frame_times_ns,
         usable,
-        max(1, -(-len(times_ns) // MOST_EVENTS)),
+        max(1, -(-len(events) // MOST_EVENTS)),
         longest_gap_ns,
         max(least_gap_ns, 1),
         off_over_on,
@@ -206,16 +225,33 @@ def normal_blocks(
 
 def huber_weights(X: Float64, y: Float64) -> Float64:
     """Return the weights (m,) of Huber's M-estimate of y = X theta, by iterated least squares."""
-    weights = np.ones(len(y))
-    for _ in range(_ITERATIONS):
-        Xw = X * weights[:, np.newaxis]
-        theta = np.linalg.lstsq(Xw.T @ X, Xw.T @ y, rcond=None)[0]
-        residual = np.abs(y - X @ theta)
-        scale = 1.4826 * float(np.median(residual)) if len(y) else 0.0
+    weights, residual = np.ones(len(y)), np.empty(len(y))
+    if not len(y):
+        return weights
+    # The median of an even number of values lies between two.
+    middle = [(len(y) - 1) // 2, len(y) // 2]
+    matrix, vector = np.empty((X.shape[1], X.shape[1])), np.empty(X.shape[1])
+    weigh(X, y, weights, matrix, vector)
+    for iteration in range(_ITERATIONS):
+        residuals(X, y, _solved(matrix, vector), residual)
+        below, above = np.partition(residual, middle)[middle]
+        scale = 1.4826 * 0.5 * float(below + above)
         if scale == 0.0:
             break
-        weights = np.minimum(1.0, HUBER_K * scale / np.maximum(residual, 1e-300))
+        np.minimum(1.0, HUBER_K * scale / np.maximum(residual, 1e-300), out=weights)
+        if iteration + 1 < _ITERATIONS:
+            weigh(X, y, weights, matrix, vector)
     return weights
+
+
+def _solved(matrix: Float64, vector: Float64) -> Float64:
+    """Return the solution (k,) of normal equations; the shortest of many."""
+    theta: Float64
+    try:
+        theta = np.linalg.solve(matrix, vector)
+    except np.linalg.LinAlgError:
+        theta = np.linalg.lstsq(matrix, vector, rcond=None)[0]
+    return theta
 
 
 def concatenate(blocks: list[NormalBlocks]) -> NormalBlocks:

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import rank_filter
 
-from fedora_qa.estimators.event_kernels import add_followed, follow_pixels
+from fedora_qa.estimators.event_pixel_kernels import add_followed
+from fedora_qa.estimators.event_pixels import by_pixel
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
@@ -45,11 +46,11 @@ class Tally:
 
     def add(self, x: NDArray[np.uint16], y: NDArray[np.uint16], p: NDArray[np.uint8]) -> None:
         """Count the events that come next, in place."""
-        followed, _ = follow(x, y, np.zeros(len(x), np.int64), p, (self.events.shape[0], self.events.shape[1]))
-        self.add_followed(followed)
+        shape = self.events.shape[0], self.events.shape[1]
+        self.add_followed(by_pixel(x, y, np.zeros(len(x), np.int64), p, shape).followed(0, 1)[0])
 
     def add_followed(self, followed: Int64) -> None:
-        """Count what ``follow`` found in the events that come next, in place."""
+        """Count what ``PixelEvents.followed`` found in the events that come next, in place."""
         events, runs, first, last = (self.events.ravel(), self.runs.ravel(), self.first.ravel(), self.last.ravel())
         add_followed(followed, events, runs, first, last)
 
@@ -62,19 +63,6 @@ class Tally:
             np.where(self.first == _NONE, later.first, self.first),
             np.where(later.last == _NONE, self.last, later.last),
         )
-
-
-def follow(
-    x: NDArray[np.uint16],
-    y: NDArray[np.uint16],
-    times_ns: Int64,
-    p: NDArray[np.uint8],
-    shape: tuple[int, int],
-) -> tuple[Int64, int]:
-    """Return what every pixel did (h * w, 2), as ``follow_pixels`` writes it, and the events that repeat another."""
-    followed = np.zeros((shape[0] * shape[1], 2), np.int64)
-    repeats = follow_pixels(x, y, times_ns, p, shape[1], followed)
-    return followed, int(repeats)
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,7 +38,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.event_footprint import LEFT_BY_SHARP
 from fedora_qa.estimators.event_levels import NormalBlocks, huber_weights, normal_blocks
-from fedora_qa.estimators.event_reading_kernels import FINE, number_pixels, read_at_events
+from fedora_qa.estimators.event_pixels import PixelEvents
+from fedora_qa.estimators.event_reading_kernels import FINE, READ, SECONDS, SIGN, centre_readings, read_at_events
 
 Float64 = NDArray[np.float64]
 
@@ -91,10 +92,7 @@ class Readings:
 
 
 def read_frames(
-    x: NDArray[np.uint16],
-    y: NDArray[np.uint16],
-    times_ns: NDArray[np.int64],
-    p: NDArray[np.uint8],
+    events: PixelEvents,
     frame_times_ns: NDArray[np.int64],
     images: NDArray[np.floating],
     even_images: NDArray[np.floating] | None = None,
@@ -115,14 +113,12 @@ def read_frames(
     if len(frame_times_ns) < FINE:
         return None
     usable = np.isfinite(images) if usable is None else usable
-    inside = int(np.diff(np.searchsorted(times_ns, frame_times_ns[[0, -1]], side="right"))[0])
+    inside = events.later_than(int(frame_times_ns[0]), int(frame_times_ns[-1]))
     every = max(1, -(-inside // MOST_READINGS))
-    pixels, columns = np.empty(inside, np.int64), np.empty((inside, 8))
+    pixels, columns = np.empty(inside, np.int64), np.empty((inside, READ))
     count = read_at_events(
-        x,
-        y,
-        times_ns,
-        p,
+        events.starts,
+        events.stamped,
         frame_times_ns,
         images,
         images if even_images is None else even_images,
@@ -133,29 +129,15 @@ def read_frames(
         pixels,
         columns,
     )
-    kept = np.arange(count)
+    pixels, columns, kept = pixels[:count], columns[:count], np.ones(count, np.bool_)
     if tick_s > 0:
-        kept = kept[~_before_turns(pixels[:count], columns[:count, 6])]
-    numbers = _numbered(pixels[kept], usable[0].size)
-    often = np.bincount(numbers)[numbers] > 1
-    kept, numbers = kept[often], numbers[often]
-    pixels, columns = pixels[kept], columns[kept]
-    columns[:, 1] -= leak_rate_hz * columns[:, 0]
-    level, coarse, even = columns[:, 3], columns[:, 3] + columns[:, 5], columns[:, 7]
-    by_place = LEFT_BY_SHARP * _less_mean(even - level, numbers, np.ones(len(kept)))
-    frame_times_s = (frame_times_ns - frame_times_ns[0]) * 1e-9
-    corners = _corners(pixels, columns[:, 0], frame_times_s, images, log_eps_dn)
-    weights = 1 / (1 + (columns[:, 5] ** 2 + corners**2 + by_place**2) / (ERROR_SHARE * threshold) ** 2)
-    regressors = [_less_mean(each, numbers, weights) for each in (*columns[:, [1, 2, 4]].T, np.abs(columns[:, 4]))]
-    return Readings(
-        pixels,
-        frame_times_ns[0] * 1e-9 + columns[:, 0],
-        np.column_stack(regressors),
-        _less_mean(level, numbers, weights),
-        _less_mean(coarse, numbers, weights),
-        _less_mean(even, numbers, weights),
-        weights,
-    )
+        kept = ~_before_turns(pixels, columns[:, SIGN])
+    centred = np.empty((count, 8))
+    error = ERROR_SHARE * threshold
+    count = centre_readings(pixels, columns, kept, leak_rate_hz, LEFT_BY_SHARP, error, centred)
+    regressors, centred = centred[:count, :4].copy(), centred[:count].T.copy()
+    times_s = frame_times_ns[0] * 1e-9 + columns[:count, SECONDS]
+    return Readings(pixels[:count].copy(), times_s, regressors, *centred[4:])
 
 
 def reading_weights(readings: Readings) -> Float64:
@@ -186,51 +168,8 @@ def reading_blocks(
     return normal_blocks(readings.regressors, levels, weights, block_of_reading, blocks, readings.times_s)
 
 
-def _corners(
-    pixels: NDArray[np.int64],
-    times_s: Float64,
-    frame_times_s: Float64,
-    images: NDArray[np.floating],
-    log_eps_dn: float | None = None,
-) -> Float64:
-    """Return how far two parabolas lie apart (m,): those through the first and the last three of four frames around.
-
-    They share the frames t1 and t2, so that with the divided difference of third order they differ by
-    L[t0, t1, t2, t3] (t3 - t0) (t - t1) (t - t2). Where light stops to change between two frames that is of the size of
-    what any polynomial cuts off the corner.
-    """
-    before = np.searchsorted(frame_times_s, times_s) - 1
-    first = np.clip(before - 1, 0, len(frame_times_s) - 4)
-    frames = first[:, np.newaxis] + np.arange(4)
-    rows, columns = np.divmod(pixels, images.shape[2])
-    t, divided = frame_times_s[frames], images[frames, rows[:, np.newaxis], columns[:, np.newaxis]].astype(np.float64)
-    if log_eps_dn is not None:
-        divided = np.log(divided + log_eps_dn)
-    for order in (1, 2, 3):
-        divided = np.diff(divided, axis=1) / (t[:, order:] - t[:, :-order])
-    apart: Float64 = divided[:, 0] * (t[:, 3] - t[:, 0]) * (times_s - t[:, 1]) * (times_s - t[:, 2])
-    return apart
-
-
 def _before_turns(pixels: NDArray[np.int64], signs: Float64) -> NDArray[np.bool_]:
-    """Return the events (m,) after which their pixel has none, or one of the other sign."""
-    order = np.argsort(pixels, kind="stable")
-    goes_on = (pixels[order][1:] == pixels[order][:-1]) & (signs[order][1:] == signs[order][:-1])
+    """Return the events (m,), by pixel, after which their pixel has none, or one of the other sign."""
     before = np.ones(len(pixels), np.bool_)
-    before[order[:-1]] = ~goes_on
+    before[:-1] = (pixels[1:] != pixels[:-1]) | (signs[1:] != signs[:-1])
     return before
-
-
-def _numbered(pixels: NDArray[np.int64], most: int) -> NDArray[np.int64]:
-    """Return the number (m,) of each event's pixel among those that occur."""
-    numbers = np.empty(len(pixels), np.int64)
-    number_pixels(pixels, most, numbers)
-    return numbers
-
-
-def _less_mean(values: Float64, numbers: NDArray[np.int64], weights: Float64) -> Float64:
-    """Return values (m,) less the weighted mean of their pixel, which goes by its number."""
-    total = np.bincount(numbers, weights)
-    mean = np.bincount(numbers, weights * values) / np.maximum(total, 1e-300)
-    centred: Float64 = values - mean[numbers]
-    return centred

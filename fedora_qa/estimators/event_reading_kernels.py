@@ -1,4 +1,4 @@
-"""Compiled loop that reads frames at the times of events. Events come as in ``event_kernels``."""
+"""Compiled loops that read frames at the times of events. Events come by pixel, as in ``event_pixel_kernels``."""
 
 import numpy as np
 from numba import njit
@@ -11,21 +11,19 @@ Bool = NDArray[np.bool_]
 FINE, COARSE = 6, 4
 """Frames through which a polynomial is laid to read a level, and to tell how well it does."""
 
+SECONDS, ON, OFF, LEVEL, SLOPE, COARSER, SIGN, EVEN, CORNER = range(9)
+"""Columns of readings: seconds since the first frame, brighter and darker events of the pixel so far (darker ones
+negative), the level, its slope (1/s), what four frames in place of six would add to it, the sign of the event, the
+level of the even reconstruction, and how far two parabolas lie apart."""
 
-_ON, _OFF, _BEYOND, _EVEN_BEYOND = range(4)
-"""What is remembered of a pixel: brighter and darker events so far (darker ones negative), and by how much its steps
-exceeded the threshold, as either reconstruction of the frames has it."""
-
-_EVEN = 3
-"""Column of the divided differences of the even reconstruction; before it those of points from 0, 1 and 2 on."""
+READ = 9
+"""So many columns."""
 
 
 @njit(cache=True)
 def read_at_events(
-    x: NDArray[np.uint16],
-    y: NDArray[np.uint16],
-    t: Int64,
-    p: NDArray[np.uint8],
+    starts: Int64,
+    stamped: Int64,
     frame_times: Int64,
     images: NDArray[np.floating],
     even_images: NDArray[np.floating],
@@ -41,135 +39,171 @@ def read_at_events(
     Levels are what ``images`` (n, h, w) show, or the logarithm of that plus ``log_eps`` where this is not NaN; of
     ``even_images`` likewise. A level is that of the polynomial through the six frames around the event, which must all
     be ``usable`` (n, h, w). Of the pixels, one in ``every`` is read, where it fires twice or more: a single reading
-    tells nothing. ``pixels`` (m,) receives row * width + column, ``readings`` (m, 8) the seconds since the first frame,
-    the brighter and the darker events so far (darker ones negative), the level, its slope (1/s), what four frames in
-    place of six would add to the level, the sign of the event, and the level of ``even_images``.
+    tells nothing. ``pixels`` (m,) receives row * width + column, ``readings`` (m, 9) the columns that are named above.
 
     With ``tick_s`` > 0 events are those of a sensor that compares whole values once a tick: what their steps exceed
     half a value beyond the threshold by is taken from the level.
+
+    The corner is what lies between the parabolas through the first and the last three of the four frames around. They
+    share the frames t1 and t2, so that with the divided difference of third order they differ by
+    L[t0, t1, t2, t3] (t3 - t0) (t - t1) (t - t2). Where light stops to change between two frames that is of the size of
+    what any polynomial cuts off the corner.
     """
     n, height, width = images.shape
-    state = np.zeros((height * width, 4))
-    seconds, inverses = np.empty(FINE), np.zeros((FINE, FINE))
-    divided = np.zeros((FINE, FINE))
-    all_usable, known_from = np.empty((height, width), np.bool_), -1
-    again = np.zeros(height * width, np.uint8)
-    _mark_again(x, y, t, frame_times[0], frame_times[n - 1], width, again)
-    # Events of a pixel share its polynomials as long as they share the six frames.
-    curves, curve_of, first_curve, last_curve = (
-        np.empty((len(pixels), FINE, 4)),
-        np.zeros(height * width, np.int32),
-        0,
-        0,
-    )
-    rows, frame = 0, 0
-    for i in range(len(t)):
-        if t[i] <= frame_times[0] or t[i] > frame_times[n - 1]:
-            continue
-        while frame_times[frame + 1] < t[i]:
-            frame += 1
-        row, column, sign = int(y[i]), int(x[i]), (1.0 if p[i] == 1 else -1.0)
-        at = row * width + column
-        if again[at] < 2 or (every > 1 and (x[i] + 3 * y[i]) % every != 0):
-            continue
-        state[at, _ON if sign > 0.0 else _OFF] += sign
-        first = min(max(frame + 1 - FINE // 2, 0), n - FINE)
-        inner = min(max(frame + 1 - COARSE // 2, 0), n - COARSE) - first
-        if first != known_from:
-            known_from, first_curve = first, last_curve
-            _prepare(usable[first : first + FINE], frame_times[first : first + FINE], all_usable, seconds, inverses)
-            seconds += (frame_times[first] - frame_times[0]) * 1e-9
-        if not all_usable[row, column]:
-            continue
-        if curve_of[at] <= first_curve:
-            _divide(even_images, row, column, first, log_eps, inverses, divided)
-            curves[last_curve, :, _EVEN] = divided[:, 0]
-            _divide(images, row, column, first, log_eps, inverses, divided)
-            curves[last_curve, :, :_EVEN] = divided[:, :_EVEN]
-            last_curve += 1
-            curve_of[at] = last_curve
-        curve, now = curve_of[at] - 1, (t[i] - frame_times[0]) * 1e-9
-        level, slope = _polynomial(curves, curve, 0, seconds, 0, FINE, now)
-        coarse, _ = _polynomial(curves, curve, inner, seconds, inner, COARSE, now)
-        even, even_slope = _polynomial(curves, curve, _EVEN, seconds, 0, FINE, now)
-        beyond, even_beyond = 0.0, 0.0
-        if tick_s > 0.0:
-            step, even_step = max(0.0, sign * slope) * tick_s, max(0.0, sign * even_slope) * tick_s
-            beyond, even_beyond = _rounded_up(step), _rounded_up(even_step)
-            state[at, _BEYOND] += sign * (0.5 * step + beyond)
-            state[at, _EVEN_BEYOND] += sign * (0.5 * even_step + even_beyond)
-        pixels[rows] = at
-        readings[rows, 0], readings[rows, 1], readings[rows, 2] = now, state[at, _ON], state[at, _OFF]
-        readings[rows, 3], readings[rows, 4] = level - state[at, _BEYOND] + sign * beyond, slope
-        readings[rows, 5], readings[rows, 6] = coarse - level, sign
-        readings[rows, 7] = even - state[at, _EVEN_BEYOND] + sign * even_beyond
-        rows += 1
+    seconds, inverses = (frame_times - frame_times[0]) * 1e-9, _inverses(frame_times)
+    # Levels of a pixel by frame, as far as they were asked for; its polynomials go on as long as the six frames do.
+    levels, even_levels, divided, even = np.empty(n), np.empty(n), np.zeros((FINE, FINE)), np.zeros((FINE, FINE))
+    rows = 0
+    for row in range(height):
+        for column in range(width):
+            at = row * width + column
+            begin, stop = starts[at], starts[at + 1]
+            if stop - begin < 2 or (every > 1 and (column + 3 * row) % every != 0):
+                continue
+            while begin < stop and stamped[begin] >> 1 <= frame_times[0]:
+                begin += 1
+            while begin < stop and stamped[stop - 1] >> 1 > frame_times[n - 1]:
+                stop -= 1
+            if stop - begin < 2:
+                continue
+            frame, asked, known_from, known = 0, 0, -1, False
+            on, off, beyond, even_beyond = 0.0, 0.0, 0.0, 0.0
+            for i in range(begin, stop):
+                t, sign = stamped[i] >> 1, 1.0 if stamped[i] & 1 else -1.0
+                while frame_times[frame + 1] < t:
+                    frame += 1
+                on, off = on + max(sign, 0.0), off + min(sign, 0.0)
+                first = min(max(frame + 1 - FINE // 2, 0), n - FINE)
+                if first != known_from:
+                    known_from, known = first, True
+                    for j in range(first, first + FINE):
+                        known &= usable[j, row, column]
+                    if known:
+                        for j in range(max(asked, first), first + FINE):
+                            levels[j] = _level(images[j, row, column], log_eps)
+                            even_levels[j] = _level(even_images[j, row, column], log_eps)
+                        asked = first + FINE
+                        divide(levels, first, inverses[first], divided)
+                        divide(even_levels, first, inverses[first], even)
+                if not known:
+                    continue
+                inner = min(max(frame + 1 - COARSE // 2, 0), n - COARSE)
+                now = (t - frame_times[0]) * 1e-9
+                level, slope = polynomial(divided, 0, seconds, first, FINE, now)
+                coarse, _ = polynomial(divided, inner - first, seconds, inner, COARSE, now)
+                even_level, even_slope = polynomial(even, 0, seconds, first, FINE, now)
+                more, even_more = 0.0, 0.0
+                if tick_s > 0.0:
+                    step, even_step = max(0.0, sign * slope) * tick_s, max(0.0, sign * even_slope) * tick_s
+                    more, even_more = _rounded_up(step), _rounded_up(even_step)
+                    beyond += sign * (0.5 * step + more)
+                    even_beyond += sign * (0.5 * even_step + even_more)
+                pixels[rows] = at
+                readings[rows, SECONDS], readings[rows, ON], readings[rows, OFF] = now, on, off
+                readings[rows, LEVEL], readings[rows, SLOPE] = level - beyond + sign * more, slope
+                readings[rows, COARSER], readings[rows, SIGN] = coarse - level, sign
+                readings[rows, EVEN] = even_level - even_beyond + sign * even_more
+                ends = seconds[inner + 3] - seconds[inner]
+                inside = (now - seconds[inner + 1]) * (now - seconds[inner + 2])
+                readings[rows, CORNER] = divided[3, inner - first] * ends * inside
+                rows += 1
     return rows
 
 
 @njit(cache=True)
-def _mark_again(
-    x: NDArray[np.uint16], y: NDArray[np.uint16], t: Int64, start: int, stop: int, width: int, again: NDArray[np.uint8]
-) -> None:
-    """Count the events of each pixel in (start, stop], up to two."""
-    for i in range(len(t)):
-        if start < t[i] <= stop:
-            at = np.int64(y[i]) * width + x[i]
-            again[at] = min(again[at] + 1, 2)
+def centre_readings(
+    pixels: Int64,
+    readings: Float64,
+    kept: Bool,
+    leak_rate_hz: float,
+    by_place: float,
+    error: float,
+    centred: Float64,
+) -> int:
+    """Take from what is read the mean of its pixel, and weigh it; return how many readings are left.
+
+    Of ``readings`` (m, 9) those that are ``kept`` count, at pixels with two of them or more. Each weighs
+    1 / (1 + (e / error)^2), e being what four frames would add, the corner, and ``by_place`` times what the even
+    reconstruction does, all less the pixel's mean. ``pixels`` and the first column of ``readings`` are moved to the
+    front; ``centred`` (m, 8) receives P, -M, L', |L'|, the level, that of four frames, the even one, each less its
+    weighted mean, and the weight.
+    """
+    rows, begin, values = 0, 0, np.empty(7)
+    sums = np.empty(7)
+    while begin < len(pixels):
+        stop, count, apart = begin, 0, 0.0
+        while stop < len(pixels) and pixels[stop] == pixels[begin]:
+            if kept[stop]:
+                count += 1
+                apart += readings[stop, EVEN] - readings[stop, LEVEL]
+            stop += 1
+        if count > 1:
+            total, first = 0.0, rows
+            sums[:] = 0.0
+            for i in range(begin, stop):
+                if not kept[i]:
+                    continue
+                place = by_place * (readings[i, EVEN] - readings[i, LEVEL] - apart / count)
+                errors = readings[i, COARSER] ** 2 + readings[i, CORNER] ** 2 + place**2
+                weight = 1.0 / (1.0 + errors / error**2)
+                values[0] = readings[i, ON] - leak_rate_hz * readings[i, SECONDS]
+                values[1], values[2], values[3] = readings[i, OFF], readings[i, SLOPE], abs(readings[i, SLOPE])
+                values[4], values[5] = readings[i, LEVEL], readings[i, LEVEL] + readings[i, COARSER]
+                values[6] = readings[i, EVEN]
+                for j in range(7):
+                    sums[j] += weight * values[j]
+                    centred[rows, j] = values[j]
+                centred[rows, 7] = weight
+                total += weight
+                pixels[rows], readings[rows, SECONDS] = pixels[i], readings[i, SECONDS]
+                rows += 1
+            for i in range(first, rows):
+                for j in range(7):
+                    centred[i, j] -= sums[j] / max(total, 1e-300)
+        begin = stop
+    return rows
 
 
 @njit(cache=True)
-def _prepare(usable: Bool, times: Int64, all_usable: Bool, seconds: Float64, inverses: Float64) -> None:
-    """Write where all frames are usable, their times since the first of them, and the inverses of their distances."""
-    all_usable[:] = usable[0]
-    for j in range(1, len(usable)):
-        all_usable &= usable[j]
-    for j in range(len(times)):
-        seconds[j] = (times[j] - times[0]) * 1e-9
-    for order in range(1, len(times)):
-        for j in range(len(times) - order):
-            inverses[order, j] = 1e9 / (times[j + order] - times[j])
+def _inverses(times: Int64) -> Float64:
+    """Return one over the distances (1/s) of each six frames: [first, order, j] of frames j and j + order of them."""
+    inverses = np.zeros((len(times) - FINE + 1, FINE, FINE))
+    for first in range(len(inverses)):
+        for order in range(1, FINE):
+            for j in range(first, first + FINE - order):
+                inverses[first, order, j - first] = 1e9 / (times[j + order] - times[j])
+    return inverses
+
+
+@njit(cache=True, inline="always")
+def _level(light: float, log_eps: float) -> float:
+    return float(light) if np.isnan(log_eps) else np.log(max(float(light) + log_eps, 1e-3))
 
 
 @njit(cache=True)
-def _divide(
-    images: NDArray[np.floating], row: int, column: int, first: int, log_eps: float, inverses: Float64, divided: Float64
-) -> None:
-    """Write Newton's divided differences of a pixel: ``divided[order, j]`` is that of points j to j + order."""
+def divide(levels: Float64, first: int, inverses: Float64, divided: Float64) -> None:
+    """Write Newton's divided differences of six levels: ``divided[order, j]`` is that of points j to j + order."""
     for j in range(FINE):
-        value = float(images[first + j, row, column])
-        divided[0, j] = value if np.isnan(log_eps) else np.log(max(value + log_eps, 1e-3))
+        divided[0, j] = levels[first + j]
     for order in range(1, FINE):
         for j in range(FINE - order):
             divided[order, j] = (divided[order - 1, j + 1] - divided[order - 1, j]) * inverses[order, j]
 
 
 @njit(cache=True, inline="always")
-def _polynomial(
-    curves: Float64, curve: int, column: int, seconds: Float64, first: int, points: int, now: float
+def polynomial(
+    divided: Float64, column: int, seconds: Float64, first: int, points: int, now: float
 ) -> tuple[float, float]:
     """Return value and slope at ``now`` of the polynomial through so many points from the ``first`` on.
 
-    ``curves[curve, :, column]`` are the divided differences of these points.
+    ``divided[:, column]`` are the divided differences of these points, whose times are ``seconds``.
     """
-    value, slope = curves[curve, points - 1, column], 0.0
+    value, slope = divided[points - 1, column], 0.0
     for order in range(points - 2, -1, -1):
         since = now - seconds[first + order]
         slope = slope * since + value
-        value = value * since + curves[curve, order, column]
+        value = value * since + divided[order, column]
     return value, slope
-
-
-@njit(cache=True)
-def number_pixels(pixels: Int64, most: int, numbers: Int64) -> int:
-    """Write numbers of the different ``pixels`` (m,), below ``most``, as they first appear; return how many."""
-    known, count = np.zeros(most, np.int32), 0
-    for i in range(len(pixels)):
-        if known[pixels[i]] == 0:
-            count += 1
-            known[pixels[i]] = count
-        numbers[i] = known[pixels[i]] - 1
-    return count
 
 
 @njit(cache=True, inline="always")

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fedora_qa.estimators.event_kernels import count_between_frames, find_repeats, mark_bursts, survey_columns
-from fedora_qa.estimators.event_rates import Tally, follow
+from fedora_qa.estimators.event_pixels import by_pixel
+from fedora_qa.estimators.event_rates import Tally
 from fedora_qa.estimators.event_shift import Interval, intervals
 from fedora_qa.estimators.event_shift_kernels import KEPT, SETTLED, USABLE
 from fedora_qa.estimators.event_stamp_kernels import crowds, longest_silences
@@ -160,8 +161,23 @@ def test_slopes_are_those_of_their_definition() -> None:
 @settings(deadline=None)
 def test_repeats_are_counted_while_pixels_are_followed(events: Stream) -> None:
     """The count is that of the search that also names the first one."""
-    found = follow(events.x, events.y, events.times_ns, events.p, SHAPE)[1]
-    assert found == find_repeats(events.x, events.y, events.times_ns, events.p, SHAPE)[0]
+    columns = events.x, events.y, events.times_ns, events.p
+    assert by_pixel(*columns, SHAPE).followed(0, 30_000)[1] == find_repeats(*columns, SHAPE)[0]
+
+
+@given(streams(), st.integers(1, 40))
+@settings(deadline=None)
+def test_events_are_sorted_by_pixel(events: Stream, height: int) -> None:
+    """As NumPy's stable sort has it, on sensors of one band and of several."""
+    shape = height, (1 << 12) + 1
+    y = (events.y * 13 % height).astype(np.uint16)
+    found = by_pixel(events.x, y, events.times_ns, events.p, shape)
+    pixels = y.astype(np.int64) * shape[1] + events.x
+    order = np.argsort(pixels, kind="stable")
+    assert np.array_equal(found.stamped, 2 * events.times_ns[order] + events.p[order])
+    assert np.array_equal(found.starts, np.searchsorted(pixels[order], np.arange(height * shape[1] + 1)))
+    within = (events.times_ns > 5_000) & (events.times_ns <= 20_000)
+    assert found.later_than(5_000, 20_000) == np.count_nonzero(within)
 
 
 @given(streams())

@@ -8,8 +8,9 @@ import pytest
 
 from fedora_qa.estimators.event_fit import ResponseFit, _effective_parts, fit_readings
 from fedora_qa.estimators.event_levels import concatenate
-from fedora_qa.estimators.event_reading import Readings, Way, _corners, read_frames, reading_blocks, reading_weights
-from fedora_qa.estimators.event_reading_kernels import FINE, _divide, _polynomial, _rounded_up
+from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
+from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
+from fedora_qa.estimators.event_reading_kernels import CORNER, FINE, READ, _rounded_up, divide, polynomial, read_at_events
 from tests.estimators.event_world import MS, Stream, Waves, linear_events, log_events
 
 SHAPE = (24, 30)
@@ -28,10 +29,13 @@ def luma() -> np.ndarray:
     return np.array([SLOW.luma(time_ns * 1e-9, SHAPE) for time_ns in FRAMES_NS])
 
 
+def sorted_events(events: Stream, shape: tuple[int, int] = SHAPE) -> PixelEvents:
+    return by_pixel(events.x, events.y, events.times_ns, events.p, shape)
+
+
 def readings(model: str, events: Stream, **options: float) -> Readings:
     levels = np.log(luma()) if model == "log" else luma()
-    columns = events.x, events.y, events.times_ns, events.p
-    found = read_frames(*columns, FRAMES_NS, levels, threshold=0.2 if model == "log" else 5.0, **options)
+    found = read_frames(sorted_events(events), FRAMES_NS, levels, threshold=0.2 if model == "log" else 5.0, **options)
     assert found is not None
     return found
 
@@ -71,8 +75,9 @@ def test_the_last_event_before_a_turn_is_counted_and_not_read() -> None:
     p = np.array([1, 0, 1, 0, 0, 0], np.uint8)
     times_ns = np.array([50, 55, 60, 70, 80, 90]) * MS
     levels = np.full((8, 2, 1), 100.0)
-    linear = read_frames(x, y, times_ns, p, FRAMES_NS[:8], levels, threshold=3.0, tick_s=1e-3)
-    log = read_frames(x, y, times_ns, p, FRAMES_NS[:8], levels, threshold=3.0)
+    events = by_pixel(x, y, times_ns, p, (2, 1))
+    linear = read_frames(events, FRAMES_NS[:8], levels, threshold=3.0, tick_s=1e-3)
+    log = read_frames(events, FRAMES_NS[:8], levels, threshold=3.0)
     assert linear is not None
     assert log is not None
     assert linear.times_s == pytest.approx([0.05, 0.07, 0.08])
@@ -85,8 +90,7 @@ def test_crests_between_frames_make_no_event_early() -> None:
     world = Waves(amplitude_dn=9.0, mean_dn=120.0, velocity_px_s=(200.0, 20.0), seed=4)
     events = linear_events(world, SHAPE, STOP_NS, threshold=15.0)
     frames = np.array([world.luma(time_ns * 1e-9, SHAPE) for time_ns in FRAMES_NS])
-    columns = events.x, events.y, events.times_ns, events.p
-    found = read_frames(*columns, FRAMES_NS, frames, threshold=15.0, tick_s=1e-3)
+    found = read_frames(sorted_events(events), FRAMES_NS, frames, threshold=15.0, tick_s=1e-3)
     assert found is not None
     fitted = fit(found)
     assert fitted.standard_errors.delay_s < 1e-4
@@ -125,16 +129,21 @@ def _edges(share_that_rises: float) -> Readings:
 def test_corners_are_told_by_the_parabolas_on_both_sides() -> None:
     """The distance of two parabolas, by NumPy's polynomials through three frames each, at uneven times."""
     rng = np.random.default_rng(5)
-    seconds, levels = np.sort(rng.uniform(0, 0.2, 8)), rng.normal(size=(8, 2, 3))
-    pixels, times = np.array([0, 4, 5, 2]), np.array([0.3, 0.5, 0.5, 0.7])
-    at = seconds[[0, 2, 4, 6]] + times * (seconds[[1, 3, 5, 7]] - seconds[[0, 2, 4, 6]])
-    expected = []
-    for pixel, time, first in zip(pixels, at, [0, 1, 3, 4], strict=True):
-        curve = levels[:, pixel // 3, pixel % 3]
+    frames_ns = np.sort(rng.integers(0, 200 * MS, 8))
+    levels, shares = rng.normal(size=(8, 2, 3)), np.array([0.3, 0.5, 0.5, 0.7])
+    pixels, before, firsts = np.array([0, 4, 5, 2]), np.array([0, 2, 4, 6]), [0, 1, 3, 4]
+    times_ns = frames_ns[before] + (shares * (frames_ns[before + 1] - frames_ns[before])).astype(np.int64)
+    rows, columns = (each.astype(np.uint16).repeat(2) for each in np.divmod(pixels, 3))
+    events = by_pixel(columns, rows, times_ns.repeat(2), np.ones(8, np.uint8), (2, 3))
+    found, of, everywhere = np.empty((8, READ)), np.empty(8, np.int64), np.ones(levels.shape, np.bool_)
+    images = frames_ns, levels, levels, everywhere
+    assert read_at_events(events.starts, events.stamped, *images, np.nan, 1, 0.0, of, found) == 8
+    seconds = (frames_ns - frames_ns[0]) * 1e-9
+    for pixel, time_ns, first in zip(pixels, times_ns, firsts, strict=True):
+        curve, time = levels[:, pixel // 3, pixel % 3], (time_ns - frames_ns[0]) * 1e-9
         ends = (slice(first, first + 3), slice(first + 1, first + 4))
         one, other = (np.polynomial.Polynomial.fit(seconds[each], curve[each], 2)(time) for each in ends)
-        expected.append(other - one)
-    assert np.abs(_corners(pixels, at, seconds, levels)) == pytest.approx(np.abs(expected), rel=1e-6)
+        assert np.abs(found[of == pixel, CORNER]) == pytest.approx(abs(other - one), rel=1e-6)
 
 
 def test_cells_that_hold_nearly_all_are_few() -> None:
@@ -165,11 +174,11 @@ def test_polynomial_is_that_through_the_points() -> None:
     inverses, divided = np.zeros((FINE, FINE)), np.empty((FINE, FINE))
     for order in range(1, FINE):
         inverses[order, : FINE - order] = 1 / (seconds[order:] - seconds[: FINE - order])
-    _divide(levels[:, np.newaxis, np.newaxis], 0, 0, 0, np.nan, inverses, divided)
-    due, curves = (curve(0.04), curve.deriv()(0.04)), divided[np.newaxis]
-    assert _polynomial(curves, 0, 0, seconds, 0, FINE, 0.04) == pytest.approx(due, rel=1e-6)
+    divide(levels, 0, inverses, divided)
+    due = curve(0.04), curve.deriv()(0.04)
+    assert polynomial(divided, 0, seconds, 0, FINE, 0.04) == pytest.approx(due, rel=1e-6)
     inner = np.polynomial.Polynomial.fit(seconds[1:5], levels[1:5], 3)
-    assert _polynomial(curves, 0, 1, seconds, 1, 4, 0.04)[0] == pytest.approx(inner(0.04), rel=1e-6)
+    assert polynomial(divided, 1, seconds, 1, 4, 0.04)[0] == pytest.approx(inner(0.04), rel=1e-6)
 
 
 @pytest.mark.parametrize("step", [0.0, 0.3, 1.0, 1.7, 25.4])
@@ -183,8 +192,7 @@ def test_rounding_beyond_a_half(step: float) -> None:
 def test_too_few_frames_read_nothing() -> None:
     """Fewer than six frames hold no polynomial of six."""
     events = events_of("log")
-    columns = events.x, events.y, events.times_ns, events.p
-    assert read_frames(*columns, FRAMES_NS[:5], np.log(luma()[:5]), threshold=0.2) is None
+    assert read_frames(sorted_events(events), FRAMES_NS[:5], np.log(luma()[:5]), threshold=0.2) is None
 
 
 def test_unusable_levels_are_not_read() -> None:
@@ -192,12 +200,11 @@ def test_unusable_levels_are_not_read() -> None:
     levels = np.log(luma())
     levels[7, 3, 4] = np.nan
     events = events_of("log")
-    columns = events.x, events.y, events.times_ns, events.p
-    found = read_frames(*columns, FRAMES_NS, levels, threshold=0.2)
+    found = read_frames(sorted_events(events), FRAMES_NS, levels, threshold=0.2)
     assert found is not None
     assert np.isfinite(found.levels).all()
     of_pixel = found.times_s[found.pixels == 3 * SHAPE[1] + 4]
     assert not np.any((of_pixel > 0.12) & (of_pixel < 0.16))
-    nothing = read_frames(*columns, FRAMES_NS, np.full_like(levels, np.nan), threshold=0.2)
+    nothing = read_frames(sorted_events(events), FRAMES_NS, np.full_like(levels, np.nan), threshold=0.2)
     assert nothing is not None
     assert len(nothing) == 0

@@ -7,13 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.events.rows import local_tick_ns
-from fedora_qa.checks.events.view import HALO_NS, ROUNDING_DN, SeenFrames, events_around, seen_frames, sensor_events
+from fedora_qa.checks.events.view import (
+    HALO_NS,
+    ROUNDING_DN,
+    SeenFrames,
+    events_around,
+    pixel_events,
+    seen_frames,
+    sorted_by_pixel,
+)
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.event_fit import ResponseFit, fit_response
 from fedora_qa.estimators.event_level_kernels import mark_usable
-from fedora_qa.estimators.event_levels import LevelPairs, NormalBlocks, accumulate, find_level_pairs, sureness
+from fedora_qa.estimators.event_levels import LevelPairs, NormalBlocks, accumulate, level_pairs, sureness
+from fedora_qa.estimators.event_pixels import PixelEvents
 from fedora_qa.sequence.declared import EventModel
-from fedora_qa.sequence.window import Events, Window
+from fedora_qa.sequence.window import Window
 
 LONGEST_GAP_NS: Final = 20_000_000
 """Events farther apart do not tell a level: between them a pixel may go anywhere within its thresholds."""
@@ -115,7 +124,7 @@ def _find_level_pairs(window: Window) -> tuple[LevelPairs, SeenFrames, EventMode
     seen, declared = seen_frames(window), window.facts.declared.events
     if declared is None or len(seen) < 2:
         return None
-    pairs = _pairs(window, seen, declared, sensor_events(window))
+    pairs = _pairs(window, seen, declared, pixel_events(window))
     return (pairs, seen, declared) if len(pairs) >= FEWEST_PAIRS else None
 
 
@@ -150,7 +159,7 @@ def search_offset(window: Window) -> FoundOffset | None:
     seen, declared = seen_frames(window), window.facts.declared.events
     if declared is None or len(seen) < 2:
         return None
-    events = events_around(window, FARTHEST_OFFSET_NS + HALO_NS)
+    events = sorted_by_pixel(events_around(window, FARTHEST_OFFSET_NS + HALO_NS), window.facts.declared)
     ladder = range(-FARTHEST_OFFSET_NS, FARTHEST_OFFSET_NS + 1, OFFSET_STEP_NS)
     fits = [(late_ns, _fit_at(window, seen, declared, events, late_ns)) for late_ns in ladder]
     known = [(late_ns, fit) for late_ns, fit in fits if fit is not None]
@@ -170,10 +179,11 @@ def search_offset(window: Window) -> FoundOffset | None:
     return FoundOffset(late_s, fit.standard_errors.delay_s, fit.relative_sigma, held_s)
 
 
-def _fit_at(window: Window, seen: SeenFrames, declared: EventModel, events: Events, late_ns: int) -> ResponseFit | None:
-    """Fit one window with events taken to be late by so much."""
-    moved = Events(events.x, events.y, events.times_ns - late_ns, events.p)
-    pairs = _pairs(window, seen, declared, moved).tightest(ENOUGH_PAIRS)
+def _fit_at(
+    window: Window, seen: SeenFrames, declared: EventModel, events: PixelEvents, late_ns: int
+) -> ResponseFit | None:
+    """Fit one window with events taken to be late by so much: with frames at later times."""
+    pairs = _pairs(window, seen, declared, events, late_ns).tightest(ENOUGH_PAIRS)
     if len(pairs) < FEWEST_PAIRS:
         return None
     sharp = pairs.ends_of(seen.sharp_dn)
@@ -181,14 +191,13 @@ def _fit_at(window: Window, seen: SeenFrames, declared: EventModel, events: Even
     return fit_response(_sums(pairs, seen, levels, np.ones(len(pairs))))
 
 
-def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Events) -> LevelPairs:
+def _pairs(
+    window: Window, seen: SeenFrames, declared: EventModel, events: PixelEvents, late_ns: int = 0
+) -> LevelPairs:
     burst_ns = 2 * declared.refractory_us * NS_PER_US
-    pairs = find_level_pairs(
-        events.x,
-        events.y,
-        events.times_ns,
-        events.p,
-        seen.times_ns,
+    pairs = level_pairs(
+        events,
+        seen.times_ns + late_ns,
         usable_pixels(window, seen, declared),
         longest_gap_ns=LONGEST_GAP_NS,
         least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else int(burst_ns),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.events.levels import FEWEST_PAIRS, usable_pixels
 from fedora_qa.checks.events.rows import local_tick_ns
 from fedora_qa.checks.events.tiles import GRID
-from fedora_qa.checks.events.view import seen_frames, sensor_events
+from fedora_qa.checks.events.view import pixel_events, seen_frames
 from fedora_qa.estimators.event_delays import CellSums
 from fedora_qa.estimators.event_fit import ResponseFit, fit_readings
 from fedora_qa.estimators.event_levels import NormalBlocks, concatenate
@@ -50,12 +50,9 @@ def reading_sums(window: Window) -> ReadingSums | None:
     if declared is None:
         return None
     usable = usable_pixels(window, seen, declared)
-    events, linear = sensor_events(window), declared.model == "linear"
+    linear = declared.model == "linear"
     readings = read_frames(
-        events.x,
-        events.y,
-        events.times_ns,
-        events.p,
+        pixel_events(window),
         seen.times_ns,
         seen.sharp_dn,
         seen.even_dn,

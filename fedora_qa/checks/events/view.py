@@ -10,7 +10,7 @@ from fedora_qa.checks.intermediates import clipped, luma_dn
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Footprints, footprints
 from fedora_qa.estimators.event_kernels import count_between_frames, survey_columns
-from fedora_qa.estimators.event_rates import follow
+from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
@@ -62,14 +62,20 @@ def own(window: Window, events: Events) -> Events:
     return Events(events.x[start:stop], events.y[start:stop], events.times_ns[start:stop], events.p[start:stop])
 
 
+def pixel_events(window: Window) -> PixelEvents:
+    """Return ``sensor_events`` by pixel."""
+    return window.once("pixel_events", lambda: sorted_by_pixel(sensor_events(window), window.facts.declared))
+
+
+def sorted_by_pixel(events: Events, declared: Declared) -> PixelEvents:
+    """Return events that lie on the declared sensor, in the order of time, by pixel."""
+    return by_pixel(events.x, events.y, events.times_ns, events.p, sensor_shape(declared))
+
+
 def own_followed(window: Window) -> tuple[NDArray[np.int64], int]:
     """Return what every pixel did in the events that a window owns, and how many of these repeat another."""
-    return window.once("own_followed", lambda: _own_followed(window))
-
-
-def _own_followed(window: Window) -> tuple[NDArray[np.int64], int]:
-    events = own(window, sensor_events(window))
-    return follow(events.x, events.y, events.times_ns, events.p, sensor_shape(window.facts.declared))
+    span = window.span
+    return window.once("own_followed", lambda: pixel_events(window).followed(span.start_ns, span.stop_ns))
 
 
 def sensor_shape(declared: Declared) -> tuple[int, int]:
