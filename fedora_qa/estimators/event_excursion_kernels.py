@@ -18,38 +18,43 @@ def bound_excursions(
     steps: tuple[int, int],
     drift: Int64,
     frames: Int64,
-    uneven: tuple[float, float],
+    uneven: Float64,
     units: float,
     total: Int64,
     highest: Int64,
     lowest: Int64,
 ) -> None:
-    """Follow signal minus events of every pixel over the frames.
+    """Follow signal minus events of every pixel over the frames, by each of some rules what to believe.
 
     The signal is the logarithm of ``light`` (n, h, w) and ``dark``, known to ``error`` (n, h, w), and counts ``units``
     times. ``counts`` (n - 1, 2, h, w) holds darker and brighter events between the frames, each a step of ``steps``,
     ``drift`` (n - 1,) what the signal gains besides, ``frames`` (n,) their numbers. ``total`` (h, w) receives what the
-    events sum to; ``highest`` (2, h, w) the largest lower bound of the difference and its frame; ``lowest`` the
-    smallest upper bound. Bounds that are not finite, or off by more than the first of ``uneven`` and the second times
-    the light, tell nothing.
+    events sum to; ``highest`` (k, 2, h, w) by each rule the largest lower bound of the difference and its frame;
+    ``lowest`` the smallest upper bound. Bounds that are not finite, or off by more than the first of a rule's
+    ``uneven`` (k, 2) and the second times the light, tell nothing.
 
-    While nothing is added to the events' sum, bounds are compared as they are: their logarithm is taken once.
+    While nothing is added to the events' sum, bounds are compared as they are: their logarithm is taken once, and once
+    for successive rules that have found the same.
     """
-    width = light.shape[2]
-    low, high, low_frame, high_frame = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
+    rules, width = len(uneven), light.shape[2]
+    low, high = np.empty((rules, width)), np.empty((rules, width))
+    low_frame, high_frame = np.empty((rules, width)), np.empty((rules, width))
     moved = np.empty(width, np.int64)
     for row in range(light.shape[1]):
         low[:], high[:], moved[:] = 0.0, np.inf, 0
-        ends = low, high, low_frame, high_frame
         for frame in range(len(light)):
             if frame > 0:
                 off, on = counts[frame - 1, 0, row], counts[frame - 1, 1, row]
                 for column in range(width):
                     moved[column] = on[column] * steps[1] - off[column] * steps[0] - drift[frame - 1]
-                _close(moved, False, ends, units, total[row], highest[:, row], lowest[:, row])
-            _narrow(light[frame, row], error[frame, row], dark, uneven, float(frames[frame]), ends)
+                ends = low, high, low_frame, high_frame
+                _close(moved, False, ends, units, total[row], highest[:, :, row], lowest[:, :, row])
+            for rule in range(rules):
+                ends_of_rule = low[rule], high[rule], low_frame[rule], high_frame[rule]
+                believed = uneven[rule, 0], uneven[rule, 1]
+                _narrow(light[frame, row], error[frame, row], dark, believed, float(frames[frame]), ends_of_rule)
         moved[:] = 0
-        _close(moved, True, ends, units, total[row], highest[:, row], lowest[:, row])
+        _close(moved, True, (low, high, low_frame, high_frame), units, total[row], highest[:, :, row], lowest[:, :, row])
 
 
 @njit(cache=True)
@@ -84,20 +89,24 @@ def _close(
     highest: Int64,
     lowest: Int64,
 ) -> None:
-    """Take the bounds of runs of a row (w,) into those of their pixels where the events' sum has ``moved``."""
+    """Take the bounds (k, w) of runs of a row into those of their pixels where the events' sum (w,) has ``moved``."""
     low, high, low_frame, high_frame = ends
     for column in range(len(moved)):
         if not (everywhere or moved[column] != 0):
             continue
-        if low[column] > 0.0:
-            least = int(np.floor(np.log(low[column]) * units)) - total[column]
-            most = int(np.ceil(np.log(high[column]) * units)) - total[column]
-            if least > highest[0, column]:
-                highest[0, column], highest[1, column] = least, int(low_frame[column])
-            if most < lowest[0, column]:
-                lowest[0, column], lowest[1, column] = most, int(high_frame[column])
+        least, most = np.int64(0), np.int64(0)
+        for rule in range(len(low)):
+            if low[rule, column] > 0.0:
+                if rule == 0 or low[rule, column] != low[rule - 1, column]:
+                    least = int(np.floor(np.log(low[rule, column]) * units)) - total[column]
+                if rule == 0 or high[rule, column] != high[rule - 1, column]:
+                    most = int(np.ceil(np.log(high[rule, column]) * units)) - total[column]
+                if least > highest[rule, 0, column]:
+                    highest[rule, 0, column], highest[rule, 1, column] = least, int(low_frame[rule, column])
+                if most < lowest[rule, 0, column]:
+                    lowest[rule, 0, column], lowest[rule, 1, column] = most, int(high_frame[rule, column])
+            low[rule, column], high[rule, column] = 0.0, np.inf
         total[column] += moved[column]
-        low[column], high[column] = 0.0, np.inf
 
 
 @njit(cache=True)

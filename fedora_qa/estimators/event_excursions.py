@@ -8,6 +8,7 @@ the first frame, E is nothing there, and stays within the thresholds of it: -C- 
 Signals are int64 multiples of 2^-40 nat, so that neighbouring stretches join exactly in any order.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,6 +21,9 @@ Int64 = NDArray[np.int64]
 
 UNITS_PER_NAT: Final = 2.0**40
 _FARTHEST: Final = 2**61
+
+EVERY_FRAME: Final = (np.inf, 0.0)
+"""The rule that believes every frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +82,9 @@ def bound(
     threshold_off: float,
     frames: Int64,
     dark: float = 0.0,
-    uneven: tuple[float, float] = (np.inf, 0.0),
-) -> Excursions:
-    """Return the excursions over consecutive frames.
+    uneven: Sequence[tuple[float, float]] = (EVERY_FRAME,),
+) -> tuple[Excursions, ...]:
+    """Return the excursions over consecutive frames, by each rule which frames to believe.
 
     Parameters
     ----------
@@ -94,20 +98,31 @@ def bound(
     frames
         (n,) numbers of the frames.
     uneven
-        Errors not below the first and the second times the light tell nothing.
+        The rules: errors not below the first and the second times the light tell nothing.
     """
-    shape = light.shape[1:]
-    highest, lowest, total = np.zeros((2, *shape), np.int64), np.zeros((2, *shape), np.int64), np.zeros(shape, np.int64)
-    highest[0], lowest[0] = -_FARTHEST, _FARTHEST
     steps = (round(threshold_off * UNITS_PER_NAT), round(threshold_on * UNITS_PER_NAT))
     moved = np.rint(drift * UNITS_PER_NAT).astype(np.int64)
-    bound_excursions(light, error, counts, dark, steps, moved, frames, uneven, UNITS_PER_NAT, total, highest, lowest)
-    start = np.empty((2, 0, 0), np.int64)
-    if frames[0] == 0:
-        no_time, first = np.zeros(shape, np.int64), (np.zeros((2, *shape), np.int64), np.zeros((2, *shape), np.int64))
-        first[0][0], first[1][0] = -_FARTHEST, _FARTHEST
+    rules = np.array(uneven, np.float64)
+
+    def followed(count: int) -> tuple[Int64, Int64, Int64]:
+        """Return totals (h, w) and bounds (k, 2, h, w) over the first frames."""
+        total, highest, lowest = _nothing_known(len(rules), light.shape[1:])
+        seen = light[:count], error[:count], counts[: count - 1]
         bound_excursions(
-            light[:1], error[:1], counts[:0], dark, steps, moved[:0], frames[:1], uneven, UNITS_PER_NAT, no_time, *first
+            *seen, dark, steps, moved[: count - 1], frames[:count], rules, UNITS_PER_NAT, total, highest, lowest
         )
-        start = np.stack([first[0][0], first[1][0]])
-    return Excursions(int(frames[0]), int(frames[-1]), total, highest, lowest, start)
+        return total, highest, lowest
+
+    total, highest, lowest = followed(len(light))
+    start = np.empty((len(rules), 2, 0, 0), np.int64)
+    if frames[0] == 0:
+        _, first_highest, first_lowest = followed(1)
+        start = np.stack([first_highest[:, 0], first_lowest[:, 0]], axis=1)
+    ends = int(frames[0]), int(frames[-1])
+    return tuple(Excursions(*ends, total, *each) for each in zip(highest, lowest, start, strict=True))
+
+
+def _nothing_known(rules: int, shape: tuple[int, ...]) -> tuple[Int64, Int64, Int64]:
+    highest, lowest = np.zeros((2, rules, 2, *shape), np.int64)
+    highest[:, 0], lowest[:, 0] = -_FARTHEST, _FARTHEST
+    return np.zeros(shape, np.int64), highest, lowest

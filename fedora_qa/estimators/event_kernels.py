@@ -27,15 +27,25 @@ def count_between_frames(
     counts: Int32,
 ) -> None:
     """Count the events in (frame i, frame i+1] into ``counts`` (n - 1, 2, h, w): darker first, then brighter."""
-    interval = -1
-    for i in range(len(t)):
-        while interval + 1 < len(frame_times) and frame_times[interval + 1] < t[i]:
-            interval += 1
-        if interval < 0:
-            continue
-        if interval >= len(counts):
-            break
-        counts[interval, p[i], y[i], x[i]] += 1
+    start = _first_after(t, frame_times[0]) if len(counts) else 0
+    for interval in range(len(counts)):
+        stop, between = _first_after(t, frame_times[interval + 1]), counts[interval]
+        for i in range(start, stop):
+            between[p[i], y[i], x[i]] += 1
+        start = stop
+
+
+@njit(cache=True)
+def _first_after(t: Int64, instant: int) -> int:
+    """Return the first event that is later than an instant, by halving."""
+    low, high = 0, len(t)
+    while low < high:
+        middle = (low + high) // 2
+        if t[middle] > instant:
+            high = middle
+        else:
+            low = middle + 1
+    return low
 
 
 @njit(cache=True)

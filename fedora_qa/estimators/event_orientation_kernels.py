@@ -33,14 +33,36 @@ def mean_blocks(image: NDArray[np.float32], known: Bool, side: int, means: Float
 def mean_event_blocks(
     counts: Int32, step_on: float, step_off: float, side: int, upright: Float64, swapped: Float64
 ) -> None:
-    """Add the mean steps of darker and brighter events (2, h, w) to blocks (r, c): as they lie, and exchanged."""
-    for y in range(counts.shape[1]):
-        for x in range(counts.shape[2]):
-            off, on = counts[0, y, x], counts[1, y, x]
-            if off | on:
-                step = (step_on * on - step_off * off) / side**2
-                _add(y, x, counts.shape[1], counts.shape[2], side, step, upright)
-                _add(x, y, counts.shape[1], counts.shape[2], side, step, swapped)
+    """Add the mean steps of darker and brighter events (2, h, w) to blocks (r, c): as they lie, and exchanged.
+
+    A pixel of row y and column x lies in row x and column y once axes are exchanged.
+    """
+    _, height, width = counts.shape
+    rows, columns = upright.shape
+    top, left = (height - rows * side) // 2, (width - columns * side) // 2
+    exchanged = min((width - top) // side, rows)
+    steps = np.empty(width)
+    for y in range(height):
+        off, on = counts[0, y], counts[1, y]
+        for x in range(width):
+            steps[x] = (step_on * on[x] - step_off * off[x]) / side**2
+        if 0 <= y - top < rows * side:
+            _add_line(steps, left, side, upright[(y - top) // side])
+        if 0 <= y - left < columns * side:
+            column = swapped[:, (y - left) // side]
+            _add_line(steps, top, side, column[:exchanged])
+            for x in range(top + exchanged * side, min(width, top + rows * side)):
+                column[exchanged] += steps[x]
+
+
+@njit(cache=True)
+def _add_line(steps: Float64, first: int, side: int, blocks: Float64) -> None:
+    """Add the steps of a line of pixels to successive blocks."""
+    x = np.uint64(first)
+    for block in range(len(blocks)):
+        for _ in range(side):
+            blocks[block] += steps[x]
+            x += np.uint64(1)
 
 
 @njit(cache=True)

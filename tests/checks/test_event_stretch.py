@@ -15,7 +15,7 @@ def excursions(half_width: list[float]) -> Excursions:
     silent = np.zeros((3, 2, 1, 1), np.int32)
     ends = {"threshold_on": 0.2, "threshold_off": 0.2, "frames": np.arange(4)}
     light, error = np.exp(level), np.exp(level) * np.expm1(width)  # of the upper end; the lower lies farther
-    return bound(light, error, silent, np.zeros(3), **ends)
+    return bound(light, error, silent, np.zeros(3), **ends)[0]
 
 
 def test_what_only_uneven_frames_contradict_is_their_flaw() -> None:

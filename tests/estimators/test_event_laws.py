@@ -49,7 +49,7 @@ def ideal_linear(rng: np.random.Generator, frames: int = 30, pixels: int = 6) ->
 def excursions(level: np.ndarray, counts: np.ndarray, error: float = 0.0, first: int = 0) -> Excursions:
     drift, frames = np.zeros(len(counts)), np.arange(first, first + len(level))
     light, off = np.exp(level) * np.cosh(error), np.exp(level) * np.sinh(error)  # logarithms of level -+ error
-    return bound(light, off, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
+    return bound(light, off, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)[0]
 
 
 def runs(values: np.ndarray, counts: np.ndarray, error: float = 0.0, first: int = 0) -> Runs:
@@ -127,7 +127,7 @@ def test_wide_bounds_excuse_everything() -> None:
     level, counts = zigzag(3, 0)
     unknown = np.full(level.shape, np.inf)
     drift, frames = np.zeros(len(counts)), np.arange(len(level))
-    free = bound(np.exp(level), unknown, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
+    free = bound(np.exp(level), unknown, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)[0]
     assert np.all(free.excess() < 0)
 
 
@@ -138,7 +138,7 @@ def test_uneven_light_tells_nothing() -> None:
     ends = {"threshold_on": ON, "threshold_off": OFF, "frames": frames}
     error = np.full(level.shape, 0.01)
     for uneven, broken in (((0.011, 0.0), True), ((0.0, 0.011), True), ((0.01, 0.0), False), ((0.0, 0.001), False)):
-        found = bound(light, error, counts, drift, uneven=uneven, **ends)
+        found = bound(light, error, counts, drift, uneven=[uneven], **ends)[0]
         assert bool(found.excess() > ON + OFF) == broken
 
 
@@ -149,7 +149,7 @@ def test_bounds_are_those_of_a_plain_loop() -> None:
     error[rng.uniform(size=error.shape) < 0.2] = np.inf
     counts = rng.poisson(0.2, (11, 2, 3, 4)).astype(np.int32)
     ends = {"threshold_on": ON, "threshold_off": OFF, "frames": np.arange(12), "dark": 0.5}
-    found = bound(light, error, counts, np.zeros(11), **ends)
+    found = bound(light, error, counts, np.zeros(11), **ends)[0]
     known = error < light + 0.5
     with np.errstate(invalid="ignore", divide="ignore"):
         lower, upper = np.log(light + 0.5 - error), np.log(light + 0.5 + error)
@@ -166,7 +166,7 @@ def test_leak_is_taken_off() -> None:
     counts[:, 1] = 1
     frames = np.arange(21)
     for drift, broken in ((np.full(20, ON), False), (np.zeros(20), True)):
-        found = bound(np.exp(level), 0 * level, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)
+        found = bound(np.exp(level), 0 * level, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)[0]
         assert bool(found.excess() > ON + OFF) == broken
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.events.view import ROUNDING_DN, SeenFrames, seen_frames, sensor_events, sensor_shape
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.event_excursions import Excursions, bound
+from fedora_qa.estimators.event_excursions import EVERY_FRAME, Excursions, bound
 from fedora_qa.estimators.event_kernels import mark_bursts
 from fedora_qa.estimators.event_runs import Runs, follow_runs
 from fedora_qa.sequence.declared import EventModel
@@ -155,16 +155,16 @@ def stretch_of(window: Window) -> Stretch | None:
 
 def join(seen: SeenFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> Stretch:
     """Return the stretch of two frames or more."""
-    law = _log_law if declared.model == "log" else _linear_law
+    laws = _log_laws if declared.model == "log" else _linear_laws
     events = seen.counts.sum(axis=(0, 1), dtype=np.int32).astype(np.int64)
     uneven = rounding_dn, (declared.threshold_on + declared.threshold_off) / 2
-    return Stretch(law(seen, declared, uneven), law(seen, declared, _ALL), events, excused)
+    return Stretch(*laws(seen, declared, (uneven, EVERY_FRAME)), events, excused)
 
 
-_ALL: Final = (np.inf, 0.0)
-"""Every frame is believed.
+Rules = tuple[tuple[float, float], tuple[float, float]]
+"""Which frames are believed: the even ones, and all.
 
-Else frames are left out where the pixels that a footprint cuts leave the signal open by C+ + C- or more: where their
+Frames are left out where the pixels that a footprint cuts leave the signal open by C+ + C- or more: where their
 error is not below rounding and (C+ + C-) / 2 times the light (log; of the linear model, (C+ + C-) / 2).
 
 The signal is known that well without them, from the events. They would add something only where their bound holds
@@ -175,7 +175,7 @@ half the bound, which is most where the bound is.
 """
 
 
-def _log_law(seen: SeenFrames, declared: EventModel, uneven: tuple[float, float]) -> Excursions:
+def _log_laws(seen: SeenFrames, declared: EventModel, rules: Rules) -> tuple[Excursions, ...]:
     elapsed_s = np.diff(seen.times_ns) / NS_PER_S
     return bound(
         seen.even_dn,
@@ -186,8 +186,12 @@ def _log_law(seen: SeenFrames, declared: EventModel, uneven: tuple[float, float]
         threshold_off=declared.threshold_off,
         frames=seen.frames,
         dark=declared.log_eps_dn,
-        uneven=uneven,
+        uneven=rules,
     )
+
+
+def _linear_laws(seen: SeenFrames, declared: EventModel, rules: Rules) -> tuple[Runs, ...]:
+    return tuple(_linear_law(seen, declared, uneven) for uneven in rules)
 
 
 def _linear_law(seen: SeenFrames, declared: EventModel, uneven: tuple[float, float]) -> Runs:
