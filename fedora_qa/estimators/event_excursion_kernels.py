@@ -9,6 +9,9 @@ Int64 = NDArray[np.int64]
 Int32 = NDArray[np.int32]
 
 
+FARTHEST = 1 << 61
+
+
 @njit(cache=True)
 def bound_excursions(
     light: NDArray[np.floating],
@@ -30,7 +33,7 @@ def bound_excursions(
     times. ``counts`` (n - 1, 2, h, w) holds darker and brighter events between the frames, each a step of ``steps``,
     ``drift`` (n - 1,) what the signal gains besides, ``frames`` (n,) their numbers. ``total`` (h, w) receives what the
     events sum to; ``highest`` (k, 2, h, w) by each rule the largest lower bound of the difference and its frame;
-    ``lowest`` the smallest upper bound. Bounds that are not finite, or off by more than the first of a rule's
+    ``lowest`` the smallest upper bound; -``FARTHEST``, ``FARTHEST`` and frame 0 where there is none. Bounds that are not finite, or off by more than the first of a rule's
     ``uneven`` (k, 2) and the second times the light, tell nothing.
 
     While nothing is added to the events' sum, bounds are compared as they are: their logarithm is taken once, and once
@@ -39,22 +42,24 @@ def bound_excursions(
     rules, width = len(uneven), light.shape[2]
     low, high = np.empty((rules, width)), np.empty((rules, width))
     low_frame, high_frame = np.empty((rules, width)), np.empty((rules, width))
-    moved = np.empty(width, np.int64)
+    moved, chosen = np.empty(width, np.int64), np.empty(width + 1, np.int64)
     for row in range(light.shape[1]):
-        low[:], high[:], moved[:] = 0.0, np.inf, 0
+        total[row], highest[:, 0, row], lowest[:, 0, row] = 0, -FARTHEST, FARTHEST
+        highest[:, 1, row], lowest[:, 1, row] = 0, 0
+        low[:], high[:] = 0.0, np.inf
         for frame in range(len(light)):
             if frame > 0:
                 off, on = counts[frame - 1, 0, row], counts[frame - 1, 1, row]
                 for column in range(width):
                     moved[column] = on[column] * steps[1] - off[column] * steps[0] - drift[frame - 1]
                 ends = low, high, low_frame, high_frame
-                _close(moved, False, ends, units, total[row], highest[:, :, row], lowest[:, :, row])
+                _close(moved, False, ends, units, total[row], highest[:, :, row], lowest[:, :, row], chosen)
             for rule in range(rules):
                 ends_of_rule = low[rule], high[rule], low_frame[rule], high_frame[rule]
                 believed = uneven[rule, 0], uneven[rule, 1]
                 _narrow(light[frame, row], error[frame, row], dark, believed, float(frames[frame]), ends_of_rule)
-        moved[:] = 0
-        _close(moved, True, (low, high, low_frame, high_frame), units, total[row], highest[:, :, row], lowest[:, :, row])
+        moved[:], ends = 0, (low, high, low_frame, high_frame)
+        _close(moved, True, ends, units, total[row], highest[:, :, row], lowest[:, :, row], chosen)
 
 
 @njit(cache=True)
@@ -88,25 +93,35 @@ def _close(
     total: Int64,
     highest: Int64,
     lowest: Int64,
+    chosen: Int64,
 ) -> None:
-    """Take the bounds (k, w) of runs of a row into those of their pixels where the events' sum (w,) has ``moved``."""
+    """Take the bounds (k, w) of runs of a row into those of their pixels where the events' sum (w,) has ``moved``.
+
+    ``chosen`` (w + 1,) is spare: what no branch can foretell is listed, and bounds are written again as they were.
+    """
     low, high, low_frame, high_frame = ends
+    count = 0
     for column in range(len(moved)):
-        if not (everywhere or moved[column] != 0):
-            continue
-        least, most = np.int64(0), np.int64(0)
+        chosen[count] = column
+        count += everywhere | (moved[column] != 0)
+    for i in range(count):
+        column, least, most = np.uint64(chosen[i]), np.int64(0), np.int64(0)
+        before = total[column]
         for rule in range(len(low)):
-            if low[rule, column] > 0.0:
-                if rule == 0 or low[rule, column] != low[rule - 1, column]:
-                    least = int(np.floor(np.log(low[rule, column]) * units)) - total[column]
-                if rule == 0 or high[rule, column] != high[rule - 1, column]:
-                    most = int(np.ceil(np.log(high[rule, column]) * units)) - total[column]
-                if least > highest[rule, 0, column]:
-                    highest[rule, 0, column], highest[rule, 1, column] = least, int(low_frame[rule, column])
-                if most < lowest[rule, 0, column]:
-                    lowest[rule, 0, column], lowest[rule, 1, column] = most, int(high_frame[rule, column])
-            low[rule, column], high[rule, column] = 0.0, np.inf
-        total[column] += moved[column]
+            lower, upper = low[rule, column], high[rule, column]
+            if lower > 0.0:
+                if rule == 0 or lower != low[rule - 1, column]:
+                    least = int(np.floor(np.log(lower) * units)) - before
+                if rule == 0 or upper != high[rule - 1, column]:
+                    most = int(np.ceil(np.log(upper) * units)) - before
+                first, last = int(low_frame[rule, column]), int(high_frame[rule, column])
+                higher, deeper = least > highest[rule, 0, column], most < lowest[rule, 0, column]
+                highest[rule, 0, column] = least if higher else highest[rule, 0, column]
+                highest[rule, 1, column] = first if higher else highest[rule, 1, column]
+                lowest[rule, 0, column] = most if deeper else lowest[rule, 0, column]
+                lowest[rule, 1, column] = last if deeper else lowest[rule, 1, column]
+        low[:, column], high[:, column] = 0.0, np.inf
+        total[column] = before + moved[column]
 
 
 @njit(cache=True)
@@ -117,8 +132,7 @@ def join_bounds(total: Int64, earlier: Int64, later: Int64, sign: int, joined: I
     """
     for row in range(total.shape[0]):
         for column in range(total.shape[1]):
-            moved = later[0, row, column] - total[row, column]
-            if sign * moved > sign * earlier[0, row, column]:
-                joined[0, row, column], joined[1, row, column] = moved, later[1, row, column]
-            else:
-                joined[0, row, column], joined[1, row, column] = earlier[0, row, column], earlier[1, row, column]
+            moved, before = later[0, row, column] - total[row, column], earlier[0, row, column]
+            beyond = moved > before if sign > 0 else moved < before
+            joined[0, row, column] = moved if beyond else before
+            joined[1, row, column] = later[1, row, column] if beyond else earlier[1, row, column]

@@ -20,8 +20,6 @@ from fedora_qa.estimators.event_excursion_kernels import bound_excursions, join_
 Int64 = NDArray[np.int64]
 
 UNITS_PER_NAT: Final = 2.0**40
-_FARTHEST: Final = 2**61
-
 EVERY_FRAME: Final = (np.inf, 0.0)
 """The rule that believes every frame."""
 
@@ -102,11 +100,11 @@ def bound(
     """
     steps = (round(threshold_off * UNITS_PER_NAT), round(threshold_on * UNITS_PER_NAT))
     moved = np.rint(drift * UNITS_PER_NAT).astype(np.int64)
-    rules = np.array(uneven, np.float64)
+    rules, shape = np.array(uneven, np.float64), light.shape[1:]
 
     def followed(count: int) -> tuple[Int64, Int64, Int64]:
         """Return totals (h, w) and bounds (k, 2, h, w) over the first frames."""
-        total, highest, lowest = _nothing_known(len(rules), light.shape[1:])
+        total, (highest, lowest) = np.empty(shape, np.int64), np.empty((2, len(rules), 2, *shape), np.int64)
         seen = light[:count], error[:count], counts[: count - 1]
         bound_excursions(
             *seen, dark, steps, moved[: count - 1], frames[:count], rules, UNITS_PER_NAT, total, highest, lowest
@@ -120,9 +118,3 @@ def bound(
         start = np.stack([first_highest[:, 0], first_lowest[:, 0]], axis=1)
     ends = int(frames[0]), int(frames[-1])
     return tuple(Excursions(*ends, total, *each) for each in zip(highest, lowest, start, strict=True))
-
-
-def _nothing_known(rules: int, shape: tuple[int, ...]) -> tuple[Int64, Int64, Int64]:
-    highest, lowest = np.zeros((2, rules, 2, *shape), np.int64)
-    highest[:, 0], lowest[:, 0] = -_FARTHEST, _FARTHEST
-    return np.zeros(shape, np.int64), highest, lowest

@@ -5,17 +5,16 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import rank_filter
 
 from fedora_qa.estimators.event_pixel_kernels import add_followed
 from fedora_qa.estimators.event_pixels import by_pixel
+from fedora_qa.estimators.event_rate_kernels import RING, rank_neighbours
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
-_RING: Final = np.ones((5, 5), np.bool_)
-_RING[2, 2] = False
-_NEIGHBOURS: Final = 24
+_MIDDLE, _THIRD = 12, 3
+"""The largest neighbours down to the 12th of 24, which is the 13th from below, and to the third."""
 _NONE: Final = -1
 
 
@@ -108,14 +107,15 @@ def loudness(tally: Tally) -> Loudness:
     adds nothing to it, however often its polarity alternates, and one of a single polarity has one run. Which swings
     pass the threshold, and which pass it twice, is chance: so many events vary by Poisson's error at most.
     """
-    high, median = (_ranked(tally.events, rank) for rank in (_NEIGHBOURS - 3, _NEIGHBOURS // 2))
-    borne_out = np.minimum(tally.runs, _ranked(tally.runs, _NEIGHBOURS - 3))
+    high, median = _ranked(tally.events, _MIDDLE)
+    borne_out = np.minimum(tally.runs, _ranked(tally.runs, _THIRD)[0])
     swings = np.minimum(tally.runs, borne_out.max(initial=0.0)).astype(np.float64)
     error = np.sqrt(high + (high - median) ** 2 + swings + 1.0)
     return Loudness(tally.events - high, swings, error, median)
 
 
-def _ranked(counts: Int64, rank: int) -> Float64:
-    """Return the neighbours' count of a rank (h, w), 0 the least."""
-    ranked: Float64 = rank_filter(counts, rank=rank, footprint=_RING, mode="mirror").astype(np.float64)
-    return ranked
+def _ranked(counts: Int64, depth: int) -> tuple[Float64, Float64]:
+    """Return the third largest neighbours' count (h, w) and the ``depth``-th largest; borders mirror the image."""
+    third, deepest = np.empty((2, *counts.shape), np.int32)
+    rank_neighbours(np.pad(counts.astype(np.int32), RING, mode="reflect"), third, deepest, depth)
+    return third.astype(np.float64), deepest.astype(np.float64)
