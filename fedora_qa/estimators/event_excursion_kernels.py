@@ -105,23 +105,23 @@ def _close(
         chosen[count] = column
         count += everywhere | (moved[column] != 0)
     for i in range(count):
-        column, least, most = np.uint64(chosen[i]), np.int64(0), np.int64(0)
-        before = total[column]
+        at, least, most = np.uint64(chosen[i]), np.int64(0), np.int64(0)
+        before = total[at]
         for rule in range(len(low)):
-            lower, upper = low[rule, column], high[rule, column]
+            lower, upper = low[rule, at], high[rule, at]
             if lower > 0.0:
-                if rule == 0 or lower != low[rule - 1, column]:
+                if rule == 0 or lower != low[rule - 1, at]:
                     least = int(np.floor(np.log(lower) * units)) - before
-                if rule == 0 or upper != high[rule - 1, column]:
+                if rule == 0 or upper != high[rule - 1, at]:
                     most = int(np.ceil(np.log(upper) * units)) - before
-                first, last = int(low_frame[rule, column]), int(high_frame[rule, column])
-                higher, deeper = least > highest[rule, 0, column], most < lowest[rule, 0, column]
-                highest[rule, 0, column] = least if higher else highest[rule, 0, column]
-                highest[rule, 1, column] = first if higher else highest[rule, 1, column]
-                lowest[rule, 0, column] = most if deeper else lowest[rule, 0, column]
-                lowest[rule, 1, column] = last if deeper else lowest[rule, 1, column]
-        low[:, column], high[:, column] = 0.0, np.inf
-        total[column] = before + moved[column]
+                first, last = int(low_frame[rule, at]), int(high_frame[rule, at])
+                higher, deeper = least > highest[rule, 0, at], most < lowest[rule, 0, at]
+                highest[rule, 0, at] = least if higher else highest[rule, 0, at]
+                highest[rule, 1, at] = first if higher else highest[rule, 1, at]
+                lowest[rule, 0, at] = most if deeper else lowest[rule, 0, at]
+                lowest[rule, 1, at] = last if deeper else lowest[rule, 1, at]
+        low[:, at], high[:, at] = 0.0, np.inf
+        total[at] = before + moved[at]
 
 
 @njit(cache=True)

@@ -246,12 +246,10 @@ def huber_weights(X: Float64, y: Float64) -> Float64:
 
 def _solved(matrix: Float64, vector: Float64) -> Float64:
     """Return the solution (k,) of normal equations; the shortest of many."""
-    theta: Float64
     try:
-        theta = np.linalg.solve(matrix, vector)
+        return np.asarray(np.linalg.solve(matrix, vector), np.float64)
     except np.linalg.LinAlgError:
-        theta = np.linalg.lstsq(matrix, vector, rcond=None)[0]
-    return theta
+        return np.asarray(np.linalg.lstsq(matrix, vector, rcond=None)[0], np.float64)
 
 
 def concatenate(blocks: list[NormalBlocks]) -> NormalBlocks:

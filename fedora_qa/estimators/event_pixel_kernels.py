@@ -38,11 +38,11 @@ def sort_by_pixel(
     # Moved up by one while events are dealt out: at the start of a band first, at its stop at last.
     pixels, dealt = np.empty(len(t), np.int32), np.empty(len(t), np.int64)
     for i in range(len(t)):
-        row = np.uint64(y[i])
-        at = np.uint64(stops[band_of[row]])
-        stops[band_of[row]] += 1
-        pixels[at] = np.int32(row) * np.int32(width) + np.int32(x[i])
-        dealt[at] = 2 * t[i] + p[i]
+        band = np.int64(band_of[np.uint64(y[i])])
+        to = np.uint64(stops[band])
+        stops[band] += 1
+        pixels[to] = np.int32(y[i]) * np.int32(width) + np.int32(x[i])
+        dealt[to] = 2 * t[i] + p[i]
     cursors, begin = np.empty(rows * width, np.int64), np.int64(0)
     for band in range(bands):
         first, stop = band * rows * width, stops[band]
@@ -55,9 +55,9 @@ def sort_by_pixel(
             starts[first + j], cursors[j] = before, before
             before += count
         for i in range(begin, stop):
-            j = np.uint64(pixels[i] - first)
-            stamped[np.uint64(cursors[j])] = dealt[i]
-            cursors[j] += 1
+            own = np.uint64(pixels[i] - first)
+            stamped[np.uint64(cursors[own])] = dealt[i]
+            cursors[own] += 1
         begin = stop
     starts[height * width] = len(t)
 

@@ -57,13 +57,9 @@ def read_at_events(
     for row in range(height):
         for column in range(width):
             at = row * width + column
-            begin, stop = starts[at], starts[at + 1]
-            if stop - begin < 2 or (every > 1 and (column + 3 * row) % every != 0):
+            if starts[at + 1] - starts[at] < 2 or (every > 1 and (column + 3 * row) % every != 0):
                 continue
-            while begin < stop and stamped[begin] >> 1 <= frame_times[0]:
-                begin += 1
-            while begin < stop and stamped[stop - 1] >> 1 > frame_times[n - 1]:
-                stop -= 1
+            begin, stop = _between(stamped, starts[at], starts[at + 1], frame_times[0], frame_times[n - 1])
             if stop - begin < 2:
                 continue
             frame, asked, known_from, known = 0, 0, -1, False
@@ -75,9 +71,7 @@ def read_at_events(
                 on, off = on + max(sign, 0.0), off + min(sign, 0.0)
                 first = min(max(frame + 1 - FINE // 2, 0), n - FINE)
                 if first != known_from:
-                    known_from, known = first, True
-                    for j in range(first, first + FINE):
-                        known &= usable[j, row, column]
+                    known_from, known = first, _all_usable(usable[first : first + FINE, row, column])
                     if known:
                         for j in range(max(asked, first), first + FINE):
                             levels[j] = _level(images[j, row, column], log_eps)
@@ -108,6 +102,24 @@ def read_at_events(
                 readings[rows, CORNER] = divided[3, inner - first] * ends * inside
                 rows += 1
     return rows
+
+
+@njit(cache=True, inline="always")
+def _between(stamped: Int64, begin: int, stop: int, after: int, until: int) -> tuple[int, int]:
+    """Return which events of a pixel are later than an instant, and not later than another."""
+    while begin < stop and stamped[begin] >> 1 <= after:
+        begin += 1
+    while begin < stop and stamped[stop - 1] >> 1 > until:
+        stop -= 1
+    return begin, stop
+
+
+@njit(cache=True, inline="always")
+def _all_usable(usable: Bool) -> bool:
+    known = True
+    for j in range(len(usable)):
+        known &= usable[j]
+    return known
 
 
 @njit(cache=True)

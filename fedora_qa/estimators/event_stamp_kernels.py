@@ -32,11 +32,14 @@ def longest_silences(t: Int64, start: int, stop: int, lengths: Int64, ends: Int6
 
 
 @njit(cache=True)
-def crowds(t: Int64, least: int) -> tuple[int, int]:
-    """Return how many events the fullest stamp has, and how many stamps have ``least`` or more."""
-    most, many, count = 0, 0, 0
+def crowds(t: Int64, least: int) -> tuple[int, int, int]:
+    """Return how many events the fullest stamp has, how many stamps have ``least`` or more, and events at those."""
+    most, many, crowded, begin = 0, 0, 0, 0
     for i in range(len(t)):
-        count = count + 1 if i > 0 and t[i] == t[i - 1] else 1
-        most = max(most, count)
-        many += count == least
-    return most, many
+        if i + 1 == len(t) or t[i + 1] != t[i]:
+            count = i + 1 - begin
+            most = max(most, count)
+            many += count >= least
+            crowded += count if count >= least else 0
+            begin = i + 1
+    return most, many, crowded

@@ -213,4 +213,5 @@ def test_silences_are_the_longest_distances_of_stamps(events: Stream, start: int
 def test_crowds_are_stamps_of_many_events(events: Stream, least: int) -> None:
     """The fullest stamp, and how many hold so many or more."""
     counts = np.unique(events.times_ns, return_counts=True)[1]
-    assert crowds(events.times_ns, least) == (max(counts.tolist(), default=0), np.count_nonzero(counts >= least))
+    crowded = counts[counts >= least]
+    assert crowds(events.times_ns, least) == (max(counts.tolist(), default=0), len(crowded), crowded.sum())

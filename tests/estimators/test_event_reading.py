@@ -10,7 +10,15 @@ from fedora_qa.estimators.event_fit import ResponseFit, _effective_parts, fit_re
 from fedora_qa.estimators.event_levels import concatenate
 from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
 from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
-from fedora_qa.estimators.event_reading_kernels import CORNER, FINE, READ, _rounded_up, divide, polynomial, read_at_events
+from fedora_qa.estimators.event_reading_kernels import (
+    CORNER,
+    FINE,
+    READ,
+    _rounded_up,
+    divide,
+    polynomial,
+    read_at_events,
+)
 from tests.estimators.event_world import MS, Stream, Waves, linear_events, log_events
 
 SHAPE = (24, 30)

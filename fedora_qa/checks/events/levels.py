@@ -191,9 +191,7 @@ def _fit_at(
     return fit_response(_sums(pairs, seen, levels, np.ones(len(pairs))))
 
 
-def _pairs(
-    window: Window, seen: SeenFrames, declared: EventModel, events: PixelEvents, late_ns: int = 0
-) -> LevelPairs:
+def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: PixelEvents, late_ns: int = 0) -> LevelPairs:
     burst_ns = 2 * declared.refractory_us * NS_PER_US
     pairs = level_pairs(
         events,

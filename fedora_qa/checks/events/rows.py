@@ -19,6 +19,9 @@ from fedora_qa.sequence.window import Events, Window
 _CROWD: Final = 8
 """Events at one stamp, and such stamps in a window, from which on they are no coincidence."""
 
+_MOST_CROWDED: Final = 0.9
+"""Share of the events that lie at such stamps, where stamps have a tick of their own."""
+
 NO_EVENTS: Final = "there are no events"
 
 
@@ -50,12 +53,13 @@ def local_tick_ns(window: Window) -> int:
 
 def _crowded_step_ns(events: Events) -> int:
     times_ns = events.times_ns
-    if crowds(times_ns, _CROWD)[1] < _CROWD:
+    _, many, of_many = crowds(times_ns, _CROWD)
+    if many < _CROWD or of_many < _MOST_CROWDED * len(times_ns):
         return 0
     first = np.flatnonzero(np.diff(times_ns, prepend=times_ns[:1] - 1))
     counts = np.diff(first, append=len(times_ns))
     crowded = counts >= max(_CROWD, 0.1 * float(counts.max(initial=0)))
-    if np.count_nonzero(crowded) < _CROWD or counts[crowded].sum() < 0.9 * len(times_ns):
+    if np.count_nonzero(crowded) < _CROWD or counts[crowded].sum() < _MOST_CROWDED * len(times_ns):
         return 0
     return int(np.median(np.diff(times_ns[first[crowded]])))
 

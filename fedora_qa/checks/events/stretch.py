@@ -158,7 +158,8 @@ def join(seen: SeenFrames, declared: EventModel, rounding_dn: float, excused: Bo
     laws = _log_laws if declared.model == "log" else _linear_laws
     events = seen.counts.sum(axis=(0, 1), dtype=np.int32).astype(np.int64)
     uneven = rounding_dn, (declared.threshold_on + declared.threshold_off) / 2
-    return Stretch(*laws(seen, declared, (uneven, EVERY_FRAME)), events, excused)
+    believed, of_all = laws(seen, declared, (uneven, EVERY_FRAME))
+    return Stretch(believed, of_all, events, excused)
 
 
 Rules = tuple[tuple[float, float], tuple[float, float]]
