@@ -33,8 +33,9 @@ def bound_excursions(
     times. ``counts`` (n - 1, 2, h, w) holds darker and brighter events between the frames, each a step of ``steps``,
     ``drift`` (n - 1,) what the signal gains besides, ``frames`` (n,) their numbers. ``total`` (h, w) receives what the
     events sum to; ``highest`` (k, 2, h, w) by each rule the largest lower bound of the difference and its frame;
-    ``lowest`` the smallest upper bound; -``FARTHEST``, ``FARTHEST`` and frame 0 where there is none. Bounds that are not finite, or off by more than the first of a rule's
-    ``uneven`` (k, 2) and the second times the light, tell nothing.
+    ``lowest`` the smallest upper bound; -``FARTHEST``, ``FARTHEST`` and frame 0 where there is none. Bounds that are
+    not finite, or off by more than the first of a rule's ``uneven`` (k, 2) and the second times the light, tell
+    nothing.
 
     While nothing is added to the events' sum, bounds are compared as they are: their logarithm is taken once, and once
     for successive rules that have found the same.

@@ -38,9 +38,9 @@ def sort_by_pixel(
     # Moved up by one while events are dealt out: at the start of a band first, at its stop at last.
     pixels, dealt = np.empty(len(t), np.int32), np.empty(len(t), np.int64)
     for i in range(len(t)):
-        band = np.int64(band_of[np.uint64(y[i])])
-        to = np.uint64(stops[band])
-        stops[band] += 1
+        its_band = np.uint64(band_of[np.uint64(y[i])])
+        to = np.uint64(stops[its_band])
+        stops[its_band] += 1
         pixels[to] = np.int32(y[i]) * np.int32(width) + np.int32(x[i])
         dealt[to] = 2 * t[i] + p[i]
     cursors, begin = np.empty(rows * width, np.int64), np.int64(0)

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.events.view import all_events, own, sensor_shape
+from fedora_qa.checks.events.view import all_events, all_on_sensor, own, sensor_shape
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_US
@@ -120,8 +120,12 @@ class Bounds(WindowCheck[BoundsCount]):
     def measure(self, window: Window) -> BoundsCount:
         """Count offenders."""
         events = own(window, all_events(window))
-        found = np.empty(7, np.int64)
-        survey_columns(events.x, events.y, events.p, sensor_shape(window.facts.declared), found)
+        found, shape = np.empty(7, np.int64), sensor_shape(window.facts.declared)
+        if len(events) and all_on_sensor(events, shape):
+            on = int(np.count_nonzero(events.p))
+            found[:] = 0, 0, -1, int(events.x.max()), int(events.y.max()), len(events) - on, on
+        else:
+            survey_columns(events.x, events.y, events.p, shape, found)
         outside, unknown, first, column, row, off, on = found.tolist()
         return BoundsCount(
             seen=len(events),

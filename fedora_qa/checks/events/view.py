@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.intermediates import clipped, luma_dn
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Footprints, footprints
-from fedora_qa.estimators.event_kernels import count_between_frames, survey_columns
+from fedora_qa.estimators.event_kernels import count_between_frames
 from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
@@ -86,16 +86,19 @@ def sensor_shape(declared: Declared) -> tuple[int, int]:
 
 def _on_sensor(events: Events, declared: Declared) -> Events:
     height, width = sensor_shape(declared)
-    if events.x.dtype == events.y.dtype == np.uint16:
-        found = np.empty(7, np.int64)
-        survey_columns(events.x, events.y, events.p, (height, width), found)
-        if found[0] == found[1] == 0:
-            return events
+    if events.x.dtype == events.y.dtype == np.uint16 and all_on_sensor(events, (height, width)):
+        return events
     good = (events.x < width) & (events.y < height) & (events.p <= 1)
     if events.x.dtype != np.uint16 or events.y.dtype != np.uint16:
         good &= (events.x >= 0) & (events.y >= 0)
     x, y = events.x[good].astype(np.uint16), events.y[good].astype(np.uint16)
     return _read_only(Events(x, y, events.times_ns[good], events.p[good]))
+
+
+def all_on_sensor(events: Events, shape: tuple[int, int]) -> bool:
+    """Whether all events lie on a sensor (rows, columns), with a polarity of 0 or 1."""
+    ends = zip((events.y, events.x, events.p), (*shape, 2), strict=True)
+    return not len(events) or all(column.min() >= 0 and column.max() < end for column, end in ends)
 
 
 @dataclass(frozen=True, slots=True)
