@@ -97,8 +97,8 @@ def _on_sensor(events: Events, declared: Declared) -> Events:
 
 def all_on_sensor(events: Events, shape: tuple[int, int]) -> bool:
     """Whether all events lie on a sensor (rows, columns), with a polarity of 0 or 1."""
-    ends = zip((events.y, events.x, events.p), (*shape, 2), strict=True)
-    return not len(events) or all(column.min() >= 0 and column.max() < end for column, end in ends)
+    columns: tuple[tuple[NDArray[Any], int], ...] = ((events.y, shape[0]), (events.x, shape[1]), (events.p, 2))
+    return not len(events) or all(column.min() >= 0 and column.max() < end for column, end in columns)
 
 
 @dataclass(frozen=True, slots=True)
