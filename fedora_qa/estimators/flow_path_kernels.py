@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.flow_mask import BREAK_PX
+from fedora_qa.estimators.order_kernels import median_of
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -199,5 +200,5 @@ def medians_of_parts(values: Float64, starts: NDArray[np.int64]) -> Float64:
     medians = np.full(len(starts) - 1, np.nan)
     for i in range(len(medians)):
         if starts[i + 1] > starts[i]:
-            medians[i] = np.median(values[starts[i] : starts[i + 1]])
+            medians[i] = median_of(values[starts[i] : starts[i + 1]])
     return medians
