@@ -120,7 +120,7 @@ def warp(model: DepthModel, lattice: Lattice, image1: DepthImage) -> Warped:
         model.K, motion.R, motion.t_m, model.ray, model.scale, np.broadcast_to(model.motion_error, 6).copy(),
         SINGLE_PRECISION * _PIXEL_ROUNDINGS * (width + height),
         lattice.columns, lattice.rows, lattice.depths_m, lattice.relative_errors, image1.depths_m,
-        image1.error_per_m, image1.clearance_px, image1.nearest_per_m, residuals, bounds, by_twist,
+        image1.error_per_m, image1.clearance_px, image1.block_px, image1.nearest_per_m, residuals, bounds, by_twist,
     )  # fmt: skip
     return Warped(residuals, bounds, by_twist, seen)
 
@@ -130,7 +130,7 @@ def residuals_after(model: DepthModel, lattice: Lattice, image1: DepthImage) -> 
     motion = model.motion_of_points
     return residuals_of(
         model.K, motion.R, motion.t_m, model.ray, lattice.columns, lattice.rows, lattice.depths_m,
-        image1.depths_m, image1.clearance_px, image1.nearest_per_m,
+        image1.depths_m, image1.clearance_px, image1.block_px, image1.nearest_per_m,
     )  # fmt: skip
 
 
