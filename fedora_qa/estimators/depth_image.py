@@ -78,11 +78,10 @@ class DepthImage:
         along = 1 - axis
         entered = slice(0, shift_px) if shift_px > 0 else slice(shift_px, None)
         at = (slice(None), entered) if axis == 0 else (entered,)
-        near_edge, depths_m, error_per_m = (
-            np.roll(image, shift_px, along) for image in (self.near_edge, self.depths_m, self.error_per_m)
-        )
+        near_edge = np.roll(self.near_edge, shift_px, along)
         near_edge[at] = 1
         clearance_px = _clearance_px(near_edge, self.block_px)
+        depths_m, error_per_m = (np.roll(image, shift_px, along) for image in (self.depths_m, self.error_per_m))
         return DepthImage(depths_m, error_per_m, near_edge, clearance_px, self.nearest_per_m, self.block_px)
 
 

@@ -91,14 +91,15 @@ def residuals_of(
 
 @njit(cache=True)
 def carry(
-    K: Float64, R: Float64, t: Float64, ray: float, scale: float, motion_error: Float64, per_slope: float,
-    columns: Float64, rows: Float64, depths_m: Float64, relative_errors: Float64, depths1_m: Depths,
+    K: Float64, R: Float64, t: Float64, ray: float, scale: float, path: Float64, motion_error: Float64,
+    per_slope: float, columns: Float64, rows: Float64, depths_m: Float64, relative_errors: Float64, depths1_m: Depths,
     errors1_per_m: NDArray[np.float32], clearance_px: NDArray[np.float32], block_px: int, nearest_per_m: float,
-    residuals: Float64, bounds: Float64, by_twist: Float64,
+    residuals: Float64, bounds: Float64, by_twist: Float64, number: int, by_number: Float64,
 ) -> int:  # fmt: skip
     """Write residuals (n,), bounds (n,) and derivatives (n, 6) of pixels; NaN, NaN and 0 where they are not seen.
 
-    ``per_slope`` is the rounding of a pixel coordinate, px. Returns how many are seen.
+    ``t`` is ``scale`` times ``path``; ``per_slope`` is the rounding of a pixel coordinate, px. Returns how many are
+    seen. ``number`` says by what the derivatives (n,) are taken, too: 0 nothing, 1 the scale, 2 the ray's power.
     """
     count = 0
     for i in range(len(columns)):
@@ -116,7 +117,7 @@ def carry(
             nearest_per_m,
         )
         residuals[i] = bounds[i] = np.nan
-        by_twist[i] = 0.0
+        by_twist[i] = by_number[i] = 0.0
         if not seen:
             continue
         count += 1
@@ -129,6 +130,12 @@ def carry(
         of_one = by_twist[i]
         of_one[0], of_one[1], of_one[2] = Y1 * by_z - Z1 * by_y, Z1 * by_x - X1 * by_z, X1 * by_y - Y1 * by_x
         of_one[3], of_one[4], of_one[5] = scale * by_x, scale * by_y, scale * by_z
+        if number == 1:
+            by_number[i] = by_x * path[0] + by_y * path[1] + by_z * path[2]
+        elif number == 2:  # z is the shorter, the longer its ray is, and so is what is found
+            nearer = by_x * (X1 - t[0]) + by_y * (Y1 - t[1]) + by_z * (Z1 - t[2])
+            by_number[i] = found * Z1 * np.log(_ray_length(K, column1, row1))
+            by_number[i] -= nearer * np.log(_ray_length(K, columns[i], rows[i]))
         error_per_m = np.float64(errors1_per_m[int(np.rint(row1)), int(np.rint(column1))])
         bound = relative_errors[i] + error_per_m * shortening * Z1
         bound += per_slope * (abs(by_column) + abs(by_row)) * Z1

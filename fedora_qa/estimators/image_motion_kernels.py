@@ -64,7 +64,7 @@ def reduced(image: Float32, box: Box, step: int, skip: int) -> Float32:
 
 @njit(cache=True)
 def reduced_flow(flow_px: Float32, box: Box, step: int, skip: int, largest_px: float) -> tuple[Float32, Bools]:
-    """Return the means (h, w, 2) of a flow over the pixels of ``reduced``, in px of its images, and where all are valid.
+    """Return the means (h, w, 2) of a flow over the pixels of ``reduced``, in px of its images; where all are valid.
 
     Valid are components shorter than ``largest_px``. Marked as valid is nothing on the rim, two pixels wide, whose
     slopes reach beyond the image.
