@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.depth_fit_kernels import known_rows, weighted_step
 from fedora_qa.estimators.depth_image import DepthImage
-from fedora_qa.estimators.depth_warp import DepthModel, Lattice, Warped, residuals_after, warp
+from fedora_qa.estimators.depth_warp import DepthModel, Lattice, ModelNumber, Warped, residuals_after, warp
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.camera import RigidMotion
 
@@ -72,7 +72,13 @@ def noise_directions(covariance: Float64) -> Float64:
 
 
 def fit_depth(
-    family: Family, lattice: Lattice, image1: DepthImage, noise: Float64, *, start: float, step: float | None
+    family: Family,
+    lattice: Lattice,
+    image1: DepthImage,
+    noise: Float64,
+    *,
+    start: float,
+    step: float | ModelNumber | None,
 ) -> DepthFit | None:
     """Fit a parameter from ``start`` on, and the twist within its noise.
 
@@ -83,49 +89,92 @@ def fit_depth(
     noise
         (6, k) as ``noise_directions`` gives them; (6, 0) where the motion is exact.
     step
-        By which the parameter is changed to see its effect; None where only the twist is to be fitted.
+        By which the parameter is changed to see its effect, or the number of the model that it is; None where only the
+        twist is to be fitted.
 
     Returns
     -------
     DepthFit | None
         None where the frames share too few pixels, or the fit ends where no depth could be.
+
+    Notes
+    -----
+    Where little holds some directions of the twist (one plane, no noise declared) the steps along them need not end:
+    so far off, the twist is less linear than the depths are rounded. Then the best of all twists is taken.
     """
+    problem = _Problem(family, lattice, image1, noise, step)
     value, z, convex = start, np.zeros(noise.shape[1]), True
-    for _ in range(_ITERATIONS):
-        linear = _linearised(family, value, step, noise @ z, lattice, image1)
-        solved = None if linear is None else _solve(*linear, noise, z, convex=convex)
+    visited: list[tuple[float, float, Float64]] = []
+    for _ in range(_ITERATIONS if step is not None or len(z) else 0):
+        solved = problem.solved(value, z, convex=convex)
         if solved is None:
             return None
-        change, errors, _ = solved
+        if not convex:
+            visited.append((solved.typical, value, z))
+        change = solved.change
         value, z = value + change[0] * (step is not None), z + change[1:]
-        if not convex and np.all(np.abs(change) <= _CONVERGED * errors):
+        if not convex and np.all(np.abs(change) <= _CONVERGED * solved.errors):
+            visited.clear()
             break
-        convex = convex and bool(np.any(np.abs(change) > errors))
-    return _concluded(family, value, step, z, noise, lattice, image1)
+        convex = convex and bool(np.any(np.abs(change) > solved.errors))
+    last = problem.solved(value, z)
+    best = min(visited, key=lambda one: one[0], default=None)
+    if best is not None and last is not None and best[0] < last.typical:
+        _, value, z = best
+        last = problem.solved(value, z)
+    return None if last is None else _concluded(last, value, z, noise, step)
 
 
-def _concluded(
-    family: Family, value: float, step: float | None, z: Float64, noise: Float64, lattice: Lattice, image1: DepthImage
-) -> DepthFit | None:
-    linear = _linearised(family, value, step, noise @ z, lattice, image1)
-    solved = None if linear is None else _solve(*linear, noise, z)
-    if linear is None or solved is None:
-        return None
-    warped, (_, errors, bound) = linear[0], solved
+@dataclass(frozen=True, slots=True)
+class _Solved:
+    """A step of (parameter, z), their standard errors, and the bound of the parameter's systematic error.
+
+    ``typical`` is the median absolute residual before the step.
+    """
+
+    warped: Warped
+    change: Float64
+    errors: Float64
+    bound: float
+    typical: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Problem:
+    """What ``fit_depth`` is asked for."""
+
+    family: Family
+    lattice: Lattice
+    image1: DepthImage
+    noise: Float64
+    step: float | ModelNumber | None
+
+    def solved(self, value: float, z: Float64, *, convex: bool = False) -> _Solved | None:
+        """Return the step from a parameter and a twist; None where there is none."""
+        linear = _linearised(self.family, value, self.step, self.noise @ z, self.lattice, self.image1)
+        return None if linear is None else _solve(*linear, self.noise, z, convex=convex)
+
+
+def _concluded(last: _Solved, value: float, z: Float64, noise: Float64, step: float | ModelNumber | None) -> DepthFit:
     return DepthFit(
         value=value,
-        standard_error=float(errors[0]) if step is not None else np.inf,
-        bound=bound if step is not None else 0.0,
+        standard_error=float(last.errors[0]) if step is not None else np.inf,
+        bound=last.bound if step is not None else 0.0,
         twist=noise @ z,
-        warped=warped,
-        typical=float(np.median(np.abs(warped.residuals[np.isfinite(warped.residuals)]))),
+        warped=last.warped,
+        typical=last.typical,
         noise_square=float(z @ z),
-        noise_dof=float(np.sum(1.0 - errors[1:] ** 2)),
+        noise_dof=float(np.sum(1.0 - last.errors[1:] ** 2)),
     )
 
 
 def _linearised(
-    family: Family, value: float, step: float | None, twist: Float64, lattice: Lattice, image1: DepthImage
+    family: Family,
+    value: float,
+    step: float | ModelNumber | None,
+    twist: Float64,
+    lattice: Lattice,
+    image1: DepthImage,
 ) -> tuple[Warped, Float64] | None:
     """Return the warped lattice, and the residual's derivative by the parameter (n,): 0 where none is to be fitted."""
     if not np.all(np.isfinite(twist)):
@@ -134,11 +183,12 @@ def _linearised(
     model = family(value)
     if model is None or not model.conceivable:
         return None
-    warped = warp(correct(model), lattice, image1)
+    known = step if isinstance(step, str) else None
+    warped = warp(correct(model), lattice, image1, known)
     if warped.seen < FEWEST_PIXELS:
         return None
-    if step is None:
-        return warped, np.zeros(len(lattice.columns))
+    if step is None or isinstance(step, str):
+        return warped, warped.by_number
     sides = [family(value + side * step) for side in (1, -1)]
     ahead, behind = (
         residuals_after(correct(side), lattice, image1) if side is not None and side.conceivable else None
@@ -162,10 +212,8 @@ def _correction(twist: Float64) -> Callable[[DepthModel], DepthModel]:
     return corrected
 
 
-def _solve(
-    warped: Warped, by_value: Float64, noise: Float64, z: Float64, *, convex: bool = False
-) -> tuple[Float64, Float64, float] | None:
-    """Return the step of (parameter, z), their standard errors, and the bound of the parameter's systematic error.
+def _solve(warped: Warped, by_value: Float64, noise: Float64, z: Float64, *, convex: bool = False) -> _Solved | None:
+    """Return the step of (parameter, z) with its errors.
 
     Residuals far beyond the typical one weigh less (Cauchy's weights), so that single places do not lead. Far from the
     solution these may hold on to a part of the image; Huber's (``convex``) have one minimum only.
@@ -176,5 +224,5 @@ def _solve(
     held = np.ones(columns.shape[1])
     held[0] = 0.0 if np.any(columns[:, 0]) else 1.0
     pull = np.concatenate(([0.0], z))
-    found, change, errors, bound = weighted_step(residuals, bounds, columns, held, pull, _TO_SIGMA, convex)
-    return (change, errors, bound) if found else None
+    found, change, errors, bound, typical = weighted_step(residuals, bounds, columns, held, pull, _TO_SIGMA, convex)
+    return _Solved(warped, change, errors, bound, typical) if found else None

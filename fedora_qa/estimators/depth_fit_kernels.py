@@ -16,8 +16,10 @@ def weighted_step(
     pull: Float64,
     to_sigma: float,
     convex: bool,
-) -> tuple[bool, Float64, Float64, float]:
+) -> tuple[bool, Float64, Float64, float, float]:
     """Return whether there is a step, the step (k,), its standard errors (k,) and the bound of the first number.
+
+    Last comes the median absolute residual.
 
     Parameters
     ----------
@@ -35,7 +37,8 @@ def weighted_step(
         Whether residuals far out weigh less by Huber's weights instead of Cauchy's.
     """
     n, k = columns.shape
-    typical = to_sigma * np.median(np.abs(residuals))
+    middle = np.median(np.abs(residuals))
+    typical = to_sigma * middle
     weights = np.empty(n)
     matrix, gradient = np.diag(held), pull.copy()
     for i in range(n):
@@ -53,7 +56,7 @@ def weighted_step(
             matrix[b, a] = matrix[a, b]
     scale = np.sqrt(np.diag(matrix))
     if not np.all(np.isfinite(matrix)) or np.any(scale <= 0.0):
-        return False, gradient, gradient, 0.0
+        return False, gradient, gradient, 0.0, middle
     inverse = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
     errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
     bound = 0.0
@@ -62,7 +65,7 @@ def weighted_step(
         for a in range(k):
             slope += columns[i, a] * inverse[0, a]
         bound += abs(slope) * weights[i] * bounds[i]
-    return True, -(inverse @ gradient), errors, bound
+    return True, -(inverse @ gradient), errors, bound, middle
 
 
 @njit(cache=True)

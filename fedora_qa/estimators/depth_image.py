@@ -5,6 +5,7 @@ differences tell how far it may err elsewhere.
 """
 
 from dataclasses import dataclass
+from math import ceil, sqrt
 from typing import Any, Final
 
 import cv2
@@ -38,6 +39,12 @@ that the two frames' shares add up to about 3 sigma, where their difference has 
 _WIDENED_PX: Final = 9
 """Edges are widened by 4 px on either side, as ``flow_mask`` widens them."""
 
+_PLACES: Final = 400_000
+"""Pixels from which on distances from edges are told by blocks, at least so many of them in an image.
+
+At 1440x1080 blocks of 2 px take a quarter of the time, and at most 3 px off the distance, 1.5 px as a rule.
+"""
+
 
 @dataclass(frozen=True, slots=True)
 class DepthImage:
@@ -52,9 +59,11 @@ class DepthImage:
     near_edge
         (H, W) 1 within 4 px of an edge, of an invalid pixel or of the border, else 0.
     clearance_px
-        (H, W) distance to the nearest pixel that is near an edge; 0 there.
+        (h, w) by how much each block of pixels is clear of the nearest pixel that is near an edge, at least; 0 there.
     nearest_per_m
         Inverse depth of the nearest surface; 0 where nothing is valid.
+    block_px
+        Side of those blocks; the last ones may stand out over the image.
     """
 
     depths_m: Depths
@@ -62,6 +71,7 @@ class DepthImage:
     near_edge: Marks
     clearance_px: Float32
     nearest_per_m: float
+    block_px: int
 
     def moved(self, axis: int, shift_px: int) -> "DepthImage":
         """Return the image moved by whole pixels to the right (axis 0) or down (1); what comes in is no clear place."""
@@ -69,10 +79,10 @@ class DepthImage:
         entered = slice(0, shift_px) if shift_px > 0 else slice(shift_px, None)
         at = (slice(None), entered) if axis == 0 else (entered,)
         near_edge = np.roll(self.near_edge, shift_px, along)
-        clearance_px = np.roll(self.clearance_px, shift_px, along)
-        near_edge[at], clearance_px[at] = 1, 0.0
+        near_edge[at] = 1
+        clearance_px = _clearance_px(near_edge, self.block_px)
         depths_m, error_per_m = (np.roll(image, shift_px, along) for image in (self.depths_m, self.error_per_m))
-        return DepthImage(depths_m, error_per_m, near_edge, clearance_px, self.nearest_per_m)
+        return DepthImage(depths_m, error_per_m, near_edge, clearance_px, self.nearest_per_m, self.block_px)
 
 
 def depth_image(depths_m: Depths, relative_step: float = 0.0) -> DepthImage:
@@ -85,6 +95,18 @@ def depth_image(depths_m: Depths, relative_step: float = 0.0) -> DepthImage:
     floor = _ROUNDINGS * SINGLE_PRECISION + relative_step / 2
     nearest_per_m = edges_and_errors(depths_m, EDGE, _OF_SECOND_DIFFERENCE, floor, marks, error_per_m)
     near_edge = np.asarray(cv2.dilate(marks, np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8)), dtype=np.uint8)
+    block_px = ceil(sqrt(depths_m.size / _PLACES))
+    clearance_px = _clearance_px(near_edge, block_px)
+    return DepthImage(depths_m, error_per_m, near_edge, clearance_px, float(nearest_per_m), block_px)
+
+
+def _clearance_px(near_edge: Marks, block_px: int) -> Float32:
+    """Return the least distance of each block's pixels from marks (H, W): two blocks' offsets are taken off."""
     clear = np.asarray(near_edge == 0).view(np.uint8)
-    clearance_px = np.asarray(cv2.distanceTransform(clear, cv2.DIST_L2, 3), dtype=np.float32)
-    return DepthImage(depths_m, error_per_m, near_edge, clearance_px, float(nearest_per_m))
+    if block_px == 1:
+        return np.asarray(cv2.distanceTransform(clear, cv2.DIST_L2, 3), dtype=np.float32)
+    # A pixel of the eroded image is that of the block that begins with it; what lies beyond the border counts as clear.
+    blocks = cv2.erode(clear, np.ones((block_px, block_px), np.uint8), anchor=(0, 0))[::block_px, ::block_px]
+    distances = np.asarray(cv2.distanceTransform(np.ascontiguousarray(blocks), cv2.DIST_L2, 3), dtype=np.float32)
+    farther_px = np.float32(sqrt(2.0) * (block_px - 1))
+    return np.asarray(np.maximum(np.float32(block_px) * distances - farther_px, np.float32(0)))

@@ -1,7 +1,7 @@
 """Depth of one frame, carried by the camera's motion into another, against the depth that stands there."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,11 @@ FEWEST_IN_LATTICE: Final = 4000
 FARTHEST_RAY: Final = 10.0
 """Power of the ray's length beyond which nothing is a depth: 0 and 1 occur. Powers of hundreds leave double precision.
 """
+
+ModelNumber = Literal["scale", "ray"]
+"""A number of a model by which residuals can be differentiated."""
+
+_NUMBERS: Final = {None: 0, "scale": 1, "ray": 2}
 
 _PIXEL_ROUNDINGS: Final = 4
 """Roundings that meet a pixel coordinate of the image's size in the maker's single-precision arithmetic."""
@@ -78,6 +83,8 @@ class Warped:
         (n,) how large it may honestly be.
     by_twist
         (n, 6) derivative of the residual by a twist (rad, m) that follows the motion; 0 where it is not compared.
+    by_number
+        (n,) derivative of the residual by a number of the model; 0 where it is not compared, or none was asked for.
     seen
         How many pixels are compared.
     """
@@ -85,6 +92,7 @@ class Warped:
     residuals: Float64
     bounds: Float64
     by_twist: Float64
+    by_number: Float64
     seen: int
 
 
@@ -107,22 +115,24 @@ def lattice_of(image: DepthImage, stride: int, most: int | None = None) -> Latti
     )
 
 
-def warp(model: DepthModel, lattice: Lattice, image1: DepthImage) -> Warped:
-    """Carry the lattice into the second frame and compare.
+def warp(model: DepthModel, lattice: Lattice, image1: DepthImage, number: ModelNumber | None = None) -> Warped:
+    """Carry the lattice into the second frame and compare; differentiate by the motion, and by a number of the model.
 
     Pixels count where they land clear of edges of the second frame by more than anything nearer may have moved
     against them: what is hidden there is not compared. The mask does not look at the residual.
     """
     motion, n = model.motion_of_points, len(lattice.columns)
     height, width = image1.depths_m.shape
-    residuals, bounds, by_twist = np.empty(n), np.empty(n), np.empty((n, 6))
+    residuals, bounds, by_twist, by_number = np.empty(n), np.empty(n), np.empty((n, 6)), np.empty(n)
     seen = carry(
-        model.K, motion.R, motion.t_m, model.ray, model.scale, np.broadcast_to(model.motion_error, 6).copy(),
+        model.K, motion.R, motion.t_m, model.ray, model.scale, model.motion.t_m,
+        np.broadcast_to(model.motion_error, 6).copy(),
         SINGLE_PRECISION * _PIXEL_ROUNDINGS * (width + height),
         lattice.columns, lattice.rows, lattice.depths_m, lattice.relative_errors, image1.depths_m,
-        image1.error_per_m, image1.clearance_px, image1.nearest_per_m, residuals, bounds, by_twist,
+        image1.error_per_m, image1.clearance_px, image1.block_px, image1.nearest_per_m, residuals, bounds, by_twist,
+        _NUMBERS[number], by_number,
     )  # fmt: skip
-    return Warped(residuals, bounds, by_twist, seen)
+    return Warped(residuals, bounds, by_twist, by_number, seen)
 
 
 def residuals_after(model: DepthModel, lattice: Lattice, image1: DepthImage) -> Float64:
@@ -130,7 +140,7 @@ def residuals_after(model: DepthModel, lattice: Lattice, image1: DepthImage) -> 
     motion = model.motion_of_points
     return residuals_of(
         model.K, motion.R, motion.t_m, model.ray, lattice.columns, lattice.rows, lattice.depths_m,
-        image1.depths_m, image1.clearance_px, image1.nearest_per_m,
+        image1.depths_m, image1.clearance_px, image1.block_px, image1.nearest_per_m,
     )  # fmt: skip
 
 

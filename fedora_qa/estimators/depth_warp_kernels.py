@@ -23,9 +23,9 @@ def _ray_length(K: Float64, column: float, row: float) -> float:
 @njit(cache=True)
 def _landed(
     K: Float64, R: Float64, t: Float64, ray: float, column: float, row: float, depth_m: float,
-    clearance_px: NDArray[np.float32], nearest_per_m: float,
+    shape: tuple[int, int], clearance_px: NDArray[np.float32], block_px: int, nearest_per_m: float,
 ) -> tuple[bool, float, float, float, float, float]:  # fmt: skip
-    """Return whether a pixel can be compared in the second frame; its column and row there, X1, Y1, Z1.
+    """Return whether a pixel can be compared in the second frame (H, W); its column and row there, X1, Y1, Z1.
 
     It can where nothing nearer may have moved in front of it: by f |t| |m| times the difference of 1/Z.
     """
@@ -40,13 +40,13 @@ def _landed(
         return False, 0.0, 0.0, X1, Y1, Z1
     column1 = (K[0, 0] * X1 + K[0, 1] * Y1) / Z1 + K[0, 2]
     row1 = K[1, 1] * Y1 / Z1 + K[1, 2]
-    height, width = clearance_px.shape
+    height, width = shape
     if not (0.0 <= column1 < width - 1 and 0.0 <= row1 < height - 1):
         return False, 0.0, 0.0, X1, Y1, Z1
     parallax_px = K[0, 0] * np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]) * length
     parallax_px *= max(nearest_per_m - 1.0 / z0, 0.0)
-    seen = bool(clearance_px[int(np.rint(row1)), int(np.rint(column1))] > parallax_px)
-    return seen, column1, row1, X1, Y1, Z1
+    clear_px = clearance_px[int(np.rint(row1)) // block_px, int(np.rint(column1)) // block_px]
+    return bool(clear_px > parallax_px), column1, row1, X1, Y1, Z1
 
 
 @njit(cache=True)
@@ -64,7 +64,7 @@ def _read(depths: Depths, column: float, row: float) -> tuple[float, float, floa
 @njit(cache=True)
 def residuals_of(
     K: Float64, R: Float64, t: Float64, ray: float, columns: Float64, rows: Float64, depths_m: Float64,
-    depths1_m: Depths, clearance_px: NDArray[np.float32], nearest_per_m: float,
+    depths1_m: Depths, clearance_px: NDArray[np.float32], block_px: int, nearest_per_m: float,
 ) -> Float64:  # fmt: skip
     """Return the residuals (n,) of ``carry`` alone."""
     residuals = np.empty(len(columns))
@@ -77,7 +77,9 @@ def residuals_of(
             columns[i],
             rows[i],
             depths_m[i],
+            depths1_m.shape,
             clearance_px,
+            block_px,
             nearest_per_m,
         )
         residuals[i] = np.nan
@@ -89,14 +91,15 @@ def residuals_of(
 
 @njit(cache=True)
 def carry(
-    K: Float64, R: Float64, t: Float64, ray: float, scale: float, motion_error: Float64, per_slope: float,
-    columns: Float64, rows: Float64, depths_m: Float64, relative_errors: Float64, depths1_m: Depths,
-    errors1_per_m: NDArray[np.float32], clearance_px: NDArray[np.float32], nearest_per_m: float,
-    residuals: Float64, bounds: Float64, by_twist: Float64,
+    K: Float64, R: Float64, t: Float64, ray: float, scale: float, path: Float64, motion_error: Float64,
+    per_slope: float, columns: Float64, rows: Float64, depths_m: Float64, relative_errors: Float64, depths1_m: Depths,
+    errors1_per_m: NDArray[np.float32], clearance_px: NDArray[np.float32], block_px: int, nearest_per_m: float,
+    residuals: Float64, bounds: Float64, by_twist: Float64, number: int, by_number: Float64,
 ) -> int:  # fmt: skip
     """Write residuals (n,), bounds (n,) and derivatives (n, 6) of pixels; NaN, NaN and 0 where they are not seen.
 
-    ``per_slope`` is the rounding of a pixel coordinate, px. Returns how many are seen.
+    ``t`` is ``scale`` times ``path``; ``per_slope`` is the rounding of a pixel coordinate, px. Returns how many are
+    seen. ``number`` says by what the derivatives (n,) are taken, too: 0 nothing, 1 the scale, 2 the ray's power.
     """
     count = 0
     for i in range(len(columns)):
@@ -108,11 +111,13 @@ def carry(
             columns[i],
             rows[i],
             depths_m[i],
+            depths1_m.shape,
             clearance_px,
+            block_px,
             nearest_per_m,
         )
         residuals[i] = bounds[i] = np.nan
-        by_twist[i] = 0.0
+        by_twist[i] = by_number[i] = 0.0
         if not seen:
             continue
         count += 1
@@ -125,6 +130,12 @@ def carry(
         of_one = by_twist[i]
         of_one[0], of_one[1], of_one[2] = Y1 * by_z - Z1 * by_y, Z1 * by_x - X1 * by_z, X1 * by_y - Y1 * by_x
         of_one[3], of_one[4], of_one[5] = scale * by_x, scale * by_y, scale * by_z
+        if number == 1:
+            by_number[i] = by_x * path[0] + by_y * path[1] + by_z * path[2]
+        elif number == 2:  # z is the shorter, the longer its ray is, and so is what is found
+            nearer = by_x * (X1 - t[0]) + by_y * (Y1 - t[1]) + by_z * (Z1 - t[2])
+            by_number[i] = found * Z1 * np.log(_ray_length(K, column1, row1))
+            by_number[i] -= nearer * np.log(_ray_length(K, columns[i], rows[i]))
         error_per_m = np.float64(errors1_per_m[int(np.rint(row1)), int(np.rint(column1))])
         bound = relative_errors[i] + error_per_m * shortening * Z1
         bound += per_slope * (abs(by_column) + abs(by_row)) * Z1

@@ -31,8 +31,15 @@ LARGEST_PX: Final = 1.5
 _MOST_OF_THE_FLOW: Final = 90.0
 _LARGEST_FLOW_PX: Final = 1e4
 
-_SPEEDS: Final = 20_000
-"""About so many pixels tell how long most of the flow is: as many as a lattice of every eighth has in a large frame."""
+_SPEEDS: Final = 2_000
+"""About so many pixels tell how long most of the flow is: its rank among all errs by less than a hundredth."""
+
+_LINES: Final = 3
+"""Of so many rows the mean of a reduced pixel is taken, of two where it has four.
+
+At 1440x1080 the standard error of the share is then 0.0122, of all rows 0.0111, and the least fault 0.8% larger, as
+half of a flow is allowed for.
+"""
 
 _CONDITION: Final = 1e10
 """Of the normal matrix: beyond, brightness and motion cannot be told apart."""
@@ -69,6 +76,7 @@ def motion_share(before: Float32, after: Float32, flow_px: Float32, box: Box | N
     """
     if not before.shape == after.shape == flow_px.shape[:2]:
         raise ValueError(f"Expected frames on the flow's grid {flow_px.shape[:2]}, got {before.shape}, {after.shape}")
+    flow_px = np.ascontiguousarray(flow_px)
     left, top, right, bottom = box = box or (0, 0, before.shape[1], before.shape[0])
     stride = max(1, isqrt((right - left) * (bottom - top) // _SPEEDS))
     speed_px = most_of_the_flow(flow_px, box, _LARGEST_FLOW_PX, _MOST_OF_THE_FLOW, stride)
@@ -77,17 +85,16 @@ def motion_share(before: Float32, after: Float32, flow_px: Float32, box: Box | N
     step = max(1, ceil(speed_px / LARGEST_PX))
     if min(right - left, bottom - top) < step:
         return None
-    flow, valid = reduced_flow(flow_px, box, step, _LARGEST_FLOW_PX)
+    skip = ceil(step / _LINES)
+    flow, valid = reduced_flow(flow_px, box, step, skip, _LARGEST_FLOW_PX)
     if np.count_nonzero(valid) < FEWEST_PIXELS:
         return None
-    first, second = (_smooth(reduced(frame, box, step)) for frame in (before, after))
-    found, share, inverse, left_dn2 = share_of_flow(
-        first, second, flow / np.float32(step), valid, FEWEST_PIXELS, _CONDITION
-    )
+    first, second = (_smooth(reduced(frame, box, step, skip)) for frame in (before, after))
+    found, share, inverse, left_dn2 = share_of_flow(first, second, flow, valid, FEWEST_PIXELS, _CONDITION)
     if not found:
         return None
     # Smoothing lowers the rounding's variance as it lowers the number of pixels.
-    rounding_dn2 = 2 * LUMA_ROUNDING_VARIANCE_DN2 / step**2
+    rounding_dn2 = 2 * LUMA_ROUNDING_VARIANCE_DN2 / (step * ceil(step / skip))
     standard_error = sqrt(inverse * max(CORRELATED_PIXELS * left_dn2, rounding_dn2))
     return MotionShare(share, standard_error, sqrt(inverse * rounding_dn2))
 

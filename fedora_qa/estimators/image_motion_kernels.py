@@ -41,57 +41,63 @@ def most_of_the_flow(flow_px: Float32, box: Box, largest_px: float, percent: flo
 
 
 @njit(cache=True)
-def reduced(image: Float32, box: Box, step: int) -> Float32:
-    """Return the means of ``step`` x ``step`` pixels of a box, as many as fit."""
+def reduced(image: Float32, box: Box, step: int, skip: int) -> Float32:
+    """Return the means of ``step`` x ``step`` pixels of a box, as many as fit, by every ``skip``-th of their rows."""
     left, top, right, bottom = box
     rows, columns = (bottom - top) // step, (right - left) // step
-    means = np.empty((rows, columns), np.float32)
-    sums, share = np.empty(columns * step, np.float32), np.float32(1.0 / (step * step))
+    means = np.zeros((rows, columns), np.float32)
+    sums, share = np.empty(columns * step, np.float32), np.float32(1.0 / (step * _lines(step, skip)))
     for row in range(rows):
         sums[:] = 0
-        for line in range(top + row * step, top + (row + 1) * step):
+        for line in range(top + row * step, top + (row + 1) * step, skip):
             pixels = image[line, left : left + columns * step]
             for column in range(columns * step):
                 sums[column] += pixels[column]
+        of_row = means[row]
+        for i in range(step):
+            for column in range(columns):
+                of_row[column] += sums[column * step + i]
         for column in range(columns):
-            total = np.float32(0)
-            for i in range(column * step, (column + 1) * step):
-                total += sums[i]
-            means[row, column] = total * share
+            of_row[column] *= share
     return means
 
 
 @njit(cache=True)
-def reduced_flow(flow_px: Float32, box: Box, step: int, largest_px: float) -> tuple[Float32, Bools]:
-    """Return the means (h, w, 2) of a flow over ``step`` x ``step`` pixels of a box, and where all of these are valid.
+def reduced_flow(flow_px: Float32, box: Box, step: int, skip: int, largest_px: float) -> tuple[Float32, Bools]:
+    """Return the means (h, w, 2) of a flow over the pixels of ``reduced``, in px of its images; where all are valid.
 
-    Marked as valid is nothing on the rim, two pixels wide, whose slopes reach beyond the image.
+    Valid are components shorter than ``largest_px``. Marked as valid is nothing on the rim, two pixels wide, whose
+    slopes reach beyond the image.
     """
     left, top, right, bottom = box
     rows, columns = (bottom - top) // step, (right - left) // step
     means, valid = np.zeros((rows, columns, 2), np.float32), np.zeros((rows, columns), np.bool_)
-    wide = columns * step
-    u, v, bad = np.empty(wide, np.float32), np.empty(wide, np.float32), np.empty(wide, np.int32)
-    most, share = np.float32(largest_px) ** 2, np.float32(1.0 / (step * step))
+    wide, share = 2 * columns * step, np.float32(1.0 / (step * step * _lines(step, skip)))
+    most, sums, bad = np.float32(largest_px), np.empty(wide, np.float32), np.empty(wide, np.float32)
+    lines = flow_px.reshape(flow_px.shape[0], 2 * flow_px.shape[1])  # u and v by turns
     for row in range(2, rows - 2):
-        u[:], v[:], bad[:] = 0, 0, 0
-        for line in range(top + row * step, top + (row + 1) * step):
-            pixels = flow_px[line, left : left + wide]
+        sums[:], bad[:] = 0, 0
+        for line in range(top + row * step, top + (row + 1) * step, skip):
+            values = lines[line, 2 * left : 2 * left + wide]
             for i in range(wide):
-                right_px, down_px = pixels[i, 0], pixels[i, 1]
-                bad[i] += 0 if right_px * right_px + down_px * down_px < most else 1
-                u[i] += right_px
-                v[i] += down_px
+                sums[i] += values[i]
+                bad[i] += np.float32(0) if abs(values[i]) < most else np.float32(1)
         for column in range(2, columns - 2):
-            right_sum, down_sum, of_block = np.float32(0), np.float32(0), 0
-            for i in range(column * step, (column + 1) * step):
-                right_sum += u[i]
-                down_sum += v[i]
-                of_block += bad[i]
+            u, v, of_block = np.float32(0), np.float32(0), np.float32(0)
+            for i in range(2 * column * step, 2 * (column + 1) * step, 2):
+                u += sums[i]
+                v += sums[i + 1]
+                of_block += bad[i] + bad[i + 1]
             if of_block == 0:
-                means[row, column, 0], means[row, column, 1] = right_sum * share, down_sum * share
+                means[row, column, 0], means[row, column, 1] = u * share, v * share
                 valid[row, column] = True
     return means, valid
+
+
+@njit(cache=True)
+def _lines(step: int, skip: int) -> int:
+    """Return how many of ``step`` rows are every ``skip``-th."""
+    return (step + skip - 1) // skip
 
 
 @njit(cache=True)
@@ -104,36 +110,39 @@ def share_of_flow(
     square of what is left. ``condition`` bounds the condition of the scaled matrix.
     """
     rows, columns = valid.shape
-    predicted, level, change = np.empty(valid.size), np.empty(valid.size), np.empty(valid.size)
     mean = np.empty((rows, columns))
     for row in range(rows):
         for column in range(columns):
             mean[row, column] = 0.5 * (np.float64(before[row, column]) + np.float64(after[row, column]))
-    count = 0
+    count, base = 0, mean[rows // 2, columns // 2]
+    p_sum = l_sum = c_sum = pp = pl = ll = pc = lc = cc = 0.0  # of what is predicted, level and change
     for row in range(2, rows - 2):
         here, above, over, under, below = mean[row], mean[row - 1], mean[row - 2], mean[row + 1], mean[row + 2]
         for column in range(2, columns - 2):
             if valid[row, column]:
                 right = _slope(here[column - 2], here[column - 1], here[column + 1], here[column + 2])
                 down = _slope(over[column], above[column], under[column], below[column])
-                predicted[count] = -(right * flow_px[row, column, 0] + down * flow_px[row, column, 1])
-                level[count] = here[column]
-                change[count] = np.float64(after[row, column]) - np.float64(before[row, column])
+                predicted = -(right * flow_px[row, column, 0] + down * flow_px[row, column, 1])
+                level = here[column] - base
+                change = np.float64(after[row, column]) - np.float64(before[row, column])
+                p_sum, l_sum, c_sum = p_sum + predicted, l_sum + level, c_sum + change
+                pp, pl, pc = pp + predicted * predicted, pl + predicted * level, pc + predicted * change
+                ll, lc, cc = ll + level * level, lc + level * change, cc + change * change
                 count += 1
-    if count < fewest:
+    if count < max(fewest, 1):
         return False, 0.0, 0.0, 0.0
-    design = np.ones((count, 3))
-    design[:, 0] = predicted[:count]
-    design[:, 2] = level[:count] - level[:count].mean()
-    matrix = design.T @ design
+    middle = l_sum / count  # levels from their mean on, so that the condition tells of the image alone
+    pl, ll, lc = pl - middle * p_sum, max(ll - middle * l_sum, 0.0), lc - middle * c_sum
+    matrix = np.array([[pp, p_sum, pl], [p_sum, count, 0.0], [pl, 0.0, ll]])
+    right_side = np.array([pc, c_sum, lc])
     scale = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)) + 1e-300)
     # A column of zeros leaves a row of zeros, of infinite condition.
     if not np.linalg.cond(matrix / scale) <= condition:
         return False, 0.0, 0.0, 0.0
     inverse = np.linalg.inv(matrix)
-    solution = inverse @ (design.T @ change[:count])
-    left = change[:count] - design @ solution
-    return True, float(solution[0]), float(inverse[0, 0]), float(np.mean(left * left))
+    solution = inverse @ right_side
+    left = max(cc - solution @ right_side, 0.0)
+    return True, float(solution[0]), float(inverse[0, 0]), left / count
 
 
 @njit(cache=True)

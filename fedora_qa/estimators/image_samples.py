@@ -79,12 +79,25 @@ def _along_the_flow(before: Float32, after: Float32, flow_px: Float32, step: int
             if not (0.0 <= x <= width - 1 and 0.0 <= y <= height - 1):  # so it is, too, where it is NaN
                 continue
             left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
-            right, below = min(left + 1, width - 1), min(top + 1, height - 1)
-            share, down = x - left, y - top
-            above = (1 - share) * _around(after, top, left) + share * _around(after, top, right)
-            under = (1 - share) * _around(after, below, left) + share * _around(after, below, right)
-            second[i, k] = (1 - down) * above + down * under
+            second[i, k] = _between(after, top, left, y - top, x - left)
     return first, second
+
+
+@njit(cache=True)
+def _between(image: Float32, top: int, left: int, down: float, share: float) -> float:
+    """Return the mean of 3 x 3 pixels around a place ``down`` and ``share`` of a pixel from one, bilinearly."""
+    height, width = image.shape
+    if 0 < top < height - 2 and 0 < left < width - 2:  # four means share sixteen pixels
+        total = 0.0
+        for i in range(4):
+            line = image[top - 1 + i]
+            across = (1.0 - share) * line[left - 1] + line[left] + line[left + 1] + share * line[left + 2]
+            total += across * (1.0 - down if i == 0 else down if i == 3 else 1.0)
+        return total / 9.0
+    right, below = min(left + 1, width - 1), min(top + 1, height - 1)
+    above = (1.0 - share) * _around(image, top, left) + share * _around(image, top, right)
+    under = (1.0 - share) * _around(image, below, left) + share * _around(image, below, right)
+    return (1.0 - down) * above + down * under
 
 
 @njit(cache=True)

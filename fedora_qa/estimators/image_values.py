@@ -22,6 +22,14 @@ def bits_of(values: NDArray[Any]) -> Bits:
     return np.ascontiguousarray(values, dtype=np.float32).view(np.int32)
 
 
+def is_of_one_code(image: NDArray[np.uint8]) -> bool:
+    """Return whether there are values (H, W, C), and all are one; most images say no in their first row."""
+    if not image.size:
+        return False
+    first = image.flat[0]
+    return bool((image[0] == first).all() and (image == first).all())
+
+
 def count_not_finite(values: NDArray[np.float32]) -> tuple[int, int]:
     """Count the vectors (n, 2) of which any component is NaN, and those of which any is infinite."""
     nan, infinite = _count_not_finite(bits_of(values).reshape(-1, 2))

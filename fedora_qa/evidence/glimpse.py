@@ -64,7 +64,7 @@ def glimpse(window: Window, time_ns: int, width_px: int, rows: Mapping[str, int]
     """
     rows = rows or {}
     looks: dict[str, Callable[[], Picture | None]] = {
-        "rgb": lambda: _frame(window, "rgb", time_ns, rows, lambda row: _small_codes(window.rgb(row), width_px)),
+        "rgb": lambda: _frame(window, "rgb", time_ns, rows, lambda row: _small_codes(window, row, width_px)),
         "depth": lambda: _frame(window, "depth", time_ns, rows, lambda row: _small(window.depth_m(row), width_px)),
         "flow": lambda: _flow(window, time_ns, rows, width_px),
         "events": lambda: _events(window, time_ns),
@@ -142,7 +142,7 @@ def _residual(window: Window, flow: Picture, width_px: int) -> Picture | None:
     rows = [_frame_at(window, time_ns, flow) for time_ns in (flow.start_ns, flow.stop_ns)]
     if rows[0] is None or rows[1] is None or rows[0] == rows[1]:
         return None
-    (earlier, block), (later, _) = (_small_codes(window.rgb(row), width_px) for row in rows if row is not None)
+    (earlier, block), (later, _) = (_small_codes(window, row, width_px) for row in rows if row is not None)
     if earlier.shape[:2] != flow.image.shape[:2] or block != flow.block:
         return None
     left = carried_back_dn(earlier, later, flow.image, block)
@@ -182,9 +182,11 @@ def _sensor_shape(declared: Camera | None, x: NDArray[np.int64], y: NDArray[np.i
     return min(height, _LARGEST_SENSOR_PX), min(width, _LARGEST_SENSOR_PX)
 
 
-def _small_codes(image: NDArray[np.uint8], width_px: int) -> tuple[NDArray[Any], int]:
+def _small_codes(window: Window, frame: int, width_px: int) -> tuple[NDArray[Any], int]:
+    """Return a colour frame made smaller, once a window: a frame at an instant often begins the flow as well."""
+    image = window.rgb(frame)
     block = block_px(image.shape[1], width_px)
-    return mean_codes(image, block), block
+    return window.once(("small codes", frame, block), lambda: mean_codes(image, block)), block
 
 
 def _small(image: NDArray[Any], width_px: int) -> tuple[NDArray[Any], int]:

@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.evidence.picture_kernels import finite_means
+
 Float32 = NDArray[np.float32]
 UInt8 = NDArray[np.uint8]
 UInt16 = NDArray[np.uint16]
@@ -23,15 +25,17 @@ def picture_shape(height: int, width: int, block: int) -> tuple[int, int]:
 
 def mean_codes(image: UInt8, block: int) -> UInt8:
     """Return the mean of each block of an image of 8-bit codes (H, W, C), rounded to codes."""
-    return cast(UInt8, np.rint(_block_means(image.astype(np.float32), block)).astype(np.uint8))
+    return np.asarray(_block_means(image, block), dtype=np.uint8)
 
 
 def mean_values(image: NDArray[Any], block: int) -> Float32:
     """Return the mean of the finite values of each block of an image (H, W) or (H, W, C); NaN where there are none."""
-    finite = np.isfinite(image)
-    totals = _block_means(np.where(finite, image, 0).astype(np.float32), block)
-    shares = _block_means(finite.astype(np.float32), block)
-    return cast(Float32, np.where(shares > 0, totals / np.where(shares > 0, shares, 1), np.nan).astype(np.float32))
+    rows, columns = picture_shape(image.shape[0], image.shape[1], block)
+    height, width = _side(image.shape[0], block), _side(image.shape[1], block)
+    values = np.ascontiguousarray(image, dtype=np.float32).reshape(*image.shape[:2], -1).view()
+    values.flags.writeable = False  # as decoded ones: the kernel is compiled once
+    means = finite_means(values, rows, columns, height, width)
+    return means.reshape(rows, columns, *image.shape[2:])
 
 
 def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
@@ -42,10 +46,10 @@ def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
     return cast(UInt16, np.minimum(totals, np.iinfo(np.uint16).max).astype(np.uint16))
 
 
-def _block_means(image: Float32, block: int) -> Float32:
+def _block_means(image: UInt8, block: int) -> NDArray[Any]:
     """Return the mean of each whole block of an image; for whole blocks ``INTER_AREA`` is that mean."""
     rows, columns = picture_shape(image.shape[0], image.shape[1], block)
-    return cast(Float32, cv2.resize(_whole(image, block), (columns, rows), interpolation=cv2.INTER_AREA))
+    return cv2.resize(_whole(image, block), (columns, rows), interpolation=cv2.INTER_AREA)
 
 
 def _whole(image: NDArray[Any], block: int) -> NDArray[Any]:

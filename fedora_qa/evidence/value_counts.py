@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Int64 = NDArray[np.int64]
@@ -30,12 +31,20 @@ def no_values() -> Int64:
 
 def count_values(values: NDArray[Any]) -> Int64:
     """Count the values that are finite and not negative; those under 2^-10 in one bin, from 2^21 on in the last."""
-    single = np.ascontiguousarray(values, dtype=np.float32).ravel()
-    kept = single[np.isfinite(single) & (single >= 0)] + np.float32(0)  # no minus zero
-    leading = kept.view(np.uint32) >> (_FLOAT32_FRACTION_BITS - _FRACTION_BITS)
+    single = np.array(values, dtype=np.float32, order="C").ravel() + np.float32(0)  # no minus zero
     first = (_FLOAT32_BIAS + _LEAST_EXPONENT) << _FRACTION_BITS
-    places = np.clip(leading.astype(np.int64) - first + 1, 0, _BINS - 1)
-    return np.bincount(places, minlength=_BINS).astype(np.int64)
+    counts = no_values()
+    _count_bits(single.view(np.int32), _FLOAT32_FRACTION_BITS - _FRACTION_BITS, first - 1, counts)
+    return counts
+
+
+@njit(cache=True)
+def _count_bits(bits: NDArray[np.int32], shift: int, before: int, counts: Int64) -> None:
+    """Count numbers of single precision by their leading bits; negative ones, infinity and NaN not at all."""
+    infinity, last = np.int32(0x7F800000), len(counts) - 1
+    for value in bits:
+        if 0 <= value < infinity:
+            counts[min(max((value >> shift) - before, 0), last)] += 1
 
 
 def added(parts: Iterable[Int64]) -> Int64:

@@ -24,11 +24,12 @@ def normalise(orientations_xyzw: Float64) -> Float64:
 
 def compose(left_xyzw: Float64, right_xyzw: Float64) -> Float64:
     """Return the Hamilton product (..., 4): the rotation ``right`` followed by ``left``."""
-    left_vector, left_w = left_xyzw[..., :3], left_xyzw[..., 3:]
-    right_vector, right_w = right_xyzw[..., :3], right_xyzw[..., 3:]
-    vector = left_w * right_vector + right_w * left_vector + np.cross(left_vector, right_vector)
-    w = left_w * right_w - np.sum(left_vector * right_vector, axis=-1, keepdims=True)
-    return np.concatenate((vector, w), axis=-1)
+    x0, y0, z0, w0 = (left_xyzw[..., i] for i in range(4))  # by components: np.cross takes longer than all the rest
+    x1, y1, z1, w1 = (right_xyzw[..., i] for i in range(4))
+    x = w0 * x1 + w1 * x0 + (y0 * z1 - z0 * y1)
+    y = w0 * y1 + w1 * y0 + (z0 * x1 - x0 * z1)
+    z = w0 * z1 + w1 * z0 + (x0 * y1 - y0 * x1)
+    return np.stack((x, y, z, w0 * w1 - (x0 * x1 + y0 * y1 + z0 * z1)), axis=-1)
 
 
 def inverse(orientations_xyzw: Float64) -> Float64:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.depth_fit import FEWEST_PIXELS, fit_depth, noise_directions
 from fedora_qa.estimators.depth_image import DepthImage, depth_image
-from fedora_qa.estimators.depth_warp import DepthModel, Lattice, lattice_of
+from fedora_qa.estimators.depth_warp import DepthModel, Lattice, ModelNumber, lattice_of, residuals_after, warp
 from fedora_qa.geometry.camera import RigidMotion
 
 Float64 = NDArray[np.float64]
@@ -41,19 +41,21 @@ def frames(motion: RigidMotion = MOTION, factor: float = 1.0, ray: float = 0.0) 
     return lattice_of(depth_image(before), 2), depth_image(after)
 
 
+@pytest.mark.parametrize("step", [1e-3, "scale"])
 @pytest.mark.parametrize("factor", [1e-3, 0.3048, 1.0, 1.02, 1000.0])
-def test_scale_is_found_from_nothing(factor: float) -> None:
+def test_scale_is_found_from_nothing(factor: float, step: float | ModelNumber) -> None:
     """From infinite depth on, the fit finds the factor of any unit."""
-    fit = fit_depth(lambda k: DepthModel(K, MOTION, scale=k), *frames(factor=factor), EXACT, start=0.0, step=1e-3)
+    fit = fit_depth(lambda k: DepthModel(K, MOTION, scale=k), *frames(factor=factor), EXACT, start=0.0, step=step)
     assert fit is not None
     assert fit.value == pytest.approx(factor, rel=1e-9)
     assert fit.typical < 1e-12
 
 
+@pytest.mark.parametrize("step", [1e-3, "ray"])
 @pytest.mark.parametrize("ray", [0.0, 0.5, 1.0])
-def test_ray_exponent_is_found(ray: float) -> None:
+def test_ray_exponent_is_found(ray: float, step: float | ModelNumber) -> None:
     """The exponent of |m| is found within the stated bound of the interpolation."""
-    fit = fit_depth(lambda c: DepthModel(K, MOTION, ray=c), *frames(ray=ray), EXACT, start=0.0, step=1e-3)
+    fit = fit_depth(lambda c: DepthModel(K, MOTION, ray=c), *frames(ray=ray), EXACT, start=0.0, step=step)
     assert fit is not None
     assert abs(fit.value - ray) <= fit.bound
     assert fit.bound < 0.05
@@ -69,6 +71,39 @@ def test_what_no_depth_can_be_is_no_fit(ray: float) -> None:
 def test_boundless_scale_is_no_fit(scale: float) -> None:
     """Nor is one of a scale without bounds."""
     assert fit_depth(lambda k: DepthModel(K, MOTION, scale=k), *frames(), EXACT, start=scale, step=1e-3) is None
+
+
+@pytest.mark.parametrize("number", ["scale", "ray"])
+def test_known_effects_are_those_that_are_seen(number: ModelNumber) -> None:
+    """Derivatives by a number of the model against differences of the residuals."""
+    lattice, image1 = frames()
+    model = DepthModel(K, MOTION)
+    known = warp(model, lattice, image1, number)
+    value, change = getattr(model, number), 1e-6
+    ahead, behind = (
+        residuals_after(replace(model, **{number: value + side}), lattice, image1) for side in (change, -change)
+    )
+    seen = (ahead - behind) / (2 * change)
+    both = np.isfinite(seen) & np.isfinite(known.residuals)
+    assert np.count_nonzero(both) > 1000
+    np.testing.assert_allclose(known.by_number[both], seen[both], atol=1e-6)
+    assert not known.by_number[~np.isfinite(known.residuals)].any()
+
+
+def test_one_plane_leaves_no_more_than_rounding() -> None:
+    """Half of the directions show nowhere on a plane, and nothing holds them: steps along them do not end."""
+    normal, rng = np.array([0.3, 0.5, 1.0]), np.random.default_rng(0)
+    turned = MOTION.R @ normal
+    depths_m = 5.0 / (RAYS @ normal), (5.0 + turned @ MOTION.t_m) / (RAYS @ turned)
+    before, after = (depth_image((1000 * one).astype(np.float32) / np.float32(1000)) for one in depths_m)
+    lattice = lattice_of(before, 2)
+    bounds = warp(DepthModel(K, MOTION), lattice, after).bounds
+    for _ in range(40):
+        off = 0.02 * rng.normal(size=6)
+        fit = fit_depth(lambda _, off=off: DepthModel(K, MOTION.corrected(off)), lattice, after, np.eye(6),
+                        start=0.0, step=None)  # fmt: skip
+        assert fit is not None
+        assert fit.typical < np.nanmedian(bounds)
 
 
 def test_wrong_motion_is_corrected_within_its_noise() -> None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_edt
 
 from fedora_qa.estimators.depth_fit_kernels import medians_by_group
 from fedora_qa.estimators.depth_image import depth_image
@@ -41,6 +42,35 @@ def test_errors_are_shares_of_the_largest_bend_around(seed: int) -> None:
     image = depth_image(depth_m, relative_step=1e-3)
     np.testing.assert_allclose(image.error_per_m, 0.25 * around + (8 * 2.0**-24 + 5e-4) * inverse, rtol=1e-6)
     assert image.nearest_per_m == pytest.approx(inverse.max())
+
+
+@pytest.mark.parametrize("shape", [(61, 83), (721, 901), (1300, 1400)])
+def test_clearance_is_at_most_the_distance_from_marks(shape: tuple[int, int]) -> None:
+    """Against exact distances of each pixel; told by blocks, where an image is large, a little is given away."""
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    depth_m = (9.0 / (1 + 0.002 * columns + 0.001 * rows)).astype(np.float32)
+    depth_m[shape[0] // 3, shape[1] // 2 :: 37] = np.nan
+    image = depth_image(depth_m)
+    block = image.block_px
+    assert (block > 1) == (depth_m.size > 400_000)
+    told = np.repeat(np.repeat(image.clearance_px, block, axis=0), block, axis=1)[: shape[0], : shape[1]]
+    exact = distance_transform_edt(image.near_edge == 0)
+    of_chamfer = 0.09  # what two steps' weights err by (Borgefors 1986)
+    assert np.all(told <= (1 + of_chamfer) * exact)
+    assert np.all(told >= (1 - of_chamfer) * exact - 2 * np.sqrt(2.0) * (block - 1))
+
+
+@pytest.mark.parametrize(("axis", "shift_px"), [(0, 3), (1, -5)])
+def test_what_a_moved_image_lets_in_is_near_an_edge(axis: int, shift_px: int) -> None:
+    """An image of blocks, moved by no multiple of them, keeps its pixels and their distances from marks."""
+    image = depth_image(np.full((700, 900), 4.0, np.float32))
+    moved = image.moved(axis, shift_px)
+    assert image.block_px == moved.block_px == 2
+    entered = moved.near_edge[:, :shift_px] if axis == 0 else moved.near_edge[shift_px:]
+    assert entered.all()
+    exact = distance_transform_edt(moved.near_edge == 0)[::2, ::2]
+    assert np.all(moved.clearance_px <= 1.09 * exact)
+    assert moved.clearance_px.max() > 300
 
 
 def test_medians_by_group() -> None:

@@ -50,26 +50,28 @@ def test_frames_off_the_grid_of_the_flow_are_refused() -> None:
         along_the_flow(texture(), texture(80, 120), np.zeros((90, 120, 2), np.float32), 2)
 
 
-@pytest.mark.parametrize("step", [1, 2, 7])
-def test_reduced_images_are_means_of_blocks(step: int) -> None:
-    """Of a box, as OpenCV's area average has them; blocks with anything invalid do not count."""
+@pytest.mark.parametrize(("step", "skip"), [(1, 1), (2, 1), (7, 1), (4, 2), (7, 3)])
+def test_reduced_images_are_means_of_blocks(step: int, skip: int) -> None:
+    """Of rows of a box, as OpenCV's area average has them; blocks with anything invalid in these do not count."""
     image, flow_px = texture(), RNG.normal(0, 4, (90, 120, 2)).astype(np.float32)
     flow_px[40, 50], flow_px[41, 80] = (np.nan, 1.0), (1e9, 0.0)
     box = left, top, right, bottom = 11, 5, 118, 84
     rows, columns = (bottom - top) // step, (right - left) // step
 
     def means(values: Float32) -> Float32:
-        cut = np.ascontiguousarray(values[top : top + rows * step, left : left + columns * step])
+        blocks = values[top : top + rows * step, left : left + columns * step]
+        looked_at = np.arange(rows * step) % step % skip == 0
+        cut = np.ascontiguousarray(blocks[looked_at])
         return np.asarray(cv2.resize(cut, (columns, rows), interpolation=cv2.INTER_AREA))
 
-    np.testing.assert_allclose(reduced(image, box, step), means(image), rtol=1e-5)
+    np.testing.assert_allclose(reduced(image, box, step, skip), means(image), rtol=1e-5)
     speeds = np.hypot(flow_px[..., 0], flow_px[..., 1])
     bad = means((~(speeds < 1e4)).astype(np.float32)) > 0
-    found, valid = reduced_flow(flow_px, box, step, 1e4)
+    found, valid = reduced_flow(flow_px, box, step, skip, 1e4)
     expected = ~bad
     expected[:2], expected[-2:], expected[:, :2], expected[:, -2:] = False, False, False, False
     np.testing.assert_array_equal(valid, expected)
-    np.testing.assert_allclose(found[valid], means(flow_px)[valid], atol=1e-4)
+    np.testing.assert_allclose(step * found[valid], means(flow_px)[valid], atol=1e-4)
 
 
 def test_one_value() -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from skimage.measure import block_reduce
@@ -27,6 +27,7 @@ def test_pictures_are_as_wide_as_they_may_be(width: int, most: int) -> None:
     assert block == 1 or width / (block - 1) > most
 
 
+@settings(deadline=None)  # the first example waits for compilation
 @given(st.integers(2, 5), st.integers(0, 1000))
 def test_depth_is_the_mean_of_what_is_valid(block: int, seed: int) -> None:
     """Invalid pixels do not count; a block without valid ones is NaN; remainders of blocks are left out."""

@@ -11,12 +11,10 @@ from fedora_qa.checks.depth.pairs import DepthPair, owned_pairs, place, why_no_g
 from fedora_qa.checks.flow.intervals import depths_plausible
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
 from fedora_qa.estimators.depth_fit import DepthFit, Family, fit_depth
+from fedora_qa.estimators.depth_warp import ModelNumber
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-
-_STEP: Final = 1e-3
-"""By which a parameter is changed to see its effect: small enough to be linear, large enough to be above rounding."""
 
 _TO_SIGMA: Final = 1.4826
 """From the median absolute deviation to the standard deviation of a normal distribution."""
@@ -62,6 +60,8 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
     """
 
     needs = ("depth", "pose")
+    number: ClassVar[ModelNumber]
+    """Which number of the model it is."""
     from_value: ClassVar[float] = 0.0
     """Where the fit begins."""
 
@@ -104,7 +104,7 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
 
     def _fit(self, pair: DepthPair) -> PairFit | None:
         lattice, image1 = pair.lattice(), pair.images[1]
-        fit = fit_depth(self.family(pair), lattice, image1, pair.noise, start=self.from_value, step=_STEP)
+        fit = fit_depth(self.family(pair), lattice, image1, pair.noise, start=self.from_value, step=self.number)
         if fit is None or not np.isfinite(fit.standard_error):
             return None
         as_declared = pair.fit_as_declared()

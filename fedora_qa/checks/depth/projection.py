@@ -46,6 +46,7 @@ class Projection(FittedParameter):
     """
 
     name = "depth.projection"
+    number = "ray"
 
     def family(self, pair: DepthPair) -> Family:
         """Let depths be lengths of rays in part."""

@@ -62,6 +62,7 @@ class Scale(FittedParameter):
     """
 
     name = "depth.scale"
+    number = "scale"
 
     def family(self, pair: DepthPair) -> Family:
         """Let depths be too large by a factor."""

@@ -14,6 +14,7 @@ from fedora_qa.checks.images.pairs import flow_rate_of, neighbours, pairs_with_f
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.estimators.code_gain import CODES
 from fedora_qa.estimators.image_gain import brightness_gain
+from fedora_qa.estimators.image_values import is_of_one_code
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -123,9 +124,9 @@ class Exposure(WindowCheck[WindowExposure]):
         blank, clipped, codes = [], [], np.zeros(CODES, dtype=np.int64)
         for frame in window.owned("rgb"):
             rgb = window.rgb(frame)
-            if rgb.size and rgb.min() == rgb.max():
+            if is_of_one_code(rgb):
                 blank.append(frame)
-            sampled = rgb[::_SAMPLED_EVERY_PX, ::_SAMPLED_EVERY_PX]
+            sampled = np.ascontiguousarray(rgb[::_SAMPLED_EVERY_PX, ::_SAMPLED_EVERY_PX])
             brightest = np.maximum(np.maximum(sampled[..., 0], sampled[..., 1]), sampled[..., 2])
             clipped.append(float(np.mean(brightest == CLIPPED_DN)))
             codes += np.bincount(sampled.ravel(), minlength=CODES)

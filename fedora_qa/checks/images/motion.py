@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow.intervals import interval_at, pose_track
+from fedora_qa.checks.flow.intervals import Pose, interval_at, motion_between, pose_track
 from fedora_qa.checks.images.pairs import flow_rate_of, luma_on_flow_grid
 from fedora_qa.checks.intermediates import luma_dn
 from fedora_qa.estimators.image_samples import steepness
@@ -65,7 +65,7 @@ def view_of(window: Window, frame: int) -> View | None:
     camera = window.facts.declared.cameras.get("rgb")
     if camera is None or "pose" not in window.facts.streams:
         return None
-    R_world_body, position_world_m = pose_track(window, camera).pose(int(window.facts.clocks["rgb"].times_ns[frame]))
+    R_world_body, position_world_m = _pose_of(window, frame, camera)
     if not (np.isfinite(R_world_body).all() and np.isfinite(position_world_m).all()):
         return None
     return View(R_world_body, position_world_m, 2 * HIDDEN_DN / max(_steepness(window, frame), 1e-9))
@@ -130,9 +130,21 @@ def _least_motion_px(window: Window, frame: int) -> float | None:
     facts, camera = window.facts, window.facts.declared.cameras.get("rgb")
     if camera is None or "pose" not in facts.streams:
         return None
-    times_ns = facts.clocks["rgb"].times_ns
-    motion = pose_track(window, camera).motion(int(times_ns[frame - 1]), int(times_ns[frame]))
+    motion = motion_between(_pose_of(window, frame - 1, camera), _pose_of(window, frame, camera), camera)
     return None if motion is None else _least_shift_px(motion, camera, facts)
+
+
+def _pose_of(window: Window, frame: int, camera: Camera) -> Pose:
+    """Return the pose of the body at a frame that the window owns, or at the one before; NaN where none covers it.
+
+    All of them are interpolated together, once a window: one by one takes many times as long.
+    """
+    owned = window.owned("rgb")
+    first, times_ns = max(owned.start - 1, 0), window.facts.clocks["rgb"].times_ns
+    R_world_body, positions_world_m = window.once(
+        "poses of frames", lambda: pose_track(window, camera).poses_at(times_ns[first : owned.stop])
+    )
+    return R_world_body[frame - first], positions_world_m[frame - first]
 
 
 def _least_shift_px(motion: RigidMotion, camera: Camera, facts: Facts) -> float:

@@ -2,11 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from typing import Final
-
-import numpy as np
-from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.images.motion import (
@@ -18,12 +14,11 @@ from fedora_qa.checks.images.motion import (
     view_of,
 )
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.image_digest import digest_of
+from fedora_qa.estimators.image_values import is_of_one_code
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-
-DIGEST_BYTES: Final = 16
-"""Two different frames share a digest of this size with a probability of 3e-39."""
 
 FEWEST_FRAMES: Final = 2
 
@@ -72,8 +67,8 @@ class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
 
     Noise model
     -----------
-    The count is exact: two frames share a digest of 16 bytes by chance with probability 3e-39. That the image must
-    have changed is asked of the steepest hundredth of its pixels (by a lattice of some 5000), which must change by 2 DN
+    The count is exact: two frames share a digest by chance with a probability of 5e-20. That the image must have
+    changed is asked of the steepest hundredth of its pixels (by a lattice of some 5000), which must change by 2 DN
     where rounding hides 1 DN; of noisy poses six standard deviations are taken off first.
 
     Cannot see
@@ -84,7 +79,7 @@ class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
 
     Sources
     -------
-    First principles; FIPS 180-4 (SHA-256, cut to 16 bytes).
+    First principles; FIPS 180-4 (SHA-256); ``fedora_qa/estimators/image_digest.py``.
     """
 
     name = "images.repeats"
@@ -98,7 +93,7 @@ class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
             digest = _digest(window, frame)
             repeats = frame > 0 and _digest(window, frame - 1) == digest
             moved = (must_have_changed if repeats else surely_turned)(window, frame) if frame > 0 else None
-            blank = bool(rgb.size and rgb.min() == rgb.max())
+            blank = is_of_one_code(rgb)
             seen.append(FrameDigest(frame, digest, blank, repeats, moved, view_of(window, frame)))
         return tuple(seen)
 
@@ -151,11 +146,7 @@ def _came_back(frame: int, first: int, views: Mapping[int, View | None], facts: 
 
 def _digest(window: Window, frame: int) -> bytes:
     """Return the digest of a frame, taken once for neighbouring windows."""
-    return window.of_image("digest", frame, lambda: _taken(window.rgb(frame))).tobytes()
-
-
-def _taken(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    return np.frombuffer(sha256(np.ascontiguousarray(rgb).data).digest()[:DIGEST_BYTES], np.uint8)
+    return window.of_image("digest", frame, lambda: digest_of(window.rgb(frame))).tobytes()
 
 
 def _count(frozen: Sequence[tuple[int, int]], facts: Facts) -> Measured:
