@@ -37,6 +37,9 @@ _SAMPLES: Final = frozenset({"imu", "pose"})
 FOLLOW_UP_SHARE: Final = 0.1
 """Share of the windows that checks may ask to see again."""
 
+FEWEST_FOLLOW_UPS: Final = 3
+"""Windows that they may ask for in any case: fewer do not tell by how much windows scatter."""
+
 
 @dataclass(frozen=True, slots=True)
 class EffortLevel:

@@ -72,7 +72,7 @@ def far_shift(sums: FarSums, beyond_px: float, least: float) -> FarShift | None:
 
 
 def _blocks(image: Float64, usable: NDArray[np.bool_]) -> Float64:
-    """Return sums of blocks of the image beyond its mean, (h // 2, w // 2); pixels that are not usable count nothing."""
+    """Return sums of blocks of the image beyond its mean, (h // 2, w // 2); other pixels count nothing."""
     count = max(int(np.count_nonzero(usable)), 1)
     beyond = np.where(usable, image - float(image[usable].sum()) / count, 0.0)
     height, width = (size - size % BLOCK_PX for size in image.shape)

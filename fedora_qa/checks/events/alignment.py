@@ -115,8 +115,8 @@ class Alignment(WindowCheck[Correlations]):
 
     Cannot see
     ----------
-    Shifts beyond fourteen pixels or of unrelated scenes (correlation below 0.1), shifts along edges all of one direction,
-    rotations and scales; parts with few edges. Hovering leaves the error too large: not_observable.
+    Shifts beyond fourteen pixels or of unrelated scenes (correlation below 0.1), shifts along edges all of one
+    direction, rotations and scales; parts with few edges. Hovering leaves the error too large: not_observable.
 
     Sources
     -------

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from fedora_qa.checks.events.levels import FEWEST_PAIRS, usable_pixels
 from fedora_qa.checks.events.rows import local_tick_ns
 from fedora_qa.checks.events.tiles import GRID
-from fedora_qa.checks.events.view import seen_frames, sensor_events
+from fedora_qa.checks.events.view import events_on_time, seen_frames, sensor_events
 from fedora_qa.estimators.event_delays import CellSums
 from fedora_qa.estimators.event_fit import ResponseFit, fit_readings
 from fedora_qa.estimators.event_levels import NormalBlocks, concatenate
 from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
-from fedora_qa.sequence.window import Window
+from fedora_qa.sequence.window import Events, Window
 
 KINDS: Final = ("fine", "coarse", "even")
 
@@ -46,11 +46,20 @@ class ReadingFits:
 
 def reading_sums(window: Window) -> ReadingSums | None:
     """Return the sums of a window; None where it has too few readings."""
+    return _sums_of(window, sensor_events(window))
+
+
+def reading_sums_on_time(window: Window, late_ns: int) -> ReadingSums | None:
+    """Return the sums of a window whose events are late by so much, with that undone."""
+    return _sums_of(window, events_on_time(window, late_ns))
+
+
+def _sums_of(window: Window, events: Events) -> ReadingSums | None:
     seen, declared = seen_frames(window), window.facts.declared.events
     if declared is None:
         return None
     usable = usable_pixels(window, seen, declared)
-    events, linear = sensor_events(window), declared.model == "linear"
+    linear = declared.model == "linear"
     readings = read_frames(
         events.x,
         events.y,
