@@ -168,7 +168,7 @@ def _clearly_best(tried: Sequence[Trial], facts: Facts) -> tuple[Suspect, ...]:
     mended: Counter[str] = Counter()
     for one in whole.values():
         mended.update({repair.cause: max(repair.pixels, 0) for repair in one.repairs})
-    (cause, most), (_, next_best) = (mended.most_common(2) + [("", 0), ("", 0)])[:2]
+    (cause, most), (_, next_best), *_ = (*mended.most_common(2), ("", 0), ("", 0))
     if broken < ENOUGH_BROKEN or most < broken / 2 or most < _BY_FAR * next_best:
         return ()
     best = max((r for one in whole.values() for r in one.repairs if r.cause == cause), key=lambda repair: repair.pixels)
