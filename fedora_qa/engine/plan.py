@@ -37,6 +37,9 @@ _SAMPLES: Final = frozenset({"imu", "pose"})
 FOLLOW_UP_SHARE: Final = 0.1
 """Share of the windows that checks may ask to see again."""
 
+FEWEST_FOLLOW_UPS: Final = 3
+"""Windows that they may ask for in any case: fewer do not tell by how much windows scatter."""
+
 
 @dataclass(frozen=True, slots=True)
 class EffortLevel:
@@ -48,8 +51,8 @@ class EffortLevel:
 
 EFFORTS: Final[Mapping[Effort, EffortLevel]] = MappingProxyType(
     {
-        "quick": EffortLevel(0.1, Sampling(tile_share=0.05, field_stride=3)),
-        "standard": EffortLevel(0.25, Sampling(tile_share=0.1, field_stride=2)),
+        "quick": EffortLevel(0.08, Sampling(tile_share=0.05, field_stride=1)),
+        "standard": EffortLevel(0.25, Sampling(tile_share=0.1, field_stride=1)),
         "full": EffortLevel(1.0, Sampling(tile_share=0.25, field_stride=1)),
         "exhaustive": EffortLevel(1.0, Sampling(tile_share=1.0, field_stride=1)),
     }

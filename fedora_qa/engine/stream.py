@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any, Protocol, TypeVar
 
 from fedora_qa.checks.protocol import Check, Observation
-from fedora_qa.engine.plan import FOLLOW_UP_SHARE
+from fedora_qa.engine.plan import FEWEST_FOLLOW_UPS, FOLLOW_UP_SHARE
 from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.sequence.facts import Facts
@@ -110,7 +110,7 @@ def look_again(
 ) -> int:
     """Give the checks one more look at the windows they name, a bounded share of all together; return how many."""
     wanted = {check.name: _wanted(check, states, facts) for check in checks}
-    budget = max(1, int(FOLLOW_UP_SHARE * len(spans)))
+    budget = max(FEWEST_FOLLOW_UPS, int(FOLLOW_UP_SHARE * len(spans)))
     by_index = {span.index: span for span in spans}
     numbers = sorted(_in_turn(wanted, budget) & by_index.keys())
     for done, number in enumerate(numbers):

@@ -64,6 +64,14 @@ def test_shift_is_found_and_sized(right_px: int, tmp_path: Path) -> None:
     assert value_of(result, "shift_right") - clean == pytest.approx(right_px, abs=0.15)
 
 
+@pytest.mark.parametrize("right_px", [6, -9])
+def test_shift_beyond_the_reach_of_pixels_is_found(right_px: int, tmp_path: Path) -> None:
+    """On blocks of pixels, to two standard errors."""
+    result = run_check(shifted(log_file(), right_px).write(tmp_path / "shifted.h5"), CHECK)
+    assert "shift" in rules(result)
+    assert value_of(result, "shift_right") == pytest.approx(right_px, abs=1.5)
+
+
 def test_what_cannot_be_told_is_said(tmp_path: Path) -> None:
     """A colour camera elsewhere is not applicable; events of no scene are not observable."""
     elsewhere = run_check(log_file().altered(rgb_moved_m=0.1).write(tmp_path / "elsewhere.h5"), CHECK)

@@ -14,6 +14,7 @@ from fedora_qa.checks.alignment.odd_one_out import PairShift, shift_suspects
 from fedora_qa.checks.events.view import SeenFrames, seen_frames
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.estimators.event_shift import RADIUS_PX, cross_correlation
+from fedora_qa.estimators.far_shift import FarSums, far_shift, far_sums, joined
 from fedora_qa.estimators.image_changes import change_and_events
 from fedora_qa.estimators.registration import PEAK_RADIUS_PX, registered_shift
 from fedora_qa.estimators.registration_errors import open_level_errors, slope_sums
@@ -27,6 +28,9 @@ INTERVALS: Final = 3
 """Frame intervals of a window that are correlated, evenly spread."""
 
 FEWEST_INTERVALS: Final = 4
+
+REACH_PX: Final = RADIUS_PX - PEAK_RADIUS_PX
+"""Farthest shift that is registered; farther ones are told by blocks of pixels."""
 
 _MOST_GROUPS: Final = 12
 """Groups of successive intervals that are left out in turn."""
@@ -47,6 +51,8 @@ class Registration:
         (k, 4) absolute change of the pixels that fire, their events, and squares of all pixels' beyond the means.
     slopes
         (k, 3, 2) as ``slope_sums`` gives them: slopes of the level where pixels fire, slopes of its change everywhere.
+    far
+        The same pixels at half the resolution, for shifts beyond the reach of ``cross``.
     edges
         The same window's depth against colour and events, which tells the odd one out.
     """
@@ -55,6 +61,7 @@ class Registration:
     cross: Float64
     sums: Float64
     slopes: Float64
+    far: FarSums
     edges: DepthEdges | None
 
 
@@ -71,7 +78,8 @@ class Events(WindowCheck[Registration]):
     How
     ---
     The number of events between two frames is cross-correlated with the absolute change of log luma, and the sum over
-    intervals is registered on the autocorrelation of that change, to a hundredth of a pixel and up to four pixels.
+    intervals is registered on the autocorrelation of that change, to a hundredth of a pixel and up to four pixels; and
+    up to fourteen, to half a pixel, on blocks of 2 x 2 pixels.
     Pixels with events of both signs are left out: what passed between the frames is not in their difference, and in
     turns of tens of pixels a frame it comes from other rows.
     Depth, where it is there, tells which camera is off: a shift must explain colour against depth and events against
@@ -87,8 +95,9 @@ class Events(WindowCheck[Registration]):
 
     Cannot see
     ----------
-    A shift of less than the lag; a shift of a part of the time or of the image, except in the mean; shifts beyond four
-    pixels, which leave no correlation. A late stream appears shifted along the mean motion and is suspected as well.
+    A shift of less than the lag; a shift of a part of the time or of the image, except in the mean; shifts beyond
+    fourteen pixels, which leave no correlation. A late stream appears shifted along the mean motion and is suspected
+    as well.
 
     Sources
     -------
@@ -111,8 +120,9 @@ class Events(WindowCheck[Registration]):
             return None
         chosen = np.unique(np.linspace(0, len(seen) - 2, INTERVALS).round().astype(int))
         parts = [_interval(seen, int(i)) for i in chosen]
-        auto, cross, sums, slopes = (np.array(part) for part in zip(*parts, strict=True))
-        return Registration(auto, cross, sums, slopes, depth_edges(window))
+        *near, far = zip(*parts, strict=True)
+        auto, cross, sums, slopes = (np.array(part) for part in near)
+        return Registration(auto, cross, sums, slopes, joined(far), depth_edges(window))
 
     def conclude(self, state: Sequence[Registration], facts: Facts) -> Observation:
         """Register the sums of all intervals."""
@@ -124,17 +134,18 @@ class Events(WindowCheck[Registration]):
             np.concatenate([getattr(one, name) for one in state]) for name in ("auto", "cross", "sums", "slopes")
         )
         change, events, change_squares, event_squares = sums.sum(axis=0)
-        strength = float(cross.sum(axis=0).max() / max(np.sqrt(change_squares * event_squares), 1e-300))
-        found = registered_shift(auto.sum(axis=0), cross.sum(axis=0))
-        if strength < LEAST_CORRELATION or found is None or events == 0:
-            return Observation(
-                coverage,
-                unobservable=f"events and frames correlate by no more than {strength:.2g} within "
-                f"{RADIUS_PX - PEAK_RADIUS_PX} px",
-            )
-        spread = _jackknife(auto, cross)
-        if spread is None:
-            return Observation(coverage, unobservable="the peak depends on single stretches of time")
+        far = far_shift(joined([one.far for one in state]), REACH_PX, LEAST_CORRELATION)
+        if far is None:
+            strength = float(cross.sum(axis=0).max() / max(np.sqrt(change_squares * event_squares), 1e-300))
+            found = registered_shift(auto.sum(axis=0), cross.sum(axis=0))
+            if strength < LEAST_CORRELATION or found is None or events == 0:
+                why = f"events and frames correlate by no more than {strength:.2g} within {REACH_PX} px"
+                return Observation(coverage, unobservable=why)
+            spread = _jackknife(auto, cross)
+            if spread is None:
+                return Observation(coverage, unobservable="the peak depends on single stretches of time")
+        else:
+            found, spread = far.shift, far.errors_px
         left_open, lags = open_level_errors(slopes.mean(axis=0), float(change / events))
         shift_px, errors = np.array([found.right_px, found.down_px]), np.maximum(spread, left_open)
         suspects = (*_suspects(state, shift_px, np.hypot(errors, lags), facts), *_OTHERS)
@@ -167,7 +178,7 @@ _OTHERS: Final = (
 """What shifts events along the motion of the image."""
 
 
-def _interval(seen: SeenFrames, i: int) -> tuple[Float64, Float64, Float64, Float64]:
+def _interval(seen: SeenFrames, i: int) -> tuple[Float64, Float64, Float64, Float64, FarSums]:
     """Return the sums of one frame interval, as in ``Registration``."""
     before, after = (np.log(seen.even_dn[frame] + DARK_DN) for frame in (i, i + 1))
     change, events, usable, sums = change_and_events(
@@ -176,7 +187,7 @@ def _interval(seen: SeenFrames, i: int) -> tuple[Float64, Float64, Float64, Floa
     slopes = slope_sums(before, change, usable)
     slopes[:2] = slope_sums(before, change, events > 0)[:2]
     auto, cross = (cross_correlation(change, other, usable) for other in (change, events))
-    return auto, cross, sums, slopes
+    return auto, cross, sums, slopes, far_sums(change, events, usable)
 
 
 def _jackknife(auto: Float64, cross: Float64) -> Float64 | None:

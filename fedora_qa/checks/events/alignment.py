@@ -19,6 +19,7 @@ from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowChec
 from fedora_qa.conventions import NS_PER_S, US_PER_S
 from fedora_qa.estimators.event_shift import RADIUS_PX, Interval, Shift, intervals, peak
 from fedora_qa.estimators.event_shift_kernels import KEPT, SETTLED, USABLE
+from fedora_qa.estimators.far_shift import FarSums, far_shift, far_sums, joined
 from fedora_qa.estimators.registration_errors import open_level_errors
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -36,6 +37,8 @@ LEAST_CORRELATION: Final = 0.1
 
 FEWEST_INTERVALS: Final = 4
 
+REACH_PX: Final = RADIUS_PX - 1
+"""Farthest shift whose peak can be seen from both sides; farther ones are told by blocks of pixels."""
 
 _OF_FRAMES: Final = (
     Suspect("spatial_offset", "rgb", 0.7),
@@ -59,6 +62,8 @@ class Correlations:
         (k, 2) squares of both changes, without pixels whose events have turned.
     slopes
         (k, 3, 2) to the right and down: as ``registration_errors`` takes them.
+    far
+        The patches at half the resolution, for shifts beyond the reach of these.
     tiles
         The same of each tile of the image, summed over the intervals.
     start_ns, stop_ns
@@ -70,6 +75,7 @@ class Correlations:
     settled: Float64
     squares: Float64
     slopes: Float64
+    far: FarSums
     tiles: PartSums
     start_ns: int
     stop_ns: int
@@ -90,6 +96,7 @@ class Alignment(WindowCheck[Correlations]):
     ---
     The change of the signal between two frames is cross-correlated with the signed events in between, over shifts of up
     to eight pixels; the peak of the sum over three intervals each 0.2 s is found to a fraction of a pixel by parabolas.
+    Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2 pixels.
     A pixel whose brightness has turned fires late: it must first come back through both thresholds. Such hysteresis
     drags events behind the motion, so pixels whose events change sign within the interval or since the one before are
     left out. Shift and delay are nearly one along the mean motion and are fitted alone, not jointly: a late stream
@@ -108,8 +115,8 @@ class Alignment(WindowCheck[Correlations]):
 
     Cannot see
     ----------
-    Shifts beyond eight pixels or of unrelated scenes (correlation below 0.1), shifts along edges all of one direction,
-    rotations and scales; parts with few edges. Hovering leaves the error too large: not_observable.
+    Shifts beyond fourteen pixels or of unrelated scenes (correlation below 0.1), shifts along edges all of one
+    direction, rotations and scales; parts with few edges. Hovering leaves the error too large: not_observable.
 
     Sources
     -------
@@ -136,13 +143,14 @@ class Alignment(WindowCheck[Correlations]):
         chosen = np.unique(np.linspace(min(1, last), last, wanted).round().astype(int)).tolist()
         thresholds = declared.threshold_on, declared.threshold_off
         sums = [_sums(one) for one in intervals(levels, lit, seen.counts, *thresholds, chosen)]
-        whole, dragged, settled, tiles = zip(*sums, strict=True)
+        whole, dragged, settled, far, tiles = zip(*sums, strict=True)
         return Correlations(
             np.concatenate([one.patches for one in whole]),
             np.array(dragged),
             np.array(settled),
             np.concatenate([one.squares for one in whole]),
             np.concatenate([one.slopes for one in whole]),
+            joined(far),
             _added(tiles),
             window.span.start_ns,
             window.span.stop_ns,
@@ -155,22 +163,16 @@ class Alignment(WindowCheck[Correlations]):
             return Observation(coverage, unobservable="fewer than four frame intervals with events")
         patches = np.concatenate([one.patches for one in state])
         squares = np.sum([one.squares.sum(axis=0) for one in state], axis=0)
-        total = patches.sum(axis=0)
-        strength = float(total.max()) / max(float(np.sqrt(squares.prod())), 1e-300)
-        shift = peak(total)
-        if shift is None or strength < LEAST_CORRELATION:
-            return Observation(
-                coverage,
-                unobservable=f"events and frames correlate by no more than {strength:.2g} within {RADIUS_PX} px",
-            )
-        spread = _jackknife(patches, total)
-        if spread is None or facts.declared.events is None:
-            return Observation(coverage, unobservable="the peak depends on single frame intervals")
+        far = far_shift(joined([one.far for one in state]), REACH_PX, LEAST_CORRELATION)
+        found = _near(patches, squares) if far is None else (far.shift, far.errors_px)
+        if isinstance(found, str) or facts.declared.events is None:
+            return Observation(coverage, unobservable=str(found))
+        shift, spread = found
         threshold = max(facts.declared.events.threshold_on, facts.declared.events.threshold_off)
         slopes = np.concatenate([one.slopes for one in state])
         left_open, lags = open_level_errors(slopes.mean(axis=0), threshold)
         errors = np.maximum(spread, left_open)
-        lags = np.minimum(lags, _drag(shift, state))
+        lags = np.minimum(lags, _drag(shift, state)) if far is None else lags
         whole = [self._one(shift, errors, lags, axis) for axis in (0, 1)]
         return Observation(coverage, (*whole, *self._parts(state, threshold, lags, facts)))
 
@@ -244,6 +246,17 @@ class Alignment(WindowCheck[Correlations]):
         )
 
 
+def _near(patches: Float64, squares: Float64) -> tuple[Shift, Float64] | str:
+    """Return the shift within reach and its spread (right, down), or why there is none."""
+    total = patches.sum(axis=0)
+    strength = float(total.max()) / max(float(np.sqrt(squares.prod())), 1e-300)
+    shift = peak(total)
+    if shift is None or strength < LEAST_CORRELATION:
+        return f"events and frames correlate by no more than {strength:.2g} within {RADIUS_PX} px"
+    spread = _jackknife(patches, total)
+    return "the peak depends on single frame intervals" if spread is None else (shift, spread)
+
+
 def _drag(shift: Shift, state: Sequence[Correlations]) -> Float64:
     """Return (2,) how far pixels that have turned move the peak: those whose events turned, plus those yet to fire."""
     moved = np.zeros(2)
@@ -263,11 +276,12 @@ def _added(parts: Sequence[PartSums]) -> PartSums:
     return PartSums(*(np.sum([getattr(part, name) for part in parts], axis=0) for name in PartSums.__slots__))
 
 
-def _sums(interval: Interval) -> tuple[PartSums, Float64, Float64, PartSums]:
+def _sums(interval: Interval) -> tuple[PartSums, Float64, Float64, FarSums, PartSums]:
     """Return the sums of one frame interval, as in ``Correlations``."""
     height, width = interval.flags.shape
     whole = interval.sums(KEPT, [(0, height, 0, width)])
-    return whole, interval.patch(USABLE), interval.patch(SETTLED), tiles_of(interval, KEPT)
+    far = far_sums(interval.change, interval.events, (interval.flags & KEPT).astype(np.bool_))
+    return whole, interval.patch(USABLE), interval.patch(SETTLED), far, tiles_of(interval, KEPT)
 
 
 def _intervals(facts: Facts) -> int:

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from fedora_qa.checks.events.levels import FEWEST_PAIRS, usable_pixels
 from fedora_qa.checks.events.rows import local_tick_ns
 from fedora_qa.checks.events.tiles import GRID
-from fedora_qa.checks.events.view import pixel_events, seen_frames
+from fedora_qa.checks.events.view import events_on_time, pixel_events, seen_frames, sorted_by_pixel
 from fedora_qa.estimators.event_delays import CellSums
 from fedora_qa.estimators.event_fit import ResponseFit, fit_readings
 from fedora_qa.estimators.event_levels import NormalBlocks, concatenate
+from fedora_qa.estimators.event_pixels import PixelEvents
 from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
 from fedora_qa.sequence.window import Window
 
@@ -46,13 +47,22 @@ class ReadingFits:
 
 def reading_sums(window: Window) -> ReadingSums | None:
     """Return the sums of a window; None where it has too few readings."""
+    return _sums_of(window, pixel_events(window))
+
+
+def reading_sums_on_time(window: Window, late_ns: int) -> ReadingSums | None:
+    """Return the sums of a window whose events are late by so much, with that undone."""
+    return _sums_of(window, sorted_by_pixel(events_on_time(window, late_ns), window.facts.declared))
+
+
+def _sums_of(window: Window, events: PixelEvents) -> ReadingSums | None:
     seen, declared = seen_frames(window), window.facts.declared.events
     if declared is None:
         return None
     usable = usable_pixels(window, seen, declared)
     linear = declared.model == "linear"
     readings = read_frames(
-        pixel_events(window),
+        events,
         seen.times_ns,
         seen.sharp_dn,
         seen.even_dn,

@@ -19,10 +19,11 @@ from fedora_qa.checks.events.lateness import (
     late_stretch,
     told_error_ms,
 )
-from fedora_qa.checks.events.levels import FoundOffset, LevelSums, level_sums, search_offset
+from fedora_qa.checks.events.levels import LevelSums, level_sums
 from fedora_qa.checks.events.readings import ReadingSums, fit_all, reading_sums
+from fedora_qa.checks.events.searched import Searched, found_again, search_again, tells_better
 from fedora_qa.checks.events.tiles import tile_around
-from fedora_qa.checks.events.timing_causes import Shapes, shapes_of, whose_offset, with_steps
+from fedora_qa.checks.events.timing_causes import Shapes, offset_suspects, rate_suspects, shapes_of, with_steps
 from fedora_qa.checks.events.view import sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S
@@ -32,7 +33,11 @@ from fedora_qa.sequence.window import Window
 
 EVENTS: Final = Where(stream="events")
 
-WINDOWS_SEARCHED: Final = 2
+WINDOWS_SEARCHED: Final = 6
+
+READ_TRULY: Final = 0.5
+"""Share of ``told_within_s`` from which on one fit reads an offset too small by more than a tenth, and it is read again
+with itself undone."""
 
 CLEARLY_LOCAL: Final = 5.0
 """Standard errors by which a region must be late for an offset of all events to be doubted (after an alarm only)."""
@@ -51,12 +56,13 @@ class TimingSums:
     window: int
 
     @property
-    def pairs(self) -> int:
-        """Pairs of level samples, by which other offsets are tried."""
-        return self.levels.pairs if self.levels is not None else 0
+    def samples(self) -> int:
+        """Pairs of level samples and readings, by which other offsets are tried."""
+        readings = 0 if self.readings is None else int(self.readings.fine.counts.sum())
+        return readings + (0 if self.levels is None else self.levels.pairs)
 
 
-Seen = TimingSums | FoundOffset
+Seen = TimingSums | Searched
 
 
 class Timing(WindowCheck[Seen]):
@@ -78,7 +84,8 @@ class Timing(WindowCheck[Seen]):
     the light goes. Where light changes fast, events are read at frames instead, by bracketed level
     samples as in event_response.threshold. The one with the smaller standard error and bound is stated. Windows and
     tiles (4 x 4) are fitted by themselves; every stretch and every rectangle is held against the rest. Where neither
-    tells (gross offsets), offsets up to 100 ms are tried on two windows in a second look. After an alarm, offset,
+    tells, or an offset is so gross that one fit reads it too small, some windows are read again with the offset undone,
+    until none is left; offsets up to 100 ms are tried. After an alarm, offset,
     clock rate and late stretch are compared by their Bayesian information criteria; where stamps step back, their steps
     tell a stretch that is late from one whose clock gains (``clocks.order``).
 
@@ -124,43 +131,50 @@ class Timing(WindowCheck[Seen]):
         """Name the windows with most samples where one fit does not tell the offset."""
         sums = _sums(state)
         found, _ = _lateness(sums, facts)
-        if not sums or (found is not None and abs(found.late_s) < found.told_within_s):
+        if not sums or (found is not None and abs(found.late_s) < READ_TRULY * found.told_within_s):
             return ()
-        richest = sorted(sums, key=lambda one: -one.pairs)[:WINDOWS_SEARCHED]
+        richest = sorted(sums, key=lambda one: -one.samples)[:WINDOWS_SEARCHED]
         return tuple(one.window for one in richest)
 
     def look_again(self, state: list[Seen], window: Window) -> None:
         """Try other offsets."""
-        found = search_offset(window)
+        first, _ = _lateness(_sums(state), window.facts)
+        found = search_again(window, first.late_s if first is not None else None, _searched(state))
         if found is not None:
             state.append(found)
 
     def conclude(self, state: Sequence[Seen], facts: Facts) -> Observation:
         """State the offset of the second look where there was one, else what all windows tell."""
         sums, declared = _sums(state), facts.declared.events
-        offsets = [one for one in state if isinstance(one, FoundOffset)]
         coverage = _coverage(sums)
         if declared is None:
             return Observation(coverage, unobservable="the event sensor is not declared")
-        if offsets:
-            return Observation(coverage, (self._offset(_found_again(offsets), facts, Shapes(), told=True),))
         found, why = _lateness(sums, facts)
+        again = found_again(_searched(state))
         if found is None:
-            return Observation(coverage, unobservable=why)
+            if again is None:
+                return Observation(coverage, unobservable=why)
+            return Observation(coverage, (self._offset(again, facts, Shapes(), told=True),))
         readings = _readings(sums)
         stretch, region = late_stretch(readings), late_region(readings)
+        if again is not None and tells_better(again, found, facts) and not (_clear(stretch) or _clear(region)):
+            return Observation(coverage, (self._offset(again, facts, Shapes(), told=True),))
         shapes = _shapes(stretch, sums, facts)
-        everywhere = region is None or abs(region.step.late_s) < CLEARLY_LOCAL * region.step.standard_error_s
-        measured = [self._offset(found, facts, shapes, told=everywhere), self._rate(found, shapes)]
-        measured += [self._stretch(stretch, readings, facts, shapes)] if stretch is not None else []
-        measured += [self._region(region, facts)] if region is not None else []
-        return Observation(coverage, tuple(measured))
+        measured = (
+            self._offset(found, facts, shapes, told=not _clear(region)),
+            self._rate(found, shapes),
+            *([self._stretch(stretch, readings, facts, shapes)] if stretch is not None else []),
+            *([self._region(region, facts)] if region is not None else []),
+        )
+        return Observation(coverage, measured)
 
     def _offset(self, found: Lateness, facts: Facts, shapes: Shapes, *, told: bool) -> Measured:
         """State the offset; ``told`` where it is that of all events."""
         expected, tick_error = expected_delay_ms(facts.declared.events, facts)
         late, error, bound = 1e3 * found.late_s, 1e3 * found.error_s, 1e3 * found.bound_s + tick_error
         offset = late - expected
+        share, sized = shapes.constant + shapes.stretch, told and shapes.constant > shapes.stretch
+        told_error = told_error_ms(found, offset, bound, facts)
         return Measured(
             name="time_offset",
             value=late,
@@ -174,12 +188,11 @@ class Timing(WindowCheck[Seen]):
             code="event_response.timing.offset",
             where=EVENTS,
             suspects=(
-                *_late(offset, told_error_ms(found, offset, bound, facts), facts, shapes.constant + shapes.stretch,
-                       told=told and shapes.constant > shapes.stretch),
-                *_drifting(found, shapes.drift),
+                *offset_suspects(offset, told_error, facts, share, told=sized),
+                *rate_suspects(found, shapes.drift),
                 _WRONG_MODEL,
             ),
-        )  # fmt: skip
+        )
 
     def _rate(self, found: Lateness, shapes: Shapes) -> Measured:
         ppm, error, bound = 1e6 * found.rate, 1e6 * found.rate_error, 1e6 * found.rate_bound
@@ -195,7 +208,7 @@ class Timing(WindowCheck[Seen]):
             code="event_response.timing.rate",
             where=EVENTS,
             suspects=(
-                *_drifting(found, 1.0 - shapes.stretch),
+                *rate_suspects(found, 1.0 - shapes.stretch),
                 Suspect("time_offset", "events", 0.9 * shapes.stretch),
                 Suspect("time_offset", "rgb", 0.8 * shapes.stretch),
                 _WRONG_MODEL,
@@ -207,7 +220,7 @@ class Timing(WindowCheck[Seen]):
         start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
         where = Where(stream="events", start_us=start_us, stop_us=stop_us)
         suspects = (
-            *_late(1e3 * local.step.late_s, 1e3 * local.step.standard_error_s, facts, shapes.stretch),
+            *offset_suspects(1e3 * local.step.late_s, 1e3 * local.step.standard_error_s, facts, shapes.stretch),
             Suspect("clock_rate", "events", 0.9 * shapes.drift),
             Suspect("clock_rate", "rgb", 0.8 * shapes.drift),
         )
@@ -244,6 +257,10 @@ def _sums(state: Sequence[Seen]) -> list[TimingSums]:
     return [one for one in state if isinstance(one, TimingSums)]
 
 
+def _searched(state: Sequence[Seen]) -> list[Searched]:
+    return [one for one in state if not isinstance(one, TimingSums)]
+
+
 def _readings(sums: Sequence[TimingSums]) -> list[ReadingSums]:
     return [one.readings for one in sums if one.readings is not None]
 
@@ -267,34 +284,14 @@ def _lateness(sums: Sequence[TimingSums], facts: Facts) -> tuple[Lateness | None
     return min(told, key=lambda one: one.error_s + one.bound_s), ""
 
 
+def _clear(local: Local | None) -> bool:
+    """Whether a part is so late against the rest that an offset of all events is not the whole truth."""
+    return local is not None and abs(local.step.late_s) >= CLEARLY_LOCAL * local.step.standard_error_s
+
+
 def _shapes(stretch: Local | None, sums: Sequence[TimingSums], facts: Facts) -> Shapes:
     if stretch is None:
         return Shapes()
     times_s = np.array([0.5 * (one.start_ns + one.stop_ns) / NS_PER_S for one in _readings(sums)])
     expected_s = 1e-3 * expected_delay_ms(facts.declared.events, facts)[0]
     return with_steps(shapes_of(stretch, times_s, expected_s), stretch, set_clock(facts.events))
-
-
-def _found_again(offsets: Sequence[FoundOffset]) -> Lateness:
-    late_s = np.array([one.late_s for one in offsets])
-    error_s = max(float(np.ptp(late_s)) / 2, *(one.standard_error_s for one in offsets))
-    return Lateness(float(late_s.mean()), error_s, max(one.bound_s for one in offsets), 0.0, np.inf, np.inf, np.inf)
-
-
-def _late(offset_ms: float, error_ms: float, facts: Facts, share: float, *, told: bool = True) -> tuple[Suspect, ...]:
-    """Return an offset of the events and of the frames as causes, with its size where that is ``told``."""
-    of_events, of_frames = (share * weight for weight in whose_offset(offset_ms, facts))
-    if not told:
-        return Suspect("time_offset", "events", of_events), Suspect("time_offset", "rgb", of_frames)
-    return (
-        Suspect("time_offset", "events", of_events, offset_ms, "ms", error_ms),
-        Suspect("time_offset", "rgb", of_frames, -offset_ms, "ms", error_ms),
-    )
-
-
-def _drifting(found: Lateness, share: float) -> tuple[Suspect, ...]:
-    ppm, error = 1e6 * found.rate, 1e6 * hypot(found.rate_error, found.rate_bound)
-    return (
-        Suspect("clock_rate", "events", 0.9 * share, ppm, "ppm", error),
-        Suspect("clock_rate", "rgb", 0.8 * share, -ppm, "ppm", error),
-    )

@@ -1,13 +1,15 @@
 """What a delay of events over time looks like: an offset, another clock rate, or a late stretch; and whose it is."""
 
 from dataclasses import dataclass
+from math import hypot
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.clocks.set_clock import SetClock
-from fedora_qa.checks.events.lateness import Local
+from fedora_qa.checks.events.lateness import Lateness, Local
+from fedora_qa.checks.protocol import Suspect
 from fedora_qa.sequence.facts import Facts
 
 Float64 = NDArray[np.float64]
@@ -89,3 +91,25 @@ def _median_distance(times_ns: NDArray[np.int64], grid_ns: NDArray[np.int64]) ->
     """Return the median distance of stamps from the nearest of a sorted grid of two or more."""
     after = np.clip(np.searchsorted(grid_ns, times_ns), 1, len(grid_ns) - 1)
     return float(np.median(np.minimum(np.abs(times_ns - grid_ns[after - 1]), np.abs(grid_ns[after] - times_ns))))
+
+
+def offset_suspects(
+    offset_ms: float, error_ms: float, facts: Facts, share: float, *, told: bool = True
+) -> tuple[Suspect, ...]:
+    """Return an offset of the events and of the frames as causes, with its size where that is ``told``."""
+    of_events, of_frames = (share * weight for weight in whose_offset(offset_ms, facts))
+    if not told:
+        return Suspect("time_offset", "events", of_events), Suspect("time_offset", "rgb", of_frames)
+    return (
+        Suspect("time_offset", "events", of_events, offset_ms, "ms", error_ms),
+        Suspect("time_offset", "rgb", of_frames, -offset_ms, "ms", error_ms),
+    )
+
+
+def rate_suspects(found: Lateness, share: float) -> tuple[Suspect, ...]:
+    """Return a clock rate of the events and of the frames as causes, with its size."""
+    ppm, error = 1e6 * found.rate, 1e6 * hypot(found.rate_error, found.rate_bound)
+    return (
+        Suspect("clock_rate", "events", 0.9 * share, ppm, "ppm", error),
+        Suspect("clock_rate", "rgb", 0.8 * share, -ppm, "ppm", error),
+    )

@@ -49,6 +49,9 @@ ENOUGH_BROKEN: Final = 50
 
 _SURE: Final = 0.95
 
+_BY_FAR: Final = 3.0
+"""Times the pixels of the next best cause that a repair must mend over all windows to be the right one for sure."""
+
 _LATER_STILL: Final = 0.6
 """Weight of an offset of time beside that of a shift: one that is larger than those tried shifts what moves evenly."""
 
@@ -136,8 +139,10 @@ def causes_by_undoing(tried: Sequence[Trial], facts: Facts) -> tuple[Suspect, ..
     a few pixels at the end of a file that some repair mends are chance.
     """
     told = [one for one in tried if one.best >= MENDED * one.broken]
-    if not told or nothing_mends(tried):
+    if nothing_mends(tried):
         return ()
+    if not told:
+        return _clearly_best(tried, facts)
     trial = max(told, key=lambda one: one.best)
     fair = max(1.0, 0.05 * trial.broken)
     weights = {one: _SURE * exp((one.pixels - trial.best) / fair) for one in trial.repairs}
@@ -146,6 +151,28 @@ def causes_by_undoing(tried: Sequence[Trial], facts: Facts) -> tuple[Suspect, ..
         *(suspect for one, weight in weights.items() for suspect in _suspects(one, weight, facts)),
         *_suspects(Mended("time_offset", 0), later, facts),
     )
+
+
+def _clearly_best(tried: Sequence[Trial], facts: Facts) -> tuple[Suspect, ...]:
+    """Return the cause whose undoing mends most over all windows, by far; nothing where none does.
+
+    In noise, pixels that spurious events break are mended by nothing, so that the right repair falls short of
+    ``MENDED``. A wrong one that mends by chance is followed closely by another wrong one, or by one of its kind in
+    another window.
+    """
+    whole: dict[int, Trial] = {}
+    for one in tried:
+        if one.window not in whole or one.broken > whole[one.window].broken:
+            whole[one.window] = one
+    broken = sum(one.broken for one in whole.values())
+    mended: Counter[str] = Counter()
+    for one in whole.values():
+        mended.update({repair.cause: max(repair.pixels, 0) for repair in one.repairs})
+    (cause, most), (_, next_best), *_ = (*mended.most_common(2), ("", 0), ("", 0))
+    if broken < ENOUGH_BROKEN or most < broken / 2 or most < _BY_FAR * next_best:
+        return ()
+    best = max((r for one in whole.values() for r in one.repairs if r.cause == cause), key=lambda repair: repair.pixels)
+    return _suspects(best, _SURE * most / broken, facts)
 
 
 def nothing_mends(tried: Sequence[Trial]) -> bool:

@@ -56,6 +56,14 @@ def events_around(window: Window, margin_ns: int) -> Events:
     return _on_sensor(window.events(margin_ns, margin_ns), window.facts.declared)
 
 
+def events_on_time(window: Window, late_ns: int) -> Events:
+    """Return what ``sensor_events`` would be if events that are late by so much were stamped on time."""
+    events = events_around(window, HALO_NS + abs(late_ns))
+    times_ns = events.times_ns - late_ns
+    near = slice(*np.searchsorted(times_ns, [window.span.start_ns - HALO_NS, window.span.stop_ns + HALO_NS]))
+    return _read_only(Events(events.x[near], events.y[near], times_ns[near], events.p[near]))
+
+
 def own(window: Window, events: Events) -> Events:
     """Return the events that the window owns, without the halo."""
     start, stop = np.searchsorted(events.times_ns, [window.span.start_ns, window.span.stop_ns])

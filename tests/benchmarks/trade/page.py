@@ -35,10 +35,10 @@ times the limit of `full` on; a fault of an instant may lie between its windows.
 at every effort. Small frames make checks look slow beside reading: decoding grows with pixels, the fixed work of a
 window does not.
 
-How `quick` was chosen, by its stated limits in 20 s of park-day: with 5% of the windows, 5% of the tiles and every
-fourth field, its time was half of what it is, but events were timed to 5.0 ms instead of 0.8, and flow against frames
-told nothing. Every field instead of every third lowers the limits of flow by a tenth, for half as much time again;
-15% of the windows with every fifth field raises them, as too few fields of a rate are left. Thinning out the tiles of
+How `quick` was chosen, by its stated limits in sequences of 20 s of park-day: with 5% of the windows, 5% of the tiles
+and every fourth field, its time was half of what it is, but events were timed to 5.0 ms instead of 0.8, and flow
+against frames told nothing. 8% of the windows with every field costs as much as 10% with every third, and tells more of
+flow: of a rate few fields have texture enough to tell anything, and those must not be missed. Thinning out the tiles of
 small frames saves nothing.
 
 ## By fault
