@@ -141,7 +141,7 @@ def _sum_of_squares(image: Float32, side: np.float32) -> float:
         for column in range(len(left)):
             value = middle * mixed[column + 1] + side * (left[column] + right[column])
             of_row += value * value
-        total += of_row
+        total += float(of_row)
     return total
 
 

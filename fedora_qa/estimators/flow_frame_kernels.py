@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow_warp_kernels import mirrored, read_spline_at, within
+from fedora_qa.estimators.flow_warp_kernels import mirrored, read_spline_at, spline_weights, within
 
 Float32 = NDArray[np.float32]
 Int64 = NDArray[np.int64]
@@ -47,11 +47,49 @@ def read_parts(
     for i in range(len(parts)):
         left, top = parts[i, 0], parts[i, 1]
         smoothed = _smoothed(_luma_about(rgb, of_codes, parts[i], len(taps) // 2), taps)
+        if left > 0 and top > 0 and parts[i, 2] < width and parts[i, 3] < height:
+            _read_inside(smoothed, np.float32(left), np.float32(top), columns[i], rows[i], read[i])
+            continue
         for j in range(columns.shape[1]):
             for k in range(columns.shape[2]):
                 x, y = within(columns[i, j, k], width), within(rows[i, j, k], height)
                 read[i, j, k] = read_spline_at(smoothed, x, y, left, top, width, height)
     return read
+
+
+@njit(cache=True, fastmath={"contract"})
+def _read_inside(
+    smoothed: Float32, left: np.float32, top: np.float32, columns: Float32, rows: Float32, read: Float32
+) -> None:
+    """Read a part of an image at places (s, s) of which all lie within it, away from the border."""
+    for j in range(len(read)):
+        for k in range(len(columns[j])):
+            x, y = columns[j, k] - left, rows[j, k] - top
+            # Unsigned: an index that may be negative costs a comparison each.
+            column, row = np.uint64(np.int64(x)), np.uint64(np.int64(y))
+            a, b, c, d = spline_weights(x - np.float32(column))
+            down = spline_weights(y - np.float32(row))
+            total, first = np.float32(0), column - np.uint64(1)
+            for m in range(4):
+                line = smoothed[row - np.uint64(1) + np.uint64(m)]
+                total += down[m] * (
+                    a * line[first]
+                    + b * line[first + np.uint64(1)]
+                    + c * line[first + np.uint64(2)]
+                    + d * line[first + np.uint64(3)]
+                )
+            read[j, k] = total
+
+
+@njit(cache=True)
+def smoothed_patches(rgb: Colours, of_codes: Float32, taps: Float32, corners: Int64, size: int) -> Float32:
+    """Return the smoothed luma (n, size, size) of patches of a frame, by their first columns and rows (n, 2)."""
+    patches = np.empty((len(corners), size, size), np.float32)
+    for i in range(len(corners)):
+        left, top = corners[i, 0], corners[i, 1]
+        part = np.array([left, top, left + size, top + size])
+        patches[i] = _smoothed(_luma_about(rgb, of_codes, part, len(taps) // 2), taps)
+    return patches
 
 
 @njit(cache=True)

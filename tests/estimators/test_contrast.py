@@ -83,7 +83,7 @@ def test_a_pixel_is_read_as_it_stands() -> None:
     flow_px = uniform_flow(3.0, -1.0)
     flow_px[:, 7::8] = np.nan
     seen = View(2.0, 0.0, 2.0, 0.0, 0.5, 0.5).of(flow_px, (HEIGHT // 2, WIDTH // 2))
-    np.testing.assert_array_equal(seen, np.broadcast_to(np.float32((1.5, -0.5)), seen.shape))
+    np.testing.assert_array_equal(seen, np.broadcast_to((1.5, -0.5), seen.shape))
 
 
 @pytest.mark.parametrize("velocity_px", [(12.0, 0.0), (-7.0, 5.0)])

@@ -11,6 +11,7 @@ from fedora_qa.checks.flow.intervals import Interval
 from fedora_qa.checks.flow.tile_templates import tile_templates
 from fedora_qa.estimators.flow_field_fit import MEAN, fit_field, lock_in, templates_of_flow
 from fedora_qa.estimators.flow_motion_fit import Evidence
+from fedora_qa.estimators.flow_tile_kernels import means_slopes_sines
 from fedora_qa.estimators.flow_tiles import TileGrid, patches_of, pixels_of
 from fedora_qa.estimators.residual_flow import (
     HALO_PX,
@@ -48,6 +49,9 @@ Honest tiles leave up to 1%, of detail that the pixels do not resolve; unrelated
 
 _SECOND_STEP_PX: Final = 0.5
 """Beyond so much of an error the linearisation is taken again about the corrected flow."""
+
+_EVERY_PX: Final = 2
+"""Every other pixel of every other row tells a tile's flow and its slopes: flow is smooth within a surface."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +182,9 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
         return counts
     covariances_px2 = covariances_px2[matched]
     geometric = tile_templates(frames.window, interval, tiles.origins[matched], tiles.usable[matched])
-    templates = templates_of_flow(*_flow_slopes_sines(tiles.flow_px[matched], tiles.usable[matched]), geometric)
+    templates = templates_of_flow(
+        *means_slopes_sines(tiles.flow_px[matched], tiles.usable[matched], HALO_PX, _EVERY_PX), geometric
+    )
     return _summary(counts, tiles.origins[matched], errors_px[matched], covariances_px2, templates)
 
 
@@ -209,21 +215,3 @@ def _summary(
 def _tile_at(origin: Int64) -> tuple[int, int, int, int]:
     left, top = (int(side) for side in origin)
     return left, top, left + TILE_PX, top + TILE_PX
-
-
-def _flow_slopes_sines(flow_px: Float32, usable: Mask) -> tuple[Float64, Float64, Float64]:
-    """Return each tile's mean flow (n, 2), its slopes (n, 2, 2) along columns and rows, and its mean sin(2 pi flow).
-
-    Over usable pixels; every other pixel of every other row will do: flow is smooth within a surface.
-    """
-    inner = flow_px[:, HALO_PX:-HALO_PX:2, HALO_PX:-HALO_PX:2].astype(np.float64)
-    weight = usable[:, ::2, ::2, None].astype(np.float64)
-    count = np.maximum(weight.sum(axis=(1, 2)), 1.0)
-    mean = (inner * weight).sum(axis=(1, 2)) / count
-    sines = (np.sin(2 * np.pi * inner) * weight).sum(axis=(1, 2)) / count
-    slopes = []
-    offsets = np.arange(0, TILE_PX, 2, dtype=np.float64)
-    for place in (offsets[None, None, :, None], offsets[None, :, None, None]):
-        from_centre = (place - ((place * weight).sum(axis=(1, 2)) / count)[:, None, None, :]) * weight
-        slopes.append((from_centre * inner).sum(axis=(1, 2)) / np.maximum((from_centre**2).sum(axis=(1, 2)), 1.0))
-    return mean, np.stack(slopes, axis=-1), sines
