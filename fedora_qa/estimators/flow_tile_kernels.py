@@ -11,6 +11,39 @@ Mask = NDArray[np.bool_]
 
 
 @njit(cache=True)
+def known_patches(flow_px: Float32, origins: Int64, size: int, halo: int, largest_px: float) -> tuple[Float32, Mask]:
+    """Return tiles of a flow (H, W, 2) with a halo, (n, size + 2 halo, size + 2 halo, 2), and which pixels have one.
+
+    These (n, size, size) without the halo: neither component is as large as ``largest_px``. The others are 0.
+    """
+    side = size + 2 * halo
+    patches = np.zeros((len(origins), side, side, 2), np.float32)
+    known = np.zeros((len(origins), size, size), np.bool_)
+    for i in range(len(origins)):
+        for j in range(side):
+            line = flow_px[origins[i, 1] - halo + j]
+            for k in range(side):
+                u, v = line[origins[i, 0] - halo + k, 0], line[origins[i, 0] - halo + k, 1]
+                if abs(u) < largest_px and abs(v) < largest_px:
+                    patches[i, j, k, 0], patches[i, j, k, 1] = u, v
+                    if halo <= j < side - halo and halo <= k < side - halo:
+                        known[i, j - halo, k - halo] = True
+    return patches, known
+
+
+@njit(cache=True)
+def places_of(patches_px: Float32, origins: Int64, halo: int, less_px: Float32) -> tuple[Float32, Float32]:
+    """Return columns and rows (n, s, s) to which tiles of a flow (n, s, s, 2) lead, each less a flow (n, 2)."""
+    columns, rows = np.empty(patches_px.shape[:3], np.float32), np.empty(patches_px.shape[:3], np.float32)
+    for i in range(len(origins)):
+        for j in range(patches_px.shape[1]):
+            for k in range(patches_px.shape[2]):
+                columns[i, j, k] = origins[i, 0] - halo + k + (patches_px[i, j, k, 0] - less_px[i, 0])
+                rows[i, j, k] = origins[i, 1] - halo + j + (patches_px[i, j, k, 1] - less_px[i, 1])
+    return columns, rows
+
+
+@njit(cache=True)
 def means_slopes_sines(flow_px: Float32, usable: Mask, halo: int, step: int) -> tuple[Float64, Float64, Float64]:
     """Return each tile's mean flow (n, 2), its slopes (n, 2, 2) along columns and rows, and its mean sin(2 pi flow).
 

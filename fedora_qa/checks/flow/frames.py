@@ -115,15 +115,14 @@ class FramePair:
         rgb, taps = self.window.rgb(frame), smoothing_taps(self.optics.sigma_px)
         parts = parts_about(columns, rows, rgb.shape[1], rgb.shape[0])
         sides = parts[:, 2:] - parts[:, :2] + len(taps) - 1
-        if self._in_parts(frame, np.sum(sides[:, 0] * sides[:, 1])):
+        if self._in_parts(frame, int(np.sum(sides[:, 0] * sides[:, 1]))):
             return np.asarray(read_parts(rgb, _luma_of_codes(self.window.facts), taps, parts, columns, rows))
         flat = (-1, columns.shape[-1])
         return read_between(self._smoothed(frame), columns.reshape(flat), rows.reshape(flat)).reshape(columns.shape)
 
     def _in_parts(self, frame: int, pixels: int) -> bool:
         """Whether so many pixels of a frame are few enough to make only these."""
-        height, width = self.window.rgb(frame).shape[:2]
-        return pixels < _IN_PARTS * height * width
+        return pixels < _IN_PARTS * self.window.rgb(frame)[..., 0].size
 
     def _on_frame(self, columns: Float32, rows: Float32) -> tuple[Float32, Float32]:
         """Return positions on the colour frame of positions on the flow's grid."""

@@ -11,8 +11,8 @@ from fedora_qa.checks.flow.intervals import Interval
 from fedora_qa.checks.flow.tile_templates import tile_templates
 from fedora_qa.estimators.flow_field_fit import MEAN, fit_field, lock_in, templates_of_flow
 from fedora_qa.estimators.flow_motion_fit import Evidence
-from fedora_qa.estimators.flow_tile_kernels import means_slopes_sines
-from fedora_qa.estimators.flow_tiles import TileGrid, patches_of, pixels_of
+from fedora_qa.estimators.flow_tile_kernels import known_patches, means_slopes_sines, places_of
+from fedora_qa.estimators.flow_tiles import TileGrid
 from fedora_qa.estimators.residual_flow import (
     HALO_PX,
     LUMA_ROUNDING_VARIANCE_DN2,
@@ -70,11 +70,8 @@ class Tiles:
 
     def read(self, frames: FramePair, extra_px: Float64 | None = None) -> TileResiduals:
         """Warp the second frame back by the flow, less ``extra_px`` (n, 2), and estimate what is left."""
-        columns, rows = pixels_of(self.origins)
-        flow_px = self.flow_px if extra_px is None else self.flow_px - extra_px[:, None, None, :].astype(np.float32)
-        warped = frames.second(
-            (columns + flow_px[..., 0]).astype(np.float32), (rows + flow_px[..., 1]).astype(np.float32)
-        )
+        less_px = np.zeros(self.origins.shape) if extra_px is None else extra_px
+        warped = frames.second(*places_of(self.flow_px, self.origins, HALO_PX, less_px.astype(np.float32)))
         found = tile_residuals(frames.first(self.origins), warped, self.usable, LUMA_ROUNDING_VARIANCE_DN2)
         noisier = self.noise_dn2 / LUMA_ROUNDING_VARIANCE_DN2
         return replace(found, noise_covariances_px2=found.noise_covariances_px2 * noisier[:, None, None])
@@ -137,13 +134,9 @@ def sample_tiles(frames: FramePair, interval: Interval, share: float) -> Tiles |
         return None
     rate_hz = int(interval.stream.removeprefix("flow/").removesuffix("hz"))
     origins = grid.sample(share, rate_hz, interval.row)
-    flow_px = patches_of(stored, origins)
-    with np.errstate(invalid="ignore"):
-        finite = (np.abs(flow_px[..., 0]) < LARGEST_FLOW_PX) & (np.abs(flow_px[..., 1]) < LARGEST_FLOW_PX)
+    flow_px, known = known_patches(stored, origins, TILE_PX, HALO_PX, LARGEST_FLOW_PX)
     shown, by_depth = visible(frames.window, interval, origins)
-    usable = finite[:, HALO_PX:-HALO_PX, HALO_PX:-HALO_PX] & shown
-    known_px = np.where(finite[..., None], flow_px, np.float32(0))
-    return Tiles(origins, known_px, usable, frames.noise_variances_dn2(origins), by_depth)
+    return Tiles(origins, flow_px, known & shown, frames.noise_variances_dn2(origins), by_depth)
 
 
 def textured(residuals: TileResiduals) -> Mask:

@@ -41,12 +41,12 @@ def tile_templates(
         inverse_per_m, origins, usable, _STRIDE_PX // 2, _STRIDE_PX, geometry.track.camera.K, motion.R, motion.t_m
     )
     by_twist, by_focal, by_centre = of_tiles[..., :6], of_tiles[..., 6:7], of_tiles[..., 7:]
-    twists = np.concatenate((_by_mounting(motion), _by_time(window, interval, geometry), _ABOUT_OPTICAL_AXIS), axis=1)
+    twists = np.concatenate((by_mounting(motion), _by_time(window, interval, geometry), _ABOUT_OPTICAL_AXIS), axis=1)
     twists *= np.array([_DEG, _DEG, _DEG, _PERCENT, _DEG])
     return np.concatenate((_PERCENT * by_focal, by_centre, by_twist @ twists), axis=2)
 
 
-def _by_mounting(motion: RigidMotion) -> Float64:
+def by_mounting(motion: RigidMotion) -> Float64:
     """Return the twists (6, 3) per rad by which a camera's motion changes as it is turned about its axes.
 
     Turned by w, points move by ``Exp(w)^T (R, t) Exp(w)``, which is the motion followed by the twist
