@@ -58,7 +58,7 @@ def edges(inverse_depth_per_m: Float32, focal_px: float | None = None) -> NDArra
     f |grad w| / w.
     """
     steepest = np.float32(np.inf if focal_px is None else _LONGEST_FOOTPRINT / focal_px)
-    return _widened(mark_edges(inverse_depth_per_m, np.float32(EDGE), steepest))
+    return widened(mark_edges(inverse_depth_per_m, np.float32(EDGE), steepest))
 
 
 def seen_in_both(
@@ -100,10 +100,10 @@ def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint
     for component in (u, v):
         breaks |= np.abs(cv2.Laplacian(component, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)) > BREAK_PX
     crowded = spread_at_targets(flow_px) > _CROWDED_PX**2
-    return _widened(breaks.astype(np.uint8)), _widened(crowded.astype(np.uint8))
+    return widened(breaks.astype(np.uint8)), widened(crowded.astype(np.uint8))
 
 
-def _widened(edge: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def widened(edge: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Widen edges (H, W), 1 and 0, of which the outermost pixels always are some."""
     for side in (edge[0], edge[-1], edge[:, 0], edge[:, -1]):
         side[...] = 1
