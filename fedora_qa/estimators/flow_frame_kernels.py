@@ -46,7 +46,8 @@ def read_parts(
     read = np.empty(columns.shape, np.float32)
     for i in range(len(parts)):
         left, top = parts[i, 0], parts[i, 1]
-        smoothed = _smoothed(_luma_about(rgb, of_codes, parts[i], len(taps) // 2), taps)
+        smoothed = np.empty((parts[i, 3] - top, parts[i, 2] - left), np.float32)
+        _smooth(_luma_about(rgb, of_codes, parts[i], len(taps) // 2), taps, smoothed)
         if left > 0 and top > 0 and parts[i, 2] < width and parts[i, 3] < height:
             _read_inside(smoothed, np.float32(left), np.float32(top), columns[i], rows[i], read[i])
             continue
@@ -85,20 +86,10 @@ def _read_inside(
 def smoothed_patches(rgb: Colours, of_codes: Float32, taps: Float32, corners: Int64, size: int) -> Float32:
     """Return the smoothed luma (n, size, size) of patches of a frame, by their first columns and rows (n, 2)."""
     patches = np.empty((len(corners), size, size), np.float32)
+    part = np.empty(4, np.int64)
     for i in range(len(corners)):
-        left, top = corners[i, 0], corners[i, 1]
-        part = np.array([left, top, left + size, top + size])
-        patches[i] = _smoothed(_luma_about(rgb, of_codes, part, len(taps) // 2), taps)
-    return patches
-
-
-@njit(cache=True)
-def luma_patches(rgb: Colours, of_codes: Float32, corners: Int64, size: int) -> Float32:
-    """Return the luma (n, size, size) of patches of a frame, by their first columns and rows (n, 2)."""
-    patches = np.empty((len(corners), size, size), np.float32)
-    for i in range(len(corners)):
-        left, top = corners[i, 0], corners[i, 1]
-        patches[i] = _luma_about(rgb, of_codes, np.array([left, top, left + size, top + size]), 0)
+        part[0], part[1], part[2], part[3] = corners[i, 0], corners[i, 1], corners[i, 0] + size, corners[i, 1] + size
+        _smooth(_luma_about(rgb, of_codes, part, len(taps) // 2), taps, patches[i])
     return patches
 
 
@@ -122,8 +113,8 @@ def _luma_about(rgb: Colours, of_codes: Float32, part: Int64, reach: int) -> Flo
 
 
 @njit(cache=True)
-def _smoothed(luma: Float32, taps: Float32) -> Float32:
-    """Return an image less the reach of the taps on every side, convolved with them along both axes."""
+def _smooth(luma: Float32, taps: Float32, smoothed: Float32) -> None:
+    """Write an image less the reach of the taps on every side, convolved with them along both axes."""
     reach = len(taps) // 2
     across = np.zeros((len(luma), luma.shape[1] - 2 * reach), np.float32)
     for j in range(len(across)):
@@ -132,11 +123,10 @@ def _smoothed(luma: Float32, taps: Float32) -> Float32:
             tap, shifted = taps[m], line[m:]
             for k in range(len(into)):
                 into[k] += tap * shifted[k]
-    smoothed = np.zeros((len(luma) - 2 * reach, across.shape[1]), np.float32)
+    smoothed[:] = 0
     for j in range(len(smoothed)):
         into = smoothed[j]
         for m in range(len(taps)):
             tap, line = taps[m], across[j + m]
             for k in range(len(into)):
                 into[k] += tap * line[k]
-    return smoothed

@@ -75,8 +75,8 @@ def means_slopes_sines(flow_px: Float32, usable: Mask, halo: int, step: int) -> 
                 yu += row * u
                 yv += row * v
         n = max(pixels, 1.0)
-        means[i] = u_sum / n, v_sum / n
-        sines[i] = u_sine / n, v_sine / n
+        means[i, 0], means[i, 1] = u_sum / n, v_sum / n
+        sines[i, 0], sines[i, 1] = u_sine / n, v_sine / n
         across, down = max(xx - x_sum * x_sum / n, 1.0), max(yy - y_sum * y_sum / n, 1.0)
         slopes[i, 0, 0], slopes[i, 1, 0] = (xu - x_sum * u_sum / n) / across, (xv - x_sum * v_sum / n) / across
         slopes[i, 0, 1], slopes[i, 1, 1] = (yu - y_sum * u_sum / n) / down, (yv - y_sum * v_sum / n) / down

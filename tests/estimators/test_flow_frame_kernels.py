@@ -3,7 +3,7 @@
 import numpy as np
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.flow_frame_kernels import luma_patches, parts_about, read_parts, smoothed_patches
+from fedora_qa.estimators.flow_frame_kernels import parts_about, read_parts, smoothed_patches
 from fedora_qa.estimators.flow_warp import read_at_pixels, read_between, smooth, smoothing_taps, taps_at_pixels
 
 HEIGHT, WIDTH = 90, 120
@@ -38,7 +38,9 @@ def test_patches_of_luma() -> None:
     """Those of the whole luma."""
     corners = np.array([[0, 0], [33, 41], [WIDTH - 32, HEIGHT - 32]])
     expected = [LUMA[top : top + 32, left : left + 32] for left, top in corners]
-    np.testing.assert_allclose(luma_patches(RGB, OF_CODES, corners, 32), expected, atol=1e-3)
+    np.testing.assert_allclose(
+        smoothed_patches(RGB, OF_CODES, np.ones(1, np.float32), corners, 32), expected, atol=1e-3
+    )
 
 
 def test_patches_at_pixels_are_those_of_the_whole() -> None:

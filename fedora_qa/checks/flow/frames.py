@@ -12,7 +12,7 @@ from fedora_qa.checks.flow.lattice import sample_field
 from fedora_qa.checks.flow.motions import motion_over
 from fedora_qa.checks.intermediates import luma_dn
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.flow_frame_kernels import luma_patches, parts_about, read_parts, smoothed_patches
+from fedora_qa.estimators.flow_frame_kernels import parts_about, read_parts, smoothed_patches
 from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both
 from fedora_qa.estimators.flow_motion_fit import fit_motion, twist_statistic
 from fedora_qa.estimators.flow_tiles import patches_of, pixels_of
@@ -35,6 +35,9 @@ _SAME: Final = 1e-6
 
 PATCH_PX: Final = TILE_PX + 2 * HALO_PX
 """Side of a tile with its halo."""
+
+_AS_IT_IS: Final = np.ones(1, np.float32)
+"""Weights that smooth nothing."""
 
 _IN_PARTS: Final = 0.3
 """Share of a frame up to which only the parts that are asked for are made: what is made of all serves three rates."""
@@ -102,7 +105,7 @@ class FramePair:
         middles = (origins + TILE_PX // 2).astype(np.float32)
         corners = np.stack(self._on_frame(middles[:, 0], middles[:, 1]), axis=-1) - TILE_PX // 2
         inside = np.clip(np.rint(corners), 0, np.array(rgb.shape[1::-1]) - TILE_PX).astype(np.int64)
-        patches = luma_patches(rgb, _luma_of_codes(self.window.facts), inside, TILE_PX)
+        patches = smoothed_patches(rgb, _luma_of_codes(self.window.facts), _AS_IT_IS, inside, TILE_PX)
         return np.maximum(noise_variances(patches), LUMA_ROUNDING_VARIANCE_DN2)
 
     def second(self, columns: Float32, rows: Float32) -> Float32:
