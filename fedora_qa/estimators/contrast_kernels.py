@@ -1,10 +1,8 @@
 """Compiled loops over events that are carried along a flow.
 
 Events come as columns: ``x``, ``y`` (px) and ``tau``, the instant in intervals of the flow after its start. A flow
-(H, W, 2) is the displacement over the interval, px of its own grid, of the point that is at a pixel at the start.
-A view (6,) of it says where pixels of the event camera lie on that grid, as scale and offset of columns, then of rows,
-and how many pixels of the event camera are one of its own, along columns and rows. It is read bilinearly, and only
-where it is asked for.
+(h, w, 2) is the displacement over the interval of the point that is at a pixel at the start, px, as the event camera
+sees it; NaN where there is none.
 """
 
 import numpy as np
@@ -16,153 +14,157 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 Columns = NDArray[np.uint16]
 
-MARGIN_OF_CANVAS_PX = 8
-"""By which a canvas is larger than the image on every side, so that votes need not be cut."""
-
-VOTE_PX = 8
-"""A vote covers so many pixels both ways; farther than 4 px from its place it is less than 4e-4 of its peak."""
-
 PARTS = 128
-"""Votes lie at whole parts of a pixel: what that rounds off has a variance of 5e-6 px^2."""
+"""Votes lie at whole parts of a node: what that rounds off has a variance of 2e-5 px^2."""
 
 _ROUNDS = 3
 """Steps towards the pixel at which an event's point was at the start."""
 
 
 @njit(cache=True)
-def flows_at(flow_px: Float32, view: Float64, x: Columns, y: Columns) -> Float64:
-    """Return the flow (n, 2), px of the event camera, at its pixels; NaN where there is none."""
-    flows = np.empty((len(x), 2))
-    for i in range(len(x)):
-        flows[i, 0], flows[i, 1] = _flow_at(flow_px, view, int(x[i]), int(y[i]))
-    return flows
+def flow_as_seen(flow_px: Float32, view: Float64, height: int, width: int) -> Float32:
+    """Return a flow (H, W, 2), px of its own grid, as the event camera sees it: bilinearly, (height, width, 2).
+
+    The view (6,) says where pixels of the event camera lie on that grid, as scale and offset of columns, then of rows,
+    and how many pixels of the event camera are one of its own, along columns and rows.
+    """
+    seen = np.empty((height, width, 2), np.float32)
+    first, last, right = np.empty(width, np.int64), np.empty(width, np.int64), np.empty(width, np.float32)
+    for column in range(width):
+        at = view[0] * column + view[1]
+        first[column] = int(at) if 0 <= at <= flow_px.shape[1] - 1 else -1
+        right[column] = np.float32(at - first[column])
+        last[column] = first[column] + (right[column] > 0)  # a pixel is read as it stands, whatever lies beside it
+    scale = np.float32(view[4]), np.float32(view[5])
+    for row in range(height):
+        at, line = view[2] * row + view[3], seen[row]
+        if not 0 <= at <= flow_px.shape[0] - 1:
+            line[:] = np.nan
+            continue
+        top, below = int(at), np.float32(at - int(at))
+        upper, lower = flow_px[top], flow_px[top + (below > 0)]
+        for column in range(width):
+            if first[column] < 0:
+                line[column] = np.nan
+                continue
+            a, b, share = np.uint64(first[column]), np.uint64(last[column]), right[column]
+            for k in range(2):
+                above = upper[a, k] + share * (upper[b, k] - upper[a, k])
+                under = lower[a, k] + share * (lower[b, k] - lower[a, k])
+                line[column, k] = (above + below * (under - above)) * scale[k]
+    return seen
 
 
 @njit(cache=True)
-def _flow_at(flow_px: Float32, view: Float64, column: int, row: int) -> tuple[float, float]:
-    at_column, at_row = view[0] * column + view[1], view[2] * row + view[3]
-    if not (0 <= at_column <= flow_px.shape[1] - 1 and 0 <= at_row <= flow_px.shape[0] - 1):
-        return np.nan, np.nan
-    left, top = int(at_column), int(at_row)
-    right, below = at_column - left, at_row - top
-    u, v = np.float64(flow_px[top, left, 0]), np.float64(flow_px[top, left, 1])
-    if right > 0 or below > 0:
-        beyond_left, beyond_top = left + (right > 0), top + (below > 0)
-        b, c, d = right * (1 - below), (1 - right) * below, right * below
-        beside, under, across = flow_px[top, beyond_left], flow_px[beyond_top, left], flow_px[beyond_top, beyond_left]
-        u = (1 - right) * (1 - below) * u + b * beside[0] + c * under[0] + d * across[0]
-        v = (1 - right) * (1 - below) * v + b * beside[1] + c * under[1] + d * across[1]
-    return u * view[4], v * view[5]
-
-
-@njit(cache=True)
-def carry(
+def squares_under(
     x: Columns,
     y: Columns,
     tau: Float64,
     flow_px: Float32,
-    view: Float64,
-    flows: Float64,
     turns: Float64,
-    shape: tuple[int, int],
-) -> Float32:
-    """Return where events are at the middle of the interval, (k, n, 2) column and row, by the flow times each turn.
+    weights: Float32,
+    side: float,
+    node_px: float,
+) -> Float64:
+    """Return the sum of squares (k,), per px^2, of the image of votes under a flow times each turn (k, 2, 2).
 
-    Along the turned flow at the pixel that a point gets to the event from; ``flows`` (n, 2) are those at the events.
+    Nodes are ``node_px`` apart; ``weights`` (PARTS, 4) are those of a vote on the nodes about it, by the part of a node
+    where it lies. Of all votes each node then gives a share ``side`` to either neighbour, along both axes. Events that
+    are carried beyond the image have no vote.
     """
-    places = np.empty((len(turns), len(x), 2), np.float32)
-    for i in range(len(x)):
-        for k in range(len(turns)):
-            turn = turns[k]
-            column, row = int(x[i]), int(y[i])
-            u, v = flows[i, 0], flows[i, 1]
-            du, dv = turn[0, 0] * u + turn[0, 1] * v, turn[1, 0] * u + turn[1, 1] * v
-            for _ in range(_ROUNDS - 1):
-                before_column, before_row = x[i] - tau[i] * du, y[i] - tau[i] * dv
-                if not (0.0 <= before_column <= shape[1] - 1 and 0.0 <= before_row <= shape[0] - 1):
-                    break
-                next_column, next_row = int(before_column + 0.5), int(before_row + 0.5)
-                if next_column == column and next_row == row:
-                    break
-                column, row = next_column, next_row
-                u, v = _flow_at(flow_px, view, column, row)
-                if not (np.isfinite(u) and np.isfinite(v)):
-                    break
-                du, dv = turn[0, 0] * u + turn[0, 1] * v, turn[1, 0] * u + turn[1, 1] * v
-            places[k, i, 0], places[k, i, 1] = x[i] + (0.5 - tau[i]) * du, y[i] + (0.5 - tau[i]) * dv
-    return places
-
-
-@njit(cache=True, fastmath={"reassoc"})
-def sum_of_squares(places: Float32, weights: Float32, canvas: Float32) -> float:
-    """Return the sum of squares of the image of votes at places (n, 2), column and row; none beyond the image.
-
-    Each vote adds to the sum what it changes, so that no image need be gone through; the ``canvas`` (h + 16, w + 16) is
-    all zero before and after. ``weights`` (PARTS, VOTE_PX) are those of a vote by the part of a pixel where it lies.
-    """
-    total = 0.0
-    for i in range(len(places)):
-        left, top, right, down = _corner(places[i, 0], places[i, 1], canvas)
-        if left < 0:
-            continue
-        of = weights[right]
-        across = (of[0], of[1], of[2], of[3], of[4], of[5], of[6], of[7])
-        for k in range(VOTE_PX):
-            total += _vote(canvas[top + k][left : left + VOTE_PX], weights[down, k], across)
-    for i in range(len(places)):
-        left, top, _, _ = _corner(places[i, 0], places[i, 1], canvas)
-        if left >= 0:
-            for k in range(VOTE_PX):
-                canvas[top + k][left : left + VOTE_PX] = 0
-    return total
-
-
-@njit(cache=True, fastmath={"reassoc"})
-def _vote(line: Float32, share: float, across: tuple[float, ...]) -> float:
-    """Add a share of eight weights to a line of eight pixels; return what that adds to the sum of squares."""
-    votes = (
-        share * across[0], share * across[1], share * across[2], share * across[3],
-        share * across[4], share * across[5], share * across[6], share * across[7],
-    )  # fmt: skip
-    before = (line[0], line[1], line[2], line[3], line[4], line[5], line[6], line[7])  # so that none waits for another
-    added = np.float32(0)
-    for j in range(VOTE_PX):
-        added += votes[j] * (before[j] + before[j] + votes[j])
-        line[j] = before[j] + votes[j]
-    return float(added)
+    height, width = flow_px.shape[:2]
+    per_px = 1.0 / node_px
+    image = np.empty((int((height - 1) * per_px) + 8, int((width - 1) * per_px) + 8), np.float32)
+    columns, rows = np.empty(len(x)), np.empty(len(x))
+    squares = np.empty(len(turns))
+    for k in range(len(turns)):
+        count = carry(x, y, tau, flow_px, turns[k], columns, rows)
+        image[:] = 0
+        for i in range(count):
+            _vote(image, columns[i] * per_px, rows[i] * per_px, weights)
+        squares[k] = _sum_of_squares(image, np.float32(side)) * per_px * per_px
+    return squares
 
 
 @njit(cache=True)
-def _corner(column: float, row: float, canvas: Float32) -> tuple[int, int, int, int]:
-    """Return the first column and row of a vote on the canvas, and its parts of a pixel; -1 beyond the image."""
-    height, width = canvas.shape[0] - 2 * MARGIN_OF_CANVAS_PX, canvas.shape[1] - 2 * MARGIN_OF_CANVAS_PX
-    if not (0 <= column <= width - 1 and 0 <= row <= height - 1):
-        return -1, -1, 0, 0
-    right, down = int(column * PARTS + np.float32(0.5)), int(row * PARTS + np.float32(0.5))
-    corner = MARGIN_OF_CANVAS_PX - 3
-    return right // PARTS + corner, down // PARTS + corner, right % PARTS, down % PARTS
+def carry(
+    x: Columns, y: Columns, tau: Float64, flow_px: Float32, turn: Float64, columns: Float64, rows: Float64
+) -> int:
+    """Write where events are at the middle of the interval, if within the image; return how many are.
+
+    Along the flow, times a matrix (2, 2), at the pixel that a point gets to the event from. All steps towards that
+    pixel are taken without a branch, though most are idle: which are, no machine can guess.
+    """
+    a, b, c, d = turn[0, 0], turn[0, 1], turn[1, 0], turn[1, 1]
+    right, bottom = np.float64(flow_px.shape[1] - 1), np.float64(flow_px.shape[0] - 1)
+    count = 0
+    for i in range(len(x)):
+        column, row = np.uint64(x[i]), np.uint64(y[i])  # unsigned: an index that may be negative costs a comparison
+        at_column, at_row = np.float64(x[i]), np.float64(y[i])
+        du = dv = 0.0
+        for _ in range(_ROUNDS):
+            u, v = np.float64(flow_px[row, column, 0]), np.float64(flow_px[row, column, 1])
+            known = np.isfinite(u + v)
+            du, dv = (a * u + b * v if known else du), (c * u + d * v if known else dv)
+            before_column, before_row = at_column - tau[i] * du, at_row - tau[i] * dv
+            inside = (before_column >= 0) & (before_column <= right) & (before_row >= 0) & (before_row <= bottom)
+            column = np.uint64(np.int64(before_column + 0.5)) if inside else column
+            row = np.uint64(np.int64(before_row + 0.5)) if inside else row
+        columns[count], rows[count] = at_column + (0.5 - tau[i]) * du, at_row + (0.5 - tau[i]) * dv
+        stays = (columns[count] >= 0) & (columns[count] <= right) & (rows[count] >= 0) & (rows[count] <= bottom)
+        count += int(stays)
+    return count
+
+
+@njit(cache=True)
+def _vote(image: Float32, column: float, row: float, weights: Float32) -> None:
+    left, top = np.uint64(column), np.uint64(row)
+    across, down = weights[np.uint64((column - left) * PARTS)], weights[np.uint64((row - top) * PARTS)]
+    first, second, third, fourth = across[0], across[1], across[2], across[3]
+    for k in range(4):
+        line, share = image[top + np.uint64(k + 2)][left + np.uint64(2) : left + np.uint64(6)], down[k]
+        before = (line[0], line[1], line[2], line[3])  # so that none waits for another
+        line[0], line[1] = before[0] + share * first, before[1] + share * second
+        line[2], line[3] = before[2] + share * third, before[3] + share * fourth
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _sum_of_squares(image: Float32, side: np.float32) -> float:
+    """Return the sum of squares of an image of which each pixel gives a share to either neighbour along both axes."""
+    total, middle = 0.0, np.float32(1) - side - side
+    mixed = np.empty(image.shape[1], np.float32)
+    for row in range(1, len(image) - 1):
+        above, here, below, of_row = image[row - 1], image[row], image[row + 1], np.float32(0)
+        for column in range(len(mixed)):
+            mixed[column] = middle * here[column] + side * (above[column] + below[column])
+        left, right = mixed[:-2], mixed[2:]
+        for column in range(len(left)):
+            value = middle * mixed[column + 1] + side * (left[column] + right[column])
+            of_row += value * value
+        total += float(of_row)
+    return total
 
 
 @njit(cache=True)
 def meetings_with_oneself(
-    pixels: Int64, tau: Float64, flows: Float64, which: Int64, turns: Float64, sigma: float, memory: int
+    pixels: Int64, tau: Float64, flows: Float32, turns: Float64, shared: Float64, node_px: float, memory: int
 ) -> Float64:
-    """Return for each candidate (k,) the density that events of one pixel leave where others of it are carried to.
+    """Return for each turn (k,) the density that events of one pixel leave where others of it are carried to.
 
-    By the flow at the pixel itself, candidate i by ``flows[which[i]]`` of (m, n, 2), times ``turns[i]``; the density is
-    that of a vote of standard deviation ``sigma`` px on another like it. Events come by pixel, those of one in order of
-    time; each is held against the ``memory`` before it.
+    By the flow (n, 2) at the pixel itself, times the turn. ``shared`` is what two votes on a line share, by their
+    distance in parts of a node; nothing beyond. Events come by pixel, those of one in order of time; each is held
+    against the ``memory`` before it.
     """
     met = np.zeros(len(turns))
     for i in range(1, len(pixels)):
         for j in range(i - 1, max(i - 1 - memory, -1), -1):
             if pixels[j] != pixels[i]:
                 break
-            squared = (tau[i] - tau[j]) ** 2 / (4.0 * sigma * sigma)
+            parts = abs(tau[i] - tau[j]) * PARTS / node_px
+            u, v = np.float64(flows[i, 0]), np.float64(flows[i, 1])
             for k in range(len(turns)):
-                u, v = flows[which[k], i, 0], flows[which[k], i, 1]
                 du, dv = turns[k, 0, 0] * u + turns[k, 0, 1] * v, turns[k, 1, 0] * u + turns[k, 1, 1] * v
-                apart = squared * (du * du + dv * dv)
-                if apart < 40.0:
-                    met[k] += 2.0 * np.exp(-apart) / (4.0 * np.pi * sigma * sigma)
+                across, down = parts * abs(du) + 0.5, parts * abs(dv) + 0.5
+                if across < len(shared) and down < len(shared):
+                    met[k] += 2.0 * shared[int(across)] * shared[int(down)] / (node_px * node_px)
     return met

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow_warp_kernels import mirrored, read_spline_at, within
+from fedora_qa.estimators.flow_warp_kernels import mirrored, read_spline_at, spline_weights, within
 
 Float32 = NDArray[np.float32]
 Int64 = NDArray[np.int64]
@@ -46,7 +46,11 @@ def read_parts(
     read = np.empty(columns.shape, np.float32)
     for i in range(len(parts)):
         left, top = parts[i, 0], parts[i, 1]
-        smoothed = _smoothed(_luma_about(rgb, of_codes, parts[i], len(taps) // 2), taps)
+        smoothed = np.empty((parts[i, 3] - top, parts[i, 2] - left), np.float32)
+        _smooth(_luma_about(rgb, of_codes, parts[i], len(taps) // 2), taps, smoothed)
+        if left > 0 and top > 0 and parts[i, 2] < width and parts[i, 3] < height:
+            _read_inside(smoothed, np.float32(left), np.float32(top), columns[i], rows[i], read[i])
+            continue
         for j in range(columns.shape[1]):
             for k in range(columns.shape[2]):
                 x, y = within(columns[i, j, k], width), within(rows[i, j, k], height)
@@ -54,13 +58,38 @@ def read_parts(
     return read
 
 
+@njit(cache=True, fastmath={"contract"})
+def _read_inside(
+    smoothed: Float32, left: np.float32, top: np.float32, columns: Float32, rows: Float32, read: Float32
+) -> None:
+    """Read a part of an image at places (s, s) of which all lie within it, away from the border."""
+    for j in range(len(read)):
+        for k in range(len(columns[j])):
+            x, y = columns[j, k] - left, rows[j, k] - top
+            # Unsigned: an index that may be negative costs a comparison each.
+            column, row = np.uint64(np.int64(x)), np.uint64(np.int64(y))
+            a, b, c, d = spline_weights(x - np.float32(column))
+            down = spline_weights(y - np.float32(row))
+            total, first = np.float32(0), column - np.uint64(1)
+            for m in range(4):
+                line = smoothed[row - np.uint64(1) + np.uint64(m)]
+                total += down[m] * (
+                    a * line[first]
+                    + b * line[first + np.uint64(1)]
+                    + c * line[first + np.uint64(2)]
+                    + d * line[first + np.uint64(3)]
+                )
+            read[j, k] = total
+
+
 @njit(cache=True)
-def luma_patches(rgb: Colours, of_codes: Float32, corners: Int64, size: int) -> Float32:
-    """Return the luma (n, size, size) of patches of a frame, by their first columns and rows (n, 2)."""
+def smoothed_patches(rgb: Colours, of_codes: Float32, taps: Float32, corners: Int64, size: int) -> Float32:
+    """Return the smoothed luma (n, size, size) of patches of a frame, by their first columns and rows (n, 2)."""
     patches = np.empty((len(corners), size, size), np.float32)
+    part = np.empty(4, np.int64)
     for i in range(len(corners)):
-        left, top = corners[i, 0], corners[i, 1]
-        patches[i] = _luma_about(rgb, of_codes, np.array([left, top, left + size, top + size]), 0)
+        part[0], part[1], part[2], part[3] = corners[i, 0], corners[i, 1], corners[i, 0] + size, corners[i, 1] + size
+        _smooth(_luma_about(rgb, of_codes, part, len(taps) // 2), taps, patches[i])
     return patches
 
 
@@ -84,8 +113,8 @@ def _luma_about(rgb: Colours, of_codes: Float32, part: Int64, reach: int) -> Flo
 
 
 @njit(cache=True)
-def _smoothed(luma: Float32, taps: Float32) -> Float32:
-    """Return an image less the reach of the taps on every side, convolved with them along both axes."""
+def _smooth(luma: Float32, taps: Float32, smoothed: Float32) -> None:
+    """Write an image less the reach of the taps on every side, convolved with them along both axes."""
     reach = len(taps) // 2
     across = np.zeros((len(luma), luma.shape[1] - 2 * reach), np.float32)
     for j in range(len(across)):
@@ -94,11 +123,10 @@ def _smoothed(luma: Float32, taps: Float32) -> Float32:
             tap, shifted = taps[m], line[m:]
             for k in range(len(into)):
                 into[k] += tap * shifted[k]
-    smoothed = np.zeros((len(luma) - 2 * reach, across.shape[1]), np.float32)
+    smoothed[:] = 0
     for j in range(len(smoothed)):
         into = smoothed[j]
         for m in range(len(taps)):
             tap, line = taps[m], across[j + m]
             for k in range(len(into)):
                 into[k] += tap * line[k]
-    return smoothed

@@ -11,10 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow_mask_kernels import inverse_of, mark_edges, spread_at_targets
-from fedora_qa.estimators.remapping import read_at
+from fedora_qa.estimators.flow_mask_kernels import inverse_of, mark_edges, seen_again, spread_at_targets
 from fedora_qa.geometry.camera import RigidMotion
-from fedora_qa.geometry.rigid_flow import moved_points
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -60,7 +58,7 @@ def edges(inverse_depth_per_m: Float32, focal_px: float | None = None) -> NDArra
     f |grad w| / w.
     """
     steepest = np.float32(np.inf if focal_px is None else _LONGEST_FOOTPRINT / focal_px)
-    return _widened(mark_edges(inverse_depth_per_m, np.float32(EDGE), steepest))
+    return widened(mark_edges(inverse_depth_per_m, np.float32(EDGE), steepest))
 
 
 def seen_in_both(
@@ -84,26 +82,9 @@ def seen_in_both(
     uncertainty_px
         How far the motion may misplace a pixel. Where the inverse depth slopes, so much is its value uncertain.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        pixels = (values.astype(np.float64) for values in (columns, rows, 1.0 / inverse_depth0))
-        X1, Y1, Z1 = moved_points(K, motion, *pixels)
-        x1 = ((K[0, 0] * X1 + K[0, 1] * Y1) / Z1 + K[0, 2]).astype(np.float32)
-        y1 = (K[1, 1] * Y1 / Z1 + K[1, 2]).astype(np.float32)
-    height, width = inverse_depth1.shape
-    inside = (Z1 > 0) & (x1 >= 0) & (x1 <= width - 1) & (y1 >= 0) & (y1 <= height - 1)
-    x1, y1 = np.where(inside, x1, np.float32(0)), np.where(inside, y1, np.float32(0))
-    found = read_at(inverse_depth1, x1, y1, cv2.INTER_LINEAR)
-    near_edge = read_at(edges1, x1, y1, cv2.INTER_NEAREST)
-    tolerance: Float64 | float = EDGE
-    if uncertainty_px > 0:
-        right = read_at(inverse_depth1, x1 + np.float32(1), y1, cv2.INTER_LINEAR)
-        below = read_at(inverse_depth1, x1, y1 + np.float32(1), cv2.INTER_LINEAR)
-        slope = np.abs(right - found) + np.abs(below - found)
-        tolerance = EDGE + uncertainty_px * slope / np.maximum(found, np.float32(1e-6))
-    with np.errstate(invalid="ignore"):
-        agrees = np.abs(found * Z1 - 1.0) < tolerance
-    seen: Mask = inside & agrees & (near_edge == 0)
-    return seen
+    return np.asarray(
+        seen_again(K, motion.R, motion.t_m, columns, rows, inverse_depth0, inverse_depth1, edges1, EDGE, uncertainty_px)
+    )
 
 
 def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -119,10 +100,10 @@ def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint
     for component in (u, v):
         breaks |= np.abs(cv2.Laplacian(component, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)) > BREAK_PX
     crowded = spread_at_targets(flow_px) > _CROWDED_PX**2
-    return _widened(breaks.astype(np.uint8)), _widened(crowded.astype(np.uint8))
+    return widened(breaks.astype(np.uint8)), widened(crowded.astype(np.uint8))
 
 
-def _widened(edge: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def widened(edge: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Widen edges (H, W), 1 and 0, of which the outermost pixels always are some."""
     for side in (edge[0], edge[-1], edge[:, 0], edge[:, -1]):
         side[...] = 1

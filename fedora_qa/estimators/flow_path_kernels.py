@@ -1,14 +1,16 @@
 """Compiled step of paths along a field of flow: read it between pixels, bound the error of that, see what lies about.
 
 Fields come as lines (H, 2 W): u and v of one pixel after another. Only what lies about the paths is looked at, so that
-a step costs what its paths cost, however large the image is.
+a step costs what its paths cost, however large the image is. Where paths are many, `errors_of_reading` looks at
+everything once, and a step reads what it found.
 """
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow_mask import BREAK_PX
+from fedora_qa.estimators.flow_mask import BREAK_PX, widened
 from fedora_qa.estimators.order_kernels import median_of
 
 Float32 = NDArray[np.float32]
@@ -40,6 +42,7 @@ _BREAK = np.float32(BREAK_PX)
 def step(
     lines: Float32,
     spans: Float32,
+    errors_px: Float32,
     rounding_px: float,
     first: bool,
     guarded: bool,
@@ -55,6 +58,8 @@ def step(
     ----------
     spans
         Of `spans_at_targets`: paths that end where another surface does are not clear. Empty: nothing is asked.
+    errors_px
+        Of `errors_of_reading`. Empty: what lies about each path is looked at.
     rounding_px
         What single precision adds to the bound.
     first
@@ -63,6 +68,7 @@ def step(
         Whether paths must keep away from breaks.
     """
     height, width = lines.shape[0], lines.shape[1] // 2
+    known = len(errors_px) > 0
     for i in range(len(x)):
         stays[i] = stays[i] and 0 <= x[i] < width - 1 and 0 <= y[i] < height - 1
         if not stays[i]:
@@ -70,13 +76,15 @@ def step(
             continue
         column, row = int(np.rint(x[i])), int(np.rint(y[i]))
         if guarded and clear[i]:
-            clear[i] = _keeps_clear(lines, row, column)
+            clear[i] = errors_px[row, column] < np.inf if known else _keeps_clear(lines, row, column)
         u, v, slope = _read(lines, x[i], y[i])
         if np.isnan(u) or np.isnan(v):
             clear[i] = False
             continue
         if not first:
-            bound_px[i] = bound_px[i] * (1.0 + slope) + (_reading_error(lines, row, column) if clear[i] else 0.0)
+            bound_px[i] *= 1.0 + slope
+            if clear[i]:
+                bound_px[i] += errors_px[row, column] if known else _reading_error(lines, row, column)
         bound_px[i] += rounding_px
         x[i] += u
         y[i] += v
@@ -129,6 +137,48 @@ def _reading_error(lines: Float32, row: int, column: int) -> float:
             error = _OF_SECOND_DIFFERENCE * (abs(across) + abs(down)) + _OF_THIRD_DIFFERENCE * steps
             largest = error if error > largest else largest
     return float(largest)
+
+
+def errors_of_reading(lines: Float32) -> Float32:
+    """Return how far reading a field between pixels may err (H, W), px, within a pixel of each.
+
+    Infinite where that does not keep 4 px away from breaks of the flow, missing values and the border.
+    """
+    breaks, errors = _breaks_and_errors(lines)
+    largest = np.asarray(cv2.dilate(errors, np.ones((3, 3), np.uint8)), dtype=np.float32)
+    largest[widened(breaks) > 0] = np.inf
+    return largest
+
+
+@njit(cache=True)
+def _breaks_and_errors(lines: Float32) -> tuple[NDArray[np.uint8], Float32]:
+    """Return where a field breaks (H, W), and the error of reading at each pixel, by the larger of its components."""
+    height, width = lines.shape[0], lines.shape[1] // 2
+    breaks, errors = np.ones((height, width), np.uint8), np.zeros((height, width), np.float32)
+    bent, error = np.ones(2 * width, np.uint8), np.zeros(2 * width, np.float32)
+    for row in range(1, height - 1):
+        above, here, below = lines[row - 1], lines[row], lines[row + 1]
+        for i in range(2, 2 * width - 2):
+            bend = above[i] + below[i] + here[i - 2] + here[i + 2] - np.float32(4) * here[i]
+            bent[i] = not abs(bend) <= _BREAK  # so it is, too, beside a missing value
+        for column in range(1, width - 1):
+            breaks[row, column] = bent[2 * column] | bent[2 * column + 1]
+        if not 2 <= row < height - 2:
+            continue
+        highest, lowest = lines[row - 2], lines[row + 2]
+        for i in range(4, 2 * width - 4):
+            across = here[i - 2] - np.float32(2) * here[i] + here[i + 2]
+            down = above[i] - np.float32(2) * here[i] + below[i]
+            left = here[i - 4] - np.float32(2) * here[i - 2] + here[i]
+            right = here[i] - np.float32(2) * here[i + 2] + here[i + 4]
+            upper = highest[i] - np.float32(2) * above[i] + here[i]
+            lower = here[i] - np.float32(2) * below[i] + lowest[i]
+            steps = abs(across - left) + abs(right - across) + abs(down - upper) + abs(lower - down)
+            found = _OF_SECOND_DIFFERENCE * (abs(across) + abs(down)) + _OF_THIRD_DIFFERENCE * steps
+            error[i] = found if found < np.float32(np.inf) else np.float32(0)  # of what is missing there is none
+        for column in range(2, width - 2):
+            errors[row, column] = max(error[2 * column], error[2 * column + 1])
+    return breaks, errors
 
 
 @njit(cache=True)

@@ -42,6 +42,11 @@ def smoothing_taps(sigma_px: float = 1.0) -> Float32:
     return np.asarray(cv2.getGaussianKernel(round(8 * sigma + 1) | 1, sigma, cv2.CV_32F), dtype=np.float32)[:, 0]
 
 
+def taps_at_pixels(sigma_px: float = 1.0) -> Float32:
+    """Return the weights of Gaussian and B-spline together, which see an image at its pixels, of sum 1."""
+    return np.convolve(smoothing_taps(sigma_px), _SPLINE_AT_PIXELS)
+
+
 def read_at_pixels(smoothed: Float32) -> Float32:
     """Return what `read_between` gives at every pixel centre, (H, W)."""
     spline = _SPLINE_AT_PIXELS

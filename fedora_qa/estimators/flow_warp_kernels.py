@@ -28,7 +28,7 @@ def read_spline_at(
     The part begins at ``left`` and ``top``, and holds a pixel before the place and two behind, where the image does.
     """
     column, row = int(x), int(y)
-    across, down = _weights(x - np.float32(column)), _weights(y - np.float32(row))
+    across, down = spline_weights(x - np.float32(column)), spline_weights(y - np.float32(row))
     total = np.float32(0)
     if 1 <= column < width - 2 and 1 <= row < height - 2:
         first = column - 1 - left
@@ -57,7 +57,7 @@ def within(position: np.float32, size: int) -> np.float32:
 
 
 @njit(cache=True)
-def _weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+def spline_weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
     """Return the weights of the pixels before and after a fraction t."""
     rest = np.float32(1) - t
     first, last = rest * rest * rest / np.float32(6), t * t * t / np.float32(6)

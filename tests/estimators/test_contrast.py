@@ -6,16 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from fedora_qa.estimators.contrast import (
-    GAINS,
-    SeenFlow,
-    WarpedEvents,
-    best_gain,
-    blank_canvas,
-    pixel_by_pixel,
-    sharpness_under,
-)
-from fedora_qa.estimators.contrast_kernels import PARTS, carry, meetings_with_oneself, sum_of_squares
+from fedora_qa.estimators.contrast import GAINS, View, WarpedEvents, best_gain, pixel_by_pixel, sharpness_under
+from fedora_qa.estimators.contrast_kernels import carry
 
 HEIGHT, WIDTH = 60, 90
 UNIT = np.eye(2)
@@ -31,56 +23,67 @@ def events_of_dots(velocity_px: tuple[float, float], late: float = 0.0, seed: in
     return at[:, 0], at[:, 1], tau + late
 
 
-def uniform_flow(u: float, v: float) -> SeenFlow:
-    return SeenFlow(np.broadcast_to(np.array([u, v], np.float32), (HEIGHT, WIDTH, 2)).copy())
+def uniform_flow(u: float, v: float) -> np.ndarray:
+    return np.broadcast_to(np.array([u, v], np.float32), (HEIGHT, WIDTH, 2)).copy()
 
 
 def warped(
-    x: np.ndarray, y: np.ndarray, tau: np.ndarray, candidates: list[tuple[SeenFlow, np.ndarray]]
+    x: np.ndarray, y: np.ndarray, tau: np.ndarray, candidates: list[tuple[np.ndarray, np.ndarray]]
 ) -> WarpedEvents:
-    """Events in any order, carried on a canvas that must be blank again afterwards."""
-    order, canvas = pixel_by_pixel(x, y), blank_canvas(HEIGHT, WIDTH)
-    found = sharpness_under(x[order], y[order], tau[order], candidates, canvas)
-    assert not canvas.any()
-    return found
+    """Events in any order, carried by every candidate."""
+    order = pixel_by_pixel(x, y)
+    return sharpness_under(x[order], y[order], tau[order], candidates)
 
 
 @settings(deadline=None)  # the first call compiles
-@given(st.lists(st.tuples(st.floats(0, 1), st.floats(30, 34), st.floats(30, 34)), min_size=1, max_size=6))
-def test_votes_are_gaussians(events: list[tuple[float, float, float]]) -> None:
-    """The sum of squares is that of the image of votes: each the Gaussian of sum 1 at where the event is carried to."""
-    weights = np.exp(-0.5 * np.square(np.arange(-3, 5) - np.arange(PARTS)[:, None] / PARTS)).astype(np.float32)
-    weights /= weights.sum(axis=1, keepdims=True)
-    places = np.array([(column, row) for _, column, row in events], dtype=np.float32)
-    canvas = blank_canvas(HEIGHT, WIDTH)
-    image = sum(np.outer(*(norm.pdf(np.arange(n) - at) for n, at in zip((HEIGHT, WIDTH), place[::-1], strict=True)))
-                for place in places)  # fmt: skip
-    assert sum_of_squares(places, weights, canvas) == pytest.approx(float(np.sum(np.square(image))), rel=0.01)
-    assert not canvas.any()
+@given(st.lists(st.tuples(st.integers(36, 44), st.integers(26, 34), st.floats(0.3, 0.7)), min_size=1, max_size=6,
+                unique_by=lambda event: event[:2]))  # fmt: skip
+def test_votes_are_as_wide_as_gaussians(events: list[tuple[int, int, float]]) -> None:
+    """The sum of squares of the image of votes is that of Gaussians at the places that events are carried to."""
+    x, y, tau = (np.array(column) for column in zip(*events, strict=True))
+    found = warped(x.astype(np.uint16), y.astype(np.uint16), tau, [(uniform_flow(20, 10), UNIT)])
+    places = np.stack((x + (0.5 - tau) * 20, y + (0.5 - tau) * 10), axis=-1)
+    apart = places[:, np.newaxis] - places
+    pairs = norm.pdf(apart[..., 0], scale=2**0.5) * norm.pdf(apart[..., 1], scale=2**0.5)
+    assert found.carried == len(events)
+    assert found.sharpness[0] * len(events) == pytest.approx(pairs.sum(), rel=0.03)
 
 
 def test_events_are_carried_to_the_middle() -> None:
     """By the turned flow at the pixel where their point was at the start: here another one than where they fired."""
     flow_px = np.zeros((HEIGHT, WIDTH, 2), np.float32)
     flow_px[:, :40], flow_px[:, 40:] = (8.0, -2.0), (6.0, 0.0)
-    one, at = SeenFlow(flow_px), (np.array([42], np.uint16), np.array([20], np.uint16), np.array([0.75]))
-    turns = np.array([UNIT, -UNIT, 0.0 * UNIT])
-    places = carry(*at, flow_px, np.array(one.view), one.at(*at[:2]), turns, (HEIGHT, WIDTH))
-    np.testing.assert_allclose(places[:, 0], [(42 - 0.25 * 8, 20 + 0.25 * 2), (42 + 0.25 * 6, 20), (42, 20)], atol=1e-5)
+    event = np.array([42], np.uint16), np.array([20], np.uint16), np.array([0.75])
+    places = []
+    for turn in (UNIT, -UNIT, 0.0 * UNIT, 1e3 * UNIT):
+        column, row = np.zeros(1), np.zeros(1)
+        places += [(column[0], row[0])] if carry(*event, flow_px, turn, column, row) else []
+    np.testing.assert_allclose(places, [(42 - 0.25 * 8, 20 + 0.25 * 2), (42 + 0.25 * 6, 20), (42, 20)], atol=1e-5)
 
 
 def test_flow_is_read_where_the_event_camera_sees_it() -> None:
     """A pixel of the event camera may lie between pixels of the flow, and be larger; a mirrored grid keeps values."""
     columns, rows = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     flow_px = np.stack((2.0 * columns + rows, columns - rows), axis=-1).astype(np.float32)
-    seen = SeenFlow(flow_px, (1.5, 0.25, 2.0, -0.5, 1 / 1.5, 1 / 2.0))
-    x, y = np.array([10, 50, 60], np.uint16), np.array([4, 0, 20], np.uint16)
+    seen = View(1.5, 0.25, 2.0, -0.5, 1 / 1.5, 1 / 2.0).of(flow_px, (40, 70))
     column, row = 1.5 * 10 + 0.25, 2.0 * 4 - 0.5
     expected = ((2 * column + row) / 1.5, (column - row) / 2.0)
-    nothing = (np.nan, np.nan)  # above the first row, and behind the last column but a quarter
-    np.testing.assert_allclose(seen.at(x, y), [expected, nothing, nothing], rtol=1e-6)
-    np.testing.assert_array_equal(SeenFlow(flow_px).mirrored(0).at(x[:1], y[:1])[0], flow_px[4, WIDTH - 1 - 10])
-    np.testing.assert_array_equal(SeenFlow(flow_px).mirrored(1).at(x[:1], y[:1])[0], flow_px[HEIGHT - 1 - 4, 10])
+    np.testing.assert_allclose(seen[4, 10], expected, rtol=1e-6)
+    assert np.isnan(seen[0, 50]).all()  # above the first row
+    assert np.isnan(seen[20, 60]).all()  # behind the last column but a quarter
+    as_it_is, shape = View(), flow_px.shape[:2]
+    np.testing.assert_array_equal(as_it_is.of(flow_px, shape), flow_px)
+    for axis in range(2):
+        turned = as_it_is.mirrored(axis, flow_px.shape).of(flow_px, shape)
+        np.testing.assert_array_equal(turned, np.flip(flow_px, 1 - axis))
+
+
+def test_a_pixel_is_read_as_it_stands() -> None:
+    """Where a pixel of the event camera lies on one of the flow, a missing value beside that does not matter."""
+    flow_px = uniform_flow(3.0, -1.0)
+    flow_px[:, 7::8] = np.nan
+    seen = View(2.0, 0.0, 2.0, 0.0, 0.5, 0.5).of(flow_px, (HEIGHT // 2, WIDTH // 2))
+    np.testing.assert_array_equal(seen, np.broadcast_to((1.5, -0.5), seen.shape))
 
 
 @pytest.mark.parametrize("velocity_px", [(12.0, 0.0), (-7.0, 5.0)])
@@ -110,7 +113,7 @@ def test_all_candidates_carry_the_same_events() -> None:
     """An event without a flow in one candidate counts for none, so that sharpness can be compared."""
     x, y, tau = events_of_dots((5.0, 0.0))
     whole, half = uniform_flow(5.0, 0.0), uniform_flow(5.0, 0.0)
-    half.flow_px[:, : WIDTH // 2] = np.nan
+    half[:, : WIDTH // 2] = np.nan
     alone, together = (warped(x, y, tau, [(one, UNIT), (half, UNIT)]) for one in (half, whole))
     assert alone.carried == together.carried < len(x)
     np.testing.assert_allclose(alone.sharpness, together.sharpness)
@@ -119,25 +122,21 @@ def test_all_candidates_carry_the_same_events() -> None:
 def test_nothing_to_carry_is_nothing() -> None:
     """Without events, or without a flow, nothing is carried and nothing breaks."""
     x, y, tau = events_of_dots((5.0, 0.0))
-    nowhere = SeenFlow(np.full((HEIGHT, WIDTH, 2), np.nan, np.float32))
+    nowhere = np.full((HEIGHT, WIDTH, 2), np.nan, np.float32)
     for found in (warped(x[:0], y[:0], tau[:0], [(uniform_flow(1, 1), UNIT)]),
                   warped(x, y, tau, [(nowhere, UNIT)])):  # fmt: skip
         assert (found.carried, found.sharpness.tolist(), found.way_px) == (0, [0.0], 0.0)
 
 
-def test_meetings_of_a_pixel_with_itself_are_those_of_all_pairs() -> None:
-    """Without an image of votes: the sum over ordered pairs of a pixel's events of the Gaussian at their distance."""
+def test_meetings_of_a_pixel_with_itself_are_taken_off() -> None:
+    """Of events of one pixel each votes alone, wherever it is carried to: as if no other were there."""
     rng = np.random.default_rng(8)
-    x, y = (rng.integers(20, 24, 40).astype(np.uint16) for _ in range(2))
-    tau = np.sort(rng.uniform(0, 1, x.size))
-    turns = np.array([0.0 * UNIT, UNIT, 1.5 * UNIT])
-    order, flows = pixel_by_pixel(x, y), np.broadcast_to((4.0, -3.0), (1, x.size, 2)).copy()
-    pixels = (y.astype(np.int64) * WIDTH + x)[order]
-    found = meetings_with_oneself(pixels, tau[order], flows, np.zeros(3, np.int64), turns, 1.2, x.size)
-    same = (x[:, np.newaxis] == x) & (y[:, np.newaxis] == y) & ~np.eye(x.size, dtype=bool)
-    for gain, met in zip((0.0, 1.0, 1.5), found, strict=True):
-        apart = 5.0 * gain * (tau[:, np.newaxis] - tau)
-        assert met == pytest.approx(float(norm.pdf(apart, scale=1.2 * 2**0.5)[same].sum()) / (1.2 * (4 * np.pi) ** 0.5))
+    tau = np.sort(rng.uniform(0, 1, 12))
+    x, y = (np.full(12, at, np.uint16) for at in (40, 30))
+    candidates = [(uniform_flow(6.0, -4.0), gain * UNIT) for gain in (0.0, 0.5, 1.0, 1.5)]
+    together = warped(x, y, tau, candidates).sharpness
+    assert together == pytest.approx([1 / (4 * np.pi)] * 4, rel=0.2)
+    assert warped(x + np.arange(12, dtype=np.uint16) % 2, y, tau, candidates).sharpness[0] > 4 / (4 * np.pi)
 
 
 def test_pixels_that_fire_in_place_move_no_gain() -> None:

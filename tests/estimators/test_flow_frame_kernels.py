@@ -3,8 +3,8 @@
 import numpy as np
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.flow_frame_kernels import luma_patches, parts_about, read_parts
-from fedora_qa.estimators.flow_warp import read_between, smooth, smoothing_taps
+from fedora_qa.estimators.flow_frame_kernels import parts_about, read_parts, smoothed_patches
+from fedora_qa.estimators.flow_warp import read_at_pixels, read_between, smooth, smoothing_taps, taps_at_pixels
 
 HEIGHT, WIDTH = 90, 120
 RNG = np.random.default_rng(3)
@@ -38,4 +38,16 @@ def test_patches_of_luma() -> None:
     """Those of the whole luma."""
     corners = np.array([[0, 0], [33, 41], [WIDTH - 32, HEIGHT - 32]])
     expected = [LUMA[top : top + 32, left : left + 32] for left, top in corners]
-    np.testing.assert_allclose(luma_patches(RGB, OF_CODES, corners, 32), expected, atol=1e-3)
+    np.testing.assert_allclose(
+        smoothed_patches(RGB, OF_CODES, np.ones(1, np.float32), corners, 32), expected, atol=1e-3
+    )
+
+
+def test_patches_at_pixels_are_those_of_the_whole() -> None:
+    """Gaussian and B-spline in one, up to the border of the image."""
+    corners = np.array([[0, 0], [33, 41], [WIDTH - 36, HEIGHT - 36]])
+    for sigma_px in (1.0, 2.3):
+        seen = read_at_pixels(smooth(LUMA, sigma_px))
+        expected = [seen[top : top + 36, left : left + 36] for left, top in corners]
+        found = smoothed_patches(RGB, OF_CODES, taps_at_pixels(sigma_px), corners, 36)
+        np.testing.assert_allclose(found, expected, atol=2e-3)

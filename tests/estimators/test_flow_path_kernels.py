@@ -6,25 +6,33 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from fedora_qa.estimators.flow_path_kernels import medians_of_parts, spans_at_targets, step
+from fedora_qa.estimators.flow_path_kernels import errors_of_reading, medians_of_parts, spans_at_targets, step
 
 HEIGHT, WIDTH = 60, 90
 COLUMNS, ROWS = np.meshgrid(np.arange(float(WIDTH)), np.arange(float(HEIGHT)))
-NOTHING = np.empty((0, 0, 4), np.float32)
+NOTHING, UNKNOWN = np.empty((0, 0, 4), np.float32), np.empty((0, 0), np.float32)
 
 
 class Stepped:
     """Paths that begin at ``x`` and ``y``, after one step along a flow (H, W, 2)."""
 
     def __init__(
-        self, flow_px: NDArray[np.float64], x: ArrayLike, y: ArrayLike, *, first: bool = False, crowds: bool = False
+        self,
+        flow_px: NDArray[np.float64],
+        x: ArrayLike,
+        y: ArrayLike,
+        *,
+        first: bool = False,
+        crowds: bool = False,
+        many: bool = False,
     ):
         lines = np.ascontiguousarray(flow_px, np.float32).reshape(len(flow_px), -1)
         self.x, self.y = (np.array(at, dtype=np.float64).ravel() for at in np.broadcast_arrays(x, y))
         self.bound_px = np.zeros(len(self.x))
         self.clear, self.stays = np.ones(len(self.x), np.bool_), np.ones(len(self.x), np.bool_)
         spans = spans_at_targets(lines) if crowds else NOTHING
-        step(lines, spans, 0.001, first, True, self.x, self.y, self.bound_px, self.clear, self.stays)
+        errors_px = errors_of_reading(lines) if many else UNKNOWN
+        step(lines, spans, errors_px, 0.001, first, True, self.x, self.y, self.bound_px, self.clear, self.stays)
 
 
 def flow_of(u: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
@@ -59,6 +67,20 @@ def test_paths_keep_four_pixels_from_breaks(spoilt: str) -> None:
     clear = Stepped(flow_px, np.arange(WIDTH), 30).clear
     right = 45 if spoilt == "break" else 46  # the neighbours of a missing value bend as well
     assert set(np.flatnonzero(clear)) == {*range(5, 35), *range(right, WIDTH - 5)}
+
+
+def test_many_paths_are_as_few() -> None:
+    """What is looked at once for all pixels is what is looked at about each path: bounds, and what keeps clear."""
+    rng = np.random.default_rng(7)
+    flow_px = flow_of(0.02 * (COLUMNS - 40) ** 2 / 9 + np.where(ROWS > 40, 2.0, 0.0), 0.05 * ROWS)
+    flow_px += rng.normal(0, 0.005, flow_px.shape)
+    flow_px[12, 70], flow_px[20, 30, 1] = np.nan, np.inf
+    x, y = rng.uniform(0, WIDTH, 3000), rng.uniform(0, HEIGHT, 3000)
+    few, many = (Stepped(flow_px, x, y, many=each) for each in (False, True))
+    assert 500 < few.clear.sum() < 2500
+    np.testing.assert_array_equal(many.clear, few.clear)
+    np.testing.assert_array_equal(many.bound_px, few.bound_px)
+    np.testing.assert_array_equal(many.x, few.x)
 
 
 def test_what_is_covered_midway_is_not_clear() -> None:

@@ -6,6 +6,7 @@ import pytest
 from fedora_qa.estimators.flow_tiles import TileGrid, patches_of, pixels_of
 from fedora_qa.estimators.flow_warp import read_at_pixels, read_between, smooth
 from fedora_qa.estimators.residual_flow import TileResiduals, tile_residuals
+from fedora_qa.estimators.residual_flow_kernels import sums_of_tiles
 
 SIZE = 240
 _RNG = np.random.default_rng(11)
@@ -106,3 +107,24 @@ def test_unused_pixels_do_not_count() -> None:
     clean, masked = (tile_residuals(before, w, valid, 1.0) for w in (warped, spoilt))
     np.testing.assert_allclose(masked.flow_errors_px, clean.flow_errors_px, atol=1e-5)
     assert masked.valid_share.tolist() == [0.5] * 3
+
+
+def test_sums_are_those_of_plain_arrays() -> None:
+    """Products of slopes, 1, level and difference over the valid pixels, each formed apart in double precision."""
+    rng = np.random.default_rng(2)
+    before, warped = (rng.uniform(0, 255, (3, 36, 36)).astype(np.float32) for _ in range(2))
+    valid = rng.uniform(size=(3, 32, 32)) < 0.7
+    valid[2] = False
+    mean = 0.5 * (before.astype(np.float64) + warped)
+    inner = (slice(None), slice(2, -2), slice(2, -2))
+    taps = np.array([1, -8, 0, 8, -1]) / 12
+    across, down = (
+        np.apply_along_axis(lambda line: np.convolve(line, taps[::-1], "valid"), axis, mean) for axis in (2, 1)
+    )
+    counts = np.maximum(valid.sum(axis=(1, 2)), 1)
+    level = mean[inner] - ((mean[inner] * valid).sum(axis=(1, 2)) / counts)[:, None, None]
+    difference = warped[inner].astype(np.float64) - before[inner]
+    design = np.stack((across[:, 2:-2], down[:, :, 2:-2], np.ones_like(level), level, difference), axis=1)
+    design = (design * valid[:, None]).reshape(3, 5, -1)
+    expected = design @ design.transpose(0, 2, 1)
+    np.testing.assert_allclose(sums_of_tiles(before, warped, valid, 2), expected, rtol=1e-4, atol=1.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.events.view import sensor_shape
 from fedora_qa.checks.flow.intervals import Interval, owned_intervals
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.contrast import GAINS, SeenFlow, blank_canvas, pixel_by_pixel, sharpness_under
+from fedora_qa.estimators.contrast import GAINS, View, pixel_by_pixel, sharpness_under
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
 
@@ -74,8 +74,7 @@ def measure_fields(window: Window) -> tuple[FieldSharpness, ...]:
         events = _on_sensor(window.events(SHORTEST_NS, max(last_ns - window.span.stop_ns, 0)), window.facts)
     except UnreadableRowsError:
         return ()
-    canvas = blank_canvas(*sensor_shape(window.facts.declared))
-    measured = (_measure(window, interval, events, canvas) for interval in chosen)
+    measured = (_measure(window, interval, events) for interval in chosen)
     return tuple(one for one in measured if one is not None)
 
 
@@ -91,14 +90,15 @@ def _middle_ns(interval: Interval) -> int:
     return interval.start_ns + interval.length_ns // 2
 
 
-def _measure(window: Window, interval: Interval, events: Events, canvas: Float32) -> FieldSharpness | None:
+def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpness | None:
     try:
         stored = window.flow_px(interval.stream, interval.row)
     except UnreadableRowsError:
         return None
-    seen = _seen_by_events(window.facts, stored)
+    shape, view = sensor_shape(window.facts.declared), _view_of_flow(window.facts)
+    seen_px = view.of(stored, shape)
     focal_px = float(window.facts.declared.cameras["events"].K[0, 0])
-    half_ns = _length_ns(interval, seen, focal_px, sensor_shape(window.facts.declared)) // 2
+    half_ns = _length_ns(interval, seen_px, focal_px) // 2
     middle_ns = _middle_ns(interval)
     start, stop = np.searchsorted(events.times_ns, [middle_ns - half_ns, middle_ns + half_ns])
     if stop - start < FEWEST_EVENTS:
@@ -108,12 +108,12 @@ def _measure(window: Window, interval: Interval, events: Events, canvas: Float32
     x, y = events.x[taken][order], events.y[taken][order]
     tau = (events.times_ns[taken][order] - interval.start_ns) / interval.length_ns
     turns = [0.0 * _UNIT, *(gain * _UNIT for gain in GAINS), *_turns(interval.duration_s)]
-    as_stored = sharpness_under(x, y, tau, [(seen, turn) for turn in turns], canvas)
+    as_stored = sharpness_under(x, y, tau, [(seen_px, turn) for turn in turns])
     if as_stored.carried < FEWEST_EVENTS:
         return None
     own, turned = as_stored.sharpness[1 + GAINS.index(1.0)], as_stored.sharpness[1 + len(GAINS) :]
-    mirrored = (seen.mirrored(axis) for axis in range(2))
-    pairs = [sharpness_under(x, y, tau, [(seen, _UNIT), (field, _UNIT)], canvas).sharpness for field in mirrored]
+    mirrored = (view.mirrored(axis, stored.shape).of(stored, shape) for axis in range(2))
+    pairs = [sharpness_under(x, y, tau, [(seen_px, _UNIT), (other, _UNIT)]).sharpness for other in mirrored]
     rivals = np.array([*((own, one) for one in turned), *pairs])
     way_rad = as_stored.way_px / _RMS_OF_TIME / focal_px
     return FieldSharpness(
@@ -121,15 +121,15 @@ def _measure(window: Window, interval: Interval, events: Events, canvas: Float32
     )
 
 
-def _length_ns(interval: Interval, seen: SeenFlow, focal_px: float, shape: tuple[int, int]) -> int:
+def _length_ns(interval: Interval, flow_px: Float32, focal_px: float) -> int:
     """Return the time that events are taken from: of up to the whole interval that which makes the allowance least.
 
     With the root mean square way w it is 1 / (12 w^2) for the pixels and 2 a^2 = 24 (w / focal)^2 for bent paths, least
     at w^2 = focal / sqrt(288). Some thousands of pixels tell w: the choice need not be exact.
     """
-    step = max(1, int(np.sqrt(shape[0] * shape[1] / _FOR_SPEED)))
-    columns, rows = np.meshgrid(*(np.arange(0, size, step, dtype=np.uint16) for size in shape[::-1]))
-    speed_px = np.hypot(*seen.at(columns.ravel(), rows.ravel()).T)
+    step = max(1, int(np.sqrt(flow_px[..., 0].size / _FOR_SPEED)))
+    some_px = flow_px[::step, ::step].astype(np.float64)
+    speed_px = np.hypot(some_px[..., 0], some_px[..., 1])
     known = speed_px[np.isfinite(speed_px)]
     way_px = _RMS_OF_TIME * float(np.sqrt(np.mean(np.square(known)))) if len(known) else 0.0
     best = np.sqrt(focal_px / np.sqrt(288.0)) / max(way_px, 1e-9)
@@ -149,12 +149,12 @@ _RMS_OF_TIME: Final = 12**-0.5
 """Root mean square distance of an instant from the middle, over the length of the interval."""
 
 
-def _seen_by_events(facts: Facts, flow_px: Float32) -> SeenFlow:
-    """Return the flow as the event camera sees it, which sits where the depth camera does."""
+def _view_of_flow(facts: Facts) -> View:
+    """Return how the event camera, which sits where the depth camera does, sees the flow's grid."""
     K_flow, K_event = (facts.declared.cameras[name].K for name in ("depth", "events"))
     across, down = (float(K_flow[i, i] / K_event[i, i]) for i in range(2))
     left, top = (float(K_flow[i, 2] - K_event[i, 2] * K_flow[i, i] / K_event[i, i]) for i in range(2))
-    return SeenFlow(np.ascontiguousarray(flow_px, dtype=np.float32), (across, left, down, top, 1 / across, 1 / down))
+    return View(across, left, down, top, 1 / across, 1 / down)
 
 
 def _on_sensor(events: Events, facts: Facts) -> Events:

@@ -12,14 +12,14 @@ from fedora_qa.checks.flow.lattice import sample_field
 from fedora_qa.checks.flow.motions import motion_over
 from fedora_qa.checks.intermediates import luma_dn
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.flow_frame_kernels import luma_patches, parts_about, read_parts
+from fedora_qa.estimators.flow_frame_kernels import parts_about, read_parts, smoothed_patches
 from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both
 from fedora_qa.estimators.flow_motion_fit import fit_motion, twist_statistic
 from fedora_qa.estimators.flow_tiles import patches_of, pixels_of
-from fedora_qa.estimators.flow_warp import read_between, smooth, smoothing_taps
+from fedora_qa.estimators.flow_warp import read_between, smooth, smoothing_taps, taps_at_pixels
 from fedora_qa.estimators.image_noise import noise_variances
 from fedora_qa.estimators.image_transfer import to_linear
-from fedora_qa.estimators.residual_flow import LUMA_ROUNDING_VARIANCE_DN2, TILE_PX
+from fedora_qa.estimators.residual_flow import HALO_PX, LUMA_ROUNDING_VARIANCE_DN2, TILE_PX
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
@@ -32,6 +32,12 @@ Mask = NDArray[np.bool_]
 
 _SAME: Final = 1e-6
 """Pixels, or metres, by which two cameras may differ and still be one."""
+
+PATCH_PX: Final = TILE_PX + 2 * HALO_PX
+"""Side of a tile with its halo."""
+
+_AS_IT_IS: Final = np.ones(1, np.float32)
+"""Weights that smooth nothing."""
 
 _IN_PARTS: Final = 0.3
 """Share of a frame up to which only the parts that are asked for are made: what is made of all serves three rates."""
@@ -86,6 +92,10 @@ class FramePair:
 
     def first(self, origins: Int64) -> Float32:
         """Return patches of the first frame on tiles of the flow's grid with their halo, (n, s, s)."""
+        if self.optics.H_rgb_flow is None and self._in_parts(self.before, len(origins) * PATCH_PX**2):
+            rgb, taps = self.window.rgb(self.before), taps_at_pixels(self.optics.sigma_px)
+            corners = origins - HALO_PX
+            return np.asarray(smoothed_patches(rgb, _luma_of_codes(self.window.facts), taps, corners, PATCH_PX))
         columns, rows = pixels_of(origins)
         return self._read(self.before, columns.astype(np.float32), rows.astype(np.float32))
 
@@ -95,7 +105,7 @@ class FramePair:
         middles = (origins + TILE_PX // 2).astype(np.float32)
         corners = np.stack(self._on_frame(middles[:, 0], middles[:, 1]), axis=-1) - TILE_PX // 2
         inside = np.clip(np.rint(corners), 0, np.array(rgb.shape[1::-1]) - TILE_PX).astype(np.int64)
-        patches = luma_patches(rgb, _luma_of_codes(self.window.facts), inside, TILE_PX)
+        patches = smoothed_patches(rgb, _luma_of_codes(self.window.facts), _AS_IT_IS, inside, TILE_PX)
         return np.maximum(noise_variances(patches), LUMA_ROUNDING_VARIANCE_DN2)
 
     def second(self, columns: Float32, rows: Float32) -> Float32:
@@ -108,10 +118,14 @@ class FramePair:
         rgb, taps = self.window.rgb(frame), smoothing_taps(self.optics.sigma_px)
         parts = parts_about(columns, rows, rgb.shape[1], rgb.shape[0])
         sides = parts[:, 2:] - parts[:, :2] + len(taps) - 1
-        if np.sum(sides[:, 0] * sides[:, 1]) < _IN_PARTS * rgb.shape[0] * rgb.shape[1]:
+        if self._in_parts(frame, int(np.sum(sides[:, 0] * sides[:, 1]))):
             return np.asarray(read_parts(rgb, _luma_of_codes(self.window.facts), taps, parts, columns, rows))
         flat = (-1, columns.shape[-1])
         return read_between(self._smoothed(frame), columns.reshape(flat), rows.reshape(flat)).reshape(columns.shape)
+
+    def _in_parts(self, frame: int, pixels: int) -> bool:
+        """Whether so many pixels of a frame are few enough to make only these."""
+        return pixels < _IN_PARTS * self.window.rgb(frame)[..., 0].size
 
     def _on_frame(self, columns: Float32, rows: Float32) -> tuple[Float32, Float32]:
         """Return positions on the colour frame of positions on the flow's grid."""

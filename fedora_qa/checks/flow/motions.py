@@ -1,18 +1,23 @@
 """The camera's motion over the intervals of a window, from poses that are interpolated once."""
 
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 
 from fedora_qa.checks.flow.intervals import Interval, Pose, PoseTrack, motion_between, owned_intervals
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.sequence.window import Window
+
+DELAY_NS: Final = NS_PER_S // 1000
+"""By which instants are moved to see how a motion changes with time."""
 
 
 def motion_over(window: Window, track: PoseTrack, interval: Interval) -> RigidMotion | None:
     """Return how points move over an interval in the camera of a window's own track; None where no pose covers it.
 
-    Poses at all ends of the window's intervals are interpolated at once.
+    Poses at all ends of the window's intervals, and ``DELAY_NS`` before and after them, are interpolated at once.
     """
     poses = window.once("poses at ends of intervals", lambda: _poses_at_ends(window, track))
     before, after = poses.get(interval.start_ns), poses.get(interval.end_ns)
@@ -23,6 +28,7 @@ def motion_over(window: Window, track: PoseTrack, interval: Interval) -> RigidMo
 
 def _poses_at_ends(window: Window, track: PoseTrack) -> Mapping[int, Pose]:
     intervals = [one for stream in window.facts.flow_streams for one in owned_intervals(window, stream)]
-    at_ns = np.unique(np.array([(one.start_ns, one.end_ns) for one in intervals], dtype=np.int64))
+    ends_ns = np.array([(one.start_ns, one.end_ns) for one in intervals], dtype=np.int64).ravel()
+    at_ns = np.unique(np.concatenate((ends_ns, ends_ns - DELAY_NS, ends_ns + DELAY_NS)))
     R, positions_m = track.poses_at(at_ns)
     return {int(time_ns): (R[i], positions_m[i]) for i, time_ns in enumerate(at_ns)}

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow_path_kernels import spans_at_targets, step
+from fedora_qa.estimators.flow_path_kernels import errors_of_reading, spans_at_targets, step
 from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.window import Window
 
@@ -19,6 +19,9 @@ Change = Callable[[Float32], NDArray[np.floating]]
 
 _MOST_FIELDS: Final = 12
 """Fields that may make up a common interval: five of 50 Hz, or five of 25 Hz against two of 10 Hz, with room."""
+
+_MANY: Final = 1 / 16
+"""Paths a pixel from which on it costs less to look about all pixels of a field than about each path."""
 
 _ROUNDING_PX: Final = 18 * 2.0**-24
 """Single-precision rounding of a flow, for each pixel of width and height; ``geometry.rigid_flow`` derives it in full.
@@ -122,28 +125,30 @@ def compose(window: Window, chain: Chain, columns: Float64, rows: Float64, chang
     clear, stays = np.ones(len(x), dtype=np.bool_), np.ones(len(x), dtype=np.bool_)
     last = len(chain.rows) - 1
     for place, row in enumerate(chain.rows):
-        lines, spans = _field(window, chain.stream, row, change, place < last)
+        lines = _lines(window, chain.stream, row, change)
+        stored = None if change is not None else (chain.stream, row)
+        spans = _kept(window, "flows to cells", stored, spans_at_targets, lines) if place < last else _ASKS_NOTHING
+        are_many = last > 0 and _MANY * lines.size < 2 * len(x)
+        errors_px = _kept(window, "errors of reading", stored, errors_of_reading, lines) if are_many else _UNKNOWN
         rounding_px = _ROUNDING_PX * (lines.shape[0] + lines.shape[1] // 2)
-        step(lines, spans, rounding_px, place == 0, last > 0, x, y, bound_px, clear, stays)
+        step(lines, spans, errors_px, rounding_px, place == 0, last > 0, x, y, bound_px, clear, stays)
     return Composed(np.stack((x - columns, y - rows), axis=-1), bound_px, clear, stays)
 
 
-def _field(
-    window: Window, stream: str, row: int, change: Change | None, is_left: bool
-) -> tuple[Float32, NDArray[np.float32]]:
-    """Return a field as lines (H, 2 W) of u and v, and which flows lead where, if paths go on from there.
-
-    The latter is kept for the window where the field is as stored.
-    """
+def _lines(window: Window, stream: str, row: int, change: Change | None) -> Float32:
+    """Return a field as lines (H, 2 W) of u and v."""
     flow_px = window.flow_px(stream, row)
     if change is not None:
         flow_px = change(flow_px)
-    lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
-    if not is_left:
-        return lines, _ASKS_NOTHING
-    if change is not None:
-        return lines, spans_at_targets(lines)
-    return lines, window.once(("flows to cells", stream, row), lambda: spans_at_targets(lines))
+    return np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
+
+
+def _kept(
+    window: Window, name: str, field: tuple[str, int] | None, compute: Callable[[Float32], Float32], lines: Float32
+) -> Float32:
+    """Return what is computed of a field, kept for the window if it is one as stored."""
+    return compute(lines) if field is None else window.once((name, *field), lambda: compute(lines))
 
 
 _ASKS_NOTHING: Final = np.empty((0, 0, 4), dtype=np.float32)
+_UNKNOWN: Final = np.empty((0, 0), dtype=np.float32)

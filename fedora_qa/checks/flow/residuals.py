@@ -11,7 +11,8 @@ from fedora_qa.checks.flow.intervals import Interval
 from fedora_qa.checks.flow.tile_templates import tile_templates
 from fedora_qa.estimators.flow_field_fit import MEAN, fit_field, lock_in, templates_of_flow
 from fedora_qa.estimators.flow_motion_fit import Evidence
-from fedora_qa.estimators.flow_tiles import TileGrid, patches_of, pixels_of
+from fedora_qa.estimators.flow_tile_kernels import known_patches, means_slopes_sines, places_of
+from fedora_qa.estimators.flow_tiles import TileGrid
 from fedora_qa.estimators.residual_flow import (
     HALO_PX,
     LUMA_ROUNDING_VARIANCE_DN2,
@@ -49,6 +50,9 @@ Honest tiles leave up to 1%, of detail that the pixels do not resolve; unrelated
 _SECOND_STEP_PX: Final = 0.5
 """Beyond so much of an error the linearisation is taken again about the corrected flow."""
 
+_EVERY_PX: Final = 2
+"""Every other pixel of every other row tells a tile's flow and its slopes: flow is smooth within a surface."""
+
 
 @dataclass(frozen=True, slots=True)
 class Tiles:
@@ -66,11 +70,8 @@ class Tiles:
 
     def read(self, frames: FramePair, extra_px: Float64 | None = None) -> TileResiduals:
         """Warp the second frame back by the flow, less ``extra_px`` (n, 2), and estimate what is left."""
-        columns, rows = pixels_of(self.origins)
-        flow_px = self.flow_px if extra_px is None else self.flow_px - extra_px[:, None, None, :].astype(np.float32)
-        warped = frames.second(
-            (columns + flow_px[..., 0]).astype(np.float32), (rows + flow_px[..., 1]).astype(np.float32)
-        )
+        less_px = np.zeros(self.origins.shape) if extra_px is None else extra_px
+        warped = frames.second(*places_of(self.flow_px, self.origins, HALO_PX, less_px.astype(np.float32)))
         found = tile_residuals(frames.first(self.origins), warped, self.usable, LUMA_ROUNDING_VARIANCE_DN2)
         noisier = self.noise_dn2 / LUMA_ROUNDING_VARIANCE_DN2
         return replace(found, noise_covariances_px2=found.noise_covariances_px2 * noisier[:, None, None])
@@ -133,13 +134,9 @@ def sample_tiles(frames: FramePair, interval: Interval, share: float) -> Tiles |
         return None
     rate_hz = int(interval.stream.removeprefix("flow/").removesuffix("hz"))
     origins = grid.sample(share, rate_hz, interval.row)
-    flow_px = patches_of(stored, origins)
-    with np.errstate(invalid="ignore"):
-        finite = (np.abs(flow_px[..., 0]) < LARGEST_FLOW_PX) & (np.abs(flow_px[..., 1]) < LARGEST_FLOW_PX)
+    flow_px, known = known_patches(stored, origins, TILE_PX, HALO_PX, LARGEST_FLOW_PX)
     shown, by_depth = visible(frames.window, interval, origins)
-    usable = finite[:, HALO_PX:-HALO_PX, HALO_PX:-HALO_PX] & shown
-    known_px = np.where(finite[..., None], flow_px, np.float32(0))
-    return Tiles(origins, known_px, usable, frames.noise_variances_dn2(origins), by_depth)
+    return Tiles(origins, flow_px, known & shown, frames.noise_variances_dn2(origins), by_depth)
 
 
 def textured(residuals: TileResiduals) -> Mask:
@@ -178,7 +175,9 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
         return counts
     covariances_px2 = covariances_px2[matched]
     geometric = tile_templates(frames.window, interval, tiles.origins[matched], tiles.usable[matched])
-    templates = templates_of_flow(*_flow_slopes_sines(tiles.flow_px[matched], tiles.usable[matched]), geometric)
+    templates = templates_of_flow(
+        *means_slopes_sines(tiles.flow_px[matched], tiles.usable[matched], HALO_PX, _EVERY_PX), geometric
+    )
     return _summary(counts, tiles.origins[matched], errors_px[matched], covariances_px2, templates)
 
 
@@ -209,21 +208,3 @@ def _summary(
 def _tile_at(origin: Int64) -> tuple[int, int, int, int]:
     left, top = (int(side) for side in origin)
     return left, top, left + TILE_PX, top + TILE_PX
-
-
-def _flow_slopes_sines(flow_px: Float32, usable: Mask) -> tuple[Float64, Float64, Float64]:
-    """Return each tile's mean flow (n, 2), its slopes (n, 2, 2) along columns and rows, and its mean sin(2 pi flow).
-
-    Over usable pixels; every other pixel of every other row will do: flow is smooth within a surface.
-    """
-    inner = flow_px[:, HALO_PX:-HALO_PX:2, HALO_PX:-HALO_PX:2].astype(np.float64)
-    weight = usable[:, ::2, ::2, None].astype(np.float64)
-    count = np.maximum(weight.sum(axis=(1, 2)), 1.0)
-    mean = (inner * weight).sum(axis=(1, 2)) / count
-    sines = (np.sin(2 * np.pi * inner) * weight).sum(axis=(1, 2)) / count
-    slopes = []
-    offsets = np.arange(0, TILE_PX, 2, dtype=np.float64)
-    for place in (offsets[None, None, :, None], offsets[None, :, None, None]):
-        from_centre = (place - ((place * weight).sum(axis=(1, 2)) / count)[:, None, None, :]) * weight
-        slopes.append((from_centre * inner).sum(axis=(1, 2)) / np.maximum((from_centre**2).sum(axis=(1, 2)), 1.0))
-    return mean, np.stack(slopes, axis=-1), sines

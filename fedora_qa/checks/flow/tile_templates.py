@@ -5,14 +5,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow.comparison import is_noisy, templates_of
-from fedora_qa.checks.flow.frames import geometry_of, inverse_depth_of
+from fedora_qa.checks.flow.comparison import is_noisy
+from fedora_qa.checks.flow.frames import Geometry, geometry_of, inverse_depth_of
 from fedora_qa.checks.flow.intervals import Interval
-from fedora_qa.estimators.flow_motion_fit import FlowSample
-from fedora_qa.estimators.flow_templates import CENTRE, FOCAL, MOUNTING, TIME_OFFSET
-from fedora_qa.estimators.flow_tiles import patches_of, pixels_of
-from fedora_qa.estimators.residual_flow import TILE_PX
-from fedora_qa.geometry.rigid_flow import moved_points, twist_jacobian
+from fedora_qa.checks.flow.motions import DELAY_NS, motion_over
+from fedora_qa.estimators.flow_tile_kernels import mean_derivatives
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.so3 import cross_matrices
 from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
@@ -20,9 +19,8 @@ Float64 = NDArray[np.float64]
 _STRIDE_PX: Final = 8
 """Templates are as smooth as the flow: sixteen pixels give the mean of a tile."""
 
-_ABOUT_OPTICAL_AXIS: Final = 2
+_ABOUT_OPTICAL_AXIS: Final = np.eye(6)[:, 2:3]
 _PERCENT, _DEG = 0.01, np.pi / 180
-_MS_PER_S = 1e3
 
 
 def tile_templates(
@@ -37,28 +35,31 @@ def tile_templates(
     geometry = geometry_of(window, interval)
     if geometry is None:
         return None
-    every = slice(_STRIDE_PX // 2, TILE_PX, _STRIDE_PX)
-    inverse = patches_of(inverse_depth_of(window, geometry.frames[0]), origins, halo_px=0)[:, every, every]
-    chosen = usable[:, every, every] & (inverse > 0)
-    columns, rows = (pixels[:, every, every][chosen].astype(np.float64) for pixels in pixels_of(origins, halo_px=0))
-    depths_m = 1.0 / inverse[chosen].astype(np.float64)
-    sample = FlowSample(columns, rows, depths_m, np.zeros((len(columns), 2)), 1.0)
-    small = -templates_of(geometry.track, interval, geometry.motion, sample, geometry.correction)
-    time = small[:, :, TIME_OFFSET.columns] * (_PERCENT * _MS_PER_S * interval.duration_s)
-    if is_noisy(window.facts.declared.pose):
-        time = np.zeros_like(time)
-    K, motion = geometry.track.camera.K, geometry.motion.corrected(geometry.correction)
-    points1_m = np.stack(moved_points(K, motion, columns, rows, depths_m), axis=-1)
-    roll = twist_jacobian(K, points1_m)[:, :, _ABOUT_OPTICAL_AXIS, None] * _DEG
-    parts = [small[:, :, part.columns] for part in (FOCAL, CENTRE, MOUNTING)]
-    return _means(np.nan_to_num(np.concatenate((*parts, time, roll), axis=2)), chosen)
+    motion = geometry.motion.corrected(geometry.correction)
+    inverse_per_m = inverse_depth_of(window, geometry.frames[0])
+    of_tiles = mean_derivatives(
+        inverse_per_m, origins, usable, _STRIDE_PX // 2, _STRIDE_PX, geometry.track.camera.K, motion.R, motion.t_m
+    )
+    by_twist, by_focal, by_centre = of_tiles[..., :6], of_tiles[..., 6:7], of_tiles[..., 7:]
+    twists = np.concatenate((by_mounting(motion), _by_time(window, interval, geometry), _ABOUT_OPTICAL_AXIS), axis=1)
+    twists *= np.array([_DEG, _DEG, _DEG, _PERCENT, _DEG])
+    return np.concatenate((_PERCENT * by_focal, by_centre, by_twist @ twists), axis=2)
 
 
-def _means(values: Float64, chosen: NDArray[np.bool_]) -> Float64:
-    """Return the mean of values (k, 2, m) over the k chosen pixels of each tile; 0 for tiles without any."""
-    tiles = np.nonzero(chosen)[0]
-    sums = np.zeros((len(chosen), *values.shape[1:]))
-    np.add.at(sums, tiles, values)
-    counts = np.bincount(tiles, minlength=len(chosen))
-    means: Float64 = sums / np.maximum(counts, 1)[:, None, None]
-    return means
+def by_mounting(motion: RigidMotion) -> Float64:
+    """Return the twists (6, 3) per rad by which a camera's motion changes as it is turned about its axes.
+
+    Turned by w, points move by ``Exp(w)^T (R, t) Exp(w)``, which is the motion followed by the twist
+    ``(R w - w, t x R w)``.
+    """
+    return np.concatenate((motion.R - np.eye(3), cross_matrices(motion.t_m) @ motion.R))
+
+
+def _by_time(window: Window, interval: Interval, geometry: Geometry) -> Float64:
+    """Return the twist (6, 1) per interval by which an earlier motion differs; zero where that is not known."""
+    if not is_noisy(window.facts.declared.pose):
+        later, earlier = (motion_over(window, geometry.track, interval.moved(by)) for by in (DELAY_NS, -DELAY_NS))
+        if later is not None and earlier is not None:
+            twist: Float64 = earlier.twist_from(later)[:, None] * (interval.length_ns / (2 * DELAY_NS))
+            return twist
+    return np.zeros((6, 1))
