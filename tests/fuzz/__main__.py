@@ -88,7 +88,8 @@ def _work(left: list[int], out: Path, job: int, until: float) -> None:
             continue
         seed, ended = int((folder / "now").read_text()), signal.Signals(os.WTERMSIG(status))
         (folder / "mutant.h5").replace(folder / f"offender-{seed}.h5")
-        said = f"{ended.name}: {(folder / 'stack').read_text()[-2000:]}"
+        stack = (folder / "stack").read_text().partition("Extension modules")[0]
+        said = f"{ended.name}: {stack[:2000]}"
         _log(log, Trial(seed, "", "hang" if ended in HANGS else "death", said))
         left = left[left.index(seed) + 1 :]
 
