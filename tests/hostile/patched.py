@@ -79,6 +79,12 @@ def tree_that_holds_itself(path: Path) -> None:
     path.write_bytes(bytes(content))
 
 
+def names_out_of_order(path: Path) -> None:
+    """Two names of the fastest flow are damaged in the index of their group, which then finds neither."""
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b"50hz_ts\0", b"5\x01hz_ts\0"))
+
+
 def chunk_shorter_than_its_checksum(path: Path, key: str = "path/rgb", size: int = 0) -> None:
     """The first chunk of a dataset claims fewer bytes than its checksum takes: HDF5 2.0 reads beyond its memory."""
     with h5py.File(path) as file:
