@@ -48,7 +48,8 @@ def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:
     count: it ends an interval before the rest.
     """
     present = [_streams_in(span) for span in spans]
-    usual = [span for span, streams in zip(spans, present, strict=True) if 2 * streams >= max(present)]
+    most = max(present, default=0)
+    usual = [span for span, streams in zip(spans, present, strict=True) if 2 * streams >= most]
     if not usual:
         return Timeline(0, 1, 1)
     low, high = usual[0].start_ns, usual[-1].stop_ns

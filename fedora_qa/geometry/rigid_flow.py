@@ -38,6 +38,8 @@ def moved_points(
 def rigid_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64) -> Float64:
     """Return the flow (..., 2) in px, u right and v down; NaN where depth is NaN or the point falls behind.
 
+    Not finite either where a point falls so near the camera's plane that float64 does not hold its pixel.
+
     Parameters
     ----------
     K
@@ -46,11 +48,11 @@ def rigid_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Float64,
         Pixels and their z-depths; they broadcast against each other.
     """
     X1, Y1, Z1 = moved_points(K, motion, columns, rows, depths_m)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         inverse = np.where(Z1 > 0, 1.0 / Z1, np.nan)
-    x1, y1 = X1 * inverse, Y1 * inverse
-    u = K[0, 0] * x1 + K[0, 1] * y1 + K[0, 2] - columns
-    v = K[1, 1] * y1 + K[1, 2] - rows
+        x1, y1 = X1 * inverse, Y1 * inverse
+        u = K[0, 0] * x1 + K[0, 1] * y1 + K[0, 2] - columns
+        v = K[1, 1] * y1 + K[1, 2] - rows
     return np.stack((u, v), axis=-1)
 
 

@@ -28,6 +28,10 @@ INVALID_POLARITY: Final = 255
 FEWEST_ROWS: Final = 4096
 """Samples and events are decoded in blocks of so many at least. A file may store each in a chunk of its own."""
 
+LARGEST_SAMPLE: Final = 1e30
+"""Samples beyond it are infinite, as what their type cannot hold is. No unit of the layout gives them a meaning, and
+the square of a square of their derivatives must fit float64: ``(1e30 / (1e-9 s)^2)^4 = 1e192``."""
+
 _INT64: Final = np.iinfo(np.int64)
 
 
@@ -103,9 +107,9 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int) -> NDArra
 def canonical_rows(file: h5py.File, binding: Binding, start: int, stop: int, origin_ns: int) -> NDArray[Any]:
     """Return rows in canonical units.
 
-    Stamps become int64 nanoseconds from ``origin_ns``. Values are scaled, polarity is 1 brighter, 0 darker, and
-    ``INVALID_POLARITY`` where the stored code is neither. Columns, rows and indices that the canonical type cannot
-    hold stay in int64, so that no fault is wrapped into range.
+    Stamps become int64 nanoseconds from ``origin_ns``. Values are scaled, and samples beyond ``LARGEST_SAMPLE`` become
+    infinite; polarity is 1 brighter, 0 darker, and ``INVALID_POLARITY`` where the stored code is neither. Columns, rows
+    and indices that the canonical type cannot hold stay in int64, so that no fault is wrapped into range.
 
     Raises
     ------
@@ -122,7 +126,8 @@ def canonical_rows(file: h5py.File, binding: Binding, start: int, stop: int, ori
         return _integers(raw, canonical)
     with np.errstate(over="ignore"):  # what the type cannot hold is infinite, and found to be
         values = raw.astype(canonical, copy=False)
-    return values if binding.scale == 1.0 else values * canonical.type(binding.scale)
+        values = values if binding.scale == 1.0 else values * canonical.type(binding.scale)
+    return values if DATASETS[binding.key].is_image else _infinite_beyond(values)
 
 
 def stamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[np.int64]:
@@ -176,6 +181,11 @@ def _polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:
     p[raw == brighter] = POLARITY_BRIGHTER
     p[raw == darker] = POLARITY_DARKER
     return p
+
+
+def _infinite_beyond(samples: NDArray[Any]) -> NDArray[Any]:
+    far = np.abs(samples) > LARGEST_SAMPLE  # False for NaN
+    return np.where(far, np.copysign(np.inf, samples), samples) if np.any(far) else samples
 
 
 def _integers(raw: NDArray[Any], canonical: np.dtype[Any]) -> NDArray[Any]:

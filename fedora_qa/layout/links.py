@@ -17,6 +17,9 @@ MAX_LINKS: Final = 16
 """Soft links followed in a row before they count as a loop."""
 
 
+MOST_NAMES: Final = 1000
+"""Of a group that are looked through one by one. The canonical layout has at most ten in a group."""
+
 LONGEST_MESSAGE: Final = 500
 """Characters of a message: names and link targets may be as long as the file likes."""
 
@@ -104,6 +107,9 @@ def _follow(file: h5py.File, path: str, links_left: int) -> h5py.Group | h5py.Da
             return None
         link = here.get(part, getlink=True)
         if link is None:
+            if _lists(here, part):
+                message = f"Expected {path} where its group lists it, got nothing there: the group's index is damaged"
+                raise RefusedError("unreadable", "corrupt_chunk", message)
             return None
         if isinstance(link, h5py.ExternalLink):
             raise RefusedError("outside_link", "missing_stream", f"Expected {path} in this file, got a link to "
@@ -118,3 +124,15 @@ def _follow(file: h5py.File, path: str, links_left: int) -> h5py.Group | h5py.Da
             return found
         here = here[part]
     return here
+
+
+def _lists(group: h5py.Group, name: str) -> bool:
+    """Whether a name is among the first ``MOST_NAMES`` of a group, one by one and not by the index of its names."""
+    wanted, names = name.encode("utf-8", "surrogateescape"), list[bytes]()
+
+    def look(found: bytes) -> bool | None:
+        names.append(found)
+        return True if found == wanted or len(names) == MOST_NAMES else None
+
+    group.id.links.iterate(look)
+    return names[-1:] == [wanted]

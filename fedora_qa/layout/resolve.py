@@ -24,6 +24,7 @@ from fedora_qa.layout.detect import declares_fedora, detect_dialect
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, Dialect, Place, scale_of
 from fedora_qa.layout.filters import require_filters
 from fedora_qa.layout.links import RefusedError, find_dataset, find_object, has_group, reading
+from fedora_qa.layout.whole_chunks import require_whole_chunks
 
 _EXTRA_STREAMS: Final = ("depth_range",)
 """Datasets of the layout that are declarations, not streams."""
@@ -204,6 +205,7 @@ class _Finder:
                 require_shape(spec, place, dataset, path)
                 require_filters(dataset, path)
                 require_bounded(spec, dataset, path)
+                require_whole_chunks(dataset, path)
                 binding = _as_stored(spec, place, dataset, path)
                 self._note_oddities(spec, dataset, path)
                 return replace(binding, offset_ns=self._offset_ns(place, binding))
@@ -230,6 +232,7 @@ class _Finder:
         numeric = dataset.size == 1 and dataset.dtype.kind in "iuf"
         require_filters(dataset, place.offset_path)
         require_small_chunks(dataset, place.offset_path)
+        require_whole_chunks(dataset, place.offset_path)
         with reading(place.offset_path):
             offset = instant_ns(np.asarray(dataset[()]).reshape(-1)[0], binding) if numeric else None
         if offset is None:

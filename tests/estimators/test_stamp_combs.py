@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.stamp_combs import STEPS, comb_counts
+from fedora_qa.estimators.stamp_combs import STEPS, _hits_by_stamp, _hits_by_tick, comb_counts
 
 WINDOW_US = 200_000
 
@@ -42,3 +42,22 @@ def test_events_of_one_tick_count_once() -> None:
     crowded = np.sort(np.concatenate([stamps, np.full(1000, stamps[10])]))
     assert np.array_equal(comb_counts(crowded).hits, comb_counts(stamps).hits)
     assert comb_counts(stamps[:0]).deviates().max() == 0
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 40]), st.sampled_from([1, 2000, 10**6]), st.integers(0, 2**52))
+@settings(max_examples=40, deadline=None)
+def test_far_apart_counts_as_close_together(seed: int, count: int, length_us: int, first_us: int) -> None:
+    """Counting at every stamp gives what counting at every tick gives."""
+    random = np.random.default_rng(seed)
+    stamps = np.unique(np.append(random.integers(first_us, first_us + length_us, count), first_us // 2000 * 2000))
+    assert np.array_equal(_hits_by_stamp(stamps), _hits_by_tick(stamps))
+    assert np.all(comb_counts(stamps).hits <= comb_counts(stamps).teeth)
+
+
+def test_years_between_stamps_cost_nothing() -> None:
+    """No tick is looked at of thirty-six thousand years; teeth are the multiples in between, by exact division."""
+    counts = comb_counts(np.array([-7, 2**60]))
+    assert counts.ticks == 2**60 + 8
+    assert counts.teeth[STEPS.index(3.0)] == 2**60 // 3 + 3
+    assert counts.hits[STEPS.index(1024.0)] == 1
+    assert np.isfinite(counts.deviates()).all()

@@ -1,110 +1,114 @@
 """``make fuzz``: mutants in worker processes with limits; what should never be is counted, and kept by its number.
 
-    python -m tests.fuzz [--mutants N] [--jobs N] [--first SEED] [--out FOLDER]
+    python -m tests.fuzz [--mutants N] [--first SEED] [--jobs N] [--minutes M] [--out FOLDER]
 
-A run goes on where the last one in its folder ended. Worker processes are forked for a batch of mutants each, so that
-one that dies or hangs costs the rest of no batch: it goes on behind the mutant that did it.
+A run goes on where those before it in its folder ended, with however many jobs. Worker processes are forked warm, with
+everything compiled, for a batch of mutants each, so that one that dies or hangs costs the rest of no batch: the next
+process goes on behind the mutant that did it, and what it was doing is kept.
 """
 
 import argparse
+import faulthandler
 import os
 import resource
 import signal
 import sys
-from collections import Counter
+import time
 from dataclasses import asdict
-from json import dumps, loads
+from json import dumps
 from pathlib import Path
 from typing import Final
 
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.run import check_file
-from tests.fuzz.trial import digests, tried
+from tests.fuzz.tally import seeds_done, summarised
+from tests.fuzz.trial import Trial, digests, tried
 from tests.support.handmade import write_handmade
 
-BATCH: Final = 200
+BATCH: Final = 500
 LONGEST_S: Final = 10
-WAITS_S: Final = 120
-"""A process that waits takes no processor time."""
+WAITS_S: Final = 600
+"""A process that waits takes no processor time, nor does one that others leave none."""
 
 MOST_BYTES: Final = 6 << 30
-NEVER: Final = ("traceback", "crashed", "wrongly clean", "hang", "death")
+HANGS: Final = (signal.SIGALRM, signal.SIGPROF)
 
 
 def main() -> int:
     """Try mutants and return 1 where one did what none may."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz")
     parser.add_argument("--mutants", type=int, default=100_000)
-    parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="stop after so long, to go on another time")
     parser.add_argument("--out", type=Path, default=Path("out/fuzz"))
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    seeds = range(given.first, given.first + given.mutants)
-    check_file(write_handmade(given.out / "clean.h5"), CheckOptions())  # so that no worker compiles kernels anew
+    until = time.monotonic() + 60 * given.minutes
+    done = seeds_done(given.out)
+    left = [seed for seed in range(given.first, given.first + given.mutants) if seed not in done]
+    check_file(write_handmade(given.out / "clean.h5"), CheckOptions(evidence=None))  # no worker compiles anew
     children = []
     for job in range(given.jobs):
         child = os.fork()
         if child == 0:
-            os._exit(_work(seeds[job :: given.jobs], given.out / f"trials-{job}-of-{given.jobs}.jsonl", given.out))
+            _work(left[job :: given.jobs], given.out, job, until)
+            os._exit(0)
         children.append(child)
     for child in children:
         os.waitpid(child, 0)
-    return _summarised(given.out)
+    return summarised(given.out)
 
 
-def _work(seeds: range, log: Path, out: Path) -> int:
+def _work(left: list[int], out: Path, job: int, until: float) -> None:
     """Try the mutants of one worker, batch by batch, each in a process of its own."""
-    folder = out / log.stem
+    folder, log = out / f"job-{job}", out / f"trials-{job}.jsonl"
     folder.mkdir(exist_ok=True)
     clean = write_handmade(folder / "clean.h5")
     content, true = clean.read_bytes(), digests(clean)
-    done = {loads(line)["seed"] for line in log.read_text().splitlines()} if log.exists() else set()
-    left = [seed for seed in seeds if seed not in done]
-    while left:
+    while left and time.monotonic() < until:
+        batch = left[:BATCH]
         child = os.fork()
         if child == 0:
-            _limit()
-            for seed in left[:BATCH]:
+            _limit(folder)
+            for seed in batch:
+                if time.monotonic() >= until:
+                    break
                 (folder / "now").write_text(str(seed))
                 signal.setitimer(signal.ITIMER_PROF, LONGEST_S)  # processor time: others may use the machine
                 signal.alarm(WAITS_S)
                 trial = tried(content, true, seed, folder / "mutant.h5")
                 signal.setitimer(signal.ITIMER_PROF, 0)
                 signal.alarm(0)
-                with log.open("a") as file:
-                    file.write(dumps(asdict(trial)) + "\n")
+                _log(log, trial)
             os._exit(0)
         _, status = os.waitpid(child, 0)
         if not os.WIFSIGNALED(status):
-            left = left[BATCH:]
+            left = left[len(batch) :]
             continue
-        seed, ended = int((folder / "now").read_text()), os.WTERMSIG(status)
-        became = "hang" if ended in {signal.SIGALRM, signal.SIGPROF} else "death"
+        seed, ended = int((folder / "now").read_text()), signal.Signals(os.WTERMSIG(status))
         (folder / "mutant.h5").replace(folder / f"offender-{seed}.h5")
-        with log.open("a") as file:
-            file.write(dumps({"seed": seed, "kind": "", "became": became, "said": f"signal {ended}"}) + "\n")
+        stack = (folder / "stack").read_text().partition("Extension modules")[0]
+        said = f"{ended.name}: {stack[:2000]}"
+        _log(log, Trial(seed, "", "hang" if ended in HANGS else "death", said))
         left = left[left.index(seed) + 1 :]
-    return 0
 
 
-def _limit() -> None:
+def _log(log: Path, trial: Trial) -> None:
+    with log.open("a") as file:
+        file.write(dumps(asdict(trial)) + "\n")
+
+
+def _limit(folder: Path) -> None:
+    """Bound a worker, and have it write where it stands when a signal ends it."""
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     quiet = os.open(os.devnull, os.O_WRONLY)
     os.dup2(quiet, sys.stderr.fileno())
-
-
-def _summarised(out: Path) -> int:
-    trials = [loads(line) for log in sorted(out.glob("trials-*.jsonl")) for line in log.read_text().splitlines()]
-    for became, count in Counter(trial["became"] for trial in trials).most_common():
-        print(f"{count:8d}  {became}")
-    seconds = sum(trial.get("seconds", 0.0) for trial in trials)
-    print(f"{len(trials):8d}  mutants, {1000 * seconds / max(len(trials), 1):.0f} ms each")
-    offenders = [trial for trial in trials if trial["became"] in NEVER]
-    for trial in offenders[:20]:
-        print(f"{trial['became']}, mutant {trial['seed']} ({trial['kind']}): {trial['said'].strip()[-160:]}")
-    return 1 if offenders else 0
+    stack = os.open(folder / "stack", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    faulthandler.enable(stack)
+    for number in HANGS:
+        faulthandler.register(number, stack, chain=True)
 
 
 if __name__ == "__main__":

@@ -93,3 +93,11 @@ def test_single_precision_lies_within_the_bound(distance_m: float) -> None:
     bound = rounding_px(no_skew, motion, columns, rows, depths_m, stored)
     assert np.all(error <= bound)
     assert bound.max() < 2e-3
+
+
+@pytest.mark.parametrize("z_m", [5e-324, 1e-310, 1e-300])
+def test_a_point_in_the_plane_of_the_camera_has_no_pixel(z_m: float) -> None:
+    """Its flow is not finite, or beyond any image; nobody hears of an overflow on the way."""
+    still = RigidMotion(np.eye(3), np.array([0.0, 1.0, 0.0]))
+    flow = rigid_flow(K, still, np.array([K[0, 2]]), np.array([K[1, 2]]), np.array([z_m]))
+    assert not np.any(np.isfinite(flow[:, 1]) & (np.abs(flow[:, 1]) < 1e9))

@@ -77,3 +77,25 @@ def tree_that_holds_itself(path: Path) -> None:
     content[node + 5] = 1
     content[at : at + 8] = struct.pack("<Q", node)
     path.write_bytes(bytes(content))
+
+
+def names_out_of_order(path: Path) -> None:
+    """Two names of the fastest flow are damaged in the index of their group, which then finds neither."""
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b"50hz_ts\0", b"5\x01hz_ts\0"))
+
+
+def chunk_shorter_than_its_checksum(path: Path, key: str = "path/rgb", size: int = 0) -> None:
+    """The first chunk of a dataset claims fewer bytes than its checksum takes: HDF5 2.0 reads beyond its memory."""
+    with h5py.File(path) as file:
+        chunk = file[key].id.get_chunk_info(0)
+    content = bytearray(path.read_bytes())
+    place = content.index(struct.pack("<Q", chunk.byte_offset), content.index(b"TREE"))
+    at = content.rindex(struct.pack("<II", chunk.size, 0), 0, place)
+    content[at : at + 4] = struct.pack("<I", size)
+    path.write_bytes(bytes(content))
+
+
+def chunk_shorter_than_its_values(path: Path) -> None:
+    """The index map of frames claims to be one byte and its checksum, which fits: the rest is read from somewhere."""
+    chunk_shorter_than_its_checksum(path, "metadata/rgb_to_event", 5)

@@ -79,6 +79,9 @@ STAMPS: Final = {
 PATCHED: Final = {
     patched.filter_that_nobody_has: f"{LAYOUT}.missing_filter",
     patched.chunks_beyond_the_end: f"{LAYOUT}.overlapping_chunks",
+    patched.chunk_shorter_than_its_checksum: f"{LAYOUT}.short_chunk",
+    patched.chunk_shorter_than_its_values: f"{LAYOUT}.short_chunk",
+    patched.names_out_of_order: f"{LAYOUT}.unreadable",
 }
 HARMLESS: Final = (storage.a_chunk_for_each_value, links.hard_link_cycle, links.deep_groups, links.many_datasets,
                    contents.names_that_are_not_text, contents.stamps_as(">i8"))  # fmt: skip

@@ -161,7 +161,9 @@ def _least_shift_px(motion: RigidMotion, camera: Camera, facts: Facts) -> float:
 
 
 def _gradients(luma: Float32) -> tuple[Float32, Float32]:
-    """Return the slopes to the right and down, DN per px, of the smoothed image."""
-    smooth = cv2.GaussianBlur(luma, (0, 0), 1.0)
-    down, right = np.gradient(smooth)
+    """Return the slopes to the right and down, DN per px, of the smoothed image; none along an axis of one pixel."""
+    smooth = np.asarray(cv2.GaussianBlur(luma, (0, 0), 1.0), dtype=np.float32)
+    right, down = (
+        np.gradient(smooth, axis=axis) if smooth.shape[axis] > 1 else np.zeros_like(smooth) for axis in (1, 0)
+    )
     return right, down

@@ -12,6 +12,7 @@ from fedora_qa.checks.flow.frames import Optics, optics_of
 from fedora_qa.checks.flow.intervals import frame_at, owned_intervals
 from fedora_qa.checks.intermediates import luma_dn
 from fedora_qa.estimators.image_samples import along_the_flow
+from fedora_qa.layout.canonical import datasets_of
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 
@@ -31,10 +32,23 @@ class Pair:
 
 
 def flow_rate_of(facts: Facts) -> str | None:
-    """Return the fastest flow stream, if frames can be seen on its grid."""
-    if not facts.flow_streams or isinstance(optics_of(facts), str):
+    """Return the fastest flow stream, if frames can be seen on its grid, and are of its size whatever is declared."""
+    optics = optics_of(facts)
+    if not facts.flow_streams or isinstance(optics, str):
         return None
-    return facts.flow_streams[-1]
+    stream = facts.flow_streams[-1]
+    return stream if _sizes_agree(facts, stream, optics) else None
+
+
+def _sizes_agree(facts: Facts, stream: str, optics: Optics) -> bool:
+    """Whether a colour frame, mapped onto the grid of the flow, has its rows and columns, as far as these are known."""
+    bindings, (image, *_) = facts.layout.bindings, (spec.key for spec in datasets_of(stream) if spec.is_image)
+    if image not in bindings or "path/rgb" not in bindings:
+        return True
+    if optics.H_rgb_flow is None:
+        return bindings[image].shape[1:3] == bindings["path/rgb"].shape[1:3]
+    depth = facts.declared.cameras["depth"]  # whose grid frames are mapped to
+    return bindings[image].shape[1:3] == (depth.height, depth.width)
 
 
 def pairs_with_flow(window: Window) -> Iterator[Pair]:
