@@ -58,5 +58,5 @@ def _found(one: Found) -> str:
 
 
 def _whence(worth: Worth) -> str:
-    stale = " The code has changed since: run `make power` for numbers of this one." if worth.is_stale() else ""
-    return f"Over {worth.files} short and small files, {worth.clean} of them clean (`fedora-qa power`).{stale}"
+    stale = " The code has changed since: make power measures it anew." if worth.is_stale() else ""
+    return f"Over {worth.files} short and small files, {worth.clean} of them clean (fedora-qa power).{stale}"

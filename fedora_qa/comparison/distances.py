@@ -72,7 +72,7 @@ def difference_of(held: Held, level: float) -> Difference:
 def _told_beforehand(held: Held, level: float) -> tuple[Told | None, str]:
     """Return what needs no relabelling, and why relabelling cannot tell; None where it can."""
     sides = held.sides
-    if sides.paired and np.array_equal(sides.before, sides.after):
+    if np.array_equal(sides.before, sides.after):
         return "identical", ""
     if sides.least_chance <= level:
         return None, ""

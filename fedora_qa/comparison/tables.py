@@ -14,7 +14,7 @@ TOLD_WORDS: Final[dict[Told, str]] = {
     "differs": "differs",
     "no_difference_seen": "no difference seen",
     "identical": "identical",
-    "not_told": "cannot be told",
+    "not_told": "too little to tell",
 }
 MOVED_WORDS: Final[dict[Moved, str]] = {
     "moved": "moved",

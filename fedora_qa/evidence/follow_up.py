@@ -39,9 +39,9 @@ def keep_places(
     streams = sum(name in facts.clocks for name in ("rgb", "depth")) + bool(facts.flow_streams)
     streams += bool(facts.flow_streams) and "rgb" in facts.clocks
     most = min(options.places, images // max(streams, 1))
-    width_px = fitting_width_px(facts, options, options.places * (1 + len(BESIDE)))
+    width_px = fitting_width_px(facts, options, options.places + options.beside * len(BESIDE))
     places = worst_places(findings, spans, facts, most)
-    beside = (images // max(streams, 1) - len(places)) // len(BESIDE)
+    beside = min(options.beside, (images // max(streams, 1) - len(places)) // len(BESIDE))
     return together(
         [
             *(_kept(place, facts, source, width_px) for place in places),

@@ -16,6 +16,7 @@ from fedora_qa.record.wording import (
     place,
     printable,
     reasons,
+    tally,
     why_incomplete,
 )
 
@@ -27,7 +28,9 @@ def record_to_markdown(record: Record) -> str:
     """Return the record as GitHub-flavoured markdown."""
     effort = f", effort {record.effort}" if record.effort else ""
     foot = f"{record.tool.name} {record.tool.version}, ruleset {record.ruleset_version}{effort}"
-    return "\n\n".join([*(_file_section(file) for file in record.files), f"<sub>{escape(foot)}</sub>"]) + "\n"
+    sections = [_file_section(file) for file in record.files]
+    overview = [_overview(record.files)] if len(record.files) > 1 else []
+    return "\n\n".join([*overview, *sections, f"<sub>{escape(foot)}</sub>"]) + "\n"
 
 
 def escape(text: str) -> str:
@@ -46,6 +49,13 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def _row(cells: Iterable[str]) -> str:
     return "| " + " | ".join(cells) + " |"
+
+
+def _overview(files: Iterable[FileRecord]) -> str:
+    """Return what came of each of several files, so that a reader of many need not look through all."""
+    head = ("file", "verdict", "checks", "most probable cause")
+    rows = ((file.path, file.verdict, tally(file.results), *map(cause_sentence, file.diagnoses[:1])) for file in files)
+    return table(head, (row + ("",) * (len(head) - len(row)) for row in rows))
 
 
 def _file_section(file: FileRecord) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from fedora_qa.record.evidence import DISTRIBUTIONS, HISTOGRAMS, MOMENTS, PLACES, TIMELINE, TRAJECTORY
 from fedora_qa.record.types import FileRecord, Record, Verdict
 from fedora_qa.record.wording import cause_sentence, findings_of, identity, tally
 from fedora_reports.anchors import Anchors
@@ -23,7 +24,7 @@ from fedora_reports.timeline import Located, Timeline, timeline_of
 from fedora_reports.verdict import TITLES, VerdictWords, verdict_of
 from fedora_reports.worth import NOTHING_KNOWN, PassWorth, WorthRow, worth_rows
 
-_KEPT_BY_THE_PASS = ("moments", "places", "trajectory", "timeline", "histograms")
+_KEPT_BY_THE_PASS = (MOMENTS, PLACES, TRAJECTORY, TIMELINE, HISTOGRAMS, DISTRIBUTIONS)
 
 
 @dataclass(frozen=True, slots=True)

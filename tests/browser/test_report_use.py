@@ -203,6 +203,30 @@ def test_print_shows_all_moments_and_no_controls(tab: Tab) -> None:
     assert tab.pdf().startswith(b"%PDF")
 
 
+def test_print_leaves_out_what_is_folded_but_findings(tab: Tab) -> None:
+    """On paper nothing folded is hinted at but findings, and the columns of the checks stand side by side."""
+    tab.show_as("light", "print")
+    folded = "[...document.querySelectorAll('details.more:not([open])')].filter(e => e.checkVisibility())"
+    assert set(tab.evaluate(f"{folded}.map(e => e.closest('.findings, .remarks') !== null)")) == {True}
+    cells = "[...document.querySelector('.check summary').children].map(e => e.getBoundingClientRect())"
+    assert tab.evaluate(f"(cells => cells.every((c, k) => k === 0 || c.left >= cells[k - 1].right))({cells})")
+
+
+@pytest.mark.parametrize("width", [375, 800, 1200])
+def test_every_part_is_linked_in_sight(browser: Browser, page: Path, width: int) -> None:
+    """However many parts a report has, no link to one is cut off, and what a link leads to is not below the links."""
+    with Tab(browser, page, width=width) as tab:
+        links = tab.evaluate("[...document.querySelectorAll('.parts a')].map(a => a.getBoundingClientRect().right)")
+        within = tab.evaluate("document.querySelector('.parts').getBoundingClientRect().right")
+        assert len(links) >= 9
+        assert max(links) <= within
+        tab.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
+        tab.evaluate("[...document.querySelectorAll('.parts a')].at(-4).click()")
+        tab.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        target = "document.querySelector(location.hash).getBoundingClientRect().top"
+        assert tab.evaluate(f"{target} >= document.querySelector('.parts').getBoundingClientRect().bottom")
+
+
 def test_each_of_several_files_has_frames_of_its_own(browser: Browser, tmp_path: Path) -> None:
     """Two files in one report: what is shown of one does not move the other."""
     files = [file_record(failed(), path=f"{name}.h5", diagnoses=(late_events(),)) for name in ("one", "two")]

@@ -76,6 +76,15 @@ def test_what_is_the_same_to_the_last_count_is_identical() -> None:
     assert [(d.told, d.distance, d.reason) for d in found.pairs[0].differences] == [("identical", 0.0, "")]
 
 
+def test_two_sequences_of_the_same_counts_are_identical() -> None:
+    """Too few stretches to tell anything from chance are no reason to doubt that nothing differs."""
+    found = compare(
+        [given("one", given_file("a.h5", STILL[:2])), given("two", given_file("b.h5", STILL[:2]))], None, 0.01
+    )
+    assert found.pairs[0].design == "sequences"
+    assert [(d.told, d.distance, d.reason) for d in found.pairs[0].differences] == [("identical", 0.0, "")]
+
+
 def test_all_comparisons_share_one_rate() -> None:
     """Two distributions and two distances with errors are four tests, each at a fourth of the rate."""
     found = versions()

@@ -1,9 +1,11 @@
 """Findings are explained by the fewest causes."""
 
+import math
+
 import pytest
 
 from fedora_qa.checks.protocol import ANY_CAUSE, Suspect
-from fedora_qa.judgement.diagnosis import diagnose
+from fedora_qa.judgement.diagnosis import SHARPNESS, UNTHOUGHT, diagnose, share_of_first
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
 
@@ -86,7 +88,7 @@ def test_what_is_hardly_suspected_is_not_drawn_in() -> None:
     weak = tuple(Suspect(cause, "pose", 0.02) for cause in ("unsorted", "time_unit"))
     found = diagnose([alarm(1, *another_pose, code="flow.rule"), alarm(2, *another_pose, *weak, code="depth.rule")])
     assert [d.cause for d in found] == ["teleport"]
-    assert found[0].confidence > 0.99
+    assert found[0].confidence == pytest.approx(1 - UNTHOUGHT)
 
 
 def test_one_finding_of_many_is_still_named() -> None:
@@ -120,9 +122,14 @@ def test_no_alarm_no_diagnosis() -> None:
 
 
 def test_confidence_is_shared_by_rivals() -> None:
-    """Two causes that explain the same finding equally well are equally probable."""
+    """Two causes that explain the same finding equally well are equally probable, and together never certain."""
     found = diagnose([alarm(1, Suspect("time_offset", "imu", 0.5), Suspect("time_offset", "pose", 0.5))])
-    assert found[0].confidence == 0.5
+    assert found[0].confidence == pytest.approx((1 - UNTHOUGHT) / 2)
+
+
+def shared(own: float, *others: float) -> float:
+    """What a cause of weight ``own`` is told with beside others."""
+    return (1 - UNTHOUGHT) / (1 + sum(math.pow(other / own, SHARPNESS) for other in others))
 
 
 def test_several_witnesses_are_more_certain_than_one() -> None:
@@ -135,11 +142,28 @@ def test_several_witnesses_are_more_certain_than_one() -> None:
         ]
     )
     # Each other: 0.02 where it is not known, times 0.3.
-    assert found[0].confidence == pytest.approx(0.27 / (0.27 + 10 * 0.006))
+    assert found[0].confidence == pytest.approx(shared(0.27, *[0.006] * 10))
 
 
 def test_findings_of_one_check_are_one_witness() -> None:
     """Many findings of one check make a cause no more certain than one."""
-    suspects = Suspect("flow_gain", "flow", 0.8), Suspect("flow_unit", "flow", 0.4)
+    suspects = Suspect("flow_gain", "flow", 0.8), Suspect("flow_unit", "flow", 0.7)
     found = diagnose([alarm(i, *suspects, code="rule.gain") for i in range(1, 9)])
-    assert found[0].confidence == pytest.approx(2 / 3)
+    assert found[0].confidence == pytest.approx(shared(0.8, 0.7))
+
+
+def test_what_leaves_a_part_unexplained_is_no_equal() -> None:
+    """A late IMU whose offset explains all is told with confidence beside causes that would leave a sixth or more."""
+    late = Suspect("time_offset", "imu", 1.0, 8.0, "ms", 0.0011)
+    left = (("gyro_bias", 0.84), ("clock_rate", 0.81), ("frame_convention", 0.75), ("axes_swapped", 0.6))
+    found = diagnose([alarm(1, late, *(Suspect(cause, "imu", weight) for cause, weight in left))])
+    assert (found[0].cause, found[0].magnitude) == ("time_offset", 8.0)
+    assert 0.6 < found[0].confidence < 0.9
+
+
+def test_shares_of_any_number_of_witnesses() -> None:
+    """Shares are numbers however far plausibilities lie apart, and those of all rivals add up."""
+    far = [-400.0, 0.0, -1.0]
+    shares = [share_of_first([one, *(other for other in far if other is not one)]) for one in far]
+    assert shares[0] < 1e-300
+    assert sum(shares) == pytest.approx(1 - UNTHOUGHT)

@@ -8,7 +8,7 @@ from markdown_it import MarkdownIt
 
 from fedora_qa.record.markdown import escape, record_to_markdown, table
 from fedora_qa.record.types import Canary
-from tests.support.records import crashed, failed, file_record, passed, record
+from tests.support.records import crashed, failed, file_record, late_events, passed, record
 
 RENDERER = MarkdownIt("gfm-like", {"html": True, "linkify": False})
 
@@ -30,6 +30,17 @@ def test_a_reader_finds_verdict_cause_remedy_and_finding() -> None:
 def test_tables_are_tables() -> None:
     """A CommonMark renderer with GitHub's tables sees one of findings and one of checks."""
     assert RENDERER.render(record_to_markdown(record())).count("<table>") == 2
+
+
+def test_several_files_begin_with_what_came_of_each() -> None:
+    """Of two files a table of both comes first, with verdict, tally and cause; of one there is none."""
+    both = record(
+        file_record(passed(), path="good.h5"), file_record(failed(), path="late.h5", diagnoses=(late_events(),))
+    )
+    first = record_to_markdown(both).split("\n\n")[0].splitlines()
+    assert first[2] == "| good.h5 | clean | 1 passed |  |"
+    assert first[3] == "| late.h5 | findings | 1 failed | events: stamps are late by a constant, 2.06 ± 0.03 ms |"
+    assert record_to_markdown(record()).startswith("## ")
 
 
 def test_incomplete_says_why() -> None:

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.record.types import (
     Coverage,
     Diagnosis,
@@ -25,8 +26,9 @@ SECONDS: Final = 1800
 FINDINGS: Final = 1000
 PICTURE: Final = (216, 288)
 SENSOR: Final = (240, 320)
-MOMENTS: Final = 12
-PLACES: Final = 6
+MOMENTS: Final = EvidenceOptions().moments
+PLACES: Final = EvidenceOptions().places
+BESIDE: Final = EvidenceOptions().beside
 
 _STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", "flow/10hz", "flow/25hz", "flow/50hz")
 _CHECKS: Final = tuple(f"{subject}.{name}" for subject in (
@@ -58,15 +60,17 @@ def long_record() -> Record:
 
 
 def long_arrays() -> Arrays:
-    """Twelve moments, six places with the frames beside them, and all series at their full length."""
+    """All moments, all places, the gravest with the frames beside them, and all series at their full length."""
     rng = np.random.default_rng(1800)
     end_us = SECONDS * 1e6
     arrays = {f"moments/{name}": stack for name, stack in _pictures(rng, MOMENTS).items()}
     arrays["moments/times_us"] = np.linspace(0.0, end_us, MOMENTS)
     for k in range(PLACES):
-        for j, group in enumerate(("", "/before", "/after")):
+        for j, group in enumerate(("", "/before", "/after") if k < BESIDE else ("",)):
             own = {f"places/F{k + 1}{group}/{name}": stack[0] for name, stack in _pictures(rng, 1).items()}
-            arrays |= own | {f"places/F{k + 1}{group}/times_us": np.float64(end_us / 7 * k + 20e3 * (0, -1, 1)[j])}
+            arrays |= own | {
+                f"places/F{k + 1}{group}/times_us": np.float64(end_us / (PLACES + 1) * k + 20e3 * (0, -1, 1)[j])
+            }
         arrays[f"places/F{k + 1}/box"] = np.array([0.2, 0.3, 0.4, 0.6])
     arrays["timeline/edges_us"] = np.linspace(0.0, end_us, 201)
     arrays |= {f"timeline/{stream}": rng.integers(90, 110, 200) for stream in _STREAMS}

@@ -163,7 +163,7 @@ def test_diagnosis_has_cause_size_remedy_and_findings() -> None:
         "events: stamps are late by a constant, 2.06 ± 0.03 ms",
         "Subtract the offset from the stamps.",
         "events, 0 s to 2 s",
-        "events:time_offset, confidence 87% among its rivals",
+        "events:time_offset, confidence 87%",
         "Explains F1",
     ):
         assert part in text.replace("Explains", "Explains ")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from distributed import LocalCluster
 from s3fs import S3FileSystem
 
 from fedora_qa.cli.main import run
@@ -44,6 +45,16 @@ def test_the_record_is_that_of_the_file(jobs: str, server: FileServer, tmp_path:
     assert 0 < host["transferred_bytes"] <= server.sent_bytes
     assert 0 < host["requests"] <= server.requests
     assert "transferred_bytes" not in json.loads(here.read_text())["run"]["host"]
+
+
+def test_workers_of_a_cluster_open_the_url(server: FileServer, tmp_path: Path) -> None:
+    """Each worker of a Dask cluster opens the URL itself, and the same is found; they tell what they transferred."""
+    here, there = tmp_path / "here.json", tmp_path / "there.json"
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1") as cluster:  # type: ignore[no-untyped-call]
+        remotely = check(server.url("seq.h5"), "--dask", cluster.scheduler_address, "--json", there)
+    assert check(tmp_path / "seq.h5", "--json", here) == remotely == 0
+    assert found(there) == found(here)
+    assert 0 < json.loads(there.read_text())["run"]["host"]["transferred_bytes"] <= server.sent_bytes
 
 
 def test_an_object_of_a_bucket(bucket: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
