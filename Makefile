@@ -124,7 +124,7 @@ test-lowest: $(TOOLS)/.ready
 	  tests/hostile
 
 audit: $(TOOLS)/.ready
-	$(TOOLS)/bin/pip-audit --require-hashes --disable-pip --requirement requirements/dev.lock
+	$(TOOLS)/bin/pip-audit --require-hashes --disable-pip --strict --requirement requirements/dev.lock
 
 sbom: $(TOOLS)/.ready
 	$(TOOLS)/bin/cyclonedx-py requirements requirements/dev.lock --pyproject pyproject.toml --output-reproducible \

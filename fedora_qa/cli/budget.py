@@ -22,7 +22,7 @@ class Budget:
     seconds: float
 
 
-class BudgetParam(click.ParamType[Budget]):
+class BudgetParam(click.ParamType):  # type: ignore[type-arg]  # generic only from click 8.4 on
     """Turns an amount such as ``60s`` into a budget; raises ``MisuseError``."""
 
     name = "time"

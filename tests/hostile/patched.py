@@ -99,3 +99,20 @@ def chunk_shorter_than_its_checksum(path: Path, key: str = "path/rgb", size: int
 def chunk_shorter_than_its_values(path: Path) -> None:
     """The index map of frames claims to be one byte and its checksum, which fits: the rest is read from somewhere."""
     chunk_shorter_than_its_checksum(path, "metadata/rgb_to_event", 5)
+
+
+def text_heap_without_end(path: Path) -> None:
+    """The first text of the heap of texts claims 2^64 - 16 bytes: with its header the size wraps around to nothing."""
+    content = bytearray(path.read_bytes())
+    heap = content.index(b"GCOL")
+    content[heap + 24 : heap + 32] = struct.pack("<Q", 2**64 - 16)
+    path.write_bytes(bytes(content))
+
+
+def name_heap_without_end(path: Path) -> None:
+    """The first free block of a heap of names is followed by itself."""
+    content = bytearray(path.read_bytes())
+    heap = content.index(b"HEAP")
+    free, start = struct.unpack_from("<QQ", content, heap + 16)
+    content[start + free : start + free + 8] = struct.pack("<Q", free)
+    path.write_bytes(bytes(content))
