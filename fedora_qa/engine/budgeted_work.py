@@ -19,10 +19,12 @@ from fedora_qa.engine.budget_steps import (
 )
 from fedora_qa.engine.densities import Densities, Density
 from fedora_qa.engine.executors import Result, Task
-from fedora_qa.engine.file_work import FileWork, Step, equal_parts
+from fedora_qa.engine.file_task import Surveyed
+from fedora_qa.engine.file_work import FileWork, Step
 from fedora_qa.engine.measured import Measured
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import FEWEST_WINDOWS
+from fedora_qa.engine.regions import equal_parts
 from fedora_qa.engine.survey import Survey
 from fedora_qa.engine.visiting import visiting_order
 from fedora_qa.storage.place import Place
@@ -42,7 +44,7 @@ class BudgetedWork(FileWork):
         self,
         path: Place,
         size: int,
-        checks: tuple[Check[Any], ...],
+        checks: tuple[Check[Any], ...] | None,
         options: CheckOptions,
         workers: int,
         told: Callable[[str], None],
@@ -64,10 +66,11 @@ class BudgetedWork(FileWork):
         """Go in steps even alone: between them it is decided what comes next."""
         self._do_in_steps()
 
-    def _surveyed(self, survey: Survey | FileRun) -> None:
-        if isinstance(survey, FileRun):
-            self._finished(survey)
+    def _surveyed(self, surveyed: Surveyed | FileRun) -> None:
+        if isinstance(surveyed, FileRun):
+            self._finished(surveyed)
             return
+        survey: Survey = surveyed.survey.open()
         self._deadline = self._allot(self)
         self.windows = survey.plan.of
         self._least = min(FEWEST_WINDOWS, self.windows)

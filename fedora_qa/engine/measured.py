@@ -1,18 +1,18 @@
 """One pass over some windows of a surveyed file, in whichever process, and how passes are put together."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 from typing import Final
 
-from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.progress import MEASURING, Progress
 from fedora_qa.engine.stopwatch import Stopwatch
 from fedora_qa.engine.stream import Accumulator, States, measure, merge, start
-from fedora_qa.engine.survey import OpenSurvey, Survey, opened
+from fedora_qa.engine.survey import OpenSurvey, Survey
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
-STAGE: Final = "measuring"
+STAGE: Final = MEASURING
 """As the stopwatch and the pass itself call it."""
 
 
@@ -26,15 +26,8 @@ class Measured:
     traffic: Traffic = NO_TRAFFIC
 
 
-def measure_windows(survey: Survey, windows: Sequence[int], progress: Progress) -> Measured:
-    """Open a file, and hand windows of its survey, named by their place in it, to what sees them."""
-    with opened(survey) as file:
-        measured = measure_open(survey, file, windows, progress)
-        return replace(measured, traffic=file.sequence.traffic)
-
-
 def measure_open(survey: Survey, file: OpenSurvey, windows: Sequence[int], progress: Progress) -> Measured:
-    """Do the same with a file that is open."""
+    """Hand windows of a survey, named by their place in it, to what sees them."""
     watch = Stopwatch()
     ready, decoded_before = file.ready, file.ready.decoder.decoded_bytes
     with watch.stage(STAGE):

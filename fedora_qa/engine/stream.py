@@ -13,7 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
-from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.progress import MEASURING, Progress
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.shared_images import SharedImages
@@ -92,7 +92,7 @@ def measure(
     images = images or SharedImages()
     states = start(checks, facts)
     for done, span in enumerate(spans):
-        progress("measuring", done, len(spans))
+        progress(MEASURING, done, len(spans))
         tasks = [(check.name, check.update) for check in (audience(span) if audience else checks)]
         _show(Window(span, facts, source, sampling, images), tasks, states)
     return states
