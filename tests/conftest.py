@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from fedora_generator.scene import load_scene
-from tests.support.graphics import require_chromium, require_opengl
 from fedora_qa.cli.files import IN_PROCESS_VARIABLE
+from tests.support.graphics import require_chromium, require_opengl
 from tests.support.sequences import CleanSequence, make_sequence
 
 

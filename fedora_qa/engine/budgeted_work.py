@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check
@@ -48,6 +49,7 @@ class BudgetedWork(FileWork):
         options: CheckOptions,
         workers: int,
         told: Callable[[str], None],
+        folder: Path | None,
         allot: Callable[["BudgetedWork"], float],
     ) -> None:
         self._allot = allot
@@ -60,7 +62,7 @@ class BudgetedWork(FileWork):
         self._rehearsing = False
         self._rehearsals_s = 0.0
         self._traffic = NO_TRAFFIC
-        super().__init__(path, size, checks, options, workers, told)
+        super().__init__(path, size, checks, options, workers, told, folder)
 
     def _do_in_one(self) -> None:
         """Go in steps even alone: between them it is decided what comes next."""

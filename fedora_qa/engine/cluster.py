@@ -51,6 +51,7 @@ class DaskExecutor:
         except ImportError:
             raise MisuseError("Expected Dask for --dask; install it: pip install 'fedora-qa[dask]'") from None
         self.peak_memory_mib = 0
+        self.folder = None
         self._address = address
         self._dask: Any = dask
         self._distributed: Any = distributed

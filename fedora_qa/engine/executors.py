@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self, TypeVar
 
@@ -24,6 +25,11 @@ class Executor(Protocol):
     @property
     def sharing(self) -> int:
         """How many tasks share the memory that one run may take."""
+        ...
+
+    @property
+    def folder(self) -> Path | None:
+        """Where tasks leave what is large for each other; None where they are not sure to find the same folder."""
         ...
 
     @property
@@ -56,6 +62,7 @@ class InProcess:
     capacity = 1
     sharing = 1
     peak_memory_mib = 0
+    folder = None
 
     def submit(self, task: Task[Result], progress: Progress, worker: int | None = None) -> Future[Result]:
         """Do the task; the future that is returned is done."""

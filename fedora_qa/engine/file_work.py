@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fedora_qa.engine.executors import Task
@@ -25,6 +26,15 @@ class Step:
     progress: Progress
     then: Callable[[Any], None]
     when_lost: Callable[[], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What neighbouring windows have shown, from ``start`` to before ``stop``."""
+
+    start: int
+    stop: int
+    shown: Sealed[Any]
 
 
 class FileWork:
@@ -49,6 +59,7 @@ class FileWork:
         options: CheckOptions,
         workers: int,
         told: Callable[[str], None],
+        folder: Path | None = None,
     ) -> None:
         self.path = path
         self.bytes = size
@@ -58,7 +69,8 @@ class FileWork:
         self._checks = checks
         self._workers = workers
         self._told = told
-        self._parts: dict[int, Sealed[Any]] = {}
+        self._folder = folder
+        self._parts: dict[int, Part] = {}
         self._lost: list[int] = []
         self._seen: dict[int, int] = {}
         self._surveyed_as: Surveyed | None = None
@@ -126,6 +138,9 @@ class FileWork:
 
     def _measuring(self, survey: Surveyed, windows: Sequence[int], when_lost: Callable[[], None]) -> Step:
         first = windows[0]
+        before = next((part for part in self._parts.values() if part.stop == first), None)
+        if before:
+            del self._parts[before.start]
 
         def tell(what: str, done: int, of: int) -> None:
             self._seen[first] = done
@@ -133,10 +148,21 @@ class FileWork:
 
         def measured(part: Sealed[Any]) -> None:
             self._seen[first] = len(windows)
-            self._parts[first] = part
+            self._keep(Part(before.start if before else first, windows[-1] + 1, part))
+            if before:
+                before.shown.discard()
             self._finish_if_measured(survey)
 
-        return Step(FileTask("measure_windows", survey, windows=windows), tell, measured, when_lost)
+        def lost() -> None:
+            if before:
+                self._keep(before)
+            when_lost()
+
+        task = FileTask("measure_windows", survey, (before.shown if before else None,), windows, self._folder)
+        return Step(task, tell, measured, lost)
+
+    def _keep(self, part: Part) -> None:
+        self._parts[part.start] = part
 
     def _each_alone(self, survey: Surveyed, windows: Sequence[int]) -> None:
         for window in windows:
@@ -150,12 +176,14 @@ class FileWork:
 
     def _finish_if_measured(self, survey: Surveyed) -> None:
         if self.windows_done == self.windows:
-            parts = [part for _, part in sorted(self._parts.items())]
+            parts = [part.shown for _, part in sorted(self._parts.items())]
             task = FileTask("finish_file", survey, (parts, sorted(self._lost)))
             self._do("being judged", task, self._finished)
 
     def _finished(self, run: FileRun) -> None:
         self.run = replace(run, record=replace(run.record, path=str(self.path)))
+        for part in self._parts.values():
+            part.shown.discard()
         self._parts.clear()
         self._seen = {0: self.windows}
 

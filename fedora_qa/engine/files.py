@@ -18,6 +18,12 @@ from fedora_qa.storage.server import version_of
 if TYPE_CHECKING:  # who deals out the work loads nothing that measures
     from fedora_qa.checks.protocol import Check
 
+_LIBRARIES_BYTES: Final = 230_000_000
+"""What all processes of a run share, as they are forked from one, and what the one that deals out the work holds."""
+
+_LEAST_SHARE: Final = 0.25
+"""Of the memory, for the tasks, where libraries would leave less."""
+
 _SILENCE_S: Final = 2.0
 """After how long without a result it is asked whether anybody is left to give one."""
 
@@ -50,7 +56,8 @@ def check_files(
     FedoraError
         A file was changed while it was checked, or nobody is left to do the tasks.
     """
-    options = replace(options, memory_bytes=options.memory_bytes // executor.sharing)
+    for_tasks = max(options.memory_bytes - _LIBRARIES_BYTES, int(_LEAST_SHARE * options.memory_bytes))
+    options = replace(options, memory_bytes=for_tasks // executor.sharing)
 
     def tell(doing: str) -> None:
         report(_tally(doing, works))
@@ -63,7 +70,7 @@ def check_files(
         return now + left_s * work.bytes / max(sum(one.bytes for one in ahead if one.run is None), 1)
 
     def work_on(path: Place) -> FileWork:
-        of_file = (path, version_of(path).size, checks, options, executor.capacity, tell)
+        of_file = (path, version_of(path).size, checks, options, executor.capacity, tell, executor.folder)
         if options.budget_s is None:
             return FileWork(*of_file)
         from fedora_qa.engine.budgeted_work import BudgetedWork  # noqa: PLC0415 - loads what measures

@@ -1,6 +1,6 @@
 """From what the windows have shown to the file's record: the second look, judgement, evidence, canaries."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.engine.canaries import PlainRun, Proof, held_to_canaries, prove_alive
@@ -22,7 +22,7 @@ from fedora_qa.storage.place import RemoteFile
 
 
 def finish_open(
-    survey: Survey, file: OpenSurvey, parts: Sequence[Measured], lost: Sequence[int], progress: Progress
+    survey: Survey, file: OpenSurvey, parts: Iterable[Measured], lost: Sequence[int], progress: Progress
 ) -> FileRun:
     """Judge a file by what its windows have shown; what has been decoded of it need not be decoded again.
 

@@ -13,11 +13,15 @@ from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import Span
 
-_CACHE_SHARE: Final = 0.4
-"""Share of the memory limit that decoded blocks may fill."""
+_HELD_BYTES_PER_PIXEL: Final = 170
+"""What a process holds beside blocks and images: what the checks remember (50 bytes a pixel of a frame), what
+they share within a window (60), and what one of them computes on the way (40); measured at 1440x1080."""
 
-_IMAGES_SHARE: Final = 0.3
-"""Share that what is computed of single images may fill; the rest is for everything else that checks compute."""
+_LEAST_SHARE: Final = 0.25
+"""Share of the memory that blocks and images may fill at least, where that would leave less."""
+
+_BLOCKS_SHARE: Final = 0.75
+"""Of what both may fill: decoded blocks; the rest is for what is computed of single images."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +44,11 @@ def prepare(sequence: SequenceRows, memory_bytes: int) -> Prepared:
 
 def ready_to_measure(sequence: SequenceRows, scanned: Scan, memory_bytes: int) -> Prepared:
     """Cut the windows of an open sequence whose stamps have been scanned."""
-    decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * memory_bytes))
-    images = SharedImages(int(_IMAGES_SHARE * memory_bytes))
-    return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images, frame_pixels(sequence.layout))
+    pixels = frame_pixels(sequence.layout)
+    kept_bytes = max(memory_bytes - _HELD_BYTES_PER_PIXEL * (pixels or 0), _LEAST_SHARE * memory_bytes)
+    decoder = BlockDecoder(sequence, scanned, int(_BLOCKS_SHARE * kept_bytes))
+    images = SharedImages(int((1 - _BLOCKS_SHARE) * kept_bytes))
+    return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images, pixels)
 
 
 def frame_pixels(layout: Layout) -> int | None:

@@ -4,6 +4,8 @@ A process that dies takes the task it was doing with it and nothing else: the ne
 """
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Condition, Lock
 from types import TracebackType
 from typing import Any, Self
@@ -29,6 +31,8 @@ class ProcessExecutor:
     def __init__(self, jobs: int, threads: int = 1) -> None:
         self.capacity = jobs
         self.sharing = jobs
+        self._folder = TemporaryDirectory(prefix="fedora-qa-")
+        self.folder = Path(self._folder.name)
         context = worker_context()
         self._threads = ThreadPoolExecutor(jobs, thread_name_prefix="worker")
         self._workers = tuple(_Worker(context, threads) for _ in range(jobs))
@@ -57,6 +61,7 @@ class ProcessExecutor:
         for worker in self._workers:
             worker.close()
         self._threads.shutdown()
+        self._folder.cleanup()
 
     def _do(self, task: Task[Result], progress: Progress, wanted: int | None) -> Result:
         with self._changed:

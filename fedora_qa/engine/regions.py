@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
-_FEWEST_WINDOWS: Final = 2
+_FEWEST_WINDOWS: Final = 3
 _MOST_WINDOWS: Final = 8
 """In a stretch: a worker that dies takes one with it."""
 
@@ -29,8 +29,8 @@ class Regions:
     def take(self, worker: int) -> Sequence[int]:
         """Return the next stretch for a worker, none where nothing is left.
 
-        A stretch is at most half of what is left of the neighbourhood, so that the last worker to end does not keep
-        the others waiting for long.
+        A long neighbourhood is done in stretches of at most half of what is left, so that the last worker to end does
+        not keep the others waiting for long.
         """
         if worker < len(self._left) and self._left[worker]:
             left = self._left[worker]

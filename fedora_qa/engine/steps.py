@@ -30,17 +30,21 @@ def survey_file(task: FileTask, desk: Desk, progress: Progress) -> Surveyed | Fi
 
 
 def measure_windows(task: FileTask, desk: Desk, progress: Progress) -> Sealed[Measured]:
-    """Hand the task's windows to what sees them."""
+    """Hand the task's windows to what sees them: the argument is what the windows just before them have shown, or None.
+
+    Returns what both have shown.
+    """
+    (before,) = task.arguments
     with desk.opened(_surveyed(task)) as (found, file):
-        measured = measure_open(found, file, task.windows, progress)
-        return Sealed.of(replace(measured, traffic=file.sequence.traffic))
+        measured = measure_open(found, file, task.windows, progress, before.open() if before else None)
+        return Sealed.of(replace(measured, traffic=measured.traffic + file.sequence.traffic), task.folder)
 
 
 def finish_file(task: FileTask, desk: Desk, progress: Progress) -> FileRun:
     """Judge a file: arguments are what its stretches of windows have shown, in order, and the windows that are lost."""
     parts, lost = task.arguments
     with desk.opened(_surveyed(task)) as (found, file):
-        run = finish_open(found, file, [part.open() for part in parts], lost, progress)
+        run = finish_open(found, file, (part.open() for part in parts), lost, progress)
     desk.clear()
     return run
 

@@ -12,12 +12,13 @@ from functools import partial
 from typing import Any, Protocol, TypeVar
 
 from fedora_qa.checks.protocol import Check, Observation
+from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
 from fedora_qa.engine.progress import MEASURING, Progress
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.shared_images import SharedImages
-from fedora_qa.sequence.window import RowSource, Sampling, Span, Window
+from fedora_qa.sequence.window import Sampling, Span, Window
 
 T = TypeVar("T")
 
@@ -82,17 +83,22 @@ def measure(
     checks: Sequence[Accumulator],
     spans: Sequence[Span],
     facts: Facts,
-    source: RowSource,
+    source: BlockDecoder,
     sampling: Sampling,
     progress: Progress,
     images: SharedImages | None = None,
     audience: Callable[[Span], Sequence[Accumulator]] | None = None,
+    states: States | None = None,
 ) -> States:
-    """Hand each window to each check, or to those of them that are its ``audience``, in order of time."""
+    """Hand each window to each check, or to those of them that are its ``audience``, in order of time.
+
+    ``states`` have seen the windows before, and are added to; new ones where None.
+    """
     images = images or SharedImages()
-    states = start(checks, facts)
+    states = states or start(checks, facts)
     for done, span in enumerate(spans):
         progress(MEASURING, done, len(spans))
+        source.begin(span)
         tasks = [(check.name, check.update) for check in (audience(span) if audience else checks)]
         _show(Window(span, facts, source, sampling, images), tasks, states)
     return states
@@ -103,7 +109,7 @@ def look_again(
     states: States,
     spans: Sequence[Span],
     facts: Facts,
-    source: RowSource,
+    source: BlockDecoder,
     sampling: Sampling,
     progress: Progress,
     images: SharedImages | None = None,
@@ -115,6 +121,7 @@ def look_again(
     numbers = sorted(_in_turn(wanted, budget) & by_index.keys())
     for done, number in enumerate(numbers):
         progress("looking again", done, len(numbers))
+        source.begin(by_index[number])
         asking = [(check.name, check.look_again) for check in checks if number in wanted[check.name]]
         _show(Window(by_index[number], facts, source, sampling, images), asking, states)
     return len(numbers)
