@@ -13,14 +13,15 @@ from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import Span
 
-_HELD_BYTES_PER_PIXEL: Final = 170
+_HELD_BYTES_PER_PIXEL: Final = 200
 """What a process holds beside blocks and images: what the checks remember (50 bytes a pixel of a frame), what
-they share within a window (60), and what one of them computes on the way (40); measured at 1440x1080."""
+they share within a window (60), what one of them computes on the way (40), and what all that leaves unused between its
+arrays (50); measured at 1440x1080."""
 
 _LEAST_SHARE: Final = 0.25
 """Share of the memory that blocks and images may fill at least, where that would leave less."""
 
-_BLOCKS_SHARE: Final = 0.75
+_BLOCKS_SHARE: Final = 0.8
 """Of what both may fill: decoded blocks; the rest is for what is computed of single images."""
 
 
