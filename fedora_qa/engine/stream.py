@@ -6,7 +6,7 @@ same bit for bit however the windows were dealt out.
 
 import time
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol, TypeVar
@@ -96,11 +96,12 @@ def measure(
     """
     images = images or SharedImages()
     states = states or start(checks, facts)
+    turns = {check.name: turn for turn, check in enumerate(checks)}
     for done, span in enumerate(spans):
         progress(MEASURING, done, len(spans))
         source.begin(span)
         tasks = [(check.name, check.update) for check in (audience(span) if audience else checks)]
-        _show(Window(span, facts, source, sampling, images), tasks, states)
+        _show(Window(span, facts, source, sampling, images), tasks, states, turns)
     return states
 
 
@@ -115,6 +116,7 @@ def look_again(
     images: SharedImages | None = None,
 ) -> int:
     """Give the checks one more look at the windows they name, a bounded share of all together; return how many."""
+    turns = {check.name: turn for turn, check in enumerate(checks)}
     wanted = {check.name: _wanted(check, states, facts) for check in checks}
     budget = max(1, int(FOLLOW_UP_SHARE * len(spans)))
     by_index = {span.index: span for span in spans}
@@ -123,7 +125,7 @@ def look_again(
         progress("looking again", done, len(numbers))
         source.begin(by_index[number])
         asking = [(check.name, check.look_again) for check in checks if number in wanted[check.name]]
-        _show(Window(by_index[number], facts, source, sampling, images), asking, states)
+        _show(Window(by_index[number], facts, source, sampling, images), asking, states, turns)
     return len(numbers)
 
 
@@ -148,8 +150,14 @@ def conclude(checks: Iterable[Check[Any]], states: States, facts: Facts) -> dict
     return observations
 
 
-def _show(window: Window, tasks: Iterable[tuple[str, Callable[[Any, Window], None]]], states: States) -> None:
+def _show(
+    window: Window,
+    tasks: Iterable[tuple[str, Callable[[Any, Window], None]]],
+    states: States,
+    turns: Mapping[str, int],
+) -> None:
     for name, see in tasks:
+        window.take_turn(turns[name])
         began = time.perf_counter()
         attempt(states, name, partial(_see, states, name, see, window))
         states.seconds[name] = states.seconds.get(name, 0.0) + time.perf_counter() - began
