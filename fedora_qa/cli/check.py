@@ -65,7 +65,7 @@ PATH = click.Path(path_type=Path)
 @click.option(
     "--memory",
     metavar="AMOUNT",
-    help="Memory to aim at, such as 1GB: 70% holds decoded blocks and images; a peak may exceed it.",
+    help="Memory to aim at, such as 1GB, of all processes together; a peak may exceed it.",
 )
 @click.option(
     "--jobs",
