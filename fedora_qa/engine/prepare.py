@@ -14,8 +14,8 @@ from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import Span
 
 _HELD_BYTES_PER_PIXEL: Final = 160
-"""What a process holds beside blocks and images, for each pixel of a frame: 50 are what the checks remember, 35 what one
-of them computes on the way, the rest what they share within a window and what lies unused between arrays. Measured at
+"""What a process holds beside blocks and images, for each pixel of a frame: 50 are what checks remember, 35 what one of
+them computes on the way, the rest what they share within a window and what lies unused between arrays. Measured at
 1440x1080, all checks."""
 
 _LEAST_SHARE: Final = 0.25
