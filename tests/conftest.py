@@ -6,8 +6,15 @@ from pathlib import Path
 import pytest
 
 from fedora_generator.scene import load_scene
+from fedora_qa.cli.files import IN_PROCESS_VARIABLE
 from tests.support.graphics import require_chromium, require_opengl
 from tests.support.sequences import CleanSequence, make_sequence
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands check in the process of the test, which sees what they warn of; tests of processes ask for them."""
+    monkeypatch.setenv(IN_PROCESS_VARIABLE, "1")
 
 
 @pytest.fixture(scope="session")

@@ -46,9 +46,9 @@ def check(*paths: AnyPath, config: AnyPath | None = None, evidence: bool = True,
         raise MisuseError("Expected at least one file to check, got none")
     settings = with_options(read_config(Path(config)) if config else CheckConfig(), options)
     engine_options = replace(check_options(settings), evidence=EvidenceOptions() if evidence else None)
-    require_hdf5(files, engine_options.dialect)
+    require_hdf5(files)
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    executor = executor_for(settings, None)
+    executor = executor_for(settings, in_process=True)
     jobs = executor.capacity
     runs = checked(files, Request(settings, engine_options, started), executor)
     return _with_arrays(record_of(runs, settings, started, {"jobs": jobs}), gathered_arrays(runs))

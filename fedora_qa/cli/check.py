@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,7 +13,6 @@ from fedora_qa.cli.budget import Budget, BudgetParam, budgeted, require_budget_a
 from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
-from fedora_qa.cli.host import peak_worker_memory_mib
 from fedora_qa.cli.kept import kept_folder
 from fedora_qa.cli.output_options import record_options
 from fedora_qa.cli.outputs import Outputs
@@ -22,12 +21,13 @@ from fedora_qa.cli.record import gathered_arrays, record_of
 from fedora_qa.cli.say import say_record
 from fedora_qa.config import CheckConfig, read_config
 from fedora_qa.engine.options import CheckOptions
-from fedora_qa.engine.run import select_checks
-from fedora_qa.errors import MisuseError, UnreadableFileError
+from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.options import EvidenceOptions
-from fedora_qa.layout.dialect import Dialect, load_dialect
-from fedora_qa.sequence.sequence import open_sequence, require_signature
-from fedora_qa.storage.place import Place, RemoteFile
+from fedora_qa.storage.place import Place
+from fedora_qa.storage.signature import require_signature
+
+if TYPE_CHECKING:  # who deals out the work loads nothing that measures
+    from fedora_qa.layout.dialect import Dialect
 
 PATH = click.Path(path_type=Path)
 
@@ -65,7 +65,7 @@ PATH = click.Path(path_type=Path)
 @click.option(
     "--memory",
     metavar="AMOUNT",
-    help="Memory to aim at, such as 1GB: 70% holds decoded blocks and images; a peak may exceed it.",
+    help="Memory to aim at, such as 1GB, of all processes together; a peak may exceed it.",
 )
 @click.option(
     "--jobs",
@@ -106,14 +106,14 @@ def check(
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
     options = replace(options, budget_s=budget.seconds if budget else None)
     outputs.require_writable([file for file in files if isinstance(file, Path)])
-    require_hdf5(files, options.dialect)
+    require_hdf5(files)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     kept = kept_folder(resume, settings, options) if resume else None
     executor = executor_for(settings, dask)
     jobs = executor.capacity
     began = click.get_current_context().meta.get(BEGAN)
     runs = checked(files, Request(settings, options, started, kept, began), executor)
-    workers = {"peak_worker_memory_mib": peak_worker_memory_mib()} if settings.jobs > 1 else {}
+    workers = {"peak_worker_memory_mib": executor.peak_memory_mib} if executor.peak_memory_mib else {}
     record = record_of(runs, settings, started, {"jobs": jobs, **workers})
     record = budgeted(record, budget) if budget else record
     outputs.write(record, gathered_arrays(runs))
@@ -129,31 +129,42 @@ def settings_from(config: Path | None, given: dict[str, Any]) -> CheckConfig:
 
 def check_options(settings: CheckConfig) -> CheckOptions:
     """Return the engine's options; raises ``MisuseError`` for a check, dialect or amount that does not exist."""
-    select_checks(tuple(settings.required_coverage), ())
-    if not select_checks(settings.select, settings.ignore):
-        raise MisuseError(
-            "Expected at least one check to run, got a selection that leaves none; see `fedora-qa checks`"
-        )
+    if settings.required_coverage or settings.select or settings.ignore:
+        _require_checks(settings)
     return CheckOptions(
         effort=settings.effort,
         select=settings.select,
         ignore=settings.ignore,
-        dialect=load_dialect(settings.dialect) if settings.dialect else None,
+        dialect=_dialect(settings.dialect) if settings.dialect else None,
         memory_bytes=settings.memory_bytes,
         false_alarm_rate=settings.false_alarm_rate,
         canary=settings.canary,
     )
 
 
-def require_hdf5(files: Sequence[Place], dialect: Dialect | None) -> None:
-    """Raise ``MisuseError`` before any work where a path is missing, given twice, or no HDF5 file at all."""
+def _require_checks(settings: CheckConfig) -> None:
+    """Raise ``MisuseError`` where a name is that of no check, or none is left to run."""
+    from fedora_qa.engine.run import select_checks  # noqa: PLC0415 - loads every check
+
+    select_checks(tuple(settings.required_coverage), ())
+    if not select_checks(settings.select, settings.ignore):
+        raise MisuseError(
+            "Expected at least one check to run, got a selection that leaves none; see `fedora-qa checks`"
+        )
+
+
+def _dialect(name_or_path: str) -> "Dialect":
+    from fedora_qa.layout.dialect import load_dialect  # noqa: PLC0415 - loads HDF5
+
+    return load_dialect(name_or_path)
+
+
+def require_hdf5(files: Sequence[Place]) -> None:
+    """Raise ``MisuseError`` before any work where a path is missing, given twice, or no HDF5 file at all.
+
+    Nothing but the file's first bytes is read: whatever else it holds is for a process that may die over it.
+    """
     for path in files:
         if list(files).count(path) > 1:
             raise MisuseError(f"Expected each file once, got {path} {files.count(path)} times")
-        if isinstance(path, RemoteFile):
-            require_signature(path)  # to open it here as well would transfer its structure twice
-            continue
-        try:
-            open_sequence(path, dialect).close()
-        except UnreadableFileError:
-            continue  # a finding, not misuse
+        require_signature(path)

@@ -44,7 +44,7 @@ def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, 
     sources = tuple(_source(path) for path in given)
     for source in sources:
         if not source.records:
-            require_hdf5(source.paths, dialect)
+            require_hdf5(source.paths)
         elif not source.paths[0].is_file():
             raise MisuseError(f"Expected a record at {source.given}, got no such file")
     return sources

@@ -12,8 +12,8 @@ from fedora_qa.cli.output_options import PATH
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.digest import file_digest
+from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.options import CheckOptions
-from fedora_qa.engine.plan import Effort
 from fedora_qa.engine.run import check_file
 from fedora_qa.errors import MisuseError, UnreadableFileError
 from fedora_qa.extract.extract import LONGEST_S, Extracted, Report, Wanted
@@ -64,7 +64,7 @@ def extract(
         raise MisuseError(f"Expected a new file to write, got {output}, which is there; use --force to write over it")
     record = read_record(record_path) if record_path else None
     options = check_options(settings_from(config, _as_recorded(given, record)))
-    require_hdf5([file], options.dialect)
+    require_hdf5([file])
     known = _known(file, record, record_path) if record and record_path else _checked(file, options)
     wanted = _wanted(finding, known)
     with progress_bar(file.name) as bar:

@@ -1,7 +1,9 @@
 """Check files with what the settings give to do it, and keep each as soon as it is done."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import click
 
@@ -18,6 +20,9 @@ from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage.place import Place
 
+IN_PROCESS_VARIABLE: Final = "FEDORA_QA_IN_PROCESS"
+"""Where set, a single job is done in the process of the command: for debuggers and profilers."""
+
 
 @dataclass(frozen=True, slots=True)
 class Request:
@@ -30,8 +35,15 @@ class Request:
     began: float | None = None
 
 
-def executor_for(settings: CheckConfig, dask: str | None) -> Executor:
-    """Return what does the tasks: this process, as many processes as the settings say, or a cluster at an address.
+def executor_for(settings: CheckConfig, dask: str | None = None, *, in_process: bool = False) -> Executor:
+    """Return what does the tasks: as many processes as the settings say, or a cluster at an address.
+
+    Files are opened and measured in other processes even by a single job, so that one that ends HDF5 ends none of ours.
+
+    Parameters
+    ----------
+    in_process
+        Whether a single job is done here: it starts sooner, and what goes wrong can be looked at.
 
     Raises
     ------
@@ -40,9 +52,9 @@ def executor_for(settings: CheckConfig, dask: str | None) -> Executor:
     """
     if dask is not None:
         return DaskExecutor(dask)
-    if settings.jobs == 1:
+    if settings.jobs == 1 and (in_process or os.environ.get(IN_PROCESS_VARIABLE)):
         return InProcess()
-    if settings.memory_bytes // settings.jobs < LEAST_MEMORY_BYTES:
+    if settings.jobs > 1 and settings.memory_bytes // settings.jobs < LEAST_MEMORY_BYTES:
         least = f"{settings.jobs * LEAST_MEMORY_BYTES >> 20}MiB"
         raise MisuseError(f"Expected --memory of at least {least} for {settings.jobs} jobs, got {settings.memory}")
     return ProcessExecutor(settings.jobs, threads=max(1, usable_cores() // settings.jobs))

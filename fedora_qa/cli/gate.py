@@ -9,7 +9,6 @@ import click
 from fedora_qa.cli.check import check_options, require_hdf5
 from fedora_qa.cli.exit_codes import CLEAN, exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
-from fedora_qa.cli.host import peak_worker_memory_mib
 from fedora_qa.cli.output_options import PATH, record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import gathered_arrays, record_of
@@ -56,12 +55,13 @@ def gate(
     outputs.require_writable([*paths, policy_path, *([baseline_path] if baseline_path else [])])
     settings = replace(policy.check, jobs=jobs) if jobs else policy.check
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
-    require_hdf5(paths, options.dialect)
+    require_hdf5(paths)
     now = datetime.now(UTC)
     started = now.isoformat(timespec="seconds")
-    executor = executor_for(settings, None)
-    facts = {"jobs": executor.capacity, "peak_worker_memory_mib": peak_worker_memory_mib()}
+    executor = executor_for(settings)
+    jobs = executor.capacity
     runs = checked(paths, Request(settings, options, started), executor)
+    facts = {"jobs": jobs, "peak_worker_memory_mib": executor.peak_memory_mib}
     files = [run.record for run in runs]
     runs.append(FileRun(release_record(release, files)))
     record = record_of(runs, settings, started, facts)

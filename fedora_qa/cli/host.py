@@ -61,14 +61,5 @@ def memory_mib() -> int | None:
 
 def peak_memory_mib() -> int:
     """Return the most memory that this process has held so far."""
-    return _peak_mib(resource.RUSAGE_SELF)
-
-
-def peak_worker_memory_mib() -> int:
-    """Return the most memory that one of the processes that this one has started, and that have ended, has held."""
-    return _peak_mib(resource.RUSAGE_CHILDREN)
-
-
-def _peak_mib(who: int) -> int:
-    peak = resource.getrusage(who).ru_maxrss
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere

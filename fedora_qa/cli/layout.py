@@ -34,7 +34,7 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None) -> int:
     """Say where FILE keeps each stream, what is absent and why, and what was inferred."""
     known = load_dialect(dialect) if dialect else None
     Outputs(own=(draft_path,)).require_writable([file])
-    require_hdf5([file], known)
+    require_hdf5([file])
     try:
         with h5py.File(file, "r", locking="best-effort") as opened:
             description = describe(opened, resolve(opened, known))

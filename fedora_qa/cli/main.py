@@ -95,7 +95,10 @@ def main() -> None:
     instruction = os.environ.get(COMPLETION_VARIABLE)
     if instruction:
         sys.exit(shell_complete(fedora_qa, {}, PROGRAM, COMPLETION_VARIABLE, instruction))
-    sys.exit(run(sys.argv[1:]))
+    code = run(sys.argv[1:])
+    if fork_server := sys.modules.get("fedora_qa.engine.fork_server"):
+        fork_server.end_fork_server()
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -35,7 +35,7 @@ def stats(
     known = load_dialect(dialect) if dialect else None
     memory_bytes = parse_bytes(memory)
     Outputs(json_path, markdown_path).require_writable(files)
-    require_hdf5(files, known)
+    require_hdf5(files)
     found = {str(path): _statistics_of(path, known, memory_bytes) for path in files}
     tables = tables_of(found)
     if json_path:

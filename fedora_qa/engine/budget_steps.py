@@ -9,10 +9,11 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.finish import finish_open
 from fedora_qa.engine.measured import STAGE, Measured, together
 from fedora_qa.engine.options import FileRun
-from fedora_qa.engine.plan import Effort, Plan, sees_every_window
+from fedora_qa.engine.plan import Plan, sees_every_window
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.engine.stopwatch import Stopwatch
 from fedora_qa.engine.stream import Accumulator, States, measure

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check
@@ -19,10 +20,12 @@ from fedora_qa.engine.budget_steps import (
 )
 from fedora_qa.engine.densities import Densities, Density
 from fedora_qa.engine.executors import Result, Task
-from fedora_qa.engine.file_work import FileWork, Step, equal_parts
+from fedora_qa.engine.file_task import Surveyed
+from fedora_qa.engine.file_work import FileWork, Step
 from fedora_qa.engine.measured import Measured
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import FEWEST_WINDOWS
+from fedora_qa.engine.regions import equal_parts
 from fedora_qa.engine.survey import Survey
 from fedora_qa.engine.visiting import visiting_order
 from fedora_qa.storage.place import Place
@@ -42,10 +45,11 @@ class BudgetedWork(FileWork):
         self,
         path: Place,
         size: int,
-        checks: tuple[Check[Any], ...],
+        checks: tuple[Check[Any], ...] | None,
         options: CheckOptions,
         workers: int,
         told: Callable[[str], None],
+        folder: Path | None,
         allot: Callable[["BudgetedWork"], float],
     ) -> None:
         self._allot = allot
@@ -58,16 +62,17 @@ class BudgetedWork(FileWork):
         self._rehearsing = False
         self._rehearsals_s = 0.0
         self._traffic = NO_TRAFFIC
-        super().__init__(path, size, checks, options, workers, told)
+        super().__init__(path, size, checks, options, workers, told, folder)
 
     def _do_in_one(self) -> None:
         """Go in steps even alone: between them it is decided what comes next."""
         self._do_in_steps()
 
-    def _surveyed(self, survey: Survey | FileRun) -> None:
-        if isinstance(survey, FileRun):
-            self._finished(survey)
+    def _surveyed(self, surveyed: Surveyed | FileRun) -> None:
+        if isinstance(surveyed, FileRun):
+            self._finished(surveyed)
             return
+        survey: Survey = surveyed.survey.open()
         self._deadline = self._allot(self)
         self.windows = survey.plan.of
         self._least = min(FEWEST_WINDOWS, self.windows)

@@ -19,8 +19,9 @@ from fedora_qa.canary.table import CANARIES
 from fedora_qa.canary.view import FaultySequence
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.outcomes import crashed_result
-from fedora_qa.engine.plan import Effort, make_plan, sees_every_window
+from fedora_qa.engine.plan import make_plan, sees_every_window
 from fedora_qa.engine.prepare import Prepared, prepare
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stream import States, attempt, conclude, measure

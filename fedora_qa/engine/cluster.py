@@ -50,6 +50,8 @@ class DaskExecutor:
             from distributed.comm.addressing import get_address_host_port  # noqa: PLC0415 - an extra
         except ImportError:
             raise MisuseError("Expected Dask for --dask; install it: pip install 'fedora-qa[dask]'") from None
+        self.peak_memory_mib = 0
+        self.folder = None
         self._address = address
         self._dask: Any = dask
         self._distributed: Any = distributed
@@ -79,7 +81,7 @@ class DaskExecutor:
         """How many tasks share the memory of one worker."""
         return max(self._threads, default=1)
 
-    def submit(self, task: Task[Result], progress: Progress) -> Future[Result]:
+    def submit(self, task: Task[Result], progress: Progress, worker: int | None = None) -> Future[Result]:
         """Give the task to the cluster; its progress is not told."""
         future: Future[Result] = Future()
         with self._dask.config.set(_NO_WARNING):

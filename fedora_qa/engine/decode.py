@@ -11,15 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import STAMPS_OF
+from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
 from fedora_qa.sequence.scan import BLOCK_ROWS, Scan
 from fedora_qa.sequence.sequence import SequenceRows
+from fedora_qa.sequence.window import Span
 
 Block = NDArray[Any] | UnreadableRowsError
 
 
 class BlockDecoder:
-    """Decodes stored blocks on demand and keeps the latest within a limit of bytes.
+    """Decodes stored blocks on demand and keeps some within a limit of bytes.
+
+    The checks ask for the blocks of a window one after the other. Where these do not all fit, to drop the one that was
+    not used for longest would drop each just before it is asked for again. So what lies before the window goes first,
+    and then what was used neither lately nor long ago: what a check goes on with is kept, and some of what comes next.
 
     A block that cannot be decoded raises ``UnreadableRowsError`` each time it is asked for, and is tried only once.
     """
@@ -31,8 +36,13 @@ class BlockDecoder:
         self.cache_bytes = cache_bytes
         self._cached: OrderedDict[tuple[str, int], Block] = OrderedDict()
         self._cached_bytes = 0
+        self._owned_from: dict[str, int] = {}
         self.decoded_bytes = 0
         """Bytes decoded so far, for the record's run."""
+
+    def begin(self, span: Span) -> None:
+        """Be told which window is looked at from now on."""
+        self._owned_from |= {stream: start for stream, (start, _) in span.owned.items()}
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
         """Return rows in canonical units, read-only; raises ``UnreadableRowsError``."""
@@ -79,8 +89,16 @@ class BlockDecoder:
         self._cached[name] = block
         self._cached_bytes += _size(block)
         while self._cached_bytes > self.cache_bytes and len(self._cached) > 1:
-            _, dropped = self._cached.popitem(last=False)
-            self._cached_bytes -= _size(dropped)
+            self._cached_bytes -= _size(self._cached.pop(self._to_drop()))
+
+    def _to_drop(self) -> tuple[str, int]:
+        """Return a block to drop: never the one that was used last."""
+        droppable = tuple(self._cached)[:-1]
+        return next((name for name in droppable if self._is_behind(*name)), droppable[len(droppable) // 2])
+
+    def _is_behind(self, key: str, number: int) -> bool:
+        rows = self._sequence.chunk_rows(key)
+        return (number + 1) * rows <= self._owned_from.get(DATASETS[key].stream, 0)
 
 
 def _size(block: Block) -> int:

@@ -13,8 +13,9 @@ from typing import Final
 
 from fedora_qa.engine.budget import Pace
 from fedora_qa.engine.budget_steps import at_density
+from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.measured import Measured
-from fedora_qa.engine.plan import Effort, Plan, sampling_of
+from fedora_qa.engine.plan import Plan, sampling_of
 from fedora_qa.engine.prepare import frame_pixels
 from fedora_qa.engine.survey import Survey
 

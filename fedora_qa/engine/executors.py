@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self, TypeVar
 
@@ -26,8 +27,18 @@ class Executor(Protocol):
         """How many tasks share the memory that one run may take."""
         ...
 
-    def submit(self, task: Task[Result], progress: Progress) -> Future[Result]:
-        """Begin a task.
+    @property
+    def folder(self) -> Path | None:
+        """Where tasks leave what is large for each other; None where they are not sure to find the same folder."""
+        ...
+
+    @property
+    def peak_memory_mib(self) -> int:
+        """The most memory that one of its processes is known to have held; 0 where none is known of."""
+        ...
+
+    def submit(self, task: Task[Result], progress: Progress, worker: int | None = None) -> Future[Result]:
+        """Begin a task, where it can be chosen by the worker of that number.
 
         The future raises what the task raises, and ``WorkerLostError`` where the process that did it died. Progress
         may be told from another thread, late, or not at all.
@@ -50,8 +61,10 @@ class InProcess:
 
     capacity = 1
     sharing = 1
+    peak_memory_mib = 0
+    folder = None
 
-    def submit(self, task: Task[Result], progress: Progress) -> Future[Result]:
+    def submit(self, task: Task[Result], progress: Progress, worker: int | None = None) -> Future[Result]:
         """Do the task; the future that is returned is done."""
         future: Future[Result] = Future()
         try:

@@ -4,27 +4,18 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
-from typing import Any, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.executors import Task
-from fedora_qa.engine.finish import finish_file
-from fedora_qa.engine.lost import lost_file
-from fedora_qa.engine.measured import STAGE, Measured, measure_windows
+from fedora_qa.engine.file_task import FileTask, Sealed, Surveyed
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.survey import Survey, survey_file
-from fedora_qa.engine.whole import check_whole
+from fedora_qa.engine.progress import MEASURING, Progress
+from fedora_qa.engine.regions import Regions
 from fedora_qa.storage.place import Place
 
-_STRETCHES_PER_WORKER: Final = 2
-"""So that the last worker to end does not keep the others waiting for long."""
-
-_FEWEST_WINDOWS: Final = 2
-_MOST_WINDOWS: Final = 8
-"""In a stretch. What windows share, and what lies around them, is read again at both ends of a stretch; a worker that
-dies takes a stretch with it."""
+if TYPE_CHECKING:  # who deals out the work loads nothing that measures
+    from fedora_qa.checks.protocol import Check
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +28,15 @@ class Step:
     when_lost: Callable[[], None]
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What neighbouring windows have shown, from ``start`` to before ``stop``."""
+
+    start: int
+    stop: int
+    shown: Sealed[Any]
+
+
 class FileWork:
     """One file: the steps that are ready to be done, and in the end its run.
 
@@ -46,7 +46,7 @@ class FileWork:
     Attributes
     ----------
     ready
-        Steps that wait for nothing.
+        Steps that wait for nothing, beside windows that nobody measures yet.
     run
         None until the file is done.
     """
@@ -55,10 +55,11 @@ class FileWork:
         self,
         path: Place,
         size: int,
-        checks: tuple[Check[Any], ...],
+        checks: "tuple[Check[Any], ...] | None",
         options: CheckOptions,
         workers: int,
         told: Callable[[str], None],
+        folder: Path | None = None,
     ) -> None:
         self.path = path
         self.bytes = size
@@ -68,14 +69,26 @@ class FileWork:
         self._checks = checks
         self._workers = workers
         self._told = told
-        self._parts: dict[int, Measured] = {}
+        self._folder = folder
+        self._parts: dict[int, Part] = {}
         self._lost: list[int] = []
         self._seen: dict[int, int] = {}
+        self._surveyed_as: Surveyed | None = None
+        self._regions = Regions(0, workers)
         self._options = options
         if workers == 1:
             self._do_in_one()
         else:
             self._do_in_steps()
+
+    def take(self, worker: int) -> Step | None:
+        """Return the next step for a worker, by its number; None where there is none for now."""
+        if self.ready:
+            return self.ready.popleft()
+        survey, windows = self._surveyed_as, self._regions.take(worker)
+        if survey is None or not windows:
+            return None
+        return self._measuring(survey, windows, when_lost=partial(self._each_alone, survey, windows))
 
     @property
     def windows_done(self) -> int:
@@ -91,16 +104,16 @@ class FileWork:
         """Get the whole file done by one process, step by step where that dies over it."""
 
         def tell(what: str, done: int, of: int) -> None:
-            if what == STAGE:
+            if what == MEASURING:
                 self.windows, self._seen[0] = of, done
             self._tell(what, done, of)
 
-        task = partial(check_whole, self.path.absolute(), self._checks, self._options)
+        task = FileTask("check_whole", self.path.absolute(), (self._checks, self._options))
         self.ready.append(Step(task, tell, self._finished, self._do_in_steps))
 
     def _do_in_steps(self) -> None:
         self._seen.clear()
-        task = partial(survey_file, self.path.absolute(), self._checks, self._options)
+        task = FileTask("survey_file", self.path.absolute(), (self._checks, self._options))
         self._do("being opened", task, self._surveyed)
 
     def _do(self, doing: str, task: Task[Any], then: Callable[[Any], None]) -> None:
@@ -109,64 +122,70 @@ class FileWork:
         self.ready.append(replace(once, when_lost=partial(self.ready.append, once)))
 
     def _give_up(self, doing: str) -> None:
-        self.run = lost_file(self.path, self._checks, doing)
+        from fedora_qa.engine.lost import lost_file  # noqa: PLC0415 - loads what measures
+        from fedora_qa.engine.run import asked_for  # noqa: PLC0415 - as above
 
-    def _surveyed(self, survey: Survey | FileRun) -> None:
+        self.run = lost_file(self.path, asked_for(self._checks, self._options), doing)
+
+    def _surveyed(self, survey: Surveyed | FileRun) -> None:
         if isinstance(survey, FileRun):
             self._finished(survey)
             return
-        self.windows = len(survey.windows)
-        for windows in stretches(self.windows, self._workers):
-            alone = partial(self._each_alone, survey, windows)
-            self.ready.append(self._measuring(survey, windows, when_lost=alone))
+        self.windows = survey.windows
+        self._regions = Regions(survey.windows, self._workers)
+        self._surveyed_as = survey
         self._finish_if_measured(survey)
 
-    def _measuring(self, survey: Survey, windows: Sequence[int], when_lost: Callable[[], None]) -> Step:
+    def _measuring(self, survey: Surveyed, windows: Sequence[int], when_lost: Callable[[], None]) -> Step:
         first = windows[0]
+        before = next((part for part in self._parts.values() if part.stop == first), None)
+        if before:
+            del self._parts[before.start]
 
         def tell(what: str, done: int, of: int) -> None:
             self._seen[first] = done
             self._tell(what, done, of)
 
-        def measured(part: Measured) -> None:
+        def measured(part: Sealed[Any]) -> None:
             self._seen[first] = len(windows)
-            self._parts[first] = part
+            self._keep(Part(before.start if before else first, windows[-1] + 1, part))
+            if before:
+                before.shown.discard()
             self._finish_if_measured(survey)
 
-        return Step(partial(measure_windows, survey, windows), tell, measured, when_lost)
+        def lost() -> None:
+            if before:
+                self._keep(before)
+            when_lost()
 
-    def _each_alone(self, survey: Survey, windows: Sequence[int]) -> None:
+        task = FileTask("measure_windows", survey, (before.shown if before else None,), windows, self._folder)
+        return Step(task, tell, measured, lost)
+
+    def _keep(self, part: Part) -> None:
+        self._parts[part.start] = part
+
+    def _each_alone(self, survey: Surveyed, windows: Sequence[int]) -> None:
         for window in windows:
             self._seen[window] = 0
             self.ready.append(self._measuring(survey, [window], when_lost=partial(self._lose, survey, window)))
 
-    def _lose(self, survey: Survey, window: int) -> None:
+    def _lose(self, survey: Surveyed, window: int) -> None:
         self._seen[window] = 1
         self._lost.append(window)
         self._finish_if_measured(survey)
 
-    def _finish_if_measured(self, survey: Survey) -> None:
+    def _finish_if_measured(self, survey: Surveyed) -> None:
         if self.windows_done == self.windows:
-            parts = [part for _, part in sorted(self._parts.items())]
-            self._do("being judged", partial(finish_file, survey, parts, sorted(self._lost)), self._finished)
+            parts = [part.shown for _, part in sorted(self._parts.items())]
+            task = FileTask("finish_file", survey, (parts, sorted(self._lost)))
+            self._do("being judged", task, self._finished)
 
     def _finished(self, run: FileRun) -> None:
         self.run = replace(run, record=replace(run.record, path=str(self.path)))
+        for part in self._parts.values():
+            part.shown.discard()
         self._parts.clear()
         self._seen = {0: self.windows}
 
     def _tell(self, what: str, done: int, of: int) -> None:
         self._told(f"{self.path.name}: {what}")
-
-
-def stretches(windows: int, workers: int) -> tuple[Sequence[int], ...]:
-    """Deal windows out in stretches that workers can measure by themselves."""
-    length = min(max(windows // (_STRETCHES_PER_WORKER * workers), _FEWEST_WINDOWS), _MOST_WINDOWS)
-    return equal_parts(windows, -(-windows // length))
-
-
-def equal_parts(windows: int, count: int) -> tuple[Sequence[int], ...]:
-    """Cut windows into neighbouring parts, none of them empty."""
-    count = min(count, windows)
-    bounds = [windows * number // count for number in range(count + 1)] if count else []
-    return tuple(range(start, stop) for start, stop in pairwise(bounds))

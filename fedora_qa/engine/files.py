@@ -1,20 +1,28 @@
 """Check several files at once, and the windows of each, with whatever executor does the tasks."""
 
 import time
+from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from fedora_qa.engine.budgeted_work import BudgetedWork
 from fedora_qa.engine.executors import Executor
 from fedora_qa.engine.file_work import FileWork, Step
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Report, Tally
-from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import WorkerLostError
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.server import version_of
+
+if TYPE_CHECKING:  # who deals out the work loads nothing that measures
+    from fedora_qa.checks.protocol import Check
+
+_LIBRARIES_BYTES: Final = 320_000_000
+"""What all processes of a run share, as they are forked from one, and what the one that deals out the work holds."""
+
+_LEAST_SHARE: Final = 0.25
+"""Of the memory, for the tasks, where libraries would leave less."""
 
 _SILENCE_S: Final = 2.0
 """After how long without a result it is asked whether anybody is left to give one."""
@@ -26,6 +34,8 @@ def check_files(
     executor: Executor,
     report: Report,
     began: float | None = None,
+    *,
+    checks: "tuple[Check[Any], ...] | None" = None,
 ) -> Iterator[tuple[Place, FileRun]]:
     """Check files, and yield each as soon as it is done. What is found does not depend on who finds it.
 
@@ -36,6 +46,8 @@ def check_files(
         gets what is left of it in proportion to its length, and hands on what it does not use.
     began
         Since when (``time.monotonic``) the budget of time counts; now where None.
+    checks
+        In place of those that the options select.
 
     Raises
     ------
@@ -44,8 +56,8 @@ def check_files(
     FedoraError
         A file was changed while it was checked, or nobody is left to do the tasks.
     """
-    checks = select_checks(options.select, options.ignore)
-    options = replace(options, memory_bytes=options.memory_bytes // executor.sharing)
+    for_tasks = max(options.memory_bytes - _LIBRARIES_BYTES, int(_LEAST_SHARE * options.memory_bytes))
+    options = replace(options, memory_bytes=for_tasks // executor.sharing)
 
     def tell(doing: str) -> None:
         report(_tally(doing, works))
@@ -58,11 +70,15 @@ def check_files(
         return now + left_s * work.bytes / max(sum(one.bytes for one in ahead if one.run is None), 1)
 
     def work_on(path: Place) -> FileWork:
-        of_file = (path, version_of(path).size, checks, options, executor.capacity, tell)
-        return FileWork(*of_file) if options.budget_s is None else BudgetedWork(*of_file, allot)
+        of_file = (path, version_of(path).size, checks, options, executor.capacity, tell, executor.folder)
+        if options.budget_s is None:
+            return FileWork(*of_file)
+        from fedora_qa.engine.budgeted_work import BudgetedWork  # noqa: PLC0415 - loads what measures
+
+        return BudgetedWork(*of_file, allot)
 
     works = [work_on(path) for path in paths]
-    running: dict[Future[Any], Step] = {}
+    running: dict[Future[Any], tuple[Step, int]] = {}
     waiting = list(works)
     while waiting:
         _submit(waiting, running, executor)
@@ -70,7 +86,7 @@ def check_files(
         if not done:
             executor.require_workers()
         for future in done:
-            _settle(running.pop(future), future)
+            _settle(running.pop(future)[0], future)
         for work in tuple(waiting):
             if work.run:
                 waiting.remove(work)
@@ -78,14 +94,14 @@ def check_files(
                 yield work.path, work.run
 
 
-def _submit(works: Sequence[FileWork], running: dict[Future[Any], Step], executor: Executor) -> None:
+def _submit(works: Sequence[FileWork], running: dict[Future[Any], tuple[Step, int]], executor: Executor) -> None:
     """Keep the executor busy. Earlier files come first, so that few are under way at a time and each is soon done."""
+    busy = {worker for _, worker in running.values()}
+    idle = deque(worker for worker in range(executor.capacity) if worker not in busy)
     for work in works:
-        while work.ready:
-            if len(running) >= executor.capacity:
-                return
-            step = work.ready.popleft()
-            running[executor.submit(step.task, step.progress)] = step
+        while idle and (step := work.take(idle[0])):
+            worker = idle.popleft()
+            running[executor.submit(step.task, step.progress, worker)] = step, worker
 
 
 def _settle(step: Step, future: Future[Any]) -> None:

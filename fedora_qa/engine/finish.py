@@ -1,6 +1,6 @@
 """From what the windows have shown to the file's record: the second look, judgement, evidence, canaries."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.engine.canaries import PlainRun, Proof, held_to_canaries, prove_alive
@@ -12,7 +12,7 @@ from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdic
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stopwatch import Stopwatch
 from fedora_qa.engine.stream import States, attempt, conclude, look_again
-from fedora_qa.engine.survey import OpenSurvey, Survey, opened
+from fedora_qa.engine.survey import OpenSurvey, Survey
 from fedora_qa.evidence.kept import Kept
 from fedora_qa.evidence.kept import together as kept_together
 from fedora_qa.judgement.diagnosis import diagnose
@@ -21,8 +21,10 @@ from fedora_qa.record.types import FileRecord, Finding, Result, Scalar
 from fedora_qa.storage.place import RemoteFile
 
 
-def finish_file(survey: Survey, parts: Sequence[Measured], lost: Sequence[int], progress: Progress) -> FileRun:
-    """Judge a file by what its windows have shown.
+def finish_open(
+    survey: Survey, file: OpenSurvey, parts: Iterable[Measured], lost: Sequence[int], progress: Progress
+) -> FileRun:
+    """Judge a file by what its windows have shown; what has been decoded of it need not be decoded again.
 
     Parameters
     ----------
@@ -31,14 +33,6 @@ def finish_file(survey: Survey, parts: Sequence[Measured], lost: Sequence[int], 
     lost
         Windows of the survey that nobody could measure.
     """
-    with opened(survey) as file:
-        return finish_open(survey, file, parts, lost, progress)
-
-
-def finish_open(
-    survey: Survey, file: OpenSurvey, parts: Sequence[Measured], lost: Sequence[int], progress: Progress
-) -> FileRun:
-    """Do the same with a file that is open; what has been decoded of it need not be decoded again."""
     watch = Stopwatch(dict(survey.seconds))
     decoded_before = file.ready.decoder.decoded_bytes
     with watch.stage(STAGE):

@@ -2,17 +2,16 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import Final
 
-from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.progress import MEASURING, Progress
 from fedora_qa.engine.stopwatch import Stopwatch
 from fedora_qa.engine.stream import Accumulator, States, measure, merge, start
-from fedora_qa.engine.survey import OpenSurvey, Survey, opened
+from fedora_qa.engine.survey import OpenSurvey, Survey
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
-STAGE: Final = "measuring"
+STAGE: Final = MEASURING
 """As the stopwatch and the pass itself call it."""
 
 
@@ -26,15 +25,13 @@ class Measured:
     traffic: Traffic = NO_TRAFFIC
 
 
-def measure_windows(survey: Survey, windows: Sequence[int], progress: Progress) -> Measured:
-    """Open a file, and hand windows of its survey, named by their place in it, to what sees them."""
-    with opened(survey) as file:
-        measured = measure_open(survey, file, windows, progress)
-        return replace(measured, traffic=file.sequence.traffic)
+def measure_open(
+    survey: Survey, file: OpenSurvey, windows: Sequence[int], progress: Progress, before: Measured | None = None
+) -> Measured:
+    """Hand windows of a survey, named by their place in it, to what sees them.
 
-
-def measure_open(survey: Survey, file: OpenSurvey, windows: Sequence[int], progress: Progress) -> Measured:
-    """Do the same with a file that is open."""
+    ``before`` is what the windows just before them have shown. It is added to, and what both have shown is returned.
+    """
     watch = Stopwatch()
     ready, decoded_before = file.ready, file.ready.decoder.decoded_bytes
     with watch.stage(STAGE):
@@ -47,17 +44,33 @@ def measure_open(survey: Survey, file: OpenSurvey, windows: Sequence[int], progr
             progress,
             ready.images,
             file.audience,
+            before.states if before else None,
         )
-    return Measured(states, watch.seconds[STAGE], ready.decoder.decoded_bytes - decoded_before)
+    measured = Measured(states, watch.seconds[STAGE], ready.decoder.decoded_bytes - decoded_before)
+    return (
+        replace(
+            measured,
+            seconds=measured.seconds + before.seconds,
+            decoded_bytes=measured.decoded_bytes + before.decoded_bytes,
+            traffic=before.traffic,
+        )
+        if before
+        else measured
+    )
 
 
 def together(parts: Iterable[Measured], accumulators: Sequence[Accumulator], facts: Facts) -> Measured:
     """Merge passes over stretches of windows, in the order of time: the same as one pass over all, bit for bit."""
-    parts = tuple(parts)
-    states = [part.states for part in parts] or [start(accumulators, facts)]
+    whole: Measured | None = None
+    for part in parts:
+        whole = part if whole is None else _merged(whole, part, accumulators)
+    return whole or Measured(start(accumulators, facts), 0.0, 0)
+
+
+def _merged(earlier: Measured, later: Measured, accumulators: Sequence[Accumulator]) -> Measured:
     return Measured(
-        reduce(lambda earlier, later: merge(accumulators, earlier, later), states),
-        seconds=sum(part.seconds for part in parts),
-        decoded_bytes=sum(part.decoded_bytes for part in parts),
-        traffic=sum((part.traffic for part in parts), NO_TRAFFIC),
+        merge(accumulators, earlier.states, later.states),
+        seconds=earlier.seconds + later.seconds,
+        decoded_bytes=earlier.decoded_bytes + later.decoded_bytes,
+        traffic=earlier.traffic + later.traffic,
     )

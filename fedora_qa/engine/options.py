@@ -2,16 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from numpy.typing import NDArray
-
-from fedora_qa.engine.plan import Effort
+from fedora_qa.engine.effort import Effort
 from fedora_qa.evidence.options import EvidenceOptions
-from fedora_qa.judgement.tolerances import DEFAULT_FALSE_ALARM_RATE
-from fedora_qa.layout.dialect import Dialect
 from fedora_qa.record.types import FileRecord
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
+
+if TYPE_CHECKING:  # who deals out the work loads nothing that measures
+    from numpy.typing import NDArray
+
+    from fedora_qa.layout.dialect import Dialect
 
 _MEBIBYTE: Final = 1 << 20
 
@@ -41,9 +42,9 @@ class CheckOptions:
     effort: Effort = "full"
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
-    dialect: Dialect | None = None
+    dialect: "Dialect | None" = None
     memory_bytes: int = 1024 * _MEBIBYTE
-    false_alarm_rate: float = DEFAULT_FALSE_ALARM_RATE
+    false_alarm_rate: float = 1e-4
     canary: bool = False
     budget_s: float | None = None
     evidence: EvidenceOptions | None = field(default_factory=EvidenceOptions)
@@ -57,7 +58,7 @@ class FileRun:
     """
 
     record: FileRecord
-    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    arrays: "Mapping[str, NDArray[Any]]" = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     decoded_bytes: int = 0
     traffic: Traffic = NO_TRAFFIC

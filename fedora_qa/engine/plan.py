@@ -9,13 +9,12 @@ a thousandth of a file, and a jump of an instant is not found by looking now and
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
+from fedora_qa.engine.effort import Effort
 from fedora_qa.sequence.window import Sampling
-
-Effort = Literal["quick", "standard", "full", "exhaustive"]
 
 FEWEST_WINDOWS: Final = 4
 """A sample smaller than this cannot tell a local fault from a global one."""

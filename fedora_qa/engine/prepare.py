@@ -13,11 +13,19 @@ from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import Span
 
-_CACHE_SHARE: Final = 0.4
-"""Share of the memory limit that decoded blocks may fill."""
+_HELD_BYTES_PER_PIXEL: Final = 160
+"""What a process holds beside blocks and images, for each pixel of a frame: 50 are what checks remember, 35 what one of
+them computes on the way, the rest what they share within a window and what lies unused between arrays. Measured at
+1440x1080, all checks."""
 
-_IMAGES_SHARE: Final = 0.3
-"""Share that what is computed of single images may fill; the rest is for everything else that checks compute."""
+_LEAST_SHARE: Final = 0.25
+"""Share of the memory that blocks and images may fill at least, where that would leave less."""
+
+_MOST_BYTES: Final = 320 << 20
+"""What both may fill at most: the images of five windows. More saves no decoding, as what lies around one is held."""
+
+_BLOCKS_SHARE: Final = 0.85
+"""Of what both may fill: decoded blocks; the rest is for what is computed of single images."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +48,12 @@ def prepare(sequence: SequenceRows, memory_bytes: int) -> Prepared:
 
 def ready_to_measure(sequence: SequenceRows, scanned: Scan, memory_bytes: int) -> Prepared:
     """Cut the windows of an open sequence whose stamps have been scanned."""
-    decoder = BlockDecoder(sequence, scanned, int(_CACHE_SHARE * memory_bytes))
-    images = SharedImages(int(_IMAGES_SHARE * memory_bytes))
-    return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images, frame_pixels(sequence.layout))
+    pixels = frame_pixels(sequence.layout)
+    left_bytes = max(memory_bytes - _HELD_BYTES_PER_PIXEL * (pixels or 0), _LEAST_SHARE * memory_bytes)
+    kept_bytes = min(left_bytes, _MOST_BYTES)
+    decoder = BlockDecoder(sequence, scanned, int(_BLOCKS_SHARE * kept_bytes))
+    images = SharedImages(int((1 - _BLOCKS_SHARE) * kept_bytes))
+    return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images, pixels)
 
 
 def frame_pixels(layout: Layout) -> int | None:

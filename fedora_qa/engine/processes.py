@@ -3,15 +3,15 @@
 A process that dies takes the task it was doing with it and nothing else: the next task finds a new one.
 """
 
-from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from multiprocessing import get_context
-from queue import SimpleQueue
-from threading import Lock
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Condition, Lock
 from types import TracebackType
 from typing import Any, Self
 
 from fedora_qa.engine.executors import Result, Task
+from fedora_qa.engine.fork_server import worker_context
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.worker import Done, Failed, Told, serve
 from fedora_qa.errors import WorkerLostError
@@ -31,13 +31,22 @@ class ProcessExecutor:
     def __init__(self, jobs: int, threads: int = 1) -> None:
         self.capacity = jobs
         self.sharing = jobs
+        self._folder = TemporaryDirectory(prefix="fedora-qa-")
+        self.folder = Path(self._folder.name)
+        context = worker_context()
         self._threads = ThreadPoolExecutor(jobs, thread_name_prefix="worker")
-        self._workers = tuple(_Worker(threads) for _ in range(jobs))
-        self._idle = _queue_of(self._workers)
+        self._workers = tuple(_Worker(context, threads) for _ in range(jobs))
+        self._idle = list(range(jobs))
+        self._changed = Condition()
 
-    def submit(self, task: Task[Result], progress: Progress) -> Future[Result]:
-        """Give the task to the next process that is idle."""
-        return self._threads.submit(self._do, task, progress)
+    @property
+    def peak_memory_mib(self) -> int:
+        """The most memory that one of the processes is known to have held."""
+        return max(worker.peak_memory_mib for worker in self._workers)
+
+    def submit(self, task: Task[Result], progress: Progress, worker: int | None = None) -> Future[Result]:
+        """Give the task to a process, or to the next that is idle."""
+        return self._threads.submit(self._do, task, progress, worker)
 
     def require_workers(self) -> None:
         """Look for nobody: a process that died is replaced."""
@@ -52,20 +61,27 @@ class ProcessExecutor:
         for worker in self._workers:
             worker.close()
         self._threads.shutdown()
+        self._folder.cleanup()
 
-    def _do(self, task: Task[Result], progress: Progress) -> Result:
-        worker = self._idle.get()
+    def _do(self, task: Task[Result], progress: Progress, wanted: int | None) -> Result:
+        with self._changed:
+            self._changed.wait_for(lambda: wanted in self._idle if wanted is not None else self._idle)
+            number = self._idle[0] if wanted is None else wanted
+            self._idle.remove(number)
         try:
-            return worker.do(task, progress)
+            return self._workers[number].do(task, progress)
         finally:
-            self._idle.put(worker)
+            with self._changed:
+                self._idle.append(number)
+                self._changed.notify_all()
 
 
 class _Worker:
     """A process that does one task after another, and is started again after it has died."""
 
-    def __init__(self, threads: int) -> None:
-        self._context = get_context("spawn")
+    def __init__(self, context: Any, threads: int) -> None:
+        self.peak_memory_mib = 0
+        self._context = context
         self._threads = threads
         self._changing = Lock()
         self._closed = False
@@ -81,6 +97,7 @@ class _Worker:
             raise WorkerLostError(f"Expected a process to end its task, got its own end: {self._end()}") from end
         if isinstance(answer, Failed):
             raise answer.error
+        self.peak_memory_mib = max(self.peak_memory_mib, answer.peak_memory_mib)
         return answer.result  # type: ignore[no-any-return]  # what comes through a pipe has no type
 
     def close(self) -> None:
@@ -115,10 +132,3 @@ class _Worker:
             self._process.join()
             code = self._process.exitcode
             return f"signal {-code}" if code < 0 else f"exit code {code}"
-
-
-def _queue_of(workers: Iterable[_Worker]) -> "SimpleQueue[_Worker]":
-    idle: SimpleQueue[_Worker] = SimpleQueue()
-    for worker in workers:
-        idle.put(worker)
-    return idle

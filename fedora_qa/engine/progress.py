@@ -2,9 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 Progress = Callable[[str, int, int], None]
 """Called with what is going on, how much is done, and of how much."""
+
+
+MEASURING: Final = "measuring"
+"""What is going on while windows are handed to the checks."""
 
 
 def quiet(what: str, done: int, of: int) -> None:

@@ -27,6 +27,11 @@ def check_file(path: Place, options: CheckOptions, progress: Progress = quiet) -
     return check_whole(path, select_checks(options.select, options.ignore), options, progress)
 
 
+def asked_for(checks: tuple[Check[Any], ...] | None, options: CheckOptions) -> tuple[Check[Any], ...]:
+    """Return checks that are given, or where they are None those that the options select."""
+    return select_checks(options.select, options.ignore) if checks is None else checks
+
+
 def select_checks(select: tuple[str, ...], ignore: tuple[str, ...]) -> tuple[Check[Any], ...]:
     """Return the checks that are asked for, in their fixed order.
 

@@ -6,18 +6,19 @@ same bit for bit however the windows were dealt out.
 
 import time
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol, TypeVar
 
 from fedora_qa.checks.protocol import Check, Observation
+from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.plan import FEWEST_FOLLOW_UPS, FOLLOW_UP_SHARE
-from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.progress import MEASURING, Progress
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.shared_images import SharedImages
-from fedora_qa.sequence.window import RowSource, Sampling, Span, Window
+from fedora_qa.sequence.window import Sampling, Span, Window
 
 T = TypeVar("T")
 
@@ -82,19 +83,25 @@ def measure(
     checks: Sequence[Accumulator],
     spans: Sequence[Span],
     facts: Facts,
-    source: RowSource,
+    source: BlockDecoder,
     sampling: Sampling,
     progress: Progress,
     images: SharedImages | None = None,
     audience: Callable[[Span], Sequence[Accumulator]] | None = None,
+    states: States | None = None,
 ) -> States:
-    """Hand each window to each check, or to those of them that are its ``audience``, in order of time."""
+    """Hand each window to each check, or to those of them that are its ``audience``, in order of time.
+
+    ``states`` have seen the windows before, and are added to; new ones where None.
+    """
     images = images or SharedImages()
-    states = start(checks, facts)
+    states = states or start(checks, facts)
+    turns = {check.name: turn for turn, check in enumerate(checks)}
     for done, span in enumerate(spans):
-        progress("measuring", done, len(spans))
+        progress(MEASURING, done, len(spans))
+        source.begin(span)
         tasks = [(check.name, check.update) for check in (audience(span) if audience else checks)]
-        _show(Window(span, facts, source, sampling, images), tasks, states)
+        _show(Window(span, facts, source, sampling, images), tasks, states, turns)
     return states
 
 
@@ -103,20 +110,22 @@ def look_again(
     states: States,
     spans: Sequence[Span],
     facts: Facts,
-    source: RowSource,
+    source: BlockDecoder,
     sampling: Sampling,
     progress: Progress,
     images: SharedImages | None = None,
 ) -> int:
     """Give the checks one more look at the windows they name, a bounded share of all together; return how many."""
+    turns = {check.name: turn for turn, check in enumerate(checks)}
     wanted = {check.name: _wanted(check, states, facts) for check in checks}
     budget = max(FEWEST_FOLLOW_UPS, int(FOLLOW_UP_SHARE * len(spans)))
     by_index = {span.index: span for span in spans}
     numbers = sorted(_in_turn(wanted, budget) & by_index.keys())
     for done, number in enumerate(numbers):
         progress("looking again", done, len(numbers))
+        source.begin(by_index[number])
         asking = [(check.name, check.look_again) for check in checks if number in wanted[check.name]]
-        _show(Window(by_index[number], facts, source, sampling, images), asking, states)
+        _show(Window(by_index[number], facts, source, sampling, images), asking, states, turns)
     return len(numbers)
 
 
@@ -141,8 +150,14 @@ def conclude(checks: Iterable[Check[Any]], states: States, facts: Facts) -> dict
     return observations
 
 
-def _show(window: Window, tasks: Iterable[tuple[str, Callable[[Any, Window], None]]], states: States) -> None:
+def _show(
+    window: Window,
+    tasks: Iterable[tuple[str, Callable[[Any, Window], None]]],
+    states: States,
+    turns: Mapping[str, int],
+) -> None:
     for name, see in tasks:
+        window.take_turn(turns[name])
         began = time.perf_counter()
         attempt(states, name, partial(_see, states, name, see, window))
         states.seconds[name] = states.seconds.get(name, 0.0) + time.perf_counter() - began

@@ -147,10 +147,7 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
     """
     path, options, asked = survey.path, survey.options, survey.asked
     with open_sequence(path, options.dialect) as sequence:
-        if sequence.version != survey.version:
-            raise (StorageError if isinstance(path, RemoteFile) else FedoraError)(
-                f"Expected {path} to stay as it is while it is checked, got a change; check it again"
-            )
+        require_same(survey, sequence.version)
         ready = ready_to_measure(sequence, survey.scanned, options.memory_bytes)
         chosen = tuple(ready.spans[number] for number in survey.plan.chosen)
         needed = _needed_by(asked) if options.select else None
@@ -166,6 +163,14 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
             distributions=DistributionsCollector(ready.spans, needed) if options.evidence else None,
         )
         sequence.require_unchanged()
+
+
+def require_same(survey: Survey, version: Version) -> None:
+    """Raise ``FedoraError`` where a file is of another version than when it was surveyed."""
+    if version != survey.version:
+        raise (StorageError if isinstance(survey.path, RemoteFile) else FedoraError)(
+            f"Expected {survey.path} to stay as it is while it is checked, got a change; check it again"
+        )
 
 
 def _needed_by(checks: Iterable[Check[Any]]) -> frozenset[str]:

@@ -14,12 +14,14 @@ from fedora_qa.sequence.window import Span
 WINDOW_NS: Final = NS_PER_S // 5
 """0.2 s: the least time in which flow of 10, 25 and 50 Hz all complete whole intervals."""
 
-_MOST_WINDOW_BYTES: Final = 256 << 20
+_MOST_WINDOW_BYTES: Final = 64 << 20
+"""Of images. The checks look at them one check after the other, so that all of them are best held at once."""
+
 _SHORTEST_WINDOW_NS: Final = NS_PER_S // 50
 
 
 def window_length_ns(sequence: SequenceRows) -> int:
-    """Return the length of the windows: 0.2 s, halved while the images of one would exceed 256 MiB.
+    """Return the length of the windows: 0.2 s, halved while the images of one would exceed 64 MiB.
 
     It follows from the file alone, never from the workers, so that results do not depend on them.
     """

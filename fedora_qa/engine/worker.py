@@ -1,15 +1,20 @@
 """What runs in a worker process: it receives tasks, tells their progress, and answers with what they give.
 
-It imports nothing heavy: a task brings what it needs, after the threads of the libraries have been set.
+It imports nothing heavy: what it was not forked with, a task brings, after the threads of the libraries have been set.
 """
 
 import os
 import pickle
+import resource
 import signal
+import sys
 import traceback
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Final
+
+from fedora_qa.engine.desk import Desk
+from fedora_qa.engine.file_task import FileTask
 
 _OPENCV_THREADS: Final = "OPENCV_FOR_THREADS_NUM"
 """Read by OpenCV when it is loaded. Its images do not depend on it; sums of BLAS may, whose threads are left alone."""
@@ -26,9 +31,10 @@ class Told:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """What a task gave."""
+    """What a task gave, and the most memory that the process has held so far."""
 
     result: Any
+    peak_memory_mib: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,23 +47,37 @@ class Failed:
 def serve(pipe: "Connection[Any, Any]", threads: int) -> None:
     """Do tasks until the other end of the pipe is closed, or gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the interrupt is the parent's to handle
-    os.environ.setdefault(_OPENCV_THREADS, str(threads))
+    _use_threads(threads)
+    desk = Desk(keeps=True)
     while True:
         try:
             pickled = pipe.recv_bytes()
-            pipe.send_bytes(_answer(pickled, pipe))
+            pipe.send_bytes(_answer(pickled, pipe, desk))
         except (EOFError, ConnectionError):
             return
 
 
-def _answer(pickled: bytes, pipe: "Connection[Any, Any]") -> bytes:
+def _use_threads(threads: int) -> None:
+    os.environ.setdefault(_OPENCV_THREADS, str(threads))
+    if opencv := sys.modules.get("cv2"):
+        opencv.setNumThreads(int(os.environ[_OPENCV_THREADS]))
+
+
+def _answer(pickled: bytes, pipe: "Connection[Any, Any]", desk: Desk) -> bytes:
     def tell(what: str, done: int, of: int) -> None:
         pipe.send(Told(what, done, of))
 
     try:
-        return pickle.dumps(Done(pickle.loads(pickled)(tell)))
+        task = pickle.loads(pickled)
+        result = task(tell, desk) if isinstance(task, FileTask) else task(tell)
+        return pickle.dumps(Done(result, _peak_mib()), pickle.HIGHEST_PROTOCOL)
     except Exception as error:  # noqa: BLE001 - whoever asked for the result gets it
         return pickle.dumps(Failed(_that_travels(error)))
+
+
+def _peak_mib() -> int:
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere
 
 
 def _that_travels(error: Exception) -> Exception:

@@ -3,12 +3,12 @@
 from contextlib import ExitStack, closing
 from math import prod
 from types import TracebackType
-from typing import Any, BinaryIO, Protocol, Self
+from typing import Any, Protocol, Self
 
 import h5py
 from numpy.typing import NDArray
 
-from fedora_qa.errors import MisuseError, NotHdf5Error, UnreadableFileError, UnreadableRowsError
+from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
 from fedora_qa.layout.binding import canonical_rows, instant_ns, raw_rows
 from fedora_qa.layout.canonical import STAMPS_OF
 from fedora_qa.layout.dialect import Dialect
@@ -18,11 +18,9 @@ from fedora_qa.sequence.read_declared import read_declared
 from fedora_qa.storage.place import Place, RemoteFile
 from fedora_qa.storage.remote_bytes import BLOCK_BYTES, RemoteBytes
 from fedora_qa.storage.server import version_of
+from fedora_qa.storage.signature import require_signature, require_signature_in
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 from fedora_qa.storage.version import Version
-
-_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_LARGEST_USER_BLOCK = 1 << 20
 
 
 class SequenceRows(Protocol):
@@ -185,28 +183,11 @@ def open_sequence(path: Place, dialect: Dialect | None = None) -> Sequence:
         raise
 
 
-def require_signature(path: Place) -> None:
-    """Raise ``MisuseError`` where there is no such file, it may not be read, or it does not begin like HDF5."""
-    if isinstance(path, RemoteFile):
-        with closing(RemoteBytes(path, block_bytes=len(_SIGNATURE))) as remote:
-            _require_signature(path, remote)
-        return
-    if not path.exists():
-        raise MisuseError(f"Expected an HDF5 file, got a path that does not exist: {path}")
-    if not path.is_file():
-        raise MisuseError(f"Expected one HDF5 file, got a folder or device: {path}")
-    try:
-        with path.open("rb") as file:
-            _require_signature(path, file)
-    except OSError as error:
-        raise MisuseError(f"Expected a readable file, got {error.strerror or error}: {path}") from error
-
-
 def _open_remote(place: RemoteFile, dialect: Dialect | None) -> Sequence:
     """Open a file behind a URL through Python's reading of it; HDF5's own drivers for servers are seldom built in."""
     with ExitStack() as opened:
         remote = opened.enter_context(closing(RemoteBytes(place, BLOCK_BYTES)))
-        _require_signature(place, remote)
+        require_signature_in(place, remote)
         try:
             file = opened.enter_context(h5py.File(remote, "r"))
         except OSError as error:
@@ -215,20 +196,6 @@ def _open_remote(place: RemoteFile, dialect: Dialect | None) -> Sequence:
         sequence = Sequence(place, file, dialect, remote)
         opened.pop_all()
         return sequence
-
-
-def _require_signature(path: Place, file: BinaryIO | RemoteBytes) -> None:
-    """Look for the signature where HDF5 allows it: at 0, 512, 1024, 2048 ... bytes (a user block may come first)."""
-    offset = 0
-    while offset <= _LARGEST_USER_BLOCK:
-        file.seek(offset)
-        found = file.read(len(_SIGNATURE))
-        if found == _SIGNATURE:
-            return
-        if found is None or len(found) < len(_SIGNATURE):
-            break
-        offset = 2 * offset or 512
-    raise NotHdf5Error(f"Expected an HDF5 file, got something else (no HDF5 signature): {path}")
 
 
 def _contiguous_rows(shape: tuple[int, ...]) -> int:

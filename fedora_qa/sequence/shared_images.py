@@ -21,6 +21,8 @@ class SharedImages:
         self.limit_bytes = limit_bytes
         self._kept: OrderedDict[Hashable, NDArray[Any]] = OrderedDict()
         self._kept_bytes = 0
+        self.last_turns: dict[Hashable, int] = {}
+        """The latest check, by its turn, that has asked for what is shared within a window, by kind: ``Window``."""
 
     def get(self, key: Hashable, compute: Callable[[], Image]) -> Image:
         """Return what ``compute`` gives, computed at most once while it is kept."""

@@ -100,6 +100,7 @@ class Window:
         self._source = source
         self._images = images or SharedImages()
         self._shared: dict[Hashable, Any] = {}
+        self._turn = 0
 
     def owned(self, stream: str) -> range:
         """Return the rows of the stream whose stamps lie in this window."""
@@ -110,10 +111,23 @@ class Window:
         return self._source.rows(key, start, stop)
 
     def once(self, key: Hashable, compute: Callable[[], T]) -> T:
-        """Return what ``compute`` gives, computed at most once for this window and shared by all checks."""
+        """Return what ``compute`` gives, shared by all checks of this window.
+
+        It is dropped when no later check has ever asked for its kind (the key, or the first entry of a key of several).
+        Where one does for the first time, it is computed again, and kept longer in the windows to come.
+        """
+        last, kind = self._images.last_turns, _kind(key)
+        last[kind] = max(last.get(kind, 0), self._turn)
         if key not in self._shared:
             self._shared[key] = compute()
         return cast(T, self._shared[key])
+
+    def take_turn(self, turn: int) -> None:
+        """Be told that the check of this number looks now; what only earlier ones ask for is dropped."""
+        self._turn = turn
+        last = self._images.last_turns
+        for key in [key for key in self._shared if last[_kind(key)] < turn]:
+            del self._shared[key]
 
     def of_image(self, name: str, row: int, compute: Callable[[], Image]) -> Image:
         """Return what ``compute`` gives for one image, shared by all checks and with neighbouring windows.
@@ -191,3 +205,7 @@ class Window:
             order = np.argsort(times_ns, kind="stable")
             x, y, times_ns, p = x[order], y[order], times_ns[order], p[order]
         return Events(x, y, times_ns, p)
+
+
+def _kind(key: Hashable) -> Hashable:
+    return key[0] if isinstance(key, tuple) and key else key

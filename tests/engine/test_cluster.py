@@ -55,15 +55,15 @@ def test_a_task_that_kills_is_lost(address: str) -> None:
         assert executor.submit(partial(tasks.count, 1), quiet).result()[0] == 1
 
 
-def test_a_worker_killed_on_the_way(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_killed_on_the_way(address: str, tmp_path: Path) -> None:
     """One of the workers is killed while it measures: the record is that of a run in one process, to the last bit."""
     paths = [write_handmade(tmp_path / name) for name in ("one.h5", "other.h5")]
     killed = tmp_path / "killed"
-    monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (Kills(once=killed),))
+    checks = (Kills(once=killed),)
 
     def runs(executor: Any) -> dict[Path, FileRun]:
         with executor:
-            return dict(check_files(paths, CheckOptions(), executor, lambda tally: None))
+            return dict(check_files(paths, CheckOptions(), executor, lambda tally: None, checks=checks))
 
     on_cluster = runs(DaskExecutor(address))
     assert killed.exists()

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from fedora_generator.faults import plant_fault
 from fedora_qa.engine.executors import Executor, InProcess
-from fedora_qa.engine.file_work import stretches
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import Tally
+from fedora_qa.engine.regions import Regions
 from fedora_qa.errors import MisuseError
 from tests.support.fake_executors import Loses, Travels
 from tests.support.handmade import write_handmade
@@ -47,10 +47,15 @@ def run_checks(monkeypatch: pytest.MonkeyPatch, *checks: Counts) -> None:
     monkeypatch.setattr("fedora_qa.engine.run.CHECKS", checks)
 
 
-def all_runs(paths: Sequence[Path], executor: Executor, options: CheckOptions | None = None) -> dict[Path, FileRun]:
+def all_runs(
+    paths: Sequence[Path],
+    executor: Executor,
+    options: CheckOptions | None = None,
+    checks: tuple[Counts, ...] | None = None,
+) -> dict[Path, FileRun]:
     options = options or CheckOptions(evidence=None)
     with executor:
-        return dict(check_files(paths, options, executor, lambda tally: None))
+        return dict(check_files(paths, options, executor, lambda tally: None, checks=checks))
 
 
 def only_run(path: Path, executor: Executor, options: CheckOptions | None = None) -> FileRun:
@@ -136,20 +141,19 @@ def test_a_file_that_kills_again_is_told(lost: str, doing: str, handmade: Path, 
     assert runs[other].record.results[0].outcome == "passed"
 
 
-def test_a_killed_process_costs_nothing(handmade: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_killed_process_costs_nothing(handmade: Path, tmp_path: Path) -> None:
     """With real processes, one of which is killed in the middle: all windows seen, the other file untouched."""
-    run_checks(monkeypatch, Kills(once=tmp_path / "killed"))
-    runs = all_runs([handmade, write_handmade(tmp_path / "other.h5")], ProcessExecutor(2))
+    paths = [handmade, write_handmade(tmp_path / "other.h5")]
+    runs = all_runs(paths, ProcessExecutor(2), checks=(Kills(once=tmp_path / "killed"),))
     assert (tmp_path / "killed").exists()
     for run in runs.values():
         assert [result.outcome for result in run.record.results] == ["passed"]
         assert run.record.inferred["seen"] == "[0]"
 
 
-def test_a_window_that_kills_every_process(handmade: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_window_that_kills_every_process(handmade: Path) -> None:
     """With real processes, a window that kills whoever looks at it ends the run honestly, and does not hang it."""
-    run_checks(monkeypatch, Kills())
-    record = only_run(handmade, ProcessExecutor(1)).record
+    record = all_runs([handmade], ProcessExecutor(1), checks=(Kills(),))[handmade].record
     assert [(result.check, result.outcome) for result in record.results][-1] == ("windows", "crashed")
     assert record.verdict == "incomplete"
 
@@ -174,16 +178,18 @@ def test_progress_tells_the_truth(handmade: Path, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("counting")
 def test_memory_is_shared(handmade: Path) -> None:
-    """Each of three workers gets a third of the memory."""
+    """Each of three workers gets a third of what libraries leave of the memory, or of a quarter of it."""
     seen: list[Any] = []
 
     class Looks(Travels):
-        def submit(self, task: Any, progress: Any) -> Any:
+        def submit(self, task: Any, progress: Any, worker: int | None = None) -> Any:
             seen.append(task)
-            return super().submit(task, progress)
+            return super().submit(task, progress, worker)
 
-    only_run(handmade, Looks(), CheckOptions(evidence=None, memory_bytes=300))
-    assert seen[0].args[2].memory_bytes == 100
+    for memory_bytes, share in ((920_000_000, 200_000_000), (240_000_000, 20_000_000)):
+        seen.clear()
+        only_run(handmade, Looks(), CheckOptions(evidence=None, memory_bytes=memory_bytes))
+        assert seen[0].arguments[1].memory_bytes == share
 
 
 @pytest.mark.usefixtures("counting")
@@ -193,11 +199,22 @@ def test_errors_of_a_file_end_the_run(tmp_path: Path) -> None:
         all_runs([tmp_path / "none.h5"], InProcess())
 
 
-@given(windows=st.integers(0, 3000), workers=st.integers(1, 64))
-def test_stretches_hold_every_window_once(windows: int, workers: int) -> None:
-    """Stretches follow on each other from the first window to the last, are short, and enough for all workers."""
-    dealt = stretches(windows, workers)
-    assert [window for stretch in dealt for window in stretch] == list(range(windows))
-    assert all(len(stretch) for stretch in dealt)
-    assert all(len(stretch) <= 8 for stretch in dealt)
-    assert len(dealt) >= min(windows // 2, workers)
+@given(windows=st.integers(0, 3000), workers=st.integers(1, 64), data=st.data())
+def test_regions_hold_every_window_once(windows: int, workers: int, data: st.DataObject) -> None:
+    """Whoever asks when, every window is dealt out once, in short stretches of neighbours."""
+    regions, dealt = Regions(windows, workers), []
+    while stretch := regions.take(data.draw(st.integers(0, workers - 1))):
+        assert list(stretch) == list(range(stretch[0], stretch[0] + len(stretch)))
+        assert len(stretch) <= 8
+        dealt += stretch
+    assert sorted(dealt) == list(range(windows))
+
+
+def test_workers_stay_in_their_neighbourhoods() -> None:
+    """Each goes on where it was, and when it is done takes the far end of what is left of another's."""
+    regions = Regions(40, 2)
+    assert [regions.take(0) for _ in range(3)] == [range(8), range(8, 14), range(14, 17)]
+    assert regions.take(1) == range(20, 28)
+    assert regions.take(0) == range(17, 20)
+    assert regions.take(0) == range(34, 40)
+    assert regions.take(1) == range(28, 31)

@@ -7,7 +7,8 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.engine.plan import EFFORTS, Effort, make_plan, sees_every_window
+from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.plan import EFFORTS, make_plan, sees_every_window
 from fedora_qa.engine.windows import WINDOW_NS, cut_windows, window_length_ns
 from fedora_qa.sequence.scan import Scan, scan
 from fedora_qa.sequence.sequence import open_sequence

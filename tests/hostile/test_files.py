@@ -1,6 +1,7 @@
 """Hostile files: never a crash, a hang, or more memory than they are worth; never clean about what was not seen."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -12,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
+from fedora_qa.cli.files import IN_PROCESS_VARIABLE
 from fedora_qa.cli.main import run
 from tests.hostile import contents, links, patched, storage
 from tests.hostile.conftest import Attacked, Edit
@@ -247,3 +249,23 @@ def test_structures_without_end_are_never_clean(
     ended = subprocess.run([sys.executable, "-c", limited, *command], capture_output=True, timeout=300, check=False)
     assert ended.returncode != 0
     assert b"CLEAN" not in ended.stdout
+
+
+def test_a_tree_that_holds_itself_ends_no_process_of_ours(clean_bytes: bytes, tmp_path: Path) -> None:
+    """HDF5 2.0 ends the process that opens it (docs/hostile-files.md): its checks have crashed, other files stand."""
+    path, clean, target = (tmp_path / name for name in ("patched.h5", "clean.h5", "record.json"))
+    for copy in (path, clean):
+        copy.write_bytes(clean_bytes)
+    patched.tree_that_holds_itself(path)
+    command = [sys.executable, "-m", "fedora_qa.cli.main", "check", str(path), str(clean), "--json", str(target)]
+    environment = {name: value for name, value in os.environ.items() if name != IN_PROCESS_VARIABLE}
+    ended = subprocess.run(
+        [*command, "--select", "integrity"], capture_output=True, timeout=300, check=False, env=environment
+    )
+    assert ended.returncode == 3, ended.stderr
+    assert b"Traceback" not in ended.stderr
+    hostile, other = json.loads(target.read_text())["files"]
+    assert hostile["verdict"] == "incomplete"
+    assert {result["outcome"] for result in hostile["results"]} == {"crashed"}
+    assert "the process that was being opened died twice" in hostile["results"][0]["reason"]
+    assert all(result["outcome"] == "passed" for result in other["results"])

@@ -2,10 +2,10 @@
 
 import pickle
 from concurrent.futures import Future
-from pathlib import Path
 from typing import Any
 
 from fedora_qa.engine.executors import InProcess, Task
+from fedora_qa.engine.file_task import FileTask, Surveyed
 from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import WorkerLostError
 
@@ -16,7 +16,7 @@ class Travels(InProcess):
     capacity = 3
     sharing = 3
 
-    def submit(self, task: Task[Any], progress: Progress) -> Future[Any]:
+    def submit(self, task: Task[Any], progress: Progress, worker: int | None = None) -> Future[Any]:
         arrived = pickle.loads(pickle.dumps(task))
         future: Future[Any] = Future()
         future.set_result(pickle.loads(pickle.dumps(arrived(progress))))
@@ -33,7 +33,7 @@ class Loses(Travels):
         self._left = dict.fromkeys(words, times)
         self.done: list[str] = []
 
-    def submit(self, task: Task[Any], progress: Progress) -> Future[Any]:
+    def submit(self, task: Task[Any], progress: Progress, worker: int | None = None) -> Future[Any]:
         described = describe(task)
         for word in self._left:
             if word in described and self._left[word]:
@@ -42,12 +42,14 @@ class Loses(Travels):
                 future.set_exception(WorkerLostError("lost"))
                 return future
         self.done.append(described)
-        return super().submit(task, progress)
+        return super().submit(task, progress, worker)
 
 
 def describe(task: Any) -> str:
     """Return the task's function, the name of its file, and its windows."""
-    subject = task.args[0]
-    path = subject if isinstance(subject, Path) else subject.path
-    windows = list(task.args[1]) if task.func.__name__ in {"measure_windows", "measure_sampled"} else ""
+    if isinstance(task, FileTask):
+        place = task.subject.path if isinstance(task.subject, Surveyed) else task.subject
+        return f"{task.function} {place.name} {list(task.windows) or ''}".strip()
+    path = task.args[0].path
+    windows = list(task.args[1]) if task.func.__name__ == "measure_sampled" else ""
     return f"{task.func.__name__} {path.name} {windows}".strip()

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -53,3 +54,13 @@ def write_id_and_sleep(path: Path, progress: Progress) -> None:
     path.with_suffix(".part").write_text(str(os.getpid()))
     path.with_suffix(".part").rename(path)
     time.sleep(3600)
+
+
+def process_id(progress: Progress) -> int:
+    """Say which process this is."""
+    return os.getpid()
+
+
+def loaded_modules(progress: Progress) -> tuple[set[str], int]:
+    """Say what is loaded, and which process has started this one."""
+    return set(sys.modules), os.getppid()

@@ -19,7 +19,7 @@ from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
 from fedora_qa.checks import CHECKS
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
-from fedora_qa.engine.plan import Effort
+from fedora_qa.engine.effort import Effort
 from tests.benchmarks.full_size.measured_run import Run, fedora_qa, run_measured
 from tests.benchmarks.full_size.page import Measured, Reading, Selection, Study, page
 

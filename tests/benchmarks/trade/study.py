@@ -23,7 +23,8 @@ import hdf5plugin  # noqa: F401  (reading needs its filters)
 from fedora_generator.faults import plant_fault
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
-from fedora_qa.engine.plan import Effort, make_plan
+from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.plan import make_plan
 from fedora_qa.engine.prepare import prepare
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.sequence.sequence import open_sequence

@@ -1,0 +1,35 @@
+"""Load the compiled loops that Numba keeps on the disk, before anybody calls them."""
+
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+from numba.core.registry import CPUDispatcher
+
+
+def load_compiled_loops(package: str) -> int:
+    """Load what earlier runs have compiled of the modules of a package that are imported; return how many.
+
+    Nothing is compiled: a loop that is not kept, or was compiled for another machine or version, is left for who calls
+    it. How Numba keeps loops is its own affair; where it has changed, none are loaded, and all still works.
+    """
+    return sum(_load(loop) for loop in _loops(package))
+
+
+def _loops(package: str) -> Iterator[CPUDispatcher]:
+    modules = [module for name, module in sorted(sys.modules.items()) if name.split(".")[0] == package]
+    for module in modules:
+        for value in vars(module).values():
+            if isinstance(value, CPUDispatcher) and value.py_func.__module__ == module.__name__:
+                yield value
+
+
+def _load(loop: Any) -> int:
+    try:
+        cache, codegen = loop._cache, loop.targetctx.codegen()
+        kept = [key[0] for key in cache._cache_file._load_index() if key == cache._index_key(key[0], codegen)]
+    except (AttributeError, TypeError, OSError):
+        return 0
+    for signature in kept:
+        loop.compile(signature)
+    return len(kept)

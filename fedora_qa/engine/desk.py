@@ -1,0 +1,55 @@
+"""What a process keeps from one task to the next: the file that it measures, open, and what has been decoded of it."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # a worker has a desk before it has loaded what measures
+    from fedora_qa.engine.file_task import Surveyed
+    from fedora_qa.engine.survey import OpenSurvey, Survey
+
+
+class Desk:
+    """Holds one open file at most, so that neighbouring stretches of windows share what lies between them.
+
+    Parameters
+    ----------
+    keeps
+        Whether a file stays open after a task; else each task opens it anew. One behind a URL never does, as each task
+        tells what it has asked of the server.
+    """
+
+    def __init__(self, *, keeps: bool) -> None:
+        self._keeps = keeps
+        self._surveyed: Surveyed | None = None
+        self._open: tuple[Survey, OpenSurvey] | None = None
+        self._kept = ExitStack()
+
+    @contextmanager
+    def opened(self, surveyed: "Surveyed") -> "Iterator[tuple[Survey, OpenSurvey]]":
+        """Open a surveyed file, or go on with it; raises ``FedoraError`` where it has been changed since."""
+        from fedora_qa.engine.survey import opened, require_same  # noqa: PLC0415 - loads what measures
+        from fedora_qa.storage.place import RemoteFile  # noqa: PLC0415 - as above
+        from fedora_qa.storage.server import version_of  # noqa: PLC0415 - as above
+
+        if self._open is None or self._surveyed != surveyed:
+            self.clear()
+            survey: Survey = surveyed.survey.open()
+            self._open = survey, self._kept.enter_context(opened(survey))
+            self._surveyed = surveyed
+        else:
+            require_same(self._open[0], version_of(surveyed.path))
+        try:
+            yield self._open
+        except BaseException:
+            self._surveyed = self._open = None
+            self._kept.__exit__(*sys.exc_info())
+            raise
+        if not self._keeps or isinstance(surveyed.path, RemoteFile):
+            self.clear()
+
+    def clear(self) -> None:
+        """Close what is open, and forget what has been decoded."""
+        self._surveyed = self._open = None
+        self._kept.close()

@@ -1,0 +1,88 @@
+"""A step of a file as it travels: the name of a function and what it needs.
+
+Whoever deals out the steps imports none of the functions, and does not look into what they hand on to each other. So
+the process of the command loads neither the checks nor HDF5, and touches nothing of a file but its bytes.
+"""
+
+import importlib
+import pickle
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from typing import Any, Generic, TypeVar, cast
+
+from fedora_qa.engine.desk import Desk
+from fedora_qa.engine.progress import Progress
+from fedora_qa.storage.place import Place
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Sealed(Generic[T]):
+    """Something on its way through a process that does not look into it: as bytes, or where it lies in a file.
+
+    What windows have shown is large, as some checks keep a number for each pixel: through a pipe it would be held
+    several times over at both ends.
+    """
+
+    pickled: bytes
+    path: Path | None = None
+
+    @staticmethod
+    def of(value: T, folder: Path | None = None) -> "Sealed[T]":
+        """Seal a value, in a new file where there is a folder for such."""
+        if folder is None:
+            return Sealed(pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
+        with NamedTemporaryFile(dir=folder, delete=False) as file:
+            pickle.dump(value, file, pickle.HIGHEST_PROTOCOL)
+        return Sealed(b"", Path(file.name))
+
+    def open(self) -> T:
+        """Return the value."""
+        if self.path is None:
+            return cast(T, pickle.loads(self.pickled))
+        with self.path.open("rb") as file:
+            return cast(T, pickle.load(file))
+
+    def discard(self) -> None:
+        """Remove the file, if there is one."""
+        if self.path is not None:
+            self.path.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Surveyed:
+    """A file whose stamps have been scanned: as much of its survey as who deals out its windows needs to know.
+
+    Attributes
+    ----------
+    windows
+        How many are to be measured.
+    survey
+        The survey itself.
+    """
+
+    path: Place
+    windows: int
+    survey: Sealed[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class FileTask:
+    """A function of ``steps.py`` by its name, its arguments, and the windows that it is to measure, if any.
+
+    ``folder`` is where to leave what is large; with the answer where None.
+    """
+
+    function: str
+    subject: Place | Surveyed
+    arguments: tuple[Any, ...] = ()
+    windows: Sequence[int] = ()
+    folder: Path | None = None
+
+    def __call__(self, progress: Progress, desk: Desk | None = None) -> Any:
+        """Do it, at the desk of the process where it has one."""
+        function = getattr(importlib.import_module("fedora_qa.engine.steps"), self.function)
+        return function(self, desk or Desk(keeps=False), progress)

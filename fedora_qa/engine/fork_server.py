@@ -1,0 +1,59 @@
+"""Where worker processes come from: forks of one that has loaded everything, so that it is loaded and held once.
+
+Only on Linux. Elsewhere libraries of the system may not survive a fork, and each process loads all by itself.
+"""
+
+import multiprocessing
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import forkserver
+from multiprocessing.context import BaseContext
+from typing import Final
+
+_PRELOADED: Final = ["fedora_qa.engine.preloaded", "click"]
+"""What a worker needs, and what the command's own module imports, which each process imports again."""
+
+
+def start_method() -> str:
+    """Return how processes are started on this system."""
+    return "forkserver" if sys.platform == "linux" else "spawn"
+
+
+def worker_context() -> BaseContext:
+    """Return what starts worker processes, after beginning to load what they need, where they share it.
+
+    Returns at once: who goes on has a core for itself while another process loads.
+    """
+    context = multiprocessing.get_context(start_method())
+    if start_method() == "forkserver":
+        context.set_forkserver_preload(_PRELOADED)
+        with _imports_as_here():
+            forkserver.ensure_running()
+    return context
+
+
+@contextmanager
+def _imports_as_here() -> Iterator[None]:
+    """Let processes that are started meanwhile find modules where this one does."""
+    before = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = os.pathsep.join(dict.fromkeys(path or "." for path in sys.path))
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONPATH"]
+        else:
+            os.environ["PYTHONPATH"] = before
+
+
+def end_fork_server() -> None:
+    """End the process that workers were forked from, and wait for it, so that a command leaves nothing behind.
+
+    Only for a program's own end: whoever else in it forks from that process would lose it. It ends by itself soon
+    after the program in any case.
+    """
+    stop = getattr(forkserver._forkserver, "_stop", None)
+    if stop is not None:
+        stop()

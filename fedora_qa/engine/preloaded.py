@@ -1,0 +1,16 @@
+"""Importing this loads everything that measures: into the process that worker processes are forked from.
+
+No file is open here, and no library has started threads of its own.
+"""
+
+import gc
+import signal
+
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # the interrupt is for who has started all this
+
+import fedora_qa.engine.steps  # noqa: E402, F401  (as the tasks name it)
+from fedora_qa.engine.compiled_loops import load_compiled_loops  # noqa: E402
+
+load_compiled_loops("fedora_qa")
+gc.collect()
+gc.freeze()  # what is held for good is not looked at again, and so its pages stay shared

@@ -1,0 +1,61 @@
+"""The steps of a file, as a worker does them. ``FileTask`` names them."""
+
+from dataclasses import replace
+
+from fedora_qa.engine.desk import Desk
+from fedora_qa.engine.file_task import FileTask, Sealed, Surveyed
+from fedora_qa.engine.finish import finish_open
+from fedora_qa.engine.measured import Measured, measure_open
+from fedora_qa.engine.options import FileRun
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.run import asked_for
+from fedora_qa.engine.survey import survey_file as surveyed_file
+from fedora_qa.engine.whole import check_whole as whole_run
+from fedora_qa.storage.place import Place
+
+
+def check_whole(task: FileTask, desk: Desk, progress: Progress) -> FileRun:
+    """Check a file from beginning to end: arguments are the checks, None for what the options select, and options."""
+    desk.clear()
+    checks, options = task.arguments
+    return whole_run(_place(task), asked_for(checks, options), options, progress)
+
+
+def survey_file(task: FileTask, desk: Desk, progress: Progress) -> Surveyed | FileRun:
+    """Scan the stamps of a file, arguments as above; its whole run where HDF5 refuses to open it."""
+    desk.clear()
+    checks, options = task.arguments
+    found = surveyed_file(_place(task), asked_for(checks, options), options, progress)
+    return found if isinstance(found, FileRun) else Surveyed(found.path, len(found.windows), Sealed.of(found))
+
+
+def measure_windows(task: FileTask, desk: Desk, progress: Progress) -> Sealed[Measured]:
+    """Hand the task's windows to what sees them: the argument is what the windows just before them have shown, or None.
+
+    Returns what both have shown.
+    """
+    (before,) = task.arguments
+    with desk.opened(_surveyed(task)) as (found, file):
+        measured = measure_open(found, file, task.windows, progress, before.open() if before else None)
+        return Sealed.of(replace(measured, traffic=measured.traffic + file.sequence.traffic), task.folder)
+
+
+def finish_file(task: FileTask, desk: Desk, progress: Progress) -> FileRun:
+    """Judge a file: arguments are what its stretches of windows have shown, in order, and the windows that are lost."""
+    parts, lost = task.arguments
+    with desk.opened(_surveyed(task)) as (found, file):
+        run = finish_open(found, file, (part.open() for part in parts), lost, progress)
+    desk.clear()
+    return run
+
+
+def _place(task: FileTask) -> Place:
+    if isinstance(task.subject, Surveyed):
+        raise TypeError(f"Expected {task.function} of a place, got one of a survey")
+    return task.subject
+
+
+def _surveyed(task: FileTask) -> Surveyed:
+    if not isinstance(task.subject, Surveyed):
+        raise TypeError(f"Expected {task.function} of a survey, got one of a place")
+    return task.subject

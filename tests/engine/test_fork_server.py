@@ -1,0 +1,95 @@
+"""The command's own process loads nothing that measures, leaves nothing behind, and workers share what is loaded."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from fedora_qa.cli.files import IN_PROCESS_VARIABLE
+from fedora_qa.config import CheckConfig
+from fedora_qa.engine.compiled_loops import load_compiled_loops
+from fedora_qa.engine.fork_server import start_method
+from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.processes import ProcessExecutor
+from fedora_qa.engine.progress import quiet
+from fedora_qa.estimators.image_luma import luma_of
+from fedora_qa.judgement.tolerances import DEFAULT_FALSE_ALARM_RATE
+from tests.support import tasks
+from tests.support.handmade import write_handmade
+
+MEASURES = {"h5py", "numba", "cv2", "scipy", "fedora_qa.checks", "fedora_qa.layout.resolve"}
+
+forked = pytest.mark.skipif(start_method() != "forkserver", reason="processes are forked on Linux alone")
+
+
+def test_the_command_loads_nothing_that_measures(tmp_path: Path) -> None:
+    """A file is checked to its record, and the process that says so has loaded neither HDF5 nor a check."""
+    path = write_handmade(tmp_path / "seq.h5")
+    code = (
+        "import sys; from fedora_qa.cli.main import run; "
+        f"code = run(['check', {str(path)!r}, '--json', {str(tmp_path / 'record.json')!r}]); "
+        f"print(code, sorted({MEASURES!r} & set(sys.modules)))"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != IN_PROCESS_VARIABLE}
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    assert ended.stdout.splitlines()[-1] == "0 []"
+    assert (tmp_path / "record.json").exists()
+
+
+@forked
+def test_workers_are_forked_from_what_has_loaded_all() -> None:
+    """What a worker needs is there before its first task, and all workers are children of one process."""
+    with ProcessExecutor(2) as executor:
+        futures = [executor.submit(tasks.loaded_modules, quiet, worker) for worker in range(2)]
+        seen = [future.result() for future in futures]
+    assert all(modules >= MEASURES for modules, _ in seen)
+    assert len({parent for _, parent in seen}) == 1
+    assert seen[0][1] != os.getpid()
+
+
+def test_tasks_go_to_the_worker_that_is_named() -> None:
+    """A worker is chosen by its number, so that it goes on with the file that it has open."""
+    with ProcessExecutor(2) as executor:
+        ids = [executor.submit(tasks.process_id, quiet, worker).result() for worker in (0, 1, 0, 1, 1)]
+    assert ids == [ids[0], ids[1], ids[0], ids[1], ids[1]]
+    assert ids[0] != ids[1]
+
+
+def test_nothing_is_left_behind(tmp_path: Path) -> None:
+    """When a command has ended, so have all processes that it has started, and its folder of what was shown is gone."""
+    path = write_handmade(tmp_path / "seq.h5")
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    environment = {name: value for name, value in os.environ.items() if name != IN_PROCESS_VARIABLE}
+    command = [sys.executable, "-m", "fedora_qa", "check", str(path), "--jobs", "2", "--select", "clocks"]
+    marked = {**environment, "TMPDIR": str(folder), "FEDORA_QA_TEST_MARK": str(tmp_path)}
+    subprocess.run(command, capture_output=True, check=True, env=marked)
+    assert list(folder.glob("fedora-qa-*")) == []
+    left = [process for process in psutil.process_iter() if _is_marked(process, str(tmp_path))]
+    assert [process.cmdline() for process in left] == []
+
+
+def _is_marked(process: psutil.Process, mark: str) -> bool:
+    try:
+        return process.environ().get("FEDORA_QA_TEST_MARK") == mark and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.Error:
+        return False
+
+
+def test_loading_compiles_nothing() -> None:
+    """Loops that are kept are loaded as they are, and a loop that is loaded gives what it gave."""
+    frame, of_codes = np.full((2, 2, 3), 7, np.uint8), np.ones((3, 256), np.float32)
+    before = luma_of(frame, of_codes)
+    compiled = sum(luma_of.stats.cache_misses.values())
+    assert load_compiled_loops("fedora_qa") > 0
+    assert sum(luma_of.stats.cache_misses.values()) == compiled
+    np.testing.assert_array_equal(luma_of(frame, of_codes), before)
+
+
+def test_one_false_alarm_rate() -> None:
+    """The default stands in three places, as none of them may load the others; it is the same."""
+    assert CheckOptions().false_alarm_rate == CheckConfig().false_alarm_rate == DEFAULT_FALSE_ALARM_RATE
