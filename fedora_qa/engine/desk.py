@@ -2,12 +2,21 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING
+from contextlib import ExitStack, contextmanager, suppress
+from typing import TYPE_CHECKING, Final
+
+from fedora_qa.engine.fuse import fuse
+from fedora_qa.errors import FedoraError
 
 if TYPE_CHECKING:  # a worker has a desk before it has loaded what measures
     from fedora_qa.engine.file_task import Surveyed
     from fedora_qa.engine.survey import OpenSurvey, Survey
+    from fedora_qa.layout.dialect import Dialect
+    from fedora_qa.storage.place import Place
+
+OPENING_S: Final = 5.0
+"""Seconds of processor within which a file must open, which takes hundredths of one. Structures of HDF5 that lead to
+themselves are followed for ever (docs/hostile-files.md)."""
 
 
 class Desk:
@@ -16,8 +25,8 @@ class Desk:
     Parameters
     ----------
     keeps
-        Whether a file stays open after a task; else each task opens it anew. One behind a URL never does, as each task
-        tells what it has asked of the server.
+        Whether the process is a worker of ours, in which a file stays open after a task; elsewhere each task opens it
+        anew. One behind a URL never stays, as each task tells what it has asked of the server.
     """
 
     def __init__(self, *, keeps: bool) -> None:
@@ -48,6 +57,15 @@ class Desk:
             raise
         if not self._keeps or isinstance(surveyed.path, RemoteFile):
             self.clear()
+
+    def require_end(self, path: "Place", dialect: "Dialect | None") -> None:
+        """End this process where a local file takes for ever to open; only in workers, whose end is noticed."""
+        from fedora_qa.sequence.sequence import open_sequence  # noqa: PLC0415 - as above
+        from fedora_qa.storage.place import RemoteFile  # noqa: PLC0415 - as above
+
+        if self._keeps and not isinstance(path, RemoteFile):
+            with fuse(OPENING_S), suppress(FedoraError):  # whoever opens it for work tells what is wrong with it
+                open_sequence(path, dialect).close()
 
     def clear(self) -> None:
         """Close what is open, and forget what has been decoded."""

@@ -89,8 +89,6 @@ HARMLESS: Final = (storage.a_chunk_for_each_value, links.hard_link_cycle, links.
                    contents.names_that_are_not_text, contents.stamps_as(">i8"))  # fmt: skip
 
 ENDLESS: Final = (patched.tree_that_holds_itself, patched.text_heap_without_end, patched.name_heap_without_end)
-ENDLESS_S: Final = 8
-"""Processor time; the command itself takes two."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -236,27 +234,14 @@ def test_layout_says_what_it_did_not_look_at(attacked: Attacked, capsys: pytest.
 
 
 @pytest.mark.parametrize("patch", ENDLESS, ids=named)
-def test_structures_without_end_are_never_clean(
+def test_structures_without_end_stop_no_process_of_ours(
     patch: Callable[[Path], None], clean_bytes: bytes, tmp_path: Path
 ) -> None:
-    """HDF5 2.0 ends the process over them or never ends (docs/hostile-files.md); nobody takes that for a pass."""
-    path = tmp_path / "patched.h5"
-    path.write_bytes(clean_bytes)
-    patch(path)
-    command = [sys.executable, "-m", "fedora_qa.cli.main", "check", str(path), "--select", "integrity"]
-    limited = f"import os, resource, sys; resource.setrlimit(resource.RLIMIT_CPU, ({ENDLESS_S}, {ENDLESS_S})); " \
-        "resource.setrlimit(resource.RLIMIT_CORE, (0, 0)); os.execv(sys.argv[1], sys.argv[1:])"  # fmt: skip
-    ended = subprocess.run([sys.executable, "-c", limited, *command], capture_output=True, timeout=300, check=False)
-    assert ended.returncode != 0
-    assert b"CLEAN" not in ended.stdout
-
-
-def test_a_tree_that_holds_itself_ends_no_process_of_ours(clean_bytes: bytes, tmp_path: Path) -> None:
-    """HDF5 2.0 ends the process that opens it (docs/hostile-files.md): its checks have crashed, other files stand."""
+    """HDF5 2.0 ends the process that opens them, or never ends (docs/hostile-files.md): other files stand."""
     path, clean, target = (tmp_path / name for name in ("patched.h5", "clean.h5", "record.json"))
     for copy in (path, clean):
         copy.write_bytes(clean_bytes)
-    patched.tree_that_holds_itself(path)
+    patch(path)
     command = [sys.executable, "-m", "fedora_qa.cli.main", "check", str(path), str(clean), "--json", str(target)]
     environment = {name: value for name, value in os.environ.items() if name != IN_PROCESS_VARIABLE}
     ended = subprocess.run(
