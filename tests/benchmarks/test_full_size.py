@@ -48,6 +48,7 @@ def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
         alone=checked(9.0),
         together=checked(5.0),
         on_cluster=checked(5.5),
+        memories={"1GB": checked(8.0, decoded_bytes=2_000_000_000), "2GB": checked(5.0)},
         selections=[Selection("depth", ("depth", "pose"), checked(3.0, decoded_bytes=200_000_000))],
     )
     rows = "".join(page(study)).splitlines()
@@ -56,6 +57,7 @@ def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
     assert "| `full`, time of 4 times the length | 4.20 | 4.4 |" in rows
     assert "| one job's time / two jobs', start included | 1.80 | 1.7 |" in rows
     assert "| Dask's time / two jobs' | 1.10 | 1.15 |" in rows
+    assert "| 1GB | 900 | 200% | 16.0 | 6.0 |" in rows
     assert "| `depth.range` | 0.75 | 0.75 |" in rows
     assert "| together | 1.00 | 1.00 |" in rows
     assert "| `depth` | 20.0% | 3.0 | depth, pose |" in rows

@@ -69,6 +69,7 @@ class Study:
     alone: Measured
     together: Measured
     on_cluster: Measured
+    memories: Mapping[str, Measured]
     selections: Sequence[Selection]
 
     def of_effort(self, effort: str) -> Sequence[Measured]:
@@ -90,6 +91,7 @@ def page(study: Study) -> Iterator[str]:
         for measured in study.of_effort(effort):
             yield _effort_row(study, effort, measured)
     yield from _figures(study)
+    yield from _memories(study)
     yield from _where_time_goes(study)
     yield from _selections(study)
 
@@ -123,6 +125,20 @@ def _figures(study: Study) -> Iterator[str]:
     yield f"| plain decoding, MB/s | {reading.decoded_bytes / reading.wall_s / 1e6:.0f} | |\n"
     speed = reading.decoded_bytes / study.work_s("full", last) / 1e6
     yield f"| `full`, MB/s of decoded file | {speed:.0f} | |\n"
+
+
+def _memories(study: Study) -> Iterator[str]:
+    reading = study.readings[min(study.readings)]
+    yield (
+        "\n## Memory against time\n\n`full` on the shortest file with two jobs, by `--memory`. Images for which "
+        "there is no room are decoded again.\n\n| `--memory` | memory, MB | decoded | processor, s | time, s |\n"
+        "| --- | --- | --- | --- | --- |\n"
+    )
+    for memory, measured in study.memories.items():
+        yield (
+            f"| {memory} | {measured.run.peak_bytes / 1e6:.0f} | {measured.decoded_bytes / reading.decoded_bytes:.0%} "
+            f"| {measured.run.cpu_s:.1f} | {study.work_s('full', measured):.1f} |\n"
+        )
 
 
 def _where_time_goes(study: Study) -> Iterator[str]:

@@ -32,6 +32,7 @@ SIZE: Final = (1440, 1080)
 TINY: Final = (48, 36)
 LENGTHS_S: Final = (1.0, 2.0, 4.0)
 JOBS: Final = 2
+MEMORIES: Final = ("1GB", "1.3GB", "2GB")
 
 
 @click.command()
@@ -56,6 +57,7 @@ def main(lengths: str, size: str) -> None:
         alone=_check(shortest, "full", jobs=1),
         together=_check(shortest, "full", jobs=JOBS),
         on_cluster=_check_on_cluster(shortest),
+        memories={memory: _check(shortest, "full", JOBS, "--memory", memory) for memory in MEMORIES},
         selections=list(_selections(shortest)),
     )
     text = "".join(page(study))
@@ -82,9 +84,9 @@ def _read(path: Path) -> Reading:
         return Reading(**json.loads(said.read_text(encoding="utf-8")))
 
 
-def _check(path: Path, effort: str, jobs: int = JOBS) -> Measured:
+def _check(path: Path, effort: str, jobs: int = JOBS, *options: str) -> Measured:
     """Check a file as a user would, and return what it took with what its record says of it."""
-    return _measured(path, "--effort", effort, "--jobs", str(jobs))
+    return _measured(path, "--effort", effort, "--jobs", str(jobs), *options)
 
 
 def _check_on_cluster(path: Path) -> Measured:
