@@ -25,7 +25,7 @@ have been missed by chance; and true otherwise.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import Final
 
@@ -54,11 +54,15 @@ _NOTHING: Final = 0.01
 
 @dataclass(frozen=True, slots=True)
 class _Comparison:
-    """A trial whose clean file states a limit: that limit, the fault in units of it, and whether it was found."""
+    """A trial whose clean file states a limit: that limit, the fault in units of it, and whether it was found.
+
+    ``found`` is by the check, ``by_any`` by whichever.
+    """
 
     limit: float
     ratio: float
     found: bool
+    by_any: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +111,7 @@ def _judge(sized: Sized, check: str, clean: Mapping[str, Trial]) -> StatedLimit 
         found_from_twice=_found_from(2, compared.trials),
         curve=curve,
         truth=_truth(share, curve, [one.ratio for one in telling]),
+        found_from_twice_by_any=_found_from(2, [replace(one, found=one.by_any) for one in compared.trials]),
     )
 
 
@@ -133,7 +138,9 @@ def _by_size(sized: Sized, check: str, clean: Mapping[str, Trial]) -> _Compared 
             if (factor := factor_between(reading.unit, sized.unit)) is not None
         ]
         if limits:
-            trials.append(_Comparison(min(limits), size / min(limits), is_found_by(trial, check)))
+            trials.append(
+                _Comparison(min(limits), size / min(limits), is_found_by(trial, check), trial.checked.is_found)
+            )
     return _Compared("size", names, sized.unit, tuple(trials)) if trials else None
 
 
@@ -171,7 +178,7 @@ def _responses(sized: Sized, check: str, name: str, clean: Mapping[str, Trial]) 
         before, after = _stated(trial, check, clean).get(name), _of_check(trial, check).get(name)
         if before and after and before.least_detectable and not _is_disturbed(before, after):
             ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
-            yield before.unit, _Comparison(before.least_detectable, ratio, after.exceeds)
+            yield before.unit, _Comparison(before.least_detectable, ratio, after.exceeds, trial.checked.is_found)
 
 
 def _is_disturbed(before: Reading, after: Reading) -> bool:

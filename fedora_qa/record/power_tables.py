@@ -179,10 +179,11 @@ def _limits(power: Power) -> PowerTable:
     true = sum(one.truth == "true" for one in power.stated)
     tested = sum(one.truth != "untested" for one in power.stated)
     count, of = (sum(getattr(one.found_from_twice, name) for one in power.stated) for name in ("count", "of"))
+    by_any = sum((one.found_from_twice_by_any or one.found_from_twice).count for one in power.stated)
     note = (
         f"{true} of {tested} that could be tested are true: at least 90% found from the stated size on, and 95% not "
         f"below half of it. Compared is the planted size, or the response: what the fault moved the measurement by. "
-        f"From twice the stated size on {count} of {of} are found. {len(power.not_comparable)} pairs "
-        "of cause and check cannot be compared; the JSON says why."
+        f"From twice the stated size on {count} of {of} are found by the check that states it, {by_any} by any. "
+        f"{len(power.not_comparable)} pairs of cause and check cannot be compared; the JSON says why."
     )
     return PowerTable("Limits that the checks state, against what they find", head, tuple(rows), words=4, note=note)

@@ -162,7 +162,8 @@ class StatedLimit:
     ``compared`` says how: by the planted size, which ``measurements`` measure, or by their response, what the fault
     moved them by. ``least``, ``median``, ``most`` are their stated limits over the clean files, in
     ``unit``. ``found_from_it`` counts faults of at least the limit stated of their own clean file, ``found_from_twice``
-    those of at least twice that. ``at_50`` and
+    those of at least twice that, both by this check; ``found_from_twice_by_any`` those by whichever check (None in
+    records made before it was counted). ``at_50`` and
     ``at_95`` are sizes in units of that limit: ``at_95`` below 1/2 is too cautious by more than 2.
     """
 
@@ -178,6 +179,7 @@ class StatedLimit:
     found_from_twice: Share
     curve: Curve
     truth: Truth
+    found_from_twice_by_any: Share | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -144,6 +144,17 @@ def test_each_file_is_held_to_its_own_limit() -> None:
     assert (stated.found_from_twice.count, stated.found_from_twice.of) == (4, 4)
 
 
+def test_what_another_check_finds_counts_for_the_file_alone() -> None:
+    """A check that says nothing of a fault that it should see is missing one, though the file does not pass."""
+    trials = [clean(), *(late(number, 4.0, found=True) for number in range(4))]
+    by_others = replace(trials[-1], checked=replace(trials[-1].checked, failed=("another.check",), readings=()))
+    stated = limits_of((*trials[:-1], by_others))
+    by_any = stated.found_from_twice_by_any
+    assert (stated.found_from_twice.count, stated.found_from_twice.of) == (3, 4)
+    assert by_any is not None
+    assert (by_any.count, by_any.of) == (4, 4)
+
+
 def moved(number: int, effect_px: float, limit_px: float, clean_px: float = 0.0) -> Trial:
     """A late file whose events lie ``effect_px`` further from their frames than those of its clean file."""
     after = replace(reading(clean_px + effect_px, name="shift", unit="px"), limit=limit_px)
