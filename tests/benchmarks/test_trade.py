@@ -34,8 +34,9 @@ def test_costs_add_over_scenes() -> None:
 
 def test_page_states_shares_with_their_intervals() -> None:
     """All of 48 found: above 92.6%; none: below 7.4% (Clopper and Pearson)."""
-    text = "".join(page(COSTS, found(4)))
-    (quick,) = (line for line in text.splitlines() if line.startswith("| quick "))
+    text = "".join(page(COSTS, COSTS[:3], found(4)))
+    quick, larger = (line for line in text.splitlines() if line.startswith("| quick "))
+    assert larger == "| quick | 0.50 | 5.0% |"
     assert quick == "| quick | 5% | 0.5 | 5.0% | 5% | 0% (0% to 7%) | 0% (0% to 7%) | 100% (93% to 100%) |"
     assert (
         "| park-noisy, imu:time_offset | 0.5 to 0.5 ms | 0/4 | 0/4 | 4/4 | 0/4 | 4/4 | 4/4 | 4/4 | 4/4 | 4/4 |" in text

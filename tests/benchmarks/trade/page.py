@@ -9,7 +9,7 @@ from typing import Final
 
 from scipy.stats import binomtest
 
-from tests.benchmarks.trade.traded import BASES, DURATION_S, EFFORTS, SIZE, TIMES_LIMIT, TRADED
+from tests.benchmarks.trade.traded import BASES, DURATION_S, EFFORTS, LARGER, SIZE, TIMES_LIMIT, TRADED
 
 CONFIDENCE: Final = 0.95
 
@@ -25,6 +25,14 @@ together.
 
 | effort | windows seen | time / reading | share of full's time | decoded | at 1x | at 2x | at 4x |
 | --- | --- | --- | --- | --- | --- | --- | --- |
+"""
+
+LARGER_HEAD: Final = """
+What an effort reads whatever the windows (IMU, poses, stamps, the digest) is a large part of so small a file. The same
+sequence with frames of {width}x{height}, again by processor time:
+
+| effort | time / reading | share of full's time |
+| --- | --- | --- |
 """
 
 FOOT: Final = """
@@ -80,8 +88,8 @@ class Found:
     seen: Mapping[str, bool]
 
 
-def page(costs: Sequence[Cost], found: Sequence[Found]) -> Iterator[str]:
-    """Text of docs/trade.md."""
+def page(costs: Sequence[Cost], larger: Sequence[Cost], found: Sequence[Found]) -> Iterator[str]:
+    """Text of docs/trade.md; ``larger`` are the costs of a sequence with larger frames."""
     width, height = SIZE
     date = time.strftime("%Y-%m-%d")
     yield HEAD.format(date=date, bases=BASES, duration=DURATION_S, width=width, height=height)
@@ -94,6 +102,11 @@ def page(costs: Sequence[Cost], found: Sequence[Found]) -> Iterator[str]:
             f"{cost.decoded_bytes / whole.decoded_bytes:.0%} | {shares} |\n"
         )
     yield f"\nIntervals are {CONFIDENCE:.0%} (Clopper and Pearson).\n"
+    yield LARGER_HEAD.format(width=LARGER[0], height=LARGER[1])
+    whole = mean_cost(larger, "full")
+    for effort in EFFORTS:
+        cost = mean_cost(larger, effort)
+        yield f"| {effort} | {cost.ratio:.2f} | {cost.checking_s / whole.checking_s:.1%} |\n"
     yield FOOT
     columns = [f"{effort} {times:g}x" for effort in EFFORTS for times in TIMES_LIMIT]
     yield f"| fault | limits of full | {' | '.join(columns)} |\n|{' --- |' * (len(columns) + 2)}\n"

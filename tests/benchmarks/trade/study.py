@@ -29,7 +29,18 @@ from fedora_qa.engine.prepare import prepare
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.sequence.sequence import open_sequence
 from tests.benchmarks.trade.page import Cost, Found, chart, page
-from tests.benchmarks.trade.traded import BASES, DURATION_S, EFFORTS, SIZE, STEP_S, TIMES_LIMIT, TRADED, Traded
+from tests.benchmarks.trade.traded import (
+    BASES,
+    DURATION_S,
+    EFFORTS,
+    LARGER,
+    SIZE,
+    STEP_S,
+    TIMES_LIMIT,
+    TRADED,
+    Size,
+    Traded,
+)
 
 ROOT: Final = Path(__file__).parents[3]
 TARGET: Final = ROOT / "docs" / "trade.md"
@@ -50,17 +61,18 @@ def main(jobs: int, fresh: bool) -> None:
         trials = [(traded, number) for number in range(BASES) for traded in TRADED]
         found = [one for each in pool.map(_trial, *zip(*trials, strict=True)) for one in each]
     costs = [_cost(scene, effort) for scene in scenes for effort in EFFORTS]
-    text = "".join(page(costs, found))
+    larger = [_cost(TRADED[0].scene, effort, LARGER) for effort in EFFORTS]
+    text = "".join(page(costs, larger, found))
     TARGET.write_text(text, encoding="utf-8")
     TARGET.with_suffix(".svg").write_text(chart(costs, found), encoding="utf-8")
     click.echo(text)
 
 
-def _base(scene: str, number: int) -> Path:
+def _base(scene: str, number: int, size: Size = SIZE) -> Path:
     """Return a clean sequence, generated if it is not there."""
-    target = KEPT / f"{scene}-{number}.h5"
+    target = KEPT / f"{scene}-{number}{'' if size == SIZE else f'-{size[0]}x{size[1]}'}.h5"
     if not target.exists():
-        flown = replace(load_scene(scene).with_size(*SIZE), seed=number).starting_at(STEP_S * number)
+        flown = replace(load_scene(scene).with_size(*size), seed=number).starting_at(STEP_S * number)
         generate_sequence(flown, target, Request(duration_s=DURATION_S, quality="draft"))
     return target
 
@@ -109,9 +121,9 @@ def _fails(path: Path, effort: Effort, check: str) -> bool:
     return record.verdict == "findings"
 
 
-def _cost(scene: str, effort: Effort) -> Cost:
+def _cost(scene: str, effort: Effort, size: Size = SIZE) -> Cost:
     """Measure a check of everything in one clean sequence, beside plain reading of all of it, both by one thread."""
-    base = _base(scene, 0)
+    base = _base(scene, 0, size)
     values = _kept(f"cost-{effort}-{base.stem}", lambda: _measured_cost(base, effort))
     return Cost(scene, effort, **values)
 

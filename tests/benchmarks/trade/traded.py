@@ -7,7 +7,12 @@ EFFORTS: Final = ("quick", "standard", "full")
 TIMES_LIMIT: Final = (1.0, 2.0, 4.0)
 """Sizes of faults, in units of what ``full`` states as the least that it sees in the file."""
 
+Size = tuple[int, int]
+
 SIZE: Final = (180, 136)
+LARGER: Final = (540, 405)
+"""Pixels of the sequences that faults are planted in, and of one whose cost is measured beside theirs."""
+
 DURATION_S: Final = 20.0
 BASES: Final = 4
 STEP_S: Final = 8.0
