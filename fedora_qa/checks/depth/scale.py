@@ -71,9 +71,10 @@ class Scale(FittedParameter):
     def of_path(self, pair: DepthPair, fit: DepthFit) -> float:
         """Fit, where the factor is surely not 1, that of the positions instead: the lever arm does not scale with them.
 
-        The fit begins from the path that the factor of the depths asks for.
+        The fit begins from the path that the factor of the depths asks for; a factor of zero, of positions beyond all
+        measure, asks for none.
         """
-        if abs(fit.value - 1) <= _SURELY * (fit.standard_error + fit.bound):
+        if not fit.value or abs(fit.value - 1) <= _SURELY * (fit.standard_error + fit.bound):
             return float("nan")
         lattice, image1 = pair.lattice(), pair.images[1]
         found = fit_depth(pair.with_path, lattice, image1, pair.noise, start=fit.value, step=_STEP * abs(fit.value))
