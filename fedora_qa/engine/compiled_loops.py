@@ -28,8 +28,8 @@ def _load(loop: Any) -> int:
     try:
         cache, codegen = loop._cache, loop.targetctx.codegen()
         kept = [key[0] for key in cache._cache_file._load_index() if key == cache._index_key(key[0], codegen)]
-    except (AttributeError, TypeError, OSError):
+        for signature in kept:
+            loop.compile(signature)
+    except Exception:  # noqa: BLE001 - another process may be writing it: who calls the loop gets it, or says why not
         return 0
-    for signature in kept:
-        loop.compile(signature)
     return len(kept)
