@@ -6,6 +6,7 @@ Only on Linux. Elsewhere libraries of the system may not survive a fork, and eac
 import multiprocessing
 import os
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import forkserver
@@ -16,9 +17,15 @@ _PRELOADED: Final = ["fedora_qa.engine.preloaded", "click"]
 """What a worker needs, and what the command's own module imports, which each process imports again."""
 
 
+_LONGEST_FOLDER: Final = 70
+"""Characters of the temporary folder in which a socket of the fork server can lie: 107 are its whole path's most, of which
+``multiprocessing`` adds 32."""
+
+
 def start_method() -> str:
-    """Return how processes are started on this system."""
-    return "forkserver" if sys.platform == "linux" else "spawn"
+    """Return how processes are started here: spawned, too, where the temporary folder is too deep for a socket."""
+    deep = len(os.fsencode(tempfile.gettempdir())) > _LONGEST_FOLDER
+    return "forkserver" if sys.platform == "linux" and not deep else "spawn"
 
 
 def worker_context() -> BaseContext:
