@@ -18,7 +18,7 @@ _PRELOADED: Final = ["fedora_qa.engine.preloaded", "click"]
 
 
 _LONGEST_FOLDER: Final = 70
-"""Characters of the temporary folder in which a socket of the fork server can lie: 107 are its whole path's most, of which
+"""Characters of a temporary folder in which a socket of the fork server can lie: its path may have 107, of which
 ``multiprocessing`` adds 32."""
 
 
