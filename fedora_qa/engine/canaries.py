@@ -21,7 +21,7 @@ from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.outcomes import crashed_result
-from fedora_qa.engine.plan import make_plan, sees_every_window
+from fedora_qa.engine.plan import make_plan, sampling_of, sees_every_window
 from fedora_qa.engine.prepare import Prepared, prepare
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stream import States, attempt, conclude, measure
@@ -60,7 +60,7 @@ def prove_alive(
 ) -> tuple[Proof, ...]:
     """Plant a canary for each check that has a result, and say whether it was seen."""
     by_name = {check.name: check for check in checks}
-    place_ns = _place_ns(_planned(run, run.ready.spans))
+    place_ns = _place_ns(_planned(run, run.ready))
     proofs = []
     for done, result in enumerate(results):
         progress("planting canaries", done, len(results))
@@ -125,9 +125,9 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
     Only the first look counts: the second one is for naming causes.
     """
     faulty = _with_fault(run, fault)
-    sampling = make_plan(run.effort, len(faulty.spans), faulty.frame_pixels).sampling
+    sampling = sampling_of(run.effort, faulty.frame_pixels)
     canary, reason = Canary(check.name, "silent", fault.said), ""
-    for spans in growing(_shown(check, run, faulty.spans), place_ns):
+    for spans in growing(_shown(check, run, faulty), place_ns):
         states = measure([check], spans, faulty.facts, faulty.decoder, sampling, _quiet, faulty.images)
         results = _judged(check, states, faulty, run)
         canary = replace(canary, windows=len(spans))
@@ -161,12 +161,13 @@ def _with_fault(run: PlainRun, fault: Fault) -> Prepared:
     return replace(ready, facts=facts, decoder=decoder, images=SharedImages(ready.images.limit_bytes))
 
 
-def _shown(check: Check[Any], run: PlainRun, spans: Sequence[Span]) -> Sequence[Span]:
-    return spans if sees_every_window(check.needs) else _planned(run, spans)
+def _shown(check: Check[Any], run: PlainRun, ready: Prepared) -> Sequence[Span]:
+    return ready.spans if sees_every_window(check.needs) else _planned(run, ready)
 
 
-def _planned(run: PlainRun, spans: Sequence[Span]) -> list[Span]:
-    return [spans[number] for number in make_plan(run.effort, len(spans)).chosen]
+def _planned(run: PlainRun, ready: Prepared) -> list[Span]:
+    plan = make_plan(run.effort, len(ready.spans), ready.scanned.cell_ns)
+    return [ready.spans[number] for number in plan.chosen]
 
 
 def growing(chosen: Sequence[Span], place_ns: int) -> Iterator[Sequence[Span]]:

@@ -127,7 +127,7 @@ def survey_file(
         version=sequence.version,
         digest=digest,
         scanned=ready.scanned,
-        plan=make_plan(options.effort, len(ready.spans), ready.frame_pixels),
+        plan=make_plan(options.effort, len(ready.spans), ready.scanned.cell_ns, ready.frame_pixels),
         checks=checks,
         reasons={check.name: why_not_applicable(check, ready.facts) for check in checks},
         options=options,

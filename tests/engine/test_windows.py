@@ -1,5 +1,6 @@
 """Windows are a partition of the rows, whatever the clocks do."""
 
+import math
 import shutil
 from pathlib import Path
 
@@ -64,24 +65,24 @@ def test_small_frames_are_not_thinned_out(effort: Effort) -> None:
     """Dense checks look at two thousand places of a frame where full effort does, and no denser than it does."""
     most = EFFORTS["full"].sampling.tile_share
     for pixels in (120 * 90, 180 * 136, 640 * 480):
-        share = make_plan(effort, 10, pixels).sampling.tile_share
+        share = make_plan(effort, 10, pixels=pixels).sampling.tile_share
         assert pixels * share**2 >= min(2000, pixels * most**2) * (1 - 1e-9)
         assert effort == "exhaustive" or share <= most
-    assert make_plan(effort, 10, None).sampling == EFFORTS[effort].sampling
+    assert make_plan(effort, 10).sampling == EFFORTS[effort].sampling
 
 
 def test_large_frames_are_looked_at_in_as_many_places_as_smaller_ones() -> None:
     """From 400,000 pixels on the number of places stays; exhaustive looks everywhere."""
-    shares = {pixels: make_plan("full", 10, pixels).sampling.tile_share for pixels in (400_000, 1440 * 1080)}
+    shares = {pixels: make_plan("full", 10, pixels=pixels).sampling.tile_share for pixels in (400_000, 1440 * 1080)}
     assert shares[400_000] == EFFORTS["full"].sampling.tile_share
     places = [pixels * share for pixels, share in shares.items()]
     assert places == pytest.approx([100_000, 100_000])
-    assert make_plan("exhaustive", 10, 1440 * 1080).sampling.tile_share == 1.0
+    assert make_plan("exhaustive", 10, pixels=1440 * 1080).sampling.tile_share == 1.0
 
 
 @pytest.mark.parametrize("pixels", [120 * 90, 640 * 480, 720 * 540, 1440 * 1080, 4000 * 3000])
 def test_no_effort_looks_denser_than_a_greater_one(pixels: int) -> None:
-    shares = [make_plan(effort, 10, pixels).sampling.tile_share for effort in EFFORTS]
+    shares = [make_plan(effort, 10, pixels=pixels).sampling.tile_share for effort in EFFORTS]
     assert shares == sorted(shares)
 
 
@@ -94,13 +95,32 @@ def test_single_samples_are_all_seen() -> None:
 
 
 @pytest.mark.parametrize("effort", EFFORTS)
-@pytest.mark.parametrize("windows", [0, 1, 3, 10, 1100])
-def test_plans_are_ordered_and_within_the_file(effort: str, windows: int) -> None:
+@pytest.mark.parametrize("windows", [0, 1, 3, 10, 81, 1100])
+@pytest.mark.parametrize("window_ns", [WINDOW_NS // 8, WINDOW_NS // 3, WINDOW_NS, 7 * WINDOW_NS])
+def test_plans_are_ordered_and_within_the_file(effort: Effort, windows: int, window_ns: int) -> None:
     """Windows are chosen once each, in order, the first and the last among them; full efforts choose all."""
-    plan = make_plan(effort, windows)  # type: ignore[arg-type]  # parametrised over the literals
+    plan = make_plan(effort, windows, window_ns)
     assert list(plan.chosen) == sorted(set(plan.chosen))
     assert set(plan.chosen) <= set(range(windows))
     if windows:
         assert {0, windows - 1} <= set(plan.chosen)
-    if effort in {"full", "exhaustive"}:
-        assert len(plan.chosen) == windows
+        assert len(plan.chosen) == min(windows, max(4, math.ceil(EFFORTS[effort].window_share * windows)))
+
+
+@pytest.mark.parametrize("effort", ["quick", "standard"])
+@pytest.mark.parametrize("windows", [60, 81, 400, 8960])
+def test_short_windows_are_chosen_in_stretches_as_long_as_a_usual_window(effort: Effort, windows: int) -> None:
+    """Of windows of 25 ms as many are chosen as of any; in stretches of 0.2 s at most, evenly spread, four at least."""
+    chosen = np.array(make_plan(effort, windows, WINDOW_NS // 8).chosen)
+    breaks = np.flatnonzero(np.diff(chosen) > 1)
+    stretches = np.split(chosen, breaks + 1)
+    assert max(len(stretch) for stretch in stretches) <= 8
+    assert len(stretches) == max(4, math.ceil(len(chosen) / 8))
+    assert np.ptp(np.diff(chosen)[breaks]) <= 1
+
+
+@pytest.mark.parametrize("windows", [5, 37, 100])
+def test_usual_windows_are_chosen_one_by_one(windows: int) -> None:
+    """A window of 0.2 s has no neighbour in a sample of a tenth."""
+    steps = np.diff(make_plan("quick", windows).chosen)
+    assert np.ptp(steps) <= 1

@@ -146,7 +146,8 @@ def _measured_cost(base: Path, effort: Effort) -> dict[str, float | str]:
 
 def _window_share(base: Path, effort: Effort) -> float:
     with open_sequence(base) as sequence:
-        plan = make_plan(effort, len(prepare(sequence, CheckOptions().memory_bytes).spans))
+        ready = prepare(sequence, CheckOptions().memory_bytes)
+    plan = make_plan(effort, len(ready.spans), ready.scanned.cell_ns)
     return len(plan.chosen) / plan.of
 
 
