@@ -28,6 +28,7 @@ from fedora_qa.engine.plan import FEWEST_WINDOWS
 from fedora_qa.engine.regions import equal_parts
 from fedora_qa.engine.survey import Survey
 from fedora_qa.engine.visiting import visiting_order
+from fedora_qa.engine.windows import WINDOW_NS
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
@@ -76,7 +77,8 @@ class BudgetedWork(FileWork):
         self._deadline = self._allot(self)
         self.windows = survey.plan.of
         self._least = min(FEWEST_WINDOWS, self.windows)
-        densities = self._densities = Densities(survey, visiting_order(self.windows))
+        together = max(1, WINDOW_NS // survey.scanned.cell_ns)
+        densities = self._densities = Densities(survey, visiting_order(self.windows, together))
         for windows in equal_parts(self.windows, self._workers) if has_steady_checks(survey) else ():
             task = partial(measure_steady, survey, windows)
             self._start(task, partial(self._steady.__setitem__, windows[0]))

@@ -24,12 +24,13 @@ from tests.support.identical import identical
 from tests.support.killers import Counts
 
 
-@given(windows=st.integers(0, 400))
-def test_every_window_is_visited_once(windows: int) -> None:
-    """The order is one of all windows, from the first and the last on."""
-    order = visiting_order(windows)
+@given(windows=st.integers(0, 400), together=st.integers(1, 12))
+def test_every_window_is_visited_once(windows: int, together: int) -> None:
+    """The order is one of all windows, from the first and the last on where there are several stretches."""
+    order = visiting_order(windows, together)
     assert sorted(order) == list(range(windows))
-    assert order[:2] == (0, windows - 1)[: len(order)] or windows == 1
+    assert order[:1] == (0,)[:windows]
+    assert windows <= together or order[1] == windows - 1
 
 
 @given(windows=st.integers(2, 400), share=st.floats(0.01, 1))
@@ -38,6 +39,17 @@ def test_every_beginning_is_spread_evenly(windows: int, share: float) -> None:
     visited = sorted(visiting_order(windows)[: max(2, int(share * windows))])
     longest = max(after - before for before, after in pairwise(visited))
     assert longest <= 2 * (windows - 1) / (len(visited) - 1) + 1
+
+
+@given(stretches=st.integers(4, 60), together=st.integers(2, 12))
+def test_short_windows_are_visited_in_stretches(stretches: int, together: int) -> None:
+    """One window of each of four stretches comes first; then whole stretches, in the order of single windows."""
+    order = visiting_order(stretches * together, together)
+    spread = visiting_order(stretches)
+    assert [window // together for window in order[:FEWEST_WINDOWS]] == list(spread[:FEWEST_WINDOWS])
+    rest = [window // together for window in order[FEWEST_WINDOWS:]]
+    assert list(dict.fromkeys(rest)) == list(spread)
+    assert sum(before != after for before, after in pairwise(rest)) == stretches - 1
 
 
 def test_the_slowest_of_the_latest_counts() -> None:
