@@ -20,19 +20,29 @@ def suspects_for(kind: Kind, name: str, found: Fitted, share: float, clues: Clue
     """Return the causes behind a parameter that is off: its own, and those of groups that explain the data as well.
 
     Weights are shares of what can be explained at all that the group explains alone, times the ``share`` that this
-    component has in its group's vector: the largest component tells the size of the fault. Where either of two
-    streams could be to blame, the ``clues`` decide.
+    component has in its group's vector: the largest component tells the size of the fault. A group that leaves more
+    than this one is less likely. Where either of two streams could be to blame, the ``clues`` decide.
     """
     group = group_of(name)
-    own_weight = (0.5 + 0.5 * share) * max(0.5, found.explained.get(group, 0.9))
-    own = _CAUSES[kind, group](found.value, found.standard_error, own_weight, clues)
+    own = found.explained.get(group, 0.9)
+    own_weight = (0.5 + 0.5 * share) * max(0.5, own)
+    own_causes = _CAUSES[kind, group](found.value, found.standard_error, own_weight, clues)
     others = [
         Suspect(suspect.cause, suspect.stream, suspect.weight)
         for other, explained in found.explained.items()
         if other != group and explained > _ENOUGH
-        for suspect in _CAUSES[kind, other](0.0, 0.0, 0.9 * explained, clues)
+        for suspect in _CAUSES[kind, other](0.0, 0.0, 0.9 * explained * _likelihood(explained, own), clues)
     ]
-    return (*own, *others)
+    return (*own_causes, *others)
+
+
+def _likelihood(explained: float, own: float) -> float:
+    """Return how likely a group is, against one that explains the share ``own``, by what both leave; 1 at most.
+
+    With an unknown size of the noise the likelihood of ``n`` samples goes as the squares that are left to the power
+    ``-n / 2``. What a model leaves is alike in neighbouring samples: all count as one, the fewest there can be.
+    """
+    return sqrt(max(1.0 - own, 0.0) / (1.0 - explained)) if explained < own else 1.0
 
 
 def _time_offset(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
