@@ -95,7 +95,7 @@ class BlockDecoder:
         else:
             self._cached.move_to_end((key, number))
         if isinstance(found, UnreadableRowsError):
-            raise found
+            raise found.with_traceback(None)  # or each time would add to what the last one has kept alive
         return found
 
     def _decode(self, key: str, number: int, rows: int) -> Block:
@@ -123,13 +123,18 @@ class BlockDecoder:
                 return
 
     def _drop_one(self) -> bool:
-        droppable = [name for name, block in self._cached.items() if not _is_held(block)]
-        if not droppable:
+        name = self._to_drop()
+        if name is None:
             return False
-        dropped = self._cached.pop(next((name for name in droppable if self._is_behind(*name)), droppable[0]))
+        dropped = self._cached.pop(name)
         if _size(dropped) < LEAST_BYTES:
             self._small_bytes -= _size(dropped)
         return True
+
+    def _to_drop(self) -> tuple[str, int] | None:
+        behind = (name for name, block in self._cached.items() if self._is_behind(*name) and not _is_held(block))
+        others = (name for name, block in self._cached.items() if not _is_held(block))
+        return next(behind, None) or next(others, None)
 
     def _is_behind(self, key: str, number: int) -> bool:
         rows = self._sequence.chunk_rows(key)

@@ -140,6 +140,21 @@ def test_what_lies_before_the_window_goes_first() -> None:
     assert images_of(decoder, 3) == 1
 
 
+def test_damage_keeps_nobody_alive_for_long() -> None:
+    """An image that cannot be decoded raises the same each time, and does not remember all who asked."""
+
+    class Damaged(Films):
+        def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+            raise UnreadableRowsError(key, start, stop, "scratched")
+
+    decoder, depths = BlockDecoder(Damaged(), NOTHING_SCANNED, IMAGE_BYTES), []
+    for _ in range(3):
+        with pytest.raises(UnreadableRowsError, match="scratched") as raised:
+            decoder.rows("path/depth", 0, 1)
+        depths.append(len(raised.traceback))
+    assert depths[2] <= depths[0]
+
+
 def test_all_is_forgotten() -> None:
     """After that nothing is held, and images are decoded again."""
     decoder = BlockDecoder(Films(), NOTHING_SCANNED, 3 * IMAGE_BYTES)
