@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.engine.block_memory import LEAST_BYTES, BlockMemory, is_looked_at
+from fedora_qa.engine.room import Room
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
 from fedora_qa.sequence.scan import BLOCK_ROWS, Scan
@@ -22,26 +24,41 @@ Block = NDArray[Any] | UnreadableRowsError
 class BlockDecoder:
     """Decodes stored blocks on demand and keeps some within a limit of bytes.
 
-    The checks ask for the blocks of a window one after the other. Where these do not all fit, to drop the one that was
-    not used for longest would drop each just before it is asked for again. So what lies before the window goes first,
-    and then what was used neither lately nor long ago: what a check goes on with is kept, and some of what comes next.
+    Where not all fit, what lies before the window goes first, and then what was not used for longest. What somebody
+    looks at stays: to drop it would free nothing.
 
     A block that cannot be decoded raises ``UnreadableRowsError`` each time it is asked for, and is tried only once.
+
+    Parameters
+    ----------
+    cache_bytes
+        What blocks may fill at most.
+    room
+        What is left for them at the time; all of that where None.
     """
 
-    def __init__(self, sequence: SequenceRows, scan: Scan, cache_bytes: int) -> None:
+    def __init__(self, sequence: SequenceRows, scan: Scan, cache_bytes: int, room: Room | None = None) -> None:
         self._sequence = sequence
         self._block_first_ns = scan.block_first_ns
         self._event_count = scan.facts.events.count if scan.facts.events else 0
         self.cache_bytes = cache_bytes
+        self.room = room
+        self._memory = BlockMemory()
         self._cached: OrderedDict[tuple[str, int], Block] = OrderedDict()
-        self._cached_bytes = 0
+        self._small_bytes = 0
         self._owned_from: dict[str, int] = {}
         self.decoded_bytes = 0
         """Bytes decoded so far, for the record's run."""
 
+    @property
+    def held_bytes(self) -> int:
+        """What blocks fill, those included that only somebody looks at, and what the next may fill."""
+        return self._memory.held_bytes + self._small_bytes
+
     def begin(self, span: Span) -> None:
         """Be told which window is looked at from now on."""
+        if self.room:
+            self.room.begin_window()
         self._owned_from |= {stream: start for stream, (start, _) in span.owned.items()}
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
@@ -55,6 +72,13 @@ class BlockDecoder:
         ]
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
+    def forget(self) -> None:
+        """Drop all blocks, and give their memory back."""
+        self._cached.clear()
+        self._small_bytes = 0
+        while self._memory.give_back():
+            pass
+
     def event_index(self, time_ns: int) -> int:
         """Return the number of events earlier than ``time_ns``, exact where the stamps are in order."""
         block = int(np.searchsorted(self._block_first_ns, time_ns, "left")) - 1
@@ -67,12 +91,11 @@ class BlockDecoder:
     def _block(self, key: str, number: int, rows: int) -> NDArray[Any]:
         found = self._cached.get((key, number))
         if found is None:
-            found = self._decode(key, number, rows)
-            self._keep((key, number), found)
+            found = self._cached[(key, number)] = self._decode(key, number, rows)
         else:
             self._cached.move_to_end((key, number))
         if isinstance(found, UnreadableRowsError):
-            raise found
+            raise found.with_traceback(None)  # or each time would add to what the last one has kept alive
         return found
 
     def _decode(self, key: str, number: int, rows: int) -> Block:
@@ -81,24 +104,46 @@ class BlockDecoder:
             block = self._sequence.rows(key, number * rows, min((number + 1) * rows, count))
         except UnreadableRowsError as error:
             return error
-        block.flags.writeable = False
         self.decoded_bytes += block.nbytes
-        return block
+        self._make_room(block.nbytes)
+        if block.nbytes < LEAST_BYTES:
+            self._small_bytes += block.nbytes
+            kept = block
+        else:
+            kept = self._memory.array(block.shape, block.dtype)
+            kept[...] = block
+        kept.flags.writeable = False
+        return kept
 
-    def _keep(self, name: tuple[str, int], block: Block) -> None:
-        self._cached[name] = block
-        self._cached_bytes += _size(block)
-        while self._cached_bytes > self.cache_bytes and len(self._cached) > 1:
-            self._cached_bytes -= _size(self._cached.pop(self._to_drop()))
+    def _make_room(self, size: int) -> None:
+        """Drop blocks until another of this size fits, or all that are left are looked at."""
+        most = self.cache_bytes if self.room is None else min(self.cache_bytes, self.room.for_blocks(self.held_bytes))
+        while self.held_bytes + (0 if self._memory.free(size) else size) > most:
+            if not self._memory.give_back() and not self._drop_one():
+                return
 
-    def _to_drop(self) -> tuple[str, int]:
-        """Return a block to drop: never the one that was used last."""
-        droppable = tuple(self._cached)[:-1]
-        return next((name for name in droppable if self._is_behind(*name)), droppable[len(droppable) // 2])
+    def _drop_one(self) -> bool:
+        name = self._to_drop()
+        if name is None:
+            return False
+        dropped = self._cached.pop(name)
+        if _size(dropped) < LEAST_BYTES:
+            self._small_bytes -= _size(dropped)
+        return True
+
+    def _to_drop(self) -> tuple[str, int] | None:
+        behind = (name for name, block in self._cached.items() if self._is_behind(*name) and not _is_held(block))
+        others = (name for name, block in self._cached.items() if not _is_held(block))
+        return next(behind, None) or next(others, None)
 
     def _is_behind(self, key: str, number: int) -> bool:
         rows = self._sequence.chunk_rows(key)
         return (number + 1) * rows <= self._owned_from.get(DATASETS[key].stream, 0)
+
+
+def _is_held(block: Block) -> bool:
+    """Whether to drop a block would free nothing: somebody looks at it, or it could not be decoded at all."""
+    return isinstance(block, UnreadableRowsError) or is_looked_at(block)
 
 
 def _size(block: Block) -> int:

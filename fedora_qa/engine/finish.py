@@ -24,7 +24,9 @@ from fedora_qa.storage.place import RemoteFile
 def finish_open(
     survey: Survey, file: OpenSurvey, parts: Iterable[Measured], lost: Sequence[int], progress: Progress
 ) -> FileRun:
-    """Judge a file by what its windows have shown; what has been decoded of it need not be decoded again.
+    """Judge a file by what its windows have shown.
+
+    That comes from all workers, and is merged in the room that blocks had.
 
     Parameters
     ----------
@@ -36,6 +38,7 @@ def finish_open(
     watch = Stopwatch(dict(survey.seconds))
     decoded_before = file.ready.decoder.decoded_bytes
     with watch.stage(STAGE):
+        file.ready.forget()
         measured = together(parts, file.accumulators, file.ready.facts)
     watch.seconds[STAGE] += measured.seconds
     states, ready, options, asked = measured.states, file.ready, survey.options, file.asked

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.engine.room import Room
 from fedora_qa.engine.windows import cut_windows, window_length_ns
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.resolve import Layout
@@ -13,19 +14,19 @@ from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import Span
 
-_HELD_BYTES_PER_PIXEL: Final = 160
-"""What a process holds beside blocks and images, for each pixel of a frame: 50 are what checks remember, 35 what one of
-them computes on the way, the rest what they share within a window and what lies unused between arrays. Measured at
-1440x1080, all checks."""
-
-_LEAST_SHARE: Final = 0.25
-"""Share of the memory that blocks and images may fill at least, where that would leave less."""
+_EXPECTED_BYTES_PER_PIXEL: Final = 130
+"""What a process is expected to hold beside blocks, for each pixel of a frame, before it is known (``Room``): what
+checks remember, what one of them computes on the way, what they share within a window, the images below. Measured at
+1440x1080, all checks, for the first windows."""
 
 _MOST_BYTES: Final = 320 << 20
-"""What both may fill at most: the images of five windows. More saves no decoding, as what lies around one is held."""
+"""What blocks may fill at most: those of five windows. More saves no decoding, as what lies around one is held."""
 
-_BLOCKS_SHARE: Final = 0.85
-"""Of what both may fill: decoded blocks; the rest is for what is computed of single images."""
+_IMAGES_SHARE: Final = 0.1
+"""Of the memory, for what is computed of single images: five of 1440x1080 in float32 where a worker has 340 MB."""
+
+_MOST_IMAGES_BYTES: Final = 64 << 20
+"""What they may fill at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +41,11 @@ class Prepared:
     frame_pixels: int | None
     """Of the largest images; None without any."""
 
+    def forget(self) -> None:
+        """Drop what can be decoded and computed again."""
+        self.decoder.forget()
+        self.images.forget()
+
 
 def prepare(sequence: SequenceRows, memory_bytes: int) -> Prepared:
     """Scan the stamps of an open sequence and cut its windows."""
@@ -49,10 +55,9 @@ def prepare(sequence: SequenceRows, memory_bytes: int) -> Prepared:
 def ready_to_measure(sequence: SequenceRows, scanned: Scan, memory_bytes: int) -> Prepared:
     """Cut the windows of an open sequence whose stamps have been scanned."""
     pixels = frame_pixels(sequence.layout)
-    left_bytes = max(memory_bytes - _HELD_BYTES_PER_PIXEL * (pixels or 0), _LEAST_SHARE * memory_bytes)
-    kept_bytes = min(left_bytes, _MOST_BYTES)
-    decoder = BlockDecoder(sequence, scanned, int(_BLOCKS_SHARE * kept_bytes))
-    images = SharedImages(int((1 - _BLOCKS_SHARE) * kept_bytes))
+    room = Room(memory_bytes, _EXPECTED_BYTES_PER_PIXEL * (pixels or 0))
+    decoder = BlockDecoder(sequence, scanned, _MOST_BYTES, room)
+    images = SharedImages(min(int(_IMAGES_SHARE * memory_bytes), _MOST_IMAGES_BYTES))
     return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images, pixels)
 
 

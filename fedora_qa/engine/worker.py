@@ -15,6 +15,11 @@ from typing import Any, Final
 
 from fedora_qa.engine.desk import Desk
 from fedora_qa.engine.file_task import FileTask
+from fedora_qa.engine.room import return_unused_memory
+
+_PATIENCE_S: Final = 0.25
+"""How long a process without a task keeps its file open: the next one mostly comes within milliseconds, and what waits
+shall not hold the memory of those that work."""
 
 _OPENCV_THREADS: Final = "OPENCV_FOR_THREADS_NUM"
 """Read by OpenCV when it is loaded. Its images do not depend on it; sums of BLAS may, whose threads are left alone."""
@@ -51,6 +56,9 @@ def serve(pipe: "Connection[Any, Any]", threads: int) -> None:
     desk = Desk(keeps=True)
     while True:
         try:
+            if not pipe.poll(_PATIENCE_S):
+                desk.clear()
+                return_unused_memory()
             pickled = pipe.recv_bytes()
             pipe.send_bytes(_answer(pickled, pipe, desk))
         except (EOFError, ConnectionError):

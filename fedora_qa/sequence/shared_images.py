@@ -34,6 +34,11 @@ class SharedImages:
             self._kept.move_to_end(key)
         return cast(Image, found)
 
+    def forget(self) -> None:
+        """Drop all results."""
+        self._kept.clear()
+        self._kept_bytes = 0
+
     def _keep(self, key: Hashable, image: NDArray[Any]) -> None:
         self._kept[key] = image
         self._kept_bytes += image.nbytes

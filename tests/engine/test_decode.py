@@ -1,9 +1,14 @@
 """Blocks are decoded once while wanted, and a damaged one costs itself alone."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from fedora_generator.faults import plant_fault
 from fedora_qa.engine.decode import BlockDecoder
@@ -12,6 +17,7 @@ from fedora_qa.engine.windows import WINDOW_NS
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import Sequence, open_sequence
+from fedora_qa.sequence.window import Span
 
 
 @pytest.mark.parametrize("cache_bytes", [1, 1 << 28])
@@ -67,6 +73,95 @@ def test_damaged_block_is_named_and_the_rest_goes_on(park_day: Path, tmp_path: P
     assert [(d.cause, d.stream) for d in run.record.diagnoses] == [("corrupt_chunk", "depth")]
     readable = next(result for result in run.record.results if result.check == "integrity.readable")
     assert readable.findings[0].where.index_start == unreadable[0]
+
+
+class Films:
+    """A sequence of depth images of 2 MB, each of one value: its number."""
+
+    origin_ns = 0
+    declared: Any = None
+    layout: Any = SimpleNamespace(bindings={"path/depth": SimpleNamespace(rows=100)})
+
+    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+        return np.repeat(np.arange(start, stop, dtype=np.float32), IMAGE_BYTES // 4).reshape(stop - start, -1, 1024)
+
+    def chunk_rows(self, key: str) -> int:
+        return 1
+
+
+NOTHING_SCANNED: Any = SimpleNamespace(block_first_ns=np.empty(0, np.int64), facts=SimpleNamespace(events=None))
+IMAGE_BYTES = 1 << 21
+
+
+def images_of(decoder: BlockDecoder, *frames: int) -> int:
+    """Ask for images, which must be the right ones; return how many were decoded for it."""
+    before = decoder.decoded_bytes
+    for frame in frames:
+        assert np.all(decoder.rows("path/depth", frame, frame + 1) == frame)
+    return (decoder.decoded_bytes - before) // IMAGE_BYTES
+
+
+@given(st.lists(st.integers(0, 9), max_size=40), st.integers(1, 5))
+def test_blocks_stay_within_their_limit(wanted: list[int], images: int) -> None:
+    """Whatever is asked for, the images are right, those asked for last are kept, and no more is held than fits."""
+    decoder, recent = BlockDecoder(Films(), NOTHING_SCANNED, images * IMAGE_BYTES), list[int]()
+    for frame in wanted:
+        assert images_of(decoder, frame) == (frame not in recent)
+        recent = [*(one for one in recent if one != frame), frame][-images:]
+        assert decoder.held_bytes <= images * IMAGE_BYTES
+
+
+def test_what_is_looked_at_is_not_dropped() -> None:
+    """An image that somebody holds is kept, as to drop it would free nothing."""
+    decoder = BlockDecoder(Films(), NOTHING_SCANNED, 2 * IMAGE_BYTES)
+    held = decoder.rows("path/depth", 0, 1)
+    assert images_of(decoder, 1, 2, 3) == 3
+    assert images_of(decoder, 0) == 0
+    assert np.all(held == 0)
+
+
+def test_all_that_is_looked_at_is_held_beyond_the_limit() -> None:
+    """Where somebody looks at more than fits, more is held, and given back afterwards."""
+    decoder = BlockDecoder(Films(), NOTHING_SCANNED, 2 * IMAGE_BYTES)
+    held = [decoder.rows("path/depth", frame, frame + 1) for frame in range(5)]
+    assert decoder.held_bytes == 5 * IMAGE_BYTES
+    assert [float(one[0, 0, 0]) for one in held] == [0, 1, 2, 3, 4]
+    held.clear()
+    images_of(decoder, 6)
+    assert decoder.held_bytes == 2 * IMAGE_BYTES
+
+
+def test_what_lies_before_the_window_goes_first() -> None:
+    """Images behind the window are dropped before those that were not used for longer."""
+    decoder = BlockDecoder(Films(), NOTHING_SCANNED, 3 * IMAGE_BYTES)
+    decoder.begin(Span(0, 0, 1, {"depth": (4, 6)}))
+    images_of(decoder, 5, 4, 3, 6)
+    assert images_of(decoder, 5, 4, 6) == 0
+    assert images_of(decoder, 3) == 1
+
+
+def test_damage_keeps_nobody_alive_for_long() -> None:
+    """An image that cannot be decoded raises the same each time, and does not remember all who asked."""
+
+    class Damaged(Films):
+        def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+            raise UnreadableRowsError(key, start, stop, "scratched")
+
+    decoder, depths = BlockDecoder(Damaged(), NOTHING_SCANNED, IMAGE_BYTES), []
+    for _ in range(3):
+        with pytest.raises(UnreadableRowsError, match="scratched") as raised:
+            decoder.rows("path/depth", 0, 1)
+        depths.append(len(raised.traceback))
+    assert depths[2] <= depths[0]
+
+
+def test_all_is_forgotten() -> None:
+    """After that nothing is held, and images are decoded again."""
+    decoder = BlockDecoder(Films(), NOTHING_SCANNED, 3 * IMAGE_BYTES)
+    images_of(decoder, 0, 1)
+    decoder.forget()
+    assert decoder.held_bytes == 0
+    assert images_of(decoder, 0, 1) == 2
 
 
 def len_of(sequence: Sequence, key: str) -> int:

@@ -1,0 +1,67 @@
+"""How much of its share of the memory a process has left for decoded blocks: measured, as checks keep what they need.
+
+What checks remember and compute follows from the file, the effort and the selection of checks; no constant is right for
+all. So what the process holds beside blocks is looked at whenever another is decoded (Linux; elsewhere it is assumed).
+"""
+
+import ctypes
+import os
+import sys
+from pathlib import Path
+from typing import Final
+
+_LEARNING_WINDOWS: Final = 3
+"""Windows in which the checks show what they need. Until then blocks leave room for what is expected of them."""
+
+_STATM: Final = Path("/proc/self/statm")
+
+_LEAST_SHARE: Final = 0.25
+"""Share of the memory that blocks may fill in any case."""
+
+
+class Room:
+    """What is left of a share of the memory.
+
+    Parameters
+    ----------
+    share_bytes
+        What the process may hold beside what it holds now.
+    expected_bytes
+        What it is expected to hold of that beside blocks.
+    """
+
+    def __init__(self, share_bytes: int, expected_bytes: int) -> None:
+        return_unused_memory()
+        self._share_bytes = share_bytes
+        self._beside_bytes = self._expected_bytes = expected_bytes
+        self._windows = 0
+        self._seen_bytes = 0
+        self._before_bytes = own_bytes()
+
+    def begin_window(self) -> None:
+        """Be told that another window is looked at from now on."""
+        self._windows += 1
+        if self._windows == _LEARNING_WINDOWS + 1 and self._before_bytes is not None:
+            self._beside_bytes = self._seen_bytes
+
+    def for_blocks(self, held_bytes: int) -> int:
+        """Return how many bytes blocks may fill that fill so many now."""
+        now = own_bytes()
+        if now is not None and self._before_bytes is not None:
+            self._seen_bytes = max(self._seen_bytes, now - self._before_bytes - held_bytes)
+            self._beside_bytes = max(self._beside_bytes, self._seen_bytes)
+        return max(self._share_bytes - self._beside_bytes, int(_LEAST_SHARE * self._share_bytes))
+
+
+def own_bytes() -> int | None:
+    """Return how much memory this process holds beside files and what it shares by name; None where nothing says."""
+    if sys.platform != "linux":
+        return None
+    _, resident, shared, *_ = _STATM.read_text(encoding="ascii").split()  # as proc(5) describes it, in pages
+    return (int(resident) - int(shared)) * os.sysconf("SC_PAGE_SIZE")
+
+
+def return_unused_memory() -> None:
+    """Give what lies unused on the heap back to the system, where its library can (``malloc_trim`` of glibc)."""
+    if sys.platform == "linux" and (trim := getattr(ctypes.CDLL(None), "malloc_trim", None)):
+        trim(0)
