@@ -86,9 +86,7 @@ class DepthImage:
         near_edge[at] = 1
         clearance_px = _clearance_px(near_edge, self.block_px)
         depths_m, error_per_m = (np.roll(image, shift_px, along) for image in (self.depths_m, self.error_per_m))
-        return replace(
-            self, depths_m=depths_m, error_per_m=error_per_m, near_edge=near_edge, clearance_px=clearance_px
-        )
+        return replace(self, depths_m=depths_m, error_per_m=error_per_m, near_edge=near_edge, clearance_px=clearance_px)
 
 
 def depth_image(depths_m: Depths, relative_step: float = 0.0) -> DepthImage:
@@ -104,9 +102,7 @@ def depth_image(depths_m: Depths, relative_step: float = 0.0) -> DepthImage:
     near_edge = np.asarray(cv2.dilate(marks, np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8)), dtype=np.uint8)
     block_px = ceil(sqrt(depths_m.size / _PLACES))
     clearance_px = _clearance_px(near_edge, block_px)
-    return DepthImage(
-        depths_m, error_per_m, relative_step / 2, near_edge, clearance_px, float(nearest_per_m), block_px
-    )
+    return DepthImage(depths_m, error_per_m, relative_step / 2, near_edge, clearance_px, float(nearest_per_m), block_px)
 
 
 def _clearance_px(near_edge: Marks, block_px: int) -> Float32:

@@ -77,9 +77,7 @@ def _fill_in(depth_m: NDArray[Any], step: int, far_m: np.float32, filled_m: Floa
 
 
 @njit(cache=True)
-def _differ(
-    one_m: Float32, other_m: Float32, share: np.float32, large: NDArray[np.bool_]
-) -> None:
+def _differ(one_m: Float32, other_m: Float32, share: np.float32, large: NDArray[np.bool_]) -> None:
     """Write whether depths differ by more than a share: (1/a - 1/b) / (1/a) is (b - a) / b."""
     for column in range(len(one_m)):
         one, other = one_m[column], other_m[column]

@@ -24,6 +24,7 @@ SMOOTHING_PX: Final = 1.0
 CORRELATED_PIXELS: Final = 4 * pi * SMOOTHING_PX**2
 """Sum of the autocorrelation of white noise behind that smoothing: so many pixels count as one."""
 
+
 def _taps() -> Float32:
     """Return the weights (5,) of a Gaussian of ``SMOOTHING_PX``, cut at four of it: of its middle and of one side."""
     weights = np.exp(-0.5 * (np.arange(5) / SMOOTHING_PX) ** 2)
