@@ -141,8 +141,8 @@ def warp(model: DepthModel, lattice: Lattice, image1: DepthImage, number: ModelN
         np.broadcast_to(model.motion_error, 6).copy(),
         SINGLE_PRECISION * _PIXEL_ROUNDINGS * (width + height),
         lattice.columns, lattice.rows, lattice.depths_m, lattice.relative_errors, image1.depths_m,
-        image1.error_per_m, image1.of_step, image1.clearance_px, image1.block_px, image1.nearest_per_m, residuals, bounds, by_twist,
-        _NUMBERS[number], by_number,
+        image1.error_per_m, image1.of_step, image1.clearance_px, image1.block_px, image1.nearest_per_m,
+        residuals, bounds, by_twist, _NUMBERS[number], by_number,
     )  # fmt: skip
     return Warped(residuals, bounds, by_twist, by_number, seen)
 

@@ -44,9 +44,9 @@ def _count_window(window: Window, families: frozenset[str] | None) -> dict[str, 
 
 
 def with_events(counts: UInt32 | None, window: Window) -> UInt32:
-    """Return counts of the events of each pixel (H, W), grown where needed, with those of a window; raises if unreadable.
+    """Return counts of the events of each pixel (H, W), grown where needed, with those of a window.
 
-    ``counts`` are changed in place where they reach far enough.
+    ``counts`` are changed in place where they reach far enough. Raises if the events are unreadable.
     """
     rows = window.owned("events")
     x, y = (window.rows(f"path/events/{axis}", rows.start, rows.stop) for axis in "xy")

@@ -42,7 +42,7 @@ def finite_means(image: Float32, rows: int, columns: int, height: int, width: in
 
 @njit(cache=True)
 def code_means(image: UInt8, rows: int, columns: int, height: int, width: int) -> UInt8:
-    """Return the means (rows, columns, c) of blocks of an image of codes (H, W, c), rounded to codes, halves to even."""
+    """Return the means (rows, columns, c) of blocks of an image of codes (H, W, c), rounded, halves to even."""
     channels = image.shape[2]
     lines = image.reshape(image.shape[0], image.shape[1] * channels)
     wide = columns * width * channels

@@ -45,7 +45,7 @@ def lengths_at(flow_px: Float32, first: int, stride: int) -> Float32:
 
 @njit(cache=True)
 def lumas_at(rgb: NDArray[np.uint8], first: int, stride: int, red: float, green: float, blue: float) -> Float32:
-    """Return the luma of the codes of a frame (H, W, 3) at every so many-th row and column, (h, w), by these weights."""
+    """Return the luma of the codes of a frame (H, W, 3) at every so many-th row and column, (h, w)."""
     rows, columns = _places(rgb.shape[0], first, stride), _places(rgb.shape[1], first, stride)
     lumas = np.empty((rows, columns), np.float32)
     for row in range(rows):

@@ -145,7 +145,8 @@ def lattice_of_frame(window: Window, frame: int) -> Lattice:
 
     def made() -> Float64:
         image = image_of(window, frame)
-        return lattice_values(image, lattice_stride(*image.depths_m.shape, share))
+        height, width = image.depths_m.shape
+        return lattice_values(image, lattice_stride(height, width, share))
 
     values = window.of_image(f"depth lattice of {share:g}", frame, made)
     return Lattice(*values).with_steps(step_share(window) / 2)
