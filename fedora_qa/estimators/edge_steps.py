@@ -45,8 +45,9 @@ def depth_steps(depth_m: NDArray[Any], axis: int, *, farthest_m: float, every: i
     """Find the steps of depth (H, W), in metres, NaN where it is farther than ``farthest_m``.
 
     ``axis`` 0 is to the right, 1 is down; looked at is every so many-th line of pixels along it. Inverse depth is
-    affine on a plane, so a step is what exceeds the gentler of the slopes on both sides. Where neighbouring steps compete the largest is taken. What is farther may be missing or
-    stand at ``farthest_m``: a surface that runs out of range there by its own slope has no outline.
+    affine on a plane, so a step is what exceeds the gentler of the slopes on both sides. Where neighbouring steps
+    compete the largest is taken. What is farther may be missing or stand at ``farthest_m``: a surface that runs out of
+    range there by its own slope has no outline.
     """
     depth = np.asarray(depth_m)
     if depth.shape[1 - axis] < 4:
