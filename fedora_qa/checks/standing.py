@@ -20,6 +20,14 @@ def masked_flows(facts: Facts) -> tuple[str, ...]:
     return tuple(masked)[::-1]
 
 
+def is_told_apart(window: Window, frame: int) -> bool:
+    """Whether it is known what of a depth frame stands, without decoding anything: ``standing_depth_m`` is not None."""
+    if window.facts.declared.flow_model != "scene":
+        return True
+    clocks, time_ns = window.facts.clocks, int(window.facts.clocks["depth"].times_ns[frame])
+    return any(bool(np.any(clocks[stream].times_ns == time_ns)) for stream in masked_flows(window.facts))
+
+
 def standing_depth_m(window: Window, frame: int) -> NDArray[np.float32] | None:
     """Return a depth frame, (H, W) in metres, with NaN where an object moves by itself.
 

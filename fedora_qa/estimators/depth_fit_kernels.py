@@ -4,6 +4,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.order_kernels import median_of
+
 Float64 = NDArray[np.float64]
 
 
@@ -37,7 +39,7 @@ def weighted_step(
         Whether residuals far out weigh less by Huber's weights instead of Cauchy's.
     """
     n, k = columns.shape
-    middle = np.median(np.abs(residuals))
+    middle = median_of(np.abs(residuals))
     typical = to_sigma * middle
     weights = np.empty(n)
     matrix, gradient = np.diag(held), pull.copy()
@@ -54,18 +56,55 @@ def weighted_step(
     for a in range(k):
         for b in range(a):
             matrix[b, a] = matrix[a, b]
-    scale = np.sqrt(np.diag(matrix))
-    if not np.all(np.isfinite(matrix)) or np.any(scale <= 0.0):
+    if not inverted(matrix):
         return False, gradient, gradient, 0.0, middle
-    inverse = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
-    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    inverse, errors, change = matrix, np.empty(k), np.zeros(k)
+    for a in range(k):
+        errors[a] = np.sqrt(max(inverse[a, a], 0.0))
+        for b in range(k):
+            change[a] -= inverse[a, b] * gradient[b]
     bound = 0.0
     for i in range(n):
         slope = 0.0
         for a in range(k):
             slope += columns[i, a] * inverse[0, a]
         bound += abs(slope) * weights[i] * bounds[i]
-    return True, -(inverse @ gradient), errors, bound, middle
+    return True, change, errors, bound, middle
+
+
+@njit(cache=True)
+def inverted(matrix: Float64) -> bool:
+    """Invert a symmetric matrix (k, k) in place; return whether it is positive definite, to rounding.
+
+    It is scaled to a diagonal of ones first. Gauss and Jordan's steps by the diagonal, which such matrices need no
+    exchange of rows for; numba's own inverse takes five seconds to compile.
+    """
+    k = len(matrix)
+    scale = np.empty(k)
+    for a in range(k):
+        if not 0.0 < matrix[a, a] < np.inf:
+            return False
+        scale[a] = np.sqrt(matrix[a, a])
+    for a in range(k):
+        for b in range(k):
+            matrix[a, b] /= scale[a] * scale[b]
+    for step in range(k):
+        pivot = matrix[step, step]
+        if not pivot > 0.0:  # also where it is NaN
+            return False
+        matrix[step, step] = 1.0
+        for b in range(k):
+            matrix[step, b] /= pivot
+        for a in range(k):
+            if a != step:
+                factor = matrix[a, step]
+                matrix[a, step] = 0.0
+                for b in range(k):
+                    matrix[a, b] -= factor * matrix[step, b]
+    for a in range(k):
+        for b in range(k):
+            matrix[a, b] /= scale[a] * scale[b]
+    return True
 
 
 @njit(cache=True)
@@ -107,5 +146,5 @@ def medians_by_group(
     for group in range(count):
         start, stop = ends[group], ends[group + 1]
         if stop - start >= max(fewest, 1):
-            medians[group], others[group] = np.median(of_first[start:stop]), np.median(of_second[start:stop])
+            medians[group], others[group] = median_of(of_first[start:stop]), median_of(of_second[start:stop])
     return medians, others

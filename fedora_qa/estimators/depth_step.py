@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.depth_image import FINEST_RELATIVE_STEP
+from fedora_qa.estimators.depth_step_kernels import bent_octaves, second_differences
 
 Float64 = NDArray[np.float64]
 
@@ -87,35 +88,23 @@ def _steps_of_inverse_depth(z: Float64) -> Iterator[tuple[int, float, DepthStep]
 
 def _steps(values: Float64, z: Float64) -> Iterator[tuple[int, float, float, Float64]]:
     """Yield each octave of depth with a step of values (h, w): misfit, step, and the octave's depths in metres."""
-    bends, middles, depths_m = _second_differences(values, z)
-    exponents = np.floor(np.log2(depths_m))
-    for exponent in np.unique(exponents):
-        octave = exponents == exponent
-        finest = FINEST_RELATIVE_STEP * float(middles[octave].max())
-        if common := _common_step(bends[octave], finest):
-            yield int(exponent), common.misfit, common.size, depths_m[octave]
-
-
-def _second_differences(values: Float64, z: Float64) -> tuple[Float64, Float64, Float64]:
-    """Return second differences along rows and columns that are no edges, the values and depths amid them, (n,)."""
-    bends, middles, depths_m = [], [], []
-    for along, at in ((values, z), (values.T, z.T)):
-        bend, middle = along[2:] - 2 * along[1:-1] + along[:-2], along[1:-1]
-        smooth = np.abs(bend) < _EDGE * middle  # False where NaN
-        bends.append(bend[smooth])
-        middles.append(middle[smooth])
-        depths_m.append(at[1:-1][smooth])
-    return np.concatenate(bends), np.concatenate(middles), np.concatenate(depths_m)
+    bends, middles, depths_m, octaves = second_differences(values, z, _EDGE)
+    counts, bent, limits = bent_octaves(bends, middles, octaves, FINEST_RELATIVE_STEP)
+    for i in np.flatnonzero(bent >= np.maximum(_FEWEST_STEPS, _LEAST_SHARE * counts)):
+        exponent = int(octaves.min()) + int(i)
+        octave = octaves == exponent
+        if common := _common_step(bends[octave], float(limits[i])):
+            yield exponent, common.misfit, common.size, depths_m[octave]
 
 
 def _common_step(bends: Float64, finest: float) -> _CommonStep | None:
-    """Return the step of which all second differences are multiples; None where there is none so large.
+    """Return the step of which all second differences are multiples; None where there is none as large as the finest.
 
     Steps bend both ways, while the second differences of a ball are of one sign and almost equal.
     """
     bent = bends[np.abs(bends) > finest]
     sizes = np.abs(bent)
-    if len(bent) < max(_FEWEST_STEPS, _LEAST_SHARE * len(bends)) or not _go_both_ways(bent):
+    if not _go_both_ways(bent):
         return None
     least = float(np.quantile(sizes, 0.01))
     for parts in (1, 2):

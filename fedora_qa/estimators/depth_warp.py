@@ -1,6 +1,6 @@
 """Depth of one frame, carried by the camera's motion into another, against the depth that stands there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -36,6 +36,17 @@ class Lattice:
     rows: Float64
     depths_m: Float64
     relative_errors: Float64
+
+    def with_steps(self, of_step: float) -> "Lattice":
+        """Return the same pixels, whose depths err by a share of themselves as well."""
+        return replace(self, relative_errors=self.relative_errors + of_step)
+
+    def thinned(self, most: int) -> "Lattice":
+        """Return at most so many of the pixels, evenly spread over their order."""
+        if len(self.columns) <= most:
+            return self
+        chosen = np.linspace(0, len(self.columns) - 1, most).astype(np.intp)
+        return Lattice(*(values[chosen] for values in (self.columns, self.rows, self.depths_m, self.relative_errors)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,15 +115,16 @@ def lattice_stride(height: int, width: int, share: float) -> int:
 
 def lattice_of(image: DepthImage, stride: int, most: int | None = None) -> Lattice:
     """Return every so many-th pixel in both directions that lies clear of edges, thinned to at most ``most``."""
+    lattice = Lattice(*lattice_values(image, stride)).with_steps(image.of_step)
+    return lattice if most is None else lattice.thinned(most)
+
+
+def lattice_values(image: DepthImage, stride: int) -> Float64:
+    """Return columns, rows, depths and relative errors (4, n) of a lattice, but for steps of quantised depths."""
     row, column = np.nonzero(image.near_edge[::stride, ::stride] == 0)
-    if most is not None and len(row) > most:
-        chosen = np.linspace(0, len(row) - 1, most).astype(np.intp)
-        row, column = row[chosen], column[chosen]
     row, column = row * stride, column * stride
     depths_m = image.depths_m[row, column].astype(np.float64)
-    return Lattice(
-        column.astype(np.float64), row.astype(np.float64), depths_m, image.error_per_m[row, column] * depths_m
-    )
+    return np.stack((column, row, depths_m, image.error_per_m[row, column] * depths_m))
 
 
 def warp(model: DepthModel, lattice: Lattice, image1: DepthImage, number: ModelNumber | None = None) -> Warped:
@@ -129,8 +141,8 @@ def warp(model: DepthModel, lattice: Lattice, image1: DepthImage, number: ModelN
         np.broadcast_to(model.motion_error, 6).copy(),
         SINGLE_PRECISION * _PIXEL_ROUNDINGS * (width + height),
         lattice.columns, lattice.rows, lattice.depths_m, lattice.relative_errors, image1.depths_m,
-        image1.error_per_m, image1.clearance_px, image1.block_px, image1.nearest_per_m, residuals, bounds, by_twist,
-        _NUMBERS[number], by_number,
+        image1.error_per_m, image1.of_step, image1.clearance_px, image1.block_px, image1.nearest_per_m,
+        residuals, bounds, by_twist, _NUMBERS[number], by_number,
     )  # fmt: skip
     return Warped(residuals, bounds, by_twist, by_number, seen)
 

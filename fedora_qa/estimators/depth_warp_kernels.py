@@ -93,8 +93,8 @@ def residuals_of(
 def carry(
     K: Float64, R: Float64, t: Float64, ray: float, scale: float, path: Float64, motion_error: Float64,
     per_slope: float, columns: Float64, rows: Float64, depths_m: Float64, relative_errors: Float64, depths1_m: Depths,
-    errors1_per_m: NDArray[np.float32], clearance_px: NDArray[np.float32], block_px: int, nearest_per_m: float,
-    residuals: Float64, bounds: Float64, by_twist: Float64, number: int, by_number: Float64,
+    errors1_per_m: NDArray[np.float32], of_step: float, clearance_px: NDArray[np.float32], block_px: int,
+    nearest_per_m: float, residuals: Float64, bounds: Float64, by_twist: Float64, number: int, by_number: Float64,
 ) -> int:  # fmt: skip
     """Write residuals (n,), bounds (n,) and derivatives (n, 6) of pixels; NaN, NaN and 0 where they are not seen.
 
@@ -137,7 +137,7 @@ def carry(
             by_number[i] = found * Z1 * np.log(_ray_length(K, column1, row1))
             by_number[i] -= nearer * np.log(_ray_length(K, columns[i], rows[i]))
         error_per_m = np.float64(errors1_per_m[int(np.rint(row1)), int(np.rint(column1))])
-        bound = relative_errors[i] + error_per_m * shortening * Z1
+        bound = relative_errors[i] + error_per_m * shortening * Z1 + of_step * found * Z1
         bound += per_slope * (abs(by_column) + abs(by_row)) * Z1
         for axis in range(6):
             bound += abs(of_one[axis]) * motion_error[axis]

@@ -58,26 +58,36 @@ def tile_profiles(
     at
         Columns and rows (n,) of the steps in that image, px.
     """
-    return _tile_profiles(strength, steps, axis, at, first_px, differences=False)
+    return _tile_profiles(strength, (False, False), steps, axis, at, first_px, differences=False)
 
 
-def difference_profiles(picture: NDArray[Any], steps: DepthSteps, axis: int, at: tuple[Float64, Float64]) -> Float64:
-    """Return ``tile_profiles`` of the absolute differences of a picture's (h, w) neighbours along the axis."""
-    return _tile_profiles(picture, steps, axis, at, 0.5, differences=True)
+def difference_profiles(
+    picture: NDArray[Any], steps: DepthSteps, axis: int, at: tuple[Float64, Float64],
+    mirrored: tuple[bool, bool] = (False, False),
+) -> Float64:  # fmt: skip
+    """Return ``tile_profiles`` of the absolute differences of a picture's (h, w) neighbours along the axis.
+
+    ``mirrored`` says whether the picture is looked at left to right, and top to bottom.
+    """
+    return _tile_profiles(picture, mirrored, steps, axis, at, 0.5, differences=True)
 
 
 def _tile_profiles(
-    picture: NDArray[Any], steps: DepthSteps, axis: int, at: tuple[Float64, Float64], first_px: float, *,
-    differences: bool,
+    picture: NDArray[Any], mirrored: tuple[bool, bool], steps: DepthSteps, axis: int, at: tuple[Float64, Float64],
+    first_px: float, *, differences: bool,
 ) -> Float64:  # fmt: skip
-    image, along, across = (picture, *at) if axis == 0 else (picture.T, at[1], at[0])
-    length, lines = image.shape[1] - differences, image.shape[0]
-    starts = along - first_px - RADIUS_PX
-    inside = (starts >= 0) & (starts + 2 * RADIUS_PX <= length - 1) & (across >= 0) & (across <= lines - 1)
-    tiles = _tile(along[inside], length) + TILES * _tile(across[inside], lines)
-    groups = steps.near_first[inside] * (TILES * TILES) + tiles
-    sums = np.zeros((2 * TILES * TILES, 2 * RADIUS_PX + 1))
-    add_profiles(image, differences, starts[inside], across[inside], groups, sums)
+    values = np.ascontiguousarray(picture, dtype=np.float32)
+    height, width = values.shape
+    # Where each column and row of pixels begins among all of them, and how far it is to the next.
+    columns, rows = (width - 1, -1, width) if mirrored[0] else (0, 1, width), (0, width, height)
+    if mirrored[1]:
+        rows = ((height - 1) * width, -width, height)
+    along, across = (columns, rows) if axis == 0 else (rows, columns)
+    sums = np.zeros((2, TILES, TILES, 2 * RADIUS_PX + 1))
+    add_profiles(
+        values.ravel(), along[0] + across[0], along[1], across[1], (along[2], across[2]), differences, first_px,
+        at[axis], at[1 - axis], steps.near_first, TILES, sums,
+    )  # fmt: skip
     return sums.reshape(2, TILES * TILES, -1)
 
 
@@ -98,7 +108,3 @@ def peak_near(profile: Float64, middle: int, reach: int = REACH) -> EdgePeak:
     strength = float(beyond.sum())
     centroid = float(offsets @ beyond) / strength if strength > 0 else 0.0
     return EdgePeak(middle - RADIUS_PX + float(np.clip(centroid, -reach, reach)), strength / float(profile.sum()))
-
-
-def _tile(places: Float64, size: int) -> NDArray[np.int64]:
-    return np.clip((places * TILES / size).astype(np.int64), 0, TILES - 1)

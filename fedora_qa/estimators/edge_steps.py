@@ -41,17 +41,18 @@ class DepthSteps:
         return len(self.columns)
 
 
-def depth_steps(depth_m: NDArray[Any], axis: int, *, farthest_m: float) -> DepthSteps:
+def depth_steps(depth_m: NDArray[Any], axis: int, *, farthest_m: float, every: int = 1) -> DepthSteps:
     """Find the steps of depth (H, W), in metres, NaN where it is farther than ``farthest_m``.
 
-    ``axis`` 0 is to the right, 1 is down. Inverse depth is affine on a plane, so a step is what exceeds the gentler of
-    the slopes on both sides. Where neighbouring steps compete the largest is taken. What is farther may be missing or
-    stand at ``farthest_m``: a surface that runs out of range there by its own slope has no outline.
+    ``axis`` 0 is to the right, 1 is down; looked at is every so many-th line of pixels along it. Inverse depth is
+    affine on a plane, so a step is what exceeds the gentler of the slopes on both sides. Where neighbouring steps
+    compete the largest is taken. What is farther may be missing or stand at ``farthest_m``: a surface that runs out of
+    range there by its own slope has no outline.
     """
     depth = np.asarray(depth_m)
     if depth.shape[1 - axis] < 4:
         return _nowhere()
-    rows, columns = find_steps(depth, axis == 1, farthest_m, SINGLE_PRECISION, LEAST_STEP)
+    rows, columns = find_steps(depth, axis == 1, every, farthest_m, SINGLE_PRECISION, LEAST_STEP)
     first, second = (_inverse(depth[rows + i * axis, columns + i * (1 - axis)], farthest_m) for i in (0, 1))
     return DepthSteps(
         columns + 0.5 * (1 - axis), rows + 0.5 * axis, 1.0 / np.maximum(first, second), np.asarray(first > second)

@@ -6,14 +6,13 @@ for large flows too. One number a pair of frames: flow of any shape will do, exp
 """
 
 from dataclasses import dataclass
-from math import ceil, isqrt, pi, sqrt
+from math import pi, sqrt
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.image_motion_kernels import Box, most_of_the_flow, reduced, reduced_flow, share_of_flow
+from fedora_qa.estimators.image_motion_kernels import Box, share_in_box
 from fedora_qa.estimators.residual_flow import LUMA_ROUNDING_VARIANCE_DN2
 
 Float32 = NDArray[np.float32]
@@ -24,6 +23,15 @@ FEWEST_PIXELS: Final = 64
 SMOOTHING_PX: Final = 1.0
 CORRELATED_PIXELS: Final = 4 * pi * SMOOTHING_PX**2
 """Sum of the autocorrelation of white noise behind that smoothing: so many pixels count as one."""
+
+
+def _taps() -> Float32:
+    """Return the weights (5,) of a Gaussian of ``SMOOTHING_PX``, cut at four of it: of its middle and of one side."""
+    weights = np.exp(-0.5 * (np.arange(5) / SMOOTHING_PX) ** 2)
+    return np.asarray(weights / (2 * weights.sum() - weights[0]), dtype=np.float32)
+
+
+_TAPS: Final = _taps()
 
 LARGEST_PX: Final = 1.5
 """Frames are reduced until most of the flow is no longer than this: what the smoothing keeps is then nearly linear."""
@@ -76,28 +84,13 @@ def motion_share(before: Float32, after: Float32, flow_px: Float32, box: Box | N
     """
     if not before.shape == after.shape == flow_px.shape[:2]:
         raise ValueError(f"Expected frames on the flow's grid {flow_px.shape[:2]}, got {before.shape}, {after.shape}")
-    flow_px = np.ascontiguousarray(flow_px)
-    left, top, right, bottom = box = box or (0, 0, before.shape[1], before.shape[0])
-    stride = max(1, isqrt((right - left) * (bottom - top) // _SPEEDS))
-    speed_px = most_of_the_flow(flow_px, box, _LARGEST_FLOW_PX, _MOST_OF_THE_FLOW, stride)
-    if not speed_px < _LARGEST_FLOW_PX:
-        return None
-    step = max(1, ceil(speed_px / LARGEST_PX))
-    if min(right - left, bottom - top) < step:
-        return None
-    skip = ceil(step / _LINES)
-    flow, valid = reduced_flow(flow_px, box, step, skip, _LARGEST_FLOW_PX)
-    if np.count_nonzero(valid) < FEWEST_PIXELS:
-        return None
-    first, second = (_smooth(reduced(frame, box, step, skip)) for frame in (before, after))
-    found, share, inverse, left_dn2 = share_of_flow(first, second, flow, valid, FEWEST_PIXELS, _CONDITION)
+    found, share, inverse, left_dn2, pixels = share_in_box(
+        before, after, np.ascontiguousarray(flow_px), box or (0, 0, before.shape[1], before.shape[0]),
+        _SPEEDS, _MOST_OF_THE_FLOW, _LARGEST_FLOW_PX, LARGEST_PX, _LINES, _TAPS, FEWEST_PIXELS, _CONDITION,
+    )  # fmt: skip
     if not found:
         return None
     # Smoothing lowers the rounding's variance as it lowers the number of pixels.
-    rounding_dn2 = 2 * LUMA_ROUNDING_VARIANCE_DN2 / (step * ceil(step / skip))
+    rounding_dn2 = 2 * LUMA_ROUNDING_VARIANCE_DN2 / pixels
     standard_error = sqrt(inverse * max(CORRELATED_PIXELS * left_dn2, rounding_dn2))
     return MotionShare(share, standard_error, sqrt(inverse * rounding_dn2))
-
-
-def _smooth(image: Float32) -> Float32:
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), SMOOTHING_PX), dtype=np.float32)

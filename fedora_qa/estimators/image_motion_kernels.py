@@ -4,6 +4,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.order_kernels import percentile_of
+
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -37,7 +39,7 @@ def most_of_the_flow(flow_px: Float32, box: Box, largest_px: float, percent: flo
             if length < largest_px:
                 lengths[count] = length
                 count += 1
-    return float(np.percentile(lengths[:count], percent)) if count else np.nan
+    return percentile_of(lengths[:count], percent)
 
 
 @njit(cache=True)
@@ -101,13 +103,53 @@ def _lines(step: int, skip: int) -> int:
 
 
 @njit(cache=True)
+def smooth(image: Float32, taps: Float32) -> Float32:
+    """Return an image (h, w) smoothed along both axes by taps (5,), those of the middle and of one side.
+
+    Beyond the border the image is mirrored. The taps stand one by one, as loops over nine of them take four times as
+    long.
+    """
+    height, width = image.shape
+    a, b, c, d, e = taps
+    line, across = np.empty(width + 8, np.float32), np.empty((height + 8, width), np.float32)
+    for row in range(height + 8):
+        pixels = image[_mirrored(row - 4, height)]
+        line[4 : width + 4] = pixels
+        for i in range(1, 5):
+            line[4 - i], line[width + 3 + i] = pixels[_mirrored(i, width)], pixels[_mirrored(width - 1 + i, width)]
+        for i in range(width):
+            across[row, i] = (
+                a * line[i + 4] + b * (line[i + 3] + line[i + 5]) + c * (line[i + 2] + line[i + 6])
+                + d * (line[i + 1] + line[i + 7]) + e * (line[i] + line[i + 8])
+            )  # fmt: skip
+    smoothed = np.empty((height, width), np.float32)
+    for row in range(height):
+        for i in range(width):
+            smoothed[row, i] = (
+                a * across[row + 4, i] + b * (across[row + 3, i] + across[row + 5, i])
+                + c * (across[row + 2, i] + across[row + 6, i]) + d * (across[row + 1, i] + across[row + 7, i])
+                + e * (across[row, i] + across[row + 8, i])
+            )  # fmt: skip
+    return smoothed
+
+
+@njit(cache=True)
+def _mirrored(place: int, size: int) -> int:
+    """Return the place within 0 ... size - 1 at which an image goes on beyond its border, mirrored about its end."""
+    if size == 1:
+        return 0
+    place = abs(place) % (2 * size - 2)
+    return min(place, 2 * size - 2 - place)
+
+
+@njit(cache=True)
 def share_of_flow(
     before: Float32, after: Float32, flow_px: Float32, valid: Bools, fewest: int, condition: float
 ) -> tuple[bool, float, float, float]:
     """Regress the change between two smooth images (h, w) on what a flow (h, w, 2), in their pixels, predicts.
 
     Returns whether there is an answer, the share, the first diagonal element of the inverse normal matrix, and the mean
-    square of what is left. ``condition`` bounds the condition of the scaled matrix.
+    square of what is left. ``condition`` bounds, within a factor of three, the condition of the scaled matrix.
     """
     rows, columns = valid.shape
     mean = np.empty((rows, columns))
@@ -133,19 +175,56 @@ def share_of_flow(
         return False, 0.0, 0.0, 0.0
     middle = l_sum / count  # levels from their mean on, so that the condition tells of the image alone
     pl, ll, lc = pl - middle * p_sum, max(ll - middle * l_sum, 0.0), lc - middle * c_sum
-    matrix = np.array([[pp, p_sum, pl], [p_sum, count, 0.0], [pl, 0.0, ll]])
-    right_side = np.array([pc, c_sum, lc])
-    scale = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)) + 1e-300)
-    # A column of zeros leaves a row of zeros, of infinite condition.
-    if not np.linalg.cond(matrix / scale) <= condition:
+    if pp <= 0.0 or ll <= 0.0:
         return False, 0.0, 0.0, 0.0
-    inverse = np.linalg.inv(matrix)
-    solution = inverse @ right_side
-    left = max(cc - solution @ right_side, 0.0)
-    return True, float(solution[0]), float(inverse[0, 0]), left / count
+    # Of 1, a, b / a, 1, 0 / b, 0, 1, the scaled matrix: its least eigenvalue is about the determinant by the sum of
+    # its minors.
+    a, b = p_sum / np.sqrt(pp * count), pl / np.sqrt(pp * ll)
+    determinant = 1.0 - a * a - b * b
+    if not determinant * condition >= 3.0 - a * a - b * b:
+        return False, 0.0, 0.0, 0.0
+    first = 1.0 / (pp * determinant)
+    share = first * (pc - p_sum * c_sum / count - pl * lc / ll)
+    bias, gain = (c_sum - p_sum * share) / count, (lc - pl * share) / ll
+    left = max(cc - share * pc - bias * c_sum - gain * lc, 0.0)
+    return True, share, first, left / count
 
 
 @njit(cache=True)
 def _slope(back_two: float, back_one: float, one: float, two: float) -> float:
     """Return the derivative: five taps, exact for quartics, 3% small at 1 rad/px."""
     return (8.0 * (one - back_one) - (two - back_two)) / 12.0
+
+
+@njit(cache=True)
+def share_in_box(
+    before: Float32, after: Float32, flow_px: Float32, box: Box, speeds: int, percent: float, largest_px: float,
+    reduced_px: float, lines: int, taps: Float32, fewest: int, condition: float,
+) -> tuple[bool, float, float, float, int]:  # fmt: skip
+    """Return ``share_of_flow`` of two frames (H, W), reduced and smoothed, within a box; and of how many pixels a mean.
+
+    Parameters
+    ----------
+    flow_px
+        (H, W, 2), not valid from ``largest_px`` on.
+    speeds, percent
+        About so many of its lengths are looked at, of which this percentile is as long as most of it.
+    reduced_px, lines
+        Frames are reduced until that is no longer than this; of so many rows the means are taken at most.
+    """
+    left, top, right, bottom = box
+    nothing = (False, 0.0, 0.0, 0.0, 0)
+    stride = max(1, int(np.sqrt((right - left) * (bottom - top) // speeds)))
+    speed_px = most_of_the_flow(flow_px, box, largest_px, percent, stride)
+    if not speed_px < largest_px:
+        return nothing
+    step = max(1, int(np.ceil(speed_px / reduced_px)))
+    if min(right - left, bottom - top) < step:
+        return nothing
+    skip = (step + lines - 1) // lines
+    flow, valid = reduced_flow(flow_px, box, step, skip, largest_px)
+    if np.count_nonzero(valid) < fewest:
+        return nothing
+    first, second = smooth(reduced(before, box, step, skip), taps), smooth(reduced(after, box, step, skip), taps)
+    found, share, inverse, left_dn2 = share_of_flow(first, second, flow, valid, fewest, condition)
+    return found, share, inverse, left_dn2, step * _lines(step, skip)

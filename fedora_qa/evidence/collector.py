@@ -14,8 +14,8 @@ from fedora_qa.evidence.histograms import (
     keep_histograms,
     padded_sum,
     seconds_of,
-    window_pixels,
     window_values,
+    with_events,
 )
 from fedora_qa.evidence.instants import fitting_width_px, spread_instants
 from fedora_qa.evidence.kept import Kept, together
@@ -58,7 +58,7 @@ class Seen:
     plan: EvidencePlan
     glimpses: list[Glimpse] = field(default_factory=list)
     values: dict[str, Int64] = field(default_factory=dict)
-    pixels: Int64 | None = None
+    pixels: NDArray[np.uint32] | None = None
     counted_ns: list[tuple[int, int]] = field(default_factory=list)
     events: dict[int, Int64] = field(default_factory=dict)
 
@@ -155,12 +155,11 @@ def _count_events(state: Seen, window: Window) -> None:
     rows = window.owned("events")
     try:
         times_ns = window.rows(STAMPS_OF["events"], rows.start, rows.stop)
-        pixels = window_pixels(window)
+        state.pixels = with_events(state.pixels, window)
     except UnreadableRowsError:
         return
     state.events[window.span.index] = state.plan.timeline.count(times_ns)
     state.counted_ns.append((window.span.start_ns, window.span.stop_ns))
-    state.pixels = pixels if state.pixels is None else padded_sum(state.pixels, pixels)
 
 
 def _add_values(whole: dict[str, Int64], part: Mapping[str, Int64]) -> None:

@@ -11,6 +11,7 @@ from fedora_qa.causes import in_families
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.kept import Kept, together
+from fedora_qa.evidence.picture_kernels import add_events
 from fedora_qa.evidence.value_counts import Int64, added, count_values, histogram
 from fedora_qa.record.evidence import HISTOGRAMS, named
 from fedora_qa.sequence.facts import Facts
@@ -18,6 +19,7 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.statistics.moments import pixel_sample, sampled_luma_dn, sampled_speeds_px
 
 Image = TypeVar("Image")
+UInt32 = NDArray[np.uint32]
 
 _LARGEST_SENSOR_PX: Final = 4096
 
@@ -41,18 +43,31 @@ def _count_window(window: Window, families: frozenset[str] | None) -> dict[str, 
     return {quantity: added(count_values(image) for image in images) for quantity, images in samples.items()}
 
 
-def window_pixels(window: Window) -> Int64:
-    """Count the events of each pixel of the event camera (H, W) in a window, as stored; raises if unreadable."""
+def with_events(counts: UInt32 | None, window: Window) -> UInt32:
+    """Return counts of the events of each pixel (H, W), grown where needed, with those of a window.
+
+    ``counts`` are changed in place where they reach far enough. Raises if the events are unreadable.
+    """
     rows = window.owned("events")
-    x, y = (window.rows(f"path/events/{axis}", rows.start, rows.stop).astype(np.int64) for axis in "xy")
+    x, y = (window.rows(f"path/events/{axis}", rows.start, rows.stop) for axis in "xy")
     camera = window.facts.declared.cameras.get("events")
     extent = (camera.height, camera.width) if camera else (int(v.max(initial=0)) + 1 for v in (y, x))
     height, width = (min(size, _LARGEST_SENSOR_PX) for size in extent)
-    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    return np.bincount(y[inside] * width + x[inside], minlength=height * width).reshape(height, width)
+    counts = grown(np.zeros((0, 0), np.uint32) if counts is None else counts, height, width)
+    add_events(counts, x, y)
+    return counts
 
 
-def keep_histograms(values: Mapping[str, Int64], pixels: Int64 | None, seconds: float) -> Kept:
+def grown(counts: UInt32, height: int, width: int) -> UInt32:
+    """Return counts of pixels that reach so far at least: the same ones where they do."""
+    if counts.shape[0] >= height and counts.shape[1] >= width:
+        return counts
+    whole = np.zeros((max(height, counts.shape[0]), max(width, counts.shape[1])), np.uint32)
+    whole[: counts.shape[0], : counts.shape[1]] = counts
+    return whole
+
+
+def keep_histograms(values: Mapping[str, Int64], pixels: UInt32 | None, seconds: float) -> Kept:
     """Return the histograms of everything that was counted; ``seconds`` is how long events were counted."""
     kept = [_kept(quantity, _title(quantity), counts) for quantity, counts in values.items() if counts.any()]
     if pixels is not None and pixels.any() and seconds > 0:
@@ -69,12 +84,11 @@ def seconds_of(facts: Facts, bounds_ns: Iterable[tuple[int, int]]) -> float:
     return sum(max(min(stop, last) - max(start, first), 0) for start, stop in bounds_ns) / NS_PER_S
 
 
-def padded_sum(one: Int64, other: Int64) -> Int64:
-    """Add counts of pixels; the sensor reaches as far as the larger of both."""
-    rows, columns = (max(sizes) for sizes in zip(one.shape, other.shape, strict=True))
-    whole = np.zeros((rows, columns), np.int64)
-    for part in (one, other):
-        whole[: part.shape[0], : part.shape[1]] += part
+def padded_sum(one: UInt32, other: UInt32) -> UInt32:
+    """Add counts of pixels; the sensor reaches as far as the larger of both. Neither is changed."""
+    whole = grown(one, *other.shape)
+    whole = whole.copy() if whole is one else whole
+    whole[: other.shape[0], : other.shape[1]] += other
     return whole
 
 

@@ -1,36 +1,71 @@
-"""Compiled means of blocks of pixels, of the values that are finite."""
+"""Compiled sums over pixels: means of blocks, and events of each pixel."""
+
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 Float32 = NDArray[np.float32]
+UInt8 = NDArray[np.uint8]
+UInt32 = NDArray[np.uint32]
 
 
 @njit(cache=True)
 def finite_means(image: Float32, rows: int, columns: int, height: int, width: int) -> Float32:
     """Return the means (rows, columns, c) of the finite values of blocks of an image (H, W, c); NaN where none is.
 
-    ``height`` and ``width`` are those of a block. Sums are taken in single precision along rows, in double of rows.
+    ``height`` and ``width`` are those of a block. Sums are taken in single precision along columns, in double of them.
     """
     channels = image.shape[2]
+    lines = image.reshape(image.shape[0], image.shape[1] * channels)
+    wide = columns * width * channels
     means = np.empty((rows, columns, channels), np.float32)
-    sums, counts = np.empty((columns, channels)), np.empty((columns, channels))
+    sums, counts = np.empty(wide, np.float32), np.empty(wide, np.float32)
     for row in range(rows):
-        sums[:], counts[:] = 0.0, 0.0
-        for line in image[row * height : (row + 1) * height]:
-            for column in range(columns):
-                for channel in range(channels):
-                    total, count = np.float32(0), np.float32(0)
-                    for i in range(column * width, (column + 1) * width):
-                        value = line[i, channel]
-                        finite = abs(value) < np.inf
-                        total += value if finite else np.float32(0)
-                        count += np.float32(1) if finite else np.float32(0)
-                    sums[column, channel] += total
-                    counts[column, channel] += count
+        sums[:], counts[:] = 0, 0
+        for at in range(row * height, (row + 1) * height):
+            line = lines[at]
+            for i in range(wide):
+                finite = abs(line[i]) < np.inf
+                sums[i] += line[i] if finite else np.float32(0)
+                counts[i] += np.float32(1) if finite else np.float32(0)
         for column in range(columns):
             for channel in range(channels):
-                count_of_block = counts[column, channel]
-                means[row, column, channel] = sums[column, channel] / count_of_block if count_of_block else np.nan
+                first, total, count = column * width * channels + channel, 0.0, 0.0
+                for i in range(first, first + width * channels, channels):
+                    total += sums[i]
+                    count += counts[i]
+                means[row, column, channel] = total / count if count else np.nan
     return means
+
+
+@njit(cache=True)
+def code_means(image: UInt8, rows: int, columns: int, height: int, width: int) -> UInt8:
+    """Return the means (rows, columns, c) of blocks of an image of codes (H, W, c), rounded, halves to even."""
+    channels = image.shape[2]
+    lines = image.reshape(image.shape[0], image.shape[1] * channels)
+    wide = columns * width * channels
+    means, sums = np.empty((rows, columns, channels), np.uint8), np.empty(wide, np.uint32)
+    for row in range(rows):
+        sums[:] = 0
+        for at in range(row * height, (row + 1) * height):
+            line = lines[at]
+            for i in range(wide):
+                sums[i] += line[i]
+        for column in range(columns):
+            for channel in range(channels):
+                first, total = column * width * channels + channel, 0
+                for i in range(first, first + width * channels, channels):
+                    total += sums[i]
+                means[row, column, channel] = np.uint8(np.rint(total / (height * width)))
+    return means
+
+
+@njit(cache=True)
+def add_events(counts: UInt32, columns: NDArray[Any], rows: NDArray[Any]) -> None:
+    """Add events (n,) to the counts of their pixels (H, W); those that lie beyond are left out."""
+    height, width = counts.shape
+    for i in range(len(rows)):
+        if 0 <= columns[i] < width and 0 <= rows[i] < height:
+            counts[rows[i], columns[i]] += np.uint32(1)

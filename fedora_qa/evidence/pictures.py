@@ -2,11 +2,10 @@
 
 from typing import Any, cast
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.evidence.picture_kernels import finite_means
+from fedora_qa.evidence.picture_kernels import code_means, finite_means
 
 Float32 = NDArray[np.float32]
 UInt8 = NDArray[np.uint8]
@@ -25,17 +24,25 @@ def picture_shape(height: int, width: int, block: int) -> tuple[int, int]:
 
 def mean_codes(image: UInt8, block: int) -> UInt8:
     """Return the mean of each block of an image of 8-bit codes (H, W, C), rounded to codes."""
-    return np.asarray(_block_means(image, block), dtype=np.uint8)
+    rows, columns = picture_shape(image.shape[0], image.shape[1], block)
+    height, width = _side(image.shape[0], block), _side(image.shape[1], block)
+    return code_means(_as_decoded(np.ascontiguousarray(image)), rows, columns, height, width)
 
 
 def mean_values(image: NDArray[Any], block: int) -> Float32:
     """Return the mean of the finite values of each block of an image (H, W) or (H, W, C); NaN where there are none."""
     rows, columns = picture_shape(image.shape[0], image.shape[1], block)
     height, width = _side(image.shape[0], block), _side(image.shape[1], block)
-    values = np.ascontiguousarray(image, dtype=np.float32).reshape(*image.shape[:2], -1).view()
-    values.flags.writeable = False  # as decoded ones: the kernel is compiled once
+    values = _as_decoded(np.ascontiguousarray(image, dtype=np.float32).reshape(*image.shape[:2], -1))
     means = finite_means(values, rows, columns, height, width)
     return means.reshape(rows, columns, *image.shape[2:])
+
+
+def _as_decoded(values: NDArray[Any]) -> NDArray[Any]:
+    """Return an image that cannot be written to, as decoded ones: kernels are compiled once."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
 
 
 def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
@@ -44,12 +51,6 @@ def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
     whole = _whole(counts, block).reshape(rows, -1, columns, _side(counts.shape[1], block))
     totals = whole.sum(axis=(1, 3), dtype=np.int64)
     return cast(UInt16, np.minimum(totals, np.iinfo(np.uint16).max).astype(np.uint16))
-
-
-def _block_means(image: UInt8, block: int) -> NDArray[Any]:
-    """Return the mean of each whole block of an image; for whole blocks ``INTER_AREA`` is that mean."""
-    rows, columns = picture_shape(image.shape[0], image.shape[1], block)
-    return cv2.resize(_whole(image, block), (columns, rows), interpolation=cv2.INTER_AREA)
 
 
 def _whole(image: NDArray[Any], block: int) -> NDArray[Any]:

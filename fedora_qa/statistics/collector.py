@@ -71,7 +71,7 @@ class StatisticsCollector:
                 events=events,
                 brighter_events=brighter,
                 speeds_px={stream: _flow_speeds(window, stream, streams) for stream in window.facts.flow_streams},
-                depth_m=added(Moments.of(depth, _is_depth(depth)) for depth in depths_m),
+                depth_m=added(Moments.of(depth, positive=True) for depth in depths_m),
                 disparity_per_m=added(_disparities(depth) for depth in depths_m),
                 luma_dn=added(_readable(window, "rgb", lambda frame: _luma(window, frame), streams)),
             )
@@ -150,21 +150,16 @@ def _count_events(window: Window, streams: frozenset[str]) -> tuple[int, int]:
 
 def _flow_speeds(window: Window, stream: str, streams: frozenset[str]) -> Moments:
     speeds = _readable(window, stream, lambda row: sampled_speeds_px(window, stream, row), streams)
-    return added(Moments.of(speed, np.isfinite(speed)) for speed in speeds)
-
-
-def _is_depth(depth_m: NDArray[np.float32]) -> NDArray[np.bool_]:
-    return np.asarray(np.isfinite(depth_m) & (depth_m > 0))
+    return added(Moments.of(speed) for speed in speeds)
 
 
 def _disparities(depth_m: NDArray[np.float32]) -> Moments:
-    valid = _is_depth(depth_m)
-    return Moments.of(1.0 / np.where(valid, depth_m, 1.0), valid)
+    with np.errstate(divide="ignore"):
+        return Moments.of(np.float32(1) / depth_m, positive=True)
 
 
 def _luma(window: Window, frame: int) -> Moments:
-    luma_dn = sampled_luma_dn(window, frame)
-    return Moments.of(luma_dn, np.isfinite(luma_dn))
+    return Moments.of(sampled_luma_dn(window, frame))
 
 
 def _sequence(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:

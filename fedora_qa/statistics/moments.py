@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 from fedora_qa.sequence.window import Window
+from fedora_qa.statistics.moment_kernels import lengths_at, lumas_at, sums_of
 
 _STRIDE = 4
 _SMALL_IMAGE_PX = 128
@@ -27,19 +28,10 @@ class Moments:
     greatest: float = -inf
 
     @classmethod
-    def of(cls, values: NDArray[Any], valid: NDArray[np.bool_]) -> "Moments":
-        """Sum the valid values of an array in double precision."""
-        kept = values[valid].astype(np.float64)
-        if not kept.size:
-            return cls(looked_at=values.size)
-        return cls(
-            looked_at=values.size,
-            count=kept.size,
-            total=float(np.sum(kept)),
-            squares=float(np.sum(kept**2)),
-            least=float(np.min(kept)),
-            greatest=float(np.max(kept)),
-        )
+    def of(cls, values: NDArray[np.floating[Any]], *, positive: bool = False) -> "Moments":
+        """Sum the values of an array that are finite, and positive if asked, in double precision."""
+        flat = np.ascontiguousarray(values).ravel()
+        return cls(flat.size, *sums_of(flat, positive))
 
     @property
     def mean(self) -> float | None:
@@ -74,9 +66,8 @@ def added(parts: Iterable[Moments]) -> Moments:
 
 def pixel_sample(image: NDArray[Any]) -> NDArray[Any]:
     """Return every fourth column of every fourth row (a sixteenth of the pixels); small images whole."""
-    if min(image.shape[:2]) < _SMALL_IMAGE_PX:
-        return image
-    return image[_STRIDE // 2 :: _STRIDE, _STRIDE // 2 :: _STRIDE]
+    first, stride = _lattice(image)
+    return image[first::stride, first::stride]
 
 
 def sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.float32]:
@@ -84,19 +75,19 @@ def sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.flo
     return window.once(("sampled speeds", stream, field), lambda: _speeds_px(window.flow_px(stream, field)))
 
 
-def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float64]:
+def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
     """Return the luma of the stored codes at the sampled pixels of a colour frame; made once a window."""
     return window.once(("sampled luma", frame), lambda: _luma_dn(window.rgb(frame)))
 
 
 def _speeds_px(flow_px: NDArray[np.float32]) -> NDArray[np.float32]:
-    sample = pixel_sample(flow_px)
-    u, v = sample[..., 0], sample[..., 1]
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(np.sqrt(u * u + v * v), dtype=np.float32)
+    return lengths_at(np.ascontiguousarray(flow_px, dtype=np.float32), *_lattice(flow_px))
 
 
-def _luma_dn(rgb: NDArray[np.uint8]) -> NDArray[np.float64]:
-    red, green, blue = np.moveaxis(pixel_sample(rgb), -1, 0)
-    of_red, of_green, of_blue = LUMA_WEIGHTS_RGB
-    return np.asarray(of_red * red + of_green * green + of_blue * blue)
+def _luma_dn(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
+    return lumas_at(np.ascontiguousarray(rgb), *_lattice(rgb), *LUMA_WEIGHTS_RGB)
+
+
+def _lattice(image: NDArray[Any]) -> tuple[int, int]:
+    """Return the first sampled row and column of an image, and the step to the next."""
+    return (0, 1) if min(image.shape[:2]) < _SMALL_IMAGE_PX else (_STRIDE // 2, _STRIDE)

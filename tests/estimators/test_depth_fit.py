@@ -9,6 +9,7 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.depth_fit import FEWEST_PIXELS, fit_depth, noise_directions
+from fedora_qa.estimators.depth_fit_kernels import inverted
 from fedora_qa.estimators.depth_image import DepthImage, depth_image
 from fedora_qa.estimators.depth_warp import DepthModel, Lattice, ModelNumber, lattice_of, residuals_after, warp
 from fedora_qa.geometry.camera import RigidMotion
@@ -153,3 +154,21 @@ def test_too_few_pixels_are_no_fit() -> None:
     assert fit_depth(lambda _: DepthModel(K, MOTION), few, image1, EXACT, start=0.0, step=None) is None
     assert fit_depth(lambda _: DepthModel(K, away), lattice, image1, EXACT, start=0.0, step=None) is None
     assert fit_depth(lambda _: None, lattice, image1, EXACT, start=0.0, step=None) is None
+
+
+@pytest.mark.parametrize("size", [1, 3, 7])
+def test_inverse_of_equations_of_any_scale(size: int) -> None:
+    """Against LAPACK, of numbers whose units differ by many powers of ten."""
+    rng = np.random.default_rng(size)
+    columns = rng.normal(size=(50, size)) * 10.0 ** rng.integers(-6, 6, size)
+    matrix = columns.T @ columns
+    scale = np.sqrt(np.diag(matrix))
+    expected = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
+    assert inverted(matrix)
+    np.testing.assert_allclose(matrix * np.outer(scale, scale), expected * np.outer(scale, scale), atol=1e-12)
+
+
+@pytest.mark.parametrize("matrix", [np.zeros((2, 2)), np.diag([1.0, np.nan]), np.array([[1.0, 2.0], [2.0, 1.0]])])
+def test_what_has_no_inverse_is_refused(matrix: Float64) -> None:
+    """Nothing seen, no numbers, and no minimum."""
+    assert not inverted(matrix)

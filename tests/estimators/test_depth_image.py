@@ -40,7 +40,9 @@ def test_errors_are_shares_of_the_largest_bend_around(seed: int) -> None:
     bends[1:-1] += np.abs(np.diff(inverse, 2, axis=0))
     around = np.lib.stride_tricks.sliding_window_view(np.pad(bends, 1), (3, 3)).max(axis=(2, 3))
     image = depth_image(depth_m, relative_step=1e-3)
-    np.testing.assert_allclose(image.error_per_m, 0.25 * around + (8 * 2.0**-24 + 5e-4) * inverse, rtol=1e-6)
+    # Differences in single precision err by 2e-7 of themselves: here by a thousandth of what rounding may do.
+    np.testing.assert_allclose(image.error_per_m, 0.25 * around + 8 * 2.0**-24 * inverse, rtol=1e-3)
+    assert image.of_step == 5e-4
     assert image.nearest_per_m == pytest.approx(inverse.max())
 
 
@@ -52,7 +54,7 @@ def test_clearance_is_at_most_the_distance_from_marks(shape: tuple[int, int]) ->
     depth_m[shape[0] // 3, shape[1] // 2 :: 37] = np.nan
     image = depth_image(depth_m)
     block = image.block_px
-    assert (block > 1) == (depth_m.size > 400_000)
+    assert (block > 1) == (depth_m.size > 180_000)
     told = np.repeat(np.repeat(image.clearance_px, block, axis=0), block, axis=1)[: shape[0], : shape[1]]
     exact = distance_transform_edt(image.near_edge == 0)
     of_chamfer = 0.09  # what two steps' weights err by (Borgefors 1986)

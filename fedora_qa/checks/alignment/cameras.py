@@ -54,6 +54,8 @@ def seen_from(source: Camera, target: Camera, steps: DepthSteps) -> tuple[Float6
     An outline belongs to the nearer surface, whose depth takes it to a camera that sits elsewhere. Points that end up
     beside or behind the target camera come out as -1, outside its image.
     """
+    if np.array_equal(source.K, target.K) and np.array_equal(source.T_body_camera, target.T_body_camera):
+        return steps.columns, steps.rows
     pixels = np.stack((steps.columns, steps.rows, np.ones(len(steps))))
     points_m = steps.depths_m * (np.linalg.inv(source.K) @ pixels)
     T_target_source = np.linalg.inv(target.T_body_camera) @ source.T_body_camera

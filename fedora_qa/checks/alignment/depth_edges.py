@@ -10,7 +10,9 @@ from fedora_qa.checks.alignment.cameras import seen_from, why_not_comparable
 from fedora_qa.checks.events.view import sensor_shape
 from fedora_qa.checks.flow.intervals import frame_at
 from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.estimators.edge_kernels import root_counts
 from fedora_qa.estimators.edge_profiles import difference_profiles, tile_profiles
 from fedora_qa.estimators.edge_steps import depth_steps
 from fedora_qa.sequence.facts import Facts
@@ -20,9 +22,20 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
 FRAMES: Final = 2
-"""Depth frames of a window that are looked at, evenly spread: edges move little in between."""
+"""Depth frames of a window that are looked at, evenly spread, one where windows are short: edges move little meanwhile.
+"""
+
+_SHORT_NS: Final = NS_PER_S // 10
+
+LINES: Final = 270
+"""At least so many lines of pixels are looked at along each axis of a frame, evenly spread.
+
+An outline, and the texture beside it, is much the same a few pixels on: at 1440x1080 every fourth line gives the same
+standard error as all of them, to 1%.
+"""
 
 VARIANTS: Final = ("as stored", "mirrored left to right", "mirrored top to bottom")
+_MIRRORED: Final = ((False, False), (True, False), (False, True))
 
 DARK_DN: Final = 8.0
 """Added before the logarithm: below it rounding to 8 bits is more than 6% of the signal."""
@@ -67,7 +80,8 @@ def _measure(window: Window) -> DepthEdges | None:
     times_ns = clocks["depth"].times_ns
     pairs = [(row, frame_at(clocks["rgb"], int(times_ns[row]))) for row in window.owned("depth")]
     meeting = [(row, frame) for row, frame in pairs if frame is not None]
-    chosen = np.unique(np.linspace(0, len(meeting) - 1, FRAMES).round().astype(int)) if meeting else ()
+    wanted = FRAMES if window.span.stop_ns - window.span.start_ns >= _SHORT_NS else 1
+    chosen = np.unique(np.linspace(0, len(meeting) - 1, wanted).round().astype(int)) if meeting else ()
     measured = [one for i in chosen if (one := _of_frame(window, *meeting[int(i)])) is not None]
     if not measured:
         return None
@@ -82,14 +96,13 @@ def _of_frame(window: Window, row: int, frame: int) -> tuple[Float64, Float64] |
         return None
     facts, cameras = window.facts, window.facts.declared.cameras
     far_m = _farthest_m(facts, depth_m)
-    picture = _log(luma)
-    pictures = (picture, picture[:, ::-1], picture[::-1])
+    picture, every = _log(luma), max(1, min(depth_m.shape) // LINES)
     counts = _counts_around(window, int(facts.clocks["depth"].times_ns[row]))
     colour, events = [], []
     for axis in (0, 1):
-        steps = depth_steps(depth_m, axis, farthest_m=far_m)
+        steps = depth_steps(depth_m, axis, farthest_m=far_m, every=every)
         places = seen_from(cameras["depth"], cameras["rgb"], steps)
-        colour.append([difference_profiles(one, steps, axis, places) for one in pictures])
+        colour.append([difference_profiles(picture, steps, axis, places, how) for how in _MIRRORED])
         if counts is None:
             events.append(np.zeros_like(colour[-1][0]))
         else:
@@ -99,7 +112,8 @@ def _of_frame(window: Window, row: int, frame: int) -> tuple[Float64, Float64] |
 
 
 def _log(luma: Float32) -> Float32:
-    return np.asarray(np.log(luma + np.float32(DARK_DN)), dtype=np.float32)
+    raised = luma + np.float32(DARK_DN)
+    return np.asarray(np.log(raised, out=raised))
 
 
 def _farthest_m(facts: Facts, depth_m: Float32) -> float:
@@ -119,6 +133,4 @@ def _counts_around(window: Window, time_ns: int) -> Float32 | None:
     events = window.events(_EVENTS_AROUND_NS, _EVENTS_AROUND_NS)
     start, stop = np.searchsorted(events.times_ns, [time_ns - _EVENTS_AROUND_NS, time_ns + _EVENTS_AROUND_NS])
     x, y = (column[start:stop].astype(np.int64) for column in (events.x, events.y))
-    on_sensor = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    counts = np.bincount(y[on_sensor] * width + x[on_sensor], minlength=height * width)
-    return np.sqrt(counts.reshape(height, width)).astype(np.float32)
+    return root_counts(x, y, height, width)

@@ -71,12 +71,12 @@ def compare(pair: DepthPair) -> PairAgreement | None:
     fit = pair.fit_as_declared()
     if fit is None:
         return None
-    warped = warp(replace(model, motion=model.motion.corrected(fit.twist)), lattice, pair.images[1])
+    warped = warp(replace(model, motion=model.motion.corrected(fit.twist)), lattice, pair.image1)
     known = np.isfinite(warped.residuals)
     sizes, bounds = np.abs(warped.residuals[known]), warped.bounds[known]
     whole = Deviation(float(np.median(sizes)), float(np.median(bounds)))
-    tiles = _tiles(lattice, pair.images[0].depths_m.shape)[known]
-    worst, tile = _worst_tile(sizes, bounds, tiles, pair.images[0].depths_m.shape) or (whole, None)
+    tiles = _tiles(lattice, pair.image1.depths_m.shape)[known]
+    worst, tile = _worst_tile(sizes, bounds, tiles, pair.image1.depths_m.shape) or (whole, None)
     return PairAgreement(
         pair.first,
         pair.second,

@@ -1,18 +1,23 @@
-"""Neighbouring depth frames and the camera's motion between them."""
+"""Neighbouring depth frames and the camera's motion between them.
+
+A pair belongs to the window of its second frame. Of the first one only some pixels are needed, which the window before
+has left behind: each frame is made ready to be read once.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.intervals import PoseTrack, pose_track
-from fedora_qa.checks.standing import standing_depth_m, why_not_told_apart
+from fedora_qa.checks.standing import is_told_apart, standing_depth_m, why_not_told_apart
 from fedora_qa.estimators.depth_fit import DepthFit, fit_depth, noise_directions
 from fedora_qa.estimators.depth_image import DepthImage, depth_image
 from fedora_qa.estimators.depth_step import DepthStep, depth_step
-from fedora_qa.estimators.depth_warp import DepthModel, Lattice, lattice_of, lattice_stride
+from fedora_qa.estimators.depth_warp import DepthModel, Lattice, lattice_stride, lattice_values
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
@@ -58,7 +63,12 @@ class DepthPair:
     @property
     def images(self) -> tuple[DepthImage, DepthImage]:
         """Both frames, ready to be read."""
-        return image_of(self.window, self.first), image_of(self.window, self.second)
+        return image_of(self.window, self.first), self.image1
+
+    @property
+    def image1(self) -> DepthImage:
+        """The second frame, ready to be read."""
+        return image_of(self.window, self.second)
 
     def model(self) -> DepthModel:
         """Return how the frames hang together as the file declares."""
@@ -79,34 +89,34 @@ class DepthPair:
         return None if motion is None else replace(self.model(), motion=motion)
 
     def lattice(self, most: int | None = FIT_PIXELS) -> Lattice:
-        """Return pixels of the first frame, as dense as the effort asks for and at most so many; made once a window."""
-        return self.window.once(("depth lattice", self.first, most), lambda: self._lattice(most))
+        """Return pixels of the first frame, as dense as the effort asks for and at most so many."""
+        lattice = lattice_of_frame(self.window, self.first)
+        return lattice if most is None else lattice.thinned(most)
 
     def fit_as_declared(self) -> DepthFit | None:
         """Return the fit of the motion within its noise, all else being as declared; made once a window."""
         return self.window.once(("depth as declared", self.first), self._fit_as_declared)
 
-    def _lattice(self, most: int | None) -> Lattice:
-        image = image_of(self.window, self.first)
-        height, width = image.depths_m.shape
-        stride = lattice_stride(height, width, self.window.sampling.tile_share)
-        return lattice_of(image, stride, most)
-
     def _fit_as_declared(self) -> DepthFit | None:
-        model, image1 = self.model(), image_of(self.window, self.second)
-        return fit_depth(lambda _: model, self.lattice(), image1, self.noise, start=0.0, step=None)
+        model = self.model()
+        return fit_depth(lambda _: model, self.lattice(), self.image1, self.noise, start=0.0, step=None)
 
 
 def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
-    """Yield the pairs whose first frame the window owns and the plan wants; None where no pose covers one."""
+    """Yield the pairs whose second frame the window owns and the plan wants; None where no pose covers one."""
     facts = window.facts
     clock = facts.clocks["depth"]
-    rows = np.flatnonzero(clock.advancing)
+    rows, owned = np.flatnonzero(clock.advancing), window.owned("depth")
+    start, stop = np.searchsorted(rows, (owned.start, owned.stop)).tolist()
+    before = max(start - 1, 0)
     track = pose_track(window, facts.declared.cameras["depth"])
-    for first, second in zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True):
-        wanted = first in window.owned("depth") and first % window.sampling.field_stride == 0
-        if wanted and all(standing_depth_m(window, frame) is not None for frame in (first, second)):
-            yield pair_between(window, track, first, second)
+    for first, second in pairwise(rows[before:stop].tolist()):
+        wanted = first % window.sampling.field_stride == 0
+        if wanted and all(is_told_apart(window, frame) for frame in (first, second)):
+            pair = pair_between(window, track, first, second)
+            yield pair
+            if pair is not None:
+                lattice_of_frame(window, second)  # for the window to come
 
 
 def pair_between(window: Window, track: PoseTrack, first: int, second: int) -> DepthPair | None:
@@ -127,6 +137,19 @@ def _motion(facts: Facts, track: PoseTrack, start_ns: int, end_ns: int) -> tuple
     sigma_m, sigma_rad = (noise.position_sigma_m, noise.rotation_sigma_rad) if noise else (_ANYTHING_M, _ANYTHING_RAD)
     directions = noise_directions(track.covariance(start_ns, end_ns, sigma_m, sigma_rad))
     return motion, track.interpolation_twist(start_ns, end_ns), directions
+
+
+def lattice_of_frame(window: Window, frame: int) -> Lattice:
+    """Return the pixels of a frame that are carried to the next one, made once for neighbouring windows."""
+    share = window.sampling.tile_share
+
+    def made() -> Float64:
+        image = image_of(window, frame)
+        height, width = image.depths_m.shape
+        return lattice_values(image, lattice_stride(height, width, share))
+
+    values = window.of_image(f"depth lattice of {share:g}", frame, made)
+    return Lattice(*values).with_steps(step_share(window) / 2)
 
 
 def image_of(window: Window, frame: int) -> DepthImage:

@@ -103,7 +103,7 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
         return Observation(coverage, (measured,))
 
     def _fit(self, pair: DepthPair) -> PairFit | None:
-        lattice, image1 = pair.lattice(), pair.images[1]
+        lattice, image1 = pair.lattice(), pair.image1
         fit = fit_depth(self.family(pair), lattice, image1, pair.noise, start=self.from_value, step=self.number)
         if fit is None or not np.isfinite(fit.standard_error):
             return None

@@ -76,7 +76,7 @@ class Scale(FittedParameter):
         """
         if not fit.value or abs(fit.value - 1) <= _SURELY * (fit.standard_error + fit.bound):
             return float("nan")
-        lattice, image1 = pair.lattice(), pair.images[1]
+        lattice, image1 = pair.lattice(), pair.image1
         found = fit_depth(pair.with_path, lattice, image1, pair.noise, start=fit.value, step=_STEP * abs(fit.value))
         return 1 / found.value if found is not None and found.value else float("nan")
 

@@ -130,7 +130,9 @@ def _usable(window: Window, seen: SeenFrames, declared: EventModel) -> NDArray[n
         sigma_dn = 2 * ROUNDING_DN[window.facts.declared.transfer] / np.sqrt(12.0)
         contrast = ROUNDING_SHARE * min(declared.threshold_on, declared.threshold_off)
         least_dn = max(sigma_dn / contrast - declared.log_eps_dn, _DARKEST_DN)
-    usable: NDArray[np.bool_] = (seen.even_dn >= least_dn) & np.isfinite(seen.error_dn)
+    usable: NDArray[np.bool_] = seen.even_dn >= least_dn
+    for frame in range(len(usable)):  # one at a time: they are large
+        usable[frame] &= np.isfinite(seen.error_dn[frame])
     for column, row in declared.hot_pixels:
         if 0 <= row < usable.shape[1] and 0 <= column < usable.shape[2]:
             usable[:, row, column] = False
