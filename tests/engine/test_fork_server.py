@@ -9,15 +9,12 @@ import numpy as np
 import psutil
 import pytest
 
-from fedora_qa.cli.files import IN_PROCESS_VARIABLE
-from fedora_qa.config import CheckConfig
+from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
 from fedora_qa.engine.compiled_loops import load_compiled_loops
 from fedora_qa.engine.fork_server import start_method
-from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
 from fedora_qa.estimators.image_luma import luma_of
-from fedora_qa.judgement.tolerances import DEFAULT_FALSE_ALARM_RATE
 from tests.support import tasks
 from tests.support.handmade import write_handmade
 
@@ -89,8 +86,3 @@ def test_loading_compiles_nothing() -> None:
     assert load_compiled_loops("fedora_qa") > 0
     assert sum(luma_of.stats.cache_misses.values()) == compiled
     np.testing.assert_array_equal(luma_of(frame, of_codes), before)
-
-
-def test_one_false_alarm_rate() -> None:
-    """The default stands in three places, as none of them may load the others; it is the same."""
-    assert CheckOptions().false_alarm_rate == CheckConfig().false_alarm_rate == DEFAULT_FALSE_ALARM_RATE
