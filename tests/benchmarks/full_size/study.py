@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final, get_args
 
 import click
+import dask
 from dask.distributed import LocalCluster
 
 from fedora_generator.generate import Request, generate_sequence
@@ -32,6 +33,12 @@ SIZE: Final = (1440, 1080)
 TINY: Final = (48, 36)
 LENGTHS_S: Final = (1.0, 2.0, 4.0)
 JOBS: Final = 2
+WORKERS: Final = {
+    "MALLOC_MMAP_THRESHOLD_": 32 << 20,
+    "MALLOC_TRIM_THRESHOLD_": 64 << 20,
+    **dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1),
+}
+"""Environment of the workers of a cluster: memory as docs/jobs.md says, threads as Dask has them."""
 MEMORIES: Final = ("1GB", "1.3GB", "2GB")
 
 
@@ -91,7 +98,8 @@ def _check(path: Path, effort: str, jobs: int = JOBS, *options: str) -> Measured
 
 def _check_on_cluster(path: Path) -> OnCluster:
     """Check a file twice on one cluster of as many processes: a cluster outlives the checks that it does."""
-    with LocalCluster(n_workers=JOBS, threads_per_worker=1, dashboard_address=None) as cluster:
+    processes: dict[str, Any] = {"n_workers": JOBS, "threads_per_worker": 1, "dashboard_address": None}
+    with dask.config.set({"distributed.nanny.pre-spawn-environ": WORKERS}), LocalCluster(**processes) as cluster:
         first, later = (_measured(path, "--effort", "full", "--dask", cluster.scheduler_address) for _ in range(2))
     return OnCluster(first, later)
 
