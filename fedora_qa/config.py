@@ -28,6 +28,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, TypeVar
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from fedora_qa.errors import MisuseError
+from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
 
 T = TypeVar("T")
 
@@ -73,7 +74,7 @@ class CheckConfig:
     """From which outcome on a check counts as a finding."""
     memory: str = "1GB"
     """Memory to aim at, such as 1GB or 512MiB."""
-    false_alarm_rate: Annotated[float, Field(gt=0, lt=1)] = 1e-4
+    false_alarm_rate: Annotated[float, Field(gt=0, lt=1)] = DEFAULT_FALSE_ALARM_RATE
     """How often an honest file may alarm; shared by all comparisons of a file."""
     canary: bool = False
     """Whether each check must see a fault that is planted for it in memory."""

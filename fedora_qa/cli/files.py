@@ -3,7 +3,6 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import click
 
@@ -11,6 +10,7 @@ from fedora_qa.cli.coverage import hold_to_coverage
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.kept import KeptFolder
 from fedora_qa.cli.progress import files_progress
+from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
 from fedora_qa.config import LEAST_MEMORY_BYTES, CheckConfig
 from fedora_qa.engine.cluster import DaskExecutor
 from fedora_qa.engine.executors import Executor, InProcess
@@ -19,9 +19,6 @@ from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.errors import MisuseError
 from fedora_qa.storage.place import Place
-
-IN_PROCESS_VARIABLE: Final = "FEDORA_QA_IN_PROCESS"
-"""Where set, a single job is done in the process of the command: for debuggers and profilers."""
 
 
 @dataclass(frozen=True, slots=True)

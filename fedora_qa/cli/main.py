@@ -18,6 +18,7 @@ from click.shell_completion import CompletionItem, shell_complete
 from fedora_qa import __version__
 from fedora_qa.cli.began import BEGAN
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
+from fedora_qa.cli.workers import begin_to_load
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
 from fedora_qa.record.wording import printable
 
@@ -95,7 +96,9 @@ def main() -> None:
     instruction = os.environ.get(COMPLETION_VARIABLE)
     if instruction:
         sys.exit(shell_complete(fedora_qa, {}, PROGRAM, COMPLETION_VARIABLE, instruction))
-    code = run(sys.argv[1:])
+    arguments = sys.argv[1:]
+    begin_to_load(arguments)
+    code = run(arguments)
     if fork_server := sys.modules.get("fedora_qa.engine.fork_server"):
         fork_server.end_fork_server()
     sys.exit(code)

@@ -8,6 +8,7 @@ import socket
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import cache
 from types import TracebackType
 from typing import Any, Final, Self
 
@@ -133,6 +134,12 @@ def _require_listener(address: str, host_and_port: Callable[[str], tuple[str, in
 
 def do_if_same_code(code: str, task: Task[Result]) -> Result:
     """Do a task, in a worker; raises ``MisuseError`` where the worker has other code than who sent it."""
-    if code_digest() != code:
+    if _code_here() != code:
         raise MisuseError("Expected the same fedora-qa on every worker, got another; install the same version on all")
     return task(quiet)
+
+
+@cache
+def _code_here() -> str:
+    """Return the digest of the code of this process: read once, as it is when its first task loads it."""
+    return code_digest()

@@ -1,7 +1,7 @@
 """Load the compiled loops that Numba keeps on the disk, before anybody calls them."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from numba.core.registry import CPUDispatcher
@@ -10,10 +10,13 @@ from numba.core.registry import CPUDispatcher
 def load_compiled_loops(package: str) -> int:
     """Load what earlier runs have compiled of the modules of a package that are imported; return how many.
 
-    Nothing is compiled: a loop that is not kept, or was compiled for another machine or version, is left for who calls
-    it. How Numba keeps loops is its own affair; where it has changed, none are loaded, and all still works.
+    Loops that only serve others are left: those hold them within their own code. Nothing is compiled: a loop that is
+    not kept, or was compiled for another machine or version, is left for who calls it. How Numba keeps loops is its own
+    affair; where it has changed, none are loaded, and all still works.
     """
-    return sum(_load(loop) for loop in _loops(package))
+    loops = tuple(_loops(package))
+    serving = {id(called) for loop in loops for called in _called_by(loop)}
+    return sum(_load(loop) for loop in loops if id(loop) not in serving)
 
 
 def _loops(package: str) -> Iterator[CPUDispatcher]:
@@ -22,6 +25,12 @@ def _loops(package: str) -> Iterator[CPUDispatcher]:
         for value in vars(module).values():
             if isinstance(value, CPUDispatcher) and value.py_func.__module__ == module.__name__:
                 yield value
+
+
+def _called_by(loop: Any) -> Iterable[Any]:
+    """Return what a loop names of its module: other loops among it."""
+    function = loop.py_func
+    return (function.__globals__.get(name) for name in function.__code__.co_names if name != function.__name__)
 
 
 def _load(loop: Any) -> int:

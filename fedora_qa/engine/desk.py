@@ -58,9 +58,9 @@ class Desk:
         if not self._keeps or isinstance(surveyed.path, RemoteFile):
             self.clear()
 
-    def require_end(self, path: "Place", dialect: "Dialect | None") -> None:
+    def require_opens(self, path: "Place", dialect: "Dialect | None") -> None:
         """End this process where a local file takes for ever to open; only in workers, whose end is noticed."""
-        from fedora_qa.sequence.sequence import open_sequence  # noqa: PLC0415 - as above
+        from fedora_qa.sequence.sequence import open_sequence  # noqa: PLC0415 - loads what measures
         from fedora_qa.storage.place import RemoteFile  # noqa: PLC0415 - as above
 
         if self._keeps and not isinstance(path, RemoteFile):

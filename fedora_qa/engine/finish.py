@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from fedora_qa.checks.protocol import Observation
-from fedora_qa.engine.canaries import PlainRun, Proof, held_to_canaries, prove_alive
 from fedora_qa.engine.evidence import distributions_of, evidence_of_checks, evidence_of_pass
 from fedora_qa.engine.lost import lost_windows
 from fedora_qa.engine.measured import STAGE, Measured, together
@@ -17,7 +16,7 @@ from fedora_qa.evidence.kept import Kept
 from fedora_qa.evidence.kept import together as kept_together
 from fedora_qa.judgement.diagnosis import diagnose
 from fedora_qa.judgement.judge import judge
-from fedora_qa.record.types import FileRecord, Finding, Result, Scalar
+from fedora_qa.record.types import Canary, FileRecord, Finding, Result, Scalar
 from fedora_qa.storage.place import RemoteFile
 
 
@@ -58,11 +57,10 @@ def finish_open(
     with watch.stage("evidence"):
         kept = _evidence(survey, file, states, observations, [alarm.finding for alarm in alarms], again)
     results = results_in_order(survey.checks, judged, states, survey.reasons)
-    proofs: tuple[Proof, ...] = ()
+    canaries: tuple[Canary, ...] = ()
     if options.canary:
         with watch.stage("canaries"):
-            proofs = _proofs(survey, file, observations, results, progress)
-            results = held_to_canaries(results, proofs)
+            results, canaries = _proven(survey, file, observations, results, progress)
     results += lost_windows(never, len(file.windows), facts)
     record = FileRecord(
         path=str(survey.path),
@@ -76,7 +74,7 @@ def finish_open(
         results=results,
         diagnoses=diagnoses,
         evidence=kept.titles,
-        canaries=tuple(proof.canary for proof in proofs),
+        canaries=canaries,
     )
     seconds = watch.seconds | {f"check {name}": spent for name, spent in states.seconds.items()}
     decoded_bytes = measured.decoded_bytes + ready.decoder.decoded_bytes - decoded_before
@@ -100,18 +98,22 @@ def _evidence(
     return kept_together([seen, kept, distributions_of(file.distributions, states, file.ready.facts)])
 
 
-def _proofs(
+def _proven(
     survey: Survey,
     file: OpenSurvey,
     observations: Mapping[str, Observation],
-    results: Sequence[Result],
+    results: tuple[Result, ...],
     progress: Progress,
-) -> tuple[Proof, ...]:
+) -> tuple[tuple[Result, ...], tuple[Canary, ...]]:
+    """Return the results, held to their canaries, and these."""
+    from fedora_qa.engine.canaries import PlainRun, held_to_canaries, prove_alive  # noqa: PLC0415 - few runs plant any
+
     options = survey.options
     plain = PlainRun(
         file.sequence, file.ready, observations, options.effort, options.memory_bytes, options.false_alarm_rate
     )
-    return prove_alive(survey.checks, results, plain, progress)
+    proofs = prove_alive(survey.checks, results, plain, progress)
+    return held_to_canaries(results, proofs), tuple(proof.canary for proof in proofs)
 
 
 def _stored(survey: Survey) -> dict[str, Scalar]:

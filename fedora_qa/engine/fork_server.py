@@ -5,10 +5,11 @@ Only on Linux. Elsewhere libraries of the system may not survive a fork, and eac
 
 import multiprocessing
 import os
+import signal
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import forkserver
 from multiprocessing.context import BaseContext
 from typing import Final
@@ -41,6 +42,15 @@ def worker_context() -> BaseContext:
     return context
 
 
+def begin_preloading() -> None:
+    """Begin to load what workers need, where they share it, before it is known what is asked of them.
+
+    Where that cannot be done, whoever asks for a worker is told why.
+    """
+    with suppress(OSError):
+        worker_context()
+
+
 @contextmanager
 def _imports_as_here() -> Iterator[None]:
     """Let processes that are started meanwhile find modules where this one does."""
@@ -59,8 +69,12 @@ def end_fork_server() -> None:
     """End the process that workers were forked from, and wait for it, so that a command leaves nothing behind.
 
     Only for a program's own end: whoever else in it forks from that process would lose it. It ends by itself soon
-    after the program in any case.
+    after the program in any case. It holds nothing that would have to be written or closed, and is not given the time
+    to take down all that it has loaded.
     """
-    stop = getattr(forkserver._forkserver, "_stop", None)
-    if stop is not None:
+    server = forkserver._forkserver
+    stop, process_id = (getattr(server, name, None) for name in ("_stop", "_forkserver_pid"))
+    if stop is not None and process_id is not None:
+        with suppress(ProcessLookupError):
+            os.kill(process_id, signal.SIGKILL)
         stop()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from fedora_qa.engine.effort import Effort
 from fedora_qa.evidence.options import EvidenceOptions
+from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.record.types import FileRecord
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 
@@ -44,7 +45,7 @@ class CheckOptions:
     ignore: tuple[str, ...] = ()
     dialect: "Dialect | None" = None
     memory_bytes: int = 1024 * _MEBIBYTE
-    false_alarm_rate: float = 1e-4
+    false_alarm_rate: float = DEFAULT_FALSE_ALARM_RATE
     canary: bool = False
     budget_s: float | None = None
     evidence: EvidenceOptions | None = field(default_factory=EvidenceOptions)

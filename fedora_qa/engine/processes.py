@@ -18,7 +18,7 @@ from fedora_qa.errors import WorkerLostError
 
 
 class ProcessExecutor:
-    """Does as many tasks at once as it has processes, which are started when they are first needed.
+    """Does as many tasks at once as it has processes, all of which are started with the first task.
 
     Parameters
     ----------
@@ -38,6 +38,7 @@ class ProcessExecutor:
         self._workers = tuple(_Worker(context, threads) for _ in range(jobs))
         self._idle = list(range(jobs))
         self._changed = Condition()
+        self._started = False
 
     @property
     def peak_memory_mib(self) -> int:
@@ -46,7 +47,12 @@ class ProcessExecutor:
 
     def submit(self, task: Task[Result], progress: Progress, worker: int | None = None) -> Future[Result]:
         """Give the task to a process, or to the next that is idle."""
-        return self._threads.submit(self._do, task, progress, worker)
+        future = self._threads.submit(self._do, task, progress, worker)
+        if not self._started:
+            self._started = True
+            for each in self._workers:  # while the first task is done, which others wait for
+                self._threads.submit(each.start)
+        return future
 
     def require_workers(self) -> None:
         """Look for nobody: a process that died is replaced."""
@@ -90,7 +96,7 @@ class _Worker:
 
     def do(self, task: Task[Result], progress: Progress) -> Result:
         """Do the task; raises ``WorkerLostError`` where the process dies over it."""
-        self._start_if_needed()
+        self.start()
         try:
             answer = self._answer(task, progress)
         except (EOFError, ConnectionError) as end:
@@ -99,6 +105,17 @@ class _Worker:
             raise answer.error
         self.peak_memory_mib = max(self.peak_memory_mib, answer.peak_memory_mib)
         return answer.result  # type: ignore[no-any-return]  # what comes through a pipe has no type
+
+    def start(self) -> None:
+        """Start the process where there is none, or it has died."""
+        with self._changing:
+            if self._closed:
+                raise WorkerLostError("Expected a process for the task, got an executor that has been closed")
+            if self._process is None or not self._process.is_alive():
+                self._pipe, theirs = self._context.Pipe()
+                self._process = self._context.Process(target=serve, args=(theirs, self._threads), daemon=True)
+                self._process.start()
+                theirs.close()  # the process holds the only copy, so that its death is the end of the pipe
 
     def close(self) -> None:
         """End the process, and start no other."""
@@ -112,16 +129,6 @@ class _Worker:
         if not isinstance(answer, Done | Failed):
             raise TypeError(f"Expected an answer of a worker, got {type(answer).__name__}")
         return answer
-
-    def _start_if_needed(self) -> None:
-        with self._changing:
-            if self._closed:
-                raise WorkerLostError("Expected a process for the task, got an executor that has been closed")
-            if self._process is None or not self._process.is_alive():
-                self._pipe, theirs = self._context.Pipe()
-                self._process = self._context.Process(target=serve, args=(theirs, self._threads), daemon=True)
-                self._process.start()
-                theirs.close()  # the process holds the only copy, so that its death is the end of the pipe
 
     def _end(self) -> str:
         """End the process, and say what has ended it."""

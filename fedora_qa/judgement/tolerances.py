@@ -22,7 +22,6 @@ from dataclasses import dataclass
 
 from fedora_qa.estimators.tails import normal_beyond
 
-DEFAULT_FALSE_ALARM_RATE = 1e-4
 DEFAULT_POWER = 0.95
 
 

@@ -9,15 +9,13 @@ import numpy as np
 import psutil
 import pytest
 
-from fedora_qa.cli.files import IN_PROCESS_VARIABLE
-from fedora_qa.config import CheckConfig
+from fedora_qa.cli.workers import IN_PROCESS_VARIABLE, begin_to_load
+from fedora_qa.engine import fork_server
 from fedora_qa.engine.compiled_loops import load_compiled_loops
 from fedora_qa.engine.fork_server import start_method
-from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
 from fedora_qa.estimators.image_luma import luma_of
-from fedora_qa.judgement.tolerances import DEFAULT_FALSE_ALARM_RATE
 from tests.support import tasks
 from tests.support.handmade import write_handmade
 
@@ -91,6 +89,30 @@ def test_loading_compiles_nothing() -> None:
     np.testing.assert_array_equal(luma_of(frame, of_codes), before)
 
 
-def test_one_false_alarm_rate() -> None:
-    """The default stands in three places, as none of them may load the others; it is the same."""
-    assert CheckOptions().false_alarm_rate == CheckConfig().false_alarm_rate == DEFAULT_FALSE_ALARM_RATE
+@pytest.mark.parametrize(
+    ("arguments", "begins"),
+    [("check a.h5 --jobs 2", True), ("gate release --policy p.toml", True), ("check --help", False),
+     ("check a.h5 --dask=tcp://host:1", False), ("report record.json", False), ("", False)],
+)  # fmt: skip
+def test_loading_begins_where_workers_will_be_needed(
+    arguments: str, begins: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Commands that measure begin to load before they are understood; others load nothing."""
+    begun: list[bool] = []
+    monkeypatch.setattr(fork_server, "begin_preloading", lambda: begun.append(True))
+    monkeypatch.delenv(IN_PROCESS_VARIABLE, raising=False)
+    begin_to_load(arguments.split())
+    assert begun == [True] * begins
+
+
+def test_loops_that_serve_others_are_left() -> None:
+    """What can be called is loaded; a loop within the code of others is not loaded by itself."""
+    luma_of(np.full((2, 2, 3), 7, np.uint8), np.ones((3, 256), np.float32))  # compiled and kept
+    code = (
+        "import fedora_qa.engine.preloaded; "
+        "from fedora_qa.estimators.depth_image_kernels import inverse_at; "
+        "from fedora_qa.estimators.image_luma import luma_of; "
+        "print(len(inverse_at.signatures), len(luma_of.signatures) > 0)"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stdout.split() == ["0", "True"]

@@ -13,8 +13,8 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.cli.files import IN_PROCESS_VARIABLE
 from fedora_qa.cli.main import run
+from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
 from tests.hostile import contents, links, patched, storage
 from tests.hostile.conftest import Attacked, Edit
 

@@ -1,5 +1,6 @@
 """Dialects are data that is read strictly."""
 
+from importlib import resources
 from math import pi
 from pathlib import Path
 
@@ -16,6 +17,13 @@ def written(tmp_path: Path, text: str) -> Path:
     path = tmp_path / "dialect.toml"
     path.write_text(text, "utf-8")
     return path
+
+
+@pytest.mark.parametrize("name", DIALECT_NAMES)
+def test_what_is_shipped_is_valid(name: str, tmp_path: Path) -> None:
+    """A dialect that is known by name is read without a validator, and gives what a validator makes of it."""
+    text = (resources.files("fedora_qa.layout") / "dialects" / f"{name}.toml").read_text("utf-8")
+    assert load_dialect(name) == load_dialect(written(tmp_path, text))
 
 
 @pytest.mark.parametrize("name", DIALECT_NAMES)
