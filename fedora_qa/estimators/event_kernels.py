@@ -36,6 +36,15 @@ def count_between_frames(
 
 
 @njit(cache=True)
+def add_counts(counts: Int32, events: Int32) -> None:
+    """Add darker and brighter events (n, 2, h, w) to ``events`` (h, w)."""
+    for interval in range(len(counts)):
+        for row in range(events.shape[0]):
+            for column in range(events.shape[1]):
+                events[row, column] += counts[interval, 0, row, column] + counts[interval, 1, row, column]
+
+
+@njit(cache=True)
 def _first_after(t: Int64, instant: int) -> int:
     """Return the first event that is later than an instant, by halving."""
     low, high = 0, len(t)
