@@ -13,7 +13,7 @@ from fedora_qa.checks.alignment.depth_pair import colour_edges, event_edges
 from fedora_qa.checks.alignment.odd_one_out import PairShift, shift_suspects
 from fedora_qa.checks.events.view import SeenFrames, seen_frames
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
-from fedora_qa.estimators.event_shift import RADIUS_PX, cross_correlation
+from fedora_qa.estimators.event_shift import RADIUS_PX, auto_correlation, cross_correlation
 from fedora_qa.estimators.far_shift import FarSums, far_shift, far_sums, joined
 from fedora_qa.estimators.image_changes import change_and_events
 from fedora_qa.estimators.registration import PEAK_RADIUS_PX, registered_shift
@@ -186,7 +186,7 @@ def _interval(seen: SeenFrames, i: int) -> tuple[Float64, Float64, Float64, Floa
     )
     slopes = slope_sums(before, change, usable)
     slopes[:2] = slope_sums(before, change, events > 0)[:2]
-    auto, cross = (cross_correlation(change, other, usable) for other in (change, events))
+    auto, cross = auto_correlation(change, usable), cross_correlation(change, events, usable)
     return auto, cross, sums, slopes, far_sums(change, events, usable)
 
 
