@@ -98,16 +98,20 @@ def intervals(
     threshold_on: float,
     threshold_off: float,
     chosen: Sequence[int],
+    before: NDArray[np.int32] | None = None,
 ) -> Iterator[Interval]:
     """Yield the chosen ones of successive intervals, in order; each is overwritten by the next.
 
     ``levels`` (n, h, w) are those of the frames, ``lit`` where they are known, ``counts`` (n - 1, 2, h, w) darker and
     brighter events. A pixel whose signal changes against its last events is on its way back through both thresholds and
-    has not fired yet. Events of the first interval, and others that nothing is known before, count as changed.
+    has not fired yet. ``before`` (2, h, w) are the events before the first interval; those of pixels of which nothing
+    is known before count as changed.
     """
     shape = levels.shape[1:]
     change, events = np.empty(shape), np.empty(shape)
     signs, flags = np.zeros(shape, np.int8), np.empty(shape, np.uint8)
+    if before is not None:
+        follow_turns(before, np.zeros(shape), signs, np.zeros(shape, np.uint8))
     for i in range(max(chosen, default=-1) + 1):
         steps = (-threshold_off, threshold_on)
         step_between(levels[i], levels[i + 1], lit[i], lit[i + 1], counts[i], steps, change, events, flags)

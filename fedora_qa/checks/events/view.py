@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.intermediates import clipped, luma_dn
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Footprints, footprints
 from fedora_qa.estimators.event_kernels import count_between_frames
 from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.window import Events, Window
+from fedora_qa.sequence.window import Events, Span, Window
 
 HALO_NS: Final = 30_000_000
 """Events before and after a window that its checks may look at: longer than any gap that tells a level."""
@@ -23,6 +24,9 @@ FARTHEST_NEXT_FRAME_NS: Final = 100_000_000
 
 ROUNDING_DN: Final = {"linear": 0.5, "srgb": 0.5 * 2.4 / 1.055, "gamma2.2": 0.5 * 2.2}
 """Half a step of the 8-bit code in linear DN, at white where it is largest."""
+
+WINDOW_NS: Final = NS_PER_S // 5
+"""The usual window; those of large images are shorter."""
 
 CENTRES_AGREE_M: Final = 1e-6
 AXES_AGREE: Final = 1e-6
@@ -86,6 +90,15 @@ def own_followed(window: Window) -> tuple[NDArray[np.int64], int]:
     return window.once("own_followed", lambda: pixel_events(window).followed(span.start_ns, span.stop_ns))
 
 
+def intervals_due(span: Span, a_window: int) -> int:
+    """Return how many frame intervals of a window are due, where so many are of a window of the usual length.
+
+    Shorter windows take their share of a grid in time, and most of the shortest ones take none.
+    """
+    first, stop = (-(-time_ns * a_window // WINDOW_NS) for time_ns in (span.start_ns, span.stop_ns))
+    return stop - first
+
+
 def sensor_shape(declared: Declared) -> tuple[int, int]:
     """Return rows and columns of the event camera."""
     camera = declared.cameras["events"]
@@ -139,6 +152,15 @@ class SeenFrames:
 def seen_frames(window: Window) -> SeenFrames:
     """Return the frames that a window owns and the next one, and the events between them."""
     return window.once("seen_frames", lambda: _seen_frames(window))
+
+
+def events_before(seen: SeenFrames, window: Window) -> NDArray[np.int32]:
+    """Return the darker and brighter events (2, h, w) before a window's first frame, for as long as to the second."""
+    first_ns, second_ns = seen.times_ns[:2].tolist()
+    events, counts = sensor_events(window), np.zeros((1, *seen.counts.shape[1:]), np.int32)
+    times_ns = np.array([2 * first_ns - second_ns, first_ns])
+    count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
+    return counts[0]
 
 
 def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
