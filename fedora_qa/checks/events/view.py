@@ -1,6 +1,7 @@
 """What the checks of events share of a window: events that lie on the sensor, and frames as its pixels see them."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -160,7 +161,8 @@ def events_before(seen: SeenFrames, window: Window) -> NDArray[np.int32]:
     events, counts = sensor_events(window), np.zeros((1, *seen.counts.shape[1:]), np.int32)
     times_ns = np.array([2 * first_ns - second_ns, first_ns])
     count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
-    return counts[0]
+    darker_and_brighter: NDArray[np.int32] = counts[0]
+    return darker_and_brighter
 
 
 def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
@@ -228,24 +230,19 @@ def _frames(window: Window) -> list[int]:
 
 
 def _seen_frames(window: Window) -> SeenFrames:
-    """See the frames. Each colour is rounded by at most half a step of its code, so luma is as well."""
-    declared = window.facts.declared
-    shape, wanted = sensor_shape(declared), _frames(window)
-    rounding_dn = ROUNDING_DN[declared.transfer]
-    sharp_dn, even_dn, error_dn = (np.empty((len(wanted), *shape), np.float32) for _ in range(3))
-    prints: Footprints | None = None
+    """See the frames. The first is the last of the window before."""
+    shape, wanted = sensor_shape(window.facts.declared), _frames(window)
+    images = np.empty((3, len(wanted), *shape), np.float32)
     found: list[int] = []
     for frame in wanted:
+        at = len(found)
         try:
-            luma, lost = luma_dn(window, frame), clipped(window, frame)
+            if frame in (wanted[0], wanted[-1]):
+                images[:, at] = window.of_image("seen_frame", frame, partial(_as_seen, window, frame))
+            else:
+                _see(window, frame, images[:, at])
         except UnreadableRowsError:
             continue
-        if prints is None:
-            prints = footprints(
-                declared.cameras["rgb"].K, (luma.shape[0], luma.shape[1]), declared.cameras["events"].K, shape
-            )
-        at = len(found)
-        prints.see(luma, lost, rounding_dn, sharp=sharp_dn[at], even=even_dn[at], error=error_dn[at])
         found.append(frame)
     frames, count = np.array(found, dtype=np.int64), len(found)
     times_ns = window.facts.clocks["rgb"].times_ns[frames]
@@ -253,4 +250,25 @@ def _seen_frames(window: Window) -> SeenFrames:
     if count > 1:
         events = sensor_events(window)
         count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
-    return SeenFrames(frames, times_ns, sharp_dn[:count], even_dn[:count], error_dn[:count], counts)
+    sharp_dn, even_dn, error_dn = images[:, :count]
+    return SeenFrames(frames, times_ns, sharp_dn, even_dn, error_dn, counts)
+
+
+def _as_seen(window: Window, frame: int) -> NDArray[np.float32]:
+    seen = np.empty((3, *sensor_shape(window.facts.declared)), np.float32)
+    _see(window, frame, seen)
+    return seen
+
+
+def _see(window: Window, frame: int, seen: NDArray[np.float32]) -> None:
+    """Write the sharp and the even view of a frame and the bound of the latter's error (3, h, w).
+
+    Each colour is rounded by at most half a step of its code, so luma is as well.
+    """
+    declared = window.facts.declared
+    luma, lost = luma_dn(window, frame), clipped(window, frame)
+    height, width = luma.shape
+    cameras = declared.cameras["rgb"].K, (height, width), declared.cameras["events"].K, sensor_shape(declared)
+    prints: Footprints = window.once("footprints", lambda: footprints(*cameras))
+    sharp, even, error = seen
+    prints.see(luma, lost, ROUNDING_DN[declared.transfer], sharp=sharp, even=even, error=error)
