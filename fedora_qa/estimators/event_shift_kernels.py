@@ -20,8 +20,10 @@ Box = tuple[int, int, int, int]
 
 RADIUS = 8
 _SIDE = 2 * RADIUS + 1
+_WIDE = 32
+"""Products of a row that are added together: whole vectors of a processor, of which ``_SIDE`` are used."""
 
-_FEW = 3
+_FEW = 6
 """A row of which one pixel in so many fires costs as much pixel by pixel as as a whole."""
 
 USABLE, KEPT, SETTLED = 1, 2, 4
@@ -71,17 +73,18 @@ def correlate(
     if count == 0:
         return change_squares, event_squares
     mean = event_sum / count
-    around = np.zeros((bottom - top + 2 * RADIUS, width + 2 * RADIUS), np.float32)
+    beside = np.float64(np.float32(rest - mean))
+    around = np.zeros((bottom - top + 2 * RADIUS, width + _WIDE - 1), np.float32)
     sums = np.zeros((bottom - top + 2 * RADIUS, _SIDE))
     for row in range(top, bottom):
         line = around[row - top + RADIUS]
         _less(change[row, left:right], change_sum / count, flags[row, left:right], flag, line[RADIUS : RADIUS + width])
-        _shifted_sums(line, sums[row - top + RADIUS])
+        _shifted_sums(line[: width + 2 * RADIUS], sums[row - top + RADIUS])
     fired, places = np.empty(width, np.float32), np.empty(width + 1, np.int64)
-    products = np.empty((_SIDE, _SIDE), np.float32)
+    products = np.empty((_SIDE, _WIDE), np.float32)
     for row in range(top, bottom):
         _less(events[row, left:right], mean, flags[row, left:right], flag, fired)
-        found = _unlike(fired, np.float32(rest - mean), places)
+        found = _unlike(fired, beside, places)
         lines = around[row - top : row - top + _SIDE]
         if found > width // _FEW:
             for down in range(_SIDE):
@@ -89,9 +92,7 @@ def correlate(
         else:
             products[:] = 0.0
             for i in range(found):
-                at = np.uint64(places[i])
-                _add_around(fired[at] - np.float32(rest - mean), at, lines, products)
-            beside = np.float64(np.float32(rest - mean))
+                _add_around(fired[places[i]] - beside, places[i], lines, products)
             for down in range(_SIDE):
                 for i in range(_SIDE):
                     back = row - top + _SIDE - 1 - down
@@ -167,10 +168,12 @@ def _unlike(values: Float32, usual: float, places: NDArray[np.int64]) -> int:
 
 @njit(cache=True, fastmath={"contract"})
 def _add_around(value: float, at: int, lines: Float32, products: Float32) -> None:
-    """Add the products of a value with the pixels around its place in ``lines`` (2 R + 1, w + 2 R)."""
+    """Add the products of a value with the pixels around its place in ``lines`` (2 R + 1, w + 2 R and more)."""
+    weight, first = np.float32(value), np.uint64(at)
     for down in range(_SIDE):
-        for i in range(_SIDE):
-            products[down, i] += value * lines[down, at + np.uint64(i)]
+        line, sums = lines[down], products[down]
+        for i in range(len(sums)):  # not so many as are known beforehand: that would be a list, and no vectors
+            sums[i] += weight * line[first + np.uint64(i)]
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
