@@ -72,6 +72,21 @@ def count_within(stamped: Int64, after: int, until: int) -> int:
 
 
 @njit(cache=True)
+def count_sorted(starts: Int64, stamped: Int64, frame_times: Int64, counts: NDArray[np.int32]) -> None:
+    """Count the events in (frame i, frame i + 1] into ``counts`` (n - 1, 2, h * w): darker first, then brighter."""
+    least, most = 2 * frame_times[0] + 1, 2 * frame_times[-1] + 1
+    for at in range(len(starts) - 1):
+        interval = 0
+        for i in range(starts[at], starts[at + 1]):
+            now = stamped[i]
+            if now <= least or now > most:
+                continue
+            while now > 2 * frame_times[interval + 1] + 1:
+                interval += 1
+            counts[interval, now & 1, at] += 1
+
+
+@njit(cache=True)
 def follow_sorted(starts: Int64, stamped: Int64, start: int, stop: int, followed: Int64) -> int:
     """Follow every pixel through its events in [start, stop); return how many share pixel and stamp with one before.
 

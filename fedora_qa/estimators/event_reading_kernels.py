@@ -41,8 +41,9 @@ def read_at_events(
     Levels are what ``images`` (n, h, w) show, or the logarithm of that plus ``log_eps`` where this is not NaN; of
     ``even_images`` likewise. A level is that of the polynomial through the six frames around the event, which must all
     be ``usable`` (n, h, w). Of the pixels, one in ``every`` is read, where it fires twice or more: a single reading
-    tells nothing. ``seconds`` (n,) are the frames' times since the first, ``inverses`` (n - 5, 6, 6) one over distances of
-    each six: [first, order, j] of frames j and j + order of them, 1/s. ``pixels`` (m,) receives row * width + column, ``readings`` (m, 9) the columns that are named above.
+    tells nothing. ``seconds`` (n,) are the frames' times since the first, ``inverses`` (n - 5, 6, 6) one over the
+    distances of each six, 1/s: [first, order, j] of frames j and j + order of them. ``pixels`` (m,) receives
+    row * width + column, ``readings`` (m, 9) the columns that are named above.
 
     With ``tick_s`` > 0 events are those of a sensor that compares whole values once a tick: what their steps exceed
     half a value beyond the threshold by is taken from the level.
