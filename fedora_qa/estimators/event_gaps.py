@@ -95,8 +95,8 @@ def _examined(
 
 def _log_chance_of_none(means: Float64, variances: Float64, bins: Int64) -> Float64:
     """Return the logarithms of the chance that a bin beside such bins holds nothing."""
-    mean = np.maximum(means, 1e-300)
-    variance = np.maximum(variances, means)
-    uncertainty = np.maximum((variance - means + variance / np.maximum(bins, 1)) / mean**2, 1e-300)
-    chances: Float64 = np.where(means > 0, -np.log1p(means * uncertainty) / uncertainty, 0.0)
+    some = means > 0
+    mean, variance = np.where(some, means, 1.0), np.where(some, np.maximum(variances, means), 1.0)
+    uncertainty = (variance - mean + variance / np.maximum(bins, 1)) / mean**2
+    chances: Float64 = np.where(some, -np.log1p(mean * uncertainty) / uncertainty, 0.0)
     return chances

@@ -83,6 +83,35 @@ def survey_columns(
 
 
 @njit(cache=True)
+def count_repeats(x: Columns, y: Columns, t: Int64, shape: tuple[int, int]) -> int:
+    """Return how many events share pixel and stamp with one before."""
+    last, repeats = np.full(shape, np.iinfo(np.int64).min), 0
+    for i in range(len(t)):
+        repeats += last[y[i], x[i]] == t[i]
+        last[y[i], x[i]] = t[i]
+    return repeats
+
+
+@njit(cache=True)
+def tally_events(
+    x: Columns, y: Columns, p: Polarities, events: Int64, runs: Int64, first: NDArray[np.int8], last: NDArray[np.int8]
+) -> None:
+    """Add to ``events`` (h, w), and sequences of one polarity to ``runs`` (h, w), the events that come next.
+
+    ``first`` and ``last`` (h, w) hold the polarity of each pixel's first and last event, negative where there is none.
+    A sequence that goes on is one.
+    """
+    for i in range(len(x)):
+        row, column, sign = y[i], x[i], np.int8(p[i])
+        before = last[row, column]
+        events[row, column] += 1
+        runs[row, column] += before != sign
+        if before < 0:
+            first[row, column] = sign
+        last[row, column] = sign
+
+
+@njit(cache=True)
 def find_repeats(x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[int, int]) -> tuple[int, int, int, int]:
     """Return how many events share pixel and stamp with one before, the first such event, and doubled ticks.
 

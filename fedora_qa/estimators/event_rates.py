@@ -6,8 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_pixel_kernels import add_followed
-from fedora_qa.estimators.event_pixels import by_pixel
+from fedora_qa.estimators.event_kernels import tally_events
 from fedora_qa.estimators.event_rate_kernels import RING, rank_neighbours
 
 Float64 = NDArray[np.float64]
@@ -45,13 +44,7 @@ class Tally:
 
     def add(self, x: NDArray[np.uint16], y: NDArray[np.uint16], p: NDArray[np.uint8]) -> None:
         """Count the events that come next, in place."""
-        shape = self.events.shape[0], self.events.shape[1]
-        self.add_followed(by_pixel(x, y, np.zeros(len(x), np.int64), p, shape).followed(0, 1)[0])
-
-    def add_followed(self, followed: Int64) -> None:
-        """Count what ``PixelEvents.followed`` found in the events that come next, in place."""
-        events, runs, first, last = (self.events.ravel(), self.runs.ravel(), self.first.ravel(), self.last.ravel())
-        add_followed(followed, events, runs, first, last)
+        tally_events(x, y, p, self.events, self.runs, self.first, self.last)
 
     def then(self, later: "Tally") -> "Tally":
         """Join with what comes later: a run that goes on over the border is one."""

@@ -11,6 +11,7 @@ from fedora_qa.checks.intermediates import clipped, luma_dn
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Footprints, footprints
+from fedora_qa.estimators.event_kernels import count_between_frames
 from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
@@ -84,12 +85,6 @@ def sorted_by_pixel(events: Events, declared: Declared) -> PixelEvents:
     return by_pixel(events.x, events.y, events.times_ns, events.p, sensor_shape(declared))
 
 
-def own_followed(window: Window) -> tuple[NDArray[np.int64], int]:
-    """Return what every pixel did in the events that a window owns, and how many of these repeat another."""
-    span = window.span
-    return window.once("own_followed", lambda: pixel_events(window).followed(span.start_ns, span.stop_ns))
-
-
 def intervals_due(span: Span, a_window: int) -> int:
     """Return how many frame intervals of a window are due, where so many are of a window of the usual length.
 
@@ -157,9 +152,11 @@ def seen_frames(window: Window) -> SeenFrames:
 def events_before(seen: SeenFrames, window: Window) -> NDArray[np.int32]:
     """Return the darker and brighter events (2, h, w) before a window's first frame, for as long as to the second."""
     first_ns, second_ns = seen.times_ns[:2].tolist()
-    times_ns, shape = np.array([2 * first_ns - second_ns, first_ns]), sensor_shape(window.facts.declared)
-    counts: NDArray[np.int32] = pixel_events(window).counts_between(times_ns, shape)[0]
-    return counts
+    events, counts = sensor_events(window), np.zeros((1, *seen.counts.shape[1:]), np.int32)
+    times_ns = np.array([2 * first_ns - second_ns, first_ns])
+    count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
+    darker_and_brighter: NDArray[np.int32] = counts[0]
+    return darker_and_brighter
 
 
 def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
@@ -243,7 +240,10 @@ def _seen_frames(window: Window) -> SeenFrames:
         found.append(frame)
     frames, count = np.array(found, dtype=np.int64), len(found)
     times_ns = window.facts.clocks["rgb"].times_ns[frames]
-    counts = pixel_events(window).counts_between(times_ns, shape) if count > 1 else np.zeros((0, 2, *shape), np.int32)
+    counts = np.zeros((max(count - 1, 0), 2, *shape), np.int32)
+    if count > 1:
+        events = sensor_events(window)
+        count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
     sharp_dn, even_dn, error_dn = images[:, :count]
     return SeenFrames(frames, times_ns, sharp_dn, even_dn, error_dn, counts)
 
