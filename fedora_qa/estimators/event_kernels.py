@@ -92,23 +92,23 @@ def count_repeats(x: Columns, y: Columns, t: Int64, shape: tuple[int, int]) -> i
     return repeats
 
 
-@njit(cache=True)
-def tally_events(
-    x: Columns, y: Columns, p: Polarities, events: Int64, runs: Int64, first: NDArray[np.int8], last: NDArray[np.int8]
-) -> None:
-    """Add to ``events`` (h, w), and sequences of one polarity to ``runs`` (h, w), the events that come next.
+FIRST, LAST, EVENT, RUN = 1, 2, 1 << 2, 1 << 33
+"""What ``tally_events`` packs of a pixel: polarities of its first and last event, events, sequences of one polarity."""
 
-    ``first`` and ``last`` (h, w) hold the polarity of each pixel's first and last event, negative where there is none.
-    A sequence that goes on is one.
+
+@njit(cache=True)
+def tally_events(x: Columns, y: Columns, p: Polarities, packed: Int64) -> None:
+    """Add the events that come next to what is ``packed`` (h, w) of each pixel; 0 where there was none.
+
+    A sequence that goes on is one. All that is kept of a pixel lies together, as events come from anywhere.
     """
     for i in range(len(x)):
-        row, column, sign = y[i], x[i], np.int8(p[i])
-        before = last[row, column]
-        events[row, column] += 1
-        runs[row, column] += before != sign
-        if before < 0:
-            first[row, column] = sign
-        last[row, column] = sign
+        known, sign = packed[y[i], x[i]], np.int64(p[i])
+        if known == 0:
+            known = sign * (FIRST | LAST) + RUN
+        elif (known & LAST) >> 1 != sign:
+            known = (known ^ LAST) + RUN
+        packed[y[i], x[i]] = known + EVENT
 
 
 @njit(cache=True)
