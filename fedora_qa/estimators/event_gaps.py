@@ -59,7 +59,8 @@ def strangest_silence(
     it has less than ``FEWEST_BINS`` of its lengths before it is not told from a sensor that begins to fire.
     """
     longest_ns, ends_ns = np.zeros(_LONGEST, np.int64), np.zeros(_LONGEST, np.int64)
-    count, silences = longest_silences(times_ns, start_ns, stop_ns, longest_ns, ends_ns)
+    first, stop = np.searchsorted(times_ns, [start_ns, stop_ns])
+    count, silences = longest_silences(times_ns[max(first - 1, 0) : stop], start_ns, stop_ns, longest_ns, ends_ns)
     known = (min(start_ns, int(times_ns[0])), max(stop_ns, int(times_ns[-1]))) if len(times_ns) else (start_ns, stop_ns)
     told = longest_ns[:count] > tick_ns
     if begins_ns is not None:
