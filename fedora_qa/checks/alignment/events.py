@@ -117,8 +117,10 @@ class Events(WindowCheck[Registration]):
     def measure(self, window: Window) -> Registration | None:
         """Correlate some intervals of the window."""
         seen = seen_frames(window)
-        wanted = min(INTERVALS, intervals_due(window.span, 2 * INTERVALS))
-        if len(seen) < 2 or not wanted:
+        if len(seen) < 2:
+            return None
+        wanted = min(INTERVALS, intervals_due(window, seen, 2 * INTERVALS))
+        if wanted <= 0:
             return None
         chosen = np.unique(np.linspace(0, len(seen) - 2, wanted).round().astype(int))
         parts = [_interval(seen, int(i)) for i in chosen]

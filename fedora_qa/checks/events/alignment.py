@@ -137,8 +137,8 @@ class Alignment(WindowCheck[Correlations]):
         if declared is None or len(seen) < 2:
             return None
         levels, lit = seen_signal(window, declared)
-        wanted, last = intervals_due(window.span, INTERVALS), len(seen) - 2
-        if not wanted:
+        wanted, last = intervals_due(window, seen, INTERVALS), len(seen) - 2
+        if wanted <= 0:
             return None
         # What came before the first interval is asked only where there is no other.
         chosen = np.unique(np.linspace(min(1, last), last, wanted).round().astype(int)).tolist()

@@ -15,7 +15,7 @@ from fedora_qa.estimators.event_kernels import count_between_frames
 from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.window import Events, Span, Window
+from fedora_qa.sequence.window import Events, Window
 
 HALO_NS: Final = 30_000_000
 """Events before and after a window that its checks may look at: longer than any gap that tells a level."""
@@ -85,15 +85,6 @@ def sorted_by_pixel(events: Events, declared: Declared) -> PixelEvents:
     return by_pixel(events.x, events.y, events.times_ns, events.p, sensor_shape(declared))
 
 
-def intervals_due(span: Span, a_window: int) -> int:
-    """Return how many frame intervals of a window are due, where so many are of a window of the usual length.
-
-    Shorter windows take their share of a grid in time, and most of the shortest ones take none.
-    """
-    first, stop = (-(-time_ns * a_window // WINDOW_NS) for time_ns in (span.start_ns, span.stop_ns))
-    return stop - first
-
-
 def sensor_shape(declared: Declared) -> tuple[int, int]:
     """Return rows and columns of the event camera."""
     camera = declared.cameras["events"]
@@ -147,6 +138,20 @@ class SeenFrames:
 def seen_frames(window: Window) -> SeenFrames:
     """Return the frames that a window owns and the next one, and the events between them."""
     return window.once("seen_frames", lambda: _seen_frames(window))
+
+
+def intervals_due(window: Window, seen: SeenFrames, a_window: int) -> int:
+    """Return how many intervals of two frames or more are due, where so many are of a window of the usual length.
+
+    Of windows much shorter than that an interval is due for each point of a grid in time since the frame before its
+    first: most have none, and where frames are few each has some.
+    """
+    length_ns = window.span.stop_ns - window.span.start_ns
+    if 2 * length_ns >= WINDOW_NS:
+        return round(a_window * length_ns / WINDOW_NS)
+    earlier = np.flatnonzero(window.facts.clocks["rgb"].advancing[: seen.frames[0]])
+    before_ns = window.facts.clocks["rgb"].times_ns[earlier[-1]] if len(earlier) else window.span.start_ns - 1
+    return int(seen.times_ns[-2]) * a_window // WINDOW_NS - int(before_ns) * a_window // WINDOW_NS
 
 
 def events_before(seen: SeenFrames, window: Window) -> NDArray[np.int32]:
