@@ -11,129 +11,151 @@ Int32 = NDArray[np.int32]
 
 FARTHEST = 1 << 61
 
+_MANTISSA_BITS = 52
+_ROOT_OF_HALF = 0x3FE6A09E667F3BCD
+"""The bits of sqrt(1/2) as a number of double precision: from there to sqrt(2) a logarithm is taken of the mantissa."""
+_LN_2 = float(np.log(2.0))
+
 
 @njit(cache=True)
-def bound_excursions(
+def follow_excursions(
     light: NDArray[np.floating],
     error: NDArray[np.floating],
     counts: Int32,
     dark: float,
     steps: tuple[int, int],
     drift: Int64,
-    frames: Int64,
+    frames: Int32,
     uneven: Float64,
     units: float,
+    begun: bool,
     total: Int64,
     highest: Int64,
     lowest: Int64,
+    highest_at: Int32,
+    lowest_at: Int32,
 ) -> None:
     """Follow signal minus events of every pixel over the frames, by each of some rules what to believe.
 
     The signal is the logarithm of ``light`` (n, h, w) and ``dark``, known to ``error`` (n, h, w), and counts ``units``
     times. ``counts`` (n - 1, 2, h, w) holds darker and brighter events between the frames, each a step of ``steps``,
-    ``drift`` (n - 1,) what the signal gains besides, ``frames`` (n,) their numbers. ``total`` (h, w) receives what the
-    events sum to; ``highest`` (k, 2, h, w) by each rule the largest lower bound of the difference and its frame;
-    ``lowest`` the smallest upper bound; -``FARTHEST``, ``FARTHEST`` and frame 0 where there is none. Bounds that are
-    not finite, or off by more than the first of a rule's ``uneven`` (k, 2) and the second times the light, tell
-    nothing.
-
-    While nothing is added to the events' sum, bounds are compared as they are: their logarithm is taken once, and once
-    for successive rules that have found the same.
+    ``drift`` (n - 1,) what the signal gains besides, ``frames`` (n,) their numbers. What is found is taken into
+    ``total`` (h, w), what the events sum to; ``highest`` (k, h, w), by each rule the largest lower bound of the
+    difference; ``lowest`` (k, h, w) the smallest upper bound; ``highest_at`` and ``lowest_at`` (h, w), the frames of
+    the first rule's. Bounds that are not finite, or off by more than the first of a rule's ``uneven`` (k, 2) and the
+    second times the light, tell nothing. Where it has ``begun``, the first frame has been taken in before.
     """
-    rules, width = len(uneven), light.shape[2]
-    low, high = np.empty((rules, width)), np.empty((rules, width))
-    low_frame, high_frame = np.empty((rules, width)), np.empty((rules, width))
-    moved, chosen = np.empty(width, np.int64), np.empty(width + 1, np.int64)
+    width = light.shape[2]
+    ends, told = np.empty((2, width), np.int64), np.empty(width, np.bool_)
+    mantissas, exponents = np.empty((2, width)), np.empty((2, width))
     for row in range(light.shape[1]):
-        total[row], highest[:, 0, row], lowest[:, 0, row] = 0, -FARTHEST, FARTHEST
-        highest[:, 1, row], lowest[:, 1, row] = 0, 0
-        low[:], high[:] = 0.0, np.inf
         for frame in range(len(light)):
             if frame > 0:
-                off, on = counts[frame - 1, 0, row], counts[frame - 1, 1, row]
-                for column in range(width):
-                    moved[column] = on[column] * steps[1] - off[column] * steps[0] - drift[frame - 1]
-                ends = low, high, low_frame, high_frame
-                _close(moved, False, ends, units, total[row], highest[:, :, row], lowest[:, :, row], chosen)
-            for rule in range(rules):
-                ends_of_rule = low[rule], high[rule], low_frame[rule], high_frame[rule]
-                believed = uneven[rule, 0], uneven[rule, 1]
-                _narrow(light[frame, row], error[frame, row], dark, believed, float(frames[frame]), ends_of_rule)
-        moved[:], ends = 0, (low, high, low_frame, high_frame)
-        _close(moved, True, ends, units, total[row], highest[:, :, row], lowest[:, :, row], chosen)
+                _move(counts[frame - 1, :, row], steps, drift[frame - 1], total[row])
+            elif begun:
+                continue
+            lit, off = light[frame, row], error[frame, row]
+            _part(lit, off, dark, mantissas, mantissas.view(np.int64), exponents)
+            _log_of_parts(mantissas, exponents, units, ends)
+            number = frames[frame]
+            for rule in range(len(uneven)):
+                _believe(lit, off, dark, uneven[rule, 0], uneven[rule, 1], told)
+                higher, deeper = highest[rule, row], lowest[rule, row]
+                if rule == 0:
+                    _widen_and_note(ends, told, total[row], number, higher, deeper, highest_at[row], lowest_at[row])
+                else:
+                    _widen(ends, told, total[row], higher, deeper)
 
 
 @njit(cache=True)
-def _narrow(
+def _move(counts: Int32, steps: tuple[int, int], drift: int, total: Int64) -> None:
+    off, on = counts
+    for column in range(len(total)):
+        total[column] += on[column] * steps[1] - off[column] * steps[0] - drift
+
+
+@njit(cache=True)
+def _part(
     light: NDArray[np.floating],
     error: NDArray[np.floating],
     dark: float,
-    uneven: tuple[float, float],
-    frame: float,
-    ends: tuple[Float64, Float64, Float64, Float64],
+    mantissas: Float64,
+    bits: Int64,
+    exponents: Float64,
 ) -> None:
-    """Take a frame's bounds of a row (w,) into the largest lower and the smallest upper one; without a branch."""
-    low, high, low_frame, high_frame = ends
+    """Part the lower and the upper bound of the light of a row into mantissa and exponent, (2, w) each.
+
+    ``bits`` are those of ``mantissas``. Where nothing is known it is the logarithm of 1.
+    """
     for column in range(len(light)):
         bright, off = light[column] + dark, float(error[column])
-        told = (bright > off) & (off < uneven[0] + uneven[1] * bright)
-        lower = bright - off if told else 0.0
-        upper = bright + off if told else np.inf
-        low_frame[column] = frame if lower > low[column] else low_frame[column]
-        low[column] = lower if lower > low[column] else low[column]
-        high_frame[column] = frame if upper < high[column] else high_frame[column]
-        high[column] = upper if upper < high[column] else high[column]
+        known = (bright > off) & (off < np.inf)
+        mantissas[0, column] = bright - off if known else 1.0
+        mantissas[1, column] = bright + off if known else 1.0
+    for end in range(2):
+        for column in range(len(light)):
+            whole = bits[end, column]
+            exponent = (whole - _ROOT_OF_HALF) >> _MANTISSA_BITS
+            bits[end, column] = whole - (exponent << _MANTISSA_BITS)
+            exponents[end, column] = exponent
+
+
+@njit(cache=True, error_model="numpy")
+def _log_of_parts(mantissas: Float64, exponents: Float64, units: float, logs: Int64) -> None:
+    """Write logarithms (2, w) in units, the first rounded down and the second up; without a branch.
+
+    ln m = 2 artanh s, s = (m - 1) / (m + 1), by its series: |s| < 0.1716, so that what is left out is below 1e-13.
+    """
+    for end in range(2):
+        for column in range(mantissas.shape[1]):
+            m = mantissas[end, column]
+            s = (m - 1.0) / (m + 1.0)
+            z = s * s
+            series = 1.0 / 9.0 + z * (1.0 / 11.0 + z * (1.0 / 13.0 + z * (1.0 / 15.0)))
+            series = 1.0 + z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * series)))
+            log = (exponents[end, column] * _LN_2 + 2.0 * s * series) * units
+            logs[end, column] = np.int64(np.floor(log) if end == 0 else np.ceil(log))
 
 
 @njit(cache=True)
-def _close(
-    moved: Int64,
-    everywhere: bool,
-    ends: tuple[Float64, Float64, Float64, Float64],
-    units: float,
+def _believe(
+    light: NDArray[np.floating],
+    error: NDArray[np.floating],
+    dark: float,
+    uneven: float,
+    by_light: float,
+    told: NDArray[np.bool_],
+) -> None:
+    for column in range(len(light)):
+        bright, off = light[column] + dark, float(error[column])
+        told[column] = (bright > off) & (off < uneven + by_light * bright)
+
+
+@njit(cache=True)
+def _widen(ends: Int64, told: NDArray[np.bool_], total: Int64, highest: Int64, lowest: Int64) -> None:
+    for column in range(len(total)):
+        least = ends[0, column] - total[column] if told[column] else -FARTHEST
+        most = ends[1, column] - total[column] if told[column] else FARTHEST
+        highest[column] = max(least, highest[column])
+        lowest[column] = min(most, lowest[column])
+
+
+@njit(cache=True)
+def _widen_and_note(
+    ends: Int64,
+    told: NDArray[np.bool_],
     total: Int64,
+    frame: int,
     highest: Int64,
     lowest: Int64,
-    chosen: Int64,
+    highest_at: Int32,
+    lowest_at: Int32,
 ) -> None:
-    """Take the bounds (k, w) of runs of a row into those of their pixels where the events' sum (w,) has ``moved``.
-
-    ``chosen`` (w + 1,) is spare: what no branch can foretell is listed, and bounds are written again as they were.
-    """
-    low, high, low_frame, high_frame = ends
-    count = 0
-    for column in range(len(moved)):
-        chosen[count] = column
-        count += everywhere | (moved[column] != 0)
-    for i in range(count):
-        at, least, most = np.uint64(chosen[i]), np.int64(0), np.int64(0)
-        before = total[at]
-        for rule in range(len(low)):
-            lower, upper = low[rule, at], high[rule, at]
-            if lower > 0.0:
-                if rule == 0 or lower != low[rule - 1, at]:
-                    least = int(np.floor(np.log(lower) * units)) - before
-                if rule == 0 or upper != high[rule - 1, at]:
-                    most = int(np.ceil(np.log(upper) * units)) - before
-                first, last = int(low_frame[rule, at]), int(high_frame[rule, at])
-                higher, deeper = least > highest[rule, 0, at], most < lowest[rule, 0, at]
-                highest[rule, 0, at] = least if higher else highest[rule, 0, at]
-                highest[rule, 1, at] = first if higher else highest[rule, 1, at]
-                lowest[rule, 0, at] = most if deeper else lowest[rule, 0, at]
-                lowest[rule, 1, at] = last if deeper else lowest[rule, 1, at]
-        low[:, at], high[:, at] = 0.0, np.inf
-        total[at] = before + moved[at]
-
-
-@njit(cache=True)
-def join_bounds(total: Int64, earlier: Int64, later: Int64, sign: int, joined: Int64) -> None:
-    """Write the larger of earlier bounds and of later ones less ``total``, with its frame, (2, h, w).
-
-    With ``sign`` -1 the smaller one. Of equal ones the earlier.
-    """
-    for row in range(total.shape[0]):
-        for column in range(total.shape[1]):
-            moved, before = later[0, row, column] - total[row, column], earlier[0, row, column]
-            beyond = moved > before if sign > 0 else moved < before
-            joined[0, row, column] = moved if beyond else before
-            joined[1, row, column] = later[1, row, column] if beyond else earlier[1, row, column]
+    """Take a frame's bounds of a row (w,) into the largest lower and the smallest upper one, with its number."""
+    for column in range(len(total)):
+        least = ends[0, column] - total[column] if told[column] else -FARTHEST
+        most = ends[1, column] - total[column] if told[column] else FARTHEST
+        highest_at[column] = frame if least > highest[column] else highest_at[column]
+        highest[column] = max(least, highest[column])
+        lowest_at[column] = frame if most < lowest[column] else lowest_at[column]
+        lowest[column] = min(most, lowest[column])

@@ -8,15 +8,16 @@ the first frame, E is nothing there, and stays within the thresholds of it: -C- 
 Signals are int64 multiples of 2^-40 nat, so that neighbouring stretches join exactly in any order.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_excursion_kernels import bound_excursions, join_bounds
+from fedora_qa.estimators.event_excursion_kernels import FARTHEST, follow_excursions
 
+Float64 = NDArray[np.float64]
+Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
 
 UNITS_PER_NAT: Final = 2.0**40
@@ -25,8 +26,28 @@ EVERY_FRAME: Final = (np.inf, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
+class Law:
+    """What an ideal pixel does, and which frames are believed.
+
+    Attributes
+    ----------
+    threshold_on, threshold_off
+        What a brighter and a darker event stand for, nat.
+    dark
+        The signal is the logarithm of the light and this.
+    uneven
+        Rules: errors not below the first and the second times the light tell nothing.
+    """
+
+    threshold_on: float
+    threshold_off: float
+    dark: float = 0.0
+    uneven: tuple[tuple[float, float], ...] = (EVERY_FRAME,)
+
+
+@dataclass(slots=True)
 class Excursions:
-    """Bounds of E for every pixel over some consecutive frames.
+    """Bounds of E for every pixel over some consecutive frames, by each of the k rules of a law.
 
     Attributes
     ----------
@@ -35,86 +56,126 @@ class Excursions:
     total
         (h, w) what the events between the first and the last frame sum to.
     highest, lowest
-        (2, h, w) the largest lower bound and the smallest upper bound of E, counted from the first frame, and the frame
-        of each.
+        (k, h, w) the largest lower bound and the smallest upper bound of E, counted from the first frame.
+    highest_at, lowest_at
+        (h, w) the frames of the first rule's.
     start
-        (2, h, w) lower and upper bound of E at frame 0; (2, 0, 0) of a stretch that begins later, where no reference is
+        (2, h, w) light and its error at frame 0; (2, 0, 0) of a stretch that begins later, where no reference is
         declared.
     """
 
+    law: Law
     first_frame: int
     last_frame: int
     total: Int64
     highest: Int64
     lowest: Int64
-    start: Int64
+    highest_at: Int32
+    lowest_at: Int32
+    start: NDArray[np.floating[Any]]
+
+    def follow(
+        self,
+        light: NDArray[np.floating],
+        error: NDArray[np.floating],
+        counts: Int32,
+        drift: Float64,
+        frames: Int64,
+    ) -> None:
+        """Go on, in place, over frames of which the first is this one's last; arguments as those of ``bound``."""
+        self._take(light, error, counts, drift, frames, begun=True)
+        self.last_frame = int(frames[-1])
 
     def then(self, later: "Excursions") -> "Excursions":
         """Join with the stretch that begins at this one's last frame. Exact, hence associative."""
-        highest, lowest = np.empty_like(self.highest), np.empty_like(self.lowest)
-        join_bounds(self.total, self.highest, later.highest, 1, highest)
-        join_bounds(self.total, self.lowest, later.lowest, -1, lowest)
-        total = self.total + later.total
-        return Excursions(self.first_frame, later.last_frame, total, highest, lowest, self.start)
+        highest = np.where(later.highest > -FARTHEST, later.highest - self.total, -FARTHEST)
+        lowest = np.where(later.lowest < FARTHEST, later.lowest - self.total, FARTHEST)
+        # Of equal ones the earlier.
+        highest_at = np.where(highest[0] > self.highest[0], later.highest_at, self.highest_at)
+        lowest_at = np.where(lowest[0] < self.lowest[0], later.lowest_at, self.lowest_at)
+        np.maximum(highest, self.highest, out=highest)
+        np.minimum(lowest, self.lowest, out=lowest)
+        ends, total = (self.first_frame, later.last_frame), self.total + later.total
+        return Excursions(self.law, *ends, total, highest, lowest, highest_at, lowest_at, self.start)
 
-    def excess(self) -> NDArray[np.float64]:
+    def excess(self, rule: int = 0) -> Float64:
         """Return by how much (h, w) E has surely varied, nat; negative where nothing is sure."""
-        span: NDArray[np.float64] = (self.highest[0].astype(np.float64) - self.lowest[0]) / UNITS_PER_NAT
+        span: Float64 = (self.highest[rule].astype(np.float64) - self.lowest[rule]) / UNITS_PER_NAT
         return span
 
-    def departure(self, threshold_on: float, threshold_off: float) -> NDArray[np.float64]:
+    def departure(self, rule: int = 0) -> Float64:
         """Return how far (h, w) E has surely gone beyond the thresholds around its start, nat; mostly negative."""
-        rise = (self.highest[0].astype(np.float64) - self.start[1]) / UNITS_PER_NAT - threshold_on
-        fall = (self.start[0].astype(np.float64) - self.lowest[0]) / UNITS_PER_NAT - threshold_off
-        farthest: NDArray[np.float64] = np.maximum(rise, fall)
+        light, error = self.start[:, np.newaxis]
+        none, first = np.zeros((0, 2, *light.shape[1:]), np.int32), np.zeros(1, np.int64)
+        start = bound(light, error, none, np.zeros(0), replace(self.law, uneven=(self.law.uneven[rule],)), first)
+        rise = (self.highest[rule].astype(np.float64) - start.lowest[0]) / UNITS_PER_NAT - self.law.threshold_on
+        fall = (start.highest[0].astype(np.float64) - self.lowest[rule]) / UNITS_PER_NAT - self.law.threshold_off
+        farthest: Float64 = np.maximum(rise, fall)
         return farthest
+
+    def _take(
+        self,
+        light: NDArray[np.floating],
+        error: NDArray[np.floating],
+        counts: Int32,
+        drift: Float64,
+        frames: Int64,
+        *,
+        begun: bool,
+    ) -> None:
+        law = self.law
+        follow_excursions(
+            light,
+            error,
+            counts,
+            law.dark,
+            (round(law.threshold_off * UNITS_PER_NAT), round(law.threshold_on * UNITS_PER_NAT)),
+            np.rint(drift * UNITS_PER_NAT).astype(np.int64),
+            frames.astype(np.int32),
+            np.array(law.uneven, np.float64),
+            UNITS_PER_NAT,
+            begun,
+            self.total,
+            self.highest,
+            self.lowest,
+            self.highest_at,
+            self.lowest_at,
+        )
 
 
 def bound(
     light: NDArray[np.floating],
     error: NDArray[np.floating],
-    counts: NDArray[np.int32],
-    drift: NDArray[np.float64],
-    *,
-    threshold_on: float,
-    threshold_off: float,
+    counts: Int32,
+    drift: Float64,
+    law: Law,
     frames: Int64,
-    dark: float = 0.0,
-    uneven: Sequence[tuple[float, float]] = (EVERY_FRAME,),
-) -> tuple[Excursions, ...]:
-    """Return the excursions over consecutive frames, by each rule which frames to believe.
+) -> Excursions:
+    """Return the excursions over consecutive frames.
 
     Parameters
     ----------
     light, error
-        (n, h, w) light at each frame and what it may be off by; infinite where nothing is known. The signal is the
-        logarithm of the light and ``dark``.
+        (n, h, w) light at each frame and what it may be off by; infinite where nothing is known.
     counts
         (n - 1, 2, h, w) darker and brighter events between the frames.
     drift
         (n - 1,) nat that the signal appears to gain between frames besides (leak).
     frames
         (n,) numbers of the frames.
-    uneven
-        The rules: errors not below the first and the second times the light tell nothing.
     """
-    steps = (round(threshold_off * UNITS_PER_NAT), round(threshold_on * UNITS_PER_NAT))
-    moved = np.rint(drift * UNITS_PER_NAT).astype(np.int64)
-    rules, shape = np.array(uneven, np.float64), light.shape[1:]
-
-    def followed(count: int) -> tuple[Int64, Int64, Int64]:
-        """Return totals (h, w) and bounds (k, 2, h, w) over the first frames."""
-        total, (highest, lowest) = np.empty(shape, np.int64), np.empty((2, len(rules), 2, *shape), np.int64)
-        seen = light[:count], error[:count], counts[: count - 1]
-        bound_excursions(
-            *seen, dark, steps, moved[: count - 1], frames[:count], rules, UNITS_PER_NAT, total, highest, lowest
-        )
-        return total, highest, lowest
-
-    total, highest, lowest = followed(len(light))
-    start = np.empty((len(rules), 2, 0, 0), np.int64)
-    if frames[0] == 0:
-        _, first_highest, first_lowest = followed(1)
-        start = np.stack([first_highest[:, 0], first_lowest[:, 0]], axis=1)
-    ends = int(frames[0]), int(frames[-1])
-    return tuple(Excursions(*ends, total, *each) for each in zip(highest, lowest, start, strict=True))
+    shape, rules = light.shape[1:], len(law.uneven)
+    start = np.stack([light[0], error[0]]) if frames[0] == 0 else np.empty((2, 0, 0), light.dtype)
+    found = Excursions(
+        law,
+        int(frames[0]),
+        int(frames[-1]),
+        np.zeros(shape, np.int64),
+        np.full((rules, *shape), -FARTHEST),
+        np.full((rules, *shape), FARTHEST),
+        np.zeros(shape, np.int32),
+        np.zeros(shape, np.int32),
+        start,
+    )
+    found._take(light, error, counts, drift, frames, begun=False)
+    return found

@@ -16,6 +16,7 @@ from scipy.special import ndtri_exp
 
 from fedora_qa.estimators.event_stamp_kernels import longest_silences
 
+Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
 BINS: Final = 16
@@ -58,44 +59,45 @@ def strangest_silence(
     it has less than ``FEWEST_BINS`` of its lengths before it is not told from a sensor that begins to fire.
     """
     longest_ns, ends_ns = np.zeros(_LONGEST, np.int64), np.zeros(_LONGEST, np.int64)
-    count, silences = longest_silences(times_ns, start_ns, stop_ns, longest_ns, ends_ns)
+    first, stop = np.searchsorted(times_ns, [start_ns, stop_ns])
+    count, silences = longest_silences(times_ns[max(first - 1, 0) : stop], start_ns, stop_ns, longest_ns, ends_ns)
     known = (min(start_ns, int(times_ns[0])), max(stop_ns, int(times_ns[-1]))) if len(times_ns) else (start_ns, stop_ns)
-    found = [
-        _examine(times_ns, known, after_ns - length_ns, after_ns, length_ns - tick_ns)
-        for after_ns, length_ns in zip(ends_ns[:count].tolist(), longest_ns[:count].tolist(), strict=True)
-        if length_ns > tick_ns
-        and (begins_ns is None or after_ns - length_ns - FEWEST_BINS * (length_ns - tick_ns) >= begins_ns)
-    ]
-    told = [silence for silence in found if silence is not None]
-    return max(told, key=lambda silence: silence.z, default=None), silences
+    told = longest_ns[:count] > tick_ns
+    if begins_ns is not None:
+        told &= ends_ns[:count] - longest_ns[:count] - FEWEST_BINS * (longest_ns[:count] - tick_ns) >= begins_ns
+    after_ns, before_ns = ends_ns[:count][told], (ends_ns - longest_ns)[:count][told]
+    z, expected = _examined(times_ns, known, before_ns, after_ns, tick_ns)
+    if not np.isfinite(z).any():
+        return None, silences
+    worst = int(np.argmax(z))
+    start, stop = int(before_ns[worst]), int(after_ns[worst])
+    return Silence(start, stop, stop - start - tick_ns, float(expected[worst]), float(z[worst])), silences
 
 
-def _examine(
-    times_ns: Int64, known_ns: tuple[int, int], before_ns: int, after_ns: int, length_ns: int
-) -> Silence | None:
-    """Hold one silence against both sides; the side that makes it more probable counts."""
-    tick_ns = after_ns - before_ns - length_ns
-    steps = np.arange(BINS + 1) * length_ns
-    left = before_ns - steps[::-1]
-    right = after_ns - tick_ns + steps
-    sides = [
-        np.diff(np.searchsorted(times_ns, edges, side="right"))
-        for edges in (left[left >= known_ns[0]], right[right <= known_ns[1]])
-        if len(edges) > FEWEST_BINS
-    ]
-    if not sides:
-        return None
-    chances = [_log_chance_of_none(counts) for counts in sides]
-    likeliest = int(np.argmax(chances))
-    z = max(-float(ndtri_exp(chances[likeliest])), 0.0)
-    return Silence(before_ns, after_ns, length_ns, float(sides[likeliest].mean()), z)
+def _examined(
+    times_ns: Int64, known_ns: tuple[int, int], before_ns: Int64, after_ns: Int64, tick_ns: int
+) -> tuple[Float64, Float64]:
+    """Hold silences (k,) against both sides; return z (k,), -inf where neither is known, and the events due (k,).
+
+    The side that makes a silence more probable counts.
+    """
+    steps_ns = np.arange(BINS + 1) * (after_ns - before_ns - tick_ns)[:, np.newaxis]
+    left_ns, right_ns = before_ns[:, np.newaxis] - steps_ns[:, ::-1], after_ns[:, np.newaxis] - tick_ns + steps_ns
+    counts = np.diff(np.searchsorted(times_ns, np.stack([left_ns, right_ns]), side="right"))
+    known = np.stack([left_ns[:, :-1] >= known_ns[0], right_ns[:, 1:] <= known_ns[1]])
+    bins = known.sum(axis=2)
+    means = (counts * known).sum(axis=2) / np.maximum(bins, 1)
+    squares = ((counts - means[..., np.newaxis]) ** 2 * known).sum(axis=2) / np.maximum(bins - 1, 1)
+    chances = np.where(bins >= FEWEST_BINS, _log_chance_of_none(means, squares, bins), -np.inf)
+    likeliest, sides = np.argmax(chances, axis=0), np.arange(len(before_ns))
+    chance, expected = chances[likeliest, sides], means[likeliest, sides]
+    return np.where(np.isfinite(chance), np.maximum(-ndtri_exp(chance), 0.0), -np.inf), expected
 
 
-def _log_chance_of_none(counts: Int64) -> float:
-    """Return the logarithm of the chance that a bin beside these holds nothing."""
-    mean = float(counts.mean())
-    if mean == 0.0:
-        return 0.0
-    variance = max(float(counts.var(ddof=1)), mean)
-    uncertainty = (variance - mean + variance / len(counts)) / mean**2
-    return float(-np.log1p(mean * uncertainty) / uncertainty)
+def _log_chance_of_none(means: Float64, variances: Float64, bins: Int64) -> Float64:
+    """Return the logarithms of the chance that a bin beside such bins holds nothing."""
+    some = means > 0
+    mean, variance = np.where(some, means, 1.0), np.where(some, np.maximum(variances, means), 1.0)
+    uncertainty = (variance - mean + variance / np.maximum(bins, 1)) / mean**2
+    chances: Float64 = np.where(some, -np.log1p(mean * uncertainty) / uncertainty, 0.0)
+    return chances

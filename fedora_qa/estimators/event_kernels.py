@@ -36,6 +36,15 @@ def count_between_frames(
 
 
 @njit(cache=True)
+def add_counts(counts: Int32, events: Int32) -> None:
+    """Add darker and brighter events (n, 2, h, w) to ``events`` (h, w)."""
+    for interval in range(len(counts)):
+        for row in range(events.shape[0]):
+            for column in range(events.shape[1]):
+                events[row, column] += counts[interval, 0, row, column] + counts[interval, 1, row, column]
+
+
+@njit(cache=True)
 def _first_after(t: Int64, instant: int) -> int:
     """Return the first event that is later than an instant, by halving."""
     low, high = 0, len(t)
@@ -71,6 +80,35 @@ def survey_columns(
         on += p[i] == 1
         column, row = max(column, np.int64(x[i])), max(row, np.int64(y[i]))
     found[0], found[1], found[2], found[3], found[4], found[5], found[6] = outside, unknown, first, column, row, off, on
+
+
+@njit(cache=True)
+def count_repeats(x: Columns, y: Columns, t: Int64, shape: tuple[int, int]) -> int:
+    """Return how many events share pixel and stamp with one before."""
+    last, repeats = np.full(shape, np.iinfo(np.int64).min), 0
+    for i in range(len(t)):
+        repeats += last[y[i], x[i]] == t[i]
+        last[y[i], x[i]] = t[i]
+    return repeats
+
+
+FIRST, LAST, EVENT, RUN = 1, 2, 1 << 2, 1 << 33
+"""What ``tally_events`` packs of a pixel: polarities of its first and last event, events, sequences of one polarity."""
+
+
+@njit(cache=True)
+def tally_events(x: Columns, y: Columns, p: Polarities, packed: Int64) -> None:
+    """Add the events that come next to what is ``packed`` (h, w) of each pixel; 0 where there was none.
+
+    A sequence that goes on is one. All that is kept of a pixel lies together, as events come from anywhere.
+    """
+    for i in range(len(x)):
+        known, sign = packed[y[i], x[i]], np.int64(p[i])
+        if known == 0:
+            known = sign * (FIRST | LAST) + RUN
+        elif (known & LAST) >> 1 != sign:
+            known = (known ^ LAST) + RUN
+        packed[y[i], x[i]] = known + EVENT
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""Compiled loops that sort events by pixel, and follow each pixel through its own.
+"""Compiled loops that sort events by pixel.
 
 Sorting is done twice over: into bands of a few rows, whose counters stay in the cache, and within a band by pixel. Both
 keep the order of time. An event becomes one number, twice its instant plus its polarity.
@@ -14,9 +14,6 @@ Polarities = NDArray[np.uint8]
 
 BAND_PIXELS = 1 << 13
 """Pixels of a band, about: a counter each, and what a few hundred milliseconds bring, fit into a second-level cache."""
-
-_FIRST, _LAST, _EVENT, _RUN = 1, 2, 4, 1 << 33
-"""What ``follow_sorted`` packs: bits of the first and the last polarity, events, and sequences of one polarity."""
 
 
 @njit(cache=True)
@@ -69,45 +66,3 @@ def count_within(stamped: Int64, after: int, until: int) -> int:
     for i in range(len(stamped)):
         count += (stamped[i] > least) & (stamped[i] <= most)
     return count
-
-
-@njit(cache=True)
-def follow_sorted(starts: Int64, stamped: Int64, start: int, stop: int, followed: Int64) -> int:
-    """Follow every pixel through its events in [start, stop); return how many share pixel and stamp with one before.
-
-    ``followed`` (h * w,) receives, packed for ``add_followed``, what was counted: sequences of one polarity, events,
-    and the polarities of the last and the first one; 0 where there is none.
-    """
-    repeats, least, most = 0, 2 * start, 2 * stop
-    for at in range(len(followed)):
-        packed, last = np.int64(0), np.int64(0)
-        for i in range(starts[at], starts[at + 1]):
-            now = stamped[i]
-            if now < least or now >= most:
-                continue
-            if packed == 0:
-                packed = _EVENT + _RUN + (now & 1)
-            else:
-                repeats += now >> 1 == last >> 1
-                packed += _EVENT + _RUN * ((now ^ last) & 1)
-            last = now
-        followed[at] = packed + _LAST * (last & 1)
-    return repeats
-
-
-@njit(cache=True)
-def add_followed(followed: Int64, events: Int64, runs: Int64, first: NDArray[np.int8], last: NDArray[np.int8]) -> None:
-    """Add what ``follow_sorted`` found to ``events``, and sequences of one polarity to ``runs``, (h * w,) each.
-
-    ``first`` and ``last`` (h * w,) hold the polarity of each pixel's first and last event, negative where there is
-    none. A sequence that goes on is one.
-    """
-    for at in range(len(events)):
-        packed = followed[at]
-        if packed:
-            began = packed & _FIRST
-            events[at] += (packed & (_RUN - 1)) >> 2
-            runs[at] += (packed >> 33) - (1 if last[at] == began else 0)
-            if first[at] < 0:
-                first[at] = began
-            last[at] = (packed & _LAST) >> 1

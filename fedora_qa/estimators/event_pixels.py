@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_pixel_kernels import count_within, follow_sorted, sort_by_pixel
+from fedora_qa.estimators.event_pixel_kernels import count_within, sort_by_pixel
 
 Int64 = NDArray[np.int64]
 
@@ -31,15 +31,6 @@ class PixelEvents:
     def later_than(self, after_ns: int, until_ns: int) -> int:
         """Return the number of events in (after, until]."""
         return int(count_within(self.stamped, after_ns, until_ns))
-
-    def followed(self, start_ns: int, stop_ns: int) -> tuple[Int64, int]:
-        """Return what every pixel did in [start, stop), (h * w,) as ``follow_sorted`` packs it.
-
-        And how many events share pixel and stamp with one before.
-        """
-        followed = np.empty(len(self.starts) - 1, np.int64)
-        repeats = follow_sorted(self.starts, self.stamped, start_ns, stop_ns, followed)
-        return followed, int(repeats)
 
 
 def by_pixel(

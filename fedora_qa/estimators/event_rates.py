@@ -1,13 +1,11 @@
 """Pixels that fire more than their neighbourhood."""
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_pixel_kernels import add_followed
-from fedora_qa.estimators.event_pixels import by_pixel
+from fedora_qa.estimators.event_kernels import EVENT, FIRST, LAST, RUN, tally_events
 from fedora_qa.estimators.event_rate_kernels import RING, rank_neighbours
 
 Float64 = NDArray[np.float64]
@@ -15,53 +13,51 @@ Int64 = NDArray[np.int64]
 
 _MIDDLE, _THIRD = 12, 3
 """The largest neighbours down to the 12th of 24, which is the 13th from below, and to the third."""
-_NONE: Final = -1
 
 
 @dataclass(frozen=True, slots=True)
 class Tally:
-    """What is counted of every pixel, (h, w) each; whole numbers, so that joining is exact.
+    """What is counted of every pixel; whole numbers, so that joining is exact.
 
-    Attributes
-    ----------
-    events
-        Whatever their polarity.
-    runs
-        Sequences of events of one polarity; one more than there are reversals.
-    first, last
-        Polarity of the first and the last event, -1 where there is none.
+    ``packed`` (h, w) is as ``tally_events`` has it.
     """
 
-    events: Int64
-    runs: Int64
-    first: NDArray[np.int8]
-    last: NDArray[np.int8]
+    packed: Int64
 
     @classmethod
     def of_nothing(cls, shape: tuple[int, int]) -> "Tally":
         """Return the tally of a sensor (rows, columns) that has not fired."""
-        zeros, none = np.zeros(shape, np.int64), np.full(shape, _NONE, np.int8)
-        return cls(zeros, zeros.copy(), none, none.copy())
+        return cls(np.zeros(shape, np.int64))
+
+    @property
+    def events(self) -> Int64:
+        """Events (h, w), whatever their polarity."""
+        return (self.packed & (RUN - 1)) // EVENT
+
+    @property
+    def runs(self) -> Int64:
+        """Sequences of events of one polarity (h, w); one more than there are reversals."""
+        return self.packed // RUN
+
+    @property
+    def first(self) -> Int64:
+        """Polarity (h, w) of the first event, -1 where there is none."""
+        return np.where(self.packed == 0, -1, self.packed & FIRST)
+
+    @property
+    def last(self) -> Int64:
+        """Polarity (h, w) of the last event, -1 where there is none."""
+        return np.where(self.packed == 0, -1, (self.packed & LAST) // LAST)
 
     def add(self, x: NDArray[np.uint16], y: NDArray[np.uint16], p: NDArray[np.uint8]) -> None:
         """Count the events that come next, in place."""
-        shape = self.events.shape[0], self.events.shape[1]
-        self.add_followed(by_pixel(x, y, np.zeros(len(x), np.int64), p, shape).followed(0, 1)[0])
-
-    def add_followed(self, followed: Int64) -> None:
-        """Count what ``PixelEvents.followed`` found in the events that come next, in place."""
-        events, runs, first, last = (self.events.ravel(), self.runs.ravel(), self.first.ravel(), self.last.ravel())
-        add_followed(followed, events, runs, first, last)
+        tally_events(x, y, p, self.packed)
 
     def then(self, later: "Tally") -> "Tally":
         """Join with what comes later: a run that goes on over the border is one."""
-        goes_on = (self.last == later.first) & (self.last != _NONE)
-        return Tally(
-            self.events + later.events,
-            self.runs + later.runs - goes_on,
-            np.where(self.first == _NONE, later.first, self.first),
-            np.where(later.last == _NONE, self.last, later.last),
-        )
+        goes_on = (self.last == later.first) & (self.packed > 0)
+        both = self.packed - (self.packed & LAST) + later.packed - (later.packed & FIRST) - goes_on * RUN
+        return Tally(np.where(self.packed == 0, later.packed, np.where(later.packed == 0, self.packed, both)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,11 +103,12 @@ def loudness(tally: Tally) -> Loudness:
     adds nothing to it, however often its polarity alternates, and one of a single polarity has one run. Which swings
     pass the threshold, and which pass it twice, is chance: so many events vary by Poisson's error at most.
     """
-    high, median = _ranked(tally.events, _MIDDLE)
-    borne_out = np.minimum(tally.runs, _ranked(tally.runs, _THIRD)[0])
-    swings = np.minimum(tally.runs, borne_out.max(initial=0.0)).astype(np.float64)
+    events, runs = tally.events, tally.runs
+    high, median = _ranked(events, _MIDDLE)
+    borne_out = np.minimum(runs, _ranked(runs, _THIRD)[0])
+    swings = np.minimum(runs, borne_out.max(initial=0.0)).astype(np.float64)
     error = np.sqrt(high + (high - median) ** 2 + swings + 1.0)
-    return Loudness(tally.events - high, swings, error, median)
+    return Loudness(events - high, swings, error, median)
 
 
 def _ranked(counts: Int64, depth: int) -> tuple[Float64, Float64]:

@@ -116,10 +116,13 @@ def read_frames(
     inside = events.later_than(int(frame_times_ns[0]), int(frame_times_ns[-1]))
     every = max(1, -(-inside // MOST_READINGS))
     pixels, columns = np.empty(inside, np.int64), np.empty((inside, READ))
+    seconds = (frame_times_ns - frame_times_ns[0]) * 1e-9
     count = read_at_events(
         events.starts,
         events.stamped,
         frame_times_ns,
+        seconds,
+        inverse_distances(seconds),
         images,
         images if even_images is None else even_images,
         usable,
@@ -138,6 +141,16 @@ def read_frames(
     regressors, centred = centred[:count, :4].copy(), centred[:count].T.copy()
     times_s = frame_times_ns[0] * 1e-9 + columns[:count, SECONDS]
     return Readings(pixels[:count].copy(), times_s, regressors, *centred[4:])
+
+
+def inverse_distances(seconds: Float64) -> Float64:
+    """Return one over the distances (1/s) of each six times: (n - 5, 6, 6), [first, order, j] of j and j + order."""
+    inverses = np.zeros((len(seconds) - FINE + 1, FINE, FINE))
+    for order in range(1, FINE):
+        apart = 1 / (seconds[order:] - seconds[:-order])
+        for j in range(FINE - order):
+            inverses[:, order, j] = apart[j : j + len(inverses)]
+    return inverses
 
 
 def reading_weights(readings: Readings) -> Float64:

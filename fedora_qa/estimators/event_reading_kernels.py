@@ -25,6 +25,8 @@ def read_at_events(
     starts: Int64,
     stamped: Int64,
     frame_times: Int64,
+    seconds: Float64,
+    inverses: Float64,
     images: NDArray[np.floating],
     even_images: NDArray[np.floating],
     usable: Bool,
@@ -39,7 +41,9 @@ def read_at_events(
     Levels are what ``images`` (n, h, w) show, or the logarithm of that plus ``log_eps`` where this is not NaN; of
     ``even_images`` likewise. A level is that of the polynomial through the six frames around the event, which must all
     be ``usable`` (n, h, w). Of the pixels, one in ``every`` is read, where it fires twice or more: a single reading
-    tells nothing. ``pixels`` (m,) receives row * width + column, ``readings`` (m, 9) the columns that are named above.
+    tells nothing. ``seconds`` (n,) are the frames' times since the first, ``inverses`` (n - 5, 6, 6) one over the
+    distances of each six, 1/s: [first, order, j] of frames j and j + order of them. ``pixels`` (m,) receives
+    row * width + column, ``readings`` (m, 9) the columns that are named above.
 
     With ``tick_s`` > 0 events are those of a sensor that compares whole values once a tick: what their steps exceed
     half a value beyond the threshold by is taken from the level.
@@ -50,19 +54,23 @@ def read_at_events(
     what any polynomial cuts off the corner.
     """
     n, height, width = images.shape
-    seconds, inverses = (frame_times - frame_times[0]) * 1e-9, _inverses(frame_times)
-    # Levels of a pixel by frame, as far as they were asked for; its polynomials go on as long as the six frames do.
-    levels, even_levels, divided, even = np.empty(n), np.empty(n), np.zeros((FINE, FINE)), np.zeros((FINE, FINE))
+    # What the pixels of a row that are read show at all frames, and the divided differences of six of them.
+    levels, even_levels, usable_at = np.empty((width, n)), np.empty((width, n)), np.empty((width, n), np.bool_)
+    divided, even, chosen = np.empty((FINE, FINE)), np.empty((FINE, FINE)), np.empty(width, np.int64)
     rows = 0
     for row in range(height):
-        for column in range(width):
-            at = row * width + column
-            if starts[at + 1] - starts[at] < 2 or (every > 1 and (column + 3 * row) % every != 0):
-                continue
+        count = _choose(starts, row * width, width, (-3 * row) % every, every, chosen)
+        for frame in range(n):
+            _gather(images[frame, row], chosen, count, log_eps, levels[:, frame])
+            _gather(even_images[frame, row], chosen, count, log_eps, even_levels[:, frame])
+            for k in range(count):
+                usable_at[k, frame] = usable[frame, row, chosen[k]]
+        for k in range(count):
+            at = row * width + chosen[k]
             begin, stop = _between(stamped, starts[at], starts[at + 1], frame_times[0], frame_times[n - 1])
             if stop - begin < 2:
                 continue
-            frame, asked, known_from, known = 0, 0, -1, False
+            frame, known_from, known = 0, -1, False
             on, off, beyond, even_beyond = 0.0, 0.0, 0.0, 0.0
             for i in range(begin, stop):
                 t, sign = stamped[i] >> 1, 1.0 if stamped[i] & 1 else -1.0
@@ -71,14 +79,12 @@ def read_at_events(
                 on, off = on + max(sign, 0.0), off + min(sign, 0.0)
                 first = min(max(frame + 1 - FINE // 2, 0), n - FINE)
                 if first != known_from:
-                    known_from, known = first, _all_usable(usable[first : first + FINE, row, column])
+                    known_from, known = first, True
+                    for j in range(first, first + FINE):
+                        known &= usable_at[k, j]
                     if known:
-                        for j in range(max(asked, first), first + FINE):
-                            levels[j] = _level(images[j, row, column], log_eps)
-                            even_levels[j] = _level(even_images[j, row, column], log_eps)
-                        asked = first + FINE
-                        divide(levels, first, inverses[first], divided)
-                        divide(even_levels, first, inverses[first], even)
+                        divide(levels[k], first, inverses[first], divided)
+                        divide(even_levels[k], first, inverses[first], even)
                 if not known:
                     continue
                 inner = min(max(frame + 1 - COARSE // 2, 0), n - COARSE)
@@ -104,7 +110,28 @@ def read_at_events(
     return rows
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
+def _choose(starts: Int64, first: int, width: int, begin: int, every: int, chosen: Int64) -> int:
+    """Write which pixels of a row fire twice or more, of every so many from one on; return how many they are."""
+    count = 0
+    for column in range(begin, width, every):
+        if starts[first + column + 1] - starts[first + column] > 1:
+            chosen[count] = column
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def _gather(image: NDArray[np.floating], chosen: Int64, count: int, log_eps: float, levels: Float64) -> None:
+    """Write what an image's row shows at the chosen pixels: by themselves, as their reading would wait for each."""
+    for k in range(count):
+        levels[k] = image[chosen[k]]
+    if not np.isnan(log_eps):
+        for k in range(count):
+            levels[k] = np.log(max(levels[k] + log_eps, 1e-3))
+
+
+@njit(cache=True)
 def _between(stamped: Int64, begin: int, stop: int, after: int, until: int) -> tuple[int, int]:
     """Return which events of a pixel are later than an instant, and not later than another."""
     while begin < stop and stamped[begin] >> 1 <= after:
@@ -112,14 +139,6 @@ def _between(stamped: Int64, begin: int, stop: int, after: int, until: int) -> t
     while begin < stop and stamped[stop - 1] >> 1 > until:
         stop -= 1
     return begin, stop
-
-
-@njit(cache=True, inline="always")
-def _all_usable(usable: Bool) -> bool:
-    known = True
-    for j in range(len(usable)):
-        known &= usable[j]
-    return known
 
 
 @njit(cache=True)
@@ -177,22 +196,6 @@ def centre_readings(
 
 
 @njit(cache=True)
-def _inverses(times: Int64) -> Float64:
-    """Return one over the distances (1/s) of each six frames: [first, order, j] of frames j and j + order of them."""
-    inverses = np.zeros((len(times) - FINE + 1, FINE, FINE))
-    for first in range(len(inverses)):
-        for order in range(1, FINE):
-            for j in range(first, first + FINE - order):
-                inverses[first, order, j - first] = 1e9 / (times[j + order] - times[j])
-    return inverses
-
-
-@njit(cache=True, inline="always")
-def _level(light: float, log_eps: float) -> float:
-    return float(light) if np.isnan(log_eps) else np.log(max(float(light) + log_eps, 1e-3))
-
-
-@njit(cache=True)
 def divide(levels: Float64, first: int, inverses: Float64, divided: Float64) -> None:
     """Write Newton's divided differences of six levels: ``divided[order, j]`` is that of points j to j + order."""
     for j in range(FINE):
@@ -202,7 +205,7 @@ def divide(levels: Float64, first: int, inverses: Float64, divided: Float64) -> 
             divided[order, j] = (divided[order - 1, j + 1] - divided[order - 1, j]) * inverses[order, j]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def polynomial(
     divided: Float64, column: int, seconds: Float64, first: int, points: int, now: float
 ) -> tuple[float, float]:
@@ -218,7 +221,7 @@ def polynomial(
     return value, slope
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _rounded_up(step: float) -> float:
     """Return by how much rounding to whole values exceeds a value, on average, that has passed a half by U step.
 

@@ -7,7 +7,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_shift_kernels import RADIUS, USABLE, add_slopes, correlate, follow_turns, step_between
+from fedora_qa.estimators.event_shift_kernels import (
+    RADIUS,
+    USABLE,
+    add_slopes,
+    correlate,
+    correlate_with_itself,
+    follow_turns,
+    step_between,
+)
 
 Float64 = NDArray[np.float64]
 
@@ -23,16 +31,25 @@ class Shift:
     down_px: float
 
 
-def cross_correlation(change: Float64, events: Float64, usable: NDArray[np.bool_]) -> Float64:
+def cross_correlation(change: Float64, events: Float64, usable: NDArray[np.bool_], rest: float = 0.0) -> Float64:
     """Return the sum over pixels x of change(x) events(x + s) for all shifts s, rows down and columns right.
 
     ``change`` and ``events`` (h, w) are taken less their means over the usable pixels, 0 elsewhere. The result is
-    (2 R + 1, 2 R + 1), R the radius; the middle is no shift. Products are in single precision.
+    (2 R + 1, 2 R + 1), R the radius; the middle is no shift. Products are in single precision. ``rest`` is what events
+    hold where nothing fires; where that is most pixels, it costs less to know it.
     """
     patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
     one, other = (np.ascontiguousarray(image, np.float64) for image in (change, events))
     flags = np.ascontiguousarray(usable).view(np.uint8)
-    correlate(one, other, flags, USABLE, (0, usable.shape[0], 0, usable.shape[1]), patch)
+    correlate(one, other, flags, USABLE, (0, usable.shape[0], 0, usable.shape[1]), rest, patch)
+    return patch
+
+
+def auto_correlation(change: Float64, usable: NDArray[np.bool_]) -> Float64:
+    """Return what ``cross_correlation`` gives of an image (h, w) and itself, for half the time."""
+    patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
+    flags = np.ascontiguousarray(usable).view(np.uint8)
+    correlate_with_itself(np.ascontiguousarray(change, np.float64), flags, USABLE, patch)
     return patch
 
 
@@ -62,14 +79,15 @@ class Interval:
         patches = np.empty((len(boxes), 2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
         squares, slopes = np.empty((len(boxes), 2)), np.zeros((len(boxes), 3, 2))
         for i, box in enumerate(boxes):
-            squares[i] = correlate(self.change, self.events, self.flags, flag, box, patches[i])
+            squares[i] = correlate(self.change, self.events, self.flags, flag, box, 0.0, patches[i])
             add_slopes(self.level, self.change, self.flags, flag, box, slopes[i])
         return ShiftSums(patches, squares, slopes)
 
     def patch(self, flag: int) -> Float64:
         """Return the cross-correlation over the flagged pixels of the whole image."""
         patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
-        correlate(self.change, self.events, self.flags, flag, (0, self.flags.shape[0], 0, self.flags.shape[1]), patch)
+        box = 0, self.flags.shape[0], 0, self.flags.shape[1]
+        correlate(self.change, self.events, self.flags, flag, box, 0.0, patch)
         return patch
 
 
@@ -80,16 +98,20 @@ def intervals(
     threshold_on: float,
     threshold_off: float,
     chosen: Sequence[int],
+    before: NDArray[np.int32] | None = None,
 ) -> Iterator[Interval]:
     """Yield the chosen ones of successive intervals, in order; each is overwritten by the next.
 
     ``levels`` (n, h, w) are those of the frames, ``lit`` where they are known, ``counts`` (n - 1, 2, h, w) darker and
     brighter events. A pixel whose signal changes against its last events is on its way back through both thresholds and
-    has not fired yet. Events of the first interval, and others that nothing is known before, count as changed.
+    has not fired yet. ``before`` (2, h, w) are the events before the first interval; those of pixels of which nothing
+    is known before count as changed.
     """
     shape = levels.shape[1:]
     change, events = np.empty(shape), np.empty(shape)
     signs, flags = np.zeros(shape, np.int8), np.empty(shape, np.uint8)
+    if before is not None:
+        follow_turns(before, np.zeros(shape), signs, np.zeros(shape, np.uint8))
     for i in range(max(chosen, default=-1) + 1):
         steps = (-threshold_off, threshold_on)
         step_between(levels[i], levels[i + 1], lit[i], lit[i + 1], counts[i], steps, change, events, flags)

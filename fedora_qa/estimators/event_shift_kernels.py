@@ -1,7 +1,9 @@
 """Compiled loops that correlate frame changes with events over a few pixels of shift.
 
 So few shifts cost less as sums of products than by transforms, and single precision is enough for these: a row adds up
-in a few partial sums, which leaves errors of a millionth, and rows are added in double precision.
+in a few partial sums, which leaves errors of a millionth, and rows are added in double precision. Most pixels do not
+fire between two frames: what they hold beyond the mean is the same everywhere, and its products with a row are known
+from the row's sums. Rows in which few pixels fire cost these pixels only.
 """
 
 import numpy as np
@@ -18,6 +20,11 @@ Box = tuple[int, int, int, int]
 
 RADIUS = 8
 _SIDE = 2 * RADIUS + 1
+_WIDE = 32
+"""Products of a row that are added together: whole vectors of a processor, of which ``_SIDE`` are used."""
+
+_FEW = 6
+"""A row of which one pixel in so many fires costs as much pixel by pixel as as a whole."""
 
 USABLE, KEPT, SETTLED = 1, 2, 4
 """Pixels that are lit in both frames; of these, those whose events have not turned; of these, those whose frames have
@@ -47,14 +54,15 @@ def follow_turns(counts: Int32, change: Float64, signs: Signs, flags: Flags) -> 
 
 @njit(cache=True)
 def correlate(
-    change: Float64, events: Float64, flags: Flags, flag: int, box: Box, patch: Float64
+    change: Float64, events: Float64, flags: Flags, flag: int, box: Box, rest: float, patch: Float64
 ) -> tuple[float, float]:
     """Write the cross-correlation of change and events of a part of the image, (2 R + 1, 2 R + 1), and return squares.
 
     Both are taken less their means over the pixels with the ``flag``, and are 0 elsewhere; the squares (change, events)
-    are summed over these pixels as they are.
+    are summed over these pixels as they are. ``rest`` is what ``events`` holds where nothing fires: it saves time only.
     """
     top, bottom, left, right = box
+    width = right - left
     count, change_sum, event_sum, change_squares, event_squares = 0, 0.0, 0.0, 0.0, 0.0
     for row in range(top, bottom):
         of_row = _sums_of_row(change[row, left:right], events[row, left:right], flags[row, left:right], flag)
@@ -62,17 +70,57 @@ def correlate(
         change_sum, event_sum = change_sum + of_row[1], event_sum + of_row[2]
         change_squares, event_squares = change_squares + of_row[3], event_squares + of_row[4]
     patch[:] = 0.0
-    if count > 0:
-        around = np.zeros((bottom - top + 2 * RADIUS, right - left + 2 * RADIUS), np.float32)
-        for row in range(top, bottom):
-            line = around[row - top + RADIUS, RADIUS : RADIUS + right - left]
-            _less(change[row, left:right], change_sum / count, flags[row, left:right], flag, line)
-        fired = np.empty(right - left, np.float32)
-        for row in range(top, bottom):
-            _less(events[row, left:right], event_sum / count, flags[row, left:right], flag, fired)
+    if count == 0:
+        return change_squares, event_squares
+    mean = event_sum / count
+    beside = np.float64(np.float32(rest - mean))
+    around = np.zeros((bottom - top + 2 * RADIUS, width + _WIDE - 1), np.float32)
+    sums = np.zeros((bottom - top + 2 * RADIUS, _SIDE))
+    for row in range(top, bottom):
+        line = around[row - top + RADIUS]
+        _less(change[row, left:right], change_sum / count, flags[row, left:right], flag, line[RADIUS : RADIUS + width])
+        _shifted_sums(line[: width + 2 * RADIUS], sums[row - top + RADIUS])
+    fired, places = np.empty(width, np.float32), np.empty(width + 1, np.int64)
+    products = np.empty((_SIDE, _WIDE), np.float32)
+    for row in range(top, bottom):
+        _less(events[row, left:right], mean, flags[row, left:right], flag, fired)
+        found = _unlike(fired, beside, places)
+        lines = around[row - top : row - top + _SIDE]
+        if found > width // _FEW:
             for down in range(_SIDE):
-                _add_products(fired, around[row - top + 2 * RADIUS - down], patch[down])
+                _add_products(fired, lines[_SIDE - 1 - down], patch[down])
+        else:
+            products[:] = 0.0
+            for i in range(found):
+                _add_around(fired[places[i]] - beside, places[i], lines, products)
+            for down in range(_SIDE):
+                for i in range(_SIDE):
+                    back = row - top + _SIDE - 1 - down
+                    patch[down, _SIDE - 1 - i] += products[_SIDE - 1 - down, i] + beside * sums[back, i]
     return change_squares, event_squares
+
+
+@njit(cache=True)
+def correlate_with_itself(change: Float64, flags: Flags, flag: int, patch: Float64) -> None:
+    """Write the correlation of an image with itself, (2 R + 1, 2 R + 1): less its mean over flagged pixels, 0 else."""
+    height, width = change.shape
+    count, total = 0, 0.0
+    for row in range(height):
+        of_row = _sums_of_row(change[row], change[row], flags[row], flag)
+        count, total = count + int(of_row[0]), total + of_row[1]
+    patch[:] = 0.0
+    if count == 0:
+        return
+    around = np.zeros((height + RADIUS, width + 2 * RADIUS), np.float32)
+    for row in range(height):
+        _less(change[row], total / count, flags[row], flag, around[row + RADIUS, RADIUS : RADIUS + width])
+    for row in range(height):
+        # What lies above; what lies below is the same the other way round.
+        for down in range(RADIUS, _SIDE):
+            line = around[row + 2 * RADIUS - down]
+            _add_products(around[row + RADIUS, RADIUS : RADIUS + width], line, patch[down])
+    for down in range(RADIUS):
+        patch[down] = patch[_SIDE - 1 - down, ::-1]
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
@@ -94,6 +142,38 @@ def _sums_of_row(change: Float64, events: Float64, flags: Flags, flag: int) -> t
 def _less(values: Float64, mean: float, flags: Flags, flag: int, line: Float32) -> None:
     for i in range(len(flags)):
         line[i] = values[i] - mean if (flags[i] & flag) != 0 else 0.0
+
+
+@njit(cache=True)
+def _shifted_sums(line: Float32, sums: Float64) -> None:
+    """Write the sums of a row (w + 2 R,) over w pixels from each of the first 2 R + 1 on."""
+    width, total = len(line) - 2 * RADIUS, 0.0
+    for i in range(width):
+        total += line[i]
+    sums[0] = total
+    for i in range(1, _SIDE):
+        total += np.float64(line[i - 1 + width]) - line[i - 1]
+        sums[i] = total
+
+
+@njit(cache=True)
+def _unlike(values: Float32, usual: float, places: NDArray[np.int64]) -> int:
+    """Write where values (w,) are not the usual one; return how many. ``places`` (w + 1,) has one to spare."""
+    count = 0
+    for i in range(len(values)):
+        places[count] = i
+        count += values[i] != usual
+    return count
+
+
+@njit(cache=True, fastmath={"contract"})
+def _add_around(value: float, at: int, lines: Float32, products: Float32) -> None:
+    """Add the products of a value with the pixels around its place in ``lines`` (2 R + 1, w + 2 R and more)."""
+    weight, first = np.float32(value), np.uint64(at)
+    for down in range(_SIDE):
+        line, sums = lines[down], products[down]
+        for i in range(len(sums)):  # not so many as are known beforehand: that would be a list, and no vectors
+            sums[i] += weight * line[first + np.uint64(i)]
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})

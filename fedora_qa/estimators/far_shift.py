@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.event_shift import Shift, cross_correlation, peak
+from fedora_qa.estimators.far_shift_kernels import sum_blocks
 
 Float64 = NDArray[np.float64]
 
@@ -40,9 +41,11 @@ class FarShift:
 
 def far_sums(change: Float64, events: Float64, usable: NDArray[np.bool_]) -> FarSums:
     """Return the sums of one interval (k = 1) of ``change`` and ``events`` (h, w), over the usable pixels."""
-    one, other = (_blocks(image, usable) for image in (change, events))
+    height, width = (size // BLOCK_PX for size in usable.shape)
+    one, other = np.empty((2, height, width))
+    rest = sum_blocks(change, events, usable, one, other)
     squares = np.array([np.sum(image * image) for image in (one, other)])
-    patch = cross_correlation(one, other, np.ones(one.shape, np.bool_))
+    patch = cross_correlation(one, other, np.ones(one.shape, np.bool_), rest)
     return FarSums(patch[np.newaxis], squares[np.newaxis])
 
 
@@ -69,13 +72,3 @@ def far_shift(sums: FarSums, beyond_px: float, least: float) -> FarShift | None:
         return None
     spread_px = BLOCK_PX * np.sqrt((len(known) - 1) * np.var(known, axis=0))
     return FarShift(shift, np.hypot(spread_px, _READ_TO_PX), strength)
-
-
-def _blocks(image: Float64, usable: NDArray[np.bool_]) -> Float64:
-    """Return sums of blocks of the image beyond its mean, (h // 2, w // 2); other pixels count nothing."""
-    count = max(int(np.count_nonzero(usable)), 1)
-    beyond = np.where(usable, image - float(image[usable].sum()) / count, 0.0)
-    height, width = (size - size % BLOCK_PX for size in image.shape)
-    even = beyond[:height, :width]
-    rows = even[::BLOCK_PX] + even[1::BLOCK_PX]
-    return np.ascontiguousarray(rows[:, ::BLOCK_PX] + rows[:, 1::BLOCK_PX])

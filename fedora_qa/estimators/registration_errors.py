@@ -6,32 +6,20 @@ the regression of e on g.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from fedora_qa.estimators.event_shift_kernels import USABLE, add_slopes
 
 Float64 = NDArray[np.float64]
 
 
-@njit(cache=True)
-def slope_sums(level: Float64, change: Float64, usable: NDArray[np.bool_]) -> Float64:
+def slope_sums(level: NDArray[np.floating], change: Float64, usable: NDArray[np.bool_]) -> Float64:
     """Return sums over usable pixels (3, 2), to the right and down.
 
     They are of the slopes of the level and of their squares, and of the squares of the slopes of its change.
     """
-    height, width = usable.shape
     sums = np.zeros((3, 2))
-    for row in range(height):
-        for column in range(width):
-            if not usable[row, column]:
-                continue
-            for axis in range(2):
-                behind_row, behind_column = row - axis, column - 1 + axis
-                if min(behind_row, behind_column) < 0 or not usable[behind_row, behind_column]:
-                    continue
-                slope = level[row, column] - level[behind_row, behind_column]
-                sums[0, axis] += abs(slope)
-                sums[1, axis] += slope * slope
-                sums[2, axis] += (change[row, column] - change[behind_row, behind_column]) ** 2
+    add_slopes(level, change, usable.view(np.uint8), USABLE, (0, usable.shape[0], 0, usable.shape[1]), sums)
     return sums
 
 

@@ -8,7 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_kernels import count_between_frames, find_repeats, mark_bursts, survey_columns
+from fedora_qa.estimators.event_kernels import (
+    count_between_frames,
+    count_repeats,
+    find_repeats,
+    mark_bursts,
+    survey_columns,
+)
 from fedora_qa.estimators.event_pixels import by_pixel
 from fedora_qa.estimators.event_rates import Tally
 from fedora_qa.estimators.event_shift import Interval, intervals
@@ -147,22 +153,42 @@ def test_intervals_say_what_frames_and_events_have_changed() -> None:
 
 
 def test_slopes_are_those_of_their_definition() -> None:
-    """Sums over a part of the image are those of ``slope_sums`` over the part alone."""
+    """Sums over a part of the image: of |g| and g^2 of the level and g^2 of its change, where both pixels are used."""
     rng = np.random.default_rng(4)
     level, change = rng.normal(size=(2, 9, 12))
     flags = rng.integers(0, 8, (9, 12)).astype(np.uint8)
     part = Interval(level, change, change, flags).sums(KEPT, [(2, 8, 1, 11)])
     inside = slice(2, 8), slice(1, 11)
-    assert np.allclose(part.slopes[0], slope_sums(level[inside], change[inside], (flags & KEPT > 0)[inside]))
-    assert np.allclose(part.squares[0], np.sum(change[inside][(flags & KEPT > 0)[inside]] ** 2))
+    used = (flags & KEPT > 0)[inside]
+    for axis, along in ((0, 1), (1, 0)):
+        both = used[:, 1:] & used[:, :-1] if along else used[1:] & used[:-1]
+        slopes, steeper = (np.diff(image[inside], axis=along)[both] for image in (level, change))
+        due = np.sum(np.abs(slopes)), np.sum(slopes**2), np.sum(steeper**2)
+        assert np.allclose(part.slopes[0, :, axis], due)
+    assert np.allclose(slope_sums(level[inside], change[inside], used), part.slopes[0])
+    assert np.allclose(part.squares[0], np.sum(change[inside][used] ** 2))
+
+
+def test_what_came_before_the_first_interval_tells_who_has_turned() -> None:
+    """A pixel that goes on as before is kept; one that turns, and one of which nothing is known, are not."""
+    counts, levels = np.zeros((1, 2, 1, 3), np.int32), np.zeros((2, 1, 3), np.float32)
+    counts[0, 1] = 1
+    before = np.zeros((2, 1, 3), np.int32)
+    before[1, 0, 0], before[0, 0, 1] = 1, 1
+    lit = np.ones(levels.shape, np.bool_)
+    (told,), (untold,) = (
+        [one.flags.copy() for one in intervals(levels, lit, counts, 0.2, 0.2, [0], known)] for known in (before, None)
+    )
+    assert (told & KEPT > 0).tolist() == [[True, False, False]]
+    assert not np.any(untold & KEPT)
 
 
 @given(streams())
 @settings(deadline=None)
-def test_repeats_are_counted_while_pixels_are_followed(events: Stream) -> None:
+def test_repeats_are_counted_before_they_are_searched(events: Stream) -> None:
     """The count is that of the search that also names the first one."""
     columns = events.x, events.y, events.times_ns, events.p
-    assert by_pixel(*columns, SHAPE).followed(0, 30_000)[1] == find_repeats(*columns, SHAPE)[0]
+    assert count_repeats(*columns[:3], SHAPE) == find_repeats(*columns, SHAPE)[0]
 
 
 @given(streams(), st.integers(1, 40))

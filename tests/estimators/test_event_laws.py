@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_excursions import Excursions, bound
+from fedora_qa.estimators.event_excursions import EVERY_FRAME, Excursions, Law, bound
 from fedora_qa.estimators.event_runs import Runs, follow_runs
 
 ON, OFF = 0.2, 0.3
 STEP_ON, STEP_OFF = 6.0, 8.0
+LAW = Law(ON, OFF)
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -49,7 +50,7 @@ def ideal_linear(rng: np.random.Generator, frames: int = 30, pixels: int = 6) ->
 def excursions(level: np.ndarray, counts: np.ndarray, error: float = 0.0, first: int = 0) -> Excursions:
     drift, frames = np.zeros(len(counts)), np.arange(first, first + len(level))
     light, off = np.exp(level) * np.cosh(error), np.exp(level) * np.sinh(error)  # logarithms of level -+ error
-    return bound(light, off, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)[0]
+    return bound(light, off, counts, drift, LAW, frames)
 
 
 def runs(values: np.ndarray, counts: np.ndarray, error: float = 0.0, first: int = 0) -> Runs:
@@ -71,9 +72,9 @@ def test_ideal_log_events_keep_the_law(seed: int) -> None:
 def test_references_that_begin_at_the_signal_keep_the_law_of_the_start(seed: int) -> None:
     """From a first reference at the signal no level strays from its events by a threshold; from others some do."""
     signal, counts = ideal_log(np.random.default_rng(seed), phase=0.0)
-    assert np.all(excursions(signal, counts).departure(ON, OFF) < 0)
+    assert np.all(excursions(signal, counts).departure() < 0)
     signal, counts = ideal_log(np.random.default_rng(seed), pixels=60)
-    assert np.any(excursions(signal, counts).departure(ON, OFF) > 0)
+    assert np.any(excursions(signal, counts).departure() > 0)
 
 
 @given(seeds)
@@ -99,6 +100,28 @@ def test_stretches_join_exactly(seed: int, cuts: list[int], from_the_right: bool
         whole = made(signal, counts, 0.01)
         for name in type(whole).__slots__:
             assert np.array_equal(getattr(joined, name), getattr(whole, name)), name
+
+
+@given(seeds, st.lists(st.integers(1, 28), max_size=5, unique=True))
+@settings(max_examples=50, deadline=None)
+def test_what_is_followed_in_place_is_the_whole(seed: int, cuts: list[int]) -> None:
+    """Gone on with from any frames, bit for bit, some of which tell nothing of some pixels."""
+    rng = np.random.default_rng(seed)
+    level, counts = ideal_log(rng)
+    light, drift, frames = np.exp(level), rng.normal(0, 0.01, 29), np.arange(30)
+    error = np.where(rng.uniform(size=light.shape) < 0.7, np.inf, 0.01)
+    edges = [0, *sorted(cuts), 29]
+    parts = [
+        (light[a : b + 1], error[a : b + 1], counts[a:b], drift[a:b], frames[a : b + 1]) for a, b in pairwise(edges)
+    ]
+    followed = bound(*parts[0][:4], LAW, parts[0][4])
+    for part in parts[1:]:
+        followed.follow(*part)
+    joined = reduce(lambda earlier, later: earlier.then(later), [bound(*part[:4], LAW, part[4]) for part in parts])
+    whole = bound(light, error, counts, drift, LAW, frames)
+    for name in Excursions.__slots__:
+        assert np.array_equal(getattr(followed, name), getattr(whole, name)), name
+        assert np.array_equal(getattr(joined, name), getattr(whole, name)), name
 
 
 def zigzag(lost: int, superfluous: int) -> tuple[np.ndarray, np.ndarray]:
@@ -127,7 +150,7 @@ def test_wide_bounds_excuse_everything() -> None:
     level, counts = zigzag(3, 0)
     unknown = np.full(level.shape, np.inf)
     drift, frames = np.zeros(len(counts)), np.arange(len(level))
-    free = bound(np.exp(level), unknown, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)[0]
+    free = bound(np.exp(level), unknown, counts, drift, LAW, frames)
     assert np.all(free.excess() < 0)
 
 
@@ -135,29 +158,28 @@ def test_uneven_light_tells_nothing() -> None:
     """Errors that reach the first limit and the second times the light are as good as infinite ones."""
     level, counts = zigzag(1, 0)
     light, drift, frames = np.exp(level), np.zeros(len(counts)), np.arange(len(level))
-    ends = {"threshold_on": ON, "threshold_off": OFF, "frames": frames}
     error = np.full(level.shape, 0.01)
     for uneven, broken in (((0.011, 0.0), True), ((0.0, 0.011), True), ((0.01, 0.0), False), ((0.0, 0.001), False)):
-        found = bound(light, error, counts, drift, uneven=[uneven], **ends)[0]
-        assert bool(found.excess() > ON + OFF) == broken
+        found = bound(light, error, counts, drift, Law(ON, OFF, uneven=(EVERY_FRAME, uneven)), frames)
+        assert bool(found.excess(1) > ON + OFF) == broken
+        assert bool(found.excess(0) > ON + OFF)
 
 
 def test_bounds_are_those_of_a_plain_loop() -> None:
-    """Bounds that are compared before their logarithm is taken are those of the definition, frame by frame."""
+    """What is followed a row at a time, by logarithms of its own, is the definition, frame by frame."""
     rng = np.random.default_rng(8)
     light, error = rng.uniform(1, 9, (12, 3, 4)), rng.uniform(0, 3, (12, 3, 4))
     error[rng.uniform(size=error.shape) < 0.2] = np.inf
     counts = rng.poisson(0.2, (11, 2, 3, 4)).astype(np.int32)
-    ends = {"threshold_on": ON, "threshold_off": OFF, "frames": np.arange(12), "dark": 0.5}
-    found = bound(light, error, counts, np.zeros(11), **ends)[0]
+    found = bound(light, error, counts, np.zeros(11), Law(ON, OFF, dark=0.5), np.arange(12))
     known = error < light + 0.5
     with np.errstate(invalid="ignore", divide="ignore"):
         lower, upper = np.log(light + 0.5 - error), np.log(light + 0.5 + error)
     moved = np.concatenate([np.zeros((1, 3, 4)), np.cumsum(ON * counts[:, 1] - OFF * counts[:, 0], axis=0)])
     highest, lowest = np.where(known, lower - moved, -np.inf), np.where(known, upper - moved, np.inf)
     assert np.allclose(found.excess(), highest.max(axis=0) - lowest.min(axis=0), atol=1e-9)
-    assert np.array_equal(found.highest[1], highest.argmax(axis=0))
-    assert np.array_equal(found.lowest[1], lowest.argmin(axis=0))
+    assert np.array_equal(found.highest_at, highest.argmax(axis=0))
+    assert np.array_equal(found.lowest_at, lowest.argmin(axis=0))
 
 
 def test_leak_is_taken_off() -> None:
@@ -166,7 +188,7 @@ def test_leak_is_taken_off() -> None:
     counts[:, 1] = 1
     frames = np.arange(21)
     for drift, broken in ((np.full(20, ON), False), (np.zeros(20), True)):
-        found = bound(np.exp(level), 0 * level, counts, drift, threshold_on=ON, threshold_off=OFF, frames=frames)[0]
+        found = bound(np.exp(level), 0 * level, counts, drift, LAW, frames)
         assert bool(found.excess() > ON + OFF) == broken
 
 

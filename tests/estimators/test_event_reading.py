@@ -9,7 +9,14 @@ import pytest
 from fedora_qa.estimators.event_fit import ResponseFit, _effective_parts, fit_readings
 from fedora_qa.estimators.event_levels import concatenate
 from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
-from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
+from fedora_qa.estimators.event_reading import (
+    Readings,
+    Way,
+    inverse_distances,
+    read_frames,
+    reading_blocks,
+    reading_weights,
+)
 from fedora_qa.estimators.event_reading_kernels import (
     CORNER,
     FINE,
@@ -144,9 +151,9 @@ def test_corners_are_told_by_the_parabolas_on_both_sides() -> None:
     rows, columns = (each.astype(np.uint16).repeat(2) for each in np.divmod(pixels, 3))
     events = by_pixel(columns, rows, times_ns.repeat(2), np.ones(8, np.uint8), (2, 3))
     found, of, everywhere = np.empty((8, READ)), np.empty(8, np.int64), np.ones(levels.shape, np.bool_)
-    images = frames_ns, levels, levels, everywhere
-    assert read_at_events(events.starts, events.stamped, *images, np.nan, 1, 0.0, of, found) == 8
     seconds = (frames_ns - frames_ns[0]) * 1e-9
+    images = frames_ns, seconds, inverse_distances(seconds), levels, levels, everywhere
+    assert read_at_events(events.starts, events.stamped, *images, np.nan, 1, 0.0, of, found) == 8
     for pixel, time_ns, first in zip(pixels, times_ns, firsts, strict=True):
         curve, time = levels[:, pixel // 3, pixel % 3], (time_ns - frames_ns[0]) * 1e-9
         ends = (slice(first, first + 3), slice(first + 1, first + 4))
@@ -179,10 +186,8 @@ def test_polynomial_is_that_through_the_points() -> None:
     rng = np.random.default_rng(2)
     seconds, levels = np.sort(rng.uniform(0, 0.1, 6)), rng.normal(size=6)
     curve = np.polynomial.Polynomial.fit(seconds, levels, 5)
-    inverses, divided = np.zeros((FINE, FINE)), np.empty((FINE, FINE))
-    for order in range(1, FINE):
-        inverses[order, : FINE - order] = 1 / (seconds[order:] - seconds[: FINE - order])
-    divide(levels, 0, inverses, divided)
+    divided = np.empty((FINE, FINE))
+    divide(levels, 0, inverse_distances(seconds)[0], divided)
     due = curve(0.04), curve.deriv()(0.04)
     assert polynomial(divided, 0, seconds, 0, FINE, 0.04) == pytest.approx(due, rel=1e-6)
     inner = np.polynomial.Polynomial.fit(seconds[1:5], levels[1:5], 3)

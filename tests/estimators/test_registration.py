@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import fourier_shift, gaussian_filter
 from skimage.registration import phase_cross_correlation
 
-from fedora_qa.estimators.event_shift import RADIUS_PX, cross_correlation
+from fedora_qa.estimators.event_shift import RADIUS_PX, auto_correlation, cross_correlation
 from fedora_qa.estimators.registration import PEAK_RADIUS_PX, registered_shift
 from fedora_qa.estimators.registration_errors import open_level_errors, slope_sums
 
@@ -59,3 +59,26 @@ def test_errors_of_a_ramp_are_closed_form() -> None:
     assert lags[0] == pytest.approx(threshold / (2 * slope))
     assert errors[0] == pytest.approx(threshold * np.sqrt(2 / 3 / (30 * 40)) / change_slope)
     assert errors[1] > 1e6
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.5])
+@pytest.mark.parametrize("rest", [0.0, -0.3, 7.0])
+def test_correlation_is_that_of_its_definition_however_many_pixels_fire(share: float, rest: float) -> None:
+    """By sums over shifted images in double precision; what is said of the silent pixels changes nothing."""
+    rng = np.random.default_rng(7)
+    change, usable = rng.normal(size=(30, 70)), rng.uniform(size=(30, 70)) < 0.9
+    events = np.where(rng.uniform(size=change.shape) < share, rng.normal(size=change.shape), min(rest, 0.0))
+    found = cross_correlation(change, events, usable, rest)
+    one, other = (np.where(usable, image - image[usable].mean(), 0.0) for image in (change, events))
+    around = np.pad(other, RADIUS_PX)
+    shifts = range(2 * RADIUS_PX + 1)
+    due = [[np.sum(one * around[down : down + 30, right : right + 70]) for right in shifts] for down in shifts]
+    assert found == pytest.approx(np.array(due), abs=1e-5 * np.sqrt(np.sum(one**2) * np.sum(other**2)) + 1e-5)
+
+
+def test_autocorrelation_is_the_correlation_with_itself() -> None:
+    """Half of it is computed; it is the same the other way round."""
+    rng = np.random.default_rng(8)
+    change, usable = rng.normal(size=(20, 30)), rng.uniform(size=(20, 30)) < 0.8
+    assert auto_correlation(change, usable) == pytest.approx(cross_correlation(change, change, usable), abs=1e-3)
+    assert not np.any(auto_correlation(change, np.zeros_like(usable)))

@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from fedora_qa.checks.events.shifted import CLEAR, PartSums, Shifted, most_shifted, tiles_of
 from fedora_qa.checks.events.tiles import tile_around
 from fedora_qa.checks.events.view import (
+    events_before,
+    intervals_due,
     seen_frames,
     seen_signal,
     sensor_shape,
     why_frames_and_events_do_not_meet,
 )
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
-from fedora_qa.conventions import NS_PER_S, US_PER_S
+from fedora_qa.conventions import US_PER_S
 from fedora_qa.estimators.event_shift import RADIUS_PX, Interval, Shift, intervals, peak
 from fedora_qa.estimators.event_shift_kernels import KEPT, SETTLED, USABLE
 from fedora_qa.estimators.far_shift import FarSums, far_shift, far_sums, joined
@@ -29,8 +31,6 @@ Float64 = NDArray[np.float64]
 
 INTERVALS: Final = 3
 """Frame intervals of 0.2 s that are correlated, evenly spread over a window."""
-
-WINDOW_NS: Final = NS_PER_S // 5
 
 LEAST_CORRELATION: Final = 0.1
 """Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
@@ -137,12 +137,14 @@ class Alignment(WindowCheck[Correlations]):
         if declared is None or len(seen) < 2:
             return None
         levels, lit = seen_signal(window, declared)
-        last = len(seen) - 2
-        # Nothing is known of the events before the first interval, which is taken only where there is no other.
-        wanted = max(1, round(INTERVALS * (window.span.stop_ns - window.span.start_ns) / WINDOW_NS))
+        wanted, last = intervals_due(window, seen, INTERVALS), len(seen) - 2
+        if wanted <= 0:
+            return None
+        # What came before the first interval is asked only where there is no other.
         chosen = np.unique(np.linspace(min(1, last), last, wanted).round().astype(int)).tolist()
+        before = events_before(seen, window) if last == 0 else None
         thresholds = declared.threshold_on, declared.threshold_off
-        sums = [_sums(one) for one in intervals(levels, lit, seen.counts, *thresholds, chosen)]
+        sums = [_sums(one) for one in intervals(levels, lit, seen.counts, *thresholds, chosen, before)]
         whole, dragged, settled, far, tiles = zip(*sums, strict=True)
         return Correlations(
             np.concatenate([one.patches for one in whole]),

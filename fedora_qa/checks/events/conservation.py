@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.events.conservation_suspects import FEW, why_broken
-from fedora_qa.checks.events.stretch import GROUP_NS, Closed, Ledger, stretch_of
+from fedora_qa.checks.events.ledger import Closed, Ledger
 from fedora_qa.checks.events.undoing import Trial, trials
 from fedora_qa.checks.events.view import sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.checks.protocol import Check, Measured, Observation, Suspect
@@ -101,10 +101,8 @@ class Conservation(Check[Followed]):
 
     def update(self, state: Followed, window: Window) -> None:
         """Join the window's frames to the last stretch, or begin another, and try to undo faults where it is broken."""
-        stretch = stretch_of(window)
-        if stretch is not None:
-            state.ledger.add(window.span.start_ns // GROUP_NS, [stretch])
-            state.trials.extend(trials(window))
+        state.ledger.follow(window)
+        state.trials.extend(trials(window))
 
     def merge(self, state: Followed, later: Followed) -> Followed:
         """Join the stretches that meet."""

@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.events.rows import NO_EVENTS, event_at, event_coverage, tick_ns, where_of, why_no_sensor
-from fedora_qa.checks.events.view import own, own_followed, sensor_events, sensor_shape
+from fedora_qa.checks.events.view import own, sensor_events, sensor_shape
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.event_kernels import find_repeats
+from fedora_qa.estimators.event_kernels import count_repeats, find_repeats
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -78,7 +78,7 @@ class Repeats(WindowCheck[RepeatCount]):
         """Count repeats."""
         events = own(window, sensor_events(window))
         shape = sensor_shape(window.facts.declared)
-        repeats, first, doubled, first_doubled = own_followed(window)[1], -1, 0, -1
+        repeats, first, doubled, first_doubled = count_repeats(events.x, events.y, events.times_ns, shape), -1, 0, -1
         if repeats:
             repeats, first, doubled, first_doubled = find_repeats(events.x, events.y, events.times_ns, events.p, shape)
         start = window.owned("events").start

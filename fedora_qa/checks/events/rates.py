@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.events.moved_hot_pixels import suspects_of_moved
 from fedora_qa.checks.events.rows import event_coverage, why_no_sensor
-from fedora_qa.checks.events.view import own_followed, sensor_shape
+from fedora_qa.checks.events.view import own, sensor_events, sensor_shape
 from fedora_qa.checks.protocol import Check, Measured, Observation, Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.event_rates import Loudness, Tally, loudness
@@ -73,7 +73,8 @@ class Rates(Check[Tally]):
 
     def update(self, state: Tally, window: Window) -> None:
         """Count the window's events."""
-        state.add_followed(own_followed(window)[0])
+        events = own(window, sensor_events(window))
+        state.add(events.x, events.y, events.p)
 
     def merge(self, state: Tally, later: Tally) -> Tally:
         """Join."""

@@ -16,7 +16,7 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.events.stretch import join, violations
+from fedora_qa.checks.events.stretch import EVEN, join, violations
 from fedora_qa.checks.events.tiles import GRID
 from fedora_qa.checks.events.timing_causes import whose_offset
 from fedora_qa.checks.events.view import ROUNDING_DN, SeenFrames, seen_frames, sensor_events, signal
@@ -288,7 +288,7 @@ def _likely_shifts(seen: SeenFrames, declared: EventModel) -> list[tuple[int, in
 def _broken(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> Bool:
     nowhere = np.zeros(seen.counts.shape[2:], np.bool_)
     stretch = join(seen, declared, rounding_dn, nowhere)
-    return violations(stretch, stretch.bounds, declared, phase_known=False)[0]
+    return violations(stretch, EVEN, declared, phase_known=False)[0]
 
 
 def most_mended(before: Bool, after: Bool, symmetry: Symmetry = UPRIGHT) -> int:

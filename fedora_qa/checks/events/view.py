@@ -1,12 +1,14 @@
 """What the checks of events share of a window: events that lie on the sensor, and frames as its pixels see them."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.intermediates import clipped, luma_dn
+from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Footprints, footprints
 from fedora_qa.estimators.event_kernels import count_between_frames
@@ -23,6 +25,9 @@ FARTHEST_NEXT_FRAME_NS: Final = 100_000_000
 
 ROUNDING_DN: Final = {"linear": 0.5, "srgb": 0.5 * 2.4 / 1.055, "gamma2.2": 0.5 * 2.2}
 """Half a step of the 8-bit code in linear DN, at white where it is largest."""
+
+WINDOW_NS: Final = NS_PER_S // 5
+"""The usual window; those of large images are shorter."""
 
 CENTRES_AGREE_M: Final = 1e-6
 AXES_AGREE: Final = 1e-6
@@ -80,12 +85,6 @@ def sorted_by_pixel(events: Events, declared: Declared) -> PixelEvents:
     return by_pixel(events.x, events.y, events.times_ns, events.p, sensor_shape(declared))
 
 
-def own_followed(window: Window) -> tuple[NDArray[np.int64], int]:
-    """Return what every pixel did in the events that a window owns, and how many of these repeat another."""
-    span = window.span
-    return window.once("own_followed", lambda: pixel_events(window).followed(span.start_ns, span.stop_ns))
-
-
 def sensor_shape(declared: Declared) -> tuple[int, int]:
     """Return rows and columns of the event camera."""
     camera = declared.cameras["events"]
@@ -139,6 +138,30 @@ class SeenFrames:
 def seen_frames(window: Window) -> SeenFrames:
     """Return the frames that a window owns and the next one, and the events between them."""
     return window.once("seen_frames", lambda: _seen_frames(window))
+
+
+def intervals_due(window: Window, seen: SeenFrames, a_window: int) -> int:
+    """Return how many intervals of two frames or more are due, where so many are of a window of the usual length.
+
+    Of windows much shorter than that an interval is due for each point of a grid in time since the frame before its
+    first: most have none, and where frames are few each has some.
+    """
+    length_ns = window.span.stop_ns - window.span.start_ns
+    if 2 * length_ns >= WINDOW_NS:
+        return round(a_window * length_ns / WINDOW_NS)
+    earlier = np.flatnonzero(window.facts.clocks["rgb"].advancing[: seen.frames[0]])
+    before_ns = window.facts.clocks["rgb"].times_ns[earlier[-1]] if len(earlier) else window.span.start_ns - 1
+    return int(seen.times_ns[-2]) * a_window // WINDOW_NS - int(before_ns) * a_window // WINDOW_NS
+
+
+def events_before(seen: SeenFrames, window: Window) -> NDArray[np.int32]:
+    """Return the darker and brighter events (2, h, w) before a window's first frame, for as long as to the second."""
+    first_ns, second_ns = seen.times_ns[:2].tolist()
+    events, counts = sensor_events(window), np.zeros((1, *seen.counts.shape[1:]), np.int32)
+    times_ns = np.array([2 * first_ns - second_ns, first_ns])
+    count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
+    darker_and_brighter: NDArray[np.int32] = counts[0]
+    return darker_and_brighter
 
 
 def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
@@ -206,24 +229,19 @@ def _frames(window: Window) -> list[int]:
 
 
 def _seen_frames(window: Window) -> SeenFrames:
-    """See the frames. Each colour is rounded by at most half a step of its code, so luma is as well."""
-    declared = window.facts.declared
-    shape, wanted = sensor_shape(declared), _frames(window)
-    rounding_dn = ROUNDING_DN[declared.transfer]
-    sharp_dn, even_dn, error_dn = (np.empty((len(wanted), *shape), np.float32) for _ in range(3))
-    prints: Footprints | None = None
+    """See the frames. The first is the last of the window before."""
+    shape, wanted = sensor_shape(window.facts.declared), _frames(window)
+    images = np.empty((3, len(wanted), *shape), np.float32)
     found: list[int] = []
     for frame in wanted:
+        at = len(found)
         try:
-            luma, lost = luma_dn(window, frame), clipped(window, frame)
+            if frame in (wanted[0], wanted[-1]):
+                images[:, at] = window.of_image("seen_frame", frame, partial(_as_seen, window, frame))
+            else:
+                _see(window, frame, images[:, at])
         except UnreadableRowsError:
             continue
-        if prints is None:
-            prints = footprints(
-                declared.cameras["rgb"].K, (luma.shape[0], luma.shape[1]), declared.cameras["events"].K, shape
-            )
-        at = len(found)
-        prints.see(luma, lost, rounding_dn, sharp=sharp_dn[at], even=even_dn[at], error=error_dn[at])
         found.append(frame)
     frames, count = np.array(found, dtype=np.int64), len(found)
     times_ns = window.facts.clocks["rgb"].times_ns[frames]
@@ -231,4 +249,25 @@ def _seen_frames(window: Window) -> SeenFrames:
     if count > 1:
         events = sensor_events(window)
         count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
-    return SeenFrames(frames, times_ns, sharp_dn[:count], even_dn[:count], error_dn[:count], counts)
+    sharp_dn, even_dn, error_dn = images[:, :count]
+    return SeenFrames(frames, times_ns, sharp_dn, even_dn, error_dn, counts)
+
+
+def _as_seen(window: Window, frame: int) -> NDArray[np.float32]:
+    seen = np.empty((3, *sensor_shape(window.facts.declared)), np.float32)
+    _see(window, frame, seen)
+    return seen
+
+
+def _see(window: Window, frame: int, seen: NDArray[np.float32]) -> None:
+    """Write the sharp and the even view of a frame and the bound of the latter's error (3, h, w).
+
+    Each colour is rounded by at most half a step of its code, so luma is as well.
+    """
+    declared = window.facts.declared
+    luma, lost = luma_dn(window, frame), clipped(window, frame)
+    height, width = luma.shape
+    cameras = declared.cameras["rgb"].K, (height, width), declared.cameras["events"].K, sensor_shape(declared)
+    prints: Footprints = window.once("footprints", lambda: footprints(*cameras))
+    sharp, even, error = seen
+    prints.see(luma, lost, ROUNDING_DN[declared.transfer], sharp=sharp, even=even, error=error)
