@@ -163,6 +163,8 @@ def _view_of_flow(facts: Facts) -> View:
 
 
 def _on_sensor(events: Events, taken: slice, shape: tuple[int, int]) -> Events:
-    x, y, times_ns, p = (values[taken] for values in (events.x, events.y, events.times_ns, events.p))
+    x, y = events.x[taken], events.y[taken]
     good = (x >= 0) & (x < shape[1]) & (y >= 0) & (y < shape[0])
-    return Events(x[good].astype(np.uint16), y[good].astype(np.uint16), times_ns[good], p[good])
+    return Events(
+        x[good].astype(np.uint16), y[good].astype(np.uint16), events.times_ns[taken][good], events.p[taken][good]
+    )
