@@ -163,16 +163,17 @@ def visible(window: Window, interval: Interval, origins: Int64) -> tuple[Mask, b
     if geometry is None:
         return _visible_by_flow(window, interval, origins), False
     frame0, frame1 = geometry.frames
-    near_edge = patches_of(_edges(window, frame0), origins, halo_px=0) > 0
+    away_from_edges = patches_of(_edges(window, frame0), origins, halo_px=0) == 0
     columns, rows = pixels_of(origins, halo_px=0)
     inverse0 = patches_of(inverse_depth_of(window, frame0), origins, halo_px=0)
     flat = (-1, columns.shape[-1])
     seen = seen_in_both(
         geometry.track.camera.K, geometry.motion.corrected(geometry.correction),
         columns.reshape(flat).astype(np.float32), rows.reshape(flat).astype(np.float32),
-        inverse0.reshape(flat), inverse_depth_of(window, frame1), _edges(window, frame1), geometry.uncertainty_px,
+        inverse0.reshape(flat), away_from_edges.reshape(flat), inverse_depth_of(window, frame1),
+        _edges(window, frame1), geometry.uncertainty_px,
     )  # fmt: skip
-    return np.asarray(seen.reshape(columns.shape) & ~near_edge), True
+    return seen.reshape(columns.shape), True
 
 
 def _visible_by_flow(window: Window, interval: Interval, origins: Int64) -> Mask:
