@@ -90,7 +90,7 @@ def _sine_of_turns(turns: float) -> float:
     rest = rest if abs(rest) <= 0.25 else (0.5 if rest > 0 else -0.5) - rest
     x = 2 * np.pi * rest
     square = x * x
-    return x * (1 - square / 6 * (1 - square / 20 * (1 - square / 42 * (1 - square / 72))))
+    return float(x * (1 - square / 6 * (1 - square / 20 * (1 - square / 42 * (1 - square / 72)))))
 
 
 @njit(cache=True)
