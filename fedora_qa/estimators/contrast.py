@@ -9,11 +9,9 @@ Events are carried to the middle of the interval, not to its start: in a flow th
 events gather as the flow is overdone (S. Shiba, Y. Aoki, G. Gallego, Event collapse in contrast maximization
 frameworks, Sensors 22 (2022)); to the middle those before it spread as those after it gather.
 
-Votes are cubic B-splines on nodes that are `NODE_PX` apart, four of them along either axis, and the image of them is
-smoothed once, by three nodes, up to the variance of a Gaussian of `SIGMA_PX`. Without that second step nodes would have
-to be 1.7 px apart, and a vote's square 4% larger at a node than between two, which lines of events feel together; with
-it 1% either way. Against Gaussians on every pixel, of 64 weights a vote, gains and advantages of 30 fields of 640x480
-differ by a twentieth of their standard errors at most, and these by 1%.
+Votes are quadratic B-splines on nodes that are `NODE_PX` apart, three of them along either axis, and the image of them
+is smoothed once, by three nodes, until the square of a vote is that of a Gaussian of `SIGMA_PX` on the average over
+places: 0.8% more at some and less at others, along either axis.
 
 Events of one pixel are never of one place on an edge that moves: they meet best where nothing is carried, and would
 draw every gain towards 0. What they contribute to the sum of squares is taken off: of two votes that are d apart on a
@@ -27,7 +25,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.contrast_kernels import PARTS, flow_as_seen, meetings_with_oneself, squares_under
+from fedora_qa.estimators.contrast_kernels import (
+    PARTS,
+    flow_as_seen,
+    flows_of,
+    meetings_with_oneself,
+    squares_under,
+    with_room,
+)
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -39,11 +44,8 @@ GAINS: Final = (0.5, 0.7, 0.8, 0.87, 0.93, 1.0, 1.07, 1.15, 1.25, 1.4, 2.0)
 SIGMA_PX: Final = 1.0
 """Standard deviation of a vote in the image of warped events."""
 
-NODE_PX: Final = 1.2
+NODE_PX: Final = 1.1
 """Distance of nodes."""
-
-_SIDE: Final = ((SIGMA_PX / NODE_PX) ** 2 - 1 / 3) / 2
-"""What a node gives to either neighbour: to the cubic B-spline's variance, 1/3 on nodes 1 apart, it adds twice this."""
 
 MARGIN_PX: Final = 12.0
 """Events farther from the border than this count however large the flow is."""
@@ -67,105 +69,127 @@ class View:
     wide: float = 1.0
     high: float = 1.0
 
-    def mirrored(self, axis: int, shape: tuple[int, ...]) -> "View":
-        """Return the view of a flow of that shape whose grid is turned over: 0 left to right, 1 top to bottom."""
-        height, width = shape[:2]
-        if axis:
-            return replace(self, down=-self.down, top=height - 1 - self.top)
-        return replace(self, across=-self.across, left=width - 1 - self.left)
-
-    def of(self, flow_px: Float32, shape: tuple[int, int]) -> Float32:
-        """Return a flow (H, W, 2), px of its grid, at the pixels of an event camera (h, w), in its px, (h, w, 2).
-
-        Read bilinearly; NaN where there is none.
-        """
+    def of(self, flow_px: Float32, shape: tuple[int, int]) -> "SeenFlow":
+        """Return a flow (H, W, 2), px of its grid, as an event camera of a shape (h, w) sees it."""
         view = np.array([self.across, self.left, self.down, self.top, self.wide, self.high])
-        return np.asarray(flow_as_seen(np.ascontiguousarray(flow_px, dtype=np.float32), view, *shape))
+        return SeenFlow(flow_as_seen(np.ascontiguousarray(flow_px, dtype=np.float32), view, *shape))
+
+    def mirrored(self, seen: "SeenFlow", axis: int, shape: tuple[int, ...]) -> "SeenFlow":
+        """Return a flow that ``of`` gave, its grid of a shape (H, W) turned over: 0 left to right, 1 top to bottom."""
+        if axis:
+            return replace(seen, down=-1.0, top=(shape[0] - 1 - 2 * self.top) / self.down)
+        return replace(seen, across=-1.0, left=(shape[1] - 1 - 2 * self.left) / self.across)
+
+
+@dataclass(frozen=True, slots=True)
+class SeenFlow:
+    """A flow (h, w, 2) as an event camera sees it, in its px, NaN where there is none.
+
+    The flow of a pixel stands at ``across`` times its column and ``left``, ``down`` times its row and ``top``.
+    """
+
+    flow_px: Float32
+    across: float = 1.0
+    left: float = 0.0
+    down: float = 1.0
+    top: float = 0.0
+
+    @property
+    def fold(self) -> Float32:
+        """The four numbers that say where the flow of a pixel stands."""
+        return np.array([self.across, self.left, self.down, self.top], dtype=np.float32)
+
+    def at(self, events: "PlacedEvents") -> "FlowOfEvents":
+        """Return the flow at the events' own pixels."""
+        return FlowOfEvents(self, *flows_of(events.x, events.y, self.flow_px, self.fold))
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedEvents:
+    """Columns, rows (n,) and instants, in intervals of the flow after its start, of events, pixel by pixel."""
+
+    x: Float32
+    y: Float32
+    tau: Float32
+
+    @classmethod
+    def pixel_by_pixel(cls, x: Columns, y: Columns, tau: Float64) -> "PlacedEvents":
+        """Order events by rows, by columns, and leave those of one pixel as they came."""
+        places = ((y.astype(np.int64) << 16) + x << 32) + np.arange(len(x))
+        order = np.sort(places) & 0xFFFFFFFF
+        return cls(*(values.astype(np.float32)[order] for values in (x, y, tau)))
+
+    def chosen(self, which: NDArray[np.int64]) -> "PlacedEvents":
+        """Return some of the events, by index."""
+        return PlacedEvents(self.x[which], self.y[which], self.tau[which])
+
+
+@dataclass(frozen=True, slots=True)
+class FlowOfEvents:
+    """The flow (2, n) at the pixels of events, NaN where none is known, and where it stands in the one seen, (n,)."""
+
+    seen: SeenFlow
+    flows_px: Float32
+    places: NDArray[np.int32]
+
+    def chosen(self, which: NDArray[np.int64]) -> "FlowOfEvents":
+        """Return the flow of some of the events, by index."""
+        return FlowOfEvents(self.seen, self.flows_px.take(which, axis=1), self.places[which])
 
 
 @dataclass(frozen=True, slots=True)
 class WarpedEvents:
-    """Sharpness under each candidate (k,), events carried, and the root mean square of their way (first field), px."""
+    """Sharpness under each matrix of each candidate (k,), which events were carried, and their way.
+
+    The last: root mean square, in px, along the first candidate's flow, of all events that have a flow in it.
+    """
 
     sharpness: Float64
-    carried: int
+    carried: NDArray[np.int64]
     way_px: float
 
 
-def pixel_by_pixel(x: Columns, y: Columns) -> NDArray[np.int64]:
-    """Return the order of events by rows, by columns, and for those of one pixel as they came."""
-    places = ((y.astype(np.int64) << 16) + x << 32) + np.arange(len(x))
-    return np.sort(places) & 0xFFFFFFFF
-
-
-def sharpness_under(
-    x: Columns, y: Columns, tau: Float64, candidates: Sequence[tuple[Float32, Float64]]
-) -> WarpedEvents:
-    """Carry the same events by every candidate: a flow (h, w, 2), px, and the matrix (2, 2) that it is multiplied by.
+def sharpness_under(events: PlacedEvents, candidates: Sequence[tuple[FlowOfEvents, Sequence[Float64]]]) -> WarpedEvents:
+    """Carry the same events by every candidate: a flow, and the matrices (2, 2) that it is multiplied by.
 
     An event counts for all candidates or none: it must have a flow in every field, and lie farther from the border than
-    one and a half times its way, or than ``MARGIN_PX``.
-
-    Parameters
-    ----------
-    x, y, tau
-        Events pixel by pixel (``pixel_by_pixel``); ``tau`` is their instant in intervals of the flow after its start.
-    candidates
-        Flows as the event camera sees them (``View.of``), all of its shape.
+    one and a half times its way, or than ``MARGIN_PX``. Flows as seen are of one shape.
     """
-    fields = {id(flow): flow for flow, _ in candidates}
-    height, width = candidates[0][0].shape[:2]
-    pixels = y.astype(np.int64) * width + x
-    flows = [flow.reshape(-1, 2).take(pixels, axis=0) for flow in fields.values()]
-    way_px = _way_px(tau, flows[0])
-    usable = _usable(x, y, tau, flows, height, width)
-    x, y, tau, pixels = x[usable], y[usable], tau[usable], pixels[usable]
-    squares = np.zeros(len(candidates))
-    for (name, field), flow in zip(fields.items(), flows, strict=True):
-        own = [i for i, (of_one, _) in enumerate(candidates) if id(of_one) == name]
-        turns = np.array([candidates[i][1] for i in own], dtype=np.float64)
-        met = meetings_with_oneself(pixels, tau, flow[usable], turns, _SHARED, NODE_PX, _MEMORY)
-        squares[own] = squares_under(x, y, tau, field, turns, _WEIGHTS, _SIDE, NODE_PX) - met
-    return WarpedEvents(squares / max(len(x), 1), len(x), way_px)
+    height, width = candidates[0][0].seen.flow_px.shape[:2]
+    flows = np.stack([flow.flows_px for flow, _ in candidates])
+    margin_px = min(MARGIN_PX, min(height, width) / 4)
+    usable, square_px2 = with_room(events.x, events.y, events.tau, flows, height, width, margin_px)
+    events, squares = events.chosen(usable), []
+    for flow, matrices in candidates:
+        one, turns = flow.chosen(usable), np.array(matrices, dtype=np.float32)
+        of_events = events.x, events.y, events.tau, one.flows_px
+        met = meetings_with_oneself(*of_events, turns, _SHARED, NODE_PX, _MEMORY)
+        fold, seen_px = one.seen.fold, one.seen.flow_px
+        squares.append(squares_under(*of_events, one.places, seen_px, fold, turns, _SIDE, NODE_PX) - met)
+    return WarpedEvents(np.concatenate(squares) / max(len(usable), 1), usable, float(np.sqrt(square_px2)))
 
 
-def _usable(
-    x: Columns, y: Columns, tau: Float64, flows: Sequence[Float32], height: int, width: int
-) -> NDArray[np.intp]:
-    """Return the events that have a flow (n, 2) in every field, and room for their way."""
-    longest = np.zeros(len(x), dtype=np.float32)
-    for flow in flows:
-        for component in flow.T:
-            longest = np.maximum(longest, np.abs(component))  # NaN where any is
-    clear = np.minimum(1.5 * np.abs(tau - 0.5) * longest + 2.0, min(MARGIN_PX, min(height, width) / 4))
-    return np.flatnonzero(
-        np.isfinite(longest) & (x >= clear) & (x <= width - 1 - clear) & (y >= clear) & (y <= height - 1 - clear)
-    )
+def _share_of_neighbours() -> float:
+    """Return what a node gives to either neighbour so that a vote's square is that of the Gaussian.
+
+    The square of a vote is, on the average over places, the sum of the autocorrelations of the quadratic B-spline,
+    11/20, 13/60, 1/120 at distances of 0, 1, 2 nodes, times those of the shares (side, 1 - 2 side, side).
+    """
+    a, b, c = 95 / 60, -80 / 60, 11 / 20 - NODE_PX / (2 * np.sqrt(np.pi) * SIGMA_PX)
+    return float((-b - np.sqrt(b * b - 4 * a * c)) / (2 * a))
 
 
-def _way_px(tau: Float64, flows: Float32) -> float:
-    squares = (np.square(flows[:, 0]) + np.square(flows[:, 1])) * np.square(tau - 0.5)
-    known = squares[np.isfinite(squares)]
-    return float(np.sqrt(np.mean(known))) if len(known) else 0.0
-
-
-def _vote_weights() -> Float32:
-    """Return the weights (PARTS, 4) of a cubic B-spline on the nodes from 1 before to 2 behind one, of sum 1."""
-    place = (np.arange(PARTS) + 0.5) / PARTS
-    first, last = (1 - place) ** 3 / 6, place**3 / 6
-    second = (3 * place**3 - 6 * place**2 + 4) / 6
-    return np.stack((first, second, 1 - first - second - last, last), axis=-1).astype(np.float32)
-
-
-def _shared_by_votes(weights: Float32) -> Float64:
+def _shared_by_votes() -> Float64:
     """Return what two votes on a line share at distances of 0, 1, ... parts of a node, until they share nothing."""
-    spline = np.pad(weights[:, ::-1].T.ravel().astype(np.float64), PARTS)
+    place = (np.arange(3 * PARTS) + 0.5) / PARTS - 1.5
+    spline = np.where(np.abs(place) < 0.5, 0.75 - place**2, 0.5 * (1.5 - np.abs(place)) ** 2)
+    spline = np.pad(spline, PARTS)
     vote = (1 - 2 * _SIDE) * spline + _SIDE * (np.roll(spline, PARTS) + np.roll(spline, -PARTS))
     return np.asarray(np.correlate(vote, vote, "full")[len(vote) - 1 :] / PARTS)
 
 
-_WEIGHTS: Final = _vote_weights()
-_SHARED: Final = _shared_by_votes(_WEIGHTS)
+_SIDE: Final = _share_of_neighbours()
+_SHARED: Final = _shared_by_votes()
 
 
 def best_gain(sharpness: Float64) -> float:

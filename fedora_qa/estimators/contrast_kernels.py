@@ -1,9 +1,4 @@
-"""Compiled loops over events that are carried along a flow.
-
-Events come as columns: ``x``, ``y`` (px) and ``tau``, the instant in intervals of the flow after its start. A flow
-(h, w, 2) is the displacement over the interval of the point that is at a pixel at the start, px, as the event camera
-sees it; NaN where there is none.
-"""
+"""Compiled loops over events that a flow carries: where each is carried to, and how densely they lie there."""
 
 import numpy as np
 from numba import njit
@@ -11,121 +6,186 @@ from numpy.typing import NDArray
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
-Columns = NDArray[np.uint16]
 
 PARTS = 128
-"""Votes lie at whole parts of a node: what that rounds off has a variance of 2e-5 px^2."""
+"""Distances of votes that are told apart, to a node."""
 
-_ROUNDS = 3
+_STEPS = 2
 """Steps towards the pixel at which an event's point was at the start."""
+
+_BEFORE = np.float32(3)
+"""Nodes before the first pixel: in the corner of three by three no event of the image has a vote."""
+
+_BEYOND = np.float32(-1)
+"""Where events are that leave the image."""
 
 
 @njit(cache=True)
 def flow_as_seen(flow_px: Float32, view: Float64, height: int, width: int) -> Float32:
-    """Return a flow (H, W, 2), px of its own grid, as the event camera sees it: bilinearly, (height, width, 2).
+    """Return a flow (H, W, 2), px of its own grid, as the event camera sees it, (height, width, 2): its nearest pixel.
 
     The view (6,) says where pixels of the event camera lie on that grid, as scale and offset of columns, then of rows,
-    and how many pixels of the event camera are one of its own, along columns and rows.
+    and how many pixels of the event camera are one of its own, along columns and rows. NaN beyond the grid.
     """
-    seen = np.empty((height, width, 2), np.float32)
-    first, last, right = np.empty(width, np.int64), np.empty(width, np.int64), np.empty(width, np.float32)
+    seen = np.full((height, width, 2), np.nan, np.float32)
+    first, stop, nearest = width, 0, np.empty(width, np.int64)
     for column in range(width):
-        at = view[0] * column + view[1]
-        first[column] = int(at) if 0 <= at <= flow_px.shape[1] - 1 else -1
-        right[column] = np.float32(at - first[column])
-        last[column] = first[column] + (right[column] > 0)  # a pixel is read as it stands, whatever lies beside it
-    scale = np.float32(view[4]), np.float32(view[5])
+        at = np.rint(view[0] * column + view[1])
+        if 0 <= at < flow_px.shape[1]:
+            first, stop, nearest[column] = min(first, column), column + 1, int(at)
+    across, down = np.float32(view[4]), np.float32(view[5])
     for row in range(height):
-        at, line = view[2] * row + view[3], seen[row]
-        if not 0 <= at <= flow_px.shape[0] - 1:
-            line[:] = np.nan
-            continue
-        top, below = int(at), np.float32(at - int(at))
-        upper, lower = flow_px[top], flow_px[top + (below > 0)]
-        for column in range(width):
-            if first[column] < 0:
-                line[column] = np.nan
-                continue
-            a, b, share = np.uint64(first[column]), np.uint64(last[column]), right[column]
-            for k in range(2):
-                above = upper[a, k] + share * (upper[b, k] - upper[a, k])
-                under = lower[a, k] + share * (lower[b, k] - lower[a, k])
-                line[column, k] = (above + below * (under - above)) * scale[k]
+        at = np.rint(view[2] * row + view[3])
+        if 0 <= at < flow_px.shape[0]:
+            line, of_row = seen[row], flow_px[int(at)]
+            for column in range(first, stop):
+                place = np.uint64(nearest[column])  # unsigned: an index that may be negative costs a comparison
+                line[column, 0], line[column, 1] = across * of_row[place, 0], down * of_row[place, 1]
     return seen
 
 
 @njit(cache=True)
+def flows_of(x: Float32, y: Float32, seen: Float32, fold: Float32) -> tuple[Float32, Int32]:
+    """Return the flow (2, n) at pixels of the event camera, NaN where none is known, and the places (n,) it is read at.
+
+    Of a flow as seen (h, w, 2), at columns ``fold[0] x + fold[1]`` and rows ``fold[2] y + fold[3]``; places count its
+    pixels row by row.
+    """
+    height, width = seen.shape[:2]
+    flows, places = np.full((2, len(x)), np.nan, np.float32), np.zeros(len(x), np.int32)
+    for i in range(len(x)):
+        column, row = np.rint(fold[0] * x[i] + fold[1]), np.rint(fold[2] * y[i] + fold[3])
+        if 0 <= column < width and 0 <= row < height:
+            u, v = seen[int(row), int(column)]
+            if abs(u + v) < np.inf:
+                flows[0, i], flows[1, i], places[i] = u, v, int(row) * width + int(column)
+    return flows, places
+
+
+@njit(cache=True)
+def with_room(
+    x: Float32, y: Float32, tau: Float32, flows: Float32, height: int, width: int, margin_px: float
+) -> tuple[Int64, float]:
+    """Return which events, by index, have a flow in every field (m, 2, n), and room for their way; and their ways.
+
+    The first: farther from the border than one and a half times the way along the longest component and 2 px, or than
+    a margin. The second: the mean square, px^2, of the way along the first field of all events that have a flow in it.
+    """
+    chosen, count = np.empty(len(x), np.int64), 0
+    total, known = 0.0, 0
+    for i in range(len(x)):
+        away, longest = abs(tau[i] - np.float32(0.5)), np.float32(0)
+        for k in range(len(flows)):
+            u, v = abs(flows[k, 0, i]), abs(flows[k, 1, i])
+            longest = max(longest, u, v) if u + v < np.inf else np.float32(np.inf)
+        u, v = flows[0, 0, i], flows[0, 1, i]
+        if abs(u + v) < np.inf:
+            total, known = total + away * away * (u * u + v * v), known + 1
+        clear = min(1.5 * away * longest + 2.0, margin_px)
+        chosen[count] = i
+        inside = clear <= x[i] <= width - 1 - clear and clear <= y[i] <= height - 1 - clear
+        count += int(inside and longest < np.inf)
+    return chosen[:count], total / max(known, 1)
+
+
+@njit(cache=True)
 def squares_under(
-    x: Columns,
-    y: Columns,
-    tau: Float64,
-    flow_px: Float32,
-    turns: Float64,
-    weights: Float32,
+    x: Float32,
+    y: Float32,
+    tau: Float32,
+    flows: Float32,
+    places: Int32,
+    seen: Float32,
+    fold: Float32,
+    turns: Float32,
     side: float,
     node_px: float,
 ) -> Float64:
     """Return the sum of squares (k,), per px^2, of the image of votes under a flow times each turn (k, 2, 2).
 
-    Nodes are ``node_px`` apart; ``weights`` (PARTS, 4) are those of a vote on the nodes about it, by the part of a node
-    where it lies. Of all votes each node then gives a share ``side`` to either neighbour, along both axes. Events that
-    are carried beyond the image have no vote.
+    A vote is a quadratic B-spline on nodes ``node_px`` apart. Of all votes each node then gives a share ``side`` to
+    either neighbour, along both axes. Events that are carried beyond the image have no vote. The flow is that of
+    `flows_of`, of which ``flows`` and ``places`` are.
     """
-    height, width = flow_px.shape[:2]
-    per_px = 1.0 / node_px
+    height, width = seen.shape[:2]
+    per_px = np.float32(1.0 / node_px)
     image = np.empty((int((height - 1) * per_px) + 8, int((width - 1) * per_px) + 8), np.float32)
-    columns, rows = np.empty(len(x)), np.empty(len(x))
+    columns, rows = np.empty(len(x), np.float32), np.empty(len(x), np.float32)
     squares = np.empty(len(turns))
     for k in range(len(turns)):
-        count = carry(x, y, tau, flow_px, turns[k], columns, rows)
+        carry(x, y, tau, flows, places, seen, fold, turns[k], columns, rows)
         image[:] = 0
-        for i in range(count):
-            _vote(image, columns[i] * per_px, rows[i] * per_px, weights)
+        _vote(image, columns, rows, per_px)
+        image[:3, :3] = 0  # of events that were carried beyond
         squares[k] = _sum_of_squares(image, np.float32(side)) * per_px * per_px
     return squares
 
 
 @njit(cache=True)
 def carry(
-    x: Columns, y: Columns, tau: Float64, flow_px: Float32, turn: Float64, columns: Float64, rows: Float64
-) -> int:
-    """Write where events are at the middle of the interval, if within the image; return how many are.
+    x: Float32,
+    y: Float32,
+    tau: Float32,
+    flows: Float32,
+    places: Int32,
+    seen: Float32,
+    fold: Float32,
+    turn: Float32,
+    columns: Float32,
+    rows: Float32,
+) -> None:
+    """Write where events are at the middle of the interval; before the first column where they leave the image.
 
-    Along the flow, times a matrix (2, 2), at the pixel that a point gets to the event from. All steps towards that
-    pixel are taken without a branch, though most are idle: which are, no machine can guess.
+    Along the flow, times a matrix (2, 2), at the pixel that a point gets to the event from; where none is known there,
+    at the event's own. Loops are cut so that all but the one that reads the flow handle many events at once.
     """
     a, b, c, d = turn[0, 0], turn[0, 1], turn[1, 0], turn[1, 1]
-    right, bottom = np.float64(flow_px.shape[1] - 1), np.float64(flow_px.shape[0] - 1)
-    count = 0
+    wide = np.int32(seen.shape[1])
+    right, bottom = np.float32(seen.shape[1] - 1), np.float32(seen.shape[0] - 1)
+    zero, half, lines = np.float32(0), np.float32(0.5), seen.reshape(-1)
+    own_u, own_v = flows[0], flows[1]
+    columns[:], rows[:] = own_u, own_v
+    at = np.empty(len(x), np.int32)
+    for _ in range(_STEPS):
+        for i in range(len(x)):
+            u, v = columns[i], rows[i]
+            column = fold[0] * (x[i] - tau[i] * (a * u + b * v)) + fold[1]
+            row = fold[2] * (y[i] - tau[i] * (c * u + d * v)) + fold[3]
+            inside = (column >= zero) & (column <= right) & (row >= zero) & (row <= bottom)
+            place = np.int32(row + half) * wide + np.int32(column + half)
+            at[i] = place if inside else places[i]
+        for i in range(len(x)):
+            pixel = np.uint64(2) * np.uint64(at[i])
+            columns[i], rows[i] = lines[pixel], lines[pixel + np.uint64(1)]
+        for i in range(len(x)):
+            known = abs(columns[i] + rows[i]) < np.float32(np.inf)
+            columns[i], rows[i] = (columns[i] if known else own_u[i]), (rows[i] if known else own_v[i])
     for i in range(len(x)):
-        column, row = np.uint64(x[i]), np.uint64(y[i])  # unsigned: an index that may be negative costs a comparison
-        at_column, at_row = np.float64(x[i]), np.float64(y[i])
-        du = dv = 0.0
-        for _ in range(_ROUNDS):
-            u, v = np.float64(flow_px[row, column, 0]), np.float64(flow_px[row, column, 1])
-            known = np.isfinite(u + v)
-            du, dv = (a * u + b * v if known else du), (c * u + d * v if known else dv)
-            before_column, before_row = at_column - tau[i] * du, at_row - tau[i] * dv
-            inside = (before_column >= 0) & (before_column <= right) & (before_row >= 0) & (before_row <= bottom)
-            column = np.uint64(np.int64(before_column + 0.5)) if inside else column
-            row = np.uint64(np.int64(before_row + 0.5)) if inside else row
-        columns[count], rows[count] = at_column + (0.5 - tau[i]) * du, at_row + (0.5 - tau[i]) * dv
-        stays = (columns[count] >= 0) & (columns[count] <= right) & (rows[count] >= 0) & (rows[count] <= bottom)
-        count += int(stays)
-    return count
+        u, v = columns[i], rows[i]
+        column, row = x[i] + (half - tau[i]) * (a * u + b * v), y[i] + (half - tau[i]) * (c * u + d * v)
+        stays = (column >= zero) & (column <= right) & (row >= zero) & (row <= bottom)
+        columns[i], rows[i] = (column if stays else _BEYOND), (row if stays else _BEYOND)
 
 
 @njit(cache=True)
-def _vote(image: Float32, column: float, row: float, weights: Float32) -> None:
-    left, top = np.uint64(column), np.uint64(row)
-    across, down = weights[np.uint64((column - left) * PARTS)], weights[np.uint64((row - top) * PARTS)]
-    first, second, third, fourth = across[0], across[1], across[2], across[3]
-    for k in range(4):
-        line, share = image[top + np.uint64(k + 2)][left + np.uint64(2) : left + np.uint64(6)], down[k]
-        before = (line[0], line[1], line[2], line[3])  # so that none waits for another
-        line[0], line[1] = before[0] + share * first, before[1] + share * second
-        line[2], line[3] = before[2] + share * third, before[3] + share * fourth
+def _vote(image: Float32, columns: Float32, rows: Float32, per_px: np.float32) -> None:
+    """Add the votes of events at places, those beyond the image to its corner."""
+    zero, one, half = np.float32(0), np.float32(1), np.float32(0.5)
+    for i in range(len(columns)):
+        stays = columns[i] >= zero
+        column, row = (columns[i] * per_px + _BEFORE, rows[i] * per_px + _BEFORE) if stays else (zero, zero)
+        left, top = np.int32(column), np.int32(row)
+        right, below = column - np.float32(left), row - np.float32(top)
+        first, last = half * (one - right) * (one - right), half * right * right
+        upper, lower = half * (one - below) * (one - below), half * below * below
+        second, shares, at = one - first - last, (upper, one - upper - lower, lower), np.uint64(left)
+        for k in range(3):
+            line, share = image[np.uint64(top + k)], shares[k]
+            before = line[at], line[at + np.uint64(1)], line[at + np.uint64(2)]  # so that none waits for another
+            line[at], line[at + np.uint64(1)] = before[0] + share * first, before[1] + share * second
+            line[at + np.uint64(2)] = before[2] + share * last
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
@@ -147,21 +207,21 @@ def _sum_of_squares(image: Float32, side: np.float32) -> float:
 
 @njit(cache=True)
 def meetings_with_oneself(
-    pixels: Int64, tau: Float64, flows: Float32, turns: Float64, shared: Float64, node_px: float, memory: int
+    x: Float32, y: Float32, tau: Float32, flows: Float32, turns: Float32, shared: Float64, node_px: float, memory: int
 ) -> Float64:
     """Return for each turn (k,) the density that events of one pixel leave where others of it are carried to.
 
-    By the flow (n, 2) at the pixel itself, times the turn. ``shared`` is what two votes on a line share, by their
+    By the flow (2, n) at the pixel itself, times the turn. ``shared`` is what two votes on a line share, by their
     distance in parts of a node; nothing beyond. Events come by pixel, those of one in order of time; each is held
     against the ``memory`` before it.
     """
     met = np.zeros(len(turns))
-    for i in range(1, len(pixels)):
+    for i in range(1, len(x)):
         for j in range(i - 1, max(i - 1 - memory, -1), -1):
-            if pixels[j] != pixels[i]:
+            if x[j] != x[i] or y[j] != y[i]:
                 break
             parts = abs(tau[i] - tau[j]) * PARTS / node_px
-            u, v = np.float64(flows[i, 0]), np.float64(flows[i, 1])
+            u, v = flows[0, i], flows[1, i]
             for k in range(len(turns)):
                 du, dv = turns[k, 0, 0] * u + turns[k, 0, 1] * v, turns[k, 1, 0] * u + turns[k, 1, 1] * v
                 across, down = parts * abs(du) + 0.5, parts * abs(dv) + 0.5

@@ -67,24 +67,29 @@ def seen_in_both(
     columns: Float32,
     rows: Float32,
     inverse_depth0: Float32,
+    asked: Mask,
     inverse_depth1: Float32,
     edges1: NDArray[np.uint8],
     uncertainty_px: float,
 ) -> Mask:
-    """Return which pixels reappear in the second frame, (n, m).
+    """Return which pixels, of those that are asked for, reappear in the second frame, (n, m).
 
     Parameters
     ----------
     columns, rows, inverse_depth0
         (n, m) pixels of the first frame and their inverse depth, 1/m, 0 where invalid.
+    asked
+        (n, m) which of them are to be looked at.
     inverse_depth1, edges1
         (H, W) of the second frame.
     uncertainty_px
         How far the motion may misplace a pixel. Where the inverse depth slopes, so much is its value uncertain.
     """
-    return np.asarray(
-        seen_again(K, motion.R, motion.t_m, columns, rows, inverse_depth0, inverse_depth1, edges1, EDGE, uncertainty_px)
+    H = K @ motion.R @ np.linalg.inv(K)
+    seen = seen_again(
+        H, K @ motion.t_m, columns, rows, inverse_depth0, asked, inverse_depth1, edges1, EDGE, uncertainty_px
     )
+    return np.asarray(seen)
 
 
 def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:

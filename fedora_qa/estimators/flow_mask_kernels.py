@@ -69,48 +69,45 @@ def spread_at_targets(flow_px: NDArray[np.float32]) -> NDArray[np.float32]:
 
 @njit(cache=True)
 def seen_again(
-    K: NDArray[np.float64],
-    R: NDArray[np.float64],
-    t_m: NDArray[np.float64],
+    H: NDArray[np.float64],
+    t_px: NDArray[np.float64],
     columns: NDArray[np.float32],
     rows: NDArray[np.float32],
     inverse0: NDArray[np.float32],
+    asked: NDArray[np.bool_],
     inverse1: NDArray[np.float32],
     edges1: NDArray[np.uint8],
     tolerance: float,
     uncertainty_px: float,
 ) -> NDArray[np.bool_]:
-    """Return which pixels (n, m) reappear in a second frame: what ``flow_mask.seen_in_both`` says.
+    """Return which pixels (n, m), of those that are asked for, reappear in a second frame.
 
-    ``tolerance`` is the relative mismatch of inverse depth that still agrees.
+    What ``flow_mask.seen_in_both`` says. A pixel p of inverse depth w gets to ``H p + w t_px``, homogeneously, with
+    ``H = K R K^-1`` and ``t_px = K t``; the third component is the ratio of the depths. ``tolerance`` is the relative
+    mismatch of inverse depth that still agrees.
     """
     height, width = inverse1.shape
-    per_fx, per_fy = 1.0 / K[0, 0], 1.0 / K[1, 1]
     seen = np.zeros(inverse0.shape, np.bool_)
+    x1, y1, ratio = (np.empty(inverse0.shape[1]), np.empty(inverse0.shape[1]), np.empty(inverse0.shape[1]))
     for i in range(len(inverse0)):
-        for k in range(inverse0.shape[1]):
-            inverse = np.float64(inverse0[i, k])
-            if not inverse > 0:
+        for k in range(len(x1)):  # without a branch, so that many are projected at once
+            x, y, inverse = np.float64(columns[i, k]), np.float64(rows[i, k]), np.float64(inverse0[i, k])
+            ratio[k] = H[2, 0] * x + H[2, 1] * y + H[2, 2] + inverse * t_px[2]
+            x1[k] = (H[0, 0] * x + H[0, 1] * y + H[0, 2] + inverse * t_px[0]) / ratio[k]
+            y1[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2] + inverse * t_px[1]) / ratio[k]
+        for k in range(len(x1)):
+            inverse, x, y = np.float64(inverse0[i, k]), x1[k], y1[k]
+            if not (asked[i, k] and inverse > 0 and ratio[k] > 0):
                 continue
-            y = (rows[i, k] - K[1, 2]) * per_fy
-            x = (columns[i, k] - K[0, 2] - K[0, 1] * y) * per_fx
-            depth_m = 1.0 / inverse
-            X1 = depth_m * (R[0, 0] * x + R[0, 1] * y + R[0, 2]) + t_m[0]
-            Y1 = depth_m * (R[1, 0] * x + R[1, 1] * y + R[1, 2]) + t_m[1]
-            Z1 = depth_m * (R[2, 0] * x + R[2, 1] * y + R[2, 2]) + t_m[2]
-            if not Z1 > 0:
+            if not (0 <= x <= width - 1 and 0 <= y <= height - 1):
                 continue
-            nearness = 1.0 / Z1
-            x1, y1 = (K[0, 0] * X1 + K[0, 1] * Y1) * nearness + K[0, 2], K[1, 1] * Y1 * nearness + K[1, 2]
-            if not (0 <= x1 <= width - 1 and 0 <= y1 <= height - 1):
+            if edges1[np.uint64(y + 0.5), np.uint64(x + 0.5)]:
                 continue
-            if edges1[int(y1 + 0.5), int(x1 + 0.5)]:
-                continue
-            found, allowed = _between(inverse1, x1, y1), tolerance
+            found, allowed = _between(inverse1, x, y), tolerance
             if uncertainty_px > 0:
-                slope = abs(_between(inverse1, x1 + 1, y1) - found) + abs(_between(inverse1, x1, y1 + 1) - found)
+                slope = abs(_between(inverse1, x + 1, y) - found) + abs(_between(inverse1, x, y + 1) - found)
                 allowed += uncertainty_px * slope / max(found, 1e-6)
-            seen[i, k] = abs(found * Z1 - 1.0) < allowed
+            seen[i, k] = abs(found * ratio[k] - inverse) < allowed * inverse
     return seen
 
 

@@ -208,22 +208,24 @@ def _read(lines: Float32, x: float, y: float) -> tuple[float, float, float]:
 
 @njit(cache=True)
 def spans_at_targets(lines: Float32) -> Float32:
-    """Return the least and the largest flow (h, w, 4) that lead to each cell: u from, u to, v from, v to.
+    """Return the least and the largest flow (h, w, 4) that lead to each cell: u from, -u to, v from, -v to.
 
-    Of every fourth pixel of every fourth row; cells to which none leads are from infinity to minus infinity.
+    Of every fourth pixel of every fourth row; all are infinite in cells to which none leads.
     """
     height, width = lines.shape[0], lines.shape[1] // 2
-    spans = np.empty((height // CELL_PX + 1, width // CELL_PX + 1, 4), np.float32)
-    spans[:, :, 0::2] = np.inf
-    spans[:, :, 1::2] = -np.inf
+    spans = np.full((height // CELL_PX + 1, width // CELL_PX + 1, 4), np.inf, np.float32)
+    right, bottom = np.float32(width), np.float32(height)
     for row in range(0, height, CELL_PX):
+        line = lines[row]
         for column in range(0, width, CELL_PX):
-            u, v = lines[row, 2 * column], lines[row, 2 * column + 1]
-            x, y = column + u, row + v
-            if 0 <= x < width and 0 <= y < height:  # so it is not where flow is NaN
-                span = spans[int(y) // CELL_PX, int(x) // CELL_PX]
-                span[0], span[1] = min(span[0], u), max(span[1], u)
-                span[2], span[3] = min(span[2], v), max(span[3], v)
+            u, v = line[2 * column], line[2 * column + 1]
+            x, y = np.float32(column) + u, np.float32(row) + v
+            if 0 <= x < right and 0 <= y < bottom:  # so it is not where flow is NaN
+                span = spans[np.uint64(y) // np.uint64(CELL_PX), np.uint64(x) // np.uint64(CELL_PX)]
+                span[0] = u if u < span[0] else span[0]
+                span[1] = -u if -u < span[1] else span[1]
+                span[2] = v if v < span[2] else span[2]
+                span[3] = -v if -v < span[3] else span[3]
     return spans
 
 
@@ -239,7 +241,7 @@ def _is_crowded(spans: Float32, x: float, y: float, u: float, v: float, slope: f
     for row in range(max(at_row - 1, 0), min(at_row + 2, spans.shape[0])):
         for column in range(max(at_column - 1, 0), min(at_column + 2, spans.shape[1])):
             span = spans[row, column]
-            if span[0] < u - apart or span[1] > u + apart or span[2] < v - apart or span[3] > v + apart:
+            if span[0] < u - apart or -span[1] > u + apart or span[2] < v - apart or -span[3] > v + apart:
                 return True
     return False
 

@@ -64,8 +64,8 @@ def means_slopes_sines(flow_px: Float32, usable: Mask, halo: int, step: int) -> 
                 pixels += 1.0
                 u_sum += u
                 v_sum += v
-                u_sine += np.sin(2 * np.pi * u)
-                v_sine += np.sin(2 * np.pi * v)
+                u_sine += _sine_of_turns(u)
+                v_sine += _sine_of_turns(v)
                 x_sum += column
                 y_sum += row
                 xx += column * column
@@ -81,6 +81,16 @@ def means_slopes_sines(flow_px: Float32, usable: Mask, halo: int, step: int) -> 
         slopes[i, 0, 0], slopes[i, 1, 0] = (xu - x_sum * u_sum / n) / across, (xv - x_sum * v_sum / n) / across
         slopes[i, 0, 1], slopes[i, 1, 1] = (yu - y_sum * u_sum / n) / down, (yv - y_sum * v_sum / n) / down
     return means, slopes, sines
+
+
+@njit(cache=True)
+def _sine_of_turns(turns: float) -> float:
+    """Return the sine of an angle in turns, to 4e-6: its series, once the angle is within a quarter of a turn."""
+    rest = turns - np.rint(turns)
+    rest = rest if abs(rest) <= 0.25 else (0.5 if rest > 0 else -0.5) - rest
+    x = 2 * np.pi * rest
+    square = x * x
+    return float(x * (1 - square / 6 * (1 - square / 20 * (1 - square / 42 * (1 - square / 72)))))
 
 
 @njit(cache=True)

@@ -1,6 +1,7 @@
 """Tiles of an image, which of them to look at, and patches of them."""
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +22,7 @@ class TileGrid:
     origins: NDArray[np.int64]
 
     @classmethod
+    @cache
     def of(cls, height: int, width: int) -> "TileGrid":
         """Cut an image into tiles; none where it is too small."""
         starts = []

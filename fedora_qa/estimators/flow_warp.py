@@ -10,6 +10,7 @@ A compiled loop sums the spline's 16 coefficients. docs/flow-interpolation.md me
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import cv2
@@ -36,12 +37,14 @@ def smooth(image: Float32, sigma_px: float = 1.0) -> Float32:
     return np.asarray(cv2.sepFilter2D(image, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101))
 
 
+@cache
 def smoothing_taps(sigma_px: float = 1.0) -> Float32:
     """Return the weights of that Gaussian, four standard deviations to either side, of sum 1."""
     sigma = float(np.sqrt(max(sigma_px**2 - SPLINE_VARIANCE_PX2, 1e-6)))
     return np.asarray(cv2.getGaussianKernel(round(8 * sigma + 1) | 1, sigma, cv2.CV_32F), dtype=np.float32)[:, 0]
 
 
+@cache
 def taps_at_pixels(sigma_px: float = 1.0) -> Float32:
     """Return the weights of Gaussian and B-spline together, which see an image at its pixels, of sum 1."""
     return np.convolve(smoothing_taps(sigma_px), _SPLINE_AT_PIXELS)

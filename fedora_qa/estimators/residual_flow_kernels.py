@@ -17,55 +17,53 @@ def sums_of_tiles(before: Float32, warped: Float32, valid: Mask, halo: int) -> F
     the first. Patches (n, s + 2 halo, s + 2 halo) come with a halo of at least two pixels, the reach of the slopes.
     """
     count, size = valid.shape[:2]
+    side = size + 2 * halo
     sums = np.zeros((count, 5, 5))
-    mean, weight = np.empty((before.shape[1], before.shape[2]), np.float32), np.empty((size, size), np.float32)
+    mean, weights = np.empty(side * side, np.float32), np.zeros(side * side, np.float32)
     for i in range(count):
-        for j in range(len(mean)):
-            line, one, other = mean[j], before[i, j], warped[i, j]
-            for k in range(len(line)):
-                line[k] = np.float32(0.5) * (one[k] + other[k])
-        pixels = total = 0.0
-        for j in range(size):
-            line, of_row, weights = mean[j + halo], valid[i, j], weight[j]
-            for k in range(size):
-                weights[k] = np.float32(of_row[k])
-                pixels += weights[k]
-                total += weights[k] * line[k + halo]
-        level = np.float32(total / max(pixels, 1.0))
-        for j in range(size):
-            row = j + halo
-            _add_row(
-                mean[row - 2], mean[row - 1], mean[row], mean[row + 1], mean[row + 2],
-                before[i, row], warped[i, row], weight[j], level, halo, sums[i],
-            )  # fmt: skip
+        one, other = before[i].reshape(-1), warped[i].reshape(-1)
+        for at in range(len(mean)):
+            mean[at] = np.float32(0.5) * (one[at] + other[at])
+        for row in range(size):
+            line, of_row = weights[(row + halo) * side + halo :], valid[i, row]
+            for column in range(size):
+                line[column] = of_row[column]
+        products = _products(mean, one, other, weights, side, halo)
+        at = 0
         for a in range(5):
-            for b in range(a):
-                sums[i, a, b] = sums[i, b, a]
+            for b in range(a, 5):
+                sums[i, a, b] = sums[i, b, a] = products[at]
+                at += 1
     return sums
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
-def _add_row(
-    highest: Float32,
-    above: Float32,
-    here: Float32,
-    below: Float32,
-    lowest: Float32,
-    before: Float32,
-    warped: Float32,
-    weights: Float32,
-    level: np.float32,
-    halo: int,
-    sums: Float64,
-) -> None:
-    """Add the products of a row. Slopes are of five taps, exact for quartics, 3% small at 1 rad/px."""
-    near, far, zero = np.float32(8 / 12), np.float32(1 / 12), np.float32(0)
-    aa = ab = ac = ad = ae = bb = bc = bd = be = cc = cd = ce = dd = de = ee = zero
-    for k in range(len(weights)):
-        at, c = k + halo, weights[k]
-        a = c * (near * (here[at + 1] - here[at - 1]) - far * (here[at + 2] - here[at - 2]))
+def _products(
+    mean: Float32, before: Float32, warped: Float32, weights: Float32, side: int, halo: int
+) -> tuple[np.float32, ...]:
+    """Return the sums of the fifteen products of a tile, whose rows with their halo follow one another.
+
+    In one loop over all rows: the weights of the halo are 0. Slopes are of five taps, exact for quartics, 3% small at
+    1 rad/px.
+    """
+    near, far = np.float32(8 / 12), np.float32(1 / 12)
+    pixels = total = np.float32(0)
+    for at in range(len(mean)):
+        pixels += weights[at]
+        total += weights[at] * mean[at]
+    level = total / max(pixels, np.float32(1))
+    aa = ab = ac = ad = ae = bb = bc = bd = be = cd = ce = dd = de = ee = np.float32(0)
+    first, stop = halo * side, len(mean) - halo * side
+    here, one, other, there = mean[first:stop], before[first:stop], warped[first:stop], weights[first:stop]
+    above, below = mean[first - side : stop - side], mean[first + side : stop + side]
+    highest, lowest = mean[first - 2 * side : stop - 2 * side], mean[first + 2 * side : stop + 2 * side]
+    left, right = mean[first - 1 : stop - 1], mean[first + 1 : stop + 1]
+    leftmost, rightmost = mean[first - 2 : stop - 2], mean[first + 2 : stop + 2]
+    for at in range(len(here)):
+        c = there[at]
+        a = c * (near * (right[at] - left[at]) - far * (rightmost[at] - leftmost[at]))
         b = c * (near * (below[at] - above[at]) - far * (lowest[at] - highest[at]))
-        d, e = c * (here[at] - level), c * (warped[at] - before[at])
+        d, e = c * (here[at] - level), c * (other[at] - one[at])
         aa += a * a
         ab += a * b
         ac += a
@@ -75,14 +73,9 @@ def _add_row(
         bc += b
         bd += b * d
         be += b * e
-        cc += c
         cd += d
         ce += e
         dd += d * d
         de += d * e
         ee += e * e
-    rows = ((aa, ab, ac, ad, ae), (zero, bb, bc, bd, be), (zero, zero, cc, cd, ce), (zero, zero, zero, dd, de),
-            (zero, zero, zero, zero, ee))  # fmt: skip
-    for i in range(5):
-        for k in range(i, 5):
-            sums[i, k] += rows[i][k]
+    return aa, ab, ac, ad, ae, bb, bc, bd, be, pixels, cd, ce, dd, de, ee

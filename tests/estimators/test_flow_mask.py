@@ -52,7 +52,10 @@ def test_grazed_ground_is_left_out() -> None:
 
 def seen(depth0: np.ndarray, depth1: np.ndarray, motion: RigidMotion, uncertainty_px: float = 0.0) -> np.ndarray:
     inverse0, inverse1 = inverse_depth(depth0), inverse_depth(depth1)
-    return seen_in_both(K, motion, COLUMNS, ROWS, inverse0, inverse1, edges(inverse1, FOCAL_PX), uncertainty_px)
+    everywhere = np.ones(inverse0.shape, np.bool_)
+    return seen_in_both(
+        K, motion, COLUMNS, ROWS, inverse0, everywhere, inverse1, edges(inverse1, FOCAL_PX), uncertainty_px
+    )
 
 
 def test_whole_plane_is_seen_from_where_the_camera_goes() -> None:

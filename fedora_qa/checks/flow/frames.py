@@ -1,6 +1,7 @@
 """What a field of flow is held against: two smoothed frames on the flow's own grid, and the pixels that both show."""
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -95,7 +96,9 @@ class FramePair:
         if self.optics.H_rgb_flow is None and self._in_parts(self.before, len(origins) * PATCH_PX**2):
             rgb, taps = self.window.rgb(self.before), taps_at_pixels(self.optics.sigma_px)
             corners = origins - HALO_PX
-            return np.asarray(smoothed_patches(rgb, _luma_of_codes(self.window.facts), taps, corners, PATCH_PX))
+            return np.asarray(
+                smoothed_patches(rgb, _luma_of_codes(self.window.facts.declared.transfer), taps, corners, PATCH_PX)
+            )
         columns, rows = pixels_of(origins)
         return self._read(self.before, columns.astype(np.float32), rows.astype(np.float32))
 
@@ -105,7 +108,7 @@ class FramePair:
         middles = (origins + TILE_PX // 2).astype(np.float32)
         corners = np.stack(self._on_frame(middles[:, 0], middles[:, 1]), axis=-1) - TILE_PX // 2
         inside = np.clip(np.rint(corners), 0, np.array(rgb.shape[1::-1]) - TILE_PX).astype(np.int64)
-        patches = smoothed_patches(rgb, _luma_of_codes(self.window.facts), _AS_IT_IS, inside, TILE_PX)
+        patches = smoothed_patches(rgb, _luma_of_codes(self.window.facts.declared.transfer), _AS_IT_IS, inside, TILE_PX)
         return np.maximum(noise_variances(patches), LUMA_ROUNDING_VARIANCE_DN2)
 
     def second(self, columns: Float32, rows: Float32) -> Float32:
@@ -119,7 +122,9 @@ class FramePair:
         parts = parts_about(columns, rows, rgb.shape[1], rgb.shape[0])
         sides = parts[:, 2:] - parts[:, :2] + len(taps) - 1
         if self._in_parts(frame, int(np.sum(sides[:, 0] * sides[:, 1]))):
-            return np.asarray(read_parts(rgb, _luma_of_codes(self.window.facts), taps, parts, columns, rows))
+            return np.asarray(
+                read_parts(rgb, _luma_of_codes(self.window.facts.declared.transfer), taps, parts, columns, rows)
+            )
         flat = (-1, columns.shape[-1])
         return read_between(self._smoothed(frame), columns.reshape(flat), rows.reshape(flat)).reshape(columns.shape)
 
@@ -141,9 +146,10 @@ class FramePair:
         return self.window.of_image("smooth luma", frame, lambda: smooth(luma_dn(self.window, frame), sigma_px))
 
 
-def _luma_of_codes(facts: Facts) -> Float32:
+@cache
+def _luma_of_codes(transfer: str) -> Float32:
     """Return what each code (3, 256) of a channel adds to the luma of linear R, G, B, in DN."""
-    linear_dn = to_linear(np.arange(256.0), facts.declared.transfer)
+    linear_dn = to_linear(np.arange(256.0), transfer)
     return np.outer(LUMA_WEIGHTS_RGB, linear_dn).astype(np.float32)
 
 
@@ -163,16 +169,17 @@ def visible(window: Window, interval: Interval, origins: Int64) -> tuple[Mask, b
     if geometry is None:
         return _visible_by_flow(window, interval, origins), False
     frame0, frame1 = geometry.frames
-    near_edge = patches_of(_edges(window, frame0), origins, halo_px=0) > 0
+    away_from_edges = patches_of(_edges(window, frame0), origins, halo_px=0) == 0
     columns, rows = pixels_of(origins, halo_px=0)
     inverse0 = patches_of(inverse_depth_of(window, frame0), origins, halo_px=0)
     flat = (-1, columns.shape[-1])
     seen = seen_in_both(
         geometry.track.camera.K, geometry.motion.corrected(geometry.correction),
         columns.reshape(flat).astype(np.float32), rows.reshape(flat).astype(np.float32),
-        inverse0.reshape(flat), inverse_depth_of(window, frame1), _edges(window, frame1), geometry.uncertainty_px,
+        inverse0.reshape(flat), away_from_edges.reshape(flat), inverse_depth_of(window, frame1),
+        _edges(window, frame1), geometry.uncertainty_px,
     )  # fmt: skip
-    return np.asarray(seen.reshape(columns.shape) & ~near_edge), True
+    return seen.reshape(columns.shape), True
 
 
 def _visible_by_flow(window: Window, interval: Interval, origins: Int64) -> Mask:

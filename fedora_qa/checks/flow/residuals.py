@@ -141,7 +141,8 @@ def sample_tiles(frames: FramePair, interval: Interval, share: float) -> Tiles |
 
 def textured(residuals: TileResiduals) -> Mask:
     """Return which tiles can tell their flow: enough pixels, and enough texture for the assumed noise floor."""
-    worst_variance = np.linalg.eigvalsh(residuals.noise_covariances_px2)[:, 1]
+    of_u, of_v, both = (residuals.noise_covariances_px2[:, i, j] for i, j in ((0, 0), (1, 1), (0, 1)))
+    worst_variance = 0.5 * (of_u + of_v) + np.hypot(0.5 * (of_u - of_v), both)  # the larger eigenvalue
     return np.asarray((worst_variance < TEXTURED_PX**2) & (residuals.valid_share >= FEWEST_VALID))
 
 
