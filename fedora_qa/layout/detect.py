@@ -23,9 +23,9 @@ def detect_dialect(file: h5py.File) -> Dialect:
     Hints decide between equals, then the order of ``DIALECT_NAMES``; a file in which nothing is found is read as
     canonical, so that everything is reported absent from there.
     """
-    dialects = [load_dialect(name) for name in DIALECT_NAMES]
     if declares_fedora(file):
-        return dialects[0]
+        return load_dialect(FORMAT_NAME)
+    dialects = [load_dialect(name) for name in DIALECT_NAMES]
     return max(dialects, key=lambda dialect: (_found(file, dialect), _hinted(file, dialect)))
 
 

@@ -1,6 +1,7 @@
 """Read what a file declares about itself. Nothing here raises: whatever cannot be used becomes a problem."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any, Final
 
 import h5py
@@ -11,7 +12,7 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import canonical_rows
 from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, attributes_of
-from fedora_qa.layout.links import RefusedError, find_object
+from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_object
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.layout.stored_attribute import text_attribute
 from fedora_qa.sequence.attributes import MalformedError, read_attribute
@@ -117,10 +118,10 @@ class _Reader:
         """Return the label ``units`` of each dataset that carries one."""
         labels: dict[str, str] = {}
         for key, binding in self.layout.bindings.items():
-            holder = self._holder(binding.path)
-            label = None if holder is None else text_attribute(holder, "units")
-            if label is not None:
-                labels[key] = label
+            with suppress(*READ_ERRORS):
+                label = text_attribute(self.file[binding.path], "units")
+                if label is not None:
+                    labels[key] = label
         return labels
 
     def _holder(self, path: str) -> h5py.Group | h5py.Dataset | None:

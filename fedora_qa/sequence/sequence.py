@@ -1,6 +1,7 @@
 """Open a sequence: read-only, lazy, in canonical units."""
 
 from contextlib import ExitStack, closing
+from dataclasses import dataclass
 from math import prod
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -50,6 +51,15 @@ class SequenceRows(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What opening a file finds out, for whoever opens the same version again. ``Sequence`` says what each means."""
+
+    layout: Layout
+    declared: Declared
+    origin_ns: int
+
+
 class Sequence:
     """An open file. Use as a context manager; it never writes.
 
@@ -68,15 +78,20 @@ class Sequence:
     """
 
     def __init__(
-        self, path: Place, file: h5py.File, dialect: Dialect | None, remote: RemoteBytes | None = None
+        self,
+        path: Place,
+        file: h5py.File,
+        dialect: Dialect | None,
+        remote: RemoteBytes | None = None,
+        known: Known | None = None,
     ) -> None:
         self.path = path
         self._file = file
         self._remote = remote
         self.version: Version = remote.version if remote else version_of(path)
-        self.layout: Layout = resolve(file, dialect)
-        self.declared: Declared = read_declared(file, self.layout)
-        self.origin_ns: int = self._find_origin_ns()
+        self.layout: Layout = known.layout if known else resolve(file, dialect)
+        self.declared: Declared = known.declared if known else read_declared(file, self.layout)
+        self.origin_ns: int = known.origin_ns if known else self._find_origin_ns()
         self._require_sound()
 
     def __enter__(self) -> Self:
@@ -92,6 +107,11 @@ class Sequence:
         self._file.close()
         if self._remote:
             self._remote.close()
+
+    @property
+    def known(self) -> Known:
+        """What opening it has found out."""
+        return Known(self.layout, self.declared, self.origin_ns)
 
     @property
     def traffic(self) -> Traffic:
@@ -150,7 +170,7 @@ class Sequence:
         return instant_ns(first[0], binding) if len(first) else None
 
 
-def open_sequence(path: Place, dialect: Dialect | None = None) -> Sequence:
+def open_sequence(path: Place, dialect: Dialect | None = None, known: Known | None = None) -> Sequence:
     """Open a file for reading.
 
     Parameters
@@ -159,6 +179,8 @@ def open_sequence(path: Place, dialect: Dialect | None = None) -> Sequence:
         An HDF5 file, on this machine or behind a URL.
     dialect
         How the file names and scales things; recognised from the file when None.
+    known
+        What opening this version of the file has found out before, to be held to that version by the caller.
 
     Raises
     ------
@@ -170,20 +192,20 @@ def open_sequence(path: Place, dialect: Dialect | None = None) -> Sequence:
         The file begins like HDF5 and cannot be opened.
     """
     if isinstance(path, RemoteFile):
-        return _open_remote(path, dialect)
+        return _open_remote(path, dialect, known)
     require_signature(path)
     try:
         file = h5py.File(path, "r", locking="best-effort")
     except OSError as error:
         raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
     try:
-        return Sequence(path, file, dialect)
+        return Sequence(path, file, dialect, known=known)
     except BaseException:
         file.close()
         raise
 
 
-def _open_remote(place: RemoteFile, dialect: Dialect | None) -> Sequence:
+def _open_remote(place: RemoteFile, dialect: Dialect | None, known: Known | None) -> Sequence:
     """Open a file behind a URL through Python's reading of it; HDF5's own drivers for servers are seldom built in."""
     with ExitStack() as opened:
         remote = opened.enter_context(closing(RemoteBytes(place, BLOCK_BYTES)))
@@ -193,7 +215,7 @@ def _open_remote(place: RemoteFile, dialect: Dialect | None) -> Sequence:
         except OSError as error:
             remote.require_sound()
             raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
-        sequence = Sequence(place, file, dialect, remote)
+        sequence = Sequence(place, file, dialect, remote, known)
         opened.pop_all()
         return sequence
 
