@@ -21,6 +21,12 @@ from fedora_qa.sequence.declared import Camera, DeclarationProblem, Declared, Ev
 Values = Mapping[str, Any]
 
 CAMERAS: Final = ("rgb", "depth", "events")
+NEAREST_DEPTH_M: Final = 1e-6
+"""No light shows a surface that is nearer to a lens than about its wavelength."""
+
+FARTHEST_DEPTH_M: Final = 12_742_000.0
+"""Diameter of the Earth: what surfaces a camera above it can see lie nearer."""
+
 _OWNERS: Final = tuple(dict.fromkeys(owner for owner, _ in ATTRIBUTES))
 
 
@@ -108,8 +114,9 @@ class _Reader:
         except UnreadableRowsError as error:
             self._problem("metadata", "depth_range", "unknown", str(error))
             return None
-        if not 0 < nearest < farthest < float("inf"):
-            message = f"Expected 0 < nearest < farthest in metres, got {nearest} and {farthest}"
+        if not NEAREST_DEPTH_M <= nearest < farthest <= FARTHEST_DEPTH_M:
+            bounds = f"{NEAREST_DEPTH_M:g} <= nearest < farthest <= {FARTHEST_DEPTH_M:g}"
+            message = f"Expected {bounds} in metres, got {nearest:g} and {farthest:g}"
             self._problem("metadata", "depth_range", "unknown", message)
             return None
         return nearest, farthest
