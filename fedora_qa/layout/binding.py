@@ -1,7 +1,9 @@
 """Where one dataset of a file lies, and how its stored values become canonical ones."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
 from typing import Any, Final, Literal
 
 import h5py
@@ -63,6 +65,8 @@ class Binding:
     chunk_rows
         Rows that are decoded together: those of a chunk, or of as many chunks as ``rows_together`` says; 0 for
         contiguous storage.
+    stored_chunk
+        Shape of one stored chunk; empty for contiguous storage.
     """
 
     key: str
@@ -76,6 +80,12 @@ class Binding:
     scale: float = 1.0
     polarity: Polarity = "01"
     chunk_rows: int = 0
+    stored_chunk: tuple[int, ...] = ()
+
+    @property
+    def chunk_grid(self) -> tuple[int, ...]:
+        """How many chunks are stored along each axis; empty for contiguous storage."""
+        return tuple(-(-size // chunk) for size, chunk in zip(self.shape, self.stored_chunk, strict=False))
 
     @property
     def is_stored_canonically(self) -> bool:
@@ -100,8 +110,21 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int) -> NDArra
     try:
         stored = np.asarray(file[binding.path][start:stop])
     except READ_ERRORS as error:
-        raise UnreadableRowsError(binding.key, start, stop, str(error)) from error
+        failing = tuple(_failing_chunks(file, binding, start, stop))
+        raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from error
     return _select(stored, binding)
+
+
+def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) -> Iterator[int]:
+    """Try the chunks of some rows one by one, and yield the numbers of those that fail, in the order of the file."""
+    grid, chunk = binding.chunk_grid, binding.stored_chunk
+    if not grid or start >= stop:
+        return
+    for place in product(range(start // chunk[0], -(-stop // chunk[0])), *map(range, grid[1:])):
+        try:
+            file[binding.path][tuple(slice(at * size, (at + 1) * size) for at, size in zip(place, chunk, strict=True))]
+        except READ_ERRORS:
+            yield int(np.ravel_multi_index(place, grid))
 
 
 def canonical_rows(file: h5py.File, binding: Binding, start: int, stop: int, origin_ns: int) -> NDArray[Any]:

@@ -275,6 +275,7 @@ def _as_stored(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str
         scale=scale_of(spec.key, place),
         polarity=place.polarity,
         chunk_rows=rows_together(spec.key, dataset.chunks[0]) if dataset.chunks else 0,
+        stored_chunk=dataset.chunks or (),
     )
 
 
