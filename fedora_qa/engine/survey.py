@@ -114,7 +114,7 @@ def survey_file(
     watch = Stopwatch()
     try:
         with watch.stage("open"):
-            sequence = open_sequence(path, options.dialect)
+            sequence = open_sequence(path, options.dialect, allow_external=options.allow_external)
     except UnreadableFileError as error:
         digest = file_digest(path)
         record = unreadable_record(path, digest, checks, str(error))
@@ -150,7 +150,7 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
         The file has been changed since, or one behind a URL cannot be read, or was changed meanwhile.
     """
     path, options, asked = survey.path, survey.options, survey.asked
-    with open_sequence(path, options.dialect, survey.known) as sequence:
+    with open_sequence(path, options.dialect, survey.known, options.allow_external) as sequence:
         require_same(survey, sequence.version)
         ready = ready_to_measure(sequence, survey.scanned, options.memory_bytes)
         chosen = tuple(ready.spans[number] for number in survey.plan.chosen)

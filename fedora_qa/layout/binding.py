@@ -1,14 +1,17 @@
 """Where one dataset of a file lies, and how its stored values become canonical ones."""
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
+from pathlib import Path
 from typing import Any, Final, Literal
 
 import h5py
 import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the Blosc codec
 import numpy as np
+from h5py import h5d, h5p
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import POLARITY_BRIGHTER, POLARITY_DARKER
@@ -67,6 +70,8 @@ class Binding:
         contiguous storage.
     stored_chunk
         Shape of one stored chunk; empty for contiguous storage.
+    source
+        File and path there, where HDF5 reads other files for it; None: it lies in the file as everything does.
     """
 
     key: str
@@ -81,6 +86,7 @@ class Binding:
     polarity: Polarity = "01"
     chunk_rows: int = 0
     stored_chunk: tuple[int, ...] = ()
+    source: tuple[str, str] | None = None
 
     @property
     def chunk_grid(self) -> tuple[int, ...]:
@@ -99,6 +105,15 @@ def rows_together(key: str, stored_rows: int) -> int:
     return stored_rows * -(-fewest // stored_rows) if 0 < stored_rows < fewest else stored_rows
 
 
+def stored_dataset(file: h5py.File, binding: Binding) -> h5py.Dataset:
+    """Open a dataset in the file that holds it, whose other files lie beside it; raises ``READ_ERRORS``."""
+    if binding.source is None:
+        return file[binding.path]
+    access = h5p.create(h5p.DATASET_ACCESS)
+    access.set_efile_prefix(os.fsencode(Path(file.filename).parent))
+    return h5py.Dataset(h5d.open(file.id, binding.source[1].encode("utf-8", "surrogateescape"), access), readonly=True)
+
+
 def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int) -> NDArray[Any]:
     """Return rows in stored units and type, columns selected and ordered canonically.
 
@@ -108,7 +123,7 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int) -> NDArra
         The rows cannot be decoded: damaged bytes, a wrong checksum, or an unknown codec.
     """
     try:
-        stored = np.asarray(file[binding.path][start:stop])
+        stored = np.asarray(stored_dataset(file, binding)[start:stop])
     except READ_ERRORS as error:
         failing = tuple(_failing_chunks(file, binding, start, stop))
         raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from error
@@ -122,7 +137,9 @@ def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) ->
         return
     for place in product(range(start // chunk[0], -(-stop // chunk[0])), *map(range, grid[1:])):
         try:
-            file[binding.path][tuple(slice(at * size, (at + 1) * size) for at, size in zip(place, chunk, strict=True))]
+            stored_dataset(file, binding)[
+                tuple(slice(at * size, (at + 1) * size) for at, size in zip(place, chunk, strict=True))
+            ]
         except READ_ERRORS:
             yield int(np.ravel_multi_index(place, grid))
 
