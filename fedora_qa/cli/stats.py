@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import click
@@ -9,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fedora_qa import __version__
+from fedora_qa.cli.apart import apart
 from fedora_qa.cli.check import PATH, folders_named, require_hdf5
 from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
@@ -16,10 +18,14 @@ from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.stats_tables import NOTES, StatsTable, tables_of
 from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.config import parse_bytes
+from fedora_qa.engine.desk import OPENING_S
+from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.statistics import collect_statistics
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
+from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.statistics.collector import Statistics
 
 
@@ -58,7 +64,15 @@ def _statistics_of(
     path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: tuple[Path, ...]
 ) -> Statistics:
     with progress_bar(path.name) as report:
-        return collect_statistics(path, dialect, memory_bytes, report, allow_external)
+        return apart(partial(_counted, path, dialect, memory_bytes, allow_external), path, report)
+
+
+def _counted(
+    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: tuple[Path, ...], progress: Progress
+) -> Statistics:
+    with fuse(OPENING_S):
+        open_sequence(path, dialect, allow_external=allow_external).close()
+    return collect_statistics(path, dialect, memory_bytes, progress, allow_external)
 
 
 def _as_json(found: Mapping[str, Statistics]) -> str:
