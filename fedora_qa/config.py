@@ -11,6 +11,7 @@
     jobs = 1                        # tasks at once, each in a process of its own; they share the memory
     false_alarm_rate = 1e-4         # a file, shared by all its comparisons
     canary = false                  # whether each check must see a fault that is planted for it in memory
+    allow_external = []             # folders in which other files may be read that a file links to; none where absent
 
     [required_coverage]             # least share that a subject or check must see, 0 to 1
     integrity = 1.0
@@ -80,6 +81,8 @@ class CheckConfig:
     """Whether each check must see a fault that is planted for it in memory."""
     jobs: Annotated[int, Field(ge=1)] = 1
     """Tasks at once, each in a process of its own; they share the memory."""
+    allow_external: tuple[str, ...] = ()
+    """Folders, beside this file, in which other files may be read that a file links to or is made of; none if empty."""
     required_coverage: Mapping[str, Share] = field(default_factory=dict)
     """Least share, 0 to 1, that a subject or check must see."""
 
@@ -92,6 +95,8 @@ class CheckConfig:
     def digest(self) -> str:
         """SHA-256 of everything that is configured and may change the record, equal for equal configurations."""
         deciding = {name: value for name, value in asdict(self).items() if name not in _DECIDES_NOTHING}
+        if not self.allow_external:
+            del deciding["allow_external"]  # as when there was no such key
         canonical = json.dumps(deciding, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 
@@ -109,7 +114,7 @@ def read_config(path: Path) -> CheckConfig:
     """
     config = read_toml(path, CONFIG_READER, "configuration")
     parse_bytes(config.memory)
-    return dialect_beside(config, path)
+    return files_beside(config, path)
 
 
 def with_options(config: CheckConfig, options: Mapping[str, Any]) -> CheckConfig:
@@ -143,8 +148,10 @@ def read_toml(path: Path, reader: TypeAdapter[T], noun: str) -> T:
         raise MisuseError(f"Expected a legal {noun} in {path}, got {_first_problem(error)}") from None
 
 
-def dialect_beside(config: CheckConfig, path: Path) -> CheckConfig:
-    """Return the configuration with a dialect's file looked for beside the file that names it."""
+def files_beside(config: CheckConfig, path: Path) -> CheckConfig:
+    """Return the configuration with folders, and a dialect's file, looked for beside the file that names them."""
+    folders = tuple(str(path.parent / folder) for folder in config.allow_external)
+    config = replace(config, allow_external=folders)
     if config.dialect is not None and config.dialect.endswith(".toml"):
         return replace(config, dialect=str(path.parent / config.dialect))
     return config

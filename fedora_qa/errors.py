@@ -41,14 +41,18 @@ class UnreadableRowsError(FedoraError):
         Canonical key of the dataset.
     start, stop
         The rows that were asked for.
+    chunks
+        Stored chunks of these rows that fail by themselves, by their number in the dataset; empty where they were not
+        tried one by one.
     """
 
-    def __init__(self, key: str, start: int, stop: int, reason: str) -> None:
+    def __init__(self, key: str, start: int, stop: int, reason: str, chunks: tuple[int, ...] = ()) -> None:
         super().__init__(f"Expected rows {start} to {stop} of {key} to decode, got: {reason}")
         self.key = key
         self.start = start
         self.stop = stop
         self.reason = reason
+        self.chunks = chunks
 
 
 class WorkerLostError(FedoraError):

@@ -14,7 +14,7 @@ from fedora_qa.cli.check_names import complete_check
 from fedora_qa.cli.exit_codes import exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
 from fedora_qa.cli.kept import kept_folder
-from fedora_qa.cli.output_options import record_options
+from fedora_qa.cli.output_options import allow_external_option, record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.place_param import PlaceParam
 from fedora_qa.cli.record import gathered_arrays, record_of
@@ -85,6 +85,7 @@ PATH = click.Path(path_type=Path)
     default=None,
     help="Plant a fault for each check, in memory: one that does not see its own is reported as crashed.",
 )
+@allow_external_option
 @record_options
 def check(
     files: tuple[Place, ...],
@@ -139,7 +140,17 @@ def check_options(settings: CheckConfig) -> CheckOptions:
         memory_bytes=settings.memory_bytes,
         false_alarm_rate=settings.false_alarm_rate,
         canary=settings.canary,
+        allow_external=folders_named(settings.allow_external),
     )
+
+
+def folders_named(names: tuple[str, ...]) -> tuple[Path, ...]:
+    """Return folders in which other files may be read; raises ``MisuseError`` where one is none."""
+    folders = tuple(Path(name).absolute() for name in names)
+    for folder in folders:
+        if not folder.is_dir():
+            raise MisuseError(f"Expected a folder in which other files may be read, got {folder}")
+    return folders
 
 
 def _require_checks(settings: CheckConfig) -> None:

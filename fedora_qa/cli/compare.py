@@ -7,8 +7,9 @@ from rich.table import Table
 from rich.text import Text
 
 from fedora_qa.cli.arrays import arrays_beside
-from fedora_qa.cli.check import PATH
+from fedora_qa.cli.check import PATH, folders_named
 from fedora_qa.cli.compared import read_sources, sources_of
+from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.comparison.compare import DEFAULT_FALSE_ALARM_RATE
@@ -41,6 +42,7 @@ from fedora_qa.record.atomic import write_text
 )
 @click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
 @click.option("--memory", metavar="AMOUNT", default="1GB", show_default=True, help="Memory to aim at.")
+@allow_external_option
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write every number.")
 @click.option("--html", "html_path", type=PATH, metavar="OUT", help="Write tables and plots, in one HTML file.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
@@ -50,6 +52,7 @@ def compare(
     false_alarm_rate: float,
     dialect: str | None,
     memory: str,
+    allow_external: tuple[str, ...],
     json_path: Path | None,
     html_path: Path | None,
     markdown_path: Path | None,
@@ -66,7 +69,9 @@ def compare(
     sources = sources_of(given, known)
     read = [path for source in sources for path in source.paths]
     Outputs(json_path, markdown_path, html_path).require_writable([*read, *map(arrays_beside, read)])
-    found = compare_subjects(read_sources(sources, known, memory_bytes), design, false_alarm_rate)
+    found = compare_subjects(
+        read_sources(sources, known, memory_bytes, folders_named(allow_external)), design, false_alarm_rate
+    )
     if json_path:
         write_text(json_path, comparison_to_json(found))
     if markdown_path:

@@ -50,13 +50,19 @@ def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, 
     return sources
 
 
-def read_sources(sources: Sequence[Source], dialect: Dialect | None, memory_bytes: int) -> tuple[Given, ...]:
+def read_sources(
+    sources: Sequence[Source], dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path] = ()
+) -> tuple[Given, ...]:
     """Read the records, and measure the files that have none."""
     names = labels([str(source.given) for source in sources])
     return tuple(
         Given(
             name,
-            tuple(_recorded(source.paths) if source.records else _measured(source.paths, dialect, memory_bytes)),
+            tuple(
+                _recorded(source.paths)
+                if source.records
+                else _measured(source.paths, dialect, memory_bytes, allow_external)
+            ),
         )
         for name, source in zip(names, sources, strict=True)
     )
@@ -82,10 +88,12 @@ def _recorded(paths: Sequence[Path]) -> Iterator[GivenFile]:
             yield GivenFile(file.path, file.statistics, sampled_from(arrays, f"{place}/" if apart else ""), file)
 
 
-def _measured(paths: Sequence[Path], dialect: Dialect | None, memory_bytes: int) -> Iterator[GivenFile]:
+def _measured(
+    paths: Sequence[Path], dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path]
+) -> Iterator[GivenFile]:
     for path in paths:
         with progress_bar(path.name) as report:
-            found = measure_file(path, dialect, memory_bytes, report)
+            found = measure_file(path, dialect, memory_bytes, report, allow_external)
         statistics = {name: _finite(group) for name, group in found.statistics.items()}
         yield GivenFile(str(path), statistics, sampled_from(found.arrays))
 

@@ -1,26 +1,34 @@
 """``fedora-qa extract``: the least file that shows a finding, to send to somebody."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, get_args
 
 import click
 
+from fedora_qa.cli.apart import apart
 from fedora_qa.cli.check import check_options, require_hdf5, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.output_options import PATH
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
+from fedora_qa.engine.desk import OPENING_S
 from fedora_qa.engine.digest import file_digest
 from fedora_qa.engine.effort import Effort
+from fedora_qa.engine.fuse import fuse
 from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.run import check_file
 from fedora_qa.errors import MisuseError, UnreadableFileError
-from fedora_qa.extract.extract import LONGEST_S, Extracted, Report, Wanted
+from fedora_qa.extract.extract import LONGEST_S, Extracted, Wanted
 from fedora_qa.extract.extract import extract as extract_piece
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import FileRecord, Record
 from fedora_qa.record.wording import printable
+from fedora_qa.sequence.sequence import open_sequence
 
 
 @click.command(short_help="Cut out the least file that shows a finding, to send to somebody.")
@@ -68,7 +76,7 @@ def extract(
     known = _known(file, record, record_path) if record and record_path else _checked(file, options)
     wanted = _wanted(finding, known)
     with progress_bar(file.name) as bar:
-        extracted = _extracted(file, output, wanted, options, longest_s, lambda what: bar(f"looking at {what}", 0, 1))
+        extracted = _extracted(file, output, wanted, options, longest_s, bar)
     for line in _lines(file, output, finding, wanted, extracted):
         click.echo(printable(line))
     return CLEAN if extracted.found else INCOMPLETE
@@ -76,7 +84,17 @@ def extract(
 
 def _checked(file: Path, options: CheckOptions) -> FileRecord:
     with progress_bar(file.name) as bar:
-        return check_file(file, options, bar).record
+        return apart(partial(_found, file, options), file, bar)
+
+
+def _found(file: Path, options: CheckOptions, progress: Progress) -> FileRecord:
+    _require_end(file, options)
+    return check_file(file, options, progress).record
+
+
+def _require_end(file: Path, options: CheckOptions) -> None:
+    with fuse(OPENING_S), suppress(UnreadableFileError):  # whoever opens it for work tells what is wrong with it
+        open_sequence(file, options.dialect).close()
 
 
 def _as_recorded(given: Mapping[str, Any], record: Record | None) -> dict[str, Any]:
@@ -86,12 +104,24 @@ def _as_recorded(given: Mapping[str, Any], record: Record | None) -> dict[str, A
 
 
 def _extracted(
-    file: Path, output: Path, wanted: Wanted, options: CheckOptions, longest_s: float, report: Report
+    file: Path, output: Path, wanted: Wanted, options: CheckOptions, longest_s: float, progress: Progress
 ) -> Extracted:
+    """Write the piece by another process, in a folder that goes with it where that dies."""
     try:
-        return extract_piece(file, output, wanted, options, longest_s, report)
+        with TemporaryDirectory(prefix=f".{output.name}.", dir=output.parent) as folder:
+            written = Path(folder) / output.name
+            extracted = apart(partial(_cut, file, written, wanted, options, longest_s), file, progress)
+            written.replace(output)
+            return extracted
     except UnreadableFileError as problem:
         raise MisuseError(f"Expected a file to cut a piece out of, got: {problem}; send the file as it is") from None
+
+
+def _cut(
+    file: Path, output: Path, wanted: Wanted, options: CheckOptions, longest_s: float, progress: Progress
+) -> Extracted:
+    _require_end(file, options)
+    return extract_piece(file, output, wanted, options, longest_s, lambda what: progress(f"looking at {what}", 0, 1))
 
 
 def _known(file: Path, record: Record, record_path: Path) -> FileRecord:

@@ -9,7 +9,7 @@ import click
 from fedora_qa.cli.check import check_options, require_hdf5
 from fedora_qa.cli.exit_codes import CLEAN, exit_code
 from fedora_qa.cli.files import Request, checked, executor_for
-from fedora_qa.cli.output_options import PATH, record_options
+from fedora_qa.cli.output_options import PATH, allow_external_option, record_options
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.record import gathered_arrays, record_of
 from fedora_qa.cli.say import say_record
@@ -33,6 +33,7 @@ from fedora_qa.record.json_io import read_record
 )
 @click.option("--jobs", type=click.IntRange(min=1), help="Files, and windows of a file, checked at once.")
 @click.option("--certificate", type=PATH, metavar="OUT", help="Write what was checked, where the release is clean.")
+@allow_external_option
 @record_options
 def gate(
     folder: Path,
@@ -40,6 +41,7 @@ def gate(
     baseline_path: Path | None,
     jobs: int | None,
     certificate: Path | None,
+    allow_external: tuple[str, ...],
     outputs: Outputs,
 ) -> int:
     """Check every sequence in DIR, and DIR as a whole, as a policy demands.
@@ -54,6 +56,8 @@ def gate(
     outputs = replace(outputs, own=(certificate,))
     outputs.require_writable([*paths, policy_path, *([baseline_path] if baseline_path else [])])
     settings = replace(policy.check, jobs=jobs) if jobs else policy.check
+    settings = replace(settings, allow_external=allow_external) if allow_external else settings
+    policy = replace(policy, check=settings)
     options = replace(check_options(settings), evidence=EvidenceOptions() if outputs.show_evidence else None)
     require_hdf5(paths)
     now = datetime.now(UTC)

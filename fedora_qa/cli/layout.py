@@ -1,7 +1,9 @@
 """``fedora-qa layout``: what a file holds, where, and what was inferred."""
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Final
 
 import click
 import h5py
@@ -10,16 +12,22 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from fedora_qa.cli.apart import apart
 from fedora_qa.cli.check import PATH, require_hdf5
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.terminal import stdout_console, text
+from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.progress import Progress
 from fedora_qa.errors import UnreadableFileError
 from fedora_qa.layout.describe import DatasetRow, Description, describe
-from fedora_qa.layout.dialect import load_dialect
+from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.layout.draft import draft_dialect
 from fedora_qa.layout.resolve import resolve
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.wording import number
+
+LONGEST_S: Final = 20.0
+"""Seconds of processor; a file of ten thousand objects takes a few."""
 
 _UNUSED_SHOWN = 20
 _WIDE = 110
@@ -35,18 +43,23 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None) -> int:
     known = load_dialect(dialect) if dialect else None
     Outputs(own=(draft_path,)).require_writable([file])
     require_hdf5([file])
-    try:
-        with h5py.File(file, "r", locking="best-effort") as opened:
-            description = describe(opened, resolve(opened, known))
-            draft = draft_dialect(opened, draft_path.stem) if draft_path else ""
-    except OSError as error:
-        raise UnreadableFileError(f"Expected a complete HDF5 file, got: {str(error).splitlines()[0]}") from None
+    description, draft = apart(partial(_described, file, known, draft_path.stem if draft_path else ""), file)
     if draft_path:
         write_text(draft_path, draft)
     console = stdout_console()
     for part in _parts(description, console.width):
         console.print(part)
     return 0
+
+
+def _described(file: Path, known: Dialect | None, draft_name: str, _: Progress) -> tuple[Description, str]:
+    """Return what a file holds, and where a name is given for one, a draft of its dialect."""
+    try:
+        with fuse(LONGEST_S), h5py.File(file, "r", locking="best-effort") as opened:
+            description = describe(opened, resolve(opened, known))
+            return description, draft_dialect(opened, draft_name) if draft_name else ""
+    except OSError as error:
+        raise UnreadableFileError(f"Expected a complete HDF5 file, got: {str(error).splitlines()[0]}") from None
 
 
 def _parts(description: Description, width: int) -> Iterator[RenderableType]:

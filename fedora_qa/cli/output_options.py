@@ -11,6 +11,13 @@ from fedora_qa.cli.outputs import Outputs
 
 PATH: Final = click.Path(path_type=Path)
 
+allow_external_option: Final = click.option(
+    "--allow-external",
+    multiple=True,
+    metavar="DIR",
+    help="Read other files that a file links to or is made of, if they lie in DIR. May be repeated; else none is.",
+)
+
 _OPTIONS: Final = (
     click.option("--html", type=PATH, metavar="OUT", help="Write a report with pictures, in one HTML file."),
     click.option("--markdown", type=PATH, metavar="OUT", help="Write a summary for a pull request."),

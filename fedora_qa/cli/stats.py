@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import click
@@ -9,16 +10,22 @@ from rich.table import Table
 from rich.text import Text
 
 from fedora_qa import __version__
-from fedora_qa.cli.check import PATH, require_hdf5
+from fedora_qa.cli.apart import apart
+from fedora_qa.cli.check import PATH, folders_named, require_hdf5
+from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.stats_tables import NOTES, StatsTable, tables_of
 from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.config import parse_bytes
+from fedora_qa.engine.desk import OPENING_S
+from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.statistics import collect_statistics
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
+from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.statistics.collector import Statistics
 
 
@@ -26,17 +33,24 @@ from fedora_qa.statistics.collector import Statistics
 @click.argument("files", nargs=-1, required=True, type=PATH)
 @click.option("--dialect", metavar="NAME|FILE.toml", help="How the files name and scale things; else recognised.")
 @click.option("--memory", metavar="AMOUNT", default="1GB", show_default=True, help="Memory to aim at.")
+@allow_external_option
 @click.option("--json", "json_path", type=PATH, metavar="OUT", help="Write the numbers.")
 @click.option("--markdown", "markdown_path", type=PATH, metavar="OUT", help="Write the tables.")
 def stats(
-    files: tuple[Path, ...], dialect: str | None, memory: str, json_path: Path | None, markdown_path: Path | None
+    files: tuple[Path, ...],
+    dialect: str | None,
+    memory: str,
+    allow_external: tuple[str, ...],
+    json_path: Path | None,
+    markdown_path: Path | None,
 ) -> int:
     """Print what FILES are like: duration, distance, greatest speeds, event rate, flow, depth, brightness."""
     known = load_dialect(dialect) if dialect else None
     memory_bytes = parse_bytes(memory)
     Outputs(json_path, markdown_path).require_writable(files)
     require_hdf5(files)
-    found = {str(path): _statistics_of(path, known, memory_bytes) for path in files}
+    folders = folders_named(allow_external)
+    found = {str(path): _statistics_of(path, known, memory_bytes, folders) for path in files}
     tables = tables_of(found)
     if json_path:
         write_text(json_path, _as_json(found))
@@ -46,9 +60,19 @@ def stats(
     return 0
 
 
-def _statistics_of(path: Path, dialect: Dialect | None, memory_bytes: int) -> Statistics:
+def _statistics_of(
+    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: tuple[Path, ...]
+) -> Statistics:
     with progress_bar(path.name) as report:
-        return collect_statistics(path, dialect, memory_bytes, report)
+        return apart(partial(_counted, path, dialect, memory_bytes, allow_external), path, report)
+
+
+def _counted(
+    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: tuple[Path, ...], progress: Progress
+) -> Statistics:
+    with fuse(OPENING_S):
+        open_sequence(path, dialect, allow_external=allow_external).close()
+    return collect_statistics(path, dialect, memory_bytes, progress, allow_external)
 
 
 def _as_json(found: Mapping[str, Statistics]) -> str:

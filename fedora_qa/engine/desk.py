@@ -10,8 +10,8 @@ from fedora_qa.errors import FedoraError
 
 if TYPE_CHECKING:  # a worker has a desk before it has loaded what measures
     from fedora_qa.engine.file_task import Surveyed
+    from fedora_qa.engine.options import CheckOptions
     from fedora_qa.engine.survey import OpenSurvey, Survey
-    from fedora_qa.layout.dialect import Dialect
     from fedora_qa.storage.place import Place
 
 OPENING_S: Final = 5.0
@@ -58,14 +58,14 @@ class Desk:
         if not self._keeps or isinstance(surveyed.path, RemoteFile):
             self.clear()
 
-    def require_opens(self, path: "Place", dialect: "Dialect | None") -> None:
+    def require_opens(self, path: "Place", options: "CheckOptions") -> None:
         """End this process where a local file takes for ever to open; only in workers, whose end is noticed."""
         from fedora_qa.sequence.sequence import open_sequence  # noqa: PLC0415 - loads what measures
         from fedora_qa.storage.place import RemoteFile  # noqa: PLC0415 - as above
 
         if self._keeps and not isinstance(path, RemoteFile):
             with fuse(OPENING_S), suppress(FedoraError):  # whoever opens it for work tells what is wrong with it
-                open_sequence(path, dialect).close()
+                open_sequence(path, options.dialect, allow_external=options.allow_external).close()
 
     def clear(self) -> None:
         """Close what is open, and forget what has been decoded."""

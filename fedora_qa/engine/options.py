@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from fedora_qa.engine.effort import Effort
@@ -38,6 +39,8 @@ class CheckOptions:
         Seconds that ``check_files`` may take over all files together, in place of what the effort says; None: any.
     evidence
         How much to keep for a person to see; None: only what checks keep themselves.
+    allow_external
+        Folders in which other files may be read that a local file links to, or is made of; none where empty.
     """
 
     effort: Effort = "full"
@@ -49,6 +52,7 @@ class CheckOptions:
     canary: bool = False
     budget_s: float | None = None
     evidence: EvidenceOptions | None = field(default_factory=EvidenceOptions)
+    allow_external: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """The statistics of a file alone, without its checks."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,12 +26,16 @@ class Measured:
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
-def collect_statistics(path: Path, dialect: Dialect | None, memory_bytes: int, progress: Progress) -> Statistics:
+def collect_statistics(
+    path: Path, dialect: Dialect | None, memory_bytes: int, progress: Progress, allow_external: Iterable[Path] = ()
+) -> Statistics:
     """Hand every window of a file to the collector of statistics; raises as ``measure_file`` does."""
-    return _measured(path, dialect, memory_bytes, progress, distributed=False).statistics
+    return _measured(path, dialect, memory_bytes, progress, allow_external, distributed=False).statistics
 
 
-def measure_file(path: Path, dialect: Dialect | None, memory_bytes: int, progress: Progress) -> Measured:
+def measure_file(
+    path: Path, dialect: Dialect | None, memory_bytes: int, progress: Progress, allow_external: Iterable[Path] = ()
+) -> Measured:
     """Return statistics and distributions of a file.
 
     Raises
@@ -41,14 +45,20 @@ def measure_file(path: Path, dialect: Dialect | None, memory_bytes: int, progres
     RuntimeError
         A collector itself failed.
     """
-    return _measured(path, dialect, memory_bytes, progress, distributed=True)
+    return _measured(path, dialect, memory_bytes, progress, allow_external, distributed=True)
 
 
 def _measured(
-    path: Path, dialect: Dialect | None, memory_bytes: int, progress: Progress, *, distributed: bool
+    path: Path,
+    dialect: Dialect | None,
+    memory_bytes: int,
+    progress: Progress,
+    allow_external: Iterable[Path],
+    *,
+    distributed: bool,
 ) -> Measured:
     statistics = StatisticsCollector()
-    with open_sequence(path, dialect) as sequence:
+    with open_sequence(path, dialect, allow_external=allow_external) as sequence:
         ready = prepare(sequence, memory_bytes)
         distributions = DistributionsCollector(ready.spans)
         collectors: list[Accumulator] = [statistics, *([distributions] if distributed else [])]

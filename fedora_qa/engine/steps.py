@@ -18,7 +18,7 @@ def check_whole(task: FileTask, desk: Desk, progress: Progress) -> FileRun:
     """Check a file from beginning to end: arguments are the checks, None for what the options select, and options."""
     desk.clear()
     checks, options = task.arguments
-    desk.require_opens(_place(task), options.dialect)
+    desk.require_opens(_place(task), options)
     return whole_run(_place(task), asked_for(checks, options), options, progress)
 
 
@@ -26,7 +26,7 @@ def survey_file(task: FileTask, desk: Desk, progress: Progress) -> Surveyed | Fi
     """Scan the stamps of a file, arguments as above; its whole run where HDF5 refuses to open it."""
     desk.clear()
     checks, options = task.arguments
-    desk.require_opens(_place(task), options.dialect)
+    desk.require_opens(_place(task), options)
     found = surveyed_file(_place(task), asked_for(checks, options), options, progress)
     return found if isinstance(found, FileRun) else Surveyed(found.path, len(found.windows), Sealed.of(found))
 

@@ -19,8 +19,8 @@ from fedora_qa.errors import FedoraError, StorageError, UnreadableFileError
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.sequence.scan import Scan
+from fedora_qa.sequence.sequence import Known, open_sequence
 from fedora_qa.sequence.sequence import Sequence as FileSequence
-from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.sequence.window import Span
 from fedora_qa.statistics.collector import StatisticsCollector
 from fedora_qa.storage.place import Place, RemoteFile
@@ -36,6 +36,8 @@ class Survey:
     ----------
     version
         Whoever opens the file later must find the same.
+    known
+        What opening it has found out.
     checks
         All that were selected.
     reasons
@@ -47,6 +49,7 @@ class Survey:
     path: Place
     version: Version
     digest: Digest
+    known: Known
     scanned: Scan
     plan: Plan
     checks: tuple[Check[Any], ...]
@@ -111,7 +114,7 @@ def survey_file(
     watch = Stopwatch()
     try:
         with watch.stage("open"):
-            sequence = open_sequence(path, options.dialect)
+            sequence = open_sequence(path, options.dialect, allow_external=options.allow_external)
     except UnreadableFileError as error:
         digest = file_digest(path)
         record = unreadable_record(path, digest, checks, str(error))
@@ -126,6 +129,7 @@ def survey_file(
         path=path,
         version=sequence.version,
         digest=digest,
+        known=sequence.known,
         scanned=ready.scanned,
         plan=make_plan(options.effort, len(ready.spans), ready.scanned.cell_ns, ready.frame_pixels),
         checks=checks,
@@ -146,7 +150,7 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
         The file has been changed since, or one behind a URL cannot be read, or was changed meanwhile.
     """
     path, options, asked = survey.path, survey.options, survey.asked
-    with open_sequence(path, options.dialect) as sequence:
+    with open_sequence(path, options.dialect, survey.known, options.allow_external) as sequence:
         require_same(survey, sequence.version)
         ready = ready_to_measure(sequence, survey.scanned, options.memory_bytes)
         chosen = tuple(ready.spans[number] for number in survey.plan.chosen)

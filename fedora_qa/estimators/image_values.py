@@ -4,6 +4,7 @@ Numbers of single precision are read as the whole numbers that their bits are: t
 order, infinity is 0x7F800000, and what lies above is NaN. Whole numbers are compared several at a time.
 """
 
+from math import inf
 from typing import Any, Final
 
 import numpy as np
@@ -30,10 +31,11 @@ def is_of_one_code(image: NDArray[np.uint8]) -> bool:
     return bool((image[0] == first).all() and (image == first).all())
 
 
-def count_not_finite(values: NDArray[np.float32]) -> tuple[int, int]:
-    """Count the vectors (n, 2) of which any component is NaN, and those of which any is infinite."""
-    nan, infinite = _count_not_finite(bits_of(values).reshape(-1, 2))
-    return int(nan), int(infinite)
+def count_not_finite(values: NDArray[np.float32], most: float = inf) -> tuple[int, int, int]:
+    """Count the vectors (n, 2) of which any component is NaN, infinite, or finite and beyond ``most``."""
+    most_bits = bits_of(np.minimum([most], np.finfo(np.float32).max))[0]
+    nan, infinite, beyond = _count_not_finite(bits_of(values).reshape(-1, 2), most_bits)
+    return int(nan), int(infinite), int(beyond)
 
 
 def count_outside(values: NDArray[Any], least: float, most: float) -> tuple[int, int]:
@@ -63,13 +65,14 @@ def values_between(values: NDArray[Any], least: float, most: float) -> NDArray[n
 
 
 @njit(cache=True)
-def _count_not_finite(bits: Bits) -> tuple[int, int]:
-    nan, infinite = np.int32(0), np.int32(0)
+def _count_not_finite(bits: Bits, most: np.int32) -> tuple[int, int, int]:
+    nan, infinite, beyond = np.int32(0), np.int32(0), np.int32(0)
     for i in range(len(bits)):
         u, v = bits[i, 0] & _SIGN, bits[i, 1] & _SIGN
         nan += (u > _INFINITY) | (v > _INFINITY)
         infinite += (u == _INFINITY) | (v == _INFINITY)
-    return int(nan), int(infinite)
+        beyond += ((u > most) & (u < _INFINITY)) | ((v > most) & (v < _INFINITY))
+    return int(nan), int(infinite), int(beyond)
 
 
 @njit(cache=True)

@@ -40,7 +40,14 @@ class Contents:
     poses: frozenset[bytes]
 
 
-def read_contents(path: Path, dialect: Dialect | None, streams: Iterable[str], *, poses: bool) -> Contents | None:
+def read_contents(
+    path: Path,
+    dialect: Dialect | None,
+    streams: Iterable[str],
+    *,
+    poses: bool,
+    allow_external: Iterable[Path] = (),
+) -> Contents | None:
     """Return the contents of a sequence, or None where it cannot be opened, which its record says.
 
     Parameters
@@ -51,7 +58,7 @@ def read_contents(path: Path, dialect: Dialect | None, streams: Iterable[str], *
         Whether to read the poses.
     """
     try:
-        sequence = open_sequence(path, dialect)
+        sequence = open_sequence(path, dialect, allow_external=allow_external)
     except UnreadableFileError:
         return None
     with sequence:

@@ -10,7 +10,7 @@ from typing import ClassVar, Final, Literal
 
 from pydantic import ConfigDict, TypeAdapter
 
-from fedora_qa.config import RULESET_VERSION, CheckConfig, dialect_beside, parse_bytes, read_toml
+from fedora_qa.config import RULESET_VERSION, CheckConfig, files_beside, parse_bytes, read_toml
 from fedora_qa.engine.run import select_checks
 from fedora_qa.errors import MisuseError
 from fedora_qa.gate.release import is_plain
@@ -115,7 +115,7 @@ def read_policy(path: Path) -> Policy:
         )
     _require_known_names(policy)
     parse_bytes(policy.check.memory)
-    return replace(policy, check=dialect_beside(policy.check, path))
+    return replace(policy, check=files_beside(policy.check, path))
 
 
 def each_stream(names: Iterable[str]) -> tuple[str, ...]:

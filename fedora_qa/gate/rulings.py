@@ -1,6 +1,7 @@
 """Every rule about a release that a policy asks for, in a fixed order."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Final
 
 from fedora_qa.gate.contents import Contents, read_contents
@@ -56,7 +57,13 @@ def contents_of(policy: Policy, release: Release) -> dict[str, Contents]:
     names = (*policy.distinct_streams, *(_CONTENT if policy.splits else ()))
     streams = tuple(dict.fromkeys(each_stream(names)))
     read = {
-        sequence.name: read_contents(sequence.path, dialect, streams, poses=bool(policy.splits))
+        sequence.name: read_contents(
+            sequence.path,
+            dialect,
+            streams,
+            poses=bool(policy.splits),
+            allow_external=map(Path, policy.check.allow_external),
+        )
         for sequence in release.sequences
     }
     return {name: contents for name, contents in read.items() if contents}

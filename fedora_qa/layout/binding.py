@@ -1,12 +1,17 @@
 """Where one dataset of a file lies, and how its stored values become canonical ones."""
 
+import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import product
+from pathlib import Path
 from typing import Any, Final, Literal
 
 import h5py
 import hdf5plugin  # noqa: F401  importing it is how HDF5 learns the Blosc codec
 import numpy as np
+from h5py import h5d, h5p
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import POLARITY_BRIGHTER, POLARITY_DARKER
@@ -63,6 +68,10 @@ class Binding:
     chunk_rows
         Rows that are decoded together: those of a chunk, or of as many chunks as ``rows_together`` says; 0 for
         contiguous storage.
+    stored_chunk
+        Shape of one stored chunk; empty for contiguous storage.
+    source
+        File and path there, where HDF5 reads other files for it; None: it lies in the file as everything does.
     """
 
     key: str
@@ -76,6 +85,13 @@ class Binding:
     scale: float = 1.0
     polarity: Polarity = "01"
     chunk_rows: int = 0
+    stored_chunk: tuple[int, ...] = ()
+    source: tuple[str, str] | None = None
+
+    @property
+    def chunk_grid(self) -> tuple[int, ...]:
+        """How many chunks are stored along each axis; empty for contiguous storage."""
+        return tuple(-(-size // chunk) for size, chunk in zip(self.shape, self.stored_chunk, strict=False))
 
     @property
     def is_stored_canonically(self) -> bool:
@@ -89,6 +105,15 @@ def rows_together(key: str, stored_rows: int) -> int:
     return stored_rows * -(-fewest // stored_rows) if 0 < stored_rows < fewest else stored_rows
 
 
+def stored_dataset(file: h5py.File, binding: Binding) -> h5py.Dataset:
+    """Open a dataset in the file that holds it, whose other files lie beside it; raises ``READ_ERRORS``."""
+    if binding.source is None:
+        return file[binding.path]
+    access = h5p.create(h5p.DATASET_ACCESS)
+    access.set_efile_prefix(os.fsencode(Path(file.filename).parent))
+    return h5py.Dataset(h5d.open(file.id, binding.source[1].encode("utf-8", "surrogateescape"), access), readonly=True)
+
+
 def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int) -> NDArray[Any]:
     """Return rows in stored units and type, columns selected and ordered canonically.
 
@@ -98,10 +123,25 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int) -> NDArra
         The rows cannot be decoded: damaged bytes, a wrong checksum, or an unknown codec.
     """
     try:
-        stored = np.asarray(file[binding.path][start:stop])
+        stored = np.asarray(stored_dataset(file, binding)[start:stop])
     except READ_ERRORS as error:
-        raise UnreadableRowsError(binding.key, start, stop, str(error)) from error
+        failing = tuple(_failing_chunks(file, binding, start, stop))
+        raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from error
     return _select(stored, binding)
+
+
+def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) -> Iterator[int]:
+    """Try the chunks of some rows one by one, and yield the numbers of those that fail, in the order of the file."""
+    grid, chunk = binding.chunk_grid, binding.stored_chunk
+    if not grid or start >= stop:
+        return
+    for place in product(range(start // chunk[0], -(-stop // chunk[0])), *map(range, grid[1:])):
+        try:
+            stored_dataset(file, binding)[
+                tuple(slice(at * size, (at + 1) * size) for at, size in zip(place, chunk, strict=True))
+            ]
+        except READ_ERRORS:
+            yield int(np.ravel_multi_index(place, grid))
 
 
 def canonical_rows(file: h5py.File, binding: Binding, start: int, stop: int, origin_ns: int) -> NDArray[Any]:

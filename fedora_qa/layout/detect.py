@@ -6,6 +6,7 @@ from fedora_qa.conventions import FORMAT_NAME
 from fedora_qa.layout.canonical import DATASETS, DatasetSpec
 from fedora_qa.layout.conform import legal_ranks
 from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, Hint, Place, load_dialect
+from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset
 from fedora_qa.layout.stored_attribute import text_attribute
 
@@ -17,30 +18,30 @@ def declares_fedora(file: h5py.File) -> bool:
     return text_attribute(file, "format") == FORMAT_NAME
 
 
-def detect_dialect(file: h5py.File) -> Dialect:
+def detect_dialect(file: h5py.File, elsewhere: Elsewhere | None = None) -> Dialect:
     """Return the dialect that the file declares, or else the one that finds most datasets.
 
     Hints decide between equals, then the order of ``DIALECT_NAMES``; a file in which nothing is found is read as
     canonical, so that everything is reported absent from there.
     """
     if declares_fedora(file):
-        return load_dialect("fedora")
+        return load_dialect(FORMAT_NAME)
     dialects = [load_dialect(name) for name in DIALECT_NAMES]
-    return max(dialects, key=lambda dialect: (_found(file, dialect), _hinted(file, dialect)))
+    return max(dialects, key=lambda dialect: (_found(file, dialect, elsewhere), _hinted(file, dialect, elsewhere)))
 
 
-def _found(file: h5py.File, dialect: Dialect) -> int:
+def _found(file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | None) -> int:
     places = ((spec, dialect.place_of(spec.key)) for spec in DATASETS.values())
-    return sum(place is not None and _fits(file, spec, place) for spec, place in places)
+    return sum(place is not None and _fits(file, spec, place, elsewhere) for spec, place in places)
 
 
-def _fits(file: h5py.File, spec: DatasetSpec, place: Place) -> bool:
-    dataset = _dataset(file, place.path or spec.key)
+def _fits(file: h5py.File, spec: DatasetSpec, place: Place, elsewhere: Elsewhere | None) -> bool:
+    dataset = _dataset(file, place.path or spec.key, elsewhere)
     return dataset is not None and len(dataset.shape) in legal_ranks(spec, place)
 
 
-def _hinted(file: h5py.File, dialect: Dialect) -> bool:
-    return any(_agrees(_dataset(file, hint.path), hint) for hint in dialect.hints)
+def _hinted(file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | None) -> bool:
+    return any(_agrees(_dataset(file, hint.path, elsewhere), hint) for hint in dialect.hints)
 
 
 def _agrees(dataset: h5py.Dataset | None, hint: Hint) -> bool:
@@ -49,10 +50,10 @@ def _agrees(dataset: h5py.Dataset | None, hint: Hint) -> bool:
     return hint.kind is None or dataset.dtype.kind in _KINDS[hint.kind]
 
 
-def _dataset(file: h5py.File, path: str) -> h5py.Dataset | None:
+def _dataset(file: h5py.File, path: str, elsewhere: Elsewhere | None) -> h5py.Dataset | None:
     """Return the dataset at a path if it has a shape and a type that can be read."""
     try:
-        dataset = find_dataset(file, path)
+        dataset = find_dataset(file, path, elsewhere)
         legible = dataset is not None and dataset.shape is not None and dataset.dtype is not None
     except (RefusedError, *READ_ERRORS):
         return None

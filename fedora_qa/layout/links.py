@@ -6,9 +6,13 @@ external storage. A file from somewhere else must not decide which other files a
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import h5py
+from h5py import _objects, h5d, h5g, h5i, h5l, h5o
+
+if TYPE_CHECKING:
+    from fedora_qa.layout.elsewhere import Elsewhere
 
 READ_ERRORS: Final = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, MemoryError)
 """What h5py raises where stored bytes are damaged, a filter is missing, or a size is absurd."""
@@ -42,8 +46,13 @@ class RefusedError(Exception):
         self.magnitude = magnitude
 
 
-def find_dataset(file: h5py.File, path: str) -> h5py.Dataset | None:
+def find_dataset(file: h5py.File, path: str, elsewhere: "Elsewhere | None" = None) -> h5py.Dataset | None:
     """Return the dataset at a path, or None where there is nothing.
+
+    Parameters
+    ----------
+    elsewhere
+        Which other files may be read; None: no other.
 
     Raises
     ------
@@ -51,13 +60,16 @@ def find_dataset(file: h5py.File, path: str) -> h5py.Dataset | None:
         The path leads out of the file, dangles, ends at a group, or cannot be followed because bytes are damaged.
     """
     with reading(path):
-        found = _follow(file, path, links_left=MAX_LINKS)
+        found = _follow(file, path, MAX_LINKS, elsewhere)
         if found is None:
             return None
         if not isinstance(found, h5py.Dataset):
             message = f"Expected a dataset at {path}, got a group or named type"
             raise RefusedError("not_a_dataset", "wrong_shape", message)
-        if found.is_virtual or found.external:
+        outside = found.is_virtual or found.external
+        if outside and elsewhere is not None:
+            elsewhere.require_sources(found, path)
+        elif outside:
             message = (
                 f"Expected the values of {path} in this file, got a virtual or externally stored dataset; copy them"
             )
@@ -79,16 +91,18 @@ def reading(path: str) -> Iterator[None]:
         raise RefusedError("unreadable", "corrupt_chunk", f"Expected {path} to be readable, got: {error}") from error
 
 
-def has_group(file: h5py.File, path: str) -> bool:
-    """Whether a group lies at the path, inside this file."""
+def has_group(file: h5py.File, path: str, elsewhere: "Elsewhere | None" = None) -> bool:
+    """Whether a group lies at the path, inside this file or where else may be read."""
     try:
-        return isinstance(find_object(file, path), h5py.Group)
+        return isinstance(find_object(file, path, elsewhere), h5py.Group)
     except RefusedError:
         return False
 
 
-def find_object(file: h5py.File, path: str) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
-    """Return the object at a path, following only links that stay in the file; None where there is nothing.
+def find_object(
+    file: h5py.File, path: str, elsewhere: "Elsewhere | None" = None
+) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
+    """Return the object at a path, following only links that stay where may be read; None where there is nothing.
 
     Raises
     ------
@@ -96,43 +110,90 @@ def find_object(file: h5py.File, path: str) -> h5py.Group | h5py.Dataset | h5py.
         As for ``find_dataset``.
     """
     with reading(path):
-        return _follow(file, path, links_left=MAX_LINKS)
+        return _follow(file, path, MAX_LINKS, elsewhere)
 
 
-def _follow(file: h5py.File, path: str, links_left: int) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
-    here = file
-    parts = [part for part in path.split("/") if part]
-    for depth, part in enumerate(parts):
-        if not isinstance(here, h5py.Group):
+def _follow(
+    file: h5py.File, path: str, links_left: int, elsewhere: "Elsewhere | None"
+) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
+    root = h5g.open(file.id, b"/")
+    parts = [part for part in path.split("/") if part not in {"", "."}]
+    try:
+        found = _directly(root, parts)
+    except READ_ERRORS:  # what is wrong, and where, is found on foot
+        found = None
+    if found is None:
+        return _step_by_step(file, root, parts, links_left, elsewhere)
+    return _object(file, found)
+
+
+def _directly(root: h5g.GroupID, parts: list[str]) -> _objects.ObjectID | None:
+    """Open what lies at the end of hard links only, which HDF5 walks by itself; None where another link is met.
+
+    Most paths are such, and opening a file takes a hundred.
+    """
+    way = b""
+    for part in parts:
+        way += part.encode("utf-8", "surrogateescape")
+        if root.links.get_info(way).type != h5l.TYPE_HARD:
             return None
-        link = here.get(part, getlink=True)
-        if link is None:
-            if _lists(here, part):
+        way += b"/"
+    return h5o.open(root, way) if way else root
+
+
+def _step_by_step(
+    file: h5py.File, root: h5g.GroupID, parts: list[str], links_left: int, elsewhere: "Elsewhere | None"
+) -> h5py.Group | h5py.Dataset | h5py.Datatype | None:
+    here, path = root, "/".join(parts)
+    for depth, part in enumerate(parts):
+        if not isinstance(here, h5g.GroupID):
+            return None
+        name = part.encode("utf-8", "surrogateescape")
+        if not here.links.exists(name):
+            if _lists(here, name):
                 message = f"Expected {path} where its group lists it, got nothing there: the group's index is damaged"
                 raise RefusedError("unreadable", "corrupt_chunk", message)
             return None
-        if isinstance(link, h5py.ExternalLink):
-            raise RefusedError("outside_link", "missing_stream", f"Expected {path} in this file, got a link to "
-                               f"{link.filename}; copy the data into the file")  # fmt: skip
-        if isinstance(link, h5py.SoftLink):
-            target = link.path if link.path.startswith("/") else "/".join([here.name, link.path])
+        kind = here.links.get_info(name).type
+        if kind == h5l.TYPE_EXTERNAL:
+            filename, target = (stored.decode("utf-8", "surrogateescape") for stored in here.links.get_val(name))
+            if elsewhere is None:
+                raise RefusedError("outside_link", "missing_stream", f"Expected {path} in this file, got a link to "
+                                   f"{filename}; copy the data into the file")  # fmt: skip
             rest = "/".join([target, *parts[depth + 1 :]])
-            found = _follow(file, rest, links_left - 1) if links_left else None
+            other = elsewhere.named(file, filename, path) if links_left else None
+            found = _follow(other, rest, links_left - 1, elsewhere) if other else None
             if found is None:
                 raise RefusedError("dangling_link", "missing_stream", f"Expected data at {path}, got a link to "
-                                   f"{link.path}, where there is nothing")  # fmt: skip
+                                   f"{target} in {filename}, where there is nothing")  # fmt: skip
             return found
-        here = here[part]
-    return here
+        if kind == h5l.TYPE_SOFT:
+            link = here.links.get_val(name).decode("utf-8", "surrogateescape")
+            above = (h5i.get_name(here) or b"").decode("utf-8", "surrogateescape")
+            target = link if link.startswith("/") else "/".join([above, link])
+            rest = "/".join([target, *parts[depth + 1 :]])
+            found = _follow(file, rest, links_left - 1, elsewhere) if links_left else None
+            if found is None:
+                raise RefusedError("dangling_link", "missing_stream", f"Expected data at {path}, got a link to "
+                                   f"{link}, where there is nothing")  # fmt: skip
+            return found
+        here = h5o.open(here, name)
+    return _object(file, here)
 
 
-def _lists(group: h5py.Group, name: str) -> bool:
+def _object(file: h5py.File, found: _objects.ObjectID) -> h5py.Group | h5py.Dataset | h5py.Datatype:
+    if isinstance(found, h5g.GroupID):
+        return h5py.Group(found)
+    return h5py.Dataset(found, readonly=file.mode == "r") if isinstance(found, h5d.DatasetID) else h5py.Datatype(found)
+
+
+def _lists(group: h5g.GroupID, wanted: bytes) -> bool:
     """Whether a name is among the first ``MOST_NAMES`` of a group, one by one and not by the index of its names."""
-    wanted, names = name.encode("utf-8", "surrogateescape"), list[bytes]()
+    names = list[bytes]()
 
     def look(found: bytes) -> bool | None:
         names.append(found)
         return True if found == wanted or len(names) == MOST_NAMES else None
 
-    group.id.links.iterate(look)
+    group.links.iterate(look)
     return names[-1:] == [wanted]

@@ -22,6 +22,7 @@ from fedora_qa.layout.canonical import (
 from fedora_qa.layout.conform import require_readable_type, require_shape
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, Dialect, Place, scale_of
+from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.layout.filters import require_filters
 from fedora_qa.layout.links import RefusedError, find_dataset, find_object, has_group, reading
 from fedora_qa.layout.whole_chunks import require_whole_chunks
@@ -73,7 +74,7 @@ class Layout:
     inferred: Mapping[str, str | float] = field(default_factory=dict)
 
 
-def resolve(file: h5py.File, dialect: Dialect | None = None) -> Layout:
+def resolve(file: h5py.File, dialect: Dialect | None = None, elsewhere: Elsewhere | None = None) -> Layout:
     """Find every canonical dataset.
 
     Parameters
@@ -82,13 +83,15 @@ def resolve(file: h5py.File, dialect: Dialect | None = None) -> Layout:
         Open for reading.
     dialect
         The dialect to read in; None: the one that the file declares, or else the one that finds most.
+    elsewhere
+        Which other files it may read from; None: no other.
     """
     inferred: dict[str, str | float] = {}
     if dialect is None:
-        dialect = detect_dialect(file)
+        dialect = detect_dialect(file, elsewhere)
         if not declares_fedora(file):
             inferred["layout.dialect"] = dialect.name
-    finder = _Finder(file, dialect)
+    finder = _Finder(file, dialect, elsewhere)
     for stream in (*STREAMS, *_EXTRA_STREAMS):
         finder.find(stream)
     if dialect.canonical_elsewhere:
@@ -107,8 +110,9 @@ def resolve(file: h5py.File, dialect: Dialect | None = None) -> Layout:
 class _Finder:
     """Walks the streams in order and keeps what it finds; sizes are agreed on between streams as they come."""
 
-    def __init__(self, file: h5py.File, dialect: Dialect) -> None:
+    def __init__(self, file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | None) -> None:
         self.file = file
+        self.elsewhere = elsewhere
         self.dialect = dialect
         self.bindings: dict[str, Binding] = {}
         self.absent: dict[str, str] = {}
@@ -161,17 +165,17 @@ class _Finder:
         """Report streams that the metadata declare and that are not there at all."""
         reported = {problem.stream for problem in self.problems}
         for stream, group in PROMISED_BY.items():
-            if stream in self.absent and stream not in reported and has_group(self.file, group):
+            if stream in self.absent and stream not in reported and has_group(self.file, group, self.elsewhere):
                 self._report_promise(stream, group)
         no_flow = all(stream in self.absent and stream not in reported for stream in FLOW_STREAMS)
-        if no_flow and has_group(self.file, "metadata/flow"):
+        if no_flow and has_group(self.file, "metadata/flow", self.elsewhere):
             self._report_promise("flow", "metadata/flow")
 
     def hold_to_links(self) -> None:
         """Report groups of metadata that lie elsewhere, or whose link leads nowhere: what they declare is not seen."""
         for owner in METADATA_GROUPS:
             try:
-                find_object(self.file, owner)
+                find_object(self.file, owner, self.elsewhere)
             except RefusedError as refused:
                 self._report("metadata", "", refused)
 
@@ -193,7 +197,7 @@ class _Finder:
 
     def _dataset(self, spec: DatasetSpec) -> h5py.Dataset | None:
         try:
-            return find_dataset(self.file, self._path(spec.key))
+            return find_dataset(self.file, self._path(spec.key), self.elsewhere)
         except RefusedError as refused:
             raise _BrokenError(spec.key, refused) from refused
 
@@ -208,9 +212,16 @@ class _Finder:
                 require_whole_chunks(dataset, path)
                 binding = _as_stored(spec, place, dataset, path)
                 self._note_oddities(spec, dataset, path)
-                return replace(binding, offset_ns=self._offset_ns(place, binding))
+                return replace(binding, offset_ns=self._offset_ns(place, binding), source=self._source(dataset))
         except RefusedError as refused:
             raise _BrokenError(spec.key, refused) from refused
+
+    def _source(self, dataset: h5py.Dataset) -> tuple[str, str] | None:
+        if self.elsewhere is None:
+            return None
+        there = dataset.file.filename
+        outside = there != self.file.filename or dataset.is_virtual or dataset.external
+        return (there, dataset.name) if outside else None
 
     def _note_oddities(self, spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
         """Report what is wrong although the dataset can be read."""
@@ -275,6 +286,7 @@ def _as_stored(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str
         scale=scale_of(spec.key, place),
         polarity=place.polarity,
         chunk_rows=rows_together(spec.key, dataset.chunks[0]) if dataset.chunks else 0,
+        stored_chunk=dataset.chunks or (),
     )
 
 

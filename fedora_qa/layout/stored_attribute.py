@@ -4,6 +4,7 @@ from math import prod
 from typing import Any, Final
 
 import h5py
+import numpy as np
 
 from fedora_qa.layout.links import READ_ERRORS
 
@@ -27,18 +28,24 @@ def stored_attribute(holder: h5py.Group | h5py.Dataset, name: str) -> Any:
         The attribute is of such a type, or damaged.
     """
     try:
-        if name not in holder.attrs:
+        attributes = holder.attrs
+        if name not in attributes:
             return None
-        attribute = holder.attrs.get_id(name)
-        dtype = attribute.dtype
-        if dtype.kind in "OV" and h5py.check_string_dtype(dtype) is None:
+        attribute = attributes.get_id(name)
+        dtype, shape = attribute.dtype, attribute.shape
+        values = prod(shape or ())
+        is_text = h5py.check_string_dtype(dtype) is not None
+        if dtype.kind in "OV" and not is_text:
             raise ValueError(f"a type that is neither numbers nor text ({dtype})")
-        if h5py.check_string_dtype(dtype) is not None and prod(attribute.shape or ()) > 1:
-            raise ValueError(f"{prod(attribute.shape)} texts where one is expected")
-        stored_bytes = prod(attribute.shape or ()) * dtype.itemsize
-        if stored_bytes > LARGEST_BYTES:
-            raise ValueError(f"{stored_bytes} bytes, more than the {LARGEST_BYTES} that are read")
-        value = holder.attrs[name]
+        if is_text and values > 1:
+            raise ValueError(f"{values} texts where one is expected")
+        if values * dtype.itemsize > LARGEST_BYTES:
+            raise ValueError(f"{values * dtype.itemsize} bytes, more than the {LARGEST_BYTES} that are read")
+        if dtype.kind in "iuf" and shape is not None:
+            numbers = np.empty(shape, dtype)
+            attribute.read(numbers)
+            return numbers[()]
+        value = attributes[name]
         if isinstance(value, str | bytes) and len(value) > LONGEST_TEXT:
             raise ValueError(f"a text of {len(value)} characters, more than the {LONGEST_TEXT} that are read")
         return value

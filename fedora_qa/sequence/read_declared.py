@@ -1,6 +1,7 @@
 """Read what a file declares about itself. Nothing here raises: whatever cannot be used becomes a problem."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any, Final
 
 import h5py
@@ -8,10 +9,11 @@ import h5py
 from fedora_qa.causes import allowed
 from fedora_qa.conventions import FORMAT_NAME, STANDARD_GRAVITY_M_S2
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.binding import canonical_rows
+from fedora_qa.layout.binding import Binding, canonical_rows, stored_dataset
 from fedora_qa.layout.bounds import LARGEST_IMAGE_PIXELS
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, attributes_of
-from fedora_qa.layout.links import RefusedError, find_object
+from fedora_qa.layout.elsewhere import Elsewhere
+from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_object
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.layout.stored_attribute import text_attribute
 from fedora_qa.sequence.attributes import MalformedError, read_attribute
@@ -20,17 +22,23 @@ from fedora_qa.sequence.declared import Camera, DeclarationProblem, Declared, Ev
 Values = Mapping[str, Any]
 
 CAMERAS: Final = ("rgb", "depth", "events")
+NEAREST_DEPTH_M: Final = 1e-6
+"""No light shows a surface that is nearer to a lens than about its wavelength."""
+
+FARTHEST_DEPTH_M: Final = 12_742_000.0
+"""Diameter of the Earth: what surfaces a camera above it can see lie nearer."""
+
 _OWNERS: Final = tuple(dict.fromkeys(owner for owner, _ in ATTRIBUTES))
 
 
-def read_declared(file: h5py.File, layout: Layout) -> Declared:
+def read_declared(file: h5py.File, layout: Layout, elsewhere: Elsewhere | None = None) -> Declared:
     """Read every attribute of the layout.
 
     A group that is absent as a whole gives one problem with an empty ``name``; a required attribute that is absent,
     or any that is malformed, gives one of its own. Only the root of a file in the canonical dialect must carry
     ``format``.
     """
-    reader = _Reader(file, layout)
+    reader = _Reader(file, layout, elsewhere)
     values = {owner: reader.read(owner) for owner in _OWNERS}
     flow = values["metadata/flow"]
     return Declared(
@@ -50,7 +58,8 @@ def read_declared(file: h5py.File, layout: Layout) -> Declared:
 class _Reader:
     """Reads owner by owner and keeps the problems in order."""
 
-    def __init__(self, file: h5py.File, layout: Layout) -> None:
+    def __init__(self, file: h5py.File, layout: Layout, elsewhere: Elsewhere | None) -> None:
+        self.elsewhere = elsewhere
         self.file = file
         self.layout = layout
         self.problems: list[DeclarationProblem] = []
@@ -103,12 +112,13 @@ class _Reader:
         if binding is None:
             return None
         try:
-            nearest, farthest = (float(bound) for bound in canonical_rows(self.file, binding, 0, 2, 0))
+            nearest, farthest = (float(bound) for bound in canonical_rows(self._holding(binding), binding, 0, 2, 0))
         except UnreadableRowsError as error:
             self._problem("metadata", "depth_range", "unknown", str(error))
             return None
-        if not 0 < nearest < farthest < float("inf"):
-            message = f"Expected 0 < nearest < farthest in metres, got {nearest} and {farthest}"
+        if not NEAREST_DEPTH_M <= nearest < farthest <= FARTHEST_DEPTH_M:
+            bounds = f"{NEAREST_DEPTH_M:g} <= nearest < farthest <= {FARTHEST_DEPTH_M:g}"
+            message = f"Expected {bounds} in metres, got {nearest:g} and {farthest:g}"
             self._problem("metadata", "depth_range", "unknown", message)
             return None
         return nearest, farthest
@@ -117,15 +127,18 @@ class _Reader:
         """Return the label ``units`` of each dataset that carries one."""
         labels: dict[str, str] = {}
         for key, binding in self.layout.bindings.items():
-            holder = self._holder(binding.path)
-            label = None if holder is None else text_attribute(holder, "units")
-            if label is not None:
-                labels[key] = label
+            with suppress(*READ_ERRORS):
+                label = text_attribute(stored_dataset(self._holding(binding), binding), "units")
+                if label is not None:
+                    labels[key] = label
         return labels
+
+    def _holding(self, binding: Binding) -> h5py.File:
+        return self.elsewhere.holding(self.file, binding) if self.elsewhere else self.file
 
     def _holder(self, path: str) -> h5py.Group | h5py.Dataset | None:
         try:
-            found = find_object(self.file, path)
+            found = find_object(self.file, path, self.elsewhere)
         except RefusedError as refused:
             self._problem(path, "", refused.cause, str(refused))
             return None

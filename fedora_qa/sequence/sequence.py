@@ -1,7 +1,11 @@
 """Open a sequence: read-only, lazy, in canonical units."""
 
+import os
+from collections.abc import Iterable
 from contextlib import ExitStack, closing
+from dataclasses import dataclass
 from math import prod
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -9,9 +13,11 @@ import h5py
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
-from fedora_qa.layout.binding import canonical_rows, instant_ns, raw_rows
+from fedora_qa.layout.binding import Binding, canonical_rows, instant_ns, raw_rows
 from fedora_qa.layout.canonical import STAMPS_OF
 from fedora_qa.layout.dialect import Dialect
+from fedora_qa.layout.elsewhere import Elsewhere
+from fedora_qa.layout.links import RefusedError
 from fedora_qa.layout.resolve import Layout, resolve
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.read_declared import read_declared
@@ -50,6 +56,15 @@ class SequenceRows(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What opening a file finds out, for whoever opens the same version again. ``Sequence`` says what each means."""
+
+    layout: Layout
+    declared: Declared
+    origin_ns: int
+
+
 class Sequence:
     """An open file. Use as a context manager; it never writes.
 
@@ -68,15 +83,22 @@ class Sequence:
     """
 
     def __init__(
-        self, path: Place, file: h5py.File, dialect: Dialect | None, remote: RemoteBytes | None = None
+        self,
+        path: Place,
+        file: h5py.File,
+        dialect: Dialect | None,
+        remote: RemoteBytes | None = None,
+        known: Known | None = None,
+        elsewhere: Elsewhere | None = None,
     ) -> None:
         self.path = path
         self._file = file
         self._remote = remote
+        self._elsewhere = elsewhere
         self.version: Version = remote.version if remote else version_of(path)
-        self.layout: Layout = resolve(file, dialect)
-        self.declared: Declared = read_declared(file, self.layout)
-        self.origin_ns: int = self._find_origin_ns()
+        self.layout: Layout = known.layout if known else resolve(file, dialect, elsewhere)
+        self.declared: Declared = known.declared if known else read_declared(file, self.layout, elsewhere)
+        self.origin_ns: int = known.origin_ns if known else self._find_origin_ns()
         self._require_sound()
 
     def __enter__(self) -> Self:
@@ -90,8 +112,15 @@ class Sequence:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+        if self._elsewhere:
+            self._elsewhere.close()
         if self._remote:
             self._remote.close()
+
+    @property
+    def known(self) -> Known:
+        """What opening it has found out."""
+        return Known(self.layout, self.declared, self.origin_ns)
 
     @property
     def traffic(self) -> Traffic:
@@ -114,7 +143,8 @@ class Sequence:
             The server does not give them, which says nothing of the file.
         """
         try:
-            return canonical_rows(self._file, self.layout.bindings[key], start, stop, self.origin_ns)
+            binding = self.layout.bindings[key]
+            return canonical_rows(self._holding(binding), binding, start, stop, self.origin_ns)
         except UnreadableRowsError:
             self._require_sound()
             raise
@@ -122,7 +152,8 @@ class Sequence:
     def raw_rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
         """Return rows of a dataset as stored; raises as ``rows`` does."""
         try:
-            return raw_rows(self._file, self.layout.bindings[key], start, stop)
+            binding = self.layout.bindings[key]
+            return raw_rows(self._holding(binding), binding, start, stop)
         except UnreadableRowsError:
             self._require_sound()
             raise
@@ -131,6 +162,14 @@ class Sequence:
         """Return how many rows are stored, and so decoded, together (about a megabyte where storage sets none)."""
         binding = self.layout.bindings[key]
         return binding.chunk_rows or _contiguous_rows(binding.shape)
+
+    def _holding(self, binding: Binding) -> h5py.File:
+        if self._elsewhere is None:
+            return self._file
+        try:
+            return self._elsewhere.holding(self._file, binding)
+        except (RefusedError, OSError) as error:
+            raise UnreadableRowsError(binding.key, 0, binding.rows, str(error)) from error
 
     def _require_sound(self) -> None:
         """Raise what ended the reading of a file behind a URL: HDF5 tells of damage instead."""
@@ -150,7 +189,9 @@ class Sequence:
         return instant_ns(first[0], binding) if len(first) else None
 
 
-def open_sequence(path: Place, dialect: Dialect | None = None) -> Sequence:
+def open_sequence(
+    path: Place, dialect: Dialect | None = None, known: Known | None = None, allow_external: Iterable[Path] = ()
+) -> Sequence:
     """Open a file for reading.
 
     Parameters
@@ -159,6 +200,10 @@ def open_sequence(path: Place, dialect: Dialect | None = None) -> Sequence:
         An HDF5 file, on this machine or behind a URL.
     dialect
         How the file names and scales things; recognised from the file when None.
+    known
+        What opening this version of the file has found out before, to be held to that version by the caller.
+    allow_external
+        Folders in which other files may be read that a local file links to, or is made of; none where empty.
 
     Raises
     ------
@@ -170,20 +215,23 @@ def open_sequence(path: Place, dialect: Dialect | None = None) -> Sequence:
         The file begins like HDF5 and cannot be opened.
     """
     if isinstance(path, RemoteFile):
-        return _open_remote(path, dialect)
+        return _open_remote(path, dialect, known)
     require_signature(path)
-    try:
-        file = h5py.File(path, "r", locking="best-effort")
+    elsewhere = Elsewhere(folders) if (folders := tuple(allow_external)) else None
+    try:  # HDF5 looks for other files beside the name by which it knows this one
+        file = h5py.File(os.path.realpath(path) if elsewhere else path, "r", locking="best-effort")
     except OSError as error:
         raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
     try:
-        return Sequence(path, file, dialect)
+        return Sequence(path, file, dialect, known=known, elsewhere=elsewhere)
     except BaseException:
         file.close()
+        if elsewhere:
+            elsewhere.close()
         raise
 
 
-def _open_remote(place: RemoteFile, dialect: Dialect | None) -> Sequence:
+def _open_remote(place: RemoteFile, dialect: Dialect | None, known: Known | None) -> Sequence:
     """Open a file behind a URL through Python's reading of it; HDF5's own drivers for servers are seldom built in."""
     with ExitStack() as opened:
         remote = opened.enter_context(closing(RemoteBytes(place, BLOCK_BYTES)))
@@ -193,7 +241,7 @@ def _open_remote(place: RemoteFile, dialect: Dialect | None) -> Sequence:
         except OSError as error:
             remote.require_sound()
             raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
-        sequence = Sequence(place, file, dialect, remote)
+        sequence = Sequence(place, file, dialect, remote, known)
         opened.pop_all()
         return sequence
 

@@ -110,3 +110,40 @@ def test_every_stamp_damaged(tmp_path: Path) -> None:
     damage(path, "path/pose/ts", [0])
     result = run_check(path, "integrity.readable")
     assert (result.outcome, rules(result)) == ("failed", ["stamps"])
+
+
+def stored_again(path: Path, key: str, chunks: tuple[int, ...]) -> None:
+    """Store a dataset in chunks of another shape."""
+    with h5py.File(path, "r+") as file:
+        values, attributes = file[key][()], dict(file[key].attrs)
+        del file[key]
+        file.create_dataset(key, data=values, chunks=chunks, fletcher32=True).attrs.update(attributes)
+
+
+def test_small_chunks_are_counted_one_by_one(path: Path) -> None:
+    """Events in chunks of ten rows: each chunk counts, although 4096 rows are decoded together."""
+    before = run_check(path, "integrity.readable").coverage
+    stored_again(path, "path/events/x", (10,))
+    after = run_check(path, "integrity.readable").coverage
+    assert before is not None
+    assert after is not None
+    assert (after.seen - before.seen, after.of - before.of) == (7, 7)  # 77 events: eight chunks in place of one
+    damage(path, "path/events/x", [2, 7])
+    result = run_check(path, "integrity.readable")
+    assert [m.value for m in result.measurements if m.name == "events.unreadable_chunks"] == [2]
+    assert "2 chunks of events (17 rows)" in result.findings[0].message
+    assert (result.findings[0].where.index_start, result.findings[0].where.index_stop) == (20, 77)
+
+
+def test_tiles_of_images_are_counted_one_by_one(path: Path) -> None:
+    """Frames of 27 x 36 in tiles of 9 x 12: nine chunks a frame, of which three are damaged, in two frames."""
+    before = run_check(path, "integrity.readable").coverage
+    stored_again(path, "path/rgb", (1, 9, 12, 3))
+    after = run_check(path, "integrity.readable").coverage
+    assert before is not None
+    assert after is not None
+    assert (after.seen - before.seen, after.of - before.of) == (6 * 8, 6 * 8)
+    damage(path, "path/rgb", [10, 11, 40])
+    result = run_check(path, "integrity.readable")
+    assert [m.value for m in result.measurements if m.name == "rgb.unreadable_chunks"] == [3]
+    assert "3 chunks of rgb (2 rows)" in result.findings[0].message

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.checks.integrity.finite import empty_between_full
+from fedora_qa.checks.integrity.flow_bound import FALSE_ALARMS, longest_displacement_px
 from fedora_qa.checks.integrity.value_tallies import add_up, tally_depth, tally_flow, tally_samples
 from tests.support.checked import diagnoses_of, rules, run_check
 from tests.support.handmade import write_handmade
@@ -139,6 +140,45 @@ def test_flow_counts_pixels_not_components() -> None:
     tally = tally_flow("path/flow/10hz", 2, flow)
     assert (tally.values, tally.nan, tally.infinite, tally.first) == (6, 1, 1, (2, 5))
     assert tally.filled == ((2, pytest.approx(5 / 6)),)
+
+
+@pytest.mark.parametrize("length_px", [1e12, -1e30])
+@pytest.mark.parametrize("rate", ["10hz", "25hz", "50hz"])
+def test_a_displacement_that_no_surface_has(path: Path, rate: str, length_px: float) -> None:
+    """One component of one pixel is enough; it is located."""
+    alter(path, f"path/flow/{rate}", (0, 4, 5, 1), length_px)
+    result = run_check(path, "integrity.finite")
+    assert rules(result) == ["outside_range"]
+    where = result.findings[0].where
+    assert (where.stream, where.frame, where.pixel) == (f"flow/{rate}", 0, (5, 4))
+    assert f"{abs(length_px):.3g} px" in result.findings[0].message
+    assert diagnoses_of(path, "integrity")[0].cause == "invalid_encoding"
+
+
+def test_what_comes_to_lie_beside_the_camera_may_be_displaced_far(path: Path) -> None:
+    """A millimetre before the plane of the camera, a point one metre off is displaced by a thousand focal lengths."""
+    alter(path, "path/flow/10hz", (0, 26), 31_000.0)
+    assert run_check(path, "integrity.finite").outcome == "passed"
+
+
+def test_long_displacements_are_as_rare_as_the_bound_says() -> None:
+    """Grounds seen from random flights, which pass few edges: a hundredth of what the bound allows is displaced far."""
+    random, intervals, height, width = np.random.default_rng(7), 4000, 27, 36
+    focal_px, far_px = width / (2 * np.tan(np.pi / 6)), 1e5
+    columns, rows = np.meshgrid(np.arange(width) - 17.5, np.arange(height) - 13.0)
+    rays = np.stack([columns / focal_px, rows / focal_px, np.ones_like(rows)])
+    longer = 0
+    for _ in range(intervals):
+        up = random.normal(size=3) * (0.3, 1.0, 0.3)
+        facing = np.tensordot(up, rays, 1)
+        depth_m = random.uniform(1.0, 3.0) * np.linalg.norm(up) / np.where(facing > 0, facing, np.nan)
+        depth_m = np.where(depth_m < 30.0, depth_m, np.nan)
+        later = depth_m * rays - np.array([0.0, 0.0, random.uniform(0.0, 4.0)])[:, None, None]
+        in_front = later[2] > 0
+        flow_px = focal_px * later[:2][:, in_front] / later[2][in_front] - np.stack([columns, rows])[:, in_front]
+        longer += int(np.count_nonzero(np.abs(flow_px).max(axis=0) > far_px))
+    allowed = FALSE_ALARMS * longest_displacement_px(intervals, height, width) / far_px
+    assert allowed / 1000 < longer < allowed
 
 
 @given(st.lists(st.lists(st.sampled_from([0.0, 1.0, np.nan, np.inf]), min_size=3, max_size=3), min_size=2, max_size=20),

@@ -105,7 +105,10 @@ def test_colours_of_single_footprints() -> None:
 def test_counts_of_odd_values() -> None:
     """Zeros of both signs, infinities, NaN and subnormal numbers are counted as NumPy counts them."""
     u, v = (part.ravel() for part in np.meshgrid(ODD, ODD))
-    nan, infinite = count_not_finite(np.stack((u, v), axis=-1))
+    nan, infinite, beyond = count_not_finite(np.stack((u, v), axis=-1), 2.0)
+    far = [np.isfinite(part) & (np.abs(part) > 2) for part in (u, v)]
+    assert beyond == np.count_nonzero(far[0] | far[1]) > 0
+    assert count_not_finite(np.stack((u, v), axis=-1)) == (nan, infinite, 0)
     assert nan == np.count_nonzero(np.isnan(u) | np.isnan(v))
     assert infinite == np.count_nonzero(np.isinf(u) | np.isinf(v))
     outside = int(np.count_nonzero(~((ODD >= 1) & (ODD <= 30)) & ~np.isnan(ODD)))

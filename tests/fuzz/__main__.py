@@ -11,8 +11,10 @@ import argparse
 import faulthandler
 import os
 import resource
+import shutil
 import signal
 import sys
+import tempfile
 import time
 from dataclasses import asdict
 from json import dumps
@@ -22,7 +24,7 @@ from typing import Final
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.run import check_file
 from tests.fuzz.tally import seeds_done, summarised
-from tests.fuzz.trial import Trial, digests, tried
+from tests.fuzz.trial import Trial, digests, offender, tried
 from tests.support.handmade import write_handmade
 
 BATCH: Final = 500
@@ -31,6 +33,9 @@ WAITS_S: Final = 600
 """A process that waits takes no processor time, nor does one that others leave none."""
 
 MOST_BYTES: Final = 6 << 30
+MEMORY: Final = Path("/dev/shm")
+"""Where mutants are written, if there is such a folder: a disk is not what is tried."""
+
 HANGS: Final = (signal.SIGALRM, signal.SIGPROF)
 
 
@@ -52,7 +57,8 @@ def main() -> int:
     for job in range(given.jobs):
         child = os.fork()
         if child == 0:
-            _work(left[job :: given.jobs], given.out, job, until)
+            with tempfile.TemporaryDirectory(prefix="fuzz-", dir=MEMORY if MEMORY.is_dir() else None) as scratch:
+                _work(left[job :: given.jobs], given.out, job, until, Path(scratch))
             os._exit(0)
         children.append(child)
     for child in children:
@@ -60,24 +66,23 @@ def main() -> int:
     return summarised(given.out)
 
 
-def _work(left: list[int], out: Path, job: int, until: float) -> None:
+def _work(left: list[int], out: Path, job: int, until: float, scratch: Path) -> None:
     """Try the mutants of one worker, batch by batch, each in a process of its own."""
-    folder, log = out / f"job-{job}", out / f"trials-{job}.jsonl"
-    folder.mkdir(exist_ok=True)
-    clean = write_handmade(folder / "clean.h5")
+    log, mutant = out / f"trials-{job}.jsonl", scratch / "mutant.h5"
+    clean = write_handmade(scratch / "clean.h5")
     content, true = clean.read_bytes(), digests(clean)
     while left and time.monotonic() < until:
         batch = left[:BATCH]
         child = os.fork()
         if child == 0:
-            _limit(folder)
+            _limit(scratch)
             for seed in batch:
                 if time.monotonic() >= until:
                     break
-                (folder / "now").write_text(str(seed))
+                (scratch / "now").write_text(str(seed))
                 signal.setitimer(signal.ITIMER_PROF, LONGEST_S)  # processor time: others may use the machine
                 signal.alarm(WAITS_S)
-                trial = tried(content, true, seed, folder / "mutant.h5")
+                trial = tried(content, true, seed, mutant, out)
                 signal.setitimer(signal.ITIMER_PROF, 0)
                 signal.alarm(0)
                 _log(log, trial)
@@ -86,9 +91,9 @@ def _work(left: list[int], out: Path, job: int, until: float) -> None:
         if not os.WIFSIGNALED(status):
             left = left[len(batch) :]
             continue
-        seed, ended = int((folder / "now").read_text()), signal.Signals(os.WTERMSIG(status))
-        (folder / "mutant.h5").replace(folder / f"offender-{seed}.h5")
-        stack = (folder / "stack").read_text().partition("Extension modules")[0]
+        seed, ended = int((scratch / "now").read_text()), signal.Signals(os.WTERMSIG(status))
+        shutil.copy(mutant, offender(out, seed))
+        stack = (scratch / "stack").read_text().partition("Extension modules")[0]
         said = f"{ended.name}: {stack[:2000]}"
         _log(log, Trial(seed, "", "hang" if ended in HANGS else "death", said))
         left = left[left.index(seed) + 1 :]
@@ -99,13 +104,13 @@ def _log(log: Path, trial: Trial) -> None:
         file.write(dumps(asdict(trial)) + "\n")
 
 
-def _limit(folder: Path) -> None:
+def _limit(scratch: Path) -> None:
     """Bound a worker, and have it write where it stands when a signal ends it."""
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     quiet = os.open(os.devnull, os.O_WRONLY)
     os.dup2(quiet, sys.stderr.fileno())
-    stack = os.open(folder / "stack", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    stack = os.open(scratch / "stack", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     faulthandler.enable(stack)
     for number in HANGS:
         faulthandler.register(number, stack, chain=True)

@@ -3,7 +3,7 @@
 import hashlib
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -12,11 +12,15 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks import CHECKS
-from fedora_qa.engine.options import CheckOptions
-from fedora_qa.engine.run import check_file
+from fedora_qa.engine.finish import finish_open
+from fedora_qa.engine.measured import measure_open
+from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.progress import quiet
+from fedora_qa.engine.run import select_checks
+from fedora_qa.engine.survey import opened, survey_file
 from fedora_qa.errors import FedoraError, MisuseError
 from fedora_qa.layout.canonical import DATASETS
-from fedora_qa.sequence.sequence import open_sequence
+from fedora_qa.sequence.sequence import Known, open_sequence
 from tests.fuzz.mutants import mutate
 
 ALWAYS: Final = ("integrity", "metadata.complete", "clocks.order")
@@ -41,8 +45,8 @@ class Trial:
     seconds: float = 0.0
 
 
-def tried(clean: bytes, true: Digests, seed: int, path: Path) -> Trial:
-    """Write a mutant, check it, and tell what became of it; one that should not be is kept beside the path.
+def tried(clean: bytes, true: Digests, seed: int, path: Path, out: Path) -> Trial:
+    """Write a mutant, check it, and tell what became of it; one that should not be is kept in the folder ``out``.
 
     An object that is gone may have been promised by nothing: there a clean verdict is no fault. Other values under a
     clean verdict are one where a checksum guards them: in damaged chunks, and what is left of a truncated file.
@@ -52,13 +56,18 @@ def tried(clean: bytes, true: Digests, seed: int, path: Path) -> Trial:
     became, said = _checked(path, seed, kind, {} if kind == "absent" else true)
     trial = Trial(seed, kind, became, said, time.process_time() - started)
     if became in {"traceback", "crashed", "wrongly clean"}:
-        shutil.copy(path, path.with_name(f"offender-{seed}.h5"))
+        shutil.copy(path, offender(out, seed))
     return trial
 
 
-def digests(path: Path) -> Digests:
+def offender(out: Path, seed: int) -> Path:
+    """Return where a mutant is kept that did what none may."""
+    return out / f"offender-{seed}.h5"
+
+
+def digests(path: Path, known: Known | None = None) -> Digests:
     """Return a digest of every stream's values in canonical units; raises where something cannot be read."""
-    with open_sequence(path) as sequence:
+    with open_sequence(path, known=known) as sequence:
         return {
             key: hashlib.sha256(np.ascontiguousarray(sequence.rows(key, 0, binding.rows)).tobytes()).hexdigest()
             for key, binding in sequence.layout.bindings.items()
@@ -66,15 +75,17 @@ def digests(path: Path) -> Digests:
 
 
 def _checked(path: Path, seed: int, kind: str, true: Digests) -> tuple[str, str]:
+    """Check a mutant as ``check_whole`` does, keeping what opening it has found out."""
     others = Random(seed).sample([check.name for check in CHECKS], AT_A_TIME)
+    options = CheckOptions(select=(*ALWAYS, *others), evidence=None)
     try:
-        record = check_file(path, CheckOptions(select=(*ALWAYS, *others), evidence=None)).record
-        crashed = [result for result in record.results if result.outcome == "crashed"]
-        if crashed:
-            return "crashed", crashed[0].traceback or crashed[0].reason
-        failed = any(result.outcome in {"failed", "warned"} for result in record.results)
-        unseen = [] if failed else _unseen(path, true, GUARDED if kind in DAMAGES else frozenset())
-        return ("wrongly clean", ", ".join(unseen)) if unseen else (record.verdict, "")
+        survey = survey_file(path, select_checks(options.select, options.ignore), options, quiet)
+        if isinstance(survey, FileRun):
+            return _judged(survey, lambda: [])
+        with opened(survey) as file:
+            measured = measure_open(survey, file, range(len(survey.windows)), quiet)
+            run = finish_open(survey, file, [measured], [], quiet)
+        return _judged(run, lambda: _unseen(path, survey.known, true, GUARDED if kind in DAMAGES else frozenset()))
     except MisuseError as error:
         return "refused", str(error)
     except FedoraError as error:
@@ -83,10 +94,20 @@ def _checked(path: Path, seed: int, kind: str, true: Digests) -> tuple[str, str]
         return "traceback", f"{type(error).__name__}: {error}"
 
 
-def _unseen(path: Path, true: Digests, guarded: frozenset[str]) -> list[str]:
+def _judged(run: FileRun, unseen: Callable[[], list[str]]) -> tuple[str, str]:
+    results = run.record.results
+    crashed = [result for result in results if result.outcome == "crashed"]
+    if crashed:
+        return "crashed", crashed[0].traceback or crashed[0].reason
+    failed = any(result.outcome in {"failed", "warned"} for result in results)
+    missed = [] if failed else unseen()
+    return ("wrongly clean", ", ".join(missed)) if missed else (run.record.verdict, "")
+
+
+def _unseen(path: Path, known: Known, true: Digests, guarded: frozenset[str]) -> list[str]:
     """Return the streams that are gone although nothing was found, and those of ``guarded`` with other values."""
     try:
-        found = digests(path)
+        found = digests(path, known)
     except FedoraError as error:
         return [str(error)]
     return sorted(key for key in true if key not in found or (key in guarded and found[key] != true[key]))

@@ -254,3 +254,26 @@ def test_structures_without_end_stop_no_process_of_ours(
     assert {result["outcome"] for result in hostile["results"]} == {"crashed"}
     assert "the process that was being opened died twice" in hostile["results"][0]["reason"]
     assert all(result["outcome"] == "passed" for result in other["results"])
+
+
+@pytest.mark.parametrize(
+    "command", [["layout"], ["stats"], ["extract", "F1", "-o", "piece.h5"]], ids=lambda one: one[0]
+)
+@pytest.mark.parametrize("patch", ENDLESS, ids=named)
+def test_structures_without_end_end_no_other_command(
+    patch: Callable[[Path], None], command: list[str], clean_bytes: bytes, tmp_path: Path
+) -> None:
+    """One sentence and exit code 2, or an answer where the command never meets the damage; nothing is left behind."""
+    path = tmp_path / "patched.h5"
+    path.write_bytes(clean_bytes)
+    patch(path)
+    name, *rest = command
+    environment = {name: value for name, value in os.environ.items() if name != IN_PROCESS_VARIABLE}
+    ended = subprocess.run(
+        [sys.executable, "-m", "fedora_qa.cli.main", name, str(path), *rest],
+        capture_output=True, timeout=300, check=False, env=environment, cwd=tmp_path, text=True,
+    )  # fmt: skip
+    assert ended.returncode == 2, ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert "over which the process that read it has ended" in ended.stderr
+    assert [one.name for one in tmp_path.iterdir()] == ["patched.h5"]

@@ -125,9 +125,9 @@ def test_dataset_in_place_of_a_group(file: h5py.File) -> None:
     assert {problem.name for problem in declared_in(file).problems} == {"position_sigma", "rotation_sigma"}
 
 
-@pytest.mark.parametrize("bounds", [(0.0, 30.0), (30.0, 0.1), (np.nan, 3.0), (0.1, np.inf)])
+@pytest.mark.parametrize("bounds", [(0.0, 30.0), (30.0, 0.1), (np.nan, 3.0), (0.1, np.inf), (1e-9, 30.0), (0.1, 1e20)])
 def test_impossible_depth_range(file: h5py.File, bounds: tuple[float, float]) -> None:
-    """A range that is empty, reaches zero or does not end is no range."""
+    """A range that is empty, reaches zero, does not end or ends beyond the Earth is no range."""
     file["metadata/depth_range"][...] = bounds
     declared = declared_in(file)
     assert declared.depth_range_m is None

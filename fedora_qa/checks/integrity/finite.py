@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.families import over_all_rates
+from fedora_qa.checks.integrity.flow_bound import longest_displacement_px
 from fedora_qa.checks.integrity.value_tallies import Tally, add_up, tally_depth, tally_flow, tally_samples
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import MM_PER_M
@@ -43,7 +44,8 @@ class Finite(WindowCheck[tuple[Tally, ...]]):
     How
     ---
     Samples of IMU and pose must be finite, stamps too. Depth is finite and within ``depth_range`` (above zero where
-    none is declared) or NaN; flow is finite or NaN; neither is ever infinite. Images that are NaN throughout although
+    none is declared) or NaN; flow is NaN or a displacement that a surface in view can have; neither is ever infinite.
+    Images that are NaN throughout although
     those before and after are mostly valid are counted: half of a 60 degree view would have to leave it, and come
     back, within an interval. When depth outside the range falls into it once multiplied by 1000, metres are
     suspected; when it is all one number, a code for invalid pixels.
@@ -51,12 +53,15 @@ class Finite(WindowCheck[tuple[Tally, ...]]):
     Noise model
     -----------
     None: counts are exact for what was decoded. Depth may exceed its range by the rounding of float32 to the stored
-    value and to the range itself, 2^-24 relative each, with two bits to spare.
+    value and to the range itself, 2^-24 relative each, with two bits to spare. Flow grows without end for what comes
+    to lie beside the camera, by 1 over its depth: K fields of W x H pixels with diagonal D stay below
+    1e6 K (W + H) D^2 px in all files but one in a million.
 
     Cannot see
     ----------
-    A wrong value that is finite and in range; whether NaN lie where they must (``flow_geometry.validity``). Images
-    that are empty for as long as the file is looked at are noted, and no fault: a camera may see nothing nearer than
+    A wrong value that is finite and in range, and flow below that bound (1e11 px in a file of 1000 pixels, 1e17 in one
+    of seconds at 1440 x 1080); whether NaN lie where they must (``flow_geometry.validity``). Images that are empty for
+    as long as the file is looked at are noted, and no fault: a camera may see nothing nearer than
     30 m.
 
     Sources
@@ -125,7 +130,12 @@ def _tally(key: str, start: int, rows: NDArray[Any], facts: Facts) -> Tally:
         return tally_samples(key, start, rows)
     if key == "path/depth":
         return tally_depth(key, start, rows[0], facts.declared.depth_range_m)
-    return tally_flow(key, start, rows[0])
+    return tally_flow(key, start, rows[0], _longest_px(facts, key))
+
+
+def _longest_px(facts: Facts, key: str) -> float:
+    intervals, height, width, *_ = facts.layout.bindings[key].shape
+    return longest_displacement_px(intervals, height, width)
 
 
 def _measured(total: Tally, facts: Facts) -> Iterator[Measured]:
@@ -141,6 +151,9 @@ def _measured(total: Tally, facts: Facts) -> Iterator[Measured]:
     if total.key == "path/depth":
         said = _outside_statement(total, facts)
         yield _count("depth.outside_range", total.outside, "pixels", said, where, *_outside_suspects(total))
+    else:
+        odd = (Suspect("invalid_encoding", stream, 0.6), Suspect("corrupt_chunk", stream, 0.4))
+        yield _count(f"{stream}.outside_range", total.outside, "pixels", _far_statement(total, facts), where, *odd)
     yield _empty(total, facts)
 
 
@@ -167,6 +180,13 @@ def _outside_statement(total: Tally, facts: Facts) -> str:
     return (
         f"{total.outside} of {total.values} depth pixels lie between {total.low / MM_PER_M:.6g} and "
         f"{total.high / MM_PER_M:.6g} m; expected {expected}, or NaN"
+    )
+
+
+def _far_statement(total: Tally, facts: Facts) -> str:
+    return (
+        f"{total.outside} of {total.values} pixels of {DATASETS[total.key].stream} are displaced by {total.low:.3g} to "
+        f"{total.high:.3g} px; beyond {_longest_px(facts, total.key):.3g} px no surface in view is"
     )
 
 

@@ -1,8 +1,9 @@
 """The file itself: is everything where the layout says, and does every stored byte decode?"""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, prod
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.families import over_all_rates
@@ -84,7 +85,7 @@ class Damage:
 
 @dataclass(frozen=True, slots=True)
 class ReadSummary:
-    """What one window touched: a range of chunk numbers for each dataset, and those that are damaged."""
+    """What one window touched: a range along the first axis of chunks for each dataset, and those that are damaged."""
 
     touched: tuple[tuple[str, int, int], ...]
     damaged: tuple[Damage, ...]
@@ -139,14 +140,15 @@ class Readable(WindowCheck[ReadSummary]):
 
     def conclude(self, state: Sequence[ReadSummary], facts: Facts) -> Observation:
         """Count damaged chunks by stream."""
-        touched = {(key, chunk) for seen in state for key, first, stop in seen.touched for chunk in range(first, stop)}
+        bindings = facts.layout.bindings
+        seen = sum(count * _chunks_beside(bindings[key]) for key, count in _seen(state).items())
         damaged = {(one.key, one.chunk): one for seen in reversed(state) for one in seen.damaged}
         damaged |= {(one.key, one.chunk): one for one in _damage_in_scan(facts, list(damaged.values()))}
-        of = sum(ceil(binding.rows / _rows_in_chunk(binding)) for binding in facts.layout.bindings.values())
-        streams = sorted({DATASETS[key].stream for key in facts.layout.bindings})
+        of = sum(ceil(one.rows / _rows_in_chunk(one)) * _chunks_beside(one) for one in bindings.values())
+        streams = sorted({DATASETS[key].stream for key in bindings})
         lost = facts.layout.streams - facts.streams - {DATASETS[key].stream for key, _ in damaged}
         return Observation(
-            Coverage(len(touched), max(of, len(touched)), "chunks"),
+            Coverage(seen, max(of, seen), "chunks"),
             over_all_rates(
                 (
                     self._lost(facts, stream) if stream in lost else self._of_stream(stream, list(damaged.values()))
@@ -158,11 +160,12 @@ class Readable(WindowCheck[ReadSummary]):
 
     def _of_stream(self, stream: str, damaged: Sequence[Damage]) -> Measured:
         ours = sorted(
-            (one for one in damaged if DATASETS[one.key].stream == stream), key=lambda one: (one.start, one.key)
+            (one for one in damaged if DATASETS[one.key].stream == stream),
+            key=lambda one: (one.start, one.key, one.chunk),
         )
         if not ours:
             return no_faults(f"{stream}.unreadable_chunks", "chunks", "integrity.readable.chunk")
-        first, rows = ours[0], sum(one.stop - one.start for one in ours)
+        first, rows = ours[0], sum(stop - start for _, start, stop in {(one.key, one.start, one.stop) for one in ours})
         return count_of_faults(
             name=f"{stream}.unreadable_chunks",
             value=len(ours),
@@ -199,18 +202,38 @@ def _rows_to_read(window: Window, key: str, binding: Binding) -> tuple[int, int]
 
 def _rows_in_chunk(binding: Binding) -> int:
     """Rows that are stored together; where nothing is stored in chunks, as many as the canonical layout has."""
-    return max(1, binding.chunk_rows or DATASETS[binding.key].chunk_rows or binding.rows)
+    stored = binding.stored_chunk[0] if binding.stored_chunk else binding.chunk_rows
+    return max(1, stored or DATASETS[binding.key].chunk_rows or binding.rows)
+
+
+def _chunks_beside(binding: Binding) -> int:
+    """Chunks that hold parts of the same rows: tiles of an image, columns that are stored apart."""
+    return prod(binding.chunk_grid[1:])
+
+
+def _seen(state: Sequence[ReadSummary]) -> dict[str, int]:
+    """Count what windows touched along the first axis of chunks, each once, by dataset."""
+    seen, end = Counter[str](), Counter[str]()
+    for key, first, stop in sorted(touched for one in state for touched in one.touched):
+        seen[key] += max(0, stop - max(first, end[key]))
+        end[key] = max(end[key], stop)
+    return seen
 
 
 def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator[Damage]:
-    """Decode rows chunk by chunk; what fails is the whole chunk, also where the window owns a part of it."""
-    rows = _rows_in_chunk(binding)
-    for chunk in range(start // rows, ceil(stop / rows)):
-        first, last = chunk * rows, min((chunk + 1) * rows, binding.rows)
+    """Decode rows block by block; what fails are whole chunks, also where the window owns a part of one."""
+    rows, beside = _rows_in_chunk(binding), _chunks_beside(binding)
+    together = max(rows, binding.chunk_rows)
+    for block in range(start // together, ceil(stop / together)):
+        first, last = block * together, min((block + 1) * together, binding.rows)
         try:
             window.rows(binding.key, max(start, first), min(stop, last))
         except UnreadableRowsError as error:
-            yield Damage(binding.key, chunk, first, last, error.reason)
+            for chunk in error.chunks:
+                first = chunk // beside * rows
+                yield Damage(binding.key, chunk, first, min(first + rows, binding.rows), error.reason)
+            if not error.chunks:
+                yield Damage(binding.key, first // rows * beside, first, last, error.reason)
 
 
 def _damage_in_scan(facts: Facts, damaged: Sequence[Damage]) -> Iterator[Damage]:

@@ -25,7 +25,8 @@ class Tally:
     values, nan, infinite
         Values looked at (rows of samples, pixels of images); those that are NaN (of samples: not finite); infinite.
     outside
-        Finite values that no honest file holds: depth not above zero, or out of the declared range.
+        Finite values that no honest file holds: depth not above zero, or out of the declared range; flow beyond a
+        length.
     rescaled
         Those of ``outside`` that lie in the range once they are multiplied by 1000.
     low, high
@@ -77,13 +78,27 @@ def tally_samples(key: str, start: int, samples: NDArray[np.float64]) -> Tally:
     return Tally(key, len(samples), nan=int(np.count_nonzero(bad)), first=first)
 
 
-def tally_flow(key: str, row: int, flow_px: NDArray[np.float32]) -> Tally:
-    """Count NaN and infinite pixels of a field, (H, W, 2)."""
+def tally_flow(key: str, row: int, flow_px: NDArray[np.float32], longest_px: float = inf) -> Tally:
+    """Count pixels of a field, (H, W, 2), that are NaN, infinite, or displaced by more than a length along an axis."""
     pixels = flow_px.shape[0] * flow_px.shape[1]
-    nan, infinite = count_not_finite(flow_px)
-    first = _first(row, np.isinf(flow_px[..., 0]) | np.isinf(flow_px[..., 1])) if infinite else (-1, -1)
+    nan, infinite, beyond = count_not_finite(flow_px, longest_px)
     filled = ((row, 1.0 - nan / pixels),)
-    return Tally(key, pixels, nan, infinite, first=first, filled=filled)
+    if not infinite and not beyond:
+        return Tally(key, pixels, nan, filled=filled)
+    length_px = np.fmax(np.abs(flow_px[..., 0]), np.abs(flow_px[..., 1]))
+    bad = (length_px > np.float32(longest_px)) | np.isinf(length_px)
+    finite = length_px[bad & np.isfinite(length_px)]
+    return Tally(
+        key=key,
+        values=pixels,
+        nan=nan,
+        infinite=infinite,
+        outside=beyond,
+        low=float(finite.min(initial=inf)),
+        high=float(finite.max(initial=-inf)),
+        first=_first(row, bad),
+        filled=filled,
+    )
 
 
 def tally_depth(key: str, row: int, depth_mm: NDArray[Any], range_m: tuple[float, float] | None) -> Tally:

@@ -1,0 +1,169 @@
+"""Which other files may a file read from? Those in folders that somebody named, and none unless some were.
+
+HDF5 looks for a name in many places. So each is looked for here first, in one: beside the file that holds it. Links are
+then followed by us, from file to file; of virtual datasets and external storage, which HDF5 follows by itself, every
+source is held to exist there, whole, so that HDF5 finds it before it looks anywhere else.
+"""
+
+import os
+from collections.abc import Iterable
+from math import prod
+from pathlib import Path
+from typing import Final
+
+import h5py
+from h5py import h5s
+
+from fedora_qa.layout.binding import Binding
+from fedora_qa.layout.bounds import MOST_EXPANSION, SMALL_BYTES, require_small_chunks, unwritten_chunks
+from fedora_qa.layout.filters import require_filters
+from fedora_qa.layout.links import RefusedError, find_dataset
+from fedora_qa.layout.whole_chunks import require_whole_chunks
+
+MOST_FILES: Final = 64
+"""Other files that one file may name."""
+
+MOST_SOURCES: Final = 4096
+"""Pieces that a virtual dataset may be made of."""
+
+_PREFIXES: Final = ("HDF5_VDS_PREFIX", "HDF5_EXTFILE_PREFIX")
+"""Variables that make HDF5 look elsewhere first."""
+
+
+class Elsewhere:
+    """Opens the other files that a file names, and holds them open until it is closed.
+
+    Parameters
+    ----------
+    folders
+        Where they must lie, after all links of the file system have been followed.
+    """
+
+    def __init__(self, folders: Iterable[Path]) -> None:
+        self._folders = tuple(Path(os.path.realpath(folder)) for folder in folders)
+        self._files: dict[Path, h5py.File] = {}
+
+    def close(self) -> None:
+        """Close every file."""
+        for file in self._files.values():
+            file.close()
+        self._files.clear()
+
+    def named(self, file: h5py.File, name: str, path: str) -> h5py.File:
+        """Open the file that a file names at a path; raises ``RefusedError``."""
+        return self._opened(self._place(file, name, path), path)
+
+    def holding(self, file: h5py.File, binding: Binding) -> h5py.File:
+        """Return the file that holds a dataset: the given one, or another, held to the folders again."""
+        if binding.source is None:
+            return file
+        place = Path(binding.source[0])
+        return file if place == Path(file.filename) else self._opened(self._allowed(place, binding.path), binding.path)
+
+    def require_sources(self, dataset: h5py.Dataset, path: str) -> None:
+        """Refuse a virtual or externally stored dataset unless every value lies in a file that may be read.
+
+        Raises
+        ------
+        RefusedError
+            A source is outside of the folders, missing, too short, itself of this kind, or unsafe to decode; or some
+            values have none.
+        """
+        if variables := [name for name in _PREFIXES if os.environ.get(name)]:
+            raise _refused(f"Expected {variables[0]} to be unset where {path} lies in other files, got a value")
+        if dataset.is_virtual:
+            self._require_virtual(dataset, path)
+        else:
+            self._require_external(dataset, path)
+
+    def _require_external(self, dataset: h5py.Dataset, path: str) -> None:
+        wanted = prod(dataset.shape) * dataset.dtype.itemsize
+        for name, offset, size in dataset.external:
+            there = self._place(dataset.file, name, path).stat().st_size - offset
+            wanted -= min(size, max(there, 0))
+            if size <= there or wanted <= 0:
+                continue
+            raise RefusedError("unwritten", "truncated", f"Expected {size} bytes of {path} in {name}, got {there}")
+        if wanted > 0:
+            raise RefusedError(
+                "unwritten", "truncated", f"Expected all of {path} in its files, got {wanted} bytes less"
+            )
+
+    def _require_virtual(self, dataset: h5py.Dataset, path: str) -> None:
+        sources = dataset.virtual_sources()
+        if len(sources) > MOST_SOURCES:
+            raise _refused(f"Expected {path} to be made of {MOST_SOURCES} pieces at most, got {len(sources)}")
+        mapped = h5s.create_simple(dataset.shape)
+        mapped.select_none()
+        stored: dict[tuple[str, str], int] = {}
+        for one in sources:
+            source = self._source(dataset, one.file_name, one.dset_name, path)
+            stored[source.file.filename, source.name] = int(source.id.get_storage_size())
+            taken = _taken(one.src_space, source, path)
+            if one.vspace.get_select_type() == h5s.SEL_ALL:
+                mapped.select_all()
+            else:
+                mapped.select_hyperslab(*_regular(one.vspace, path), op=h5s.SELECT_OR)
+            if taken != one.vspace.get_select_npoints():
+                raise _refused(f"Expected pieces of {path} as large as their sources, got another size")
+        values = prod(dataset.shape)
+        if mapped.get_select_npoints() != values:
+            message = f"Expected all {values} values of {path} to have a source, got {mapped.get_select_npoints()}"
+            raise RefusedError("unwritten", "truncated", message)
+        decoded = values * dataset.dtype.itemsize
+        if decoded > max(SMALL_BYTES, MOST_EXPANSION * sum(stored.values())):
+            message = f"Expected {path} to unpack to {MOST_EXPANSION} times its sources at most, got {decoded} bytes"
+            raise RefusedError("expands", "unknown", message)
+
+    def _source(self, dataset: h5py.Dataset, name: str, path_there: str, path: str) -> h5py.Dataset:
+        if "%" in name or "%" in path_there:
+            raise _refused(f"Expected the sources of {path} by their names, got a pattern")
+        file = dataset.file if name == "." else self.named(dataset.file, name, path)
+        source = find_dataset(file, path_there)  # HDF5 would follow any link out of it by itself
+        if source is None:
+            raise RefusedError("dangling_link", "missing_stream", f"Expected the source of {path}, got nothing there")
+        require_filters(source, path)
+        require_small_chunks(source, path)
+        require_whole_chunks(source, path)
+        if unwritten_chunks(source)[0]:
+            raise RefusedError("unwritten", "truncated", f"Expected the source of {path} to be written, got holes")
+        return source
+
+    def _place(self, file: h5py.File, name: str, path: str) -> Path:
+        return self._allowed(Path(os.path.realpath(Path(os.path.realpath(file.filename)).parent / name)), path)
+
+    def _allowed(self, place: Path, path: str) -> Path:
+        if not any(place.is_relative_to(folder) for folder in self._folders):
+            raise _refused(f"Expected {path} in this file or a folder that may be read, got {place}")
+        if not place.is_file():
+            raise RefusedError("dangling_link", "missing_stream", f"Expected a file at {place} for {path}, got none")
+        return place
+
+    def _opened(self, place: Path, path: str) -> h5py.File:
+        if place not in self._files:
+            if len(self._files) == MOST_FILES:
+                raise _refused(f"Expected {MOST_FILES} other files at most, got another for {path}")
+            self._files[place] = h5py.File(place, "r", locking="best-effort")
+        return self._files[place]
+
+
+def _refused(message: str) -> RefusedError:
+    return RefusedError("outside_link", "missing_stream", message)
+
+
+def _taken(space: h5s.SpaceID, source: h5py.Dataset, path: str) -> int:
+    """Return how many values are taken of a source; raises ``RefusedError`` where it does not have them."""
+    if space.get_select_type() == h5s.SEL_ALL:
+        return prod(source.shape)
+    last = space.get_select_bounds()[1]
+    if len(last) != len(source.shape) or any(at >= size for at, size in zip(last, source.shape, strict=True)):
+        raise RefusedError("unwritten", "truncated", f"Expected the source of {path} to reach as far as it is taken")
+    return int(space.get_select_npoints())
+
+
+def _regular(space: h5s.SpaceID, path: str) -> tuple[tuple[int, ...], ...]:
+    """Return start, count, stride and block of a selection."""
+    if space.get_select_type() != h5s.SEL_HYPERSLABS or not space.is_regular_hyperslab():
+        raise _refused(f"Expected the pieces of {path} to be boxes, got another selection")
+    start, stride, count, block = space.get_regular_hyperslab()
+    return start, count, stride, block
