@@ -12,7 +12,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.apart import apart
+from fedora_qa.cli.apart import lightly_apart
 from fedora_qa.cli.check import PATH, require_hdf5
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.terminal import stdout_console, text
@@ -43,7 +43,7 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None) -> int:
     known = load_dialect(dialect) if dialect else None
     Outputs(own=(draft_path,)).require_writable([file])
     require_hdf5([file])
-    description, draft = apart(partial(_described, file, known, draft_path.stem if draft_path else ""), file)
+    description, draft = lightly_apart(partial(_described, file, known, draft_path.stem if draft_path else ""), file)
     if draft_path:
         write_text(draft_path, draft)
     console = stdout_console()
