@@ -99,7 +99,9 @@ def main(folder: Path) -> None:
 def _replace(file: h5py.File, name: str, values: np.ndarray) -> None:
     attributes = dict(file[name].attrs)
     del file[name]
-    file.create_dataset(name, data=values, chunks=(min(len(values), 65536), *values.shape[1:])).attrs.update(attributes)
+    file.create_dataset(
+        name, data=values, chunks=(min(len(values), 65536), *values.shape[1:]), compression="lzf"
+    ).attrs.update(attributes)
 
 
 if __name__ == "__main__":
