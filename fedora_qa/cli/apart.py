@@ -1,6 +1,9 @@
 """Read a file in another process, as ``check`` does: HDF5 may die over it, or never end."""
 
+import multiprocessing
 import os
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
 
 from fedora_qa.cli.host import usable_cores
@@ -35,6 +38,19 @@ def apart(task: Task[Result], path: Place, progress: Progress = quiet) -> Result
         try:
             return processes.submit(task, progress).result()
         except WorkerLostError:
-            raise MisuseError(
-                f"Expected a file that HDF5 can read, got {path}, over which the process that read it has ended"
-            ) from None
+            raise _lost(path) from None
+
+
+def lightly_apart(task: Task[Result], path: Place) -> Result:
+    """Do the same in a process that loads nothing but what the task needs, and tells no progress."""
+    if os.environ.get(IN_PROCESS_VARIABLE):
+        return task(quiet)
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as processes:
+        try:
+            return processes.submit(task, quiet).result()
+        except BrokenProcessPool:
+            raise _lost(path) from None
+
+
+def _lost(path: Place) -> MisuseError:
+    return MisuseError(f"Expected a file that HDF5 can read, got {path}, over which the process that read it has ended")

@@ -12,8 +12,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from fedora_qa.cli.apart import apart
-from fedora_qa.cli.check import PATH, require_hdf5
+from fedora_qa.cli.apart import lightly_apart
+from fedora_qa.cli.check import PATH, folders_named, require_hdf5
+from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.engine.fuse import fuse
@@ -22,6 +23,7 @@ from fedora_qa.errors import UnreadableFileError
 from fedora_qa.layout.describe import DatasetRow, Description, describe
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.layout.draft import draft_dialect
+from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.layout.resolve import resolve
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.wording import number
@@ -38,12 +40,15 @@ _WIDE = 110
 @click.argument("file", type=PATH)
 @click.option("--dialect", metavar="NAME|FILE.toml", help="How the file names and scales things; else recognised.")
 @click.option("--draft-dialect", "draft_path", type=PATH, metavar="OUT", help="Write a first dialect for the file.")
-def layout(file: Path, dialect: str | None, draft_path: Path | None) -> int:
+@allow_external_option
+def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_external: tuple[str, ...]) -> int:
     """Say where FILE keeps each stream, what is absent and why, and what was inferred."""
     known = load_dialect(dialect) if dialect else None
     Outputs(own=(draft_path,)).require_writable([file])
     require_hdf5([file])
-    description, draft = apart(partial(_described, file, known, draft_path.stem if draft_path else ""), file)
+    description, draft = lightly_apart(
+        partial(_described, file, known, draft_path.stem if draft_path else "", folders_named(allow_external)), file
+    )
     if draft_path:
         write_text(draft_path, draft)
     console = stdout_console()
@@ -52,11 +57,14 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None) -> int:
     return 0
 
 
-def _described(file: Path, known: Dialect | None, draft_name: str, _: Progress) -> tuple[Description, str]:
+def _described(
+    file: Path, known: Dialect | None, draft_name: str, allow_external: tuple[Path, ...], _: Progress
+) -> tuple[Description, str]:
     """Return what a file holds, and where a name is given for one, a draft of its dialect."""
+    elsewhere = Elsewhere(allow_external) if allow_external else None
     try:
-        with fuse(LONGEST_S), h5py.File(file, "r", locking="best-effort") as opened:
-            description = describe(opened, resolve(opened, known))
+        with fuse(LONGEST_S), h5py.File(file.resolve(), "r", locking="best-effort") as opened:
+            description = describe(opened, resolve(opened, known, elsewhere))
             return description, draft_dialect(opened, draft_name) if draft_name else ""
     except OSError as error:
         raise UnreadableFileError(f"Expected a complete HDF5 file, got: {str(error).splitlines()[0]}") from None

@@ -7,7 +7,11 @@ import h5py
 import numpy as np
 import pytest
 
+from fedora_qa.api.check import check
+from fedora_qa.cli.main import run
+from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions
+from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.run import check_file
 from fedora_qa.record.types import FileRecord
 from fedora_qa.sequence.sequence import open_sequence
@@ -194,3 +198,29 @@ def test_metadata_are_read_from_there_too(folder: Path) -> None:
     options = CheckOptions(select=("integrity.layout", "metadata.complete"), evidence=None)
     assert rules_of(check_file(folder / "main.h5", options).record) >= {"outside_link"}
     assert rules_of(checked(folder / "main.h5", folder / "inside")) == set()
+
+
+def test_commands_and_python_take_the_folders(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Right: the same everywhere, and a folder that is none is misuse."""
+    path = str(linked(folder, "inside/d.h5"))
+    named = ["--allow-external", str(folder / "inside")]
+    assert run(["check", path, "--select", "integrity"]) == 1
+    assert run(["check", path, "--select", "integrity", *named]) == 0
+    assert check(path, select=["integrity"], allow_external=[str(folder / "inside")]).files[0].verdict == "clean"
+    for command in (["stats", path], ["layout", path], ["compare", path, str(write_handmade(folder / "other.h5"))]):
+        capsys.readouterr()
+        assert run(command) == 0
+        without = capsys.readouterr().out
+        assert run([*command, *named]) == 0
+        assert capsys.readouterr().out != without, command
+    assert run(["check", path, "--allow-external", str(folder / "nowhere")]) == 2
+
+
+def test_workers_take_the_folders(folder: Path) -> None:
+    """Right: whoever opens the file, in whichever process, reads what is allowed and nothing else."""
+    path = linked(folder, "inside/d.h5")
+    for allowed, verdict in (((), "findings"), ((folder / "inside",), "clean")):
+        options = CheckOptions(select=("integrity",), evidence=None, allow_external=allowed)
+        with ProcessExecutor(2) as executor:
+            ((_, found),) = check_files([path], options, executor, lambda tally: None)
+        assert found.record.verdict == verdict
