@@ -45,6 +45,7 @@ def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
         start_s={"quick": 2.0, "full": 2.0},
         efforts=[checked(2.1), checked(2.4, 4.0), checked(5.0), checked(14.6, 4.0)],
         exhaustive=checked(40.0),
+        exhaustive_together=checked(22.0),
         alone=checked(9.0),
         together=checked(5.0),
         on_cluster=OnCluster(checked(8.0), checked(5.5)),
@@ -55,7 +56,8 @@ def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
     assert "| quick | 4 | 2.0 | 0.4 | 0.05 | 0.05 | 4.8 | 900 | 25% |" in rows
     assert "| full | 1 | 2.0 | 3.0 | 1.50 | 1.5 | 10.0 | 900 | 100% |" in rows
     assert "| `full`, time of 4 times the length | 4.20 | 4.4 |" in rows
-    assert "| one job's time / two jobs', start included | 1.80 | 1.7 |" in rows
+    assert "| `exhaustive`, one job's time / two jobs', start included | 1.82 | 1.7 |" in rows
+    assert "| `full`, one job's time / two jobs', start included | 1.80 | |" in rows
     assert "| processors that one job keeps busy, as it has OpenCV's threads for itself | 2.00 | |" in rows
     assert "| Dask's time / two jobs', first check of a cluster, whose workers load all | 1.60 | |" in rows
     assert "| Dask's time / two jobs', later checks | 1.10 | 1.15 |" in rows

@@ -61,6 +61,7 @@ def main(lengths: str, size: str) -> None:
             replace(_check(path, effort), length_s=length) for effort in efforts for length, path in paths.items()
         ],
         exhaustive=_check(shortest, "exhaustive", jobs=1),
+        exhaustive_together=_check(shortest, "exhaustive", jobs=JOBS),
         alone=_check(shortest, "full", jobs=1),
         together=_check(shortest, "full", jobs=JOBS),
         on_cluster=_check_on_cluster(shortest),
