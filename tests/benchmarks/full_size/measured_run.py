@@ -11,7 +11,7 @@ from typing import Final
 import psutil
 
 _EVERY_S: Final = 0.5
-"""Between two looks at the memory; what is held for less may be missed. A look at 1 GB costs 33 ms of processor time."""
+"""Between two looks at the memory; what is held for less may be missed. A look at 1 GB takes 33 ms of a core."""
 
 
 @dataclass(frozen=True, slots=True)
