@@ -25,8 +25,6 @@ def finish_open(
 ) -> FileRun:
     """Judge a file by what its windows have shown.
 
-    That comes from all workers, and is merged in the room that blocks had.
-
     Parameters
     ----------
     parts
@@ -37,7 +35,6 @@ def finish_open(
     watch = Stopwatch(dict(survey.seconds))
     decoded_before = file.ready.decoder.decoded_bytes
     with watch.stage(STAGE):
-        file.ready.forget()
         measured = together(parts, file.accumulators, file.ready.facts)
     watch.seconds[STAGE] += measured.seconds
     states, ready, options, asked = measured.states, file.ready, survey.options, file.asked

@@ -46,6 +46,7 @@ def finish_file(task: FileTask, desk: Desk, progress: Progress) -> FileRun:
     """Judge a file: arguments are what its stretches of windows have shown, in order, and the windows that are lost."""
     parts, lost = task.arguments
     with desk.opened(_surveyed(task)) as (found, file):
+        file.ready.forget()  # what all workers have kept is merged in the room that blocks had
         run = finish_open(found, file, (part.open() for part in parts), lost, progress)
     desk.clear()
     return run

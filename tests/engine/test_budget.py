@@ -119,7 +119,8 @@ class Slow(Counts):
 @pytest.fixture
 def many_windows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A file of 51 windows of 2 ms."""
-    monkeypatch.setattr("fedora_qa.engine.windows.WINDOW_NS", 2_000_000)
+    for module in ("windows", "budgeted_work"):
+        monkeypatch.setattr(f"fedora_qa.engine.{module}.WINDOW_NS", 2_000_000)
     return write_handmade(tmp_path / "seq.h5")
 
 

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest, norm
 
+from fedora_qa.judgement.false_alarm_rate import DEFAULT_FALSE_ALARM_RATE
 from fedora_qa.judgement.tolerances import tolerance_for
 
 
@@ -14,6 +15,13 @@ def test_all_comparisons_share_one_rate(comparisons: int, rate: float) -> None:
     """The two-sided tails of all comparisons add up to the file's rate."""
     z = tolerance_for(comparisons, rate).z_limit
     assert 2 * norm.sf(z) * comparisons == pytest.approx(rate, rel=1e-6)
+
+
+def test_by_default_one_honest_file_in_ten_thousand_alarms() -> None:
+    """A single two-sided comparison is allowed 3.89 standard errors."""
+    z = tolerance_for(1, DEFAULT_FALSE_ALARM_RATE).z_limit
+    assert z == pytest.approx(3.8906, abs=1e-4)
+    assert 2 * norm.sf(z) == pytest.approx(1e-4, rel=1e-6)
 
 
 def test_false_alarms_of_honest_files_keep_the_rate() -> None:
