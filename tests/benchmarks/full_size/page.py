@@ -22,7 +22,8 @@ HEAD: Final = """\
 
 Written by `make bench-files`, {date}, {cores} cores: `park-day` of {width}x{height}, in the canonical codec. Decoding
 is by plain h5py, one thread, every dataset once, the file in memory. An effort's time is that of two processes
-(`--jobs 2`), less the start: what the same command takes on a file of 48x36.
+(`--jobs 2`), less the start: what the same command takes on a file of 48x36. Each is the fastest of three; all other
+figures are of single runs.
 
 | effort | length, s | start, s | time, s | time / decoding | asked | processor, s | memory, MB | decoded |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -46,6 +47,11 @@ class Measured:
     seconds: Mapping[str, float]
     decoded_bytes: int
     length_s: float = 0.0
+
+    @property
+    def wall_s(self) -> float:
+        """Seconds that passed."""
+        return self.run.wall_s
 
 
 @dataclass(frozen=True, slots=True)
