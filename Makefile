@@ -5,6 +5,7 @@
 #   make bench-costs  what each stream, effect, wind and world costs: docs/costs.md
 #   make bench-flow   what reading frames between pixels costs, and how far it errs: docs/flow-interpolation.md
 #   make bench-files  what checking files of 1440x1080 takes, against decoding them: docs/full-size.md; half an hour, 5 GB
+#   make bench-readings how many events are read, against time and limits: docs/event-readings.md
 #   make bench-imu    what IMU against pose can tell, and whether its errors hold: docs/inertial-limits.md
 #   make study-presets  the scenes called after the paper's sequences beside its tables: docs/presets.md; half an hour
 #   make docs         writes the pages of docs/checks from what the checks say of themselves, and the published schemas
@@ -26,7 +27,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint docs fuzz lock test-lowest audit sbom wheel study-causes study-false-alarms study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu clean
+.PHONY: demo test lint docs fuzz lock test-lowest audit sbom wheel study-causes study-false-alarms study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -50,6 +51,9 @@ bench-flow: $(READY)
 
 bench-files: $(READY)
 	$(BIN)/python -m tests.benchmarks.full_size.study
+
+bench-readings: $(READY)
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.event_readings
 
 bench-imu: $(READY)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m tests.benchmarks.inertial_limits
