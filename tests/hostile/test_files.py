@@ -80,6 +80,7 @@ PATCHED: Final = {
     patched.chunk_shorter_than_its_checksum: f"{LAYOUT}.short_chunk",
     patched.chunk_shorter_than_its_values: f"{LAYOUT}.short_chunk",
     patched.names_out_of_order: f"{LAYOUT}.unreadable",
+    patched.names_of_a_flow_damaged: f"{LAYOUT}.unreadable",
 }
 HARMLESS: Final = (storage.a_chunk_for_each_value, links.hard_link_cycle, links.deep_groups, links.many_datasets,
                    contents.names_that_are_not_text, contents.stamps_as(">i8"))  # fmt: skip
