@@ -27,7 +27,7 @@ from fedora_qa.extract.extract import LONGEST_S, Extracted, Wanted
 from fedora_qa.extract.extract import extract as extract_piece
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import FileRecord, Record
-from fedora_qa.record.wording import printable
+from fedora_qa.record.wording import unobeyed
 from fedora_qa.sequence.sequence import open_sequence
 
 
@@ -79,7 +79,7 @@ def extract(
     with progress_bar(file.name) as bar:
         extracted = _extracted(file, output, wanted, options, longest_s, bar)
     for line in _lines(file, output, finding, wanted, extracted):
-        click.echo(printable(line))
+        click.echo(unobeyed(line))
     return CLEAN if extracted.found else INCOMPLETE
 
 

@@ -21,7 +21,7 @@ from fedora_qa.cli.began import BEGAN
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
 from fedora_qa.cli.workers import begin_to_load
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
-from fedora_qa.record.wording import printable
+from fedora_qa.record.wording import unobeyed
 
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
@@ -139,7 +139,7 @@ def _complain(error: click.ClickException | FedoraError) -> int:
     if isinstance(error, click.ClickException):
         error.show()
         return MISUSE
-    click.echo(f"fedora-qa: {printable(str(error))}", err=True)
+    click.echo(f"fedora-qa: {unobeyed(str(error))}", err=True)
     if isinstance(error, MisuseError):
         return MISUSE
     return FINDINGS if isinstance(error, UnreadableFileError) else INCOMPLETE
@@ -147,7 +147,7 @@ def _complain(error: click.ClickException | FedoraError) -> int:
 
 def _cannot_write(error: OSError) -> int:
     """Say that a disk takes no more. What was to be written is not there: an output gets its name when it is whole."""
-    place = f" {printable(str(error.filename))}" if error.filename else ""
+    place = f" {unobeyed(str(error.filename))}" if error.filename else ""
     click.echo(f"fedora-qa: Expected to be able to write{place}, got: {error.strerror}", err=True)
     return MISUSE
 
@@ -157,7 +157,7 @@ def _internal_error(error: Exception) -> int:
         traceback.print_exc()
     first_line = (str(error).splitlines() or ["no message"])[0]
     click.echo(
-        f"fedora-qa: internal error, {type(error).__name__}: {printable(first_line)} "
+        f"fedora-qa: internal error, {type(error).__name__}: {unobeyed(first_line)} "
         f"(set {TRACEBACK_VARIABLE}=1 and run again for the traceback)",
         err=True,
     )
