@@ -79,6 +79,8 @@ def shown(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("option", OUTPUTS)
 def test_a_full_disk_leaves_no_output(option: str, shown: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Right: one sentence, exit code 2, and nothing under the name of the output; folders may be there, and empty."""
+    if option == "--parquet":
+        pytest.importorskip("pyarrow", reason="an extra")
     target = shown.with_name(OUTPUTS[option])
     with full_disk(100):
         code = run(["report", str(shown), option, str(target)])
