@@ -17,6 +17,7 @@
 #   make fuzz         100,000 mutants of a small file: nothing may crash, hang, eat memory, or be wrongly clean; hours
 #   make lock         the development dependencies, pinned with their hashes: requirements/dev.lock
 #   make test-lowest  the tests of layout, sequence and record with the lowest versions that pyproject.toml allows
+#   make test-newest  the same with the newest versions that it allows, as of today
 #   make audit        known vulnerabilities of what is locked;  make sbom  what is in it, as CycloneDX
 #   make wheel        builds the wheel twice, and fails where the two differ in one byte
 #   make study-mesh   how the rendered world differs from the exact one, and what 8 bits do to events; needs OpenGL
@@ -27,7 +28,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 OUT ?= out
 
-.PHONY: demo test lint docs fuzz lock test-lowest audit sbom wheel study-causes study-false-alarms study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
+.PHONY: demo test lint docs fuzz lock test-lowest test-newest audit sbom wheel study-causes study-false-alarms study-mesh study-presets study-trade mutation bench bench-costs bench-files bench-flow bench-imu bench-readings clean
 
 demo: $(READY)
 	@mkdir -p $(OUT)
@@ -121,11 +122,18 @@ lock: $(TOOLS)/.ready
 	$(LOCK) --extra dev --generate-hashes --upgrade --output-file requirements/dev.lock
 	$(LOCK) --extra reports --resolution lowest-direct --upgrade --output-file requirements/lowest.lock
 
+VERSION_TESTS := tests/layout tests/sequence tests/record/test_json_io.py tests/hostile
+
 test-lowest: $(TOOLS)/.ready
 	$(TOOLS)/bin/uv venv --quiet --clear --python 3.11 $(OUT)/lowest
 	$(TOOLS)/bin/uv pip install --quiet --python $(OUT)/lowest/bin/python -r requirements/lowest.lock pytest hypothesis
-	PYTHONPATH=.:generator:reports $(OUT)/lowest/bin/python -m pytest -q -W default tests/layout tests/sequence tests/record/test_json_io.py \
-	  tests/hostile
+	PYTHONPATH=.:generator:reports $(OUT)/lowest/bin/python -m pytest -q -W default $(VERSION_TESTS)
+
+test-newest: $(TOOLS)/.ready
+	$(TOOLS)/bin/uv venv --quiet --clear --python 3.11 $(OUT)/newest
+	$(TOOLS)/bin/uv pip install --quiet --upgrade --resolution highest --python $(OUT)/newest/bin/python --requirements pyproject.toml \
+	  --extra reports pytest hypothesis
+	PYTHONPATH=.:generator:reports $(OUT)/newest/bin/python -m pytest -q -W default $(VERSION_TESTS)
 
 audit: $(TOOLS)/.ready
 	$(TOOLS)/bin/pip-audit --require-hashes --disable-pip --strict --requirement requirements/dev.lock

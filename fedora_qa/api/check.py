@@ -20,7 +20,9 @@ from fedora_qa.record.types import Record
 AnyPath = str | PathLike[str]
 
 
-def check(*paths: AnyPath, config: AnyPath | None = None, evidence: bool = True, **options: Any) -> CheckedRecord:
+def check(
+    *paths: AnyPath, config: AnyPath | None = None, evidence: bool = True, apart: bool = False, **options: Any
+) -> CheckedRecord:
     """Check files as ``fedora-qa check`` does, and return what was found of all of them.
 
     Parameters
@@ -31,9 +33,12 @@ def check(*paths: AnyPath, config: AnyPath | None = None, evidence: bool = True,
         A ``fedora-qa.toml`` whose options hold where none are given here.
     evidence
         Whether to keep pictures and series for the report.
+    apart
+        Whether to open files in another process even with a single job: for files of strangers, over which HDF5 may
+        die, or which never end to open. Their checks are then ``crashed``, and the program goes on.
     **options
-        The keys of ``fedora-qa.toml``: ``effort="quick"``, ``select=["imu"]``, ``jobs=4``. With several jobs a script
-        must guard its entry with ``if __name__ == "__main__"``, as for any processes.
+        The keys of ``fedora-qa.toml``: ``effort="quick"``, ``select=["imu"]``, ``jobs=4``. With several jobs, or
+        ``apart``, a script must guard its entry with ``if __name__ == "__main__"``, as for any processes.
 
     Raises
     ------
@@ -48,7 +53,7 @@ def check(*paths: AnyPath, config: AnyPath | None = None, evidence: bool = True,
     engine_options = replace(check_options(settings), evidence=EvidenceOptions() if evidence else None)
     require_hdf5(files)
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    executor = executor_for(settings, in_process=True)
+    executor = executor_for(settings, in_process=not apart)
     jobs = executor.capacity
     runs = checked(files, Request(settings, engine_options, started), executor)
     return _with_arrays(record_of(runs, settings, started, {"jobs": jobs}), gathered_arrays(runs))

@@ -3,19 +3,25 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
+from fedora_qa.cli.apart import apart
 from fedora_qa.cli.arrays import arrays_beside, read_arrays
 from fedora_qa.cli.check import require_hdf5
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.comparison.sampled import sampled_from
 from fedora_qa.comparison.subjects import Given, GivenFile, labels
-from fedora_qa.engine.statistics import measure_file
+from fedora_qa.engine.desk import OPENING_S
+from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.statistics import Measured, measure_file
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import Scalar
+from fedora_qa.sequence.sequence import open_sequence
 
 _SEQUENCES: Final = {".h5", ".hdf5"}
 _RECORD: Final = ".json"
@@ -53,7 +59,7 @@ def sources_of(given: Sequence[Path], dialect: Dialect | None) -> tuple[Source, 
 def read_sources(
     sources: Sequence[Source], dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path] = ()
 ) -> tuple[Given, ...]:
-    """Read the records, and measure the files that have none."""
+    """Read the records, and measure the files that have none, each in a process of its own; raises as ``apart``."""
     names = labels([str(source.given) for source in sources])
     return tuple(
         Given(
@@ -93,9 +99,17 @@ def _measured(
 ) -> Iterator[GivenFile]:
     for path in paths:
         with progress_bar(path.name) as report:
-            found = measure_file(path, dialect, memory_bytes, report, allow_external)
+            found = apart(partial(_counted, path, dialect, memory_bytes, allow_external), path, report)
         statistics = {name: _finite(group) for name, group in found.statistics.items()}
         yield GivenFile(str(path), statistics, sampled_from(found.arrays))
+
+
+def _counted(
+    path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path], progress: Progress
+) -> Measured:
+    with fuse(OPENING_S):
+        open_sequence(path, dialect, allow_external=allow_external).close()
+    return measure_file(path, dialect, memory_bytes, progress, allow_external)
 
 
 def _finite(group: Mapping[str, Scalar]) -> dict[str, Scalar]:

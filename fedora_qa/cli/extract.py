@@ -12,7 +12,7 @@ import click
 from fedora_qa.cli.apart import apart
 from fedora_qa.cli.check import check_options, require_hdf5, settings_from
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
-from fedora_qa.cli.output_options import PATH
+from fedora_qa.cli.output_options import PATH, allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.engine.desk import OPENING_S
@@ -27,7 +27,7 @@ from fedora_qa.extract.extract import LONGEST_S, Extracted, Wanted
 from fedora_qa.extract.extract import extract as extract_piece
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import FileRecord, Record
-from fedora_qa.record.wording import printable
+from fedora_qa.record.wording import unobeyed
 from fedora_qa.sequence.sequence import open_sequence
 
 
@@ -50,6 +50,7 @@ from fedora_qa.sequence.sequence import open_sequence
 @click.option("--effort", type=click.Choice(["quick", "standard", "full", "exhaustive"]), help="As `check` had it.")
 @click.option("--config", type=PATH, help="As `check` had it.")
 @click.option("--dialect", metavar="NAME|FILE.toml", help="As `check` had it.")
+@allow_external_option
 @click.option("--force", is_flag=True, help="Write over OUT where it is there.")
 def extract(
     file: Path,
@@ -78,7 +79,7 @@ def extract(
     with progress_bar(file.name) as bar:
         extracted = _extracted(file, output, wanted, options, longest_s, bar)
     for line in _lines(file, output, finding, wanted, extracted):
-        click.echo(printable(line))
+        click.echo(unobeyed(line))
     return CLEAN if extracted.found else INCOMPLETE
 
 
@@ -94,7 +95,7 @@ def _found(file: Path, options: CheckOptions, progress: Progress) -> FileRecord:
 
 def _require_end(file: Path, options: CheckOptions) -> None:
     with fuse(OPENING_S), suppress(UnreadableFileError):  # whoever opens it for work tells what is wrong with it
-        open_sequence(file, options.dialect).close()
+        open_sequence(file, options.dialect, allow_external=options.allow_external).close()
 
 
 def _as_recorded(given: Mapping[str, Any], record: Record | None) -> dict[str, Any]:

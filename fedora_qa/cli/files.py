@@ -10,6 +10,7 @@ from fedora_qa.cli.coverage import hold_to_coverage
 from fedora_qa.cli.host import usable_cores
 from fedora_qa.cli.kept import KeptFolder
 from fedora_qa.cli.progress import files_progress
+from fedora_qa.cli.unchanged import hold_to_version, version_before
 from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
 from fedora_qa.config import LEAST_MEMORY_BYTES, CheckConfig
 from fedora_qa.engine.cluster import DaskExecutor
@@ -63,11 +64,13 @@ def checked(files: Sequence[Place], request: Request, executor: Executor) -> lis
     places = {path: kept.place(path) for path in files} if kept else {}
     runs = {path: run for path, place in places.items() if (run := place.load()) is not None}
     missing = [path for path in files if path not in runs]
+    versions = {path: version_before(path) for path in missing}
     try:
         with executor, files_progress(known=len(runs)) as report:
             for path, run in check_files(missing, request.options, executor, report, request.began):
-                runs[path] = replace(run, record=hold_to_coverage(run.record, required))
-                if kept:
+                record = hold_to_version(run.record, path, versions[path])
+                runs[path] = replace(run, record=hold_to_coverage(record, required))
+                if kept and record is run.record:
                     places[path].store(runs[path], request.started)
     except KeyboardInterrupt:
         if kept:

@@ -20,7 +20,7 @@ from fedora_qa.gate.certificate import certificate_of, write_certificate
 from fedora_qa.gate.documents import whole_digest
 from fedora_qa.gate.policy import read_policy
 from fedora_qa.gate.release import find_release
-from fedora_qa.gate.rulings import rulings_of, whole_digests
+from fedora_qa.gate.rulings import contents_of, rulings_of, whole_digests
 from fedora_qa.gate.verdict import Judgement, judged, release_record
 from fedora_qa.record.json_io import read_record
 
@@ -66,12 +66,14 @@ def gate(
     jobs = executor.capacity
     runs = checked(paths, Request(settings, options, started), executor)
     facts = {"jobs": jobs, "peak_worker_memory_mib": executor.peak_memory_mib}
-    files = [run.record for run in runs]
+    with executor_for(settings) as readers:
+        known, files = contents_of(policy, release, [run.record for run in runs], readers)
+    runs = [replace(run, record=file) for run, file in zip(runs, files, strict=True)]
     runs.append(FileRun(release_record(release, files)))
     record = record_of(runs, settings, started, facts)
     asks_for_digests = certificate or policy.documents.checksums
     digests = whole_digests(release, files) if asks_for_digests else {}
-    rulings = rulings_of(policy, release, files, digests)
+    rulings = rulings_of(policy, release, files, known, digests)
     record = judged(record, release, rulings, Judgement(policy, baseline, now.date()))
     outputs.write(record, gathered_arrays(runs))
     say_record(record, github=outputs.github)

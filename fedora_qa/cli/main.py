@@ -3,6 +3,7 @@
 Commands are imported when they are used, so that ``--help`` does not load numerical libraries.
 """
 
+import errno
 import importlib
 import os
 import sys
@@ -20,7 +21,7 @@ from fedora_qa.cli.began import BEGAN
 from fedora_qa.cli.exit_codes import FINDINGS, INCOMPLETE, INTERRUPTED, MISUSE, OUTPUT_CLOSED
 from fedora_qa.cli.workers import begin_to_load
 from fedora_qa.errors import FedoraError, MisuseError, UnreadableFileError
-from fedora_qa.record.wording import printable
+from fedora_qa.record.wording import unobeyed
 
 COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
     {
@@ -47,6 +48,9 @@ COMMANDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
 PROGRAM: Final = "fedora-qa"
 COMPLETION_VARIABLE: Final = "_FEDORA_QA_COMPLETE"
 """Set by a shell that asks what may follow, and by a person who asks for the script that makes it ask."""
+
+_FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
+"""What a disk says that takes no more."""
 
 TRACEBACK_VARIABLE: Final = "FEDORA_QA_TRACEBACK"
 
@@ -119,7 +123,7 @@ def run(arguments: Sequence[str]) -> int:
         _discard_stdout()
         return OUTPUT_CLOSED
     except Exception as error:  # noqa: BLE001 - a person gets one sentence, whatever happened
-        return _internal_error(error)
+        return _cannot_write(error) if isinstance(error, OSError) and error.errno in _FULL else _internal_error(error)
 
 
 def _invoke(arguments: list[str]) -> int:
@@ -135,10 +139,17 @@ def _complain(error: click.ClickException | FedoraError) -> int:
     if isinstance(error, click.ClickException):
         error.show()
         return MISUSE
-    click.echo(f"fedora-qa: {printable(str(error))}", err=True)
+    click.echo(f"fedora-qa: {unobeyed(str(error))}", err=True)
     if isinstance(error, MisuseError):
         return MISUSE
     return FINDINGS if isinstance(error, UnreadableFileError) else INCOMPLETE
+
+
+def _cannot_write(error: OSError) -> int:
+    """Say that a disk takes no more. What was to be written is not there: an output gets its name when it is whole."""
+    place = f" {unobeyed(str(error.filename))}" if error.filename else ""
+    click.echo(f"fedora-qa: Expected to be able to write{place}, got: {error.strerror}", err=True)
+    return MISUSE
 
 
 def _internal_error(error: Exception) -> int:
@@ -146,7 +157,7 @@ def _internal_error(error: Exception) -> int:
         traceback.print_exc()
     first_line = (str(error).splitlines() or ["no message"])[0]
     click.echo(
-        f"fedora-qa: internal error, {type(error).__name__}: {printable(first_line)} "
+        f"fedora-qa: internal error, {type(error).__name__}: {unobeyed(first_line)} "
         f"(set {TRACEBACK_VARIABLE}=1 and run again for the traceback)",
         err=True,
     )

@@ -14,7 +14,7 @@ from fedora_qa.cli.say import say_record
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import Record
-from fedora_qa.record.wording import printable
+from fedora_qa.record.wording import unobeyed
 
 
 @click.command(short_help="Render a record again, without the data.")
@@ -39,5 +39,5 @@ def _evidence(record: Record, record_path: Path) -> Mapping[str, NDArray[Any]]:
     try:
         return read_arrays(arrays_beside(record_path))
     except MisuseError as problem:
-        click.echo(f"fedora-qa: {printable(str(problem))}; the report is drawn without pictures", err=True)
+        click.echo(f"fedora-qa: {unobeyed(str(problem))}; the report is drawn without pictures", err=True)
         return {}

@@ -7,7 +7,7 @@ from typing import Final
 from rich.console import Console
 from rich.text import Text
 
-from fedora_qa.record.wording import printable
+from fedora_qa.record.wording import unobeyed
 
 _PIPED_WIDTH: Final = 132
 
@@ -31,8 +31,8 @@ def stderr_console() -> Console:
 
 
 def text(content: str, style: str = "") -> Text:
-    """Return text as it is: made printable, and never read as markup."""
-    return Text(printable(content), style=style)
+    """Return text as it is: made printable, never read as markup, and obeyed by nobody who reads a log."""
+    return Text(unobeyed(content), style=style)
 
 
 def _console(*, stderr: bool) -> Console:

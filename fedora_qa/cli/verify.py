@@ -9,7 +9,7 @@ from fedora_qa.cli.exit_codes import CLEAN, FINDINGS
 from fedora_qa.cli.output_options import PATH
 from fedora_qa.gate.certificate import read_certificate
 from fedora_qa.gate.verify import differences
-from fedora_qa.record.wording import printable
+from fedora_qa.record.wording import unobeyed
 
 
 @click.command(short_help="Verify that a release is still the one that was certified.")
@@ -23,11 +23,11 @@ def verify(certificate_path: Path, folder: Path) -> int:
     certificate = read_certificate(certificate_path)
     found = differences(certificate, folder, datetime.now(UTC).date())
     for difference in found:
-        click.echo(f"differs: {printable(difference)}")
+        click.echo(f"differs: {unobeyed(difference)}")
     if found:
         return FINDINGS
     click.echo(
         f"{len(certificate.files)} sequences and {len(certificate.documents)} documents are as certified on "
-        f"{printable(certificate.issued)} by {printable(certificate.tool.name)} {printable(certificate.tool.version)}"
+        f"{unobeyed(certificate.issued)} by {unobeyed(certificate.tool.name)} {unobeyed(certificate.tool.version)}"
     )
     return CLEAN

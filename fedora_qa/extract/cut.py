@@ -1,6 +1,6 @@
 """Write a file that holds some rows of another: the same groups, attributes and links, index maps that count anew."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import lcm
@@ -15,12 +15,23 @@ from fedora_qa.extract.index_maps import entries_kept, shifted
 from fedora_qa.extract.place import Piece
 from fedora_qa.extract.remembering import RememberingFile
 from fedora_qa.extract.rows import Rows, rows_kept
-from fedora_qa.extract.storage import copy_attributes, copy_rows, copy_whole, needs_whole_chunks, new_dataset
+from fedora_qa.extract.storage import (
+    beside_its_file,
+    copy_attributes,
+    copy_rows,
+    copy_whole,
+    needs_whole_chunks,
+    new_dataset,
+)
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.dialect import Dialect
-from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset
+from fedora_qa.layout.elsewhere import Elsewhere
+from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset, find_object
 from fedora_qa.sequence.scan import FRAMES_OF_MAP, Scan
 from fedora_qa.sequence.sequence import SequenceRows
+
+_Place = tuple[str, int]
+"""The file in which an object lies, and its address there."""
 
 _SMALL_BYTES: Final = 64 << 10
 """What no dialect speaks of is copied whole where it is no larger: nobody knows which of its rows belong to a piece."""
@@ -37,13 +48,23 @@ class Cutter:
         Its stamps and index maps.
     dialect
         How it names things.
+    elsewhere
+        Which other files may be read; None: no other. What they hold is written into the piece.
     """
 
-    def __init__(self, file: h5py.File, sequence: SequenceRows, scanned: Scan, dialect: Dialect) -> None:
+    def __init__(
+        self,
+        file: h5py.File,
+        sequence: SequenceRows,
+        scanned: Scan,
+        dialect: Dialect,
+        elsewhere: Elsewhere | None = None,
+    ) -> None:
         self._file = file
+        self._elsewhere = elsewhere
         self._sequence = sequence
         self._scanned = scanned
-        self._datasets = _stream_datasets(file, dialect)
+        self._datasets = _stream_datasets(file, dialect, elsewhere)
 
     def write(self, piece: Piece, target: Path) -> tuple[dict[str, Rows], tuple[str, ...]]:
         """Write a piece over what lies at the target.
@@ -59,13 +80,15 @@ class Cutter:
         """
         counts = _row_counts(self._datasets)
         kept = _aligned(rows_kept(piece, self._sequence, self._scanned, counts), self._datasets)
-        cuts: dict[int, _Cut] = {}
+        cuts: dict[_Place, _Cut] = {}
         for key, dataset in self._datasets.items():
             stream = DATASETS[key].stream
-            cuts[_address(self._file, dataset.name)] = _Cut(kept[stream], self._entries(stream, dataset, kept))
+            cuts[_linked_place(dataset.file, dataset.name)] = _Cut(
+                dataset, kept[stream], self._entries(stream, dataset, kept)
+            )
         with RememberingFile(target) as file:
             with h5py.File(file, "w") as copy:
-                writer = _Writer(cuts, file)
+                writer = _Writer(cuts, file, self._file.filename, self._elsewhere)
                 writer.group(self._file, copy)
             file.go_on()
         return kept, tuple(writer.left_out)
@@ -83,7 +106,7 @@ class Cutter:
         return None
 
 
-def _stream_datasets(file: h5py.File, dialect: Dialect) -> dict[str, h5py.Dataset]:
+def _stream_datasets(file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | None) -> dict[str, h5py.Dataset]:
     """Return every dataset of a stream that can be opened, by canonical key, whether or not its stream is whole."""
     found: dict[str, h5py.Dataset] = {}
     for key, spec in DATASETS.items():
@@ -91,9 +114,9 @@ def _stream_datasets(file: h5py.File, dialect: Dialect) -> dict[str, h5py.Datase
         if place is None or not spec.chunk_rows:
             continue
         with suppress(RefusedError):
-            dataset = find_dataset(file, place.path or key)
+            dataset = find_dataset(file, place.path or key, elsewhere)
             if dataset is not None and dataset.shape:
-                found[key] = dataset
+                found[key] = beside_its_file(dataset) if dataset.external else dataset
     return found
 
 
@@ -121,6 +144,7 @@ def _aligned(kept: Mapping[str, Rows], datasets: Mapping[str, h5py.Dataset]) -> 
 class _Cut:
     """Rows of a dataset to keep; ``entries`` in their place where they are counted anew."""
 
+    dataset: h5py.Dataset
     rows: Rows
     entries: NDArray[np.int64] | None
 
@@ -129,18 +153,20 @@ def _stop(rows: Rows, dataset: h5py.Dataset) -> int:
     return int(dataset.shape[0]) if rows.to_the_end else min(rows.stop, int(dataset.shape[0]))
 
 
-def _address(group: h5py.Group, path: str) -> int:
+def _linked_place(group: h5py.Group, path: str) -> _Place:
     """Return where the object of a hard link lies, as the link tells: the object itself may be damaged."""
-    return int(group.id.links.get_info(path.encode("utf-8", "surrogateescape")).u)
+    return group.file.filename, int(group.id.links.get_info(path.encode("utf-8", "surrogateescape")).u)
 
 
 @dataclass
 class _Writer:
     """Walks a file and writes what is kept of it; an object that has several names is written once."""
 
-    cuts: Mapping[int, _Cut]
+    cuts: Mapping[_Place, _Cut]
     file: RememberingFile
-    written: dict[int, str] = field(default_factory=dict)
+    source: str
+    elsewhere: Elsewhere | None
+    written: dict[_Place, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
 
     def group(self, source: h5py.Group, copy: h5py.Group) -> None:
@@ -156,21 +182,37 @@ class _Writer:
                     del copy[name]
 
     def _member(self, source: h5py.Group, copy: h5py.Group, name: str, link: Any) -> None:
-        if not isinstance(link, h5py.HardLink):
+        if isinstance(link, h5py.HardLink):
+            self._object(copy, name, _linked_place(source, name), lambda: source[name])
+        elif (found := self._led_to(source, name, link)) is not None:
+            place = found.file.filename, int(h5py.h5o.get_info(found.id).addr)
+            self._object(copy, name, place, lambda: found)
+        else:
             copy[name] = link
-            return
-        address = _address(source, name)
+
+    def _led_to(self, source: h5py.Group, name: str, link: Any) -> Any:
+        """Return what a link leads to that cannot stay a link in the piece, where that may be read; else None."""
+        leaves = isinstance(link, h5py.ExternalLink) or source.file.filename != self.source
+        if self.elsewhere is None or not leaves:
+            return None
+        with suppress(RefusedError):
+            return find_object(source.file, f"{source.name}/{name}", self.elsewhere)
+        return None
+
+    def _object(self, copy: h5py.Group, name: str, address: _Place, opened: Callable[[], Any]) -> None:
         if address in self.written:
             copy[name] = copy.file[self.written[address]]
             return
-        thing = source[name]
+        if address in self.cuts:
+            self._rows(self.cuts[address], copy, name)
+            self.written[address] = f"{copy.name.rstrip('/')}/{name}"
+            return
+        thing = opened()
         if isinstance(thing, h5py.Group):
             self.written[address] = f"{copy.name.rstrip('/')}/{name}"
             self.group(thing, copy.create_group(name))
             return
-        if isinstance(thing, h5py.Dataset) and address in self.cuts:
-            self._rows(thing, copy, name, self.cuts[address])
-        elif not isinstance(thing, h5py.Dataset):
+        if not isinstance(thing, h5py.Dataset):
             copy[name] = thing.dtype
         elif thing.nbytes > _SMALL_BYTES:
             self.left_out.append(thing.name)
@@ -179,7 +221,8 @@ class _Writer:
             copy_whole(thing, copy, name)
         self.written[address] = f"{copy.name.rstrip('/')}/{name}"
 
-    def _rows(self, dataset: h5py.Dataset, copy: h5py.Group, name: str, cut: _Cut) -> None:
+    def _rows(self, cut: _Cut, copy: h5py.Group, name: str) -> None:
+        dataset = cut.dataset
         if cut.entries is None:
             start = min(cut.rows.start, dataset.shape[0])
             copy_rows(dataset, copy, name, start, max(_stop(cut.rows, dataset), start))

@@ -1,6 +1,7 @@
 """Cut the least piece out of a sequence that still shows a finding, and see by a check of the piece that it does."""
 
 from collections.abc import Callable
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -15,6 +16,7 @@ from fedora_qa.extract.cut import Cutter
 from fedora_qa.extract.place import pieces_around, place_of
 from fedora_qa.extract.rows import Rows
 from fedora_qa.layout.detect import detect_dialect
+from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.record.atomic import replacing
 from fedora_qa.record.types import Finding
 from fedora_qa.sequence.scan import scan
@@ -70,7 +72,8 @@ def extract(
     Parameters
     ----------
     options
-        How the finding was found; of the checks only the one that found it is run.
+        How the finding was found; of the checks only the one that found it is run. Whatever is read of other files,
+        where ``allow_external`` names folders, is written into the piece, which is checked without any.
     longest_s
         Length of the longest piece to try; the first is tried whatever its length.
 
@@ -79,10 +82,14 @@ def extract(
     MisuseError, UnreadableFileError
         As ``open_sequence``.
     """
-    options = replace(options, select=(wanted.check,), ignore=(), evidence=None, canary=False)
-    with open_sequence(source, options.dialect) as sequence, h5py.File(source, "r", locking="best-effort") as file:
+    folders = options.allow_external
+    options = replace(options, select=(wanted.check,), ignore=(), evidence=None, canary=False, allow_external=())
+    with ExitStack() as opened:
+        sequence = opened.enter_context(open_sequence(source, options.dialect, allow_external=folders))
+        file = opened.enter_context(h5py.File(source.resolve() if folders else source, "r", locking="best-effort"))
+        elsewhere = opened.enter_context(closing(Elsewhere(folders))) if folders else None
         scanned = scan(sequence, window_length_ns(sequence))
-        cutter = Cutter(file, sequence, scanned, options.dialect or detect_dialect(file))
+        cutter = Cutter(file, sequence, scanned, options.dialect or detect_dialect(file, elsewhere), elsewhere)
         place = place_of(wanted.finding.where, wanted.check, scanned)
         with replacing(target) as temporary:
             for piece in pieces_around(place, round(longest_s * NS_PER_S)):

@@ -4,9 +4,11 @@ Whole chunks are copied as bytes, so that a damaged one stays damaged and one th
 begin within a chunk are decoded and stored anew.
 """
 
+import os
 from collections.abc import Iterator
 from contextlib import suppress
 from math import ceil, prod
+from pathlib import Path
 from typing import Any, Final
 
 import h5py
@@ -69,7 +71,7 @@ def copy_rows(dataset: h5py.Dataset, parent: h5py.Group, name: str, start: int, 
     copy = new_dataset(dataset, parent, name, stop - start)
     if dataset.chunks is not None and start % dataset.chunks[0] == 0 and not _points_elsewhere(dataset):
         _copy_chunks(dataset, copy, start, stop)
-    elif dataset.chunks is not None or dataset.id.get_storage_size():
+    elif dataset.chunks is not None or lies_elsewhere(dataset) or dataset.id.get_storage_size():
         for first, rows in _blocks(dataset, start, stop):
             copy[first - start : first - start + len(rows)] = rows
     copy_attributes(dataset, copy)
@@ -82,10 +84,28 @@ def copy_whole(dataset: h5py.Dataset, parent: h5py.Group, name: str) -> None:
     """
     stored = dataset.id
     made = h5py.h5d.create(parent.id, name.encode(), stored.get_type(), stored.get_space(), stored.get_create_plist())
-    copy, outside = h5py.Dataset(made), dataset.is_virtual or dataset.external
-    if dataset.shape is not None and not outside and stored.get_storage_size():
+    copy = h5py.Dataset(made)
+    if dataset.shape is not None and not lies_elsewhere(dataset) and stored.get_storage_size():
         copy[()] = dataset[()]
     copy_attributes(dataset, copy)
+
+
+def beside_its_file(dataset: h5py.Dataset) -> h5py.Dataset:
+    """Return an externally stored dataset, opened so that its files are looked for beside the file that names them.
+
+    HDF5 opens nothing twice in different ways: nobody else may hold the dataset open, and the one given is closed.
+    """
+    file, name = dataset.file, dataset.name
+    dataset.id.close()
+    access = h5py.h5p.create(h5py.h5p.DATASET_ACCESS)
+    access.set_efile_prefix(os.fsencode(Path(file.filename).parent))
+    opened = h5py.h5d.open(file.id, name.encode("utf-8", "surrogateescape"), access)
+    return h5py.Dataset(opened, readonly=True)
+
+
+def lies_elsewhere(dataset: h5py.Dataset) -> bool:
+    """Whether the values of a dataset lie in other files."""
+    return bool(dataset.is_virtual or dataset.external)
 
 
 def _points_elsewhere(dataset: h5py.Dataset) -> bool:
@@ -95,11 +115,13 @@ def _points_elsewhere(dataset: h5py.Dataset) -> bool:
 
 
 def new_dataset(dataset: h5py.Dataset, parent: h5py.Group, name: str, rows: int) -> h5py.Dataset:
-    """Create an empty dataset of so many rows, stored like another."""
+    """Create an empty dataset of so many rows, stored like another; in this file whatever that is made of."""
     shape = (rows, *dataset.shape[1:])
     longest = None if dataset.chunks is None else (h5py.h5s.UNLIMITED, *dataset.shape[1:])
     space = h5py.h5s.create_simple(shape, longest)
-    made = h5py.h5d.create(parent.id, name.encode(), dataset.id.get_type(), space, dataset.id.get_create_plist())
+    plain = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    stored = plain if lies_elsewhere(dataset) else dataset.id.get_create_plist()
+    made = h5py.h5d.create(parent.id, name.encode(), dataset.id.get_type(), space, stored)
     return h5py.Dataset(made)
 
 

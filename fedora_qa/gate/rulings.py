@@ -1,9 +1,17 @@
 """Every rule about a release that a policy asks for, in a fixed order."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
+from fedora_qa.engine.desk import OPENING_S
+from fedora_qa.engine.executors import Executor
+from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.progress import Progress, quiet
+from fedora_qa.errors import UnreadableFileError, WorkerLostError
 from fedora_qa.gate.contents import Contents, read_contents
 from fedora_qa.gate.documents import rule_on_checksums, rule_on_documents, whole_digest
 from fedora_qa.gate.likeness import rule_on_distinct, rule_on_splits
@@ -12,15 +20,20 @@ from fedora_qa.gate.release import Release
 from fedora_qa.gate.rules import rule_on_intrinsics, rule_on_names, rule_on_streams
 from fedora_qa.gate.ruling import Ruling
 from fedora_qa.gate.totals import rule_on_totals
-from fedora_qa.layout.dialect import load_dialect
-from fedora_qa.record.types import FileRecord
+from fedora_qa.layout.dialect import Dialect, load_dialect
+from fedora_qa.record.types import FileRecord, Result
+from fedora_qa.sequence.sequence import open_sequence
 
 _CONTENT: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
 """Streams that no two splits may share."""
 
 
 def rulings_of(
-    policy: Policy, release: Release, files: Sequence[FileRecord], digests: Mapping[str, str]
+    policy: Policy,
+    release: Release,
+    files: Sequence[FileRecord],
+    known: Mapping[str, Contents],
+    digests: Mapping[str, str],
 ) -> Iterator[Ruling]:
     """Yield what each rule found that the policy asks for.
 
@@ -28,11 +41,12 @@ def rulings_of(
     ----------
     files
         The records of the sequences, in the release's order.
+    known
+        What ``contents_of`` found.
     digests
         SHA-256 of all of each sequence, by its name; may be empty where the policy asks for no checksums.
     """
     names = [sequence.name for sequence in release.sequences]
-    known = contents_of(policy, release)
     if policy.naming is not None:
         yield rule_on_names(names, policy.naming)
     if policy.required_streams:
@@ -51,22 +65,48 @@ def rulings_of(
         yield rule_on_totals(files, policy.totals)
 
 
-def contents_of(policy: Policy, release: Release) -> dict[str, Contents]:
-    """Return the contents of each sequence that can be opened, as far as the policy asks for them."""
+def contents_of(
+    policy: Policy, release: Release, files: Sequence[FileRecord], executor: Executor
+) -> tuple[dict[str, Contents], list[FileRecord]]:
+    """Read of each sequence what the policy asks for, in the executor's processes.
+
+    Returns
+    -------
+    The contents of each sequence that can be opened, by name; and the records of all, incomplete where the process that
+    read one has died over it. Files over which a check died already are not opened again.
+    """
+    if not (policy.required_streams or policy.same_intrinsics or policy.distinct_streams or policy.splits):
+        return {}, list(files)
     dialect = load_dialect(policy.check.dialect) if policy.check.dialect else None
     names = (*policy.distinct_streams, *(_CONTENT if policy.splits else ()))
     streams = tuple(dict.fromkeys(each_stream(names)))
-    read = {
-        sequence.name: read_contents(
-            sequence.path,
-            dialect,
-            streams,
-            poses=bool(policy.splits),
-            allow_external=map(Path, policy.check.allow_external),
-        )
-        for sequence in release.sequences
-    }
-    return {name: contents for name, contents in read.items() if contents}
+    folders = tuple(map(Path, policy.check.allow_external))
+    known, told = dict[str, Contents](), list[FileRecord]()
+    for sequence, file in zip(release.sequences, files, strict=True):
+        died = file.results and all(result.outcome == "crashed" for result in file.results)
+        task = partial(_read, sequence.path, dialect, streams, bool(policy.splits), folders)
+        try:
+            contents = None if died else executor.submit(task, quiet).result()
+        except WorkerLostError as lost:
+            told.append(replace(file, verdict="incomplete", results=(*file.results, _lost(lost))))
+            continue
+        told.append(file)
+        if contents:
+            known[sequence.name] = contents
+    return known, told
+
+
+def _read(
+    path: Path, dialect: Dialect | None, streams: tuple[str, ...], poses: bool, folders: tuple[Path, ...], _: Progress
+) -> Contents | None:
+    with fuse(OPENING_S), suppress(UnreadableFileError):
+        open_sequence(path, dialect, allow_external=folders).close()
+    return read_contents(path, dialect, streams, poses=poses, allow_external=folders)
+
+
+def _lost(lost: WorkerLostError) -> Result:
+    question = "Can be read what the rules of the release need?"
+    return Result("release.contents", "crashed", question, reason=f"the process that read the file has died: {lost}")
 
 
 def whole_digests(release: Release, files: Sequence[FileRecord]) -> dict[str, str]:

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 
 from fedora_qa.causes import INDEX_MAPS, allowed
-from fedora_qa.layout.binding import Binding, instant_ns, rows_together
+from fedora_qa.layout.binding import Binding, instant_ns
 from fedora_qa.layout.bounds import require_bounded, require_small_chunks, unwritten_chunks
 from fedora_qa.layout.canonical import (
     FLOW_STREAMS,
@@ -21,10 +21,12 @@ from fedora_qa.layout.canonical import (
 )
 from fedora_qa.layout.conform import require_readable_type, require_shape
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
-from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, Dialect, Place, scale_of
+from fedora_qa.layout.dialect import Dialect, Place
 from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.layout.filters import require_filters
 from fedora_qa.layout.links import RefusedError, find_dataset, find_object, has_group, reading
+from fedora_qa.layout.names import garbled_name
+from fedora_qa.layout.stored import as_stored
 from fedora_qa.layout.whole_chunks import require_whole_chunks
 
 _EXTRA_STREAMS: Final = ("depth_range",)
@@ -118,6 +120,7 @@ class _Finder:
         self.absent: dict[str, str] = {}
         self.problems: list[LayoutProblem] = []
         self._sizes: dict[str, tuple[int, str]] = {}
+        self._looked_into: set[str] = set()
 
     def find(self, stream: str) -> None:
         """Bind all datasets of a stream, or none and say why."""
@@ -131,6 +134,7 @@ class _Finder:
             missing = [key for key, dataset in found.items() if dataset is None]
             if len(missing) == len(specs):
                 self.absent[stream] = f"there is no {self._path(specs[0].key)} in the file"
+                self._hold_to_names(stream, self._path(specs[0].key))
                 return
             if missing:
                 present = next(key for key, dataset in found.items() if dataset is not None)
@@ -179,6 +183,15 @@ class _Finder:
             except RefusedError as refused:
                 self._report("metadata", "", refused)
 
+    def _hold_to_names(self, stream: str, path: str) -> None:
+        """Report a damaged name, once a group, where a stream is missing: it may be that stream's."""
+        group = path.rpartition("/")[0]
+        garbled = None if group in self._looked_into else garbled_name(self.file, group, self.elsewhere)
+        self._looked_into.add(group)
+        if garbled is not None:
+            message = f"Expected {path}, or names of text in {group or '/'}, got a damaged one: {garbled}"
+            self._report(stream, "", RefusedError("unreadable", "corrupt_chunk", message))
+
     def _report_promise(self, stream: str, group: str) -> None:
         message = f"Expected {stream}, which /{group} declares, got no such stream; write it or drop the declaration"
         self._report(stream, "", RefusedError("missing_stream", "missing_stream", message))
@@ -210,7 +223,7 @@ class _Finder:
                 require_filters(dataset, path)
                 require_bounded(spec, dataset, path)
                 require_whole_chunks(dataset, path)
-                binding = _as_stored(spec, place, dataset, path)
+                binding = as_stored(spec, place, dataset, path)
                 self._note_oddities(spec, dataset, path)
                 return replace(binding, offset_ns=self._offset_ns(place, binding), source=self._source(dataset))
         except RefusedError as refused:
@@ -272,28 +285,6 @@ class _BrokenError(Exception):
         super().__init__(str(reason))
         self.key = key
         self.reason = reason
-
-
-def _as_stored(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str) -> Binding:
-    return Binding(
-        key=spec.key,
-        path=path,
-        rows=dataset.shape[0],
-        shape=dataset.shape,
-        dtype=dataset.dtype,
-        columns=place.columns or _quaternion_columns(spec, place),
-        ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_stamps else None,
-        scale=scale_of(spec.key, place),
-        polarity=place.polarity,
-        chunk_rows=rows_together(spec.key, dataset.chunks[0]) if dataset.chunks else 0,
-        stored_chunk=dataset.chunks or (),
-    )
-
-
-def _quaternion_columns(spec: DatasetSpec, place: Place) -> tuple[int, ...] | None:
-    if spec.key != "path/pose/orientation" or place.quaternion == "xyzw":
-        return None
-    return QUATERNION_COLUMNS[place.quaternion]
 
 
 def _wrong_size(spec: DatasetSpec, size: int, agreed: int, message: str) -> RefusedError:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import date
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -19,6 +19,9 @@ from fedora_qa.record.atomic import write_text
 from fedora_qa.record.schemas import schema_of
 
 T = TypeVar("T")
+
+MOST_BYTES: Final = 512 << 20
+"""A document of a thousand files takes 100 MB; what is longer must not eat the machine that reads it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +87,12 @@ class DocumentKind(Generic[T]):
     def read(self, path: Path) -> T:
         """Read a document; raises ``MisuseError`` where there is none, as ``from_json`` does."""
         try:
-            text = path.read_bytes()
+            with path.open("rb") as file:
+                text = file.read(MOST_BYTES + 1)
         except OSError as problem:
             raise MisuseError(f"Expected {self.noun} at {path}, got: {problem.strerror}") from None
+        if len(text) > MOST_BYTES:
+            raise MisuseError(f"Expected {self.noun} of {MOST_BYTES >> 20} MiB at most, got more in {path}")
         try:
             return self.from_json(text)
         except MisuseError as problem:

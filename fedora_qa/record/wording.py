@@ -50,6 +50,15 @@ def printable(text: str) -> str:
     return "".join("\N{REPLACEMENT CHARACTER}" if unicodedata.category(c) in _UNPRINTABLE else c for c in spaced)
 
 
+def unobeyed(text: str) -> str:
+    """Return the same without what a build obeys when it reads it in a log, however lines are broken.
+
+    GitHub's runner obeys ``::`` at the beginning of a line, behind spaces too, and ``##[`` anywhere in one
+    (actions/runner, ActionCommand.cs).
+    """
+    return printable(text).replace("::", ": :").replace("::", ": :").replace("##[", "## [")
+
+
 def number(value: float | None) -> str:
     """Return a number with four significant digits; integers in full."""
     if value is None:

@@ -116,3 +116,11 @@ def name_heap_without_end(path: Path) -> None:
     free, start = struct.unpack_from("<QQ", content, heap + 16)
     content[start + free : start + free + 8] = struct.pack("<Q", free)
     path.write_bytes(bytes(content))
+
+
+def names_of_a_flow_damaged(path: Path) -> None:
+    """Two bytes in a heap of names: both datasets of a rate of flow go by others, and nothing else speaks of them."""
+    content = path.read_bytes()
+    names = b"25hz\0\0\0\x0025hz_ts"
+    assert content.count(names) == 1
+    path.write_bytes(content.replace(names, b"25hz\x80\0\0\x0025h\x01_ts"))

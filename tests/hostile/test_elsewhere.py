@@ -214,6 +214,13 @@ def test_commands_and_python_take_the_folders(folder: Path, capsys: pytest.Captu
         assert run([*command, *named]) == 0
         assert capsys.readouterr().out != without, command
     assert run(["check", path, "--allow-external", str(folder / "nowhere")]) == 2
+    policy = folder / "policy.toml"
+    policy.write_text('ruleset_version = "1"\nfiles = ["main.h5"]\nrequired_streams = ["depth"]\n'
+                      '[check]\nselect = ["integrity"]')  # fmt: skip
+    capsys.readouterr()
+    assert run(["gate", str(folder), "--policy", str(policy)]) == 1
+    assert "Expected the stream depth, got none" in capsys.readouterr().out.replace("\n", " ")
+    assert run(["gate", str(folder), "--policy", str(policy), *named]) == 0
 
 
 def test_workers_take_the_folders(folder: Path) -> None:
@@ -224,3 +231,39 @@ def test_workers_take_the_folders(folder: Path) -> None:
         with ProcessExecutor(2) as executor:
             ((_, found),) = check_files([path], options, executor, lambda tally: None)
         assert found.record.verdict == verdict
+
+
+@pytest.mark.parametrize("way", [*WAYS, "group"])
+def test_a_piece_holds_what_was_read_elsewhere(folder: Path, way: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Right: inside, the values lie in the piece, which shows the finding without any other file; outside, nothing."""
+    if way == "group":
+        with h5py.File(folder / "main.h5", "r+") as file:
+            for name in ("inside", "outside"):
+                with h5py.File(folder / name / "imu.h5", "w") as other:
+                    file.copy("path/imu", other, "imu")
+                    other["depth"] = h5py.SoftLink("/imu")  # of the other file: in the piece it would lead nowhere
+            del file["path/imu"]
+            file["path/imu"] = h5py.ExternalLink("inside/imu.h5", "/imu")
+        path, key, there = folder / "main.h5", "path/imu/ts", "inside/imu.h5"
+    else:
+        make, there, _ = WAYS[way]
+        path, key = make(folder, there), KEY
+    with h5py.File(path, "r+") as file:
+        stamps = file["path/rgb_ts"][:]
+        stamps[3] = stamps[1]
+        file["path/rgb_ts"][:] = stamps
+    (folder / "away").mkdir()
+    piece = folder / "away" / "piece.h5"
+    with open_sequence(path, allow_external=[folder / "inside"]) as sequence:
+        whole = np.asarray(sequence.rows(key, 0, 6))
+    given = ["extract", str(path), "F1", "-o", str(piece), "--config", str(folder / "select.toml")]
+    (folder / "select.toml").write_text('select = ["clocks.order"]')
+    code = run([*given, "--allow-external", str(folder / "inside")])
+    assert code == 0, "".join(capsys.readouterr())
+    (folder / there).unlink()
+    with open_sequence(piece) as sequence:
+        assert np.array_equal(sequence.rows(key, 0, 6), whole, equal_nan=True)
+    piece.unlink()
+    assert run([*given, "--allow-external", str(folder / "outside")]) == 0
+    with open_sequence(piece) as sequence:
+        assert key not in sequence.layout.bindings

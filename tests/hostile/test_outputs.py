@@ -10,9 +10,12 @@ from fedora_qa.cli import arrays
 from fedora_qa.cli.main import run
 from fedora_qa.config import MOST_TOML_BYTES, read_config
 from fedora_qa.errors import MisuseError
+from fedora_qa.gate.certificate import read_certificate
+from fedora_qa.gate.policy import read_policy
 from fedora_qa.layout.dialect import load_dialect
+from fedora_qa.record import documents
 from fedora_qa.record.csv_tables import record_to_csv
-from fedora_qa.record.json_io import record_from_json
+from fedora_qa.record.json_io import read_record, record_from_json
 from tests.support.records import file_record, passed, record
 
 DEEP = "[" * 100_000
@@ -26,6 +29,14 @@ def test_a_configuration_of_megabytes_is_refused(tmp_path: Path) -> None:
         read_config(path)
 
 
+def test_a_record_without_end_is_misuse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is given for a record is read to a limit, and no further."""
+    monkeypatch.setattr(documents, "MOST_BYTES", 1 << 20)
+    for reader in (read_record, read_certificate):
+        with pytest.raises(MisuseError, match="1 MiB at most"):
+            reader(Path("/dev/zero"))
+
+
 def test_nesting_without_end_is_misuse(tmp_path: Path) -> None:
     """Lists within lists end no parser: configuration, dialect, record."""
     path = tmp_path / "deep.toml"
@@ -34,6 +45,8 @@ def test_nesting_without_end_is_misuse(tmp_path: Path) -> None:
         read_config(path)
     with pytest.raises(MisuseError):
         load_dialect(path)
+    with pytest.raises(MisuseError):
+        read_policy(path)
     with pytest.raises(MisuseError):
         record_from_json(DEEP)
 

@@ -1,0 +1,126 @@
+"""Files over which HDF5 dies, or which never end to open: they end a process of their own, and no command."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from fedora_qa.cli.workers import IN_PROCESS_VARIABLE
+from tests.hostile import patched
+
+Patch = Callable[[Path], None]
+
+ENDLESS: Final = (patched.tree_that_holds_itself, patched.text_heap_without_end, patched.name_heap_without_end)
+DIED: Final = "the process that was being opened died twice"
+
+POLICY: Final = """
+ruleset_version = "1"
+required_streams = ["rgb"]
+splits = {all = ["*"]}
+[check]
+select = ["integrity"]
+"""
+
+SCRIPT: Final = """
+import sys
+import fedora_qa
+
+if __name__ == "__main__":
+    fedora_qa.check(*sys.argv[1:], apart=True, select=["integrity"]).save("record.json")
+"""
+
+
+@pytest.fixture
+def folder(clean_bytes: bytes, tmp_path: Path) -> Path:
+    """A folder with ``clean.h5``, ``other.h5``, and ``patched.h5`` that is still to be patched."""
+    for name in ("patched.h5", "clean.h5", "other.h5"):
+        (tmp_path / name).write_bytes(clean_bytes)
+    return tmp_path
+
+
+def ran(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run Python in the folder, as somebody does who has set no variable of ours."""
+    environment = {name: value for name, value in os.environ.items() if name != IN_PROCESS_VARIABLE}
+    environment["PYTHONPATH"] = os.pathsep.join(path or str(Path.cwd()) for path in sys.path)
+    return subprocess.run(
+        [sys.executable, *arguments],
+        capture_output=True, timeout=300, check=False, env=environment, cwd=folder, text=True,
+    )  # fmt: skip
+
+
+def command(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return ran(folder, "-m", "fedora_qa.cli.main", *arguments)
+
+
+def require_lost(folder: Path, hostile: int, others: int) -> None:
+    """Hold a record to what it must say of the one file and of the other."""
+    files = json.loads((folder / "record.json").read_text())["files"]
+    assert files[hostile]["verdict"] == "incomplete"
+    own = [result for result in files[hostile]["results"] if not result["check"].startswith("release.")]
+    assert {result["outcome"] for result in own} == {"crashed"}
+    assert DIED in own[0]["reason"]
+    assert all(result["outcome"] == "passed" for result in files[others]["results"])
+
+
+def named(patch: Patch) -> str:
+    return patch.__name__
+
+
+@pytest.mark.parametrize("patch", ENDLESS, ids=named)
+def test_a_check_goes_on_with_the_other_files(patch: Patch, folder: Path) -> None:
+    """HDF5 2.0 ends the process that opens them, or never ends (docs/hostile-files.md): other files stand."""
+    patch(folder / "patched.h5")
+    ended = command(folder, "check", "patched.h5", "clean.h5", "--json", "record.json", "--select", "integrity")
+    assert ended.returncode == 3, ended.stderr
+    assert "Traceback" not in ended.stderr
+    require_lost(folder, hostile=0, others=1)
+
+
+@pytest.mark.parametrize("patch", ENDLESS, ids=named)
+def test_from_python_they_are_opened_apart_where_asked_to(patch: Patch, folder: Path) -> None:
+    """With ``apart=True`` the program goes on, and has the record of the other files."""
+    patch(folder / "patched.h5")
+    (folder / "script.py").write_text(SCRIPT)
+    ended = ran(folder, "script.py", "patched.h5", "clean.h5")
+    assert ended.returncode == 0, ended.stderr
+    require_lost(folder, hostile=0, others=1)
+
+
+@pytest.mark.parametrize("patch", [patched.tree_that_holds_itself, patched.name_heap_without_end], ids=named)
+def test_a_gate_goes_on_with_the_other_files(patch: Patch, folder: Path) -> None:
+    """What a policy asks of contents is read apart as well: incomplete, never clean, and nothing is certified."""
+    patch(folder / "patched.h5")
+    (folder / "other.h5").unlink()
+    (folder / "policy.toml").write_text(POLICY)
+    options = ["--json", "record.json", "--certificate", "certificate.json"]
+    ended = command(folder, "gate", ".", "--policy", "policy.toml", *options)
+    assert ended.returncode == 3, ended.stderr
+    assert "Traceback" not in ended.stderr
+    require_lost(folder, hostile=1, others=0)
+    assert not (folder / "certificate.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "patch"),
+    [(["layout", "patched.h5"], patched.tree_that_holds_itself),
+     (["layout", "patched.h5"], patched.name_heap_without_end),
+     (["stats", "patched.h5"], patched.text_heap_without_end),
+     (["extract", "patched.h5", "F1", "-o", "piece.h5"], patched.name_heap_without_end),
+     (["compare", "clean.h5", "patched.h5", "--json", "c.json"], patched.tree_that_holds_itself),
+     (["compare", "patched.h5", "clean.h5", "--html", "c.html"], patched.text_heap_without_end)],
+    ids=["layout died", "layout without end", "stats", "extract", "compare died", "compare without end"],
+)  # fmt: skip
+def test_other_commands_end_with_one_sentence(arguments: list[str], patch: Patch, folder: Path) -> None:
+    """One sentence and exit code 2; nothing is left behind."""
+    patch(folder / "patched.h5")
+    before = sorted(folder.iterdir())
+    ended = command(folder, *arguments)
+    assert ended.returncode == 2, ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert "over which the process that read it has ended" in ended.stderr
+    assert sorted(folder.iterdir()) == before
