@@ -78,6 +78,8 @@ class DepthFit:
 
 def noise_directions(covariance: Float64) -> Float64:
     """Return the twist (6, k) of each independent direction of the noise, one standard deviation long."""
+    if not covariance.any():
+        return np.empty((len(covariance), 0))
     variances, directions = np.linalg.eigh(covariance)
     real = variances > 1e-12 * max(float(variances.max(initial=0.0)), 1e-300)
     return np.asarray(directions[:, real] * np.sqrt(variances[real]))
