@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -20,6 +20,7 @@ def as_numpy_counts(vectors: NDArray[np.float32], most: float) -> tuple[int, int
     return nan, infinite, far
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(FLOATS, FLOATS), max_size=40), st.one_of(st.just(np.inf), st.floats(0, 2.0**127, width=32)))
 def test_vectors_are_counted_as_numpy_counts_them(vectors: list[tuple[float, float]], most: float) -> None:
     """NaN of either sign, infinities, and what is beyond a length: any of two components, whatever the other is."""
