@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fedora_qa.estimators.depth_fit_kernels import known_rows, weighted_step
 from fedora_qa.estimators.depth_image import DepthImage
 from fedora_qa.estimators.depth_warp import DepthModel, Lattice, ModelNumber, Warped, residuals_after, warp
+from fedora_qa.estimators.order_kernels import median_of
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.camera import RigidMotion
 
@@ -28,8 +29,12 @@ FEWEST_PIXELS: Final = 50
 """Pixels below which two frames are not compared."""
 
 _ITERATIONS: Final = 12
-_CONVERGED: Final = 1e-4
-"""A step of less than this share of its standard error is the last."""
+_CONVERGED: Final = 1e-3
+"""A step of less than this share of its standard error, and of what residuals scatter by, is the last.
+
+Each is a hundredth to a thousandth of the one before, so that no more than 1e-5 of the error is left; what the last one
+changes in the residuals is not looked at. (Where nothing holds a direction its error is large, and tells little.)
+"""
 
 _TO_SIGMA: Final = 1.4826
 """From the median absolute value to the standard deviation of a normal distribution."""
@@ -44,12 +49,12 @@ class DepthFit:
     value, standard_error, bound
         The parameter; its error where every pixel errs on its own; how far it may err where all err to their bounds
         in the worst direction. 0, infinite and 0 where no parameter was asked for.
-    twist
-        (6,) correction of the motion.
+    twist, parts
+        (6,) correction of the motion, and (k,) how much of each direction of its noise it has.
     warped
         The lattice after the correction.
-    typical
-        Median absolute residual.
+    typical, typical_bound
+        Median absolute residual, and the median of what it may honestly be.
     noise_square, noise_dof
         The twist against its declared covariance (chi-square), and how many of its directions the depth tells of.
     """
@@ -58,14 +63,23 @@ class DepthFit:
     standard_error: float
     bound: float
     twist: Float64
+    parts: Float64
     warped: Warped
     typical: float
+    typical_bound: float
     noise_square: float
     noise_dof: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether most pixels deviate by no more than they may."""
+        return self.typical <= self.typical_bound
 
 
 def noise_directions(covariance: Float64) -> Float64:
     """Return the twist (6, k) of each independent direction of the noise, one standard deviation long."""
+    if not covariance.any():
+        return np.empty((len(covariance), 0))
     variances, directions = np.linalg.eigh(covariance)
     real = variances > 1e-12 * max(float(variances.max(initial=0.0)), 1e-300)
     return np.asarray(directions[:, real] * np.sqrt(variances[real]))
@@ -79,6 +93,7 @@ def fit_depth(
     *,
     start: float,
     step: float | ModelNumber | None,
+    parts: Float64 | None = None,
 ) -> DepthFit | None:
     """Fit a parameter from ``start`` on, and the twist within its noise.
 
@@ -91,6 +106,8 @@ def fit_depth(
     step
         By which the parameter is changed to see its effect, or the number of the model that it is; None where only the
         twist is to be fitted.
+    parts
+        (k,) how much of each direction of the noise the twist begins with; none of any where None.
 
     Returns
     -------
@@ -103,7 +120,7 @@ def fit_depth(
     so far off, the twist is less linear than the depths are rounded. Then the best of all twists is taken.
     """
     problem = _Problem(family, lattice, image1, noise, step)
-    value, z, convex = start, np.zeros(noise.shape[1]), True
+    value, z, convex = start, np.zeros(noise.shape[1]) if parts is None else parts, True
     visited: list[tuple[float, float, Float64]] = []
     for _ in range(_ITERATIONS if step is not None or len(z) else 0):
         solved = problem.solved(value, z, convex=convex)
@@ -111,12 +128,11 @@ def fit_depth(
             return None
         if not convex:
             visited.append((solved.typical, value, z))
-        change = solved.change
-        value, z = value + change[0] * (step is not None), z + change[1:]
-        if not convex and np.all(np.abs(change) <= _CONVERGED * solved.errors):
-            visited.clear()
-            break
-        convex = convex and bool(np.any(np.abs(change) > solved.errors))
+        change = np.abs(solved.change)
+        value, z = value + solved.change[0] * (step is not None), z + solved.change[1:]
+        if not convex and solved.moved <= _CONVERGED and np.all(change <= _CONVERGED * solved.errors):
+            return _concluded(solved, value, z, noise, step)
+        convex = convex and bool(np.any(change > solved.errors))
     last = problem.solved(value, z)
     best = min(visited, key=lambda one: one[0], default=None)
     if best is not None and last is not None and best[0] < last.typical:
@@ -129,7 +145,8 @@ def fit_depth(
 class _Solved:
     """A step of (parameter, z), their standard errors, and the bound of the parameter's systematic error.
 
-    ``typical`` is the median absolute residual before the step.
+    ``typical`` is the median absolute residual before the step, ``moved`` by how many sigmas of theirs it moves
+    residuals on average.
     """
 
     warped: Warped
@@ -137,6 +154,7 @@ class _Solved:
     errors: Float64
     bound: float
     typical: float
+    moved: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,8 +179,10 @@ def _concluded(last: _Solved, value: float, z: Float64, noise: Float64, step: fl
         standard_error=float(last.errors[0]) if step is not None else np.inf,
         bound=last.bound if step is not None else 0.0,
         twist=noise @ z,
+        parts=z,
         warped=last.warped,
         typical=last.typical,
+        typical_bound=median_of(last.warped.bounds[np.isfinite(last.warped.bounds)]),
         noise_square=float(z @ z),
         noise_dof=float(np.sum(1.0 - last.errors[1:] ** 2)),
     )
@@ -224,5 +244,5 @@ def _solve(warped: Warped, by_value: Float64, noise: Float64, z: Float64, *, con
     held = np.ones(columns.shape[1])
     held[0] = 0.0 if np.any(columns[:, 0]) else 1.0
     pull = np.concatenate(([0.0], z))
-    found, change, errors, bound, typical = weighted_step(residuals, bounds, columns, held, pull, _TO_SIGMA, convex)
-    return _Solved(warped, change, errors, bound, typical) if found else None
+    step = weighted_step(residuals, bounds, columns, held, pull, _TO_SIGMA, convex)
+    return _Solved(warped, *step[1:]) if step[0] else None

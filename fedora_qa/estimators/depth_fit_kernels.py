@@ -18,10 +18,10 @@ def weighted_step(
     pull: Float64,
     to_sigma: float,
     convex: bool,
-) -> tuple[bool, Float64, Float64, float, float]:
+) -> tuple[bool, Float64, Float64, float, float, float]:
     """Return whether there is a step, the step (k,), its standard errors (k,) and the bound of the first number.
 
-    Last comes the median absolute residual.
+    Then come the median absolute residual, and by how much the step moves residuals, in their sigmas, on average.
 
     Parameters
     ----------
@@ -57,19 +57,21 @@ def weighted_step(
         for b in range(a):
             matrix[b, a] = matrix[a, b]
     if not inverted(matrix):
-        return False, gradient, gradient, 0.0, middle
+        return False, gradient, gradient, 0.0, middle, 0.0
     inverse, errors, change = matrix, np.empty(k), np.zeros(k)
     for a in range(k):
         errors[a] = np.sqrt(max(inverse[a, a], 0.0))
         for b in range(k):
             change[a] -= inverse[a, b] * gradient[b]
-    bound = 0.0
+    bound, moved = 0.0, 0.0
     for i in range(n):
-        slope = 0.0
+        slope, move = 0.0, 0.0
         for a in range(k):
             slope += columns[i, a] * inverse[0, a]
+            move += columns[i, a] * change[a]
         bound += abs(slope) * weights[i] * bounds[i]
-    return True, change, errors, bound, middle
+        moved += abs(move) / max(bounds[i], typical)
+    return True, change, errors, bound, middle, moved / n
 
 
 @njit(cache=True)

@@ -16,8 +16,8 @@ Float32 = NDArray[np.float32]
 Marks = NDArray[np.uint8]
 
 
-@njit(cache=True)
-def inverse_at(depths: Depths, row: int, column: int) -> float:
+@njit(cache=True, error_model="numpy")
+def inverse_at(depths: Depths, row: np.uint64, column: np.uint64) -> float:
     """Return the inverse depth of a pixel, 1/m; 0 where it is invalid."""
     depth = np.float64(depths[row, column])
     return 1.0 / depth if depth > 0.0 else 0.0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Float64 = NDArray[np.float64]
@@ -44,23 +45,39 @@ def brightness_gain(before_dn: NDArray[np.floating], after_dn: NDArray[np.floati
 
     None where too few tiles are bright and not clipped.
     """
-    before, after = np.asarray(before_dn, dtype=np.float64), np.asarray(after_dn, dtype=np.float64)
-    with np.errstate(invalid="ignore"):
-        squares = before * after
-        usable = (before > 0) & (after > 0) & (squares >= LEVELS_DN[0] ** 2) & (squares <= LEVELS_DN[1] ** 2)
-    rows, columns = (
-        (np.arange(size) * tiles // size).astype(np.intp) for size, tiles in zip(usable.shape, TILES, strict=True)
-    )
-    tile = (rows[:, np.newaxis] * TILES[1] + columns)[usable]
-    count = TILES[0] * TILES[1]
-    pixels = np.bincount(tile, minlength=count)
+    before, after = (np.ascontiguousarray(image) for image in (before_dn, after_dn))
+    pixels, of_before, of_after = _sums_of_tiles(before, after, TILES, LEVELS_DN[0] ** 2, LEVELS_DN[1] ** 2)
     enough = pixels >= FEWEST_PIXELS
     if np.count_nonzero(enough) < FEWEST_TILES:
         return None
-    sums = [np.bincount(tile, image[usable], minlength=count)[enough] for image in (before, after)]
+    sums = of_before[enough], of_after[enough]
     gains = np.log(sums[1] / sums[0])
     middle = float(np.median(gains))
     spread = _MAD_TO_SIGMA * float(np.median(np.abs(gains - middle)))
     # Rounding, uniform over a step in either frame, is what is left where nothing moves.
     rounding = float(np.sqrt(np.mean(pixels[enough] * (1 / 12) * (1 / sums[0] ** 2 + 1 / sums[1] ** 2))))
     return Gain(middle, _MEDIAN_EFFICIENCY * max(spread, rounding) / float(np.sqrt(len(gains))))
+
+
+@njit(cache=True)
+def _sums_of_tiles(
+    before: NDArray[np.floating], after: NDArray[np.floating], tiles: tuple[int, int], least: float, most: float
+) -> tuple[NDArray[np.int64], Float64, Float64]:
+    """Return how many pixels of each tile count, and the sums of both images over them: (tiles,), row by row.
+
+    They do where the product of both lies between two values.
+    """
+    height, width = before.shape
+    count = tiles[0] * tiles[1]
+    pixels, of_before, of_after = np.zeros(count, np.int64), np.zeros(count), np.zeros(count)
+    for row in range(height):
+        first = row * tiles[0] // height * tiles[1]
+        for column in range(width):
+            one, other = np.float64(before[row, column]), np.float64(after[row, column])
+            square = one * other
+            if one > 0 and other > 0 and least <= square <= most:
+                tile = first + column * tiles[1] // width
+                pixels[tile] += 1
+                of_before[tile] += one
+                of_after[tile] += other
+    return pixels, of_before, of_after

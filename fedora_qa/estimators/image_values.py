@@ -12,10 +12,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 Bits = NDArray[np.int32]
+Words = NDArray[np.uint64]
 
 _INFINITY: Final = np.int32(0x7F800000)
 _SIGN: Final = np.int32(0x7FFFFFFF)
 """All bits but that of the sign."""
+
+_SIGNS, _ONES, _TO_NAN = (np.uint64(number << 32 | number) for number in (0x7FFFFFFF, 1, 0x7FFFFFFF - 0x7F800000))
+"""The same for two numbers in one word; a one for each; what lifts just the bits of NaN to the bit of the sign."""
+_SIGN_AT, _HALF = np.uint64(31), np.uint64(32)
 
 
 def bits_of(values: NDArray[Any]) -> Bits:
@@ -34,7 +39,16 @@ def is_of_one_code(image: NDArray[np.uint8]) -> bool:
 def count_not_finite(values: NDArray[np.float32], most: float = inf) -> tuple[int, int, int]:
     """Count the vectors (n, 2) of which any component is NaN, infinite, or finite and beyond ``most``."""
     most_bits = bits_of(np.minimum([most], np.finfo(np.float32).max))[0]
-    nan, infinite, beyond = _count_not_finite(bits_of(values).reshape(-1, 2), most_bits)
+    bits = bits_of(values).reshape(-1, 2)
+    words = bits.view(np.uint64).reshape(-1)
+    if words.flags.aligned:
+        words = words.view()
+        words.flags.writeable = False  # as decoded images are: compiled once
+        above = int(_SIGN) - int(most_bits)
+        nan, others = _count_nan(words, np.uint64(above << 32 | above))
+        if not others:  # as a rule
+            return int(nan), 0, 0
+    nan, infinite, beyond = _count_not_finite(bits, most_bits)
     return int(nan), int(infinite), int(beyond)
 
 
@@ -62,6 +76,22 @@ def values_between(values: NDArray[Any], least: float, most: float) -> NDArray[n
     if not count:  # as a rule: picking them out takes longer than seeing that there are none
         return np.empty(0, np.float32)
     return np.asarray(flat[(flat >= ends[0]) & (flat <= ends[1])]).view(np.float32)
+
+
+@njit(cache=True)
+def _count_nan(words: Words, to_most: np.uint64) -> tuple[int, bool]:
+    """Count the vectors of two numbers (n,) of which any is NaN; return whether others are beyond a bound as well.
+
+    Both numbers of a word are looked at in one: what is added to their bits lifts those above a bound, and no others,
+    to the bit of the sign, and no further. So a processor looks at eight numbers in the time of four.
+    """
+    nan, others = np.uint64(0), np.uint64(0)
+    for i in range(len(words)):
+        sizes = words[i] & _SIGNS
+        are_nan, are_beyond = ((sizes + _TO_NAN) >> _SIGN_AT) & _ONES, ((sizes + to_most) >> _SIGN_AT) & _ONES
+        nan += (are_nan | (are_nan >> _HALF)) & np.uint64(1)
+        others |= are_nan ^ are_beyond
+    return int(nan), others != 0
 
 
 @njit(cache=True)

@@ -1,6 +1,7 @@
 """What is computed of single images, shared by all checks and by neighbouring windows, within a limit of bytes.
 
-Windows look at the image after their last one; what was computed of it serves the next window as well.
+Windows look at the image after their last one; what was computed of it serves the next window as well. Where not all
+fits, what is made in a moment goes first, and what takes little room last: each of them the longest unused first.
 """
 
 from collections import OrderedDict
@@ -13,35 +14,68 @@ Image = TypeVar("Image", bound=NDArray[Any])
 
 _DEFAULT_BYTES: Final = 256 << 20
 
+_LITTLE: Final = 1 / 256
+"""Share of the limit up to which a result takes little room: to drop it makes room for nothing."""
+
+_ALL_LITTLE: Final = 1 / 2
+"""Share of the limit that those together may fill."""
+
 
 class SharedImages:
     """Keeps the latest results within a limit; what was dropped is computed again, so that no outcome depends on it."""
 
     def __init__(self, limit_bytes: int = _DEFAULT_BYTES) -> None:
         self.limit_bytes = limit_bytes
-        self._kept: OrderedDict[Hashable, NDArray[Any]] = OrderedDict()
+        self._passing, self._large, self._little = (OrderedDict[Hashable, NDArray[Any]]() for _ in range(3))
         self._kept_bytes = 0
+        self._little_bytes = 0
         self.last_turns: dict[Hashable, int] = {}
         """The latest check, by its turn, that has asked for what is shared within a window, by kind: ``Window``."""
 
-    def get(self, key: Hashable, compute: Callable[[], Image]) -> Image:
-        """Return what ``compute`` gives, computed at most once while it is kept."""
-        found = self._kept.get(key)
-        if found is None:
-            found = compute()
-            self._keep(key, found)
-        else:
-            self._kept.move_to_end(key)
-        return cast(Image, found)
+    def get(self, key: Hashable, compute: Callable[[], Image], *, in_a_moment: bool = False) -> Image:
+        """Return what ``compute`` gives, computed at most once while it is kept.
+
+        What takes no longer to compute than to write is said to be made ``in_a_moment``.
+        """
+        for kept in (self._large, self._little, self._passing):
+            if key in kept:
+                kept.move_to_end(key)
+                return cast(Image, kept[key])
+        found = compute()
+        self._keep(key, found, in_a_moment=in_a_moment)
+        return found
 
     def forget(self) -> None:
         """Drop all results."""
-        self._kept.clear()
-        self._kept_bytes = 0
+        for kept in (self._passing, self._large, self._little):
+            kept.clear()
+        self._kept_bytes = self._little_bytes = 0
 
-    def _keep(self, key: Hashable, image: NDArray[Any]) -> None:
-        self._kept[key] = image
+    def _keep(self, key: Hashable, image: NDArray[Any], *, in_a_moment: bool) -> None:
         self._kept_bytes += image.nbytes
-        while self._kept_bytes > self.limit_bytes and len(self._kept) > 1:
-            _, dropped = self._kept.popitem(last=False)
-            self._kept_bytes -= dropped.nbytes
+        if image.nbytes <= _LITTLE * self.limit_bytes:
+            self._little[key] = image
+            self._little_bytes += image.nbytes
+            while self._little_bytes > _ALL_LITTLE * self.limit_bytes:
+                self._drop_little()
+        else:
+            (self._passing if in_a_moment else self._large)[key] = image
+        while self._kept_bytes > self.limit_bytes and self._drop_another_than(key):
+            pass
+
+    def _drop_another_than(self, key: Hashable) -> bool:
+        """Drop one result; return whether there was any but that of the key."""
+        for kept in (self._passing, self._large):
+            oldest = next(iter(kept), key)
+            if oldest != key:
+                self._kept_bytes -= kept.pop(oldest).nbytes
+                return True
+        if next(iter(self._little), key) == key:
+            return False
+        self._drop_little()
+        return True
+
+    def _drop_little(self) -> None:
+        _, dropped = self._little.popitem(last=False)
+        self._little_bytes -= dropped.nbytes
+        self._kept_bytes -= dropped.nbytes

@@ -45,6 +45,33 @@ def test_an_image_larger_than_the_limit_is_kept_alone() -> None:
     assert maker.made == [1, 2, 1]
 
 
+def test_what_is_made_in_a_moment_goes_first() -> None:
+    """Where not all fits, what takes long to make stays, though it was not asked for as lately."""
+    shared, maker = SharedImages(2 * IMAGE_BYTES), Maker()
+    for number in (1, 2, 3, 1, 2):
+        shared.get(number, lambda number=number: maker.image(number), in_a_moment=number > 1)  # type: ignore[misc]
+    assert maker.made == [1, 2, 3, 2]
+
+
+def test_little_results_outlast_images_and_stay_within_their_share() -> None:
+    """A digest is kept while images come and go; of very many the longest unused are dropped."""
+    shared, made = SharedImages(4 * IMAGE_BYTES), list[int]()
+
+    def little(number: int) -> NDArray[Any]:
+        made.append(number)
+        return np.array([number], np.int64)
+
+    shared.get("digest", lambda: little(0))
+    for number in range(20):
+        shared.get(("image", number), lambda number=number: Maker().image(number))  # type: ignore[misc]
+    assert shared.get("digest", lambda: little(0)) == 0
+    assert made == [0]
+    for number in range(1, 4 * IMAGE_BYTES // 8 // 2 + 1):
+        shared.get(("digest", number), lambda number=number: little(number))  # type: ignore[misc]
+    shared.get("digest", lambda: little(-1))
+    assert made[-1] == -1
+
+
 def test_neighbouring_windows_share_the_image_between_them() -> None:
     """Depth in metres that one window looked at beyond its end is not computed again by the next."""
     world = make_world(())

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.depth.pairs import DepthPair
 from fedora_qa.estimators.depth_fit_kernels import medians_by_group
 from fedora_qa.estimators.depth_warp import Lattice, warp
+from fedora_qa.estimators.order_kernels import median_of
 
 Float64 = NDArray[np.float64]
 
@@ -74,7 +75,7 @@ def compare(pair: DepthPair) -> PairAgreement | None:
     warped = warp(replace(model, motion=model.motion.corrected(fit.twist)), lattice, pair.image1)
     known = np.isfinite(warped.residuals)
     sizes, bounds = np.abs(warped.residuals[known]), warped.bounds[known]
-    whole = Deviation(float(np.median(sizes)), float(np.median(bounds)))
+    whole = Deviation(median_of(sizes), median_of(bounds))
     tiles = _tiles(lattice, pair.image1.depths_m.shape)[known]
     worst, tile = _worst_tile(sizes, bounds, tiles, pair.image1.depths_m.shape) or (whole, None)
     return PairAgreement(

@@ -63,7 +63,9 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
     number: ClassVar[ModelNumber]
     """Which number of the model it is."""
     from_value: ClassVar[float] = 0.0
-    """Where the fit begins."""
+    """Where the fit begins of frames that do not agree as declared."""
+    declared_value: ClassVar[float] = 0.0
+    """What the number is as declared: there the fit of frames that agree begins, with the motion that makes them."""
 
     def not_applicable(self, facts: Facts) -> str:
         """Say what of the model does not hold."""
@@ -104,10 +106,13 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
 
     def _fit(self, pair: DepthPair) -> PairFit | None:
         lattice, image1 = pair.lattice(), pair.image1
-        fit = fit_depth(self.family(pair), lattice, image1, pair.noise, start=self.from_value, step=self.number)
+        as_declared = pair.fit_as_declared()
+        start, parts = self.from_value, None
+        if as_declared is not None and as_declared.agrees:
+            start, parts = self.declared_value, as_declared.parts
+        fit = fit_depth(self.family(pair), lattice, image1, pair.noise, start=start, step=self.number, parts=parts)
         if fit is None or not np.isfinite(fit.standard_error):
             return None
-        as_declared = pair.fit_as_declared()
         return PairFit(
             pair.first,
             pair.second,

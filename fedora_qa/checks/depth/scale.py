@@ -37,12 +37,12 @@ class Scale(FittedParameter):
     How
     ---
     From one depth frame to the next surfaces come nearer and slide past each other by as much as the camera's path,
-    in metres, is long beside them. The factor is fitted to each pair of frames by Gauss-Newton, beginning from
-    infinite depth, so that wrong units need not be guessed; the motion may err within its declared noise. Pairs are
-    pooled by their errors, pairs far from the others weighing less. A wrong factor is as well one of the positions:
-    where depths lie far outside the declared range they are at fault, otherwise the inertial checks tell. Where the
-    factor is surely not 1, that of the positions is fitted as well, since the lever arm of the camera does not scale
-    with them.
+    in metres, is long beside them. The factor is fitted to each pair of frames by Gauss-Newton, beginning from 1 where
+    they agree as declared, and else from infinite depth, so that wrong units need not be guessed; the motion may err
+    within its declared noise. Pairs are pooled by their errors, pairs far from the others weighing less. A wrong factor
+    is as well one of the positions: where depths lie far outside the declared range they are at fault, otherwise the
+    inertial checks tell. Where the factor is surely not 1, that of the positions is fitted as well, since the lever arm
+    of the camera does not scale with them.
 
     Noise model
     -----------
@@ -63,6 +63,7 @@ class Scale(FittedParameter):
 
     name = "depth.scale"
     number = "scale"
+    declared_value = 1.0
 
     def family(self, pair: DepthPair) -> Family:
         """Let depths be too large by a factor."""
