@@ -15,6 +15,7 @@ from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.engine.windows import WINDOW_NS
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.layout.binding import Memory
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 from fedora_qa.sequence.window import Span
@@ -82,7 +83,7 @@ class Films:
     declared: Any = None
     layout: Any = SimpleNamespace(bindings={"path/depth": SimpleNamespace(rows=100)})
 
-    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
         return np.repeat(np.arange(start, stop, dtype=np.float32), IMAGE_BYTES // 4).reshape(stop - start, -1, 1024)
 
     def chunk_rows(self, key: str) -> int:
@@ -144,7 +145,7 @@ def test_damage_keeps_nobody_alive_for_long() -> None:
     """An image that cannot be decoded raises the same each time, and does not remember all who asked."""
 
     class Damaged(Films):
-        def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+        def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
             raise UnreadableRowsError(key, start, stop, "scratched")
 
     decoder, depths = BlockDecoder(Damaged(), NOTHING_SCANNED, IMAGE_BYTES), []
