@@ -29,11 +29,13 @@ def write_arrays(target: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     for name, array in arrays.items():
         if array.dtype.hasobject:
             raise TypeError(f"Expected numbers in the evidence {name!r}, got Python objects")
-    with replacing(target) as temporary, temporary.open("wb") as file:
-        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=_COMPRESSION) as packed:
-            for name, array in arrays.items():
-                with packed.open(f"{name}.npy", "w", force_zip64=True) as entry:  # as numpy.savez has them
-                    np.lib.format.write_array(entry, np.asanyarray(array), allow_pickle=False)
+    with (
+        replacing(target) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=_COMPRESSION) as packed,
+    ):
+        for name, array in arrays.items():
+            with packed.open(f"{name}.npy", "w", force_zip64=True) as entry:  # as numpy.savez has them
+                np.lib.format.write_array(entry, np.asanyarray(array), allow_pickle=False)
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
