@@ -38,7 +38,7 @@ TIMES: Final = 3
 
 WORKERS: Final = {
     "MALLOC_MMAP_THRESHOLD_": 32 << 20,
-    "MALLOC_TRIM_THRESHOLD_": 64 << 20,
+    "MALLOC_TRIM_THRESHOLD_": 256 << 20,
     **dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1),
 }
 """Environment of the workers of a cluster: memory as docs/jobs.md says, threads as Dask has them."""
