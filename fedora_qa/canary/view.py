@@ -5,6 +5,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from fedora_qa.canary.fault import Fault
+from fedora_qa.layout.binding import Memory
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Declared
 from fedora_qa.sequence.sequence import SequenceRows
@@ -20,11 +21,11 @@ class FaultySequence:
         self.declared: Declared = fault.declared or sequence.declared
         self.origin_ns: int = sequence.origin_ns
 
-    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
         """Return rows in canonical units, with the fault; raises ``UnreadableRowsError``."""
         alter = self._fault.rows.get(key)
         if alter is None:
-            return self._sequence.rows(key, start, stop)
+            return self._sequence.rows(key, start, stop, memory)
         return alter(lambda first, last: self._sequence.rows(key, first, last), start, stop)
 
     def chunk_rows(self, key: str) -> int:

@@ -26,6 +26,11 @@ def is_looked_at(block: NDArray[Any]) -> bool:
     return block.base is not None and sys.getrefcount(block.base) > _UNUSED_REFERENCES
 
 
+def lies_in_pages(block: NDArray[Any]) -> bool:
+    """Return whether an array is one of these pages, and none of any other memory."""
+    return block.base is not None and isinstance(block.base.base, _Lease)
+
+
 class BlockMemory:
     """Pages for blocks.
 

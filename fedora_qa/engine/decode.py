@@ -5,12 +5,13 @@ interface (``RowSource``) without any check noticing.
 """
 
 from collections import OrderedDict
+from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.engine.block_memory import LEAST_BYTES, BlockMemory, is_looked_at
+from fedora_qa.engine.block_memory import LEAST_BYTES, BlockMemory, is_looked_at, lies_in_pages
 from fedora_qa.engine.room import Room
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
@@ -101,19 +102,30 @@ class BlockDecoder:
     def _decode(self, key: str, number: int, rows: int) -> Block:
         count = self._sequence.layout.bindings[key].rows
         try:
-            block = self._sequence.rows(key, number * rows, min((number + 1) * rows, count))
+            block = self._sequence.rows(key, number * rows, min((number + 1) * rows, count), self._place)
         except UnreadableRowsError as error:
             return error
         self.decoded_bytes += block.nbytes
-        self._make_room(block.nbytes)
         if block.nbytes < LEAST_BYTES:
+            self._make_room(block.nbytes)
             self._small_bytes += block.nbytes
-            kept = block
-        else:
-            kept = self._memory.array(block.shape, block.dtype)
-            kept[...] = block
-        kept.flags.writeable = False
-        return kept
+        elif not lies_in_pages(block):
+            block = self._moved(block)
+        block.flags.writeable = False
+        return block
+
+    def _place(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
+        """Return an array to decode a block into, after making room for it where it is large."""
+        size = prod(shape) * dtype.itemsize
+        if size < LEAST_BYTES:
+            return np.empty(shape, dtype)
+        self._make_room(size)
+        return self._memory.array(shape, dtype)
+
+    def _moved(self, block: NDArray[Any]) -> NDArray[Any]:
+        moved = self._place(block.shape, block.dtype)
+        moved[...] = block
+        return moved
 
     def _make_room(self, size: int) -> None:
         """Drop blocks until another of this size fits, or all that are left are looked at."""

@@ -2,15 +2,13 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Final
 
 from fedora_qa.engine.fuse import fuse
-from fedora_qa.errors import FedoraError
 
 if TYPE_CHECKING:  # a worker has a desk before it has loaded what measures
     from fedora_qa.engine.file_task import Surveyed
-    from fedora_qa.engine.options import CheckOptions
     from fedora_qa.engine.survey import OpenSurvey, Survey
     from fedora_qa.storage.place import Place
 
@@ -58,14 +56,11 @@ class Desk:
         if not self._keeps or isinstance(surveyed.path, RemoteFile):
             self.clear()
 
-    def require_opens(self, path: "Place", options: "CheckOptions") -> None:
+    def opening(self, path: "Place") -> AbstractContextManager[None]:
         """End this process where a local file takes for ever to open; only in workers, whose end is noticed."""
-        from fedora_qa.sequence.sequence import open_sequence  # noqa: PLC0415 - loads what measures
-        from fedora_qa.storage.place import RemoteFile  # noqa: PLC0415 - as above
+        from fedora_qa.storage.place import RemoteFile  # noqa: PLC0415 - loads what measures
 
-        if self._keeps and not isinstance(path, RemoteFile):
-            with fuse(OPENING_S), suppress(FedoraError):  # whoever opens it for work tells what is wrong with it
-                open_sequence(path, options.dialect, allow_external=options.allow_external).close()
+        return fuse(OPENING_S) if self._keeps and not isinstance(path, RemoteFile) else nullcontext()
 
     def clear(self) -> None:
         """Close what is open, and forget what has been decoded."""

@@ -18,16 +18,16 @@ def check_whole(task: FileTask, desk: Desk, progress: Progress) -> FileRun:
     """Check a file from beginning to end: arguments are the checks, None for what the options select, and options."""
     desk.clear()
     checks, options = task.arguments
-    desk.require_opens(_place(task), options)
-    return whole_run(_place(task), asked_for(checks, options), options, progress)
+    place = _place(task)
+    return whole_run(place, asked_for(checks, options), options, progress, desk.opening(place))
 
 
 def survey_file(task: FileTask, desk: Desk, progress: Progress) -> Surveyed | FileRun:
     """Scan the stamps of a file, arguments as above; its whole run where HDF5 refuses to open it."""
     desk.clear()
     checks, options = task.arguments
-    desk.require_opens(_place(task), options)
-    found = surveyed_file(_place(task), asked_for(checks, options), options, progress)
+    place = _place(task)
+    found = surveyed_file(place, asked_for(checks, options), options, progress, desk.opening(place))
     return found if isinstance(found, FileRun) else Surveyed(found.path, len(found.windows), Sealed.of(found))
 
 

@@ -1,7 +1,7 @@
 """What is known of a file before its windows are measured: enough for any process to measure any of them."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
@@ -102,9 +102,15 @@ class OpenSurvey:
 
 
 def survey_file(
-    path: Place, checks: tuple[Check[Any], ...], options: CheckOptions, progress: Progress
+    path: Place,
+    checks: tuple[Check[Any], ...],
+    options: CheckOptions,
+    progress: Progress,
+    opening: AbstractContextManager[None] | None = None,
 ) -> Survey | FileRun:
     """Scan the stamps of a file and plan its windows; the file's whole run where HDF5 refuses to open it.
+
+    ``opening`` is entered while it is opened, for who fears that this never ends.
 
     Raises
     ------
@@ -113,7 +119,7 @@ def survey_file(
     """
     watch = Stopwatch()
     try:
-        with watch.stage("open"):
+        with opening or nullcontext(), watch.stage("open"):
             sequence = open_sequence(path, options.dialect, allow_external=options.allow_external)
     except UnreadableFileError as error:
         digest = file_digest(path)

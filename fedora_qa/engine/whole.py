@@ -1,5 +1,6 @@
 """Check one file from beginning to end in one process, decoding what is looked at again only where it must be."""
 
+from contextlib import AbstractContextManager
 from typing import Any
 
 from fedora_qa.checks.protocol import Check
@@ -11,9 +12,15 @@ from fedora_qa.engine.survey import opened, survey_file
 from fedora_qa.storage.place import Place
 
 
-def check_whole(path: Place, checks: tuple[Check[Any], ...], options: CheckOptions, progress: Progress) -> FileRun:
-    """Survey a file, measure all windows of its plan, and judge it."""
-    survey = survey_file(path, checks, options, progress)
+def check_whole(
+    path: Place,
+    checks: tuple[Check[Any], ...],
+    options: CheckOptions,
+    progress: Progress,
+    opening: AbstractContextManager[None] | None = None,
+) -> FileRun:
+    """Survey a file, measure all windows of its plan, and judge it; ``opening`` is entered while it is first opened."""
+    survey = survey_file(path, checks, options, progress, opening)
     if isinstance(survey, FileRun):
         return survey
     with opened(survey) as file:

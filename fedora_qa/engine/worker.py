@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from fedora_qa.engine.desk import Desk
 from fedora_qa.engine.file_task import FileTask
-from fedora_qa.engine.room import return_unused_memory
+from fedora_qa.engine.room import keep_unused_memory, return_unused_memory
 
 _PATIENCE_S: Final = 0.25
 """How long a process without a task keeps its file open: the next one mostly comes within milliseconds, and what waits
@@ -53,6 +53,7 @@ def serve(pipe: "Connection[Any, Any]", threads: int) -> None:
     """Do tasks until the other end of the pipe is closed, or gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the interrupt is the parent's to handle
     _use_threads(threads)
+    keep_unused_memory()
     desk = Desk(keeps=True)
     while True:
         try:

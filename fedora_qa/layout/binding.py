@@ -1,7 +1,7 @@
 """Where one dataset of a file lies, and how its stored values become canonical ones."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -20,6 +20,9 @@ from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.links import READ_ERRORS
 
 Polarity = Literal["01", "inverted", "plus_minus"]
+
+Memory = Callable[[tuple[int, ...], np.dtype[Any]], NDArray[Any]]
+"""Gives an array of a shape and type to write into, of any values: ``numpy.empty``, or pages of one's own."""
 
 FARTHEST_STAMP_NS: Final = 2**61
 """Instants saturate at about this distance from the origin (73 years), so that the difference of two fits int64."""
@@ -98,6 +101,12 @@ class Binding:
         """Whether stored values are canonical values, but for the type and the origin of time."""
         return self.columns is None and self.scale == 1.0 and self.polarity == "01" and self.ns_per_unit in {None, 1000}
 
+    @property
+    def is_image_as_it_is(self) -> bool:
+        """Whether stored values are those of canonical images in every respect, so that nothing is left to convert."""
+        spec = DATASETS[self.key]
+        return spec.is_image and self.is_stored_canonically and self.dtype == np.dtype(spec.dtype)
+
 
 def rows_together(key: str, stored_rows: int) -> int:
     """Return how many rows to decode together where a chunk holds so many: whole chunks, never single events."""
@@ -122,12 +131,22 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int) -> NDArra
     UnreadableRowsError
         The rows cannot be decoded: damaged bytes, a wrong checksum, or an unknown codec.
     """
+    return _select(_read(file, binding, start, stop, None), binding)
+
+
+def _read(file: h5py.File, binding: Binding, start: int, stop: int, memory: Memory | None) -> NDArray[Any]:
+    """Return rows as they are stored, decoded into ``memory`` where there is some; raises ``UnreadableRowsError``."""
     try:
-        stored = np.asarray(stored_dataset(file, binding)[start:stop])
+        dataset = stored_dataset(file, binding)
+        if memory is None:
+            return np.asarray(dataset[start:stop])
+        rows = memory((stop - start, *dataset.shape[1:]), dataset.dtype)
+        dataset.read_direct(rows, np.s_[start:stop])
+        return rows
     except READ_ERRORS as error:
         failing = tuple(_failing_chunks(file, binding, start, stop))
-        raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from error
-    return _select(stored, binding)
+        cause = error.with_traceback(None)  # its frames would hold what was to be written into
+        raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from cause
 
 
 def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) -> Iterator[int]:
@@ -144,8 +163,10 @@ def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) ->
             yield int(np.ravel_multi_index(place, grid))
 
 
-def canonical_rows(file: h5py.File, binding: Binding, start: int, stop: int, origin_ns: int) -> NDArray[Any]:
-    """Return rows in canonical units.
+def canonical_rows(
+    file: h5py.File, binding: Binding, start: int, stop: int, origin_ns: int, memory: Memory | None = None
+) -> NDArray[Any]:
+    """Return rows in canonical units; images with nothing to convert are decoded into ``memory``, if any is given.
 
     Stamps become int64 nanoseconds from ``origin_ns``. Values are scaled, and samples beyond ``LARGEST_SAMPLE`` become
     infinite; polarity is 1 brighter, 0 darker, and ``INVALID_POLARITY`` where the stored code is neither. Columns, rows
@@ -156,6 +177,8 @@ def canonical_rows(file: h5py.File, binding: Binding, start: int, stop: int, ori
     UnreadableRowsError
         As for ``raw_rows``.
     """
+    if memory and binding.is_image_as_it_is:
+        return _read(file, binding, start, stop, memory)
     raw = raw_rows(file, binding, start, stop)
     if binding.ns_per_unit is not None:
         return stamps_ns(raw, binding, origin_ns)
@@ -187,7 +210,10 @@ def stamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[np
     units = min(max(units, _INT64.min), _INT64.max)
     reach = FARTHEST_STAMP_NS // unit
     nearby = np.clip(_int64(raw), max(units - reach, _INT64.min), min(units + reach, _INT64.max))
-    return (nearby - units) * unit - rest_ns
+    nearby -= units
+    nearby *= unit
+    nearby -= rest_ns
+    return nearby
 
 
 def instant_ns(stamp: float | int, binding: Binding) -> int | None:

@@ -13,7 +13,7 @@ import h5py
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
-from fedora_qa.layout.binding import Binding, canonical_rows, instant_ns, raw_rows
+from fedora_qa.layout.binding import Binding, Memory, canonical_rows, instant_ns, raw_rows
 from fedora_qa.layout.canonical import STAMPS_OF
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.elsewhere import Elsewhere
@@ -47,8 +47,8 @@ class SequenceRows(Protocol):
         """The file's origin on its own clock."""
         ...
 
-    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
-        """Return rows of a dataset in canonical units; raises ``UnreadableRowsError``."""
+    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
+        """Return rows of a dataset in canonical units, in ``memory`` or not; raises ``UnreadableRowsError``."""
         ...
 
     def chunk_rows(self, key: str) -> int:
@@ -132,8 +132,10 @@ class Sequence:
         if self._remote:
             self._remote.require_unchanged()
 
-    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
         """Return rows of a dataset in canonical units, stamps as int64 ns from the origin.
+
+        Images with nothing to convert are decoded into ``memory``, if any is given.
 
         Raises
         ------
@@ -144,7 +146,7 @@ class Sequence:
         """
         try:
             binding = self.layout.bindings[key]
-            return canonical_rows(self._holding(binding), binding, start, stop, self.origin_ns)
+            return canonical_rows(self._holding(binding), binding, start, stop, self.origin_ns, memory)
         except UnreadableRowsError:
             self._require_sound()
             raise

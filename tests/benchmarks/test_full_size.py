@@ -3,7 +3,7 @@
 import sys
 
 from tests.benchmarks.full_size.measured_run import Run, run_measured
-from tests.benchmarks.full_size.page import Measured, OnCluster, Reading, Selection, Study, page
+from tests.benchmarks.full_size.page import Measured, OfEffort, OnCluster, Reading, Selection, Study, Turn, page
 
 CHILD = """
 import time
@@ -29,21 +29,46 @@ def test_a_run_counts_what_its_children_hold_and_spend() -> None:
     assert run.wall_s > 0.5
 
 
-def checked(wall_s: float, length_s: float = 1.0, decoded_bytes: int = 1_000_000_000) -> Measured:
+def checked(wall_s: float, decoded_bytes: int = 1_000_000_000) -> Measured:
     return Measured(
         Run(0, wall_s, 2 * wall_s, 900_000_000),
         {"open": 0.1, "check depth.range": 0.75, "check imu.noise": 0.25},
         decoded_bytes,
-        length_s,
     )
+
+
+def turns(effort: str, length_s: float, *walls_s: float) -> OfEffort:
+    """Turns of one effort; where one is twice as slow as the fastest, so are its start and its decoding."""
+    slower = [wall_s / min(walls_s) for wall_s in walls_s]
+    readings = [Reading(int(1e9 * length_s), 2.0 * length_s * factor, 2.0 * length_s * factor) for factor in slower]
+    return OfEffort(
+        effort,
+        length_s,
+        [
+            Turn(checked(2.0 * factor), reading, checked(wall_s))
+            for factor, reading, wall_s in zip(slower, readings, walls_s, strict=True)
+        ],
+    )
+
+
+def test_a_slower_machine_does_not_change_the_ratio() -> None:
+    """Turns that are slower altogether tell the same; of one whose check alone was slowed down, the median is free."""
+    slowed = turns("full", 1.0, 5.0, 10.0, 7.0)
+    assert slowed.ratio == 1.5
+    assert (slowed.start_s, slowed.work_s) == (2.0, 3.0)
+    disturbed = OfEffort("full", 1.0, [*slowed.turns[:2], Turn(checked(2.0), slowed.turns[0].reading, checked(50.0))])
+    assert disturbed.ratio == 1.5
 
 
 def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
     study = Study(
         size=(1440, 1080),
-        readings={length: Reading(int(1e9 * length), 2.0 * length, 2.0 * length) for length in (1.0, 4.0)},
-        start_s={"quick": 2.0, "full": 2.0},
-        efforts=[checked(2.1), checked(2.4, 4.0), checked(5.0), checked(14.6, 4.0)],
+        efforts=[
+            turns("quick", 1.0, 2.1),
+            turns("quick", 4.0, 2.4),
+            turns("full", 1.0, 5.0),
+            turns("full", 4.0, 14.6),
+        ],
         exhaustive=checked(40.0),
         exhaustive_together=checked(22.0),
         alone=checked(9.0),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fedora_qa.engine.block_memory import BlockMemory, is_looked_at
+from fedora_qa.engine.block_memory import BlockMemory, is_looked_at, lies_in_pages
 
 FLOAT32 = np.dtype(np.float32)
 SHAPE = (2, 300, 500, 1)
@@ -69,3 +69,11 @@ def test_a_block_outlives_its_memory() -> None:
     block = BlockMemory().array(SHAPE, FLOAT32)
     block[...] = 3.0
     assert (block == 3.0).all()
+
+
+def test_pages_are_told_from_other_memory() -> None:
+    """Blocks of these pages are, arrays of the heap and views of them are not."""
+    block = BlockMemory().array(SHAPE, FLOAT32)
+    assert lies_in_pages(block)
+    heap = np.empty(SHAPE, FLOAT32)
+    assert not any(lies_in_pages(other) for other in (heap, heap[1:], heap.view(np.uint8).reshape(-1), block.copy()))

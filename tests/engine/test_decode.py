@@ -4,6 +4,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,6 +16,7 @@ from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.engine.windows import WINDOW_NS
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.layout.binding import Binding, Memory, canonical_rows
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 from fedora_qa.sequence.window import Span
@@ -82,7 +84,7 @@ class Films:
     declared: Any = None
     layout: Any = SimpleNamespace(bindings={"path/depth": SimpleNamespace(rows=100)})
 
-    def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
         return np.repeat(np.arange(start, stop, dtype=np.float32), IMAGE_BYTES // 4).reshape(stop - start, -1, 1024)
 
     def chunk_rows(self, key: str) -> int:
@@ -140,11 +142,49 @@ def test_what_lies_before_the_window_goes_first() -> None:
     assert images_of(decoder, 3) == 1
 
 
+@pytest.fixture
+def large(tmp_path: Path) -> Path:
+    """Two depth images of 2 MB, the second of which is damaged."""
+    path = tmp_path / "large.h5"
+    with h5py.File(path, "w") as file:
+        depth = np.arange(1 << 20, dtype=np.float32).reshape(2, 512, 1024)
+        stored = file.create_dataset("d", data=depth, chunks=(1, 512, 1024), fletcher32=True)
+        place = stored.id.get_chunk_info(1).byte_offset
+    with path.open("r+b") as raw:
+        raw.seek(place)
+        raw.write(b"\x12\x34")
+    return path
+
+
+class Stored(Films):
+    """A sequence of those, read as ``Sequence`` reads them."""
+
+    def __init__(self, file: h5py.File) -> None:
+        self._file = file
+        self._binding = Binding("path/depth", "d", 2, (2, 512, 1024), np.dtype(np.float32), chunk_rows=1)
+        self.layout = SimpleNamespace(bindings={"path/depth": self._binding})
+
+    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
+        return canonical_rows(self._file, self._binding, start, stop, 0, memory)
+
+
+def test_a_damaged_image_leaves_its_pages_to_the_next(large: Path) -> None:
+    """One that cannot be decoded holds no memory, although its error is kept."""
+    with h5py.File(large) as file:
+        decoder = BlockDecoder(Stored(file), NOTHING_SCANNED, 8 * IMAGE_BYTES)
+        with pytest.raises(UnreadableRowsError):
+            decoder.rows("path/depth", 1, 2)
+        assert decoder.held_bytes == IMAGE_BYTES
+        first = decoder.rows("path/depth", 0, 1)
+        assert decoder.held_bytes == IMAGE_BYTES
+        np.testing.assert_array_equal(first.ravel(), np.arange(1 << 19))
+
+
 def test_damage_keeps_nobody_alive_for_long() -> None:
     """An image that cannot be decoded raises the same each time, and does not remember all who asked."""
 
     class Damaged(Films):
-        def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
+        def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
             raise UnreadableRowsError(key, start, stop, "scratched")
 
     decoder, depths = BlockDecoder(Damaged(), NOTHING_SCANNED, IMAGE_BYTES), []

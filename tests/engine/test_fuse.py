@@ -5,6 +5,8 @@ import subprocess
 import sys
 import threading
 
+import pytest
+
 from fedora_qa.engine.fuse import fuse
 
 ENDLESS = "sum(iter(int, 1))"
@@ -13,6 +15,26 @@ ENDLESS = "sum(iter(int, 1))"
 
 def test_a_process_inside_a_library_is_ended() -> None:
     program = f"from fedora_qa.engine.fuse import fuse\nwith fuse(0.2):\n    {ENDLESS}"
+    ended = subprocess.run([sys.executable, "-c", program], timeout=60, check=False)
+    assert ended.returncode == -signal.SIGPROF
+
+
+OPENS = f"""
+from pathlib import Path
+from fedora_qa.engine import desk, steps, survey
+from fedora_qa.engine.file_task import FileTask
+from fedora_qa.engine.options import CheckOptions
+survey.open_sequence = lambda *_, **__: {ENDLESS}
+desk.OPENING_S = 0.2
+task = FileTask("TASK", Path("seq.h5"), ((), CheckOptions()))
+steps.TASK(task, desk.Desk(keeps=True), lambda *_: None)
+"""
+
+
+@pytest.mark.parametrize("task", ["survey_file", "check_whole"])
+def test_a_worker_that_opens_a_file_for_ever_is_ended(task: str) -> None:
+    """Whichever task opens it first."""
+    program = OPENS.replace("TASK", task)
     ended = subprocess.run([sys.executable, "-c", program], timeout=60, check=False)
     assert ended.returncode == -signal.SIGPROF
 

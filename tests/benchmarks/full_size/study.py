@@ -1,17 +1,16 @@
 """What checking full-size files costs: ``make bench-files`` writes docs/full-size.md.
 
-Files of 1440x1080 in the canonical codec, of three lengths, are generated once and kept in out/full-size. Every time is
-told as a ratio to what one thread of plain h5py needs to decode the same file, measured in the same run.
+Files of 1440x1080 in the canonical codec, of three lengths, are generated once (two minutes for each second of them)
+and kept in out/full-size. The time of an effort is told as a ratio to what one thread of plain h5py needs to decode the
+same file right before.
 """
 
 import json
 import sys
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import replace
-from functools import partial
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, TypeVar, get_args
+from typing import Any, Final, get_args
 
 import click
 import dask
@@ -23,7 +22,7 @@ from fedora_qa.checks import CHECKS
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.engine.effort import Effort
 from tests.benchmarks.full_size.measured_run import Run, fedora_qa, run_measured
-from tests.benchmarks.full_size.page import Measured, OnCluster, Reading, Selection, Study, page
+from tests.benchmarks.full_size.page import Measured, OfEffort, OnCluster, Reading, Selection, Study, Turn, page
 
 ROOT: Final = Path(__file__).parents[3]
 TARGET: Final = ROOT / "docs" / "full-size.md"
@@ -35,12 +34,11 @@ TINY: Final = (48, 36)
 LENGTHS_S: Final = (1.0, 2.0, 4.0)
 JOBS: Final = 2
 TIMES: Final = 3
-"""Decoding, starts and efforts are measured so often."""
+"""Efforts are measured so often, each with its start and plain decoding right before."""
 
-Timed = TypeVar("Timed", Reading, Measured)
 WORKERS: Final = {
     "MALLOC_MMAP_THRESHOLD_": 32 << 20,
-    "MALLOC_TRIM_THRESHOLD_": 64 << 20,
+    "MALLOC_TRIM_THRESHOLD_": 256 << 20,
     **dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), 1),
 }
 """Environment of the workers of a cluster: memory as docs/jobs.md says, threads as Dask has them."""
@@ -50,7 +48,8 @@ MEMORIES: Final = ("1GB", "1.3GB", "2GB")
 @click.command()
 @click.option("--lengths", default=",".join(f"{length:g}" for length in LENGTHS_S), show_default=True)
 @click.option("--size", default="x".join(map(str, SIZE)), show_default=True)
-def main(lengths: str, size: str) -> None:
+@click.option("--times", type=click.IntRange(min=1), default=TIMES, show_default=True, help="Turns of each effort.")
+def main(lengths: str, size: str, times: int) -> None:
     """Generate what is not there, measure, and write docs/full-size.md."""
     width, height = map(int, size.split("x"))
     paths = {length: _sequence(length, (width, height)) for length in map(float, lengths.split(","))}
@@ -60,10 +59,8 @@ def main(lengths: str, size: str) -> None:
     efforts = [effort for effort in get_args(Effort) if effort != "exhaustive"]
     study = Study(
         size=(width, height),
-        readings={length: _fastest(partial(_read, path)) for length, path in paths.items()},
-        start_s={effort: _fastest(partial(_check, tiny, effort)).wall_s for effort in efforts},
         efforts=[
-            replace(_fastest(partial(_check, path, effort)), length_s=length)
+            OfEffort(effort, length, [_turn(tiny, path, effort) for _ in range(times)])
             for effort in efforts
             for length, path in paths.items()
         ],
@@ -99,9 +96,9 @@ def _read(path: Path) -> Reading:
         return Reading(**json.loads(said.read_text(encoding="utf-8")))
 
 
-def _fastest(measure: Callable[[], Timed]) -> Timed:
-    """Measure several times, and return the fastest: what else the machine does makes a run slower, never faster."""
-    return min((measure() for _ in range(TIMES)), key=lambda measured: measured.wall_s)
+def _turn(tiny: Path, path: Path, effort: str) -> Turn:
+    """Measure the start of a check, plain decoding of a file, and its check, right after one another."""
+    return Turn(start=_check(tiny, effort), reading=_read(path), measured=_check(path, effort))
 
 
 def _check(path: Path, effort: str, jobs: int = JOBS, *options: str) -> Measured:
