@@ -42,6 +42,6 @@ def _mean_answers(patches: Float32) -> Float64:
                 down[k] = above[k] - np.float32(2) * here[k] + below[k]
             for k in range(width):
                 of_row += abs(down[k] - np.float32(2) * down[k + 1] + down[k + 2])
-            total += of_row
+            total += np.float64(of_row)
         means[i] = total / (height * width)
     return means

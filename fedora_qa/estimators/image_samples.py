@@ -106,7 +106,7 @@ def _within(pixels: Float32, width: int, x: float, y: float) -> float:
         across = (1.0 - share) * a + b + c + share * d
         total += across * (1.0 - down if i == 0 else down if i == 3 else 1.0)
         at += wide
-    return total / 9.0
+    return float(total / 9.0)
 
 
 @njit(cache=True)
@@ -131,7 +131,7 @@ def _around(image: Float32, row: int, column: int) -> float:
         for i in range(row - 1, row + 2):
             line = image[np.uint64(i)]
             total += line[at] + line[at + np.uint64(1)] + line[at + np.uint64(2)]
-        return total / 9.0
+        return float(total / 9.0)
     for i in range(row - 1, row + 2):
         line = image[min(abs(i), 2 * (height - 1) - abs(i)) if height > 1 else 0]
         for k in range(column - 1, column + 2):
