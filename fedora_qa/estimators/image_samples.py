@@ -118,7 +118,7 @@ def _at_border(image: Float32, x: float, y: float) -> float:
     right, below = min(left + 1, width - 1), min(top + 1, height - 1)
     above = (1.0 - share) * _around(image, top, left) + share * _around(image, top, right)
     under = (1.0 - share) * _around(image, below, left) + share * _around(image, below, right)
-    return (1.0 - down) * above + down * under
+    return float((1.0 - down) * above + down * under)
 
 
 @njit(cache=True)
