@@ -62,24 +62,33 @@ def read_parts(
 def _read_inside(
     smoothed: Float32, left: np.float32, top: np.float32, columns: Float32, rows: Float32, read: Float32
 ) -> None:
-    """Read a part of an image at places (s, s) of which all lie within it, away from the border."""
+    """Read a part of an image at places (s, s) of which all lie within it, away from the border.
+
+    Row by row first where and with what weights, of many places at once, then what lies there.
+    """
+    side, wide = columns.shape[1], np.uint64(smoothed.shape[1])
+    values, firsts, weights = smoothed.reshape(-1), np.empty(side, np.uint32), np.empty((8, side), np.float32)
+    a, b, c, d, e, f, g, h = weights
     for j in range(len(read)):
-        for k in range(len(columns[j])):
-            x, y = columns[j, k] - left, rows[j, k] - top
-            # Unsigned: an index that may be negative costs a comparison each.
-            column, row = np.uint64(np.int64(x)), np.uint64(np.int64(y))
-            a, b, c, d = spline_weights(x - np.float32(column))
-            down = spline_weights(y - np.float32(row))
-            total, first = np.float32(0), column - np.uint64(1)
-            for m in range(4):
-                line = smoothed[row - np.uint64(1) + np.uint64(m)]
-                total += down[m] * (
-                    a * line[first]
-                    + b * line[first + np.uint64(1)]
-                    + c * line[first + np.uint64(2)]
-                    + d * line[first + np.uint64(3)]
+        at_columns, at_rows, into = columns[j], rows[j], read[j]
+        for k in range(side):
+            x, y = at_columns[k] - left, at_rows[k] - top
+            column, row = np.int32(x), np.int32(y)
+            firsts[k] = (row - np.int32(1)) * np.int32(smoothed.shape[1]) + column - np.int32(1)
+            a[k], b[k], c[k], d[k] = spline_weights(x - np.float32(column))
+            e[k], f[k], g[k], h[k] = spline_weights(y - np.float32(row))
+        for k in range(side):
+            at = np.uint64(firsts[k])  # unsigned: an index that may be negative costs a comparison
+            across, total = (a[k], b[k], c[k], d[k]), np.float32(0)
+            for down in (e[k], f[k], g[k], h[k]):
+                total += down * (
+                    across[0] * values[at]
+                    + across[1] * values[at + np.uint64(1)]
+                    + across[2] * values[at + np.uint64(2)]
+                    + across[3] * values[at + np.uint64(3)]
                 )
-            read[j, k] = total
+                at += wide
+            into[k] = total
 
 
 @njit(cache=True)
@@ -103,8 +112,9 @@ def _luma_about(rgb: Colours, of_codes: Float32, part: Int64, reach: int) -> Flo
     inner = max(-first, 0), min(width - first, luma.shape[1])
     for j in range(len(luma)):
         of_row, line = rgb[mirrored(part[1] - reach + j, height)], luma[j]
-        for k in range(inner[0], inner[1]):
-            line[k] = red[of_row[first + k, 0]] + green[of_row[first + k, 1]] + blue[of_row[first + k, 2]]
+        codes, within_image = of_row[max(first, 0) :], line[inner[0] : inner[1]]
+        for k in range(len(within_image)):
+            within_image[k] = red[codes[k, 0]] + green[codes[k, 1]] + blue[codes[k, 2]]
         for k in range(inner[0]):
             line[k] = line[-2 * first - k]
         for k in range(inner[1], len(line)):
@@ -112,21 +122,30 @@ def _luma_about(rgb: Colours, of_codes: Float32, part: Int64, reach: int) -> Flo
     return luma
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"contract"})
 def _smooth(luma: Float32, taps: Float32, smoothed: Float32) -> None:
-    """Write an image less the reach of the taps on every side, convolved with them along both axes."""
+    """Write an image less the reach of the taps on every side, convolved with them along both axes.
+
+    Taps are the same on both sides, so that two pixels share one. Slices begin at 0 and indices are none below, as a
+    comparison for each pixel would cost more than what is done with it.
+    """
     reach = len(taps) // 2
-    across = np.zeros((len(luma), luma.shape[1] - 2 * reach), np.float32)
+    wide, middle = luma.shape[1] - 2 * reach, taps[reach]
+    across = np.empty((len(luma), wide), np.float32)
     for j in range(len(across)):
         into, line = across[j], luma[j]
-        for m in range(len(taps)):
-            tap, shifted = taps[m], line[m:]
-            for k in range(len(into)):
-                into[k] += tap * shifted[k]
-    smoothed[:] = 0
+        centre = line[reach:]
+        for k in range(wide):
+            into[k] = middle * centre[k]
+        for m in range(reach):
+            tap, left, right = taps[m], line[m:], line[2 * reach - m :]
+            for k in range(wide):
+                into[k] += tap * (left[k] + right[k])
     for j in range(len(smoothed)):
-        into = smoothed[j]
-        for m in range(len(taps)):
-            tap, line = taps[m], across[j + m]
-            for k in range(len(into)):
-                into[k] += tap * line[k]
+        into, centre = smoothed[j], across[j + reach]
+        for k in range(wide):
+            into[k] = middle * centre[k]
+        for m in range(reach):
+            tap, above, below = taps[m], across[j + m], across[j + 2 * reach - m]
+            for k in range(wide):
+                into[k] += tap * (above[k] + below[k])

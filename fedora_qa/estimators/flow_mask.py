@@ -64,32 +64,25 @@ def edges(inverse_depth_per_m: Float32, focal_px: float | None = None) -> NDArra
 def seen_in_both(
     K: Float64,
     motion: RigidMotion,
-    columns: Float32,
-    rows: Float32,
-    inverse_depth0: Float32,
-    asked: Mask,
-    inverse_depth1: Float32,
-    edges1: NDArray[np.uint8],
+    origins: NDArray[np.int64],
+    size: tuple[int, int],
+    first: tuple[Float32, NDArray[np.uint8]],
+    second: tuple[Float32, NDArray[np.uint8]],
     uncertainty_px: float,
 ) -> Mask:
-    """Return which pixels, of those that are asked for, reappear in the second frame, (n, m).
+    """Return which pixels of tiles of the first frame reappear in the second, away from edges in either, (n, h, w).
 
     Parameters
     ----------
-    columns, rows, inverse_depth0
-        (n, m) pixels of the first frame and their inverse depth, 1/m, 0 where invalid.
-    asked
-        (n, m) which of them are to be looked at.
-    inverse_depth1, edges1
-        (H, W) of the second frame.
+    origins, size
+        (n, 2) first columns and rows of tiles; height and width of each.
+    first, second
+        Inverse depth, 1/m, 0 where invalid, and edges, both (H, W), of each frame.
     uncertainty_px
         How far the motion may misplace a pixel. Where the inverse depth slopes, so much is its value uncertain.
     """
     H = K @ motion.R @ np.linalg.inv(K)
-    seen = seen_again(
-        H, K @ motion.t_m, columns, rows, inverse_depth0, asked, inverse_depth1, edges1, EDGE, uncertainty_px
-    )
-    return np.asarray(seen)
+    return np.asarray(seen_again(H, K @ motion.t_m, origins, size, *first, *second, EDGE, uncertainty_px))
 
 
 def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:

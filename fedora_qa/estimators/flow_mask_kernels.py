@@ -71,43 +71,49 @@ def spread_at_targets(flow_px: NDArray[np.float32]) -> NDArray[np.float32]:
 def seen_again(
     H: NDArray[np.float64],
     t_px: NDArray[np.float64],
-    columns: NDArray[np.float32],
-    rows: NDArray[np.float32],
+    origins: NDArray[np.int64],
+    size: tuple[int, int],
     inverse0: NDArray[np.float32],
-    asked: NDArray[np.bool_],
+    edges0: NDArray[np.uint8],
     inverse1: NDArray[np.float32],
     edges1: NDArray[np.uint8],
     tolerance: float,
     uncertainty_px: float,
 ) -> NDArray[np.bool_]:
-    """Return which pixels (n, m), of those that are asked for, reappear in a second frame.
+    """Return which pixels of tiles (n, h, w), away from edges of the first frame, reappear in a second frame.
 
     What ``flow_mask.seen_in_both`` says. A pixel p of inverse depth w gets to ``H p + w t_px``, homogeneously, with
     ``H = K R K^-1`` and ``t_px = K t``; the third component is the ratio of the depths. ``tolerance`` is the relative
     mismatch of inverse depth that still agrees.
     """
     height, width = inverse1.shape
-    seen = np.zeros(inverse0.shape, np.bool_)
-    x1, y1, ratio = (np.empty(inverse0.shape[1]), np.empty(inverse0.shape[1]), np.empty(inverse0.shape[1]))
-    for i in range(len(inverse0)):
-        for k in range(len(x1)):  # without a branch, so that many are projected at once
-            x, y, inverse = np.float64(columns[i, k]), np.float64(rows[i, k]), np.float64(inverse0[i, k])
-            ratio[k] = H[2, 0] * x + H[2, 1] * y + H[2, 2] + inverse * t_px[2]
-            x1[k] = (H[0, 0] * x + H[0, 1] * y + H[0, 2] + inverse * t_px[0]) / ratio[k]
-            y1[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2] + inverse * t_px[1]) / ratio[k]
-        for k in range(len(x1)):
-            inverse, x, y = np.float64(inverse0[i, k]), x1[k], y1[k]
-            if not (asked[i, k] and inverse > 0 and ratio[k] > 0):
-                continue
-            if not (0 <= x <= width - 1 and 0 <= y <= height - 1):
-                continue
-            if edges1[np.uint64(y + 0.5), np.uint64(x + 0.5)]:
-                continue
-            found, allowed = _between(inverse1, x, y), tolerance
-            if uncertainty_px > 0:
-                slope = abs(_between(inverse1, x + 1, y) - found) + abs(_between(inverse1, x, y + 1) - found)
-                allowed += uncertainty_px * slope / max(found, 1e-6)
-            seen[i, k] = abs(found * ratio[k] - inverse) < allowed * inverse
+    seen = np.zeros((len(origins), size[0], size[1]), np.bool_)
+    x1, y1, ratio = (np.empty(size[1]), np.empty(size[1]), np.empty(size[1]))
+    for i in range(len(origins)):
+        left, top = origins[i, 0], origins[i, 1]
+        for j in range(size[0]):
+            values, near = inverse0[top + j, left : left + size[1]], edges0[top + j, left : left + size[1]]
+            y = np.float64(top + j)
+            for k in range(len(x1)):  # without a branch, so that many are projected at once
+                x, inverse = np.float64(left + k), np.float64(values[k])
+                ratio[k] = H[2, 0] * x + H[2, 1] * y + H[2, 2] + inverse * t_px[2]
+                x1[k] = (H[0, 0] * x + H[0, 1] * y + H[0, 2] + inverse * t_px[0]) / ratio[k]
+                y1[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2] + inverse * t_px[1]) / ratio[k]
+            of_row = seen[i, j]
+            for k in range(len(x1)):
+                inverse, to_x, to_y = np.float64(values[k]), x1[k], y1[k]
+                if near[k] or not (inverse > 0 and ratio[k] > 0):
+                    continue
+                if not (0 <= to_x <= width - 1 and 0 <= to_y <= height - 1):
+                    continue
+                if edges1[np.uint64(to_y + 0.5), np.uint64(to_x + 0.5)]:
+                    continue
+                found, allowed = _between(inverse1, to_x, to_y), tolerance
+                if uncertainty_px > 0:
+                    across = abs(_between(inverse1, to_x + 1, to_y) - found)
+                    down = abs(_between(inverse1, to_x, to_y + 1) - found)
+                    allowed += uncertainty_px * (across + down) / max(found, 1e-6)
+                of_row[k] = abs(found * ratio[k] - inverse) < allowed * inverse
     return seen
 
 

@@ -68,7 +68,7 @@ def step(
         Whether paths must keep away from breaks.
     """
     height, width = lines.shape[0], lines.shape[1] // 2
-    known = len(errors_px) > 0
+    known, values = len(errors_px) > 0, lines.reshape(-1)
     for i in range(len(x)):
         stays[i] = stays[i] and 0 <= x[i] < width - 1 and 0 <= y[i] < height - 1
         if not stays[i]:
@@ -77,7 +77,7 @@ def step(
         column, row = int(np.rint(x[i])), int(np.rint(y[i]))
         if guarded and clear[i]:
             clear[i] = errors_px[row, column] < np.inf if known else _keeps_clear(lines, row, column)
-        u, v, slope = _read(lines, x[i], y[i])
+        u, v, slope = _read(values, 2 * width, x[i], y[i])
         if np.isnan(u) or np.isnan(v):
             clear[i] = False
             continue
@@ -100,42 +100,41 @@ def _keeps_clear(lines: Float32, row: int, column: int) -> bool:
     height, width = lines.shape[0], lines.shape[1] // 2
     if not (_REACH <= row < height - _REACH and _REACH <= column < width - _REACH):
         return False
-    first, stop = 2 * (column - _REACH), 2 * (column + _REACH + 1)
-    for j in range(row - _REACH + 1, row + _REACH):
-        above, here, below = lines[j - 1][first:stop], lines[j][first:stop], lines[j + 1][first:stop]
+    # Unsigned places and indices from 0 on: where one may be negative, each costs a comparison.
+    values, wide, most = lines.reshape(-1), np.uint64(2 * width), np.uint64(22)
+    at = np.uint64((row - _REACH + 1) * 2 * width + 2 * (column - _REACH))
+    for _ in range(2 * _REACH - 1):
+        above, here, below = values[at - wide : at - wide + most], values[at : at + most], values[at + wide :]
         breaks = np.int32(0)
-        for i in range(2, 20):
-            bend = above[i] + below[i] + here[i - 2] + here[i + 2] - np.float32(4) * here[i]
+        for i in range(18):
+            bend = above[i + 2] + below[i + 2] + here[i] + here[i + 4] - np.float32(4) * here[i + 2]
             breaks |= np.int32(not abs(bend) <= _BREAK)  # so it is, too, beside a missing value
         if breaks:
             return False
+        at += wide
     return True
 
 
 @njit(cache=True, fastmath={"nnan", "nsz"})
 def _reading_error(lines: Float32, row: int, column: int) -> float:
     """Return how far reading one component between pixels may err within a pixel of one that keeps clear."""
-    first, stop = 2 * (column - 3), 2 * (column + 4)
-    largest = np.float32(0)
-    for j in range(row - 1, row + 2):
-        highest, above, here = lines[j - 2][first:stop], lines[j - 1][first:stop], lines[j][first:stop]
-        below, lowest = lines[j + 1][first:stop], lines[j + 2][first:stop]
-        for i in range(4, 10):
-            across, down = (
-                here[i - 2] - np.float32(2) * here[i] + here[i + 2],
-                above[i] - np.float32(2) * here[i] + below[i],
-            )
-            left, right = (
-                here[i - 4] - np.float32(2) * here[i - 2] + here[i],
-                here[i] - np.float32(2) * here[i + 2] + here[i + 4],
-            )
-            upper, lower = (
-                highest[i] - np.float32(2) * above[i] + here[i],
-                here[i] - np.float32(2) * below[i] + lowest[i],
-            )
+    values, wide = lines.reshape(-1), np.uint64(lines.shape[1])
+    at, largest = np.uint64((row - 1) * lines.shape[1] + 2 * (column - 3)), np.float32(0)
+    for _ in range(3):
+        highest, above, here = values[at - wide - wide :], values[at - wide :], values[at:]
+        below, lowest = values[at + wide :], values[at + wide + wide :]
+        for i in range(6):
+            two = np.float32(2)
+            across = here[i + 2] - two * here[i + 4] + here[i + 6]
+            down = above[i + 4] - two * here[i + 4] + below[i + 4]
+            left = here[i] - two * here[i + 2] + here[i + 4]
+            right = here[i + 4] - two * here[i + 6] + here[i + 8]
+            upper = highest[i + 4] - two * above[i + 4] + here[i + 4]
+            lower = here[i + 4] - two * below[i + 4] + lowest[i + 4]
             steps = abs(across - left) + abs(right - across) + abs(down - upper) + abs(lower - down)
             error = _OF_SECOND_DIFFERENCE * (abs(across) + abs(down)) + _OF_THIRD_DIFFERENCE * steps
             largest = error if error > largest else largest
+        at += wide
     return float(largest)
 
 
@@ -182,33 +181,41 @@ def _breaks_and_errors(lines: Float32) -> tuple[NDArray[np.uint8], Float32]:
 
 
 @njit(cache=True)
-def _read(lines: Float32, x: float, y: float) -> tuple[float, float, float]:
+def _read(values: Float32, wide: int, x: float, y: float) -> tuple[float, float, float]:
     """Return the bilinear flow at a place and the sum of its absolute slopes; NaN where what it rests on is missing.
 
-    A pixel is read as it stands, whatever lies beside it.
+    Of a field whose lines of so many values follow one another. A pixel is read as it stands, whatever lies beside it.
     """
     column, row = int(x), int(y)
     right, below = x - column, y - row
-    at, slope = 2 * column, 0.0
-    u = v = 0.0
-    for k in range(2):
-        a, b = np.float64(lines[row, at + k]), np.float64(lines[row, at + k + 2])
-        c, d = np.float64(lines[row + 1, at + k]), np.float64(lines[row + 1, at + k + 2])
-        above = a + right * (b - a) if right > 0 else a
-        under = c + right * (d - c) if right > 0 else c
-        value = above + below * (under - above) if below > 0 else above
-        if k == 0:
-            u = value
-        else:
-            v = value
-        along, across = abs(b - a), abs(under - above)
-        slope += (along if np.isfinite(along) else 0.0) + (across if np.isfinite(across) else 0.0)
-    return u, v, slope
+    at = np.uint64(row * wide + 2 * column)  # unsigned: an index that may be negative costs a comparison
+    under = at + np.uint64(wide)
+    u, along_u, across_u = _between(
+        values[at], values[at + np.uint64(2)], values[under], values[under + np.uint64(2)], right, below
+    )
+    v, along_v, across_v = _between(
+        values[at + np.uint64(1)], values[at + np.uint64(3)], values[under + np.uint64(1)],
+        values[under + np.uint64(3)], right, below,
+    )  # fmt: skip
+    return u, v, along_u + across_u + along_v + across_v
+
+
+@njit(cache=True)
+def _between(
+    left: np.float32, other: np.float32, lower: np.float32, opposite: np.float32, right: float, below: float
+) -> tuple[float, float, float]:
+    """Return the value between four pixels and how much it changes along columns and rows, 0 where that is missing."""
+    a, b, c, d = np.float64(left), np.float64(other), np.float64(lower), np.float64(opposite)
+    above = a + right * (b - a) if right > 0 else a
+    under = c + right * (d - c) if right > 0 else c
+    value = above + below * (under - above) if below > 0 else above
+    along, across = abs(b - a), abs(under - above)
+    return value, along if along < np.inf else 0.0, across if across < np.inf else 0.0
 
 
 @njit(cache=True)
 def spans_at_targets(lines: Float32) -> Float32:
-    """Return the least and the largest flow (h, w, 4) that lead to each cell: u from, -u to, v from, -v to.
+    """Return the least and the largest flow (h, w, 4) that lead to each cell and those about it: u, -u, v, -v at least.
 
     Of every fourth pixel of every fourth row; all are infinite in cells to which none leads.
     """
@@ -226,7 +233,25 @@ def spans_at_targets(lines: Float32) -> Float32:
                 span[1] = -u if -u < span[1] else span[1]
                 span[2] = v if v < span[2] else span[2]
                 span[3] = -v if -v < span[3] else span[3]
-    return spans
+    return _least_about(spans)
+
+
+@njit(cache=True)
+def _least_about(spans: Float32) -> Float32:
+    """Return the least of each cell and the eight about it, (h, w, 4)."""
+    height, wide = len(spans), 4 * spans.shape[1]
+    lines, least = spans.reshape(height, wide), np.empty((height, wide), np.float32)
+    padded = np.full(wide + 8, np.inf, np.float32)
+    for row in range(height):
+        above, here, below = lines[max(row - 1, 0)], lines[row], lines[min(row + 1, height - 1)]
+        for i in range(wide):
+            lower = here[i] if here[i] < below[i] else below[i]
+            padded[i + 4] = above[i] if above[i] < lower else lower
+        into, left, right = least[row], padded[:wide], padded[8:]
+        for i in range(wide):
+            lower = left[i] if left[i] < right[i] else right[i]
+            into[i] = padded[i + 4] if padded[i + 4] < lower else lower
+    return least.reshape(spans.shape)
 
 
 @njit(cache=True)
@@ -237,13 +262,8 @@ def _is_crowded(spans: Float32, x: float, y: float, u: float, v: float, slope: f
     their flow changes by at most the slope times that.
     """
     apart = 2 * CELL_PX * slope / max(1.0 - slope, 0.5) + _CROWDED_PX
-    at_row, at_column = int(y) // CELL_PX, int(x) // CELL_PX
-    for row in range(max(at_row - 1, 0), min(at_row + 2, spans.shape[0])):
-        for column in range(max(at_column - 1, 0), min(at_column + 2, spans.shape[1])):
-            span = spans[row, column]
-            if span[0] < u - apart or -span[1] > u + apart or span[2] < v - apart or -span[3] > v + apart:
-                return True
-    return False
+    span = spans[np.uint64(y) // np.uint64(CELL_PX), np.uint64(x) // np.uint64(CELL_PX)]
+    return bool(span[0] < u - apart or -span[1] > u + apart or span[2] < v - apart or -span[3] > v + apart)
 
 
 @njit(cache=True)

@@ -35,23 +35,27 @@ def steepness(luma: Float32, percentile: float) -> float:
 def _slopes(luma: Float32, stride: int, smooth: Float64, slope: Float64) -> Float64:
     """Return the slopes at every so many-th pixel; beyond the border the image goes on as it ends."""
     height, width = luma.shape
-    reach = len(smooth) // 2
-    slopes = np.empty(((height + stride - 1) // stride) * ((width + stride - 1) // stride))
-    place = 0
-    for row in range(0, height, stride):
-        for column in range(0, width, stride):
+    reach, taps = len(smooth) // 2, len(smooth)
+    across = (width + stride - 1) // stride
+    slopes = np.empty(((height + stride - 1) // stride) * across)
+    level, change = np.empty(width + 2 * reach), np.empty(width + 2 * reach)
+    for i in range(len(slopes) // across):
+        level[:], change[:] = 0.0, 0.0
+        for k in range(taps):  # along columns first, for a whole row at once
+            line, of_level, of_change = luma[min(max(i * stride + k - reach, 0), height - 1)], smooth[k], slope[k]
+            for column in range(width):
+                level[column + reach] += of_level * line[column]
+                change[column + reach] -= of_change * line[column]
+        for k in range(reach):
+            level[k], change[k] = level[reach], change[reach]
+            level[width + reach + k], change[width + reach + k] = level[width + reach - 1], change[width + reach - 1]
+        for j in range(across):
             right = down = 0.0
-            for i in range(-reach, reach + 1):
-                line = luma[min(max(row + i, 0), height - 1)]
-                level = change = 0.0
-                for k in range(-reach, reach + 1):
-                    value = np.float64(line[min(max(column + k, 0), width - 1)])
-                    level += smooth[k + reach] * value
-                    change -= slope[k + reach] * value
-                right += smooth[i + reach] * change
-                down -= slope[i + reach] * level
-            slopes[place] = np.sqrt(right * right + down * down)
-            place += 1
+            at = level[j * stride : j * stride + taps], change[j * stride : j * stride + taps]
+            for k in range(taps):
+                right -= slope[k] * at[0][k]
+                down += smooth[k] * at[1][k]
+            slopes[i * across + j] = np.sqrt(right * right + down * down)
     return slopes
 
 
@@ -70,34 +74,51 @@ def _along_the_flow(before: Float32, after: Float32, flow_px: Float32, step: int
     height, width = before.shape
     rows, columns = (height + step - 1) // step, (width + step - 1) // step
     first, second = np.empty((rows, columns), np.float32), np.full((rows, columns), np.nan, np.float32)
+    pixels = np.ascontiguousarray(after).reshape(-1)
     for i in range(rows):
+        row = i * step
         for k in range(columns):
-            row, column = i * step, k * step
-            first[i, k] = _around(before, row, column)
+            first[i, k] = _around(before, row, k * step)
+        for k in range(columns):
+            column = k * step
             x = column + np.float64(flow_px[row, column, 0])
             y = row + np.float64(flow_px[row, column, 1])
-            if not (0.0 <= x <= width - 1 and 0.0 <= y <= height - 1):  # so it is, too, where it is NaN
-                continue
-            left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
-            second[i, k] = _between(after, top, left, y - top, x - left)
+            if 1.0 <= x < width - 2 and 1.0 <= y < height - 2:
+                second[i, k] = _within(pixels, width, x, y)
+            elif 0.0 <= x <= width - 1 and 0.0 <= y <= height - 1:  # so it is not where it is NaN
+                second[i, k] = _at_border(after, x, y)
     return first, second
 
 
 @njit(cache=True)
-def _between(image: Float32, top: int, left: int, down: float, share: float) -> float:
-    """Return the mean of 3 x 3 pixels around a place ``down`` and ``share`` of a pixel from one, bilinearly."""
+def _within(pixels: Float32, width: int, x: float, y: float) -> float:
+    """Return the mean of 3 x 3 pixels of an image, row by row, around a place within it, bilinearly.
+
+    The four means share sixteen pixels.
+    """
+    left, top = int(x), int(y)
+    share, down = x - left, y - top
+    at, wide = np.uint64((top - 1) * width + left - 1), np.uint64(width)  # a signed index costs a comparison
+    total = 0.0
+    for i in range(4):
+        a, b = pixels[at], pixels[at + np.uint64(1)]
+        c, d = pixels[at + np.uint64(2)], pixels[at + np.uint64(3)]
+        across = (1.0 - share) * a + b + c + share * d
+        total += across * (1.0 - down if i == 0 else down if i == 3 else 1.0)
+        at += wide
+    return float(total / 9.0)
+
+
+@njit(cache=True)
+def _at_border(image: Float32, x: float, y: float) -> float:
+    """Return the same at a place near the border, from the four means."""
     height, width = image.shape
-    if 0 < top < height - 2 and 0 < left < width - 2:  # four means share sixteen pixels
-        total = 0.0
-        for i in range(4):
-            line = image[top - 1 + i]
-            across = (1.0 - share) * line[left - 1] + line[left] + line[left + 1] + share * line[left + 2]
-            total += across * (1.0 - down if i == 0 else down if i == 3 else 1.0)
-        return total / 9.0
+    left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
+    share, down = x - left, y - top
     right, below = min(left + 1, width - 1), min(top + 1, height - 1)
     above = (1.0 - share) * _around(image, top, left) + share * _around(image, top, right)
     under = (1.0 - share) * _around(image, below, left) + share * _around(image, below, right)
-    return (1.0 - down) * above + down * under
+    return float((1.0 - down) * above + down * under)
 
 
 @njit(cache=True)
@@ -106,9 +127,11 @@ def _around(image: Float32, row: int, column: int) -> float:
     height, width = image.shape
     total = 0.0
     if 0 < row < height - 1 and 0 < column < width - 1:
+        at = np.uint64(column - 1)
         for i in range(row - 1, row + 2):
-            total += image[i, column - 1] + image[i, column] + image[i, column + 1]
-        return total / 9.0
+            line = image[np.uint64(i)]
+            total += line[at] + line[at + np.uint64(1)] + line[at + np.uint64(2)]
+        return float(total / 9.0)
     for i in range(row - 1, row + 2):
         line = image[min(abs(i), 2 * (height - 1) - abs(i)) if height > 1 else 0]
         for k in range(column - 1, column + 2):

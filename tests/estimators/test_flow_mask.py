@@ -52,10 +52,9 @@ def test_grazed_ground_is_left_out() -> None:
 
 def seen(depth0: np.ndarray, depth1: np.ndarray, motion: RigidMotion, uncertainty_px: float = 0.0) -> np.ndarray:
     inverse0, inverse1 = inverse_depth(depth0), inverse_depth(depth1)
-    everywhere = np.ones(inverse0.shape, np.bool_)
-    return seen_in_both(
-        K, motion, COLUMNS, ROWS, inverse0, everywhere, inverse1, edges(inverse1, FOCAL_PX), uncertainty_px
-    )
+    no_edges, whole = np.zeros(inverse0.shape, np.uint8), np.zeros((1, 2), np.int64)
+    first, second = (inverse0, no_edges), (inverse1, edges(inverse1, FOCAL_PX))
+    return seen_in_both(K, motion, whole, inverse0.shape, first, second, uncertainty_px)[0]
 
 
 def test_whole_plane_is_seen_from_where_the_camera_goes() -> None:
@@ -93,3 +92,18 @@ def test_flow_tells_of_breaks_and_of_crowding() -> None:
     breaks, crowded = flow_conflicts(flow)
     assert set(np.flatnonzero(inner(breaks)[20]) + 5) == set(range(35, 45))
     assert set(np.flatnonzero(inner(crowded)[20]) + 5) == set(range(36, 52))
+
+
+def test_tiles_are_seen_as_the_whole_is_away_from_edges_of_the_first_frame() -> None:
+    """Any tile of the image has what the image has at its place, but where the first frame has an edge."""
+    inverse, motion = inverse_depth(plane((0.0, 0.1, 1.0))), RigidMotion(np.eye(3), np.array([-0.2, 0.1, 0.0]))
+    edge, none = edges(inverse, FOCAL_PX), np.zeros(inverse.shape, np.uint8)
+    whole = seen_in_both(K, motion, np.zeros((1, 2), np.int64), inverse.shape, (inverse, none), (inverse, edge), 0.0)[0]
+    edge0 = none.copy()
+    edge0[20:25, 30:50] = 1
+    origins = np.array([[8, 4], [40, 21]])
+    tiles = seen_in_both(K, motion, origins, (16, 32), (inverse, edge0), (inverse, edge), 0.0)
+    for (left, top), tile in zip(origins, tiles, strict=True):
+        part = np.s_[top : top + 16, left : left + 32]
+        np.testing.assert_array_equal(tile, whole[part] & (edge0[part] == 0))
+        assert 0 < np.count_nonzero(tile) < tile.size

@@ -168,18 +168,9 @@ def visible(window: Window, interval: Interval, origins: Int64) -> tuple[Mask, b
     geometry = geometry_of(window, interval)
     if geometry is None:
         return _visible_by_flow(window, interval, origins), False
-    frame0, frame1 = geometry.frames
-    away_from_edges = patches_of(_edges(window, frame0), origins, halo_px=0) == 0
-    columns, rows = pixels_of(origins, halo_px=0)
-    inverse0 = patches_of(inverse_depth_of(window, frame0), origins, halo_px=0)
-    flat = (-1, columns.shape[-1])
-    seen = seen_in_both(
-        geometry.track.camera.K, geometry.motion.corrected(geometry.correction),
-        columns.reshape(flat).astype(np.float32), rows.reshape(flat).astype(np.float32),
-        inverse0.reshape(flat), away_from_edges.reshape(flat), inverse_depth_of(window, frame1),
-        _edges(window, frame1), geometry.uncertainty_px,
-    )  # fmt: skip
-    return seen.reshape(columns.shape), True
+    first, second = ((inverse_depth_of(window, frame), _edges(window, frame)) for frame in geometry.frames)
+    K, size = geometry.track.camera.K, (TILE_PX, TILE_PX)
+    return seen_in_both(K, geometry.corrected, origins, size, first, second, geometry.uncertainty_px), True
 
 
 def _visible_by_flow(window: Window, interval: Interval, origins: Int64) -> Mask:
@@ -214,6 +205,11 @@ class Geometry:
     correction: Float64
     frames: tuple[int, int]
     uncertainty_px: float
+
+    @property
+    def corrected(self) -> RigidMotion:
+        """The motion with its correction."""
+        return self.motion.corrected(self.correction) if self.correction.any() else self.motion
 
 
 def geometry_of(window: Window, interval: Interval) -> Geometry | None:

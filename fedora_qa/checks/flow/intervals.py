@@ -69,6 +69,9 @@ def interval_at(facts: Facts, stream: str, row: int) -> Interval:
 
 def frame_at(clock: Clock, time_ns: int) -> int | None:
     """Return the frame with exactly this stamp; None where there is none."""
+    near = int(np.searchsorted(clock.times_ns, time_ns))
+    if near < len(clock.times_ns) and clock.times_ns[near] == time_ns and clock.advancing[near]:
+        return near  # of stamps that advance no two are equal; only among others the search may have gone astray
     rows = np.flatnonzero(clock.advancing)
     place = int(np.searchsorted(clock.times_ns[rows], time_ns))
     if place == len(rows) or clock.times_ns[rows[place]] != time_ns:
@@ -157,7 +160,9 @@ class PoseTrack:
 
     def on_samples(self, start_ns: int, end_ns: int) -> bool:
         """Whether both instants are stamps of poses, so that nothing is interpolated."""
-        return bool(np.isin((start_ns, end_ns), self.poses.times_ns).all())
+        times_ns = self.poses.times_ns
+        near = np.searchsorted(times_ns, (start_ns, end_ns))
+        return int(near.max()) < len(times_ns) and bool(times_ns[near[0]] == start_ns and times_ns[near[1]] == end_ns)
 
     def transformed(self, change: Callable[[PoseSamples], PoseSamples]) -> "PoseTrack":
         """Return the track of changed poses."""
@@ -170,10 +175,12 @@ class PoseTrack:
 
 def pose_track(window: Window, camera: Camera) -> PoseTrack:
     """Return the poses around the window, far enough for every interval it owns and the one before and after."""
+    return PoseTrack(window.once("poses for flow", lambda: _poses_for_flow(window)), camera)
+
+
+def _poses_for_flow(window: Window) -> PoseSamples:
     longest_ns = max((longest_interval_ns(window.facts, stream) for stream in window.facts.flow_streams), default=0)
-    margin_ns = 2 * min(longest_ns, NS_PER_S) + _POSE_MARGIN_NS
-    poses = window.once(("poses for flow", margin_ns), lambda: _finite(window.pose(margin_ns)))
-    return PoseTrack(poses, camera)
+    return _finite(window.pose(2 * min(longest_ns, NS_PER_S) + _POSE_MARGIN_NS))
 
 
 def motion_between(before: Pose, after: Pose, camera: Camera) -> RigidMotion | None:

@@ -1,6 +1,7 @@
 """How well two rates of flow agree over one common interval."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -9,10 +10,10 @@ from numpy.typing import NDArray
 from fedora_qa.checks.flow.rates_chain import Composed, Segment, compose
 from fedora_qa.estimators.depth_warp import lattice_stride
 from fedora_qa.estimators.flow_path_kernels import medians_of_parts
+from fedora_qa.estimators.order_kernels import median_of
 from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 FEWEST_PIXELS: Final = 50
 """Pixels below which two rates are not compared."""
@@ -67,23 +68,26 @@ class RateAgreement:
 
 def compare(window: Window, segment: Segment) -> RateAgreement | None:
     """Compare two rates over a segment; None where a field's size is not the other's, or no flow is known."""
-    if len(_shapes(window, segment)) != 1:
+    shapes = _shapes(window, segment)
+    if len(shapes) != 1:
         return None
-    columns, rows = lattice_of(window, segment)
+    height, width = shapes.pop()
+    places = _places(height, width, lattice_stride(height, width, window.sampling.tile_share))
+    columns, rows = places.columns, places.rows
     slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
     known = slow.clear & slow.stays
     if np.count_nonzero(known | (fast.clear & fast.stays)) < FEWEST_PIXELS:
         return None
-    lost = float(np.mean(slow.stays != fast.stays))
-    compared = known & fast.clear & fast.stays
-    if np.count_nonzero(compared) < FEWEST_PIXELS:
+    lost = np.count_nonzero(slow.stays != fast.stays) / len(columns)
+    compared = np.flatnonzero(known & fast.clear & fast.stays)
+    if len(compared) < FEWEST_PIXELS:
         return RateAgreement(segment, None, None, None, lost)
-    error_px = np.linalg.norm(slow.displacement_px - fast.displacement_px, axis=-1)
-    bound_px = slow.bound_px + fast.bound_px
-    whole = _deviation(error_px[compared], bound_px[compared])
-    tiles = _tiles(columns, rows, *_shapes(window, segment).pop())
-    worst, tile = _worst_tile(error_px, bound_px, compared, tiles) or (whole, None)
-    return RateAgreement(segment, whole, worst, tile, lost)
+    apart_px = slow.displacement_px[compared] - fast.displacement_px[compared]
+    error_px = np.sqrt(np.square(apart_px[:, 0]) + np.square(apart_px[:, 1]))
+    bound_px = slow.bound_px[compared] + fast.bound_px[compared]
+    whole = Deviation(median_of(error_px), median_of(bound_px))
+    worst, tile = _worst_tile(error_px, bound_px, places.tiles[compared]) or (whole, None)
+    return RateAgreement(segment, whole, worst, None if tile is None else _edges(tile, height, width), lost)
 
 
 def median_error_px(slow: Composed, fast: Composed) -> float:
@@ -95,12 +99,30 @@ def median_error_px(slow: Composed, fast: Composed) -> float:
     return float(np.median(errors_px))
 
 
+@dataclass(frozen=True, slots=True)
+class _Places:
+    """Columns, rows (n,) of a lattice, and the tile that each lies in."""
+
+    columns: Float64
+    rows: Float64
+    tiles: NDArray[np.intp]
+
+
+@lru_cache(maxsize=4)
+def _places(height: int, width: int, stride: int) -> _Places:
+    """Return every so many-th pixel of an image, both ways; they are the same in every field of a file."""
+    columns, rows = np.meshgrid(np.arange(0.0, width - 1, stride), np.arange(0.0, height - 1, stride))
+    columns, rows = columns.ravel(), rows.ravel()
+    across, down = _TILES
+    tiles = (rows * down / height).astype(np.intp) * across + (columns * across / width).astype(np.intp)
+    return _Places(columns, rows, tiles)
+
+
 def lattice_of(window: Window, segment: Segment) -> tuple[Float64, Float64]:
     """Return columns and rows (n,) of the pixels that the effort asks for, if the image has so many."""
     height, width = _shapes(window, segment).pop()
-    stride = lattice_stride(height, width, window.sampling.tile_share)
-    columns, rows = np.meshgrid(np.arange(0.0, width - 1, stride), np.arange(0.0, height - 1, stride))
-    return columns.ravel(), rows.ravel()
+    places = _places(height, width, lattice_stride(height, width, window.sampling.tile_share))
+    return places.columns, places.rows
 
 
 def _shapes(window: Window, segment: Segment) -> set[tuple[int, int]]:
@@ -110,48 +132,20 @@ def _shapes(window: Window, segment: Segment) -> set[tuple[int, int]]:
     return {(image.shape[0], image.shape[1]) for image in images}
 
 
-@dataclass(frozen=True, slots=True)
-class _Tiles:
-    """The tile of each pixel, (n,), and the image's size."""
-
-    numbers: NDArray[np.intp]
-    width: int
-    height: int
-
-    def edges(self, tile: int) -> tuple[int, int, int, int]:
-        """Return left, top, right, bottom of a tile."""
-        (across, down), (top, left) = _TILES, divmod(tile, _TILES[0])
-        return (
-            left * self.width // across,
-            top * self.height // down,
-            (left + 1) * self.width // across,
-            (top + 1) * self.height // down,
-        )
+def _edges(tile: int, height: int, width: int) -> tuple[int, int, int, int]:
+    """Return left, top, right, bottom of a tile of an image."""
+    (across, down), (top, left) = _TILES, divmod(tile, _TILES[0])
+    return left * width // across, top * height // down, (left + 1) * width // across, (top + 1) * height // down
 
 
-def _tiles(columns: Float64, rows: Float64, height: int, width: int) -> _Tiles:
-    across, down = _TILES
-    return _Tiles(
-        (rows * down / height).astype(np.intp) * across + (columns * across / width).astype(np.intp), width, height
-    )
-
-
-def _deviation(error_px: Float64, bound_px: Float64) -> Deviation:
-    return Deviation(float(np.median(error_px)), float(np.median(bound_px)))
-
-
-def _worst_tile(
-    error_px: Float64, bound_px: Float64, compared: Mask, tiles: _Tiles
-) -> tuple[Deviation, tuple[int, int, int, int]] | None:
-    """Return the tile that is off most; None where no tile holds enough pixels."""
-    pixels = np.flatnonzero(compared)
-    pixels = pixels[np.argsort(tiles.numbers[pixels], kind="stable")]
-    counts = np.bincount(tiles.numbers[pixels], minlength=_TILES[0] * _TILES[1])
+def _worst_tile(error_px: Float64, bound_px: Float64, tiles: NDArray[np.intp]) -> tuple[Deviation, int] | None:
+    """Return the tile that is off most, of pixels (n,) in the tiles of these numbers; None where none holds enough."""
+    order = np.argsort(tiles, kind="stable")
+    counts = np.bincount(tiles, minlength=_TILES[0] * _TILES[1])
     starts = np.concatenate(([0], np.cumsum(counts)))
-    typical_px, limits_px = (medians_of_parts(values[pixels], starts) for values in (error_px, bound_px))
+    typical_px, limits_px = (medians_of_parts(values[order], starts) for values in (error_px, bound_px))
     enough = counts >= _FEWEST_IN_TILE
     if not enough.any():
         return None
     tile = int(np.argmax(np.where(enough, typical_px / limits_px, -1.0)))
-    worst = Deviation(float(typical_px[tile]), float(limits_px[tile]))
-    return worst, tiles.edges(tile)
+    return Deviation(float(typical_px[tile]), float(limits_px[tile])), tile

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.flow.intervals import frame_at
 from fedora_qa.estimators.flow_path_kernels import errors_of_reading, spans_at_targets, step
 from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.window import Window
@@ -106,11 +107,7 @@ def _common(slow: str, slow_clock: Clock, row: int, fast: str, fast_clock: Clock
 
 def row_at(clock: Clock, start_ns: int) -> int | None:
     """Return the row of the field that begins at an instant; None where there is none."""
-    rows = np.flatnonzero(clock.advancing)
-    place = int(np.searchsorted(clock.times_ns[rows], start_ns))
-    if place == len(rows) or clock.times_ns[rows[place]] != start_ns:
-        return None
-    return int(rows[place])
+    return frame_at(clock, start_ns)
 
 
 def exists(facts: Facts, chain: Chain) -> bool:

@@ -35,7 +35,7 @@ def tile_templates(
     geometry = geometry_of(window, interval)
     if geometry is None:
         return None
-    motion = geometry.motion.corrected(geometry.correction)
+    motion = geometry.corrected
     inverse_per_m = inverse_depth_of(window, geometry.frames[0])
     of_tiles = mean_derivatives(
         inverse_per_m, origins, usable, _STRIDE_PX // 2, _STRIDE_PX, geometry.track.camera.K, motion.R, motion.t_m
