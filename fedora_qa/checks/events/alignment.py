@@ -13,8 +13,8 @@ from fedora_qa.checks.events.view import (
     events_before,
     intervals_due,
     seen_frames,
-    signal,
     sensor_shape,
+    signal,
     why_frames_and_events_do_not_meet,
 )
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
