@@ -13,8 +13,8 @@ from fedora_qa.checks.events.view import (
     events_before,
     intervals_due,
     seen_frames,
+    seen_signal,
     sensor_shape,
-    signal,
     why_frames_and_events_do_not_meet,
 )
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
@@ -142,7 +142,7 @@ class Alignment(WindowCheck[Correlations]):
         # What came before the first interval is asked only where there is no other.
         chosen = np.unique(np.linspace(min(1, last), last, wanted).round().astype(int)).tolist()
         before = events_before(seen, window) if last == 0 else None
-        levels, lit = signal(seen, declared)
+        levels, lit = seen_signal(window, declared)
         thresholds = declared.threshold_on, declared.threshold_off
         sums = [_sums(one) for one in intervals(levels, lit, seen.counts, *thresholds, chosen, before)]
         whole, dragged, settled, far, tiles = zip(*sums, strict=True)

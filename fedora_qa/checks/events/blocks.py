@@ -9,8 +9,8 @@ from fedora_qa.checks.events.tiles import GRID
 from fedora_qa.checks.events.view import (
     SeenFrames,
     all_events,
-    frame_signal,
     seen_frames,
+    seen_signal,
     sensor_events,
     sensor_shape,
 )
@@ -69,6 +69,7 @@ def _block_moments(window: Window) -> BlockMoments | None:
 
 def _level_blocks(window: Window, seen: SeenFrames, i: int, declared: EventModel) -> NDArray[np.float64]:
     def means() -> NDArray[np.float64]:
-        return level_blocks(*frame_signal(seen.even_dn[i], seen.error_dn[i], declared))
+        levels, lit = seen_signal(window, declared)
+        return level_blocks(levels[i], lit[i])
 
     return window.of_image("level_blocks", int(seen.frames[i]), means)

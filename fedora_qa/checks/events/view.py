@@ -164,22 +164,23 @@ def events_before(seen: SeenFrames, window: Window) -> NDArray[np.int32]:
     return darker_and_brighter
 
 
+def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return ``signal`` of the frames of a window and the next one."""
+    return window.once("seen_signal", lambda: signal(seen_frames(window), declared))
+
+
 def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return the signal of the declared model (n, h, w), and where it is lit: known to better than half of itself."""
-    both = [frame_signal(even, error, declared) for even, error in zip(seen.even_dn, seen.error_dn, strict=True)]
-    levels, lit = zip(*both, strict=True)
-    return np.stack(levels), np.stack(lit)
-
-
-def frame_signal(
-    even_dn: NDArray[Any], error_dn: NDArray[Any], declared: EventModel
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return ``signal`` of one frame (h, w)."""
-    lit: NDArray[np.bool_] = even_dn > 2 * error_dn
+    lit = np.empty(seen.even_dn.shape, np.bool_)
+    for frame, known in enumerate(lit):
+        np.greater(seen.even_dn[frame], 2 * seen.error_dn[frame], out=known)
     if declared.model == "linear":
-        return even_dn, lit
-    level = np.add(even_dn, declared.log_eps_dn, dtype=np.float32)
-    return np.log(np.maximum(level, np.float32(1e-3), out=level), out=level), lit
+        return seen.even_dn, lit
+    levels = np.empty(seen.even_dn.shape, np.float32)
+    for frame, level in enumerate(levels):
+        np.add(seen.even_dn[frame], declared.log_eps_dn, out=level)
+        np.log(np.maximum(level, 1e-3, out=level), out=level)
+    return levels, lit
 
 
 def why_frames_and_events_do_not_meet(facts: Facts) -> str:
