@@ -37,11 +37,11 @@ FARTHEST_PX: Final = RADIUS_PX - _SURROUNDINGS
 
 
 @dataclass(frozen=True, slots=True)
-class EdgePeak:
-    """Where a profile peaks, px, and how much of the edge strength lies in the peak beyond the background, 0 to 1."""
+class EdgePeaks:
+    """Where profiles peak, px, and how much of the edge strength lies in each peak beyond the background, 0 to 1."""
 
-    place_px: float
-    share: float
+    places_px: Float64
+    shares: Float64
 
 
 def tile_profiles(
@@ -91,20 +91,24 @@ def _tile_profiles(
     return sums.reshape(2, TILES * TILES, -1)
 
 
-def find_place(profile: Float64) -> int:
-    """Return the sample at which a profile (2 R + 1,) peaks, among those whose surroundings lie in it."""
-    edges = np.convolve(profile, _EDGE, "same")
-    first = RADIUS_PX - FARTHEST_PX
-    return first + int(np.argmax(edges[first : len(profile) - first]))
+def find_places(profiles: Float64) -> NDArray[np.intp]:
+    """Return the sample at which each profile (..., 2 R + 1) peaks, among those whose surroundings lie in it."""
+    first, last = RADIUS_PX - FARTHEST_PX, profiles.shape[-1] - (RADIUS_PX - FARTHEST_PX)
+    before, at, after = (profiles[..., first + i : last + i] for i in (-1, 0, 1))
+    edges = _EDGE[0] * before + _EDGE[1] * at + _EDGE[2] * after
+    places: NDArray[np.intp] = first + np.argmax(edges, axis=-1)
+    return places
 
 
-def peak_near(profile: Float64, middle: int, reach: int = REACH) -> EdgePeak:
-    """Return the centroid around the sample ``middle``, after taking off a background that may step there."""
-    offsets = np.arange(-reach, reach + 1)
-    around = profile[middle + offsets]
-    before = profile[middle - _SURROUNDINGS : middle - reach].mean()
-    after = profile[middle + reach + 1 : middle + _SURROUNDINGS + 1].mean()
-    beyond = around - np.where(offsets < 0, before, np.where(offsets > 0, after, 0.5 * (before + after)))
-    strength = float(beyond.sum())
-    centroid = float(offsets @ beyond) / strength if strength > 0 else 0.0
-    return EdgePeak(middle - RADIUS_PX + float(np.clip(centroid, -reach, reach)), strength / float(profile.sum()))
+def peaks_near(profiles: Float64, middles: NDArray[np.intp], reach: int = REACH) -> EdgePeaks:
+    """Return the centroids around the samples ``middles`` (...), after taking off a background that may step there."""
+    offsets, surroundings = np.arange(-reach, reach + 1), np.arange(-_SURROUNDINGS, _SURROUNDINGS + 1)
+    near = np.take_along_axis(profiles, middles[..., np.newaxis] + surroundings, axis=-1)
+    first, stop = _SURROUNDINGS - reach, _SURROUNDINGS + reach + 1
+    before, after = near[..., :first].mean(axis=-1, keepdims=True), near[..., stop:].mean(axis=-1, keepdims=True)
+    background = np.where(offsets < 0, before, np.where(offsets > 0, after, 0.5 * (before + after)))
+    beyond = near[..., first:stop] - background
+    strengths = beyond.sum(axis=-1)
+    centroids = np.divide(beyond @ offsets, strengths, out=np.zeros_like(strengths), where=strengths > 0)
+    places_px = middles - RADIUS_PX + np.clip(centroids, -reach, reach)
+    return EdgePeaks(places_px, strengths / profiles.sum(axis=-1))

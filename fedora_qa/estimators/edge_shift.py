@@ -13,14 +13,13 @@ apart, one of them may be in place and the other not, and the lean says by how m
 """
 
 import math
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.edge_profiles import REACH, find_place, peak_near
+from fedora_qa.estimators.edge_profiles import REACH, find_places, peaks_near
 
 Float64 = NDArray[np.float64]
 
@@ -74,36 +73,40 @@ def edge_shift(sums: Float64) -> EdgeShift | None:
     if len(occupied) < FEWEST_TILES or not np.all(total.sum(axis=(1, 2)) > 0):
         return None
     whole = total.sum(axis=1)
-    shift_px, lean_px = _places(whole, REACH)
-    wider_px, _ = _places(whole, REACH + 1)
-    by_tile = _spread(whole - total[:, tile] for tile in occupied)
-    by_time = _spread(whole - part for part in _groups(sums.sum(axis=2)))
+    shift_px, lean_px = (float(one) for one in _places(whole, REACH))
+    wider_px = float(_places(whole, REACH + 1)[0])
+    by_tile = _spread(whole - np.moveaxis(total[:, occupied], 1, 0))
+    by_time = _spread(whole - _groups(sums.sum(axis=2)))
     # Texture differs from tile to tile, and what noise and motion make of it from time to time.
     shift_error, share_error = np.hypot(by_tile, by_time)
-    return EdgeShift(shift_px, float(shift_error), lean_px, wider_px - shift_px, _share(whole), float(share_error))
+    share = float(_shares(whole))
+    return EdgeShift(shift_px, float(shift_error), lean_px, wider_px - shift_px, share, float(share_error))
 
 
-def _places(sides: Float64, reach: int) -> tuple[float, float]:
-    """Return shift and lean from one profile a side, (2, 2 R + 1)."""
-    far_px, near_px = (peak_near(side, find_place(side), reach).place_px for side in sides)
+def _places(sides: Float64, reach: int) -> tuple[Float64, Float64]:
+    """Return shifts and leans (...) from one profile a side, (..., 2, 2 R + 1)."""
+    peaks = peaks_near(sides, find_places(sides), reach)
+    far_px, near_px = peaks.places_px[..., 0], peaks.places_px[..., 1]
     return 0.5 * (far_px + near_px), 0.5 * (far_px - near_px)
 
 
-def _share(sides: Float64) -> float:
-    """Return the share of edge strength where both sides together peak."""
-    middle = find_place(sides.sum(axis=0))
-    return 0.5 * sum(peak_near(side, middle).share for side in sides)
+def _shares(sides: Float64) -> Float64:
+    """Return the shares (...) of edge strength where both sides together peak."""
+    middles = find_places(sides.sum(axis=-2))
+    shares: Float64 = peaks_near(sides, np.stack([middles, middles], axis=-1)).shares.mean(axis=-1)
+    return shares
 
 
-def _spread(left_out: Iterable[Float64]) -> Float64:
-    """Return the jackknife's standard errors of shift and share; 0 where nothing could be left out."""
-    rest = [sides for sides in left_out if np.all(sides.sum(axis=1) > 0)]
-    estimates = np.array([(_places(sides, REACH)[0], _share(sides)) for sides in rest])
-    n = len(estimates)
-    return np.sqrt((n - 1) * estimates.var(axis=0)) if n > 1 else np.zeros(2)
+def _spread(left_out: Float64) -> Float64:
+    """Return the jackknife's standard errors of shift and share, of sums (k, 2, 2 R + 1) with one part left out each.
+
+    They are 0 where nothing could be left out.
+    """
+    rest = left_out[np.all(left_out.sum(axis=2) > 0, axis=1)]
+    n = len(rest)
+    return np.sqrt((n - 1) * np.var([_places(rest, REACH)[0], _shares(rest)], axis=1)) if n > 1 else np.zeros(2)
 
 
-def _groups(by_window: Float64) -> Iterator[Float64]:
-    """Yield the sums of successive groups of windows, as many as there are windows but not too many."""
-    for group in np.array_split(by_window, min(len(by_window), _MOST_GROUPS)):
-        yield group.sum(axis=0)
+def _groups(by_window: Float64) -> Float64:
+    """Return the sums of successive groups of windows, as many as there are windows but not too many."""
+    return np.array([group.sum(axis=0) for group in np.array_split(by_window, min(len(by_window), _MOST_GROUPS))])

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_footprint_kernels import Weighted, average_taps, see_frame
+from fedora_qa.estimators.event_footprint_kernels import Weighted32, average_taps, see_frame
 
 Float64 = NDArray[np.float64]
 
@@ -56,9 +56,10 @@ class Axis:
     inside: NDArray[np.bool_]
 
     @property
-    def weighted(self) -> tuple[Weighted, Weighted, Weighted]:
-        """First pixels and weights: even, sharp, split."""
-        even, sharp, split = ((each.first, each.weights) for each in (self.even, self.sharp, self.split))
+    def weighted(self) -> tuple[Weighted32, Weighted32, Weighted32]:
+        """First pixels and weights, in single precision: even, sharp, split."""
+        taps = self.even, self.sharp, self.split
+        even, sharp, split = ((each.first, each.weights.astype(np.float32)) for each in taps)
         return even, sharp, split
 
 
@@ -106,7 +107,8 @@ class Footprints:
         neighbours; infinite where a footprint leaves the image or touches a pixel that is ``lost`` or beside one.
         """
         rows, columns = self.rows.weighted, self.columns.weighted
-        see_frame(luma, lost, rows, columns, self.inside, rounding, sharp, even, error)
+        inside = self.rows.inside, self.columns.inside
+        see_frame(luma, lost, rows, columns, *inside, rounding, sharp, even, error)
 
 
 def footprints(
@@ -142,19 +144,20 @@ def _means(edges: Float64, size: int, points: int) -> Taps:
     """
     at = np.clip(edges, 0.0, size)
     first = np.clip(np.floor(at).astype(np.int64) - points // 2 + 1, 0, size + 1 - points)
-    borders = np.ones((points, len(edges)))
+    borders, since = np.ones((points, len(edges))), at - first
     for i in range(points):
         for j in range(points):
             if j != i:
-                borders[i] *= (at - first - j) / (i - j)
+                borders[i] *= (since - j) / (i - j)
     count = min(int(np.diff(first).max(initial=0)) + points - 1, size)
     start = np.minimum(first[:-1], size - count)
+    behind = np.zeros((len(edges), points + 1))
+    behind[:, :points] = borders[::-1].cumsum(axis=0)[::-1].T
     pixels = start[:, np.newaxis] + np.arange(count)
 
     def before(edge: slice) -> Float64:
-        behind = [(first[edge] + i)[:, np.newaxis] > pixels for i in range(points)]
-        total: Float64 = np.sum([borders[i, edge, np.newaxis] * behind[i] for i in range(points)], axis=0)
-        return total
+        since = np.clip(pixels + 1 - first[edge, np.newaxis], 0, points)
+        return np.take_along_axis(behind[edge], since, axis=1)
 
     weights = before(slice(1, None)) - before(slice(None, -1))
     weights[np.abs(weights) < 1e-12] = 0.0

@@ -11,6 +11,7 @@ Float64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 Weighted = tuple[NDArray[np.int64], Float64]
 """First pixel (m,) and weights (m, k) of the pixels from there."""
+Weighted32 = tuple[NDArray[np.int64], Float32]
 
 
 @njit(cache=True)
@@ -26,9 +27,10 @@ def average_taps(image: NDArray[Any], rows: Weighted, columns: Weighted, means: 
 def see_frame(
     luma: Float32,
     lost: Bool,
-    rows: tuple[Weighted, Weighted, Weighted],
-    columns: tuple[Weighted, Weighted, Weighted],
-    inside: Bool,
+    rows: tuple[Weighted32, Weighted32, Weighted32],
+    columns: tuple[Weighted32, Weighted32, Weighted32],
+    inside_rows: Bool,
+    inside_columns: Bool,
     rounding: float,
     sharp_means: Float32,
     even_means: Float32,
@@ -42,28 +44,34 @@ def see_frame(
     even_rows, sharp_rows, split_rows = rows
     even_columns, sharp_columns, split_columns = columns
     lost_rows = _rows_with(lost)
-    sharp, even, whole, split = np.empty(width), np.empty(width), np.empty(width), np.empty(width)
+    beyond = np.empty(len(inside_columns), np.float32)
+    for column in range(len(beyond)):
+        beyond[column] = rounding if inside_columns[column] else np.inf
+    sharp, even, whole, split = (np.empty(width, np.float32), np.empty(width, np.float32),
+                                 np.empty(width, np.float32), np.empty(width, np.float32))  # fmt: skip
     taps = even_rows[1].shape[1]
     # Of the contrast the last rows are kept: neighbouring footprints share one of them.
     contrast, known = np.empty((taps, width), np.float32), np.full(taps, -1)
     high, low, touched = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.bool_)
     for row in range(len(errors)):
-        _add_rows(luma, sharp_rows[0][row], sharp_rows[1][row], sharp)
-        _add_columns(sharp, sharp_columns[0], sharp_columns[1], sharp_means[row])
+        _add_rows32(luma, sharp_rows[0][row], sharp_rows[1][row], sharp)
+        _add_columns32(sharp, sharp_columns[0], sharp_columns[1], sharp_means[row])
         first, weights = even_rows[0][row], even_rows[1][row]
-        _add_rows(luma, first, weights, even)
+        _add_rows32(luma, first, weights, even)
         whole[:], split[:] = 0.0, 0.0
         for i in range(taps):
             kept = (first + i) % taps
             if known[kept] != first + i:
                 _contrast_of_row(luma, first + i, high, low, contrast[kept])
                 known[kept] = first + i
-            _add(contrast[kept], weights[i], whole)
-            _add(contrast[kept], split_rows[1][row, i], split)
+            _add_both(contrast[kept], weights[i], split_rows[1][row, i], whole, split)
         error = errors[row]
         _add_even_columns(even, whole, split, even_columns, split_columns[1], even_means[row], error)
-        for column in range(len(error)):
-            error[column] = error[column] + rounding if inside[row, column] else np.inf
+        if inside_rows[row]:
+            for column in range(len(error)):
+                error[column] += beyond[column]
+        else:
+            error[:] = np.inf
         if _mark_rows(lost, lost_rows, first, weights, touched):
             _lose_columns(touched, even_columns[0], even_columns[1], error)
 
@@ -72,18 +80,31 @@ def see_frame(
 def _add_rows(image: NDArray[Any], first: int, weights: Float64, line: Float64) -> None:
     line[:] = 0.0
     for i in range(len(weights)):
-        _add(image[first + i], weights[i], line)
+        for column in range(len(line)):
+            line[column] += weights[i] * image[first + i, column]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _add(row: NDArray[Any], weight: float, line: Float64) -> None:
+def _add_rows32(image: Float32, first: int, weights: Float32, line: Float32) -> None:
+    line[:] = 0.0
+    for i in range(len(weights)):
+        weight, row = weights[i], image[first + i]
+        if weight != 0.0:
+            for column in range(len(line)):
+                line[column] += weight * row[column]
+
+
+@njit(cache=True, fastmath={"contract"})
+def _add_both(row: Float32, weight: np.float32, other_weight: np.float32, line: Float32, other: Float32) -> None:
+    """Add a row to two lines, by weights of which none is 0 where the other is not."""
     if weight != 0.0:
         for column in range(len(line)):
             line[column] += weight * row[column]
+            other[column] += other_weight * row[column]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _add_columns(line: Float64, first: NDArray[np.int64], weights: Float64, means: NDArray[Any]) -> None:
+def _add_columns(line: Float64, first: NDArray[np.int64], weights: Float64, means: Float64) -> None:
     for column in range(len(means)):
         # Unsigned: an index that may be negative costs a comparison each.
         at, total = np.uint64(first[column]), 0.0
@@ -92,20 +113,29 @@ def _add_columns(line: Float64, first: NDArray[np.int64], weights: Float64, mean
         means[column] = total
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _add_columns32(line: Float32, first: NDArray[np.int64], weights: Float32, means: Float32) -> None:
+    for column in range(len(means)):
+        at, total = np.uint64(first[column]), np.float32(0)
+        for i in range(weights.shape[1]):
+            total += weights[column, i] * line[at + np.uint64(i)]
+        means[column] = total
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def _add_even_columns(
-    even: Float64,
-    whole: Float64,
-    split: Float64,
-    even_columns: Weighted,
-    split_weights: Float64,
+    even: Float32,
+    whole: Float32,
+    split: Float32,
+    even_columns: Weighted32,
+    split_weights: Float32,
     means: Float32,
     bounds: Float32,
 ) -> None:
     """Write the means of ``even``, and those of ``whole`` less those of ``split`` by its own weights."""
     first, weights = even_columns
     for column in range(len(means)):
-        at, mean, bound = np.uint64(first[column]), 0.0, 0.0
+        at, mean, bound = np.uint64(first[column]), np.float32(0), np.float32(0)
         for i in range(weights.shape[1]):
             pixel, weight = at + np.uint64(i), weights[column, i]
             mean += weight * even[pixel]
@@ -145,7 +175,7 @@ def _rows_with(lost: Bool) -> Bool:
 
 
 @njit(cache=True)
-def _mark_rows(lost: Bool, lost_rows: Bool, first: int, weights: Float64, touched: Bool) -> bool:
+def _mark_rows(lost: Bool, lost_rows: Bool, first: int, weights: Float32, touched: Bool) -> bool:
     """Mark the columns in which a pixel of the rows that weigh, or of those beside them, is lost; return if any is."""
     start, stop = len(lost), 0
     for i in range(len(weights)):
@@ -162,7 +192,7 @@ def _mark_rows(lost: Bool, lost_rows: Bool, first: int, weights: Float64, touche
 
 
 @njit(cache=True)
-def _lose_columns(touched: Bool, first: NDArray[np.int64], weights: Float64, error: Float32) -> None:
+def _lose_columns(touched: Bool, first: NDArray[np.int64], weights: Float32, error: Float32) -> None:
     """Make the error infinite of pixels whose columns that weigh, or those beside them, are marked."""
     before = 0
     until = np.zeros(len(touched) + 1, np.int64)

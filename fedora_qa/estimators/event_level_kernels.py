@@ -178,3 +178,28 @@ def residuals(X: Float64, y: Float64, theta: Float64, residual: Float64) -> None
         for j in range(X.shape[1]):
             left -= X[i, j] * theta[j]
         residual[i] = abs(left)
+
+
+_SINGULAR = 1e-13
+"""Share of its diagonal to which elimination must not bring a pivot: what is left then is rounding."""
+
+
+@njit(cache=True)
+def solve(matrix: Float64, vector: Float64, theta: Float64) -> bool:
+    """Write the solution (k,) of normal equations by elimination; return False where these are singular."""
+    k = len(vector)
+    left = matrix.copy()
+    theta[:] = vector
+    for i in range(k):
+        if not left[i, i] > _SINGULAR * matrix[i, i]:
+            return False
+        for j in range(i + 1, k):
+            share = left[j, i] / left[i, i]
+            for m in range(i, k):
+                left[j, m] -= share * left[i, m]
+            theta[j] -= share * theta[i]
+    for i in range(k - 1, -1, -1):
+        for j in range(i + 1, k):
+            theta[i] -= left[i, j] * theta[j]
+        theta[i] /= left[i, i]
+    return True

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_level_kernels import residuals, sample_levels, sum_blocks, weigh
+from fedora_qa.estimators.event_level_kernels import residuals, sample_levels, solve, sum_blocks, weigh
 from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
 
 Float64 = NDArray[np.float64]
@@ -247,10 +247,10 @@ def huber_weights(X: Float64, y: Float64) -> Float64:
 
 def _solved(matrix: Float64, vector: Float64) -> Float64:
     """Return the solution (k,) of normal equations; the shortest of many."""
-    try:
-        return np.asarray(np.linalg.solve(matrix, vector), np.float64)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.lstsq(matrix, vector, rcond=None)[0], np.float64)
+    theta = np.empty(len(vector))
+    if solve(matrix, vector, theta):
+        return theta
+    return np.asarray(np.linalg.lstsq(matrix, vector, rcond=None)[0], np.float64)
 
 
 def concatenate(blocks: list[NormalBlocks]) -> NormalBlocks:

@@ -47,21 +47,12 @@ class Moments:
         return max(float(dd - d * d / max(n, 1.0)), 0.0) / max(float(n), 1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class LevelBlocks:
-    """Means of a level over blocks (n, r, c), frame by frame, and where all of a block is known."""
-
-    means: Float64
-    whole: NDArray[np.bool_]
-
-
-def level_blocks(levels: NDArray[np.float32], known: NDArray[np.bool_]) -> LevelBlocks:
-    """Return the block means of levels (n, h, w), ``known`` or not."""
-    side, grid = _grid(levels.shape[1:])
-    means, whole = np.empty((len(levels), *grid)), np.empty((len(levels), *grid), np.bool_)
-    for i in range(len(levels)):
-        mean_blocks(levels[i], known[i], side, means[i], whole[i])
-    return LevelBlocks(means, whole)
+def level_blocks(level: NDArray[np.float32], known: NDArray[np.bool_]) -> Float64:
+    """Return the means of a frame's level (h, w) over blocks (r, c); NaN where not all of a block is known."""
+    side, grid = _grid(level.shape)
+    means = np.empty(grid)
+    mean_blocks(level, known, side, means)
+    return means
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,20 +89,21 @@ def add_events_beyond(
     mean_blocks_beyond(columns, rows, times, signs, frame_times_ns, shape, steps, side, blocks.swapped)
 
 
-def step_moments(levels: LevelBlocks, events: EventBlocks, tiles: int) -> Float64:
-    """Return moments (n - 1, tiles^2, 8, 6) of changes between successive frames and events under all symmetries."""
+def step_moments(levels: Float64, events: EventBlocks, tiles: int) -> Float64:
+    """Return moments (n - 1, tiles^2, 8, 6) of changes between successive frames and events under all symmetries.
+
+    ``levels`` (n, r, c) are the ``level_blocks`` of the frames.
+    """
     sums = np.zeros((len(events.upright), tiles**2, len(SYMMETRIES), 6))
     for i, (upright, swapped) in enumerate(zip(events.upright, events.swapped, strict=True)):
-        whole = levels.whole[i] & levels.whole[i + 1]
-        add_moments(levels.means[i + 1] - levels.means[i], whole, upright, swapped, tiles, sums[i])
+        add_moments(levels[i + 1] - levels[i], upright, swapped, tiles, sums[i])
     return sums
 
 
-def span_moments(levels: LevelBlocks, events: EventBlocks) -> Moments:
+def span_moments(levels: Float64, events: EventBlocks) -> Moments:
     """Return moments (8, 6) of the change from the first frame to the last and of all events in between."""
     sums = np.zeros((1, len(SYMMETRIES), 6))
-    whole, change = levels.whole[0] & levels.whole[-1], levels.means[-1] - levels.means[0]
-    add_moments(change, whole, events.upright.sum(axis=0), events.swapped.sum(axis=0), 1, sums)
+    add_moments(levels[-1] - levels[0], events.upright.sum(axis=0), events.swapped.sum(axis=0), 1, sums)
     return Moments(sums[0])
 
 

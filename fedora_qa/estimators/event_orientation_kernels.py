@@ -15,18 +15,20 @@ Bool = NDArray[np.bool_]
 
 
 @njit(cache=True)
-def mean_blocks(image: NDArray[np.float32], known: Bool, side: int, means: Float64, whole: Bool) -> None:
-    """Write the means (r, c) of an image over blocks, and whether all their pixels are ``known`` (h, w)."""
+def mean_blocks(image: NDArray[np.float32], known: Bool, side: int, means: Float64) -> None:
+    """Write the means (r, c) of an image over blocks; NaN where not all their pixels are ``known`` (h, w)."""
     rows, columns = means.shape
     top, left = (image.shape[0] - rows * side) // 2, (image.shape[1] - columns * side) // 2
+    line = np.empty(columns * side)
     for row in range(rows):
-        for column in range(columns):
-            total, there = 0.0, True
-            for y in range(top + row * side, top + (row + 1) * side):
-                for x in range(left + column * side, left + (column + 1) * side):
-                    total += image[y, x]
-                    there &= known[y, x]
-            means[row, column], whole[row, column] = total / side**2, there
+        line[:] = 0.0
+        for y in range(top + row * side, top + (row + 1) * side):
+            values, there = image[y, left : left + len(line)], known[y, left : left + len(line)]
+            for x in range(len(line)):
+                line[x] += np.float64(values[x]) if there[x] else np.nan
+        means[row] = 0.0
+        _add_line(line, 0, side, means[row])
+        means[row] /= side**2
 
 
 @njit(cache=True)
@@ -101,25 +103,46 @@ def _add(row: int, column: int, height: int, width: int, side: int, value: float
 
 
 @njit(cache=True)
-def add_moments(change: Float64, whole: Bool, upright: Float64, swapped: Float64, tiles: int, sums: Float64) -> None:
+def add_moments(change: Float64, upright: Float64, swapped: Float64, tiles: int, sums: Float64) -> None:
     """Add moments of frame change d and event change e to ``sums`` (tiles^2, 8, 6): 1, d, e, d d, e e, d e.
 
-    Events are taken under the eight symmetries of ``event_orientation``: axes exchanged, then columns mirrored, then
-    rows. Tiles are those of the blocks, rows first.
+    Blocks whose change is NaN are left out. Events are taken under the eight symmetries of ``event_orientation``: axes
+    exchanged, then columns mirrored, then rows. Tiles are those of the blocks, rows first.
     """
     rows, columns = change.shape
+    # A row of changes and its mirror image: that of the events' columns is the same thing.
+    known, changes = np.empty((2, columns)), np.empty((2, columns))
     for row in range(rows):
         for column in range(columns):
-            if not whole[row, column]:
-                continue
-            tile = tiles * (row * tiles // rows) + column * tiles // columns
-            d = change[row, column]
+            there = not np.isnan(change[row, column])
+            known[0, column] = known[1, columns - 1 - column] = 1.0 if there else 0.0
+            changes[0, column] = changes[1, columns - 1 - column] = change[row, column] if there else 0.0
+        for tile in range(tiles):
+            # Columns of which ``column * tiles // columns`` is the tile.
+            first, stop = -(-tile * columns // tiles), -(-(tile + 1) * columns // tiles)
+            of_tile = sums[tiles * (row * tiles // rows) + tile]
             for symmetry in range(8):
-                events = swapped if symmetry & 4 else upright
-                e = events[rows - 1 - row if symmetry & 1 else row, columns - 1 - column if symmetry & 2 else column]
-                sums[tile, symmetry, 0] += 1.0
-                sums[tile, symmetry, 1] += d
-                sums[tile, symmetry, 2] += e
-                sums[tile, symmetry, 3] += d * d
-                sums[tile, symmetry, 4] += e * e
-                sums[tile, symmetry, 5] += d * e
+                line = (swapped if symmetry & 4 else upright)[rows - 1 - row if symmetry & 1 else row]
+                mirrored = (symmetry >> 1) & 1
+                begin, end = (columns - stop, columns - first) if mirrored else (first, stop)
+                _add_products(known[mirrored, begin:end], changes[mirrored, begin:end], line[begin:end],
+                              of_tile[symmetry])  # fmt: skip
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _add_products(known: Float64, changes: Float64, events: Float64, sums: Float64) -> None:
+    n, d, e, dd, ee, de = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(len(known)):
+        event = known[i] * events[i]
+        n += known[i]
+        d += changes[i]
+        e += event
+        dd += changes[i] * changes[i]
+        ee += event * event
+        de += changes[i] * event
+    sums[0] += n
+    sums[1] += d
+    sums[2] += e
+    sums[3] += dd
+    sums[4] += ee
+    sums[5] += de

@@ -147,13 +147,20 @@ def _less(values: Float64, mean: float, flags: Flags, flag: int, line: Float32) 
 @njit(cache=True)
 def _shifted_sums(line: Float32, sums: Float64) -> None:
     """Write the sums of a row (w + 2 R,) over w pixels from each of the first 2 R + 1 on."""
-    width, total = len(line) - 2 * RADIUS, 0.0
-    for i in range(width):
-        total += line[i]
-    sums[0] = total
+    width = len(line) - 2 * RADIUS
+    sums[0] = total = _total(line[:width])
     for i in range(1, _SIDE):
         total += np.float64(line[i - 1 + width]) - line[i - 1]
         sums[i] = total
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _total(values: Float32) -> float:
+    """Return the sum in double precision, many partial sums at a time."""
+    total = 0.0
+    for i in range(len(values)):
+        total += np.float64(values[i])
+    return total
 
 
 @njit(cache=True)

@@ -15,20 +15,28 @@ def sum_blocks(change: Float64, events: Float64, usable: NDArray[np.bool_], one:
     """
     count, change_sum, event_sum = 0, 0.0, 0.0
     for row in range(usable.shape[0]):
-        for column in range(usable.shape[1]):
-            if usable[row, column]:
-                count += 1
-                change_sum += change[row, column]
-                event_sum += events[row, column]
+        of_row = _sums_of_row(change[row], events[row], usable[row])
+        count, change_sum, event_sum = count + int(of_row[0]), change_sum + of_row[1], event_sum + of_row[2]
     change_mean, event_mean = change_sum / max(count, 1), event_sum / max(count, 1)
     for row in range(one.shape[0]):
         for column in range(one.shape[1]):
             pixels, changed, fired = 0, 0.0, 0.0
             for y in range(2 * row, 2 * row + 2):
                 for x in range(2 * column, 2 * column + 2):
-                    if usable[y, x]:
-                        pixels += 1
-                        changed += change[y, x]
-                        fired += events[y, x]
+                    there = usable[y, x]
+                    pixels += there
+                    changed += change[y, x] if there else 0.0
+                    fired += events[y, x] if there else 0.0
             one[row, column], other[row, column] = changed - pixels * change_mean, fired - pixels * event_mean
     return -4 * event_mean
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _sums_of_row(change: Float64, events: Float64, usable: NDArray[np.bool_]) -> tuple[float, float, float]:
+    """Return the number of usable pixels, and their sums; many pixels at a time."""
+    count, change_sum, event_sum = 0.0, 0.0, 0.0
+    for i in range(len(usable)):
+        count += 1.0 if usable[i] else 0.0
+        change_sum += change[i] if usable[i] else 0.0
+        event_sum += events[i] if usable[i] else 0.0
+    return count, change_sum, event_sum

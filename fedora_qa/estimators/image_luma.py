@@ -29,7 +29,27 @@ def cut_off(rgb: UInt8, luma: Float32, saturated: float) -> NDArray[np.bool_]:
     most, level = np.uint8(255), np.float32(saturated)
     for row in range(height):
         codes, values, into = rgb[row], luma[row], lost[row]
+        if not (_any_code(codes.reshape(3 * width), most) or _any_from(values, level)):
+            into[:] = False
+            continue
         for column in range(width):
             code = max(codes[column, 0], codes[column, 1], codes[column, 2])
             into[column] = (code == most) | (values[column] >= level)
     return lost
+
+
+@njit(cache=True)
+def _any_code(codes: UInt8, wanted: np.uint8) -> bool:
+    """Return whether a code is among those of a row: all are looked at, many at a time."""
+    found = np.uint8(0)
+    for i in range(len(codes)):
+        found |= np.uint8(codes[i] == wanted)
+    return bool(found)
+
+
+@njit(cache=True)
+def _any_from(values: Float32, level: np.float32) -> bool:
+    found = np.uint8(0)
+    for i in range(len(values)):
+        found |= np.uint8(values[i] >= level)
+    return bool(found)

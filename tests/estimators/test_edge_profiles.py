@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from fedora_qa.estimators.edge_profiles import FARTHEST_PX, RADIUS_PX, find_place, peak_near, tile_profiles
+from fedora_qa.estimators.edge_profiles import FARTHEST_PX, RADIUS_PX, find_places, peaks_near, tile_profiles
 from fedora_qa.estimators.edge_steps import DepthSteps, depth_steps
 
 OFFSETS = np.arange(-RADIUS_PX, RADIUS_PX + 1)
@@ -24,9 +24,9 @@ def test_place_of_a_spline_is_exact(shift_px: float, before: float, after: float
     background = np.where(np.arange(len(OFFSETS)) < middle, before, after)
     background[middle] = 0.5 * (before + after)
     profile = quadratic(OFFSETS - shift_px) + background
-    found = peak_near(profile, middle)
-    assert find_place(profile) in (middle - 1, middle, middle + 1)
-    assert found.place_px == pytest.approx(shift_px, abs=1e-9)
+    found = peaks_near(profile, np.array(middle))
+    assert find_places(profile) in (middle - 1, middle, middle + 1)
+    assert float(found.places_px) == pytest.approx(shift_px, abs=1e-9)
 
 
 def test_profile_of_averaged_steps_is_the_spline() -> None:

@@ -55,7 +55,7 @@ def test_each_symmetry_is_undone_by_its_own(done: tuple[bool, bool, bool]) -> No
     p, times_ns = np.ones(len(rows), np.uint8), np.full(len(rows), 5)
     add_events_beyond(events, columns, rows, times_ns, p, np.array([0, 10]), SHAPE, 0.2, 0.3)
     levels = np.stack([0 * bright, bright]).astype(np.float32)
-    blocks = level_blocks(levels, np.ones(levels.shape, np.bool_))
+    blocks = np.stack([level_blocks(level, ALL) for level in levels])
     correlations = Moments(step_moments(blocks, events, 4)[0].sum(axis=0)).correlations()
     assert correlations[SYMMETRIES.index(done)] == pytest.approx(1.0)
     assert np.sum(np.abs(correlations) > 0.6) == 1
@@ -70,12 +70,13 @@ def test_moments_are_those_of_numpy(seed: int) -> None:
     levels = rng.normal(5, 1, (2, *SHAPE)).astype(np.float32)
     lit = rng.uniform(size=levels.shape) < 0.99
     counts = rng.poisson(0.5, (1, 2, *SHAPE)).astype(np.int32)
-    sums = step_moments(level_blocks(levels, lit), event_blocks(counts, 0.2, 0.3), 1)
+    blocks = np.stack([level_blocks(level, known) for level, known in zip(levels, lit, strict=True)])
+    sums = step_moments(blocks, event_blocks(counts, 0.2, 0.3), 1)
     d, e = block_means(levels[1] - levels[0]), block_means(0.2 * counts[0, 1] - 0.3 * counts[0, 0])
     whole = block_means((lit[0] & lit[1]).astype(float)) == 1
     assert Moments(sums[0, 0]).correlations()[0] == pytest.approx(np.corrcoef(d[whole], e[whole])[0, 1], abs=1e-5)
     assert Moments(sums[0, 0]).frame_variance() == pytest.approx(np.var(d[whole]), abs=1e-5)
-    tiled = step_moments(level_blocks(levels, lit), event_blocks(counts, 0.2, 0.3), 4)
+    tiled = step_moments(blocks, event_blocks(counts, 0.2, 0.3), 4)
     assert np.allclose(tiled.sum(axis=1), sums[:, 0])
     assert Moments(np.zeros((1, 6))).correlations()[0] == 0
 

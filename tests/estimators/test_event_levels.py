@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fedora_qa.estimators.event_fit import ResponseFit, fit_response
+from fedora_qa.estimators.event_level_kernels import solve
 from fedora_qa.estimators.event_levels import (
     SURE_WITHIN,
     LevelPairs,
@@ -218,3 +219,18 @@ def test_huber_weights_discount_outliers() -> None:
     plain = float(X[:, 0] @ y / (X[:, 0] @ X[:, 0])) - 1
     robust = float((weights * X[:, 0]) @ y / ((weights * X[:, 0]) @ X[:, 0])) - 1
     assert abs(robust) < abs(plain) / 10
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 7))
+@settings(deadline=None)
+def test_small_equations_are_solved_as_by_lapack(seed: int, k: int) -> None:
+    """Of columns of any size; equations with one column twice, or nothing in one, are refused."""
+    rng = np.random.default_rng(seed)
+    X, theta = rng.normal(size=(30, k)) * 10.0 ** rng.integers(-3, 4, k), np.empty(k)
+    vector = X.T @ rng.normal(size=30)
+    assert solve(X.T @ X, vector, theta)
+    scale = np.sqrt(np.diag(X.T @ X))
+    np.testing.assert_allclose(theta * scale, np.linalg.solve(X.T @ X, vector) * scale, rtol=1e-8, atol=1e-8)
+    for other in (X[:, :1], np.zeros((30, 1))):
+        twice = np.hstack([X, other])
+        assert not solve(twice.T @ twice, twice.T @ X[:, 0], np.empty(k + 1))

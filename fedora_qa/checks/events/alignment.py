@@ -136,13 +136,13 @@ class Alignment(WindowCheck[Correlations]):
         seen, declared = seen_frames(window), window.facts.declared.events
         if declared is None or len(seen) < 2:
             return None
-        levels, lit = seen_signal(window, declared)
         wanted, last = intervals_due(window, seen, INTERVALS), len(seen) - 2
         if wanted <= 0:
             return None
         # What came before the first interval is asked only where there is no other.
         chosen = np.unique(np.linspace(min(1, last), last, wanted).round().astype(int)).tolist()
         before = events_before(seen, window) if last == 0 else None
+        levels, lit = seen_signal(window, declared)
         thresholds = declared.threshold_on, declared.threshold_off
         sums = [_sums(one) for one in intervals(levels, lit, seen.counts, *thresholds, chosen, before)]
         whole, dragged, settled, far, tiles = zip(*sums, strict=True)

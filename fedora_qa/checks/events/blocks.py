@@ -6,7 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.events.tiles import GRID
-from fedora_qa.checks.events.view import all_events, seen_frames, seen_signal, sensor_events, sensor_shape
+from fedora_qa.checks.events.view import (
+    SeenFrames,
+    all_events,
+    seen_frames,
+    seen_signal,
+    sensor_events,
+    sensor_shape,
+)
 from fedora_qa.estimators.event_orientation import (
     Moments,
     add_events_beyond,
@@ -15,6 +22,7 @@ from fedora_qa.estimators.event_orientation import (
     span_moments,
     step_moments,
 )
+from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
 
 
@@ -46,11 +54,22 @@ def _block_moments(window: Window) -> BlockMoments | None:
     seen, declared = seen_frames(window), window.facts.declared.events
     if declared is None or len(seen) < 2:
         return None
-    levels = level_blocks(*seen_signal(window, declared))
+    levels = np.stack([_level_blocks(window, seen, i, declared) for i in range(len(seen))])
     events = event_blocks(seen.counts, declared.threshold_on, declared.threshold_off)
     stored = all_events(window)
     if len(stored) > len(sensor_events(window)):
         shape = sensor_shape(window.facts.declared)
         columns = stored.x, stored.y, stored.times_ns, stored.p
         add_events_beyond(events, *columns, seen.times_ns, shape, declared.threshold_on, declared.threshold_off)
-    return BlockMoments(seen.frames, step_moments(levels, events, GRID), span_moments(levels, events))
+    steps = step_moments(levels, events, GRID)
+    # Between two frames there is but one step.
+    span = Moments(steps[0].sum(axis=0)) if len(steps) == 1 else span_moments(levels, events)
+    return BlockMoments(seen.frames, steps, span)
+
+
+def _level_blocks(window: Window, seen: SeenFrames, i: int, declared: EventModel) -> NDArray[np.float64]:
+    def means() -> NDArray[np.float64]:
+        levels, lit = seen_signal(window, declared)
+        return level_blocks(levels[i], lit[i])
+
+    return window.of_image("level_blocks", int(seen.frames[i]), means)

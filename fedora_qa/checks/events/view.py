@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,7 +117,7 @@ class SeenFrames:
     frames, times_ns
         (n,) rows and instants.
     sharp_dn, even_dn
-        (n, h, w) luma by the two reconstructions of ``event_footprint``, in single precision: 1e-5 DN, as luma itself.
+        (n, h, w) luma by the two reconstructions of ``event_footprint``, in single precision: 1e-4 DN.
     error_dn
         (n, h, w) bound of the error of ``even_dn``; infinite where a pixel is saturated or outside the frame.
     counts
@@ -234,12 +234,8 @@ def _seen_frames(window: Window) -> SeenFrames:
     images = np.empty((3, len(wanted), *shape), np.float32)
     found: list[int] = []
     for frame in wanted:
-        at = len(found)
         try:
-            if frame in (wanted[0], wanted[-1]):
-                images[:, at] = window.of_image("seen_frame", frame, partial(_as_seen, window, frame))
-            else:
-                _see(window, frame, images[:, at])
+            images[:, len(found)] = window.of_image("seen_frame", frame, partial(_as_seen, window, frame))
         except UnreadableRowsError:
             continue
         found.append(frame)
@@ -254,20 +250,25 @@ def _seen_frames(window: Window) -> SeenFrames:
 
 
 def _as_seen(window: Window, frame: int) -> NDArray[np.float32]:
-    seen = np.empty((3, *sensor_shape(window.facts.declared)), np.float32)
-    _see(window, frame, seen)
-    return seen
-
-
-def _see(window: Window, frame: int, seen: NDArray[np.float32]) -> None:
-    """Write the sharp and the even view of a frame and the bound of the latter's error (3, h, w).
+    """Return the sharp and the even view of a frame and the bound of the latter's error (3, h, w).
 
     Each colour is rounded by at most half a step of its code, so luma is as well.
     """
     declared = window.facts.declared
     luma, lost = luma_dn(window, frame), clipped(window, frame)
-    height, width = luma.shape
-    cameras = declared.cameras["rgb"].K, (height, width), declared.cameras["events"].K, sensor_shape(declared)
-    prints: Footprints = window.once("footprints", lambda: footprints(*cameras))
-    sharp, even, error = seen
+    sharp, even, error = seen = np.empty((3, *sensor_shape(declared)), np.float32)
+    prints = _footprints(window, (luma.shape[0], luma.shape[1]))
     prints.see(luma, lost, ROUNDING_DN[declared.transfer], sharp=sharp, even=even, error=error)
+    return seen
+
+
+def _footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
+    """Return the footprints of the event camera's pixels: those of a file, kept in a box beside what images are."""
+    cameras, shape = window.facts.declared.cameras, sensor_shape(window.facts.declared)
+
+    def boxed() -> NDArray[np.object_]:
+        box = np.empty((), object)
+        box[()] = footprints(cameras["rgb"].K, shape_frame, cameras["events"].K, shape)
+        return box
+
+    return cast(Footprints, window.of_image("footprints", 0, boxed).item())
