@@ -179,11 +179,15 @@ def covered(imu_times_s: Float64, starts_s: Float64, stops_s: Float64) -> NDArra
 
 
 def blocks_of(times_s: Float64, shortest_s: float) -> list[slice]:
-    """Cut rows into stretches: eight, but none much shorter than a length or longer than five seconds."""
+    """Cut rows into stretches: eight, but none much shorter than a length or longer than five seconds.
+
+    There are no more of them than rows, whatever the stamps say.
+    """
     if not len(times_s):
         return []
     span_s = float(times_s[-1] - times_s[0])
-    count = max(1, round(span_s / float(np.clip(span_s / _BLOCKS, shortest_s, _LONGEST_S))))
+    wanted = max(1, round(span_s / float(np.clip(span_s / _BLOCKS, shortest_s, _LONGEST_S))))
+    count = min(wanted, len(times_s))
     edges = np.searchsorted(times_s, times_s[0] + span_s * np.arange(1, count) / count)
     bounds = np.unique(np.concatenate(([0], edges, [len(times_s)])))
     return [slice(int(a), int(b)) for a, b in pairwise(bounds)]

@@ -72,3 +72,9 @@ def test_every_second_keeps_both_ends(count: int) -> None:
     assert chosen[0] == 0
     assert chosen[-1] == count - 1
     assert np.all(np.diff(chosen)[:-1] == 2)
+
+
+def test_no_more_stretches_than_rows_however_far_a_stamp_lies() -> None:
+    """One absurd stamp would ask for billions of stretches of five seconds."""
+    stretches = blocks_of(np.array([0.0, 0.1, 1e12]), 0.5)
+    assert [index for one in stretches for index in range(one.start, one.stop)] == [0, 1, 2]

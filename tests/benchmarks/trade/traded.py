@@ -4,6 +4,17 @@ from dataclasses import dataclass
 from typing import Final
 
 EFFORTS: Final = ("quick", "standard", "full")
+BUDGETS: Final = ("5s", "8s", "12s", "20s")
+"""As the option ``--budget`` takes them, of one process, its start among them."""
+
+SAMPLED: Final = {
+    "frames": ("rgb",),
+    "depth": ("depth",),
+    "events": ("events",),
+    "flow": ("flow/10hz", "flow/25hz", "flow/50hz"),
+}
+"""Streams of which an effort sees what lies in its windows."""
+
 TIMES_LIMIT: Final = (1.0, 2.0, 4.0)
 """Sizes of faults, in units of what ``full`` states as the least that it sees in the file."""
 
