@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 from fedora_qa.estimators.local_motion import (
     Orientations,
     Vectors,
-    find_interpolation,
     find_steps,
     noise_level,
     sharpest,
     unmoved,
 )
+from fedora_qa.estimators.straight_lines import find_interpolation
 from tests.support.motion_world import RESTLESS
 
 TIMES_NS = np.arange(601) * 5_000_000
