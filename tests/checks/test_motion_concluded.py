@@ -2,6 +2,7 @@
 
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ import pytest
 from fedora_qa.checks.motion import imu_agreement
 from fedora_qa.checks.motion.imu_agreement import Motion, streams_of
 from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.estimators.inertial_fit import fit_inertial
+from fedora_qa.estimators.inertial_summary import InertialFit
 from fedora_qa.sequence.window import ImuSamples, PoseSamples
 from tests.support.facts import exact_facts
 from tests.support.motion_world import NOISY, MotionFile, sample_motion
@@ -19,21 +22,29 @@ IMU = ImuSamples(TIMES_NS, np.zeros((100, 3)), np.zeros((100, 3)))
 POSES = PoseSamples(TIMES_NS, np.zeros((100, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (100, 1)))
 
 
-def test_each_comparison_is_fitted_once_and_the_outcome_is_that_of_each_check_alone(
+def measured(path: Path, *checks: str) -> dict[str, list[tuple[str, float, float]]]:
+    """What each check measures: names, values, and errors. Limits depend on how many checks share the alarms."""
+    results = check_file(path, CheckOptions(select=checks, evidence=None)).record.results
+    return {one.check: [(m.name, m.value, m.standard_error) for m in one.measurements] for one in results}
+
+
+def test_each_comparison_is_fitted_once_and_measures_what_each_check_does_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two fits for three checks, where each alone takes one, one and two; what is measured is equal to the last bit."""
     path = MotionFile(samples=sample_motion(noise=NOISY), declared=NOISY).write(tmp_path / "motion.h5")
-    fitted = []
-    original = imu_agreement.fit_inertial
-    monkeypatch.setattr(imu_agreement, "fit_inertial", lambda *a, **k: fitted.append(1) or original(*a, **k))
-    together = {one.check: one for one in check_file(path, CheckOptions(select=CHECKS, evidence=None)).record.results}
+    fitted: list[object] = []
+
+    def counted(*args: Any, **options: Any) -> InertialFit | None:
+        fitted.append(args)
+        return fit_inertial(*args, **options)
+
+    monkeypatch.setattr(imu_agreement, "fit_inertial", counted)
+    together = measured(path, *CHECKS)
     assert len(fitted) == 2
     for check in CHECKS:
-        alone = {
-            one.check: one for one in check_file(path, CheckOptions(select=(check,), evidence=None)).record.results
-        }
-        assert alone[check] == together[check]
+        assert together[check]
+        assert measured(path, check)[check] == together[check]
     assert len(fitted) == 2 + 4
 
 
