@@ -253,8 +253,8 @@ class GroupedFit:
         scores = (scores - scores.mean(axis=0))[:, columns]
         own_normal = (self._whole.normals.sum(axis=0) + self._prior)[np.ix_(columns, columns)]
         own, noise = inverse_of(own_normal), _SCATTER_IN_SCORE * self._scatter_normal[np.ix_(columns, columns)]
-        spread = np.diag(own @ (scores.T @ scores) @ own) * stretches / (stretches - 1)
-        expected = np.diag(own @ (own_normal + noise) @ own) * max(1.0, self.misfit) ** 2
+        spread = np.sum((own @ scores.T) ** 2, axis=1) * stretches / (stretches - 1)
+        expected = np.sum((own @ _root(own_normal + noise)) ** 2, axis=1) * max(1.0, self.misfit) ** 2
         by_chance = chi_squared_beyond(SPREAD_TAIL, stretches - 1) / (stretches - 1)
         errors: Float64 = np.sqrt(formal + np.where(spread > by_chance * expected, spread - expected, 0.0))
         return errors

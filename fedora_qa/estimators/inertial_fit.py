@@ -8,11 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.grouped_fit import GroupedFit, Parameters
-from fedora_qa.estimators.inertial_samples import InertialNoise, InertialSamples, Rows, blocks_of
+from fedora_qa.estimators.inertial_samples import Effects, InertialNoise, InertialSamples, Rows, blocks_of
 from fedora_qa.estimators.inertial_summary import FEWEST_ROWS, OUTLIER, InertialFit, disturbed_span, summarise
 from fedora_qa.estimators.normal_equations import BlockEquations, block_equations
-from fedora_qa.estimators.preintegration import ROTATION_PARAMETERS, rotation_rows, without_rotation_faults
-from fedora_qa.estimators.specific_force import TRANSLATION_PARAMETERS, translation_rows, without_translation_faults
+from fedora_qa.estimators.preintegration import (
+    ROTATION_PARAMETERS,
+    rotation_effects,
+    rotation_rows,
+    without_rotation_faults,
+)
+from fedora_qa.estimators.specific_force import (
+    TRANSLATION_PARAMETERS,
+    translation_effects,
+    translation_rows,
+    with_orientations,
+    without_translation_faults,
+)
 from fedora_qa.estimators.split_samples import with_scatter
 
 Float64 = NDArray[np.float64]
@@ -37,8 +48,10 @@ class Comparison:
 
     Attributes
     ----------
-    rows_of
-        Makes the residuals.
+    rows_of, effects_of
+        Make the rows, and of them what the noise of the samples disturbs.
+    prepared
+        Adds to samples what several of these want.
     parameters
         What may be wrong.
     without
@@ -48,16 +61,28 @@ class Comparison:
     """
 
     rows_of: Callable[[InertialSamples, InertialNoise], Rows]
+    effects_of: Callable[[InertialSamples, InertialNoise], Effects]
+    prepared: Callable[[InertialSamples], InertialSamples]
     parameters: Parameters
     without: Callable[[InertialSamples, Float64], InertialSamples]
     nonlinear: tuple[bool, ...]
 
 
 ROTATION: Final = Comparison(
-    rotation_rows, ROTATION_PARAMETERS, without_rotation_faults, (*[True] * 3, *[False] * 3, *[True] * 4)
+    rows_of=rotation_rows,
+    effects_of=rotation_effects,
+    prepared=lambda samples: samples,
+    parameters=ROTATION_PARAMETERS,
+    without=without_rotation_faults,
+    nonlinear=(*[True] * 3, *[False] * 3, *[True] * 4),
 )
 TRANSLATION: Final = Comparison(
-    translation_rows, TRANSLATION_PARAMETERS, without_translation_faults, (*[True] * 3, *[False] * 9)
+    rows_of=translation_rows,
+    effects_of=translation_effects,
+    prepared=with_orientations,
+    parameters=TRANSLATION_PARAMETERS,
+    without=without_translation_faults,
+    nonlinear=(*[True] * 3, *[False] * 9),
 )
 
 
@@ -74,25 +99,24 @@ def fit_inertial(
     disturbed: tuple[float, float] | None = None
     at = np.zeros(len(comparison.parameters.names))
     for _ in range(_MOST_ITERATIONS):
-        stretches = _stretches(comparison.without(samples, at), noise, comparison.rows_of)
+        stretches = _stretches(comparison.without(samples, at), noise, comparison)
         if sum(map(len, stretches)) < max(FEWEST_ROWS, 0 if first is None else first.rows // 2):
             return first
         fit, kept = _robust_fit(stretches, comparison.parameters, at, bias_walk)
         moved = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
         if first is None:
             disturbed = disturbed_span(stretches)
-            first = summarise(fit, stretches, kept, fit.values_of_free(), disturbed, settled=False)
         if _settled(moved - at, fit):
             return summarise(fit, stretches, kept, at, disturbed, settled=True)
+        if first is None:
+            first = summarise(fit, stretches, kept, fit.values_of_free(), disturbed, settled=False)
         if np.any(np.abs(moved) > _REACH * np.array(comparison.parameters.largest)):
             return first
         at = moved
     return first
 
 
-def _stretches(
-    samples: InertialSamples, noise: InertialNoise, rows_of: Callable[[InertialSamples, InertialNoise], Rows]
-) -> list[Rows]:
+def _stretches(samples: InertialSamples, noise: InertialNoise, comparison: Comparison) -> list[Rows]:
     times_s = samples.pose_times_s
     found = []
     for block in blocks_of(times_s, noise.shortest_stretch_s):
@@ -100,7 +124,8 @@ def _stretches(
         near = samples.between(first_s - _MARGIN_S, last_s + _MARGIN_S)
         if len(near.imu_times_s) < FEWEST_ROWS or len(near.pose_times_s) < 3:
             continue
-        rows = with_scatter(rows_of(near, noise), near, noise, rows_of)
+        near = comparison.prepared(near)
+        rows = with_scatter(comparison.rows_of(near, noise), near, noise, comparison.effects_of)
         rows = rows.select((rows.times_s >= first_s) & (rows.times_s <= last_s))
         if len(rows) >= FEWEST_ROWS:
             found.append(rows)

@@ -76,6 +76,9 @@ class InertialSamples:
         (M,), (M, 3), (M, 3).
     pose_times_s, positions_world_m, orientations_xyzw
         (P,), (P, 3), (P, 4) body to world, of any nonzero length.
+    R_world_imu
+        (M, 3, 3) orientation at the IMU's instants, as the poses have it, NaN where they do not tell; None: not yet
+        interpolated. Samples whose stamps move have none.
     """
 
     imu_times_s: Float64
@@ -84,6 +87,7 @@ class InertialSamples:
     pose_times_s: Float64
     positions_world_m: Float64
     orientations_xyzw: Float64
+    R_world_imu: Float64 | None = None
 
     def between(self, start_s: float, stop_s: float) -> "InertialSamples":
         """Return the samples from ``start_s`` to ``stop_s``, both inclusive; the origin of time stays."""
@@ -96,19 +100,29 @@ class InertialSamples:
             self.pose_times_s[pose],
             self.positions_world_m[pose],
             self.orientations_xyzw[pose],
+            None if self.R_world_imu is None else self.R_world_imu[imu],
         )
 
     def with_imu_earlier(self, late_s: float, drift: float) -> "InertialSamples":
         """Return the samples with an offset, and one that grows by ``drift`` seconds a second, out of IMU stamps."""
-        return replace(self, imu_times_s=(self.imu_times_s - late_s) / (1.0 + drift))
+        return replace(self, imu_times_s=(self.imu_times_s - late_s) / (1.0 + drift), R_world_imu=None)
 
     def with_poses_earlier(self, drift: float) -> "InertialSamples":
         """Return the samples with a growing offset out of the stamps of the poses."""
-        return replace(self, pose_times_s=self.pose_times_s / (1.0 + drift))
+        return replace(self, pose_times_s=self.pose_times_s / (1.0 + drift), R_world_imu=None)
 
     def with_rates_mapped(self, mapping: Float64) -> "InertialSamples":
         """Return the samples with angular velocities multiplied by a (3, 3) matrix."""
         return replace(self, angular_velocities_body_rad_s=self.angular_velocities_body_rad_s @ mapping.T)
+
+
+@dataclass(frozen=True, slots=True)
+class Effects:
+    """What the samples alone make of rows: ``poses``, ``residuals`` and ``jacobians`` of ``Rows``."""
+
+    poses: NDArray[np.intp]
+    residuals: Float64
+    jacobians: Float64
 
 
 @dataclass(frozen=True, slots=True)

@@ -200,9 +200,18 @@ def _smoothness(left: list[Float64]) -> float:
 def _course(stretches: list[Rows], left: list[Float64]) -> Float64:
     times_s = np.concatenate([rows.times_s for rows in stretches])
     lengths = np.linalg.norm(np.concatenate(left), axis=1)
-    runs = np.array_split(np.arange(len(lengths)), min(len(lengths), _COURSE_POINTS))
-    longest = [run[np.argmax(lengths[run])] for run in runs]
+    starts = _starts_of_runs(len(lengths))
+    rows = np.arange(len(lengths))
+    is_longest = lengths == np.repeat(np.maximum.reduceat(lengths, starts), np.diff(starts, append=len(lengths)))
+    longest = np.minimum.reduceat(np.where(is_longest, rows, len(rows)), starts)
     return np.stack([times_s[longest], lengths[longest]], axis=1)
+
+
+def _starts_of_runs(count: int) -> NDArray[np.intp]:
+    """Cut rows into at most 1000 runs that are as long as one another, or by one longer, those first."""
+    runs = min(count, _COURSE_POINTS)
+    numbers = np.arange(runs)
+    return numbers * (count // runs) + np.minimum(numbers, count % runs)
 
 
 def _worst(stretches: list[Rows], left: list[Float64]) -> WorstRow:

@@ -6,7 +6,7 @@ filter of a lower degree lets more of it through, and the difference of the two 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import comb
 from typing import Final, Protocol
 
@@ -29,12 +29,6 @@ _SIGMAS_BELOW: Final = 1.644854
 _QUANTILE_COST: Final = 1.25
 """Standard error of a sigma from this quantile over that from the mean square, for normal values."""
 _FAR_OUT: Final = 5.0
-_TYPICAL_SHARE: Final = 0.1
-_ROUNDINGS: Final = 16.0
-"""Units of rounding by which neighbours of a steady motion may differ: rotating a vector takes fifteen operations (nine
-products, six sums), each of which errs by half a unit at most, in either neighbour."""
-_FEWEST_PERIODS: Final = 16
-_MOST_OUTLIERS: Final = 0.1
 
 
 class Curve(Protocol):
@@ -42,6 +36,10 @@ class Curve(Protocol):
 
     def seen(self, stencils: Indices, centre: int) -> Float64:
         """Return the vectors (n, m, 3) of the samples ``stencils`` (n, m), relative to column ``centre``."""
+        ...
+
+    def apart(self, steps: int) -> Float64:
+        """Return the vectors (N - steps, 3) from each sample to the one so many after it; the way back is minus it."""
         ...
 
 
@@ -55,17 +53,29 @@ class Vectors:
         """Return differences from the centre."""
         return self.values[stencils] - self.values[stencils[:, centre, None]]
 
+    def apart(self, steps: int) -> Float64:
+        """Return differences."""
+        return self.values[steps:] - self.values[:-steps]
+
 
 @dataclass(frozen=True, slots=True)
 class Orientations:
     """Quaternions (N, 4) x, y, z, w, of any nonzero length."""
 
     orientations_xyzw: Float64
+    _apart: dict[int, Float64] = field(default_factory=dict, compare=False, repr=False)
 
     def seen(self, stencils: Indices, centre: int) -> Float64:
         """Return the rotation vectors ``Log(q_centre^-1 q)``, rad, in the frame of the centre."""
         q = self.orientations_xyzw
         return so3.log_quaternion(so3.compose(so3.inverse(q[stencils[:, centre]])[:, None], q[stencils]))
+
+    def apart(self, steps: int) -> Float64:
+        """Return the rotation vectors ``Log(q_i^-1 q_i+steps)``, rad; computed once."""
+        if steps not in self._apart:
+            q = self.orientations_xyzw
+            self._apart[steps] = so3.log_quaternion(so3.compose(so3.inverse(q[:-steps]), q[steps:]))
+        return self._apart[steps]
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +131,8 @@ def noise_level(times_ns: NDArray[np.int64], curve: Curve, *, order: int) -> Noi
     is what two orders more take away.
     Sigma comes from the 90% quantile, so that a few jumps do not raise it. None where there are too few samples.
     """
-    found = _differences(times_ns, curve, order)
-    higher = _differences(times_ns, curve, order + 2)
+    found = divided_differences(times_ns, curve, order)
+    higher = divided_differences(times_ns, curve, order + 2)
     if len(found) < order or len(higher) < order:
         return None
     sigma = _sigma(found)
@@ -142,24 +152,32 @@ def find_steps(times_ns: NDArray[np.int64], curve: Curve, *, half_width: int, de
     a degree less by two lets more motion through: where the two differ by more than noise of ``sigma`` can, anywhere
     within reach of the filter, that is the bound.
     """
-    stencils = _stencils(times_ns, 2 * half_width)
-    seen = curve.seen(stencils, half_width - 1)
-    sizes, gains, looser_sizes, difference_gains = _step_sizes(times_ns, stencils, seen, degree)
+    before, sizes, looser_sizes, gains, difference_gains = _step_sizes(times_ns, curve, half_width, degree)
     motion = np.abs(sizes - looser_sizes).max(axis=-1, initial=0.0)
     beyond_noise = np.where(motion > _FAR_OUT * sigma * difference_gains, motion, 0.0)
-    nearby = maximum_filter1d(beyond_noise, 2 * half_width + 1, mode="nearest") if len(stencils) else beyond_noise
-    return Steps(stencils[:, half_width - 1], sizes, gains, nearby, half_width)
+    nearby = maximum_filter1d(beyond_noise, 2 * half_width + 1, mode="nearest") if len(before) else beyond_noise
+    return Steps(before, sizes, gains, nearby, half_width)
 
 
 def _step_sizes(
-    times_ns: NDArray[np.int64], stencils: Indices, seen: Float64, degree: int
-) -> tuple[Float64, Float64, Float64, Float64]:
-    patterns, which = _patterns(times_ns, stencils)
-    tight, loose = _step_weights(patterns, degree), _step_weights(patterns, degree - 2)
-    sizes = np.einsum("nm,nmi->ni", tight[which], seen)
-    looser = np.einsum("nm,nmi->ni", loose[which], seen)
-    gains = np.linalg.norm(tight, axis=-1)[which]
-    return sizes, gains, looser, np.linalg.norm(tight - loose, axis=-1)[which]
+    times_ns: NDArray[np.int64], curve: Curve, half_width: int, degree: int
+) -> tuple[Indices, Float64, Float64, Float64, Float64]:
+    """Return the sample before each place, the jump there, that of a lower degree, its gain, and that of both apart."""
+    size, centre = 2 * half_width, half_width - 1
+    if _are_even(times_ns, size):
+        before = np.arange(len(times_ns) - size + 1) + centre
+        patterns, which = _offsets_us(times_ns[None, :size]), np.zeros(len(before), dtype=np.intp)
+        tight, loose = _step_weights(patterns, degree), _step_weights(patterns, degree - 2)
+        sizes, looser = _weighted_neighbours(curve, np.concatenate((tight, loose)), centre, len(before))
+    else:
+        stencils = _stencils(times_ns, size)
+        before, seen = stencils[:, centre], curve.seen(stencils, centre)
+        patterns, which = _patterns(times_ns, stencils)
+        tight, loose = _step_weights(patterns, degree), _step_weights(patterns, degree - 2)
+        sizes = np.einsum("nm,nmi->ni", tight[which], seen)
+        looser = np.einsum("nm,nmi->ni", loose[which], seen)
+    gains, apart = np.linalg.norm(tight, axis=-1), np.linalg.norm(tight - loose, axis=-1)
+    return before, sizes, looser, gains[which], apart[which]
 
 
 def _step_weights(offsets_us: NDArray[np.int64], degree: int) -> Float64:
@@ -173,12 +191,34 @@ def _step_weights(offsets_us: NDArray[np.int64], degree: int) -> Float64:
     return weights
 
 
-def _differences(times_ns: NDArray[np.int64], curve: Curve, order: int) -> Float64:
+def divided_differences(times_ns: NDArray[np.int64], curve: Curve, order: int) -> Float64:
     """Return the divided differences (n, 3) of an order, scaled such that unit white noise comes out as unit noise."""
+    centre = order // 2
+    if _are_even(times_ns, order + 1):
+        weights = _difference_weights(_offsets_us(times_ns[None, : order + 1]))
+        alike: Float64 = _weighted_neighbours(curve, weights, centre, len(times_ns) - order)[0]
+        return alike
     stencils = _stencils(times_ns, order + 1)
     patterns, which = _patterns(times_ns, stencils)
-    found: Float64 = np.einsum("nm,nmi->ni", _difference_weights(patterns)[which], curve.seen(stencils, order // 2))
+    found: Float64 = np.einsum("nm,nmi->ni", _difference_weights(patterns)[which], curve.seen(stencils, centre))
     return found
+
+
+def _are_even(times_ns: NDArray[np.int64], size: int) -> bool:
+    """Whether all steps are alike, so that all runs of neighbours of this size have one pattern."""
+    steps_ns = np.diff(times_ns)
+    return len(times_ns) >= size and int(steps_ns.min()) == int(steps_ns.max())
+
+
+def _weighted_neighbours(curve: Curve, weights: Float64, centre: int, count: int) -> Float64:
+    """Return (k, n, 3) sums, weighted by (k, m), over the first ``count`` runs of neighbours seen from ``centre``."""
+    sums = np.zeros((len(weights), count, 3))
+    for column, weight in enumerate(weights.T):
+        steps = column - centre
+        if steps:
+            first, sign = (centre, 1.0) if steps > 0 else (column, -1.0)
+            sums += (sign * weight)[:, None, None] * curve.apart(abs(steps))[first : first + count]
+    return sums
 
 
 def _difference_weights(offsets_us: NDArray[np.int64]) -> Float64:
@@ -208,11 +248,17 @@ def _stencils(times_ns: NDArray[np.int64], size: int) -> Indices:
 
 def _patterns(times_ns: NDArray[np.int64], stencils: Indices) -> tuple[NDArray[np.int64], Indices]:
     """Return the distinct patterns of offsets (p, m), whole microseconds, and which one each stencil has."""
-    offsets_us = (times_ns[stencils] - times_ns[stencils[:, :1]] + _NS_PER_US // 2) // _NS_PER_US
+    offsets_us = _offsets_us(times_ns[stencils])
     if len(offsets_us) and np.array_equal(offsets_us.min(axis=0), offsets_us.max(axis=0)):
         return offsets_us[:1], np.zeros(len(stencils), dtype=np.intp)
     patterns, which = np.unique(offsets_us, axis=0, return_inverse=True)
     return patterns, which.reshape(-1)
+
+
+def _offsets_us(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the offsets (n, m) of stamps (n, m) from the first of each row, in whole microseconds."""
+    offsets_us: NDArray[np.int64] = (times_ns - times_ns[:, :1] + _NS_PER_US // 2) // _NS_PER_US
+    return offsets_us
 
 
 def _sigma(values: Float64) -> float:
@@ -227,54 +273,3 @@ def sharpest(candidates: Sequence[Steps], sigma: float) -> Steps:
         return float(np.quantile(steps.motion + 6.0 * sigma * steps.gains, 0.9)) if len(steps.before) else np.inf
 
     return min(candidates, key=error)
-
-
-def unmoved(*samples: Float64, roundings: Sequence[float]) -> Indices:
-    """Return the indices of samples that repeat the one before exactly, in every array, in the midst of motion.
-
-    A body that comes to rest slows down before: a run of repeats counts only where the change next to it, before or
-    after, is at least a tenth of a typical one. Where everything repeats nothing counts. Nor does it where values
-    change by no more than rounding makes of a steady motion; ``roundings`` is the unit of rounding of each array.
-    """
-    changes = [np.abs(np.diff(values, axis=0)).max(axis=-1, initial=0.0) for values in samples]
-    still = np.all([change == 0 for change in changes], axis=0)
-    if not len(still) or still.all() or not still.any():
-        return np.empty(0, dtype=np.intp)
-    moves = np.zeros(len(still), dtype=np.bool_)
-    for change, rounding in zip(changes, roundings, strict=True):
-        if np.any(change > 0):
-            typical = float(np.median(change[change > 0]))
-            moves |= change >= max(_TYPICAL_SHARE * typical, _ROUNDINGS * rounding)
-    starts = np.flatnonzero(still & ~np.insert(still[:-1], 0, False))
-    stops = np.flatnonzero(still & ~np.append(still[1:], False)) + 1
-    padded = np.concatenate(([False], moves, [False]))
-    runs = [np.arange(a, b) + 1 for a, b in zip(starts, stops, strict=True) if padded[a] or padded[b + 1]]
-    return np.concatenate(runs) if runs else np.empty(0, dtype=np.intp)
-
-
-@dataclass(frozen=True, slots=True)
-class Interpolation:
-    """How unevenly the curvature of a motion is spread over every so many-th sample.
-
-    ``evenness`` is the median curvature between these samples over that at them: near 1 for any smooth or noisy
-    motion, near 0 where samples were interpolated linearly from every ``stride``-th.
-    """
-
-    evenness: float
-    stride: int
-
-
-def find_interpolation(times_ns: NDArray[np.int64], curve: Curve, *, resolution: float) -> Interpolation | None:
-    """Look for samples on straight lines between every 2nd to 20th; None where there is no curvature to compare.
-
-    ``resolution`` is the rounding of a sample: curvature within a hundred times that says nothing.
-    """
-    bends = np.linalg.norm(_differences(times_ns, curve, 2), axis=-1)
-    found = []
-    for stride in range(2, min(20, len(bends) // _FEWEST_PERIODS) + 1):
-        for phase in range(stride):
-            at = np.arange(len(bends)) % stride == phase
-            kinks = float(np.median(bends[at]))
-            if kinks > 100.0 * resolution:
-                found.append(Interpolation(float(np.median(bends[~at])) / kinks, stride))
-    return min(found, key=lambda one: (round(one.evenness, 2), one.stride), default=None)

@@ -5,15 +5,17 @@ Increments are the integral of a cubic spline through the samples plus the conin
 10.7 rad/s and 1 kHz that is 2e-10 rad over half a second, where a midpoint rule leaves 1e-5.
 """
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from fedora_qa.estimators.grouped_fit import Parameters
 from fedora_qa.estimators.inertial_samples import (
     RICHARDSON,
+    Effects,
     InertialNoise,
     InertialSamples,
     Rows,
@@ -59,15 +61,27 @@ def rotation_increments(
         Into how many equal steps an interval is cut; one a sample is enough.
     """
     spline = CubicSpline(times_s, angular_velocities_rad_s)
+    return _increments(spline, spline.antiderivative(), starts_s, stops_s, substeps)
+
+
+def _increments(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: Float64, substeps: int) -> Float64:
     edges_s = starts_s[:, None] + (stops_s - starts_s)[:, None] * np.arange(substeps + 1) / substeps
-    rates, integrals = spline(edges_s), spline.antiderivative()(edges_s)
+    rates, integrals = rate(edges_s), integral(edges_s)
     steps_s = np.diff(edges_s, axis=1)[..., None]
-    coning = steps_s**2 / 12 * np.cross(rates[:, :-1], rates[:, 1:])
+    coning = steps_s**2 / 12 * _cross(rates[:, :-1], rates[:, 1:])
     parts = so3.exp_quaternion(np.diff(integrals, axis=1) + coning)
     total = parts[:, 0]
     for step in range(1, substeps):
         total = so3.compose(total, parts[:, step])
     return total
+
+
+def _cross(left: Float64, right: Float64) -> Float64:
+    """Return the cross products (..., 3): np.cross takes several times as long."""
+    product = np.empty_like(left)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        product[..., i] = left[..., j] * right[..., k] - left[..., k] * right[..., j]
+    return product
 
 
 def without_rotation_faults(samples: InertialSamples, at: Float64) -> InertialSamples:
@@ -84,42 +98,67 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     one with opposite sign, and over a long time all but the first and last cancel. In the body's frame they would not.
     Its covariance holds them, the gyro's white noise, and rounded stamps.
     """
+    compared = _compare(samples, noise)
+    imu_times_s, poses = samples.imu_times_s, compared.effects.poses
+    starts_s, stops_s = samples.pose_times_s[poses], samples.pose_times_s[poses + 1]
+    sparse = every_second(len(imu_times_s))
+    gyro, substeps = samples.angular_velocities_body_rad_s[sparse], _substeps(imu_times_s, stops_s - starts_s)
+    coarse = rotation_increments(imu_times_s[sparse], gyro, starts_s, stops_s, substeps=substeps // 2)
+    model_errors = so3.log_quaternion(so3.compose(so3.inverse(coarse), compared.increments)) / RICHARDSON
+    return Rows(
+        poses=poses,
+        times_s=starts_s,
+        spans_s=stops_s - starts_s,
+        residuals=compared.effects.residuals,
+        model_errors=np.einsum("nij,nj->ni", compared.R_world_end, model_errors),
+        jacobians=compared.effects.jacobians,
+        bias_jacobians=compared.effects.jacobians[..., 3:6],
+        covariance_bands=_covariance(samples.pose_times_s, compared.by_pose, noise, poses),
+    )
+
+
+def rotation_effects(samples: InertialSamples, noise: InertialNoise) -> Effects:
+    """Return what the samples alone make of the rows: residuals and jacobians."""
+    return _compare(samples, noise).effects
+
+
+@dataclass(frozen=True, slots=True)
+class _Compared:
+    """The gyro held against poses: increments (n, 4) by the gyro, of all steps by the poses (P - 1, 4), and R after."""
+
+    effects: Effects
+    increments: Float64
+    by_pose: Float64
+    R_world_end: Float64
+
+
+def _compare(samples: InertialSamples, noise: InertialNoise) -> _Compared:
     imu_times_s, gyro = samples.imu_times_s, samples.angular_velocities_body_rad_s
     starts_s, stops_s = samples.pose_times_s[:-1], samples.pose_times_s[1:]
     steps_s = stops_s - starts_s
     poses = np.flatnonzero(covered(imu_times_s, starts_s, stops_s) & (steps_s <= _widest_s(steps_s)))
     starts_s, stops_s = starts_s[poses], stops_s[poses]
-    substeps = _substeps(imu_times_s, stops_s - starts_s)
-    fine = rotation_increments(imu_times_s, gyro, starts_s, stops_s, substeps=substeps)
-    sparse = every_second(len(imu_times_s))
-    coarse = rotation_increments(imu_times_s[sparse], gyro[sparse], starts_s, stops_s, substeps=substeps // 2)
+    rate = CubicSpline(imu_times_s, gyro)
+    integral = rate.antiderivative()
+    increments = _increments(rate, integral, starts_s, stops_s, _substeps(imu_times_s, stops_s - starts_s))
     by_pose = so3.compose(so3.inverse(samples.orientations_xyzw[:-1]), samples.orientations_xyzw[1:])
     R_world_end = so3.matrices_from_quaternions(samples.orientations_xyzw[poses + 1])
-    seen_from_end = _jacobians(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s), starts_s, stops_s)
-    residuals = so3.log_quaternion(so3.compose(so3.inverse(fine), by_pose[poses]))
-    model_errors = so3.log_quaternion(so3.compose(so3.inverse(coarse), fine)) / RICHARDSON
-    jacobians = R_world_end @ seen_from_end
-    return Rows(
-        poses=poses,
-        times_s=starts_s,
-        spans_s=stops_s - starts_s,
-        residuals=np.einsum("nij,nj->ni", R_world_end, residuals),
-        model_errors=np.einsum("nij,nj->ni", R_world_end, model_errors),
-        jacobians=jacobians,
-        bias_jacobians=jacobians[..., 3:6],
-        covariance_bands=_covariance(samples.pose_times_s, by_pose, noise, poses),
-    )
+    residuals = so3.log_quaternion(so3.compose(so3.inverse(increments), by_pose[poses]))
+    if noise.smoothing_s > 0:
+        rate = CubicSpline(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s))
+        integral = rate.antiderivative()
+    jacobians = R_world_end @ _jacobians(rate, integral, starts_s, stops_s)
+    effects = Effects(poses, np.einsum("nij,nj->ni", R_world_end, residuals), jacobians)
+    return _Compared(effects, increments, by_pose, R_world_end)
 
 
-def _jacobians(imu_times_s: Float64, gyro: Float64, starts_s: Float64, stops_s: Float64) -> Float64:
+def _jacobians(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: Float64) -> Float64:
     """Differentiate the residuals by ROTATION_PARAMETERS.
 
     A measured rate ``(1 + scale) Exp(tilt) w(t - late - drift t) + bias`` changes an increment by the integral of
     its change; the residual moves against it, seen from the end of the interval.
     """
-    spline = CubicSpline(imu_times_s, gyro)
-    w0, w1 = spline(starts_s), spline(stops_s)
-    integral = spline.antiderivative()
+    w0, w1 = rate(starts_s), rate(stops_s)
     turned = integral(stops_s) - integral(starts_s)
     drifted = stops_s[:, None] * w1 - starts_s[:, None] * w0 - turned
     unit = np.broadcast_to(np.eye(3), (len(w0), 3, 3))

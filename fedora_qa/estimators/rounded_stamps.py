@@ -31,9 +31,13 @@ def rounding_grid_ns(times_ns: Int64, *, resolution_ns: int) -> int:
     resolution_ns
         What stamps are rounded to anyway: only coarser grids count.
     """
-    starts = range(0, len(times_ns) - _STRETCH + 1, _STRETCH)
-    grids = (_grid_of(times_ns[start : start + _STRETCH]) for start in starts)
-    found = [grid for grid in grids if grid > resolution_ns]
+    stretches = times_ns[: len(times_ns) // _STRETCH * _STRETCH].reshape(-1, _STRETCH)
+    if not len(stretches):
+        return 0
+    steps = np.diff(stretches, axis=1)
+    short, long = steps.min(axis=1), steps.max(axis=1)
+    coarse = (short >= 0) & (long - short > resolution_ns)
+    found = [grid for grid in map(_grid_of, stretches[coarse]) if grid]
     return int(np.median(found)) if found else 0
 
 
@@ -42,7 +46,7 @@ def _grid_of(times_ns: Int64) -> int:
     short, long = int(steps.min()), int(steps.max())
     grid = long - short
     rarer = min(np.count_nonzero(steps == short), np.count_nonzero(steps == long))
-    if short < 0 or grid == 0 or short % grid or rarer < _FEWEST_ODD or not np.isin(steps, (short, long)).all():
+    if short % grid or rarer < _FEWEST_ODD or not np.isin(steps, (short, long)).all():
         return 0
     return grid if _strays_ns(times_ns) <= _OF_A_GRID * grid else 0
 

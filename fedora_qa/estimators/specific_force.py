@@ -5,6 +5,7 @@ gyro has no part in it. A cubic spline through it is integrated twice; the secon
 with those of the positions. No velocity is needed.
 """
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.grouped_fit import Parameters
 from fedora_qa.estimators.inertial_samples import (
     RICHARDSON,
+    Effects,
     InertialNoise,
     InertialSamples,
     Rows,
@@ -23,6 +25,7 @@ from fedora_qa.estimators.inertial_samples import (
     smoothed,
     stamp_scatter,
 )
+from fedora_qa.estimators.spline_integrals import integrated_twice
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.motion import interpolate_poses
 
@@ -48,6 +51,15 @@ def without_translation_faults(samples: InertialSamples, at: Float64) -> Inertia
     return samples.with_imu_earlier(*at[:2]).with_poses_earlier(at[2])
 
 
+_DOWN_AND_LEVEL: Final = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
+"""Accelerations in the world, columns, by gravity and by its horizontal part."""
+
+
+def with_orientations(samples: InertialSamples) -> InertialSamples:
+    """Return the samples with the orientation at the IMU's instants: halves of them then share one interpolation."""
+    return replace(samples, R_world_imu=_orientations(samples))
+
+
 def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     """Compare specific force with the second differences of consecutive positions.
 
@@ -55,28 +67,47 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     world: by position less by force. Its covariance holds position noise (1, -2, 1), the white noise of the
     accelerometer, force turned by noisy orientations, and rounded stamps.
     """
-    times_s, imu_times_s = samples.pose_times_s, samples.imu_times_s
-    accelerations, known = _in_world(samples, noise.gravity_m_s2)
-    derivatives = _derivatives(samples, accelerations, noise.smoothing_s)
-    stacked = np.concatenate((accelerations[..., None], derivatives), axis=-1)[known]
-    imu_times_s = imu_times_s[known]
-    poses = np.empty(0, np.intp)
-    if len(imu_times_s) > 1 and len(times_s) > 2:
-        poses = 1 + np.flatnonzero(covered(imu_times_s, times_s[:-2], times_s[2:]))
+    samples = with_orientations(samples)
+    times_s = samples.pose_times_s
+    effects = translation_effects(samples, noise)
+    poses = effects.poses
     if not len(poses):
         return _no_rows()
-    by_force = _second_differences(times_s, _integrated_twice(imu_times_s, stacked, times_s), poses)
-    by_position = _second_differences(times_s, samples.positions_world_m, poses)
+    accelerations, known = _in_world(samples, noise.gravity_m_s2)
+    by_position = _second_differences(times_s, samples.positions_world_m.T, poses)
     return Rows(
         poses=poses,
         times_s=times_s[poses],
         spans_s=(times_s[poses + 1] - times_s[poses - 1]) / 2,
-        residuals=by_position - by_force[..., 0],
-        model_errors=_model_errors(samples, noise.gravity_m_s2, by_force[..., 0], poses),
-        jacobians=by_force[..., 1:],
-        bias_jacobians=by_force[..., 4:7],
+        residuals=effects.residuals,
+        model_errors=_model_errors(samples, noise.gravity_m_s2, by_position - effects.residuals, poses),
+        jacobians=effects.jacobians,
+        bias_jacobians=effects.jacobians[..., 3:6],
         covariance_bands=_covariance(samples, noise, poses, _turned_squared(accelerations[known], noise)),
     )
+
+
+def translation_effects(samples: InertialSamples, noise: InertialNoise) -> Effects:
+    """Return what the samples alone make of the rows: residuals and jacobians."""
+    samples = with_orientations(samples)
+    times_s, columns = samples.pose_times_s, len(TRANSLATION_PARAMETERS.names)
+    accelerations, known = _in_world(samples, noise.gravity_m_s2)
+    imu_times_s = samples.imu_times_s[known]
+    poses = np.empty(0, np.intp)
+    if len(imu_times_s) > 1 and len(times_s) > 2:
+        poses = 1 + np.flatnonzero(covered(imu_times_s, times_s[:-2], times_s[2:]))
+    if not len(poses):
+        return Effects(poses, np.empty((0, 3)), np.empty((0, 3, columns)))
+    curves = _curves(samples, accelerations, noise.smoothing_s)[:, known]
+    changes = _second_differences(times_s, integrated_twice(imu_times_s, curves, times_s), poses)
+    by_force, jerk, drifting = changes[:, 0:3], changes[:, 3:6], changes[:, 6:9]
+    jacobians = np.empty((len(poses), 3, columns))
+    jacobians[..., 0], jacobians[..., 1], jacobians[..., 2] = jerk, drifting, -drifting - 2 * by_force
+    jacobians[..., 3:6] = -changes[:, 9:18].reshape(-1, 3, 3)
+    jacobians[..., 6:9] = _DOWN_AND_LEVEL * ((times_s[poses + 1] - times_s[poses - 1]) / 2)[:, None, None]
+    jacobians[..., 9:12] = -changes[:, 18:27].reshape(-1, 3, 3)
+    by_position = _second_differences(times_s, samples.positions_world_m.T, poses)
+    return Effects(poses, by_position - by_force, jacobians)
 
 
 def _in_world(samples: InertialSamples, gravity_m_s2: float) -> tuple[Float64, NDArray[np.bool_]]:
@@ -88,6 +119,8 @@ def _in_world(samples: InertialSamples, gravity_m_s2: float) -> tuple[Float64, N
 
 
 def _orientations(samples: InertialSamples) -> Float64:
+    if samples.R_world_imu is not None:
+        return samples.R_world_imu
     R, _ = interpolate_poses(
         np.rint(samples.pose_times_s * NS_PER_S).astype(np.int64),
         samples.positions_world_m,
@@ -97,35 +130,32 @@ def _orientations(samples: InertialSamples) -> Float64:
     return R
 
 
-def _derivatives(samples: InertialSamples, accelerations: Float64, smoothing_s: float) -> Float64:
-    """Return the second time derivative (M, 3, P) of the residual's derivative by TRANSLATION_PARAMETERS.
+def _curves(samples: InertialSamples, accelerations: Float64, smoothing_s: float) -> Float64:
+    """Return (27, M) what is integrated twice: acceleration, its derivatives by TRANSLATION_PARAMETERS or their parts.
 
     With measured force ``f(t - late - drift t) + bias`` and true gravity ``g + gravity`` the curve of the positions
-    differs from that of the force by the double integral of these columns. A sensor at ``lever`` feels
-    ``alpha x lever + w x (w x lever)`` besides. Poses whose clock runs fast by d seem slower: p'' by 2 d.
+    differs from that of the force by the double integral of the jerk, of the jerk times t, of -R, and of a constant. A
+    sensor at ``lever`` feels ``alpha x lever + w x (w x lever)`` besides. Poses whose clock runs fast by d seem slower:
+    p'' by 2 d.
     """
-    times_s = samples.imu_times_s
-    force = CubicSpline(times_s, smoothed(times_s, samples.specific_forces_body_m_s2, smoothing_s))
-    rate = CubicSpline(times_s, smoothed(times_s, samples.angular_velocities_body_rad_s, smoothing_s))
-    R = _orientations(samples)
-    jerk = np.einsum("nij,nj->ni", R, force(times_s, 1))[..., None]
-    drifting = times_s[:, None, None] * jerk
-    W = so3.cross_matrices(rate(times_s))
-    lever = R @ (so3.cross_matrices(rate(times_s, 1)) + W @ W)
-    down_and_level = np.broadcast_to(np.array([[0, 1, 0], [0, 0, 1], [-1.0, 0, 0]]), (len(R), 3, 3))
-    return np.concatenate(
-        (jerk, drifting, -drifting - 2 * accelerations[..., None], -R, down_and_level, -lever), axis=-1
-    )
-
-
-def _integrated_twice(times_s: Float64, values: Float64, at_s: Float64) -> Float64:
-    twice: Float64 = CubicSpline(times_s, values).antiderivative(2)(at_s)
-    return twice
+    times_s, R = samples.imu_times_s, _orientations(samples)
+    both = np.concatenate((samples.specific_forces_body_m_s2, samples.angular_velocities_body_rad_s), axis=1)
+    both = smoothed(times_s, both, smoothing_s)
+    slopes = CubicSpline(times_s, both)(times_s, 1)
+    W = so3.cross_matrices(both[:, 3:])
+    curves = np.empty((27, len(times_s)))
+    curves[:3] = accelerations.T
+    curves[3:6] = np.einsum("nij,nj->in", R, slopes[:, :3])
+    curves[6:9] = times_s * curves[3:6]
+    curves[9:18] = R.reshape(-1, 9).T
+    curves[18:] = (R @ (so3.cross_matrices(slopes[:, 3:]) + W @ W)).reshape(-1, 9).T
+    return curves
 
 
 def _second_differences(times_s: Float64, values: Float64, poses: NDArray[np.intp]) -> Float64:
-    slopes = np.diff(values, axis=0) / np.diff(times_s).reshape(-1, *[1] * (values.ndim - 1))
-    differences: Float64 = slopes[poses] - slopes[poses - 1]
+    """Return (n, k) of k curves (k, P): by how much their slopes change at the poses."""
+    slopes = np.diff(values, axis=1) / np.diff(times_s)
+    differences: Float64 = (slopes[:, poses] - slopes[:, poses - 1]).T
     return differences
 
 
@@ -143,7 +173,7 @@ def _model_errors(samples: InertialSamples, gravity_m_s2: float, fine: Float64, 
     accelerations, known = _in_world(sparse, gravity_m_s2)
     if np.count_nonzero(known) < 2:
         return np.zeros_like(fine)
-    coarse = _integrated_twice(sparse.imu_times_s[known], accelerations[known], samples.pose_times_s)
+    coarse = integrated_twice(sparse.imu_times_s[known], accelerations[known].T, samples.pose_times_s)
     return (_second_differences(samples.pose_times_s, coarse, poses) - fine) / RICHARDSON
 
 

@@ -21,26 +21,26 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.inertial_samples import InertialNoise, InertialSamples, Rows
+from fedora_qa.estimators.inertial_samples import Effects, InertialNoise, InertialSamples, Rows
 
-RowsOf = Callable[[InertialSamples, InertialNoise], Rows]
+EffectsOf = Callable[[InertialSamples, InertialNoise], Effects]
 
 
-def with_scatter(rows: Rows, samples: InertialSamples, noise: InertialNoise, rows_of: RowsOf) -> Rows:
+def with_scatter(rows: Rows, samples: InertialSamples, noise: InertialNoise, effects_of: EffectsOf) -> Rows:
     """Return the rows with what noise alone makes of them; as they are where no noise of the IMU is declared.
 
     So they stay too where the halves do not reach all rows, as at the ends of very few samples.
     """
     if noise.smoothing_s == 0:
         return rows
-    even, odd = (rows_of(half, noise) for half in halves(samples))
+    even, odd = (effects_of(half, noise) for half in halves(samples))
     if not (np.isin(rows.poses, even.poses).all() and np.isin(rows.poses, odd.poses).all()):
         return rows
-    even, odd = (half.select(np.isin(half.poses, rows.poses)) for half in (even, odd))
+    in_even, in_odd = (np.isin(half.poses, rows.poses) for half in (even, odd))
     scatter = replace(
         rows,
-        residuals=(even.residuals - odd.residuals) / 2,
-        jacobians=(even.jacobians - odd.jacobians) / 2,
+        residuals=(even.residuals[in_even] - odd.residuals[in_odd]) / 2,
+        jacobians=(even.jacobians[in_even] - odd.jacobians[in_odd]) / 2,
         model_errors=np.zeros_like(rows.model_errors),
     )
     return replace(rows, scatter=scatter)
@@ -61,4 +61,5 @@ def _chosen(samples: InertialSamples, imu: NDArray[np.intp]) -> InertialSamples:
         imu_times_s=samples.imu_times_s[imu],
         angular_velocities_body_rad_s=samples.angular_velocities_body_rad_s[imu],
         specific_forces_body_m_s2=samples.specific_forces_body_m_s2[imu],
+        R_world_imu=None if samples.R_world_imu is None else samples.R_world_imu[imu],
     )

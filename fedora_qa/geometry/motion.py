@@ -51,34 +51,41 @@ def interpolate_poses(
     positions_m = np.full((len(at_ns), 3), np.nan)
     inside = np.flatnonzero(_bridged(times_ns, at_ns))
     if len(inside):
-        q_k, rotation_vectors, positions_m[inside] = _at(times_ns, positions_world_m, orientations_xyzw, at_ns[inside])
-        R_world_body[inside] = so3.matrices_from_quaternions(so3.compose(q_k, so3.exp_quaternion(rotation_vectors)))
+        q, positions_m[inside] = _at(times_ns, positions_world_m, orientations_xyzw, at_ns[inside])
+        R_world_body[inside] = so3.matrices_from_quaternions(q)
     return R_world_body, positions_m
 
 
 def _at(
     times_ns: Int64, positions_world_m: Float64, orientations_xyzw: Float64, at_ns: Int64
-) -> tuple[Float64, Float64, Float64]:
-    """Return the sample's orientation before each instant, the rotation vector from it, and the position."""
+) -> tuple[Float64, Float64]:
+    """Return the orientation (n, 4) and position (n, 3) at each instant."""
     before = np.maximum(np.searchsorted(times_ns, at_ns, side="right") - 1, 0)
-    nodes = _stencils(before, len(times_ns))
-    weights = lagrange_weights((times_ns[nodes] - at_ns[:, None]) / NS_PER_S)
+    samples = before  # what the instants of a step share is computed once for all where there are many
+    if len(at_ns) > len(times_ns):
+        samples = np.arange(len(times_ns))
+    nodes = _stencils(samples, len(times_ns))
     unit_xyzw = so3.normalise(orientations_xyzw)
-    q_k = unit_xyzw[before]
-    rotation_vectors = so3.log_quaternion(so3.compose(so3.inverse(q_k)[:, None], unit_xyzw[nodes]))
-    origin_m = positions_world_m[before]  # the weights add up to 1, but only to rounding
-    positions_m = origin_m + _weighted(weights, positions_world_m[nodes] - origin_m[:, None])
-    return q_k, _weighted(weights, rotation_vectors), positions_m
+    q_k = unit_xyzw[samples]
+    seen = np.empty((*nodes.shape, 6))
+    seen[..., :3] = so3.log_quaternion(so3.compose(so3.inverse(q_k)[:, None], unit_xyzw[nodes]))
+    origin_m = positions_world_m[samples]  # the weights add up to 1, but only to rounding
+    np.subtract(positions_world_m[nodes], origin_m[:, None], out=seen[..., 3:])
+    if samples is not before:
+        nodes, seen, q_k, origin_m = nodes[before], seen[before], q_k[before], origin_m[before]
+    weights = lagrange_weights((times_ns[nodes] - at_ns[:, None]) / NS_PER_S)
+    sums = np.einsum("nm,nmi->ni", weights, seen)
+    return so3.compose(q_k, so3.exp_quaternion(sums[:, :3])), origin_m + sums[:, 3:]
 
 
 def lagrange_weights(offsets: Float64) -> Float64:
     """Return the weights (..., m) that give a polynomial's value at 0 from its values at ``offsets`` (..., m)."""
-    count = offsets.shape[-1]
-    weights = np.ones_like(offsets)
-    for node in range(count):
-        for other in range(count):
-            if other != node:
-                weights[..., node] *= offsets[..., other] / (offsets[..., other] - offsets[..., node])
+    own = np.arange(offsets.shape[-1])
+    gaps = offsets[..., None, :] - offsets[..., :, None]
+    gaps[..., own, own] = 1.0
+    factors = offsets[..., None, :] / gaps
+    factors[..., own, own] = 1.0
+    weights: Float64 = factors.prod(axis=-1)
     return weights
 
 
@@ -86,11 +93,6 @@ def _stencils(before: NDArray[np.intp], count: int) -> NDArray[np.intp]:
     size = min(STENCIL, count)
     first = np.clip(before + 1 - size // 2, 0, count - size)
     return first[:, None] + np.arange(size)
-
-
-def _weighted(weights: Float64, values: Float64) -> Float64:
-    sums: Float64 = np.einsum("nm,nmi->ni", weights, values)
-    return sums
 
 
 def _bridged(times_ns: Int64, at_ns: Int64) -> NDArray[np.bool_]:
@@ -103,6 +105,13 @@ def _bridged(times_ns: Int64, at_ns: Int64) -> NDArray[np.bool_]:
     if not len(steps_ns):
         return exact
     gap_ns = steps_ns[np.maximum(after - 1, 0)]
-    narrow = gap_ns <= WIDEST_GAP_STEPS * float(np.median(steps_ns))
+    narrow = gap_ns <= WIDEST_GAP_STEPS * _median(steps_ns)
     bridged: NDArray[np.bool_] = exact | (narrow & (at_ns > times_ns[0]) & (at_ns < times_ns[-1]))
     return bridged
+
+
+def _median(steps_ns: Int64) -> float:
+    """Return the median: of few numbers np.median takes longer than the interpolation."""
+    below, above = (len(steps_ns) - 1) // 2, len(steps_ns) // 2
+    ordered = np.partition(steps_ns, (below, above))
+    return float(ordered[below] + ordered[above]) / 2

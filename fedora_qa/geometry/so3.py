@@ -27,9 +27,12 @@ def compose(left_xyzw: Float64, right_xyzw: Float64) -> Float64:
     x0, y0, z0, w0 = (left_xyzw[..., i] for i in range(4))  # by components: np.cross takes longer than all the rest
     x1, y1, z1, w1 = (right_xyzw[..., i] for i in range(4))
     x = w0 * x1 + w1 * x0 + (y0 * z1 - z0 * y1)
-    y = w0 * y1 + w1 * y0 + (z0 * x1 - x0 * z1)
-    z = w0 * z1 + w1 * z0 + (x0 * y1 - y0 * x1)
-    return np.stack((x, y, z, w0 * w1 - (x0 * x1 + y0 * y1 + z0 * z1)), axis=-1)
+    product = np.empty((*np.shape(x), 4))  # by components again: np.stack takes as long as all products
+    product[..., 0] = x
+    product[..., 1] = w0 * y1 + w1 * y0 + (z0 * x1 - x0 * z1)
+    product[..., 2] = w0 * z1 + w1 * z0 + (x0 * y1 - y0 * x1)
+    product[..., 3] = w0 * w1 - (x0 * x1 + y0 * y1 + z0 * z1)
+    return product
 
 
 def inverse(orientations_xyzw: Float64) -> Float64:
@@ -52,28 +55,27 @@ def log_quaternion(orientations_xyzw: Float64) -> Float64:
     The angle is ``2 atan2(|v|, w)``: accurate to rounding for tiny rotations and near pi, where arccos of the trace
     loses all digits.
     """
-    sign = np.where(orientations_xyzw[..., 3:] < 0, -1.0, 1.0)
-    vector, w = sign * orientations_xyzw[..., :3], sign * orientations_xyzw[..., 3:]
-    sine = np.linalg.norm(vector, axis=-1, keepdims=True)
-    small = sine < 0.5 * _SMALL_ANGLE_RAD * w
-    safe_w = np.where(small, w, 1.0)
-    tangent_squared = (np.where(small, sine, 0.0) / safe_w) ** 2
-    series = 2.0 / safe_w * (1.0 - tangent_squared / 3 + tangent_squared**2 / 5)
-    ratio = np.where(small, series, 2.0 * np.arctan2(sine, w) / np.where(sine > 0, sine, np.nan))
-    return ratio * vector
+    x, y, z, w = (orientations_xyzw[..., i] for i in range(4))
+    sine, cosine = np.sqrt(x * x + y * y + z * z), np.abs(w)
+    ratio = 2.0 * np.arctan2(sine, cosine) / np.where(sine > 0, sine, np.nan)
+    small = sine < 0.5 * _SMALL_ANGLE_RAD * cosine
+    if np.any(small):
+        safe_w = np.where(small, cosine, 1.0)
+        tangent_squared = (np.where(small, sine, 0.0) / safe_w) ** 2
+        series = 2.0 / safe_w * (1.0 - tangent_squared / 3 + tangent_squared**2 / 5)
+        ratio = np.where(small, series, ratio)
+    vectors: Float64 = np.where(w < 0, -ratio, ratio)[..., None] * orientations_xyzw[..., :3]
+    return vectors
 
 
 def matrices_from_quaternions(orientations_xyzw: Float64) -> Float64:
     """Return rotation matrices (..., 3, 3) of quaternions (..., 4) of any nonzero length."""
     x, y, z, w = np.moveaxis(normalise(orientations_xyzw), -1, 0)
-    entries = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    return np.moveaxis(entries, (0, 1), (-2, -1))
+    R = np.empty((*np.shape(x), 3, 3))
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    return R
 
 
 def quaternions_from_matrices(R: Float64) -> Float64:
@@ -112,8 +114,10 @@ def log(R: Float64) -> Float64:
 def cross_matrices(vectors: Float64) -> Float64:
     """Return the matrices (..., 3, 3) that multiply like a cross product: ``cross_matrices(a) @ b = a x b``."""
     x, y, z = np.moveaxis(vectors, -1, 0)
-    zero = np.zeros_like(x)
-    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))
+    crosses = np.zeros((*np.shape(x), 3, 3))
+    crosses[..., 0, 1], crosses[..., 0, 2], crosses[..., 1, 2] = -z, y, -x
+    crosses[..., 1, 0], crosses[..., 2, 0], crosses[..., 2, 1] = z, -y, x
+    return crosses
 
 
 def _nonzero(values: Float64) -> Float64:

@@ -7,15 +7,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from fedora_qa.estimators.frozen_samples import unmoved
 from fedora_qa.estimators.local_motion import (
     Orientations,
     Vectors,
-    find_interpolation,
+    divided_differences,
     find_steps,
     noise_level,
     sharpest,
-    unmoved,
 )
+from fedora_qa.estimators.straight_lines import find_interpolation
 from tests.support.motion_world import RESTLESS
 
 TIMES_NS = np.arange(601) * 5_000_000
@@ -147,6 +148,41 @@ def test_a_repeat_of_one_array_alone_is_no_stop() -> None:
     """A body that turns on the spot repeats its position."""
     turning = np.outer(TIMES_S, [0.0, 0.0, 1.0])
     assert unmoved(np.zeros((601, 3)), turning, roundings=(1e-16, 1e-16)).tolist() == []
+
+
+@pytest.mark.parametrize("curve", [Vectors, Orientations])
+def test_even_clocks_are_weighed_alike_step_by_step_and_all_at_once(curve: type[Vectors] | type[Orientations]) -> None:
+    """A clock that is even by a nanosecond and less has the pattern of an even one, and so the same jumps and noise."""
+    of_curve = RESTLESS.positions_m(TIMES_S) if curve is Vectors else RESTLESS.orientations(TIMES_S).as_quat()
+    nearly_ns = TIMES_NS + np.arange(601) % 2
+    for half_width, degree in ((4, 5), (24, 3)):
+        even, nearly = (
+            find_steps(times_ns, curve(of_curve), half_width=half_width, degree=degree, sigma=1e-9)
+            for times_ns in (TIMES_NS, nearly_ns)
+        )
+        np.testing.assert_array_equal(even.before, nearly.before)
+        np.testing.assert_allclose(even.gains, nearly.gains, rtol=1e-12)
+        np.testing.assert_allclose(even.sizes, nearly.sizes, atol=1e-13)
+        np.testing.assert_allclose(even.motion, nearly.motion, atol=1e-13)
+    differences = divided_differences(TIMES_NS, curve(of_curve), 8)
+    np.testing.assert_allclose(differences, divided_differences(nearly_ns, curve(of_curve), 8), atol=1e-14)
+
+
+@given(st.lists(st.integers(0, 9), min_size=32, max_size=200))
+def test_evenness_is_that_of_two_medians(sizes: list[int]) -> None:
+    """Of any bends, equal ones too, the least even stride is the one that medians of both parts give."""
+    values = np.zeros((len(sizes) + 2, 3))
+    values[2:, 0] = np.cumsum(np.cumsum(sizes))
+    bends = np.linalg.norm(divided_differences(TIMES_NS[: len(values)], Vectors(values), 2), axis=-1)
+    expected = [
+        (float(np.median(bends[~at])) / float(np.median(bends[at])), stride)
+        for stride in range(2, min(20, len(bends) // 16) + 1)
+        for phase in range(stride)
+        if np.median(bends[at := np.arange(len(bends)) % stride == phase]) > 1e-6
+    ]
+    found = find_interpolation(TIMES_NS[: len(values)], Vectors(values), resolution=1e-8)
+    least = min(expected, key=lambda one: (round(one[0], 2), one[1]), default=None)
+    assert (None if found is None else (found.evenness, found.stride)) == least
 
 
 @pytest.mark.parametrize("stride", [2, 4, 10])

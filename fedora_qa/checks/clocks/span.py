@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from fedora_qa.causes import stream_family
-from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, fits_of
+from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, fits_of, placed_streams
 from fedora_qa.checks.clocks.units import suspect_of_part, unit_factor
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
 from fedora_qa.conventions import NS_PER_MS
@@ -53,7 +53,7 @@ class Span(FactsCheck):
 
     def not_applicable(self, facts: Facts) -> str:
         """Need two sampled streams."""
-        return "" if len(dict(fits_of(facts))) > 1 else "fewer than two streams have three stamps in order"
+        return "" if len(placed_streams(facts)) > 1 else "fewer than two streams have three stamps in order"
 
     def examine(self, facts: Facts) -> Observation:
         """Measure how much later each stream begins and how much earlier it ends."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.regular_clock import RegularClock, fit_regular_clock
+from fedora_qa.estimators.regular_clock import FEWEST_STAMPS, RegularClock, fit_regular_clock
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Clock, EventScan, Facts
 
@@ -22,6 +22,15 @@ def fits_of(facts: Facts) -> Iterator[tuple[str, RegularClock]]:
         fit = fit_regular_clock(clock.times_ns[clock.advancing]) if clock.usable else None
         if fit is not None:
             yield stream, fit
+
+
+def placed_streams(facts: Facts) -> list[str]:
+    """Return the sampled streams that have three stamps in order, which are those that ``fits_of`` can fit."""
+    return [
+        stream
+        for stream, clock in clocks_of(facts)
+        if clock.usable and np.count_nonzero(clock.advancing) >= FEWEST_STAMPS
+    ]
 
 
 def extent_ns(clock: Clock) -> tuple[int, int]:

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, file_us, fits_of
+from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, file_us, placed_streams
 from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.record.types import Where
@@ -152,7 +152,7 @@ def _counts_samples(facts: Facts, stream: str) -> bool:
 
 
 def _durations_ns(facts: Facts) -> Iterator[tuple[str, float]]:
-    for stream, _ in fits_of(facts):
+    for stream in placed_streams(facts):
         start, stop = extent_ns(facts.clocks[stream])
         yield stream, float(stop - start)
     if facts.events is not None and facts.events.count > 1:

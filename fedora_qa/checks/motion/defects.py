@@ -9,8 +9,10 @@ from fedora_qa.checks.motion.samples import imu_roundings, measured_pose_sigmas,
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.estimators.displaced_stamps import displaced_part
-from fedora_qa.estimators.local_motion import Interpolation, Vectors, find_interpolation, unmoved
+from fedora_qa.estimators.frozen_samples import unmoved
+from fedora_qa.estimators.local_motion import Vectors
 from fedora_qa.estimators.rounded_stamps import rounding_grid_ns
+from fedora_qa.estimators.straight_lines import Interpolation, find_interpolation
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, PoseSamples

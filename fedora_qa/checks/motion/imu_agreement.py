@@ -1,7 +1,7 @@
 """What the checks of IMU against pose share: both streams, the fit, the search for gross causes, suspects."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import Final, Literal
 
 import numpy as np
@@ -55,23 +55,40 @@ _ABSURD: Final = 5.0
 """Multiples of these that no sensor shows: half a radian of turn, half of a gain, half a second."""
 
 
+class Concluded:
+    """What was computed of all windows up to one, kept for the other checks that conclude from the same samples.
+
+    It goes with the window's samples, and not from one process to another.
+    """
+
+    def __init__(self) -> None:
+        self.streams: Streams | None = None
+        self.of: Facts | None = None
+
+    def __reduce__(self) -> tuple[type["Concluded"], tuple[()]]:
+        return Concluded, ()
+
+
 @dataclass(frozen=True, slots=True)
 class Motion:
     """The samples of one window."""
 
     imu: ImuSamples | None
     poses: PoseSamples | None
+    concluded: Concluded = field(default_factory=Concluded, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Streams:
-    """Both streams of a sequence on one axis of time, which starts at ``origin_ns``."""
+    """Both streams of a sequence on one axis of time, which starts at ``origin_ns``, and what was found of them."""
 
     samples: InertialSamples
     noise: InertialNoise
     poses: PoseSamples
     imu: ImuSamples
     origin_ns: int
+    fits: dict[Kind, InertialFit | None] = field(default_factory=dict, compare=False, repr=False)
+    causes: dict[Kind, "Gross | None"] = field(default_factory=dict, compare=False, repr=False)
 
     def time_ns(self, time_s: float) -> int:
         """Return an instant as nanoseconds from the file's origin."""
@@ -80,6 +97,10 @@ class Streams:
 
 def motion_of(window: Window) -> Motion | None:
     """Keep the window's own samples of both streams."""
+    return window.once("motion", lambda: _motion_of(window))
+
+
+def _motion_of(window: Window) -> Motion | None:
     imu, poses = owned_imu(window), owned_poses(window)
     return None if imu is None and poses is None else Motion(imu, poses)
 
@@ -95,6 +116,19 @@ def streams_of(state: Sequence[Motion], facts: Facts) -> Streams | str:
         return f"fewer than {_FEWEST_POSES} finite samples of pose or IMU"
     if poses.times_ns[0] >= imu.times_ns[-1] or imu.times_ns[0] >= poses.times_ns[-1]:
         return "IMU and pose do not overlap in time"
+    concluded = state[-1].concluded
+    known = concluded.streams if concluded.of is facts else None
+    if known is None or not (_are_equal(known.poses, poses) and _are_equal(known.imu, imu)):
+        known = _streams(imu, poses, facts)
+        concluded.streams, concluded.of = known, facts
+    return known
+
+
+def _are_equal(one: ImuSamples | PoseSamples, other: ImuSamples | PoseSamples) -> bool:
+    return all(np.array_equal(getattr(one, each.name), getattr(other, each.name)) for each in fields(one))
+
+
+def _streams(imu: ImuSamples, poses: PoseSamples, facts: Facts) -> Streams:
     model = facts.declared.imu or ImuModel()
     return Streams(
         samples=inertial_samples(imu, poses, model),
@@ -112,7 +146,13 @@ def coverage_of(streams: Streams | str, facts: Facts) -> Coverage:
 
 
 def fit(streams: Streams, kind: Kind) -> InertialFit | None:
-    """Fit one kind of comparison; None where there is too little in common."""
+    """Fit one kind of comparison, once; None where there is too little in common."""
+    if kind not in streams.fits:
+        streams.fits[kind] = _fit(streams, kind)
+    return streams.fits[kind]
+
+
+def _fit(streams: Streams, kind: Kind) -> InertialFit | None:
     comparison = ROTATION if kind == "rotation" else TRANSLATION
     walk = streams.noise.gyro_walk if kind == "rotation" else streams.noise.accel_walk
     return fit_inertial(streams.samples, streams.noise, comparison, bias_walk=walk)
@@ -136,7 +176,14 @@ def gross_cause(streams: Streams, kind: Kind, found: InertialFit) -> Gross | Non
     """Return the odd reading under which the streams agree, where they disagree by more than a small fault.
 
     First of the whole sequence; where none explains that, and the disagreement is a local one, of that part alone.
+    It is looked for once.
     """
+    if kind not in streams.causes:
+        streams.causes[kind] = _gross_cause(streams, kind, found)
+    return streams.causes[kind]
+
+
+def _gross_cause(streams: Streams, kind: Kind, found: InertialFit) -> Gross | None:
     if (
         found.settled
         and not _exceeds(found, 1.0)

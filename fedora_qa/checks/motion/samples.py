@@ -29,6 +29,9 @@ _LEAST_ROUNDING_NOISE: Final = 0.1
 _ROUNDED_UNITS: Final = 4.0
 """Units in the last place by which a decimal number and its multiple may differ: two products and what was read."""
 
+_A_FEW: Final = 64
+"""Samples that are looked at first: they mostly tell that numbers were not rounded."""
+
 _RADIANS_PER_COMPONENT: Final = 2.0
 """A quaternion holds half angles: an error of a component turns by twice as much."""
 
@@ -147,12 +150,16 @@ def _rounding_density(times_ns: NDArray[np.int64], values: Float64) -> float:
 
 def _decimal_step(values: Float64) -> float:
     """Return the largest power of ten, 1 at most and 1e-9 at least, of which all values are multiples; 0 for none."""
+    largest = float(np.abs(values).max(initial=0.0))
     for decimals in range(10 if values.size else 0):
-        multiples = values * 10.0**decimals
-        slack = _ROUNDED_UNITS * np.spacing(float(np.abs(multiples).max()))
-        if np.all(np.abs(multiples - np.rint(multiples)) <= slack):
+        slack = _ROUNDED_UNITS * float(np.spacing(largest * 10.0**decimals))
+        if all(_are_whole(part * 10.0**decimals, slack) for part in (values[:_A_FEW], values)):
             return float(10.0**-decimals)
     return 0.0
+
+
+def _are_whole(multiples: Float64, slack: float) -> bool:
+    return bool(np.all(np.abs(multiples - np.rint(multiples)) <= slack))
 
 
 def imu_roundings(imu: ImuSamples) -> tuple[float, float]:
