@@ -57,3 +57,7 @@ class UnreadableRowsError(FedoraError):
 
 class WorkerLostError(FedoraError):
     """The process that did a task died over it: killed, out of memory, or by a crash of a library."""
+
+
+class EndlessError(WorkerLostError):
+    """A process has ended itself, as a file took for ever to open (``fuse``); it will again."""

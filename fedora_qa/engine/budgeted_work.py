@@ -21,7 +21,7 @@ from fedora_qa.engine.budget_steps import (
 from fedora_qa.engine.densities import Densities, Density
 from fedora_qa.engine.executors import Result, Task
 from fedora_qa.engine.file_task import Surveyed
-from fedora_qa.engine.file_work import FileWork, Step
+from fedora_qa.engine.file_work import DIED_TWICE, FileWork, Step
 from fedora_qa.engine.measured import Measured
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.plan import FEWEST_WINDOWS
@@ -192,7 +192,7 @@ class BudgetedWork(FileWork):
             if when_lost is not None:
                 when_lost()
             else:
-                self._start(task, then, partial(self._give_up, "being measured"))
+                self._start(task, then, partial(self._give_up, "being measured", DIED_TWICE))
             if self._densities and not self.run:
                 self._go_on(self._densities)
 

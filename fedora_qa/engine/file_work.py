@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from fedora_qa.engine.executors import Task
 from fedora_qa.engine.file_task import FileTask, Sealed, Surveyed
@@ -14,18 +14,28 @@ from fedora_qa.engine.progress import MEASURING, Progress
 from fedora_qa.engine.regions import Regions
 from fedora_qa.storage.place import Place
 
+_OPENED: Final = "being opened"
+
+DIED_TWICE: Final = "died twice over it (out of memory, a library crashed, or it did not end)"
+ENDLESS: Final = "did not come to an end, and was ended"
+"""What became of the processes that a file was given to."""
+
 if TYPE_CHECKING:  # who deals out the work loads nothing that measures
     from fedora_qa.checks.protocol import Check
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A task of a file: what it tells, what becomes of its result, and what is done when the process died over it."""
+    """A task of a file: what it tells, what becomes of its result, and what is done when the process died over it.
+
+    ``when_endless`` is done where the file took for ever to open, as it would again; None: what any death asks for.
+    """
 
     task: Task[Any]
     progress: Progress
     then: Callable[[Any], None]
     when_lost: Callable[[], None]
+    when_endless: Callable[[], None] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +51,7 @@ class FileWork:
     """One file: the steps that are ready to be done, and in the end its run.
 
     A step whose process dies is done again once: a stretch of windows each window by itself, so that the one that
-    kills costs no other. A single worker does a file in one step.
+    kills costs no other. What takes for ever to open is not opened again. A single worker does a file in one step.
 
     Attributes
     ----------
@@ -109,23 +119,26 @@ class FileWork:
             self._tell(what, done, of)
 
         task = FileTask("check_whole", self.path.absolute(), (self._checks, self._options))
-        self.ready.append(Step(task, tell, self._finished, self._do_in_steps))
+        self.ready.append(Step(task, tell, self._finished, self._do_in_steps, self._give_up_opening))
 
     def _do_in_steps(self) -> None:
         self._seen.clear()
         task = FileTask("survey_file", self.path.absolute(), (self._checks, self._options))
-        self._do("being opened", task, self._surveyed)
+        self._do(_OPENED, task, self._surveyed)
 
     def _do(self, doing: str, task: Task[Any], then: Callable[[Any], None]) -> None:
         """Get a task done for the whole file; where its process dies twice, every check has crashed."""
-        once = Step(task, self._tell, then, partial(self._give_up, doing))
+        once = Step(task, self._tell, then, partial(self._give_up, doing, DIED_TWICE), self._give_up_opening)
         self.ready.append(replace(once, when_lost=partial(self.ready.append, once)))
 
-    def _give_up(self, doing: str) -> None:
+    def _give_up_opening(self) -> None:
+        self._give_up(_OPENED, ENDLESS)
+
+    def _give_up(self, doing: str, end: str) -> None:
         from fedora_qa.engine.lost import lost_file  # noqa: PLC0415 - loads what measures
         from fedora_qa.engine.run import asked_for  # noqa: PLC0415 - as above
 
-        self.run = lost_file(self.path, asked_for(self._checks, self._options), doing)
+        self.run = lost_file(self.path, asked_for(self._checks, self._options), doing, end)
 
     def _surveyed(self, survey: Surveyed | FileRun) -> None:
         if isinstance(survey, FileRun):

@@ -11,7 +11,7 @@ from fedora_qa.engine.executors import Executor
 from fedora_qa.engine.file_work import FileWork, Step
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import Report, Tally
-from fedora_qa.errors import WorkerLostError
+from fedora_qa.errors import EndlessError, WorkerLostError
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.server import version_of
 
@@ -107,6 +107,8 @@ def _submit(works: Sequence[FileWork], running: dict[Future[Any], tuple[Step, in
 def _settle(step: Step, future: Future[Any]) -> None:
     try:
         result = future.result()
+    except EndlessError:
+        (step.when_endless or step.when_lost)()
     except WorkerLostError:
         step.when_lost()
     else:

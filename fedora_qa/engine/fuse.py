@@ -4,6 +4,10 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Final
+
+ENDED_BY: Final = getattr(signal, "SIGPROF", None)
+"""The signal that ends a process so; None where there is none (Windows)."""
 
 
 @contextmanager

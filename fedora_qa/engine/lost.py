@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.digest import file_digest
+from fedora_qa.engine.file_work import DIED_TWICE
 from fedora_qa.engine.options import FileRun
 from fedora_qa.record.types import Coverage, FileRecord, Result
 from fedora_qa.sequence.facts import Facts
@@ -14,8 +15,6 @@ from fedora_qa.storage.place import Place
 NAME: Final = "windows"
 QUESTION: Final = "Could every window be measured?"
 
-_DIED: Final = "died twice over it (out of memory, a library crashed, or it did not end)"
-
 
 def lost_windows(lost: Sequence[Span], of: int, facts: Facts) -> tuple[Result, ...]:
     """Return the result that names the windows that nobody could measure; none where there are none."""
@@ -24,16 +23,19 @@ def lost_windows(lost: Sequence[Span], of: int, facts: Facts) -> tuple[Result, .
     first = lost[0]
     start_us, stop_us = (facts.to_file_us(time_ns) for time_ns in (first.start_ns, first.stop_ns))
     reason = (
-        f"{len(lost)} of {of} windows were not seen by any check, as the process that measured one {_DIED}; "
+        f"{len(lost)} of {of} windows were not seen by any check, as the process that measured one {DIED_TWICE}; "
         f"the first is from {start_us:.0f} to {stop_us:.0f} us"
     )
     return (Result(NAME, "crashed", QUESTION, coverage=Coverage(of - len(lost), of, "windows"), reason=reason),)
 
 
-def lost_file(path: Place, checks: Iterable[Check[Any]], doing: str) -> FileRun:
-    """Return the run of a file that nobody could open, or judge: every check crashed."""
+def lost_file(path: Place, checks: Iterable[Check[Any]], doing: str, end: str) -> FileRun:
+    """Return the run of a file that nobody could open, or judge: every check crashed.
+
+    ``doing`` and ``end`` say what was done with it, and what became of the process that did it.
+    """
     digest = file_digest(path)
-    reason = f"the process that was {doing} {_DIED}"
+    reason = f"the process by which it was {doing} {end}"
     return FileRun(
         FileRecord(
             path=str(path),

@@ -12,9 +12,10 @@ from typing import Any, Self
 
 from fedora_qa.engine.executors import Result, Task
 from fedora_qa.engine.fork_server import worker_context
+from fedora_qa.engine.fuse import ENDED_BY
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.worker import Done, Failed, Told, serve
-from fedora_qa.errors import WorkerLostError
+from fedora_qa.errors import EndlessError, WorkerLostError
 
 
 class ProcessExecutor:
@@ -95,12 +96,15 @@ class _Worker:
         self._pipe: Any = None
 
     def do(self, task: Task[Result], progress: Progress) -> Result:
-        """Do the task; raises ``WorkerLostError`` where the process dies over it."""
+        """Do the task; raises ``WorkerLostError`` where the process dies over it, by its own fuse ``EndlessError``."""
         self.start()
         try:
             answer = self._answer(task, progress)
         except (EOFError, ConnectionError) as end:
-            raise WorkerLostError(f"Expected a process to end its task, got its own end: {self._end()}") from end
+            code = self._end()
+            by = "never started" if code is None else f"signal {-code}" if code < 0 else f"exit code {code}"
+            lost = EndlessError if ENDED_BY is not None and code == -ENDED_BY else WorkerLostError
+            raise lost(f"Expected a process to end its task, got its own end: {by}") from end
         if isinstance(answer, Failed):
             raise answer.error
         self.peak_memory_mib = max(self.peak_memory_mib, answer.peak_memory_mib)
@@ -130,12 +134,12 @@ class _Worker:
             raise TypeError(f"Expected an answer of a worker, got {type(answer).__name__}")
         return answer
 
-    def _end(self) -> str:
-        """End the process, and say what has ended it."""
+    def _end(self) -> int | None:
+        """End the process, and return its exit code, negative for a signal; None where none was started."""
         with self._changing:
             if self._process is None:
-                return "never started"
+                return None
             self._process.kill()
             self._process.join()
-            code = self._process.exitcode
-            return f"signal {-code}" if code < 0 else f"exit code {code}"
+            code: int = self._process.exitcode
+            return code

@@ -12,7 +12,7 @@ import pytest
 from fedora_qa.engine.executors import Executor, InProcess
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
-from fedora_qa.errors import WorkerLostError
+from fedora_qa.errors import EndlessError, WorkerLostError
 from tests.support import tasks
 
 
@@ -66,6 +66,15 @@ def test_a_death_costs_its_own_task(task: Any, how: str, processes: ProcessExecu
     with pytest.raises(WorkerLostError, match=how):
         lost.result()
     assert [future.result()[0] for future in submitted] == [2] * 6
+
+
+def test_what_never_ends_is_told_from_what_dies(processes: ProcessExecutor) -> None:
+    """A process that its fuse has ended would end so again; one that was killed need not."""
+    with pytest.raises(EndlessError):
+        processes.submit(tasks.burn, quiet).result()
+    with pytest.raises(WorkerLostError) as killed:
+        processes.submit(tasks.die, quiet).result()
+    assert not isinstance(killed.value, EndlessError)
 
 
 def test_an_interrupt_is_not_for_workers(processes: ProcessExecutor) -> None:

@@ -23,12 +23,12 @@ from typing import Final
 
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.run import check_file
+from tests.fuzz.by_command import LONGEST_S, by_command
 from tests.fuzz.tally import seeds_done, summarised
 from tests.fuzz.trial import Trial, digests, offender, tried
 from tests.support.handmade import write_handmade
 
 BATCH: Final = 500
-LONGEST_S: Final = 10
 WAITS_S: Final = 600
 """A process that waits takes no processor time, nor does one that others leave none."""
 
@@ -94,8 +94,8 @@ def _work(left: list[int], out: Path, job: int, until: float, scratch: Path) -> 
         seed, ended = int((scratch / "now").read_text()), signal.Signals(os.WTERMSIG(status))
         shutil.copy(mutant, offender(out, seed))
         stack = (scratch / "stack").read_text().partition("Extension modules")[0]
-        said = f"{ended.name}: {stack[:2000]}"
-        _log(log, Trial(seed, "", "hang" if ended in HANGS else "death", said))
+        became = by_command(offender(out, seed)) if ended in HANGS else "death"
+        _log(log, Trial(seed, "", became, f"{ended.name}: {stack[:2000]}"))
         left = left[left.index(seed) + 1 :]
 
 

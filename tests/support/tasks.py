@@ -6,6 +6,7 @@ import sys
 import time
 from pathlib import Path
 
+from fedora_qa.engine.fuse import fuse
 from fedora_qa.engine.progress import Progress
 
 
@@ -24,6 +25,13 @@ def die(progress: Progress) -> None:
 def leave(progress: Progress) -> None:
     """End the process from within."""
     os._exit(7)
+
+
+def burn(progress: Progress) -> None:
+    """Never end, with a fuse."""
+    with fuse(0.05):
+        while True:
+            pass
 
 
 def interrupt(progress: Progress) -> str:
