@@ -107,6 +107,7 @@ class BlockDecoder:
             return error
         self.decoded_bytes += block.nbytes
         if block.nbytes < LEAST_BYTES:
+            block = np.ascontiguousarray(block)  # compiled loops are made for rows that lie one after another
             self._make_room(block.nbytes)
             self._small_bytes += block.nbytes
         elif not lies_in_pages(block):

@@ -58,12 +58,13 @@ def test_formats_tell_the_finding(fedora_qa: Command, unsorted: Path, tmp_path: 
 
 
 def test_the_summary_commands_nothing(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
-    """With annotations asked for, a file called like a command is shown between stop and token."""
+    """With annotations asked for, a file called like a command is shown between stop and token, and taken apart."""
     hostile = sequence.rename(tmp_path / "::error::x.h5")
     lines = fedora_qa("check", *STAMPS, hostile, "--github").out.splitlines()
     token = lines[0].removeprefix("::stop-commands::")
     assert lines[-1] == f"::{token}::"
-    assert any("::error::x.h5" in line for line in lines[1:-1])
+    assert any("error" in line and "x.h5" in line for line in lines[1:-1])
+    assert not any("::error::" in line for line in lines)
 
 
 @pytest.mark.parametrize("option", ["--csv", "--parquet"])

@@ -195,6 +195,20 @@ def test_damage_keeps_nobody_alive_for_long() -> None:
     assert depths[2] <= depths[0]
 
 
+@pytest.mark.parametrize("lines", [4, 512])
+def test_rows_lie_one_after_another_however_they_come(lines: int) -> None:
+    """Channels that a dialect picks come transposed, be they small or in pages; compiled loops want neither."""
+
+    class Turned(Films):
+        def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
+            return super().rows(key, start, stop)[:, :lines].transpose(0, 2, 1)
+
+    decoder = BlockDecoder(Turned(), NOTHING_SCANNED, 1 << 28)
+    image = decoder.rows("path/depth", 3, 4)
+    assert image.flags.c_contiguous
+    np.testing.assert_array_equal(image, Turned().rows("path/depth", 3, 4))
+
+
 def test_all_is_forgotten() -> None:
     """After that nothing is held, and images are decoded again."""
     decoder = BlockDecoder(Films(), NOTHING_SCANNED, 3 * IMAGE_BYTES)
