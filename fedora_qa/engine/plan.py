@@ -85,7 +85,7 @@ def make_plan(effort: Effort, windows: int, window_ns: int = WINDOW_NS, pixels: 
         The size of a frame, where known.
     """
     share = EFFORTS[effort].window_share
-    wanted = min(windows, max(FEWEST_WINDOWS, int(np.ceil(share * windows))))
+    wanted = min(windows, max(FEWEST_WINDOWS, round(share * windows)))
     stretches = min(wanted, max(FEWEST_WINDOWS, -(-wanted * window_ns // WINDOW_NS)))
     number = np.arange(wanted)
     gaps_before = number * stretches // max(wanted, 1)

@@ -104,7 +104,7 @@ def test_plans_are_ordered_and_within_the_file(effort: Effort, windows: int, win
     assert set(plan.chosen) <= set(range(windows))
     if windows:
         assert {0, windows - 1} <= set(plan.chosen)
-        assert len(plan.chosen) == min(windows, max(4, math.ceil(EFFORTS[effort].window_share * windows)))
+        assert len(plan.chosen) == min(windows, max(4, round(EFFORTS[effort].window_share * windows)))
 
 
 @pytest.mark.parametrize("effort", ["quick", "standard"])

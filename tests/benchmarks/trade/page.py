@@ -65,12 +65,12 @@ at every effort. Small frames make checks look slow beside reading: decoding gro
 window does not.
 
 How `quick` was chosen, from this curve: with 5% of the windows, 5% of the tiles and every fourth field, its time was
-half of what it is, but events were timed to 5.0 ms instead of 0.8, and flow against frames told nothing. A tenth of the
-windows with every third field found 75% of the faults of four times the limit (36 of 48), 8% with every field 43 of 48,
-for 12.4% of full's time here and 7.6% at 540x405: of a rate few fields have texture enough to tell anything, and those
-must not be missed. So it is every field, of as many windows as a tenth of the time allows in frames of a usual size.
-Thinning out the tiles of small frames saves nothing. How frames are read between pixels and how
-many events are read is chosen from [one](flow-interpolation.md) and [another](event-readings.md) measurement.
+half of what it is, but events were timed to 5.0 ms instead of 0.8, and flow against frames told nothing. A tenth of
+the windows with every third field found 75% of the faults of four times the limit (36 of 48), 8% with every field 43
+of 48: of a rate few fields have texture enough to tell anything, and those must not be missed. So it is every field,
+of as many windows as a tenth of the time allows in frames of a usual size. Thinning out the tiles of small frames
+saves nothing. How frames are read between pixels and how many events are read is chosen from measurements of [the
+one](flow-interpolation.md) and [the other](event-readings.md).
 
 ## By fault
 

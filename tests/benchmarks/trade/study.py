@@ -163,7 +163,7 @@ def _measured_reach(base: Path, budget: str) -> dict[str, Any]:
         run = run_measured(command)
         if run.code != CLEAN:
             raise RuntimeError(f"Expected {base} to be clean within {budget}, got exit code {run.code}")
-        said = json.loads(record.read_text(encoding="utf-8"))["run"]["budget_reached"]
+        said = json.loads(record.read_text(encoding="utf-8"))["run"]["host"]["budget_reached"]
     reached = re.match(r"(?P<windows>\d+) of (?P<of>\d+) windows at the density of (?P<density>\w+)", said)
     if reached is None:
         raise RuntimeError(f"Expected a number of windows, got {said!r}")
