@@ -2,12 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.record.wording import number
+
+_LEAST_SPAN: Final = 1e-300
+"""An axis shorter than this has its ends for ticks: a fifth of it may be no number above zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +57,7 @@ class Axis:
 def _values(low: float, high: float, wanted: int) -> tuple[float, ...]:
     """Return multiples of 1, 2 or 5 times a power of ten that lie on the axis."""
     span = high - low
-    if not math.isfinite(span) or span <= 1e-12 * max(abs(low), abs(high)):
+    if not math.isfinite(span) or span <= max(1e-12 * max(abs(low), abs(high)), _LEAST_SPAN):
         return (low, high) if high > low else (low,)
     step = _round_step(span / wanted)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)

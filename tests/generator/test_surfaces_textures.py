@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -65,6 +65,7 @@ def test_the_average_of_waves_is_the_integral(
 
 @settings(deadline=None)
 @given(place, st.floats(0, 4), st.floats(0, 4), share)
+@example(2.3e-308, 2e-228, 2e-228, 0.5)
 def test_the_average_of_a_square_wave_is_the_integral(
     turns: float, width_a: float, width_b: float, duty: float
 ) -> None:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from fedora_reports.scales import Axis
@@ -23,6 +23,7 @@ def test_shares_keep_the_order_and_stay_on_the_drawing(low: float, high: float, 
 
 
 @given(finite, finite)
+@example(-5e-324, 0.0)
 def test_ticks_lie_in_order_on_an_even_axis(low: float, high: float) -> None:
     """There is at least one tick, a few at most, and all lie on the axis."""
     assume(low <= high)

@@ -115,6 +115,8 @@ def square_average(turns: float, width_a: float, width_b: float, duty: float) ->
     """
     width_a, width_b = abs(width_a), abs(width_b)
     long, short = max(width_a, width_b), min(width_a, width_b)
+    if short < 1e-150:  # its square would be lost
+        short = 0.0
     outer = 0.5 * (long + short)
     f = turns - math.floor(turns)
     if outer <= f and f + outer <= duty:

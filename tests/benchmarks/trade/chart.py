@@ -51,7 +51,7 @@ def chart(costs: Sequence[Cost], reached: Sequence[Reach], found: Sequence[Found
         parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" class="size{index}"/>' for x, y in dots]
         parts.append(f'<path d="M{_joined(rings)}" class="budget size{index}"/>')
         parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" class="budget size{index}"/>' for x, y in rings]
-        ends[times] = dots[-1]
+        ends[times] = max(dots[-1], rings[-1])
     below = -math.inf
     for times, (x, y) in sorted(ends.items(), key=lambda end: end[1][1]):
         below = max(y + 4, below + 14)
