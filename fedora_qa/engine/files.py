@@ -18,7 +18,7 @@ from fedora_qa.storage.server import version_of
 if TYPE_CHECKING:  # who deals out the work loads nothing that measures
     from fedora_qa.checks.protocol import Check
 
-_LIBRARIES_BYTES: Final = 350_000_000
+_LIBRARIES_BYTES: Final = 400_000_000
 """What all processes of a run share, as they are forked from one, and what the one that deals out the work holds."""
 
 _LEAST_SHARE: Final = 0.25
