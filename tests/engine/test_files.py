@@ -186,7 +186,7 @@ def test_memory_is_shared(handmade: Path) -> None:
             seen.append(task)
             return super().submit(task, progress, worker)
 
-    for memory_bytes, share in ((900_000_000, 200_000_000), (240_000_000, 20_000_000)):
+    for memory_bytes, share in ((1_000_000_000, 200_000_000), (240_000_000, 20_000_000)):
         seen.clear()
         only_run(handmade, Looks(), CheckOptions(evidence=None, memory_bytes=memory_bytes))
         assert seen[0].arguments[1].memory_bytes == share
