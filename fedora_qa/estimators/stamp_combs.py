@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri_exp
 
+from fedora_qa.estimators.stamp_comb_kernels import count_hits
 from fedora_qa.estimators.tails import log_chance_of_hits
 
 Int64 = NDArray[np.int64]
@@ -83,12 +84,13 @@ def _hits_by_tick(occupied: Int64) -> Int64:
     first, last = int(occupied[0]), int(occupied[-1])
     there = np.zeros(last - first + 1, np.bool_)
     there[occupied - first] = True
-    hits = [np.count_nonzero(there[(-first) % step :: step]) for step in range(FINEST, COARSEST + 1)]
-    for step in FLOAT32_STEPS_US:
+    hits = np.empty(len(STEPS), np.int64)
+    count_hits(there, first, FINEST, hits[: len(_WHOLE)])
+    for i, step in enumerate(FLOAT32_STEPS_US, len(_WHOLE)):
         begin, upto = _numbers(first, last, step)
         ticks = np.rint(np.arange(begin, upto + 1) * step).astype(np.int64) - first
-        hits.append(np.count_nonzero(there[np.clip(ticks, 0, last - first)]))
-    return np.array(hits)
+        hits[i] = np.count_nonzero(there[np.clip(ticks, 0, last - first)])
+    return hits
 
 
 def _hits_by_stamp(occupied: Int64) -> Int64:
