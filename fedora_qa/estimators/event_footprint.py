@@ -36,6 +36,9 @@ class Taps:
     weights: Float64
 
 
+_TAPS = "even", "sharp", "split"
+
+
 @dataclass(frozen=True, slots=True)
 class Axis:
     """What the m pixels of the event camera take of the frame along one axis.
@@ -54,6 +57,24 @@ class Axis:
     sharp: Taps
     split: Taps
     inside: NDArray[np.bool_]
+
+    def packed(self) -> NDArray[np.void]:
+        """Return all of it as one array (m,): a record for each pixel."""
+        columns: list[tuple[str, NDArray[Any]]] = [("inside", self.inside)]
+        for name in _TAPS:
+            taps = getattr(self, name)
+            columns += [(f"{name}_first", taps.first), (name, taps.weights)]
+        table = np.empty(len(self.inside), [(name, column.dtype, column.shape[1:]) for name, column in columns])
+        for name, column in columns:
+            table[name] = column
+        return table
+
+    @staticmethod
+    def unpacked(table: NDArray[np.void]) -> "Axis":
+        """Return the axis that was ``packed``."""
+        own = {name: np.ascontiguousarray(table[name]) for name in table.dtype.names or ()}
+        even, sharp, split = (Taps(own[f"{name}_first"], own[name]) for name in _TAPS)
+        return Axis(even, sharp, split, own["inside"])
 
     @property
     def weighted(self) -> tuple[Weighted32, Weighted32, Weighted32]:
@@ -116,9 +137,19 @@ def footprints(
 ) -> Footprints:
     """Return the footprints of the event camera's pixels; shapes are (rows, columns), K (3, 3) without skew."""
     return Footprints(
-        _axis(K_frame[1, 1:], K_event[1, 1:], shape_frame[0], shape_event[0]),
-        _axis(K_frame[0, [0, 2]], K_event[0, [0, 2]], shape_frame[1], shape_event[1]),
+        row_axis(K_frame, shape_frame[0], K_event, shape_event[0]),
+        column_axis(K_frame, shape_frame[1], K_event, shape_event[1]),
     )
+
+
+def row_axis(K_frame: Float64, height_frame: int, K_event: Float64, height_event: int) -> Axis:
+    """Return what the rows of the event camera take of the rows of the frame."""
+    return _axis(K_frame[1, 1:], K_event[1, 1:], height_frame, height_event)
+
+
+def column_axis(K_frame: Float64, width_frame: int, K_event: Float64, width_event: int) -> Axis:
+    """Return what the columns of the event camera take of the columns of the frame."""
+    return _axis(K_frame[0, [0, 2]], K_event[0, [0, 2]], width_frame, width_event)
 
 
 def _axis(frame: Float64, event: Float64, size_frame: int, size_event: int) -> Axis:

@@ -1,8 +1,9 @@
 """What the checks of events share of a window: events that lie on the sensor, and frames as its pixels see them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.intermediates import clipped, luma_dn
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.event_footprint import Footprints, footprints
+from fedora_qa.estimators.event_footprint import Axis, Footprints, column_axis, row_axis
 from fedora_qa.estimators.event_kernels import count_between_frames
 from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
@@ -140,6 +141,20 @@ def seen_frames(window: Window) -> SeenFrames:
     return window.once("seen_frames", lambda: _seen_frames(window))
 
 
+def seen_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
+    """Return the footprints of the event camera's pixels in frames of a shape (rows, columns): those of a file."""
+    cameras, (height, width) = window.facts.declared.cameras, sensor_shape(window.facts.declared)
+    K_frame, K_event = cameras["rgb"].K, cameras["events"].K
+    return Footprints(
+        _kept(window, "footprint_rows", lambda: row_axis(K_frame, shape_frame[0], K_event, height)),
+        _kept(window, "footprint_columns", lambda: column_axis(K_frame, shape_frame[1], K_event, width)),
+    )
+
+
+def _kept(window: Window, name: str, compute: Callable[[], Axis]) -> Axis:
+    return Axis.unpacked(window.of_image(name, 0, lambda: compute().packed()))
+
+
 def intervals_due(window: Window, seen: SeenFrames, a_window: int) -> int:
     """Return how many intervals of two frames or more are due, where so many are of a window of the usual length.
 
@@ -257,18 +272,6 @@ def _as_seen(window: Window, frame: int) -> NDArray[np.float32]:
     declared = window.facts.declared
     luma, lost = luma_dn(window, frame), clipped(window, frame)
     sharp, even, error = seen = np.empty((3, *sensor_shape(declared)), np.float32)
-    prints = _footprints(window, (luma.shape[0], luma.shape[1]))
+    prints = seen_footprints(window, (luma.shape[0], luma.shape[1]))
     prints.see(luma, lost, ROUNDING_DN[declared.transfer], sharp=sharp, even=even, error=error)
     return seen
-
-
-def _footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
-    """Return the footprints of the event camera's pixels: those of a file, kept in a box beside what images are."""
-    cameras, shape = window.facts.declared.cameras, sensor_shape(window.facts.declared)
-
-    def boxed() -> NDArray[np.object_]:
-        box = np.empty((), object)
-        box[()] = footprints(cameras["rgb"].K, shape_frame, cameras["events"].K, shape)
-        return box
-
-    return cast(Footprints, window.of_image("footprints", 0, boxed).item())

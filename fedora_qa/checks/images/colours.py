@@ -12,15 +12,15 @@ from fedora_qa.checks.events.rows import local_tick_ns
 from fedora_qa.checks.events.view import (
     ROUNDING_DN,
     SeenFrames,
+    pixel_events,
+    seen_footprints,
     seen_frames,
-    sensor_events,
-    sensor_shape,
     why_frames_and_events_do_not_meet,
 )
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.event_footprint import Footprints, footprints
-from fedora_qa.estimators.event_levels import LevelPairs, find_level_pairs
+from fedora_qa.estimators.event_level_kernels import mark_usable
+from fedora_qa.estimators.event_levels import LevelPairs, level_pairs
 from fedora_qa.estimators.image_levels import (
     ColourBlocks,
     ColourFit,
@@ -109,14 +109,15 @@ def _colour_sums(window: Window) -> ColourSums | None:
 
 
 def _level_pairs(window: Window, seen: SeenFrames, declared: EventModel) -> LevelPairs:
-    events = sensor_events(window)
     refractory_ns = int(2 * declared.refractory_us * NS_PER_US)
-    pairs = find_level_pairs(
-        events.x, events.y, events.times_ns, events.p, seen.times_ns, _usable(window, seen, declared),
+    pairs = level_pairs(
+        pixel_events(window),
+        seen.times_ns,
+        _usable(window, seen, declared),
         longest_gap_ns=LONGEST_GAP_NS,
         least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else refractory_ns,
         off_over_on=declared.threshold_off / declared.threshold_on,
-    ).tightest(ENOUGH_PAIRS)  # fmt: skip
+    ).tightest(ENOUGH_PAIRS)
     # Leak gives brighter events that the level does not rise by.
     elapsed_s = (seen.times_ns[pairs.later] - seen.times_ns[pairs.earlier]) / NS_PER_S
     pairs.regressors[:, 0] -= declared.leak_rate_hz * elapsed_s
@@ -130,9 +131,9 @@ def _usable(window: Window, seen: SeenFrames, declared: EventModel) -> NDArray[n
         sigma_dn = 2 * ROUNDING_DN[window.facts.declared.transfer] / np.sqrt(12.0)
         contrast = ROUNDING_SHARE * min(declared.threshold_on, declared.threshold_off)
         least_dn = max(sigma_dn / contrast - declared.log_eps_dn, _DARKEST_DN)
-    usable: NDArray[np.bool_] = seen.even_dn >= least_dn
-    for frame in range(len(usable)):  # one at a time: they are large
-        usable[frame] &= np.isfinite(seen.error_dn[frame])
+    usable: NDArray[np.bool_] = np.empty(seen.even_dn.shape, np.bool_)
+    for frame, marked in enumerate(usable):
+        mark_usable(seen.even_dn[frame], seen.even_dn[frame], seen.error_dn[frame], least_dn, marked)
     for column, row in declared.hot_pixels:
         if 0 <= row < usable.shape[1] and 0 <= column < usable.shape[2]:
             usable[:, row, column] = False
@@ -141,16 +142,14 @@ def _usable(window: Window, seen: SeenFrames, declared: EventModel) -> NDArray[n
 
 def _colours(window: Window, seen: SeenFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
     """Return linear R, G, B (m, 3) of each pair's pixel at its earlier and its later frame, in DN."""
-    cameras, shape = window.facts.declared.cameras, sensor_shape(window.facts.declared)
     linear_dn = to_linear(np.arange(256.0), window.facts.declared.transfer)
     earlier, later = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
-    prints: Footprints | None = None
     for i, frame in enumerate(seen.frames):
         at_start, at_end = pairs.earlier == i, pairs.later == i
         if not (at_start.any() or at_end.any()):
             continue
         rgb = window.rgb(int(frame))
-        prints = prints or footprints(cameras["rgb"].K, (rgb.shape[0], rgb.shape[1]), cameras["events"].K, shape)
+        prints = seen_footprints(window, (rgb.shape[0], rgb.shape[1]))
         earlier[at_start] = sharp_colours(prints, rgb, linear_dn, pairs.pixels[at_start])
         later[at_end] = sharp_colours(prints, rgb, linear_dn, pairs.pixels[at_end])
     return earlier, later
