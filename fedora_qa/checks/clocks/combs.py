@@ -42,9 +42,9 @@ def comb_of(window: Window) -> Comb | None:
     facts, span = window.facts, window.span
     tick_us = declared_tick_us(facts)
     times_ns = window.events(0, 0).times_ns
-    within = times_ns[(times_ns >= span.start_ns) & (times_ns < span.stop_ns)]
-    stamps = np.sort(within // NS_PER_US + round(facts.origin_us)) // tick_us
-    counts = comb_counts(stamps)
+    within = times_ns[slice(*np.searchsorted(times_ns, [span.start_ns, span.stop_ns]))]
+    stamps = within // NS_PER_US + round(facts.origin_us)
+    counts = comb_counts(stamps if tick_us == 1 else stamps // tick_us)
     deviates = counts.deviates()
     if not deviates.max() > 0:
         return None
