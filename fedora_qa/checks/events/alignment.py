@@ -12,6 +12,7 @@ from fedora_qa.checks.events.tiles import tile_around
 from fedora_qa.checks.events.view import (
     events_before,
     intervals_due,
+    is_large,
     seen_frames,
     seen_signal,
     sensor_shape,
@@ -31,6 +32,10 @@ Float64 = NDArray[np.float64]
 
 INTERVALS: Final = 3
 """Frame intervals of 0.2 s that are correlated, evenly spread over a window."""
+
+OF_LARGE: Final = 2
+"""As many of large sensors: each is known by as many more edges, and what events leave open of it hardly changes from
+one to the next. Of 1 s at 640x480 limits grow by 2 to 5%, by sqrt(3 / 2) where the spread of intervals counts."""
 
 LEAST_CORRELATION: Final = 0.1
 """Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
@@ -95,7 +100,8 @@ class Alignment(WindowCheck[Correlations]):
     How
     ---
     The change of the signal between two frames is cross-correlated with the signed events in between, over shifts of up
-    to eight pixels; the peak of the sum over three intervals each 0.2 s is found to a fraction of a pixel by parabolas.
+    to eight pixels; the peak of the sum over three intervals each 0.2 s, two of large sensors, is found to a fraction of
+    a pixel by parabolas.
     Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2 pixels.
     A pixel whose brightness has turned fires late: it must first come back through both thresholds. Such hysteresis
     drags events behind the motion, so pixels whose events change sign within the interval or since the one before are
@@ -136,7 +142,7 @@ class Alignment(WindowCheck[Correlations]):
         seen, declared = seen_frames(window), window.facts.declared.events
         if declared is None or len(seen) < 2:
             return None
-        wanted, last = intervals_due(window, seen, INTERVALS), len(seen) - 2
+        wanted, last = intervals_due(window, seen, OF_LARGE if is_large(window) else INTERVALS), len(seen) - 2
         if wanted <= 0:
             return None
         # What came before the first interval is asked only where there is no other.

@@ -30,6 +30,9 @@ ROUNDING_DN: Final = {"linear": 0.5, "srgb": 0.5 * 2.4 / 1.055, "gamma2.2": 0.5 
 WINDOW_NS: Final = NS_PER_S // 5
 """The usual window; those of large images are shorter."""
 
+LARGE_PX: Final = 220_000
+"""Sensors with more pixels than that of 540x405 are large: they tell more of the whole than is needed."""
+
 CENTRES_AGREE_M: Final = 1e-6
 AXES_AGREE: Final = 1e-6
 
@@ -90,6 +93,12 @@ def sensor_shape(declared: Declared) -> tuple[int, int]:
     """Return rows and columns of the event camera."""
     camera = declared.cameras["events"]
     return camera.height, camera.width
+
+
+def is_large(window: Window) -> bool:
+    """Whether checks may look at less of the event camera than all, as it is large; not where all is asked for."""
+    height, width = sensor_shape(window.facts.declared)
+    return height * width > LARGE_PX and window.sampling.tile_share < 1
 
 
 def _on_sensor(events: Events, declared: Declared) -> Events:
