@@ -203,3 +203,52 @@ def solve(matrix: Float64, vector: Float64, theta: Float64) -> bool:
             theta[i] -= left[i, j] * theta[j]
         theta[i] /= left[i, i]
     return True
+
+
+@njit(cache=True)
+def huber(X: Float64, y: Float64, tuning: float, iterations: int, weights: Float64) -> bool:
+    """Write the weights (m,) of Huber's M-estimate of y (m,) on X (m, k), by iterated least squares.
+
+    Beyond ``tuning`` standard deviations residuals weigh less; the scale is from their median absolute value. Return
+    False where equations are singular: weights are then worth nothing.
+    """
+    parameters, middle = X.shape[1], len(y) // 2
+    matrix, vector, theta = np.empty((parameters, parameters)), np.empty(parameters), np.empty(parameters)
+    residual = np.empty(len(y))
+    weights[:] = 1.0
+    for _ in range(iterations):
+        weigh(X, y, weights, matrix, vector)
+        if not solve(matrix, vector, theta):
+            return False
+        residuals(X, y, theta, residual)
+        scale = 1.4826 * _median(residual.copy(), middle)
+        if scale == 0.0:
+            return True
+        for i in range(len(y)):
+            weights[i] = min(1.0, tuning * scale / max(residual[i], 1e-300))
+    return True
+
+
+@njit(cache=True)
+def _median(values: Float64, middle: int) -> float:
+    """Return the median of values (m,), whose order is lost: parted at the middle (Hoare 1961)."""
+    left, right = 0, len(values) - 1
+    while left < right:
+        pivot, i, j = values[(left + right) // 2], left, right
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        if middle <= j:
+            right = j
+        elif middle >= i:
+            left = i
+        else:
+            break
+    if len(values) % 2:
+        return float(values[middle])
+    return 0.5 * float(np.max(values[:middle]) + values[middle])

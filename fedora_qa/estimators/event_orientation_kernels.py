@@ -42,19 +42,32 @@ def mean_event_blocks(
     _, height, width = counts.shape
     rows, columns = upright.shape
     top, left = (height - rows * side) // 2, (width - columns * side) // 2
-    exchanged = min((width - top) // side, rows)
-    steps = np.empty(width)
+    brighter, darker = step_on / side**2, step_off / side**2
+    # Steps of successive rows: of a row of blocks as they lie, and of a column of blocks once axes are exchanged.
+    band, other_band = np.zeros(width), np.zeros(width)
     for y in range(height):
         off, on = counts[0, y], counts[1, y]
         for x in range(width):
-            steps[x] = (step_on * on[x] - step_off * off[x]) / side**2
-        if 0 <= y - top < rows * side:
-            _add_line(steps, left, side, upright[(y - top) // side])
-        if 0 <= y - left < columns * side:
-            column = swapped[:, (y - left) // side]
-            _add_line(steps, top, side, column[:exchanged])
-            for x in range(top + exchanged * side, min(width, top + rows * side)):
-                column[exchanged] += steps[x]
+            step = brighter * on[x] - darker * off[x]
+            band[x] += step
+            other_band[x] += step
+        if (y + 1 - top) % side == 0:
+            if 0 <= y - top < rows * side:
+                _add_line(band, left, side, upright[(y - top) // side])
+            band[:] = 0.0
+        if (y + 1 - left) % side == 0 or y + 1 == height:
+            if 0 <= y - left < columns * side:
+                _add_column(other_band, top, side, swapped[:, (y - left) // side])
+            other_band[:] = 0.0
+
+
+@njit(cache=True)
+def _add_column(steps: Float64, first: int, side: int, blocks: Float64) -> None:
+    """Add the steps of a line of pixels to successive blocks as far as it reaches: the last may be cut."""
+    whole = min((len(steps) - first) // side, len(blocks))
+    _add_line(steps, first, side, blocks[:whole])
+    for x in range(first + whole * side, min(len(steps), first + len(blocks) * side)):
+        blocks[whole] += steps[x]
 
 
 @njit(cache=True)

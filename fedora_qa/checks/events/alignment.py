@@ -100,8 +100,8 @@ class Alignment(WindowCheck[Correlations]):
     How
     ---
     The change of the signal between two frames is cross-correlated with the signed events in between, over shifts of up
-    to eight pixels; the peak of the sum over three intervals each 0.2 s, two of large sensors, is found to a fraction of
-    a pixel by parabolas.
+    to eight pixels; the peak of the sum over three intervals each 0.2 s (two of large sensors) is found to a fraction
+    of a pixel by parabolas.
     Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2 pixels.
     A pixel whose brightness has turned fires late: it must first come back through both thresholds. Such hysteresis
     drags events behind the motion, so pixels whose events change sign within the interval or since the one before are

@@ -10,9 +10,9 @@ from fedora_qa.checks.events.view import (
     SeenFrames,
     all_events,
     seen_frames,
-    seen_signal,
     sensor_events,
     sensor_shape,
+    signal_of,
 )
 from fedora_qa.estimators.event_orientation import (
     Moments,
@@ -69,7 +69,6 @@ def _block_moments(window: Window) -> BlockMoments | None:
 
 def _level_blocks(window: Window, seen: SeenFrames, i: int, declared: EventModel) -> NDArray[np.float64]:
     def means() -> NDArray[np.float64]:
-        levels, lit = seen_signal(window, declared)
-        return level_blocks(levels[i], lit[i])
+        return level_blocks(*signal_of(seen, i, declared))
 
     return window.of_image("level_blocks", int(seen.frames[i]), means)

@@ -195,16 +195,20 @@ def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float3
 
 def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return the signal of the declared model (n, h, w), and where it is lit: known to better than half of itself."""
-    lit = np.empty(seen.even_dn.shape, np.bool_)
-    for frame, known in enumerate(lit):
-        np.greater(seen.even_dn[frame], 2 * seen.error_dn[frame], out=known)
-    if declared.model == "linear":
-        return seen.even_dn, lit
-    levels = np.empty(seen.even_dn.shape, np.float32)
-    for frame, level in enumerate(levels):
-        np.add(seen.even_dn[frame], declared.log_eps_dn, out=level)
-        np.log(np.maximum(level, 1e-3, out=level), out=level)
+    levels, lit = np.empty(seen.even_dn.shape, np.float32), np.empty(seen.even_dn.shape, np.bool_)
+    for frame in range(len(seen)):
+        levels[frame], lit[frame] = signal_of(seen, frame, declared)
     return levels, lit
+
+
+def signal_of(seen: SeenFrames, frame: int, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return ``signal`` of one frame (h, w)."""
+    even_dn = seen.even_dn[frame]
+    lit = np.greater(even_dn, 2 * seen.error_dn[frame])
+    if declared.model == "linear":
+        return even_dn, lit
+    level = even_dn + np.float32(declared.log_eps_dn)
+    return np.log(np.maximum(level, np.float32(1e-3), out=level), out=level), lit
 
 
 def why_frames_and_events_do_not_meet(facts: Facts) -> str:
