@@ -13,9 +13,6 @@ Weighted = tuple[NDArray[np.int64], Float64]
 """First pixel (m,) and weights (m, k) of the pixels from there."""
 Weighted32 = tuple[NDArray[np.int64], Float32]
 
-_TOGETHER = 4
-"""Rows of the event camera whose columns are added at once: rows have vectors of the processor, columns have not."""
-
 
 @njit(cache=True)
 def average_taps(image: NDArray[Any], rows: Weighted, columns: Weighted, means: Float64) -> None:
@@ -39,58 +36,44 @@ def see_frame(
     even_means: Float32,
     errors: Float32,
 ) -> None:
-    """Write what ``Footprints.see`` says, so few rows at a time that all but the frame stays in the cache.
+    """Write what ``Footprints.see`` says, row by row, so that all but the frame itself stays in the cache.
 
     ``rows`` and ``columns`` weigh frame pixels: even, sharp and split.
     """
-    width, (height, seen_width) = luma.shape[1], errors.shape
+    width = luma.shape[1]
     even_rows, sharp_rows, split_rows = rows
     even_columns, sharp_columns, split_columns = columns
     lost_rows = _rows_with(lost)
-    beyond = np.empty(seen_width, np.float32)
-    for column in range(seen_width):
+    beyond = np.empty(len(inside_columns), np.float32)
+    for column in range(len(beyond)):
         beyond[column] = rounding if inside_columns[column] else np.inf
-    lines = np.zeros((4, _TOGETHER, width), np.float32)
-    sharp, even, whole, split = lines[0], lines[1], lines[2], lines[3]
-    one, other = np.empty(_TOGETHER * width, np.float32), np.empty(_TOGETHER * width, np.float32)
-    means = np.empty(_TOGETHER * seen_width, np.float32)
+    sharp, even, whole, split = (np.empty(width, np.float32), np.empty(width, np.float32),
+                                 np.empty(width, np.float32), np.empty(width, np.float32))  # fmt: skip
     taps = even_rows[1].shape[1]
     # Of the contrast the last rows are kept: neighbouring footprints share one of them.
     contrast, known = np.empty((taps, width), np.float32), np.full(taps, -1)
     high, low, touched = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.bool_)
-    for top in range(0, height, _TOGETHER):
-        stop = min(top + _TOGETHER, height)
-        for row in range(top, stop):
-            line = row - top
-            _add_rows32(luma, sharp_rows[0][row], sharp_rows[1][row], sharp[line])
-            first, weights = even_rows[0][row], even_rows[1][row]
-            _add_rows32(luma, first, weights, even[line])
-            whole[line, :], split[line, :] = 0.0, 0.0
-            for i in range(taps):
-                kept = (first + i) % taps
-                if known[kept] != first + i:
-                    _contrast_of_row(luma, first + i, high, low, contrast[kept])
-                    known[kept] = first + i
-                _add_both(contrast[kept], weights[i], split_rows[1][row, i], whole[line], split[line])
-        _interleave(sharp, one)
-        _add_columns_together(one, sharp_columns[0], sharp_columns[1], means)
-        _part(means, sharp_means[top:stop])
-        _interleave(even, one)
-        _add_columns_together(one, even_columns[0], even_columns[1], means)
-        _part(means, even_means[top:stop])
-        _interleave(whole, one)
-        _interleave(split, other)
-        _add_bounds_together(one, other, even_columns, split_columns[1], means)
-        _part(means, errors[top:stop])
-        for row in range(top, stop):
-            error = errors[row]
-            if inside_rows[row]:
-                for column in range(seen_width):
-                    error[column] += beyond[column]
-            else:
-                error[:] = np.inf
-            if _mark_rows(lost, lost_rows, even_rows[0][row], even_rows[1][row], touched):
-                _lose_columns(touched, even_columns[0], even_columns[1], error)
+    for row in range(len(errors)):
+        _add_rows32(luma, sharp_rows[0][row], sharp_rows[1][row], sharp)
+        _add_columns32(sharp, sharp_columns[0], sharp_columns[1], sharp_means[row])
+        first, weights = even_rows[0][row], even_rows[1][row]
+        _add_rows32(luma, first, weights, even)
+        whole[:], split[:] = 0.0, 0.0
+        for i in range(taps):
+            kept = (first + i) % taps
+            if known[kept] != first + i:
+                _contrast_of_row(luma, first + i, high, low, contrast[kept])
+                known[kept] = first + i
+            _add_both(contrast[kept], weights[i], split_rows[1][row, i], whole, split)
+        error = errors[row]
+        _add_even_columns(even, whole, split, even_columns, split_columns[1], even_means[row], error)
+        if inside_rows[row]:
+            for column in range(len(error)):
+                error[column] += beyond[column]
+        else:
+            error[:] = np.inf
+        if _mark_rows(lost, lost_rows, first, weights, touched):
+            _lose_columns(touched, even_columns[0], even_columns[1], error)
 
 
 @njit(cache=True)
@@ -130,61 +113,34 @@ def _add_columns(line: Float64, first: NDArray[np.int64], weights: Float64, mean
         means[column] = total
 
 
-@njit(cache=True)
-def _interleave(lines: Float32, together: Float32) -> None:
-    """Write pixel by pixel what lines (4, w) hold, (4 w,)."""
-    a, b, c, d = lines[0], lines[1], lines[2], lines[3]
-    for column in range(lines.shape[1]):
-        to = np.uint64(_TOGETHER) * np.uint64(column)
-        together[to], together[to + np.uint64(1)] = a[column], b[column]
-        together[to + np.uint64(2)], together[to + np.uint64(3)] = c[column], d[column]
-
-
-@njit(cache=True)
-def _part(together: Float32, lines: Float32) -> None:
-    """Write to lines (n, w), four or fewer, what lies together (4 w,)."""
-    for line in range(len(lines)):
-        to = lines[line]
-        for column in range(len(to)):
-            to[column] = together[np.uint64(_TOGETHER) * np.uint64(column) + np.uint64(line)]
-
-
-@njit(cache=True, fastmath={"contract"})
-def _add_columns_together(lines: Float32, first: NDArray[np.int64], weights: Float32, means: Float32) -> None:
-    """Write the weighted means (4 w,) of four lines at once: their pixels lie together, a vector for the processor."""
-    for column in range(len(first)):
-        # Unsigned: an index that may be negative costs a comparison each.
-        at = np.uint64(_TOGETHER) * np.uint64(first[column])
-        a, b, c, d = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _add_columns32(line: Float32, first: NDArray[np.int64], weights: Float32, means: Float32) -> None:
+    for column in range(len(means)):
+        at, total = np.uint64(first[column]), np.float32(0)
         for i in range(weights.shape[1]):
-            weight = weights[column, i]
-            a += weight * lines[at]
-            b += weight * lines[at + np.uint64(1)]
-            c += weight * lines[at + np.uint64(2)]
-            d += weight * lines[at + np.uint64(3)]
-            at += np.uint64(_TOGETHER)
-        to = np.uint64(_TOGETHER) * np.uint64(column)
-        means[to], means[to + np.uint64(1)], means[to + np.uint64(2)], means[to + np.uint64(3)] = a, b, c, d
+            total += weights[column, i] * line[at + np.uint64(i)]
+        means[column] = total
 
 
-@njit(cache=True, fastmath={"contract"})
-def _add_bounds_together(
-    whole: Float32, split: Float32, columns: Weighted32, split_weights: Float32, bounds: Float32
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _add_even_columns(
+    even: Float32,
+    whole: Float32,
+    split: Float32,
+    even_columns: Weighted32,
+    split_weights: Float32,
+    means: Float32,
+    bounds: Float32,
 ) -> None:
-    """Write the means of ``whole`` less those of ``split`` by its own weights, of four lines at once."""
-    first, weights = columns
-    for column in range(len(first)):
-        at = np.uint64(_TOGETHER) * np.uint64(first[column])
-        a, b, c, d = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+    """Write the means of ``even``, and those of ``whole`` less those of ``split`` by its own weights."""
+    first, weights = even_columns
+    for column in range(len(means)):
+        at, mean, bound = np.uint64(first[column]), np.float32(0), np.float32(0)
         for i in range(weights.shape[1]):
-            weight, other = weights[column, i], split_weights[column, i]
-            a += weight * whole[at] - other * split[at]
-            b += weight * whole[at + np.uint64(1)] - other * split[at + np.uint64(1)]
-            c += weight * whole[at + np.uint64(2)] - other * split[at + np.uint64(2)]
-            d += weight * whole[at + np.uint64(3)] - other * split[at + np.uint64(3)]
-            at += np.uint64(_TOGETHER)
-        to = np.uint64(_TOGETHER) * np.uint64(column)
-        bounds[to], bounds[to + np.uint64(1)], bounds[to + np.uint64(2)], bounds[to + np.uint64(3)] = a, b, c, d
+            pixel, weight = at + np.uint64(i), weights[column, i]
+            mean += weight * even[pixel]
+            bound += weight * whole[pixel] - split_weights[column, i] * split[pixel]
+        means[column], bounds[column] = mean, bound
 
 
 @njit(cache=True)
