@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.event_level_kernels import huber, residuals, sample_levels, solve, sum_blocks, weigh
-from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
+from fedora_qa.estimators.event_pixels import PixelEvents
 
 Float64 = NDArray[np.float64]
 
@@ -94,30 +94,6 @@ class LevelPairs:
         """Return what ``images`` (n, h, w) hold at the earlier and at the later sample, (2, m)."""
         flat = images.reshape(len(images), -1)
         return np.array([flat[self.earlier, self.pixels], flat[self.later, self.pixels]], dtype=np.float64)
-
-
-def find_level_pairs(
-    x: NDArray[np.uint16],
-    y: NDArray[np.uint16],
-    times_ns: NDArray[np.int64],
-    p: NDArray[np.uint8],
-    frame_times_ns: NDArray[np.int64],
-    usable: NDArray[np.bool_],
-    *,
-    longest_gap_ns: int,
-    least_gap_ns: int = 1,
-    off_over_on: float = 1.0,
-) -> LevelPairs:
-    """Return ``level_pairs`` of events as columns in the order of time."""
-    events = by_pixel(x, y, times_ns, p, (usable.shape[1], usable.shape[2]))
-    return level_pairs(
-        events,
-        frame_times_ns,
-        usable,
-        longest_gap_ns=longest_gap_ns,
-        least_gap_ns=least_gap_ns,
-        off_over_on=off_over_on,
-    )
 
 
 def level_pairs(

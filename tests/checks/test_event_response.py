@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fedora_qa.checks.events import alignment
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Diagnosis, Measurement, Result
 from tests.checks.event_file import (
@@ -374,3 +375,17 @@ def test_saturated_frames_tell_nothing(path: Path) -> None:
     white = frames(lambda images: np.full((len(images), *FRAME_SHAPE, 3), 255, np.uint8))
     white(log_file()).write(path)
     assert set(outcomes(path).values()) == {"not_observable"}
+
+
+@pytest.mark.parametrize(("large", "intervals"), [(False, 12), (True, 8)])
+def test_fewer_intervals_of_large_sensors_place_events(
+    path: Path, monkeypatch: pytest.MonkeyPatch, large: bool, intervals: int
+) -> None:
+    """Two intervals each 0.2 s in place of three; events that lie three pixels too low are placed by both."""
+    monkeypatch.setattr(alignment, "is_large", lambda _: large)
+    file = log_file()
+    file.altered(events=moved_down(file.events)).write(path)
+    result = run_check(path, "event_response.alignment")
+    assert result.coverage is not None
+    assert result.coverage.seen == intervals
+    assert measured(result, "shift_down").value == pytest.approx(3.0, abs=0.3)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_footprint import LEFT_BY_SHARP, footprints
+from fedora_qa.estimators.event_footprint import LEFT_BY_SHARP, Axis, footprints
 from tests.estimators.event_world import Waves, camera_matrix
 
 FINE = 4  # steps of a frame pixel: 9 fine pixels make an event pixel at the ratio of 9/4
@@ -29,6 +29,16 @@ def test_averages_of_a_plane_are_exact() -> None:
     assert np.all(np.abs(PRINTS.average(3.0 + 2 * columns - 5 * rows) - expected) < 3.5)
     assert np.allclose(PRINTS.average(np.full(FRAME, 7.0)), 7.0)
     assert PRINTS.inside.all()
+
+
+def test_what_is_packed_is_unpacked() -> None:
+    """An axis as one array, and back: the same weights, for the same pixels."""
+    for axis in (PRINTS.rows, PRINTS.columns):
+        again = Axis.unpacked(axis.packed())
+        assert np.array_equal(again.inside, axis.inside)
+        for name in ("even", "sharp", "split"):
+            assert np.array_equal(getattr(again, name).first, getattr(axis, name).first)
+            assert np.array_equal(getattr(again, name).weights, getattr(axis, name).weights)
 
 
 def test_even_average_is_that_of_even_pixels() -> None:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fedora_qa.estimators import event_levels
 from fedora_qa.estimators.event_fit import ResponseFit, fit_response
 from fedora_qa.estimators.event_level_kernels import solve
 from fedora_qa.estimators.event_levels import (
@@ -15,10 +16,11 @@ from fedora_qa.estimators.event_levels import (
     NormalBlocks,
     accumulate,
     concatenate,
-    find_level_pairs,
     huber_weights,
+    level_pairs,
     sureness,
 )
+from fedora_qa.estimators.event_pixels import by_pixel
 from tests.estimators.event_world import MS, Stream, Waves, log_events
 
 SHAPE = (40, 56)
@@ -33,10 +35,9 @@ def events() -> Stream:
 
 
 def pairs_of(events: Stream, **options: int) -> LevelPairs:
-    return find_level_pairs(
-        events.x, events.y, events.times_ns, events.p, FRAMES_NS, np.ones(LEVELS.shape, np.bool_),
-        **{"longest_gap_ns": 20 * MS, "off_over_on": 4 / 3, **options},
-    )  # fmt: skip
+    by = by_pixel(events.x, events.y, events.times_ns, events.p, SHAPE)
+    usable = np.ones(LEVELS.shape, np.bool_)
+    return level_pairs(by, FRAMES_NS, usable, **{"longest_gap_ns": 20 * MS, "off_over_on": 4 / 3, **options})
 
 
 def blocks_of(pairs: LevelPairs) -> NormalBlocks:
@@ -67,10 +68,9 @@ def test_steady_ramp_is_read_exactly() -> None:
     """A level that rises by 0.2 every 5 ms is known at frame times to a fraction of the threshold."""
     times_ns = np.arange(3, 100, 5) * MS
     count = len(times_ns)
-    pairs = find_level_pairs(
-        np.zeros(count, np.uint16), np.zeros(count, np.uint16), times_ns, np.ones(count, np.uint8),
-        np.arange(0, 81, 20) * MS, np.ones((5, 1, 1), np.bool_), longest_gap_ns=20 * MS,
-    )  # fmt: skip
+    zeros = np.zeros(count, np.uint16)
+    events = by_pixel(zeros, zeros, times_ns, np.ones(count, np.uint8), (1, 1))
+    pairs = level_pairs(events, np.arange(0, 81, 20) * MS, np.ones((5, 1, 1), np.bool_), longest_gap_ns=20 * MS)
     assert pairs.earlier.tolist() == [1, 2, 3]
     assert np.allclose(pairs.regressors, [[4.0, 0.0, 0.0, 0.0]] * 3, atol=1e-9)
     assert np.allclose(pairs.gaps_s, 0.005)
@@ -117,9 +117,8 @@ def test_unusable_pixels_give_no_sample(events: Stream) -> None:
     """Pixels that are masked never appear."""
     usable = np.ones(LEVELS.shape, np.bool_)
     usable[:, :, ::2] = False
-    pairs = find_level_pairs(
-        events.x, events.y, events.times_ns, events.p, FRAMES_NS, usable, longest_gap_ns=20 * MS
-    )  # fmt: skip
+    by = by_pixel(events.x, events.y, events.times_ns, events.p, SHAPE)
+    pairs = level_pairs(by, FRAMES_NS, usable, longest_gap_ns=20 * MS)
     assert len(pairs) > 100
     assert np.all(pairs.pixels % SHAPE[1] % 2 == 1)
 
@@ -219,6 +218,20 @@ def test_huber_weights_discount_outliers() -> None:
     plain = float(X[:, 0] @ y / (X[:, 0] @ X[:, 0])) - 1
     robust = float((weights * X[:, 0]) @ y / ((weights * X[:, 0]) @ X[:, 0])) - 1
     assert abs(robust) < abs(plain) / 10
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(4, 60), st.booleans())
+@settings(deadline=None)
+def test_few_rows_weigh_as_many_do(seed: int, rows: int, doubled: bool) -> None:
+    """The compiled loop gives what NumPy's partition does to the last bit; singular equations are left to LAPACK."""
+    rng = np.random.default_rng(seed)
+    X, y = rng.normal(0, 1, (rows, 3)), rng.standard_t(2, rows)
+    X[:, 2] = X[:, 1] if doubled else X[:, 2]
+    few = huber_weights(X, y)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(event_levels, "_FEW_ROWS", 0)
+        assert np.array_equal(few, huber_weights(X, y))
+    assert np.all((few > 0) & (few <= 1))
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7))

@@ -30,12 +30,8 @@ from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
 
-INTERVALS: Final = 3
-"""Frame intervals of 0.2 s that are correlated, evenly spread over a window."""
-
-OF_LARGE: Final = 2
-"""As many of large sensors: each is known by as many more edges, and what events leave open of it hardly changes from
-one to the next. Of 1 s at 640x480 limits grow by 2 to 5%, by sqrt(3 / 2) where the spread of intervals counts."""
+INTERVALS: Final = (3, 2)
+"""Frame intervals of 0.2 s that are correlated, evenly spread; of large sensors fewer: limits of 1 s grow by 2 to 5%."""
 
 LEAST_CORRELATION: Final = 0.1
 """Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
@@ -101,8 +97,7 @@ class Alignment(WindowCheck[Correlations]):
     ---
     The change of the signal between two frames is cross-correlated with the signed events in between, over shifts of up
     to eight pixels; the peak of the sum over three intervals each 0.2 s (two of large sensors) is found to a fraction
-    of a pixel by parabolas.
-    Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2 pixels.
+    of a pixel by parabolas. Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2 pixels.
     A pixel whose brightness has turned fires late: it must first come back through both thresholds. Such hysteresis
     drags events behind the motion, so pixels whose events change sign within the interval or since the one before are
     left out. Shift and delay are nearly one along the mean motion and are fitted alone, not jointly: a late stream
@@ -142,7 +137,7 @@ class Alignment(WindowCheck[Correlations]):
         seen, declared = seen_frames(window), window.facts.declared.events
         if declared is None or len(seen) < 2:
             return None
-        wanted, last = intervals_due(window, seen, OF_LARGE if is_large(window) else INTERVALS), len(seen) - 2
+        wanted, last = intervals_due(window, seen, INTERVALS[is_large(window)]), len(seen) - 2
         if wanted <= 0:
             return None
         # What came before the first interval is asked only where there is no other.
