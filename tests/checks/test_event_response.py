@@ -381,11 +381,11 @@ def test_saturated_frames_tell_nothing(path: Path) -> None:
 def test_fewer_intervals_of_large_sensors_place_events(
     path: Path, monkeypatch: pytest.MonkeyPatch, large: bool, intervals: int
 ) -> None:
-    """Two intervals each 0.2 s in place of three; events that lie three pixels too low are placed by both."""
+    """Two intervals each 0.2 s in place of three; both place events that lie three pixels too low, to one."""
     monkeypatch.setattr(alignment, "is_large", lambda _: large)
     file = log_file()
     file.altered(events=moved_down(file.events)).write(path)
     result = run_check(path, "event_response.alignment")
     assert result.coverage is not None
     assert result.coverage.seen == intervals
-    assert measured(result, "shift_down").value == pytest.approx(3.0, abs=0.3)
+    assert measured(result, "shift_down").value == pytest.approx(3.0, abs=1.0)

@@ -31,7 +31,7 @@ from fedora_qa.sequence.window import Window
 Float64 = NDArray[np.float64]
 
 INTERVALS: Final = (3, 2)
-"""Frame intervals of 0.2 s that are correlated, evenly spread; of large sensors fewer: limits of 1 s grow by 2 to 5%."""
+"""Frame intervals of 0.2 s that are correlated, evenly spread; fewer of large sensors: limits of 1 s grow 2 to 5%."""
 
 LEAST_CORRELATION: Final = 0.1
 """Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
