@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.comparison import is_noisy
-from fedora_qa.checks.flow.frames import Geometry, geometry_of, inverse_depth_of
+from fedora_qa.checks.flow.frames import Geometry, geometry_of
 from fedora_qa.checks.flow.intervals import Interval
 from fedora_qa.checks.flow.motions import DELAY_NS, motion_over
 from fedora_qa.estimators.flow_tile_kernels import mean_derivatives
@@ -36,9 +36,9 @@ def tile_templates(
     if geometry is None:
         return None
     motion = geometry.corrected
-    inverse_per_m = inverse_depth_of(window, geometry.frames[0])
+    depth_m = window.depth_m(geometry.frames[0])
     of_tiles = mean_derivatives(
-        inverse_per_m, origins, usable, _STRIDE_PX // 2, _STRIDE_PX, geometry.track.camera.K, motion.R, motion.t_m
+        depth_m, origins, usable, _STRIDE_PX // 2, _STRIDE_PX, geometry.track.camera.K, motion.R, motion.t_m
     )
     by_twist, by_focal, by_centre = of_tiles[..., :6], of_tiles[..., 6:7], of_tiles[..., 7:]
     twists = np.concatenate((by_mounting(motion), _by_time(window, interval, geometry), _ABOUT_OPTICAL_AXIS), axis=1)
