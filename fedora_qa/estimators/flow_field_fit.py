@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.few_groups import student_factor
+from fedora_qa.estimators.flow_field_kernels import normal_equations, robust_mean
 from fedora_qa.estimators.flow_motion_fit import Evidence
 from fedora_qa.estimators.tails import chi_squared_beyond
 
@@ -81,20 +82,17 @@ def fit_field(errors_px: Float64, covariances_px2: Float64, templates: Float64) 
 
     Tiles far from the mean are weighted down after Huber.
     """
-    information = np.linalg.inv(covariances_px2)
-    mean_px = np.median(errors_px, axis=0)
-    for _ in range(_ITERATIONS):
-        deviations = np.sqrt(np.einsum("ni,nij,nj->n", errors_px - mean_px, information, errors_px - mean_px))
-        weights = np.minimum(1.0, _HUBER / np.maximum(deviations, 1e-12))
-        matrix = np.einsum("n,nij->ij", weights, information)
-        mean_px = np.linalg.solve(matrix, np.einsum("n,nij,nj->i", weights, information, errors_px))
+    errors_px, covariances_px2 = np.ascontiguousarray(errors_px), np.ascontiguousarray(covariances_px2)
+    mean_px, matrix, information, deviations = robust_mean(errors_px, covariances_px2, _HUBER, _ITERATIONS)
+    weights = np.minimum(1.0, _HUBER / np.maximum(deviations, 1e-12))
     freedom = errors_px.size - len(mean_px)
+    evidence = normal_equations(errors_px, information, np.ascontiguousarray(templates))
     return FieldFit(
         mean_px=mean_px,
         mean_error_px=np.sqrt(np.diag(np.linalg.inv(matrix))),
         spread=float(weights @ deviations**2) / freedom,
         freedom=freedom,
-        evidence=_evidence(errors_px, information * weights[:, None, None], templates),
+        evidence=Evidence(*evidence, count=errors_px.size),
         deviations=deviations,
     )
 
@@ -147,12 +145,3 @@ def lock_in(total: Evidence, columns: slice) -> Float64:
     response = np.linalg.lstsq(matrix, total.matrix[columns, LOCKING], rcond=1e-12)[0]
     moved: Float64 = np.abs(response).sum(axis=1)
     return moved
-
-
-def _evidence(errors_px: Float64, information: Float64, templates: Float64) -> Evidence:
-    return Evidence(
-        matrix=np.einsum("nia,nij,njb->ab", templates, information, templates),
-        vector=np.einsum("nia,nij,nj->a", templates, information, errors_px),
-        total=float(np.einsum("ni,nij,nj->", errors_px, information, errors_px)),
-        count=errors_px.size,
-    )

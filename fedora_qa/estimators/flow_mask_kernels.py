@@ -108,17 +108,17 @@ def seen_again(
                     continue
                 if edges1[np.uint64(to_y + 0.5), np.uint64(to_x + 0.5)]:
                     continue
-                found, allowed = _between(inverse1, to_x, to_y), tolerance
+                found, allowed = between(inverse1, to_x, to_y), tolerance
                 if uncertainty_px > 0:
-                    across = abs(_between(inverse1, to_x + 1, to_y) - found)
-                    down = abs(_between(inverse1, to_x, to_y + 1) - found)
+                    across = abs(between(inverse1, to_x + 1, to_y) - found)
+                    down = abs(between(inverse1, to_x, to_y + 1) - found)
                     allowed += uncertainty_px * (across + down) / max(found, 1e-6)
                 of_row[k] = abs(found * ratio[k] - inverse) < allowed * inverse
     return seen
 
 
 @njit(cache=True)
-def _between(image: NDArray[np.float32], x: float, y: float) -> float:
+def between(image: NDArray[np.float32], x: float, y: float) -> float:
     """Return an image (H, W) bilinearly at a place; all beyond it is 0."""
     column, row = int(x), int(y)
     right, below = x - column, y - row

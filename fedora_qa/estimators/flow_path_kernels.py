@@ -17,8 +17,12 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-CELL_PX = 4
+_CELL_PX = 4
 """Step between the pixels whose targets are noted, and side of the cells that they are noted in."""
+
+_CELLS_DOUBLE = 4 * 220_000
+"""Pixels of a frame from which on cells are twice as wide: in the view they are no wider than those of 540x405, which
+tell its surfaces apart, and to note the targets takes a quarter of the time."""
 
 _OF_SECOND_DIFFERENCE = np.float32(0.25)
 """Twice the error of bilinear reading, which is an eighth of the second differences (Lagrange's remainder)."""
@@ -68,7 +72,7 @@ def step(
         Whether paths must keep away from breaks.
     """
     height, width = lines.shape[0], lines.shape[1] // 2
-    known, values = len(errors_px) > 0, lines.reshape(-1)
+    known, values, cell_px = len(errors_px) > 0, lines.reshape(-1), _cell_px(height, width)
     for i in range(len(x)):
         stays[i] = stays[i] and 0 <= x[i] < width - 1 and 0 <= y[i] < height - 1
         if not stays[i]:
@@ -91,7 +95,7 @@ def step(
         stays[i] = 0 <= x[i] < width - 1 and 0 <= y[i] < height - 1  # so it does not where flow is infinite
         clear[i] = clear[i] and stays[i]
         if clear[i] and len(spans):
-            clear[i] = not _is_crowded(spans, x[i], y[i], u, v, slope)
+            clear[i] = not _is_crowded(spans, cell_px, x[i], y[i], u, v, slope)
 
 
 @njit(cache=True)
@@ -214,21 +218,29 @@ def _between(
 
 
 @njit(cache=True)
+def _cell_px(height: int, width: int) -> int:
+    """Return the side of the cells of a frame."""
+    return _CELL_PX if height * width < _CELLS_DOUBLE else 2 * _CELL_PX
+
+
+@njit(cache=True)
 def spans_at_targets(lines: Float32) -> Float32:
     """Return the least and the largest flow (h, w, 4) that lead to each cell and those about it: u, -u, v, -v at least.
 
-    Of every fourth pixel of every fourth row; all are infinite in cells to which none leads.
+    Of every fourth pixel of every fourth row, or in large frames every eighth; all are infinite in cells to which none
+    leads.
     """
     height, width = lines.shape[0], lines.shape[1] // 2
-    spans = np.full((height // CELL_PX + 1, width // CELL_PX + 1, 4), np.inf, np.float32)
-    right, bottom = np.float32(width), np.float32(height)
-    for row in range(0, height, CELL_PX):
+    cell_px = _cell_px(height, width)
+    spans = np.full((height // cell_px + 1, width // cell_px + 1, 4), np.inf, np.float32)
+    right, bottom, cells = np.float32(width), np.float32(height), np.float32(1 / cell_px)  # exact, a power of two
+    for row in range(0, height, cell_px):
         line = lines[row]
-        for column in range(0, width, CELL_PX):
+        for column in range(0, width, cell_px):
             u, v = line[2 * column], line[2 * column + 1]
             x, y = np.float32(column) + u, np.float32(row) + v
             if 0 <= x < right and 0 <= y < bottom:  # so it is not where flow is NaN
-                span = spans[np.uint64(y) // np.uint64(CELL_PX), np.uint64(x) // np.uint64(CELL_PX)]
+                span = spans[np.uint64(y * cells), np.uint64(x * cells)]
                 span[0] = u if u < span[0] else span[0]
                 span[1] = -u if -u < span[1] else span[1]
                 span[2] = v if v < span[2] else span[2]
@@ -255,14 +267,14 @@ def _least_about(spans: Float32) -> Float32:
 
 
 @njit(cache=True)
-def _is_crowded(spans: Float32, x: float, y: float, u: float, v: float, slope: float) -> bool:
+def _is_crowded(spans: Float32, cell_px: int, x: float, y: float, u: float, v: float, slope: float) -> bool:
     """Whether points of another surface lead to the cells about a place to which one of flow (u, v) leads.
 
     Points of the same surface whose targets lie within two cells come from within two cells / (1 - slope), over which
     their flow changes by at most the slope times that.
     """
-    apart = 2 * CELL_PX * slope / max(1.0 - slope, 0.5) + _CROWDED_PX
-    span = spans[np.uint64(y) // np.uint64(CELL_PX), np.uint64(x) // np.uint64(CELL_PX)]
+    apart = 2 * cell_px * slope / max(1.0 - slope, 0.5) + _CROWDED_PX
+    span = spans[np.uint64(y) // np.uint64(cell_px), np.uint64(x) // np.uint64(cell_px)]
     return bool(span[0] < u - apart or -span[1] > u + apart or span[2] < v - apart or -span[3] > v + apart)
 
 

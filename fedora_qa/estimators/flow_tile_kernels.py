@@ -95,14 +95,14 @@ def _sine_of_turns(turns: float) -> float:
 
 @njit(cache=True)
 def mean_derivatives(
-    inverse_per_m: Float32, origins: Int64, usable: Mask, first: int, step: int, K: Float64, R: Float64, t_m: Float64
+    depth_m: Float32, origins: Int64, usable: Mask, first: int, step: int, K: Float64, R: Float64, t_m: Float64
 ) -> Float64:
     """Return the mean derivatives (n, 2, 9) of the flow of tiles: by twist, logarithm of the focal length, and centre.
 
     Of the rigid flow (``geometry.rigid_flow``) by the chain rule: px per rad, per metre, per unit of log f, and per px.
     Over the usable pixels (n, s, s) of each tile that have a depth, every ``step``-th of every ``step``-th row from
-    ``first`` on; ``inverse_per_m`` (H, W) is one over depth, ``origins`` (n, 2) are first columns and rows. 0 where
-    there is none, and of pixels that end behind the camera.
+    ``first`` on; ``depth_m`` is (H, W), ``origins`` (n, 2) are first columns and rows. 0 where there is none, and of
+    pixels that end behind the camera.
     """
     fx, fy, skew = K[0, 0], K[1, 1], K[0, 1]
     means = np.zeros((len(origins), 2, 9))
@@ -111,9 +111,10 @@ def mean_derivatives(
         for j in range(first, usable.shape[1], step):
             for k in range(first, usable.shape[2], step):
                 column, row = origins[i, 0] + k, origins[i, 1] + j
-                inverse = np.float64(inverse_per_m[row, column])
-                if not (usable[i, j, k] and inverse > 0):
+                depth = depth_m[row, column]
+                if not (usable[i, j, k] and 0 < depth < np.inf):
                     continue
+                inverse = np.float64(np.float32(1) / depth)
                 pixels += 1
                 y = (row - K[1, 2]) / fy
                 x = (column - K[0, 2] - skew * y) / fx

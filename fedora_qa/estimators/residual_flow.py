@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.residual_flow_kernels import sums_of_tiles
+from fedora_qa.estimators.residual_flow_kernels import solved, sums_of_tiles
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -71,24 +71,13 @@ def tile_residuals(
         makes its spectral density larger, so ``2 variance (G^T G)^-1`` bounds the covariance.
     """
     sums = sums_of_tiles(before, warped, valid, HALO_PX)
-    matrix, vector, squares = sums[:, :4, :4], sums[:, :4, 4], sums[:, 4, 4]
-    count, contrast = sums[:, 2, 2], np.maximum(sums[:, 3, 3], 1e-9)
-    inverse = np.linalg.inv(matrix + _ridge(matrix))
-    solution = np.einsum("nij,nj->ni", inverse, vector)
-    left = np.maximum(squares - np.einsum("ni,ni->n", solution, vector), 0.0)
-    floor = 2 * noise_variance_dn2
-    spread = np.maximum(_CORRELATED_PIXELS * left / np.maximum(count - 4, 1), floor)
+    contrast, floor = np.maximum(sums[:, 3, 3], 1e-9), 2 * noise_variance_dn2
+    errors_px, inverse, left, variances_dn2 = solved(sums, floor, _CORRELATED_PIXELS)
     return TileResiduals(
-        flow_errors_px=solution[:, :2],
-        noise_covariances_px2=np.asarray(floor * inverse[:, :2, :2], dtype=np.float64),
-        covariances_px2=spread[:, None, None] * inverse[:, :2, :2],
-        mismatch=squares / contrast,
+        flow_errors_px=errors_px,
+        noise_covariances_px2=np.asarray(floor * inverse, dtype=np.float64),
+        covariances_px2=variances_dn2[:, None, None] * inverse,
+        mismatch=sums[:, 4, 4] / contrast,
         unexplained=left / contrast,
-        valid_share=count / TILE_PX**2,
+        valid_share=sums[:, 2, 2] / TILE_PX**2,
     )
-
-
-def _ridge(matrix: Float64) -> Float64:
-    """Return a diagonal that keeps tiles without texture invertible; their covariance then tells that they are."""
-    ridge: Float64 = np.eye(4) * (1e-9 * np.trace(matrix, axis1=1, axis2=2) + 1e-9)[:, None, None]
-    return ridge

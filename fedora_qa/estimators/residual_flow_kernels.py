@@ -79,3 +79,57 @@ def _products(
         de += d * e
         ee += e * e
     return aa, ab, ac, ad, ae, bb, bc, bd, be, pixels, cd, ce, dd, de, ee
+
+
+@njit(cache=True)
+def solved(sums: Float64, floor: float, correlated: float) -> tuple[Float64, Float64, Float64, Float64]:
+    """Solve the normal equations of tiles, whose sums (n, 5, 5) are those of ``sums_of_tiles``.
+
+    Returns the flow's error (n, 2), the part (n, 2, 2) of the inverse of the matrix that belongs to it, what is left of
+    the squares (n,), and the variance (n,) of a pixel: at least ``floor``, or what is left to each of the pixels, of
+    which so many (``correlated``) count as one. A ridge keeps tiles without texture invertible.
+    """
+    count = len(sums)
+    errors, inverses = np.empty((count, 2)), np.empty((count, 2, 2))
+    left, variances = np.empty(count), np.empty(count)
+    work, inverse = np.empty((4, 4)), np.empty((4, 4))
+    for i in range(count):
+        trace = sums[i, 0, 0] + sums[i, 1, 1] + sums[i, 2, 2] + sums[i, 3, 3]
+        for a in range(4):
+            for b in range(4):
+                work[a, b], inverse[a, b] = sums[i, a, b], 1.0 if a == b else 0.0
+            work[a, a] += 1e-9 * trace + 1e-9
+        _invert(work, inverse)
+        explained = 0.0
+        for a in range(4):
+            size = 0.0
+            for b in range(4):
+                size += inverse[a, b] * sums[i, b, 4]
+            explained += size * sums[i, a, 4]
+            if a < 2:
+                errors[i, a], inverses[i, a, 0], inverses[i, a, 1] = size, inverse[a, 0], inverse[a, 1]
+        left[i] = max(sums[i, 4, 4] - explained, 0.0)
+        variances[i] = max(correlated * left[i] / max(sums[i, 2, 2] - 4, 1.0), floor)
+    return errors, inverses, left, variances
+
+
+@njit(cache=True)
+def _invert(work: Float64, inverse: Float64) -> None:
+    """Invert a regular matrix (4, 4), which is lost, into another that comes as the identity: Gauss and Jordan."""
+    for a in range(4):
+        pivot = a
+        for b in range(a + 1, 4):
+            pivot = b if abs(work[b, a]) > abs(work[pivot, a]) else pivot
+        for c in range(4):
+            work[a, c], work[pivot, c] = work[pivot, c], work[a, c]
+            inverse[a, c], inverse[pivot, c] = inverse[pivot, c], inverse[a, c]
+        scale = 1.0 / work[a, a]
+        for c in range(4):
+            work[a, c] *= scale
+            inverse[a, c] *= scale
+        for b in range(4):
+            if b != a:
+                share = work[b, a]
+                for c in range(4):
+                    work[b, c] -= share * work[a, c]
+                    inverse[b, c] -= share * inverse[a, c]

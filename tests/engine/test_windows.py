@@ -72,12 +72,13 @@ def test_small_frames_are_not_thinned_out(effort: Effort) -> None:
 
 
 def test_large_frames_are_looked_at_in_as_many_places_as_smaller_ones() -> None:
-    """From 400,000 pixels on the number of places stays; exhaustive looks everywhere."""
-    shares = {pixels: make_plan("full", 10, pixels=pixels).sampling.tile_share for pixels in (400_000, 1440 * 1080)}
-    assert shares[400_000] == EFFORTS["full"].sampling.tile_share
+    """From 220,000 pixels on the number of places stays; exhaustive looks everywhere."""
+    shares = {pixels: make_plan("full", 10, pixels=pixels).sampling.tile_share for pixels in (220_000, 1440 * 1080)}
+    assert shares[220_000] == EFFORTS["full"].sampling.tile_share
     places = [pixels * share for pixels, share in shares.items()]
-    assert places == pytest.approx([100_000, 100_000])
+    assert places == pytest.approx([55_000, 55_000])
     assert make_plan("exhaustive", 10, pixels=1440 * 1080).sampling.tile_share == 1.0
+    assert make_plan("full", 10, pixels=540 * 405).sampling == EFFORTS["full"].sampling
 
 
 @pytest.mark.parametrize("pixels", [120 * 90, 640 * 480, 720 * 540, 1440 * 1080, 4000 * 3000])

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both
+from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both, seen_in_few_tiles
+from fedora_qa.estimators.flow_tiles import TileGrid
 from fedora_qa.geometry.camera import RigidMotion
 
 HEIGHT, WIDTH = 60, 80
@@ -107,3 +108,48 @@ def test_tiles_are_seen_as_the_whole_is_away_from_edges_of_the_first_frame() -> 
         part = np.s_[top : top + 16, left : left + 32]
         np.testing.assert_array_equal(tile, whole[part] & (edge0[part] == 0))
         assert 0 < np.count_nonzero(tile) < tile.size
+
+
+def boxes(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
+    """Return a wavy depth with boxes before and behind it, some of them without a depth."""
+    rows, columns = np.mgrid[:height, :width]
+    depth = (4 + 3 * np.sin(columns / rng.uniform(20, 90)) * np.cos(rows / rng.uniform(20, 90))).astype(np.float32)
+    for value in (1.5, 9.0, np.nan, 0.0, np.inf):
+        left, top = rng.integers(0, width), rng.integers(0, height)
+        depth[top : top + rng.integers(3, 60), left : left + rng.integers(3, 60)] = value
+    return depth
+
+
+@pytest.mark.parametrize("uncertainty_px", [0.0, 2.0])
+@pytest.mark.parametrize("seed", range(12))
+def test_parts_tell_what_maps_tell(seed: int, uncertainty_px: float) -> None:
+    """To the bit, over all tiles of frames of any size, of one scene or two, seen by small and by wild motions."""
+    rng = np.random.default_rng(seed)
+    height, width = (int(size) for size in rng.integers(60, 300, 2))
+    focal_px = rng.uniform(60, 300)
+    camera = np.array([[focal_px, 0.3, width / 2], [0.0, 1.02 * focal_px, height / 2], [0.0, 0.0, 1.0]])
+    depths_m = boxes(rng, height, width), boxes(np.random.default_rng(seed if seed % 2 else seed + 1), height, width)
+    depths_m = depths_m if seed % 3 else (depths_m[0], depths_m[0])
+    turn, shift_m = [(0.001, 0.01), (0.02, 0.2), (0.5, 4.0)][seed % 3]
+    motion = RigidMotion(Rotation.from_rotvec(turn * rng.normal(size=3)).as_matrix(), shift_m * rng.normal(size=3))
+    origins = TileGrid.of(height, width).origins
+    maps = [(inverse, edges(inverse, focal_px)) for inverse in map(inverse_depth, depths_m)]
+    expected = seen_in_both(camera, motion, origins, (32, 32), maps[0], maps[1], uncertainty_px)
+    found = seen_in_few_tiles(camera, motion, origins, (32, 32), depths_m, uncertainty_px)
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_parts_tell_what_maps_tell_of_a_tile_that_is_torn_apart() -> None:
+    """Half of it stays, the other half moves by 300 px both ways: what lies between the two is not looked at."""
+    near = np.full((500, 500), 50.0, dtype=np.float32)
+    near[:, :26] = 1.0
+    after = near.copy()
+    after[280:380, 250:400] = 1.0
+    camera = np.array([[300.0, 0.0, 10.0], [0.0, 300.0, 10.0], [0.0, 0.0, 1.0]])
+    motion, origins = RigidMotion(np.eye(3), np.array([1.0, 1.0, 0.0])), np.array([[10, 10]], dtype=np.int64)
+    maps = [(inverse, edges(inverse, 300.0)) for inverse in map(inverse_depth, (near, after))]
+    expected = seen_in_both(camera, motion, origins, (32, 32), maps[0], maps[1], 0.0)
+    assert expected[0, :, :10].any()
+    assert expected[0, :, 22:].any()
+    found = seen_in_few_tiles(camera, motion, origins, (32, 32), (near, after), 0.0)
+    np.testing.assert_array_equal(found, expected)

@@ -93,6 +93,16 @@ def test_what_is_covered_midway_is_not_clear() -> None:
     assert not clear[66:74].any()  # the post, which ends where the wall does, too: either is hidden
 
 
+def test_what_covers_a_surface_is_told_in_large_frames_too() -> None:
+    """Cells of 8 px: a post of 60 px that moves by 50 px over a wall at rest covers the wall there, and no further."""
+    flow_px = np.zeros((900, 1000, 2))
+    flow_px[:, 400:460, 0] = 50.0
+    clear = Stepped(flow_px, np.arange(1000), 450, first=True, crowds=True).clear
+    assert not clear[460:510].any()  # wall that the post ends on
+    assert clear[20:390].all()
+    assert clear[530:980].all()
+
+
 def test_a_sloping_surface_does_not_cover_itself() -> None:
     """Flow that grows by a third of a pixel a pixel leads to places side by side."""
     flow_px = flow_of(0.33 * (COLUMNS - 45), 0.33 * (ROWS - 30))

@@ -75,7 +75,8 @@ def test_derivatives_are_those_of_the_rigid_flow(of: int) -> None:
     inverse_per_m = RNG.uniform(0.1, 0.6, (HEIGHT, WIDTH)).astype(np.float32)
     inverse_per_m[50:60, 70:80] = 0.0
     usable = RNG.uniform(size=(3, 32, 32)) < 0.8
-    found = mean_derivatives(inverse_per_m, ORIGINS, usable, 1, 3, K, MOTION.R, MOTION.t_m)[..., of]
+    depth_m = np.divide(1, inverse_per_m, out=np.full_like(inverse_per_m, np.nan), where=inverse_per_m > 0)
+    found = mean_derivatives(depth_m, ORIGINS, usable, 1, 3, K, MOTION.R, MOTION.t_m)[..., of]
     step = 1e-6
     ahead, behind = (flow_of(*changed(of, by), inverse_per_m) for by in (step, -step))
     slopes = patches_of((ahead - behind) / (2 * step), ORIGINS, halo_px=0)[:, 1::3, 1::3]
@@ -86,7 +87,7 @@ def test_derivatives_are_those_of_the_rigid_flow(of: int) -> None:
 
 def test_nothing_is_told_of_points_behind_the_camera() -> None:
     """Nor of tiles without a pixel that counts."""
-    inverse_per_m, usable = np.ones((HEIGHT, WIDTH), np.float32), np.ones((3, 32, 32), np.bool_)
+    depth_m, usable = np.ones((HEIGHT, WIDTH), np.float32), np.ones((3, 32, 32), np.bool_)
     backward = np.array([0.0, 0.0, -2.0])
-    assert not mean_derivatives(inverse_per_m, ORIGINS, usable, 0, 8, K, np.eye(3), backward).any()
-    assert not mean_derivatives(inverse_per_m, ORIGINS, ~usable, 0, 8, K, np.eye(3), -backward).any()
+    assert not mean_derivatives(depth_m, ORIGINS, usable, 0, 8, K, np.eye(3), backward).any()
+    assert not mean_derivatives(depth_m, ORIGINS, ~usable, 0, 8, K, np.eye(3), -backward).any()

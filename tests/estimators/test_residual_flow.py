@@ -6,7 +6,7 @@ import pytest
 from fedora_qa.estimators.flow_tiles import TileGrid, patches_of, pixels_of
 from fedora_qa.estimators.flow_warp import read_at_pixels, read_between, smooth
 from fedora_qa.estimators.residual_flow import TileResiduals, tile_residuals
-from fedora_qa.estimators.residual_flow_kernels import sums_of_tiles
+from fedora_qa.estimators.residual_flow_kernels import solved, sums_of_tiles
 
 SIZE = 240
 _RNG = np.random.default_rng(11)
@@ -128,3 +128,20 @@ def test_sums_are_those_of_plain_arrays() -> None:
     design = (design * valid[:, None]).reshape(3, 5, -1)
     expected = design @ design.transpose(0, 2, 1)
     np.testing.assert_allclose(sums_of_tiles(before, warped, valid, 2), expected, rtol=1e-4, atol=1.0)
+
+
+def test_normal_equations_are_solved_as_numpy_does() -> None:
+    """Also where the matrix asks for another pivot than the first."""
+    rng = np.random.default_rng(8)
+    roots = rng.normal(size=(40, 5, 7)) * 10.0 ** rng.uniform(-2, 2, (40, 5, 1))
+    roots[0, 0, 1:], roots[0, 0, 0], roots[0, 1, 0] = 0.0, 1e-7, 1e3
+    sums = roots @ roots.transpose(0, 2, 1)
+    matrix, vector = sums[:, :4, :4].copy(), sums[:, :4, 4]
+    matrix += np.eye(4) * (1e-9 * np.trace(matrix, axis1=1, axis2=2) + 1e-9)[:, None, None]
+    errors, inverses, left, variances = solved(sums, 1e-3, 12.0)
+    sizes = np.linalg.solve(matrix, vector[:, :, None])[:, :, 0]
+    np.testing.assert_allclose(errors, sizes[:, :2], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(inverses, np.linalg.inv(matrix)[:, :2, :2], rtol=1e-6, atol=1e-9)
+    rest = np.maximum(sums[:, 4, 4] - np.sum(sizes * vector, axis=1), 0.0)
+    np.testing.assert_allclose(left, rest, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(variances, np.maximum(12 * left / np.maximum(sums[:, 2, 2] - 4, 1), 1e-3))

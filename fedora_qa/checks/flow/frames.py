@@ -14,7 +14,7 @@ from fedora_qa.checks.flow.motions import motion_over
 from fedora_qa.checks.intermediates import luma_dn
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 from fedora_qa.estimators.flow_frame_kernels import parts_about, read_parts, smoothed_patches
-from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both
+from fedora_qa.estimators.flow_mask import edges, flow_conflicts, inverse_depth, seen_in_both, seen_in_few_tiles
 from fedora_qa.estimators.flow_motion_fit import fit_motion, twist_statistic
 from fedora_qa.estimators.flow_tiles import patches_of, pixels_of
 from fedora_qa.estimators.flow_warp import read_between, smooth, smoothing_taps, taps_at_pixels
@@ -42,6 +42,13 @@ _AS_IT_IS: Final = np.ones(1, np.float32)
 
 _IN_PARTS: Final = 0.3
 """Share of a frame up to which only the parts that are asked for are made: what is made of all serves three rates."""
+
+_FEW: Final = 0.05
+"""Share of a frame's pixels in tiles up to which edges of the depth are looked for about these only.
+
+Maps of a whole frame serve three rates. With 3.5% of 1440x1080 in tiles a field takes 0.9 ms without them, and 1.3 ms
+with its part of them: both say the same, to the bit.
+"""
 
 _PLAUSIBLE: Final = 10.0
 """A correction of the pose of up to so many times its expected square is believed when pixels are masked."""
@@ -168,9 +175,12 @@ def visible(window: Window, interval: Interval, origins: Int64) -> tuple[Mask, b
     geometry = geometry_of(window, interval)
     if geometry is None:
         return _visible_by_flow(window, interval, origins), False
-    first, second = ((inverse_depth_of(window, frame), _edges(window, frame)) for frame in geometry.frames)
-    K, size = geometry.track.camera.K, (TILE_PX, TILE_PX)
-    return seen_in_both(K, geometry.corrected, origins, size, first, second, geometry.uncertainty_px), True
+    K, size, motion = geometry.track.camera.K, (TILE_PX, TILE_PX), geometry.corrected
+    depths_m = window.depth_m(geometry.frames[0]), window.depth_m(geometry.frames[1])
+    if len(origins) * TILE_PX**2 < _FEW * min(image.size for image in depths_m):
+        return seen_in_few_tiles(K, motion, origins, size, depths_m, geometry.uncertainty_px), True
+    first, second = ((_inverse_depth(window, frame), _edges(window, frame)) for frame in geometry.frames)
+    return seen_in_both(K, motion, origins, size, first, second, geometry.uncertainty_px), True
 
 
 def _visible_by_flow(window: Window, interval: Interval, origins: Int64) -> Mask:
@@ -247,11 +257,11 @@ def _correction(
     return np.zeros(6), float(track.camera.K[0, 0] * np.sqrt(np.trace(covariance[:3, :3])))
 
 
-def inverse_depth_of(window: Window, frame: int) -> Float32:
+def _inverse_depth(window: Window, frame: int) -> Float32:
     """Return 1 / depth (H, W) of a frame, 1/m, 0 where invalid; kept for the window."""
     return window.of_image("inverse depth", frame, lambda: inverse_depth(window.depth_m(frame)))
 
 
 def _edges(window: Window, frame: int) -> NDArray[np.uint8]:
     focal_px = float(window.facts.declared.cameras["depth"].K[0, 0])
-    return window.of_image("depth edges", frame, lambda: edges(inverse_depth_of(window, frame), focal_px))
+    return window.of_image("depth edges", frame, lambda: edges(_inverse_depth(window, frame), focal_px))

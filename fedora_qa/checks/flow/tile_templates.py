@@ -1,12 +1,13 @@
 """What small faults of camera, mounting and time would do to the flow of tiles, from depth and the camera's motion."""
 
+from math import asin, hypot
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.comparison import is_noisy
-from fedora_qa.checks.flow.frames import Geometry, geometry_of, inverse_depth_of
+from fedora_qa.checks.flow.frames import Geometry, geometry_of
 from fedora_qa.checks.flow.intervals import Interval
 from fedora_qa.checks.flow.motions import DELAY_NS, motion_over
 from fedora_qa.estimators.flow_tile_kernels import mean_derivatives
@@ -20,6 +21,9 @@ _STRIDE_PX: Final = 8
 """Templates are as smooth as the flow: sixteen pixels give the mean of a tile."""
 
 _ABOUT_OPTICAL_AXIS: Final = np.eye(6)[:, 2:3]
+_NARROW: Final = 2.0
+"""Trace of a rotation by 60 degrees: up to there the sine tells the angle."""
+
 _PERCENT, _DEG = 0.01, np.pi / 180
 
 
@@ -36,9 +40,9 @@ def tile_templates(
     if geometry is None:
         return None
     motion = geometry.corrected
-    inverse_per_m = inverse_depth_of(window, geometry.frames[0])
+    depth_m = window.depth_m(geometry.frames[0])
     of_tiles = mean_derivatives(
-        inverse_per_m, origins, usable, _STRIDE_PX // 2, _STRIDE_PX, geometry.track.camera.K, motion.R, motion.t_m
+        depth_m, origins, usable, _STRIDE_PX // 2, _STRIDE_PX, geometry.track.camera.K, motion.R, motion.t_m
     )
     by_twist, by_focal, by_centre = of_tiles[..., :6], of_tiles[..., 6:7], of_tiles[..., 7:]
     twists = np.concatenate((by_mounting(motion), _by_time(window, interval, geometry), _ABOUT_OPTICAL_AXIS), axis=1)
@@ -60,6 +64,20 @@ def _by_time(window: Window, interval: Interval, geometry: Geometry) -> Float64:
     if not is_noisy(window.facts.declared.pose):
         later, earlier = (motion_over(window, geometry.track, interval.moved(by)) for by in (DELAY_NS, -DELAY_NS))
         if later is not None and earlier is not None:
-            twist: Float64 = earlier.twist_from(later)[:, None] * (interval.length_ns / (2 * DELAY_NS))
+            twist: Float64 = _twist_between(earlier, later)[:, None] * (interval.length_ns / (2 * DELAY_NS))
             return twist
     return np.zeros((6, 1))
+
+
+def _twist_between(one: RigidMotion, other: RigidMotion) -> Float64:
+    """Return ``one.twist_from(other)`` (6,), in a tenth of the time where the rotation between them is small.
+
+    By Rodrigues' formula a rotation less its reverse is twice its sine times its axis.
+    """
+    dR = one.R @ other.R.T
+    if dR[0, 0] + dR[1, 1] + dR[2, 2] < _NARROW:
+        return one.twist_from(other)
+    x, y, z = 0.5 * (dR[2, 1] - dR[1, 2]), 0.5 * (dR[0, 2] - dR[2, 0]), 0.5 * (dR[1, 0] - dR[0, 1])
+    sine = min(hypot(x, y, z), 1.0)
+    scale = asin(sine) / sine if sine > 0 else 1.0
+    return np.concatenate(((scale * x, scale * y, scale * z), one.t_m - dR @ other.t_m))
