@@ -154,8 +154,8 @@ class BlockDecoder:
         return True
 
     def _to_drop(self) -> tuple[str, int] | None:
-        unseen = [name for name, block in self._cached.items() if not _is_held(block)]
-        behind = (name for name in unseen if self._is_behind(*name))
+        behind = (name for name, block in self._cached.items() if self._is_behind(*name) and not _is_held(block))
+        unseen = (name for name, block in self._cached.items() if not _is_held(block))
         return next(behind, None) or max(unseen, key=self._ahead, default=None)
 
     def _is_behind(self, key: str, number: int) -> bool:
