@@ -13,15 +13,13 @@ from fedora_qa.cli.check import require_hdf5
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.comparison.sampled import sampled_from
 from fedora_qa.comparison.subjects import Given, GivenFile, labels
-from fedora_qa.engine.desk import OPENING_S
-from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.opening import require_end_of_opening
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.statistics import Measured, measure_file
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import Scalar
-from fedora_qa.sequence.sequence import open_sequence
 
 _SEQUENCES: Final = {".h5", ".hdf5"}
 _RECORD: Final = ".json"
@@ -107,8 +105,7 @@ def _measured(
 def _counted(
     path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path], progress: Progress
 ) -> Measured:
-    with fuse(OPENING_S):
-        open_sequence(path, dialect, allow_external=allow_external).close()
+    require_end_of_opening(path, dialect, allow_external)
     return measure_file(path, dialect, memory_bytes, progress, allow_external)
 
 

@@ -15,10 +15,9 @@ from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.cli.output_options import PATH, allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
-from fedora_qa.engine.desk import OPENING_S
 from fedora_qa.engine.digest import file_digest
 from fedora_qa.engine.effort import Effort
-from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.opening import require_end_of_opening
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.run import check_file
@@ -28,7 +27,6 @@ from fedora_qa.extract.extract import extract as extract_piece
 from fedora_qa.record.json_io import read_record
 from fedora_qa.record.types import FileRecord, Record
 from fedora_qa.record.wording import unobeyed
-from fedora_qa.sequence.sequence import open_sequence
 
 
 @click.command(short_help="Cut out the least file that shows a finding, to send to somebody.")
@@ -94,8 +92,8 @@ def _found(file: Path, options: CheckOptions, progress: Progress) -> FileRecord:
 
 
 def _require_end(file: Path, options: CheckOptions) -> None:
-    with fuse(OPENING_S), suppress(UnreadableFileError):  # whoever opens it for work tells what is wrong with it
-        open_sequence(file, options.dialect, allow_external=options.allow_external).close()
+    with suppress(UnreadableFileError):  # whoever opens it for work tells what is wrong with it
+        require_end_of_opening(file, options.dialect, options.allow_external)
 
 
 def _as_recorded(given: Mapping[str, Any], record: Record | None) -> dict[str, Any]:

@@ -18,14 +18,12 @@ from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.stats_tables import NOTES, StatsTable, tables_of
 from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.config import parse_bytes
-from fedora_qa.engine.desk import OPENING_S
-from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.opening import require_end_of_opening
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.statistics import collect_statistics
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.markdown import escape, table
-from fedora_qa.sequence.sequence import open_sequence
 from fedora_qa.statistics.collector import Statistics
 
 
@@ -70,8 +68,7 @@ def _statistics_of(
 def _counted(
     path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: tuple[Path, ...], progress: Progress
 ) -> Statistics:
-    with fuse(OPENING_S):
-        open_sequence(path, dialect, allow_external=allow_external).close()
+    require_end_of_opening(path, dialect, allow_external)
     return collect_statistics(path, dialect, memory_bytes, progress, allow_external)
 
 

@@ -1,21 +1,27 @@
 """Memory for decoded blocks, apart from all other arrays: pages that the next block is decoded into.
 
 On the heap a block would lie between what checks compute and drop, and what is free there is in pieces, too small for
-the next block and too many to be given back: 160 MB of a worker at 1440x1080, more than all blocks it held. To get
-fresh pages for each block costs a quarter of its decoding. So pages are used again, and given back where others are
-needed.
+the next block and too many to be given back: 160 MB of a worker at 1440x1080, more than all blocks it held. And to get
+fresh pages for a block takes as long as to decode it. So blocks of whatever size lie one after another in one region,
+whose pages are used again, and given back where others are needed.
 """
 
 import mmap
 import sys
+from collections.abc import Iterator
 from math import prod
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.engine.intervals import Intervals
+
 LEAST_BYTES: Final = 1 << 20
 """Smaller arrays lie on the heap."""
+
+_REGION_BYTES: Final = 256 << 20
+"""What one region has room for. It costs nothing before it is used."""
 
 _UNUSED_REFERENCES: Final = 2
 """To the array of all of a block's pages: from the block itself, and from who counts."""
@@ -36,56 +42,140 @@ class BlockMemory:
 
     Attributes
     ----------
+    used_bytes
+        What blocks fill, those included that nobody keeps and somebody still looks at, in whole pages.
     held_bytes
-        What blocks fill, those included that nobody keeps and somebody still looks at, and what the next may fill.
+        That, and what the next may fill without asking the system for more.
     """
 
     def __init__(self) -> None:
         self.held_bytes = 0
-        self._free: dict[int, list[mmap.mmap]] = {}
+        self._leased_bytes = 0
+        self._regions: list[_Region] = []
+        self._returned: list[_Place] = []
+
+    @property
+    def used_bytes(self) -> int:
+        """See the attributes."""
+        self._take_back()
+        return self._leased_bytes
 
     def array(self, shape: tuple[int, ...], dtype: "np.dtype[Any]") -> NDArray[Any]:
         """Return an array of any values. Its pages are free again when it and all views of it are gone."""
         size = prod(shape) * dtype.itemsize
-        pages = self._free[size].pop() if self._free.get(size) else self._fresh(size)
-        return np.asarray(_Lease(self, pages)).view(dtype).reshape(shape)
+        place = self._best(size) or self._in_new_region(size)
+        self.held_bytes += place.region.take(place)
+        self._leased_bytes += place.size
+        return np.asarray(_Lease(self, place, size)).view(dtype).reshape(shape)
 
-    def free(self, size: int) -> bool:
-        """Return whether there are pages for a block of this size."""
-        return bool(self._free.get(size))
+    def missing(self, size: int) -> int:
+        """Return how many bytes more would be held with another array of this size."""
+        place = self._best(size)
+        return place.fresh if place else _whole_pages(size)
 
     def give_back(self) -> bool:
-        """Give pages that nobody uses back to the system; return whether there were any."""
-        for size, pages in self._free.items():
-            if pages:
-                pages.pop().close()
-                self.held_bytes -= size
-                return True
-        return False
+        """Give pages that nobody uses to the system, those of the narrowest gap; return whether there were any."""
+        self._take_back()
+        pieces = [(region.held(*free), region, free) for region in self._regions for free in region.free]
+        held, region, free = min((one for one in pieces if one[0]), key=lambda one: one[0], default=(0, None, (0, 0)))
+        if region is None:
+            return False
+        if free == (0, len(region.pages)):
+            self._regions.remove(region)
+        elif not region.give_back(*free):
+            return False
+        self.held_bytes -= held
+        return True
 
-    def return_pages(self, pages: mmap.mmap) -> None:
-        """Be told that nobody looks at these pages any more."""
-        self._free.setdefault(len(pages), []).append(pages)
+    def give_back_all(self) -> None:
+        """Give all pages that nobody uses to the system."""
+        while self.give_back():
+            pass
 
-    def _fresh(self, size: int) -> mmap.mmap:
-        pages = mmap.mmap(-1, size, **_PRIVATE)
+    def return_pages(self, place: "_Place") -> None:
+        """Be told that nobody looks at these pages any more, perhaps in the midst of anything."""
+        self._returned.append(place)
+
+    def _take_back(self) -> None:
+        while self._returned:
+            place = self._returned.pop()
+            place.region.free.add(place.start, place.start + place.size)
+            self._leased_bytes -= place.size
+
+    def _best(self, size: int) -> "_Place | None":
+        """Return the place for which the fewest fresh pages are needed, in the narrowest gap of those."""
+        self._take_back()
+        places = (place for region in self._regions for place in region.places(_whole_pages(size)))
+        return min(places, key=lambda place: (place.fresh, place.gap), default=None)
+
+    def _in_new_region(self, size: int) -> "_Place":
+        region = _Region(max(_whole_pages(size), _REGION_BYTES))
+        self._regions.append(region)
+        return next(region.places(_whole_pages(size)))
+
+
+class _Place(NamedTuple):
+    """Where an array can lie: how many of its bytes are fresh, and the length of the gap it lies in."""
+
+    fresh: int
+    gap: int
+    region: "_Region"
+    start: int
+    size: int
+
+
+class _Region:
+    """Pages one after another; ``free`` are those that nobody uses, ``fresh`` those that the system need not hold."""
+
+    def __init__(self, size: int) -> None:
+        self.pages = mmap.mmap(-1, size, **_PRIVATE)
         if hasattr(mmap, "MADV_HUGEPAGE"):
-            pages.madvise(mmap.MADV_HUGEPAGE)
-        self.held_bytes += size
-        return pages
+            self.pages.madvise(mmap.MADV_HUGEPAGE)
+        with memoryview(self.pages) as view:
+            self.address = np.frombuffer(view, np.uint8).ctypes.data
+        self.free, self._fresh = Intervals((0, size)), Intervals((0, size))
+
+    def places(self, size: int) -> "Iterator[_Place]":
+        """Yield where an array of so many bytes can lie: at either end of each gap."""
+        for start, stop in self.free:
+            if stop - start >= size:
+                for at in (start, stop - size):
+                    yield _Place(self._fresh.overlap(at, at + size), stop - start, self, at, size)
+
+    def held(self, start: int, stop: int) -> int:
+        """Return how many of these bytes the system holds."""
+        return stop - start - self._fresh.overlap(start, stop)
+
+    def take(self, place: _Place) -> int:
+        """Let somebody use a place; return how many bytes more that makes the system hold."""
+        self.free.remove(place.start, place.start + place.size)
+        self._fresh.remove(place.start, place.start + place.size)
+        return place.fresh
+
+    def give_back(self, start: int, stop: int) -> bool:
+        """Give these pages to the system; return whether that can be done here."""
+        if not hasattr(mmap, "MADV_DONTNEED"):
+            return False
+        self.pages.madvise(mmap.MADV_DONTNEED, start, stop - start)
+        self._fresh.add(start, stop)
+        return True
 
 
 _PRIVATE: Final[dict[str, int]] = {} if sys.platform == "win32" else {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS}
 
 
-class _Lease:
-    """Owns pages for as long as any array shows them, as numpy keeps a reference to it."""
+def _whole_pages(size: int) -> int:
+    return -(-size // mmap.PAGESIZE) * mmap.PAGESIZE
 
-    def __init__(self, memory: BlockMemory, pages: mmap.mmap) -> None:
+
+class _Lease:
+    """Owns a place for as long as any array shows it, as numpy keeps a reference to it."""
+
+    def __init__(self, memory: BlockMemory, place: _Place, size: int) -> None:
         self._memory = memory
-        self._pages = pages
-        with memoryview(pages) as view:
-            self.__array_interface__ = np.frombuffer(view, np.uint8).__array_interface__
+        self._place = place
+        address = place.region.address + place.start
+        self.__array_interface__ = {"version": 3, "shape": (size,), "typestr": "|u1", "data": (address, False)}
 
     def __del__(self) -> None:
-        self._memory.return_pages(self._pages)
+        self._memory.return_pages(self._place)

@@ -14,10 +14,10 @@ from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.shared_images import SharedImages
 from fedora_qa.sequence.window import Span
 
-_EXPECTED_BYTES_PER_PIXEL: Final = 130
+_EXPECTED_BYTES_PER_PIXEL: Final = 90
 """What a process is expected to hold beside blocks, for each pixel of a frame, before it is known (``Room``): what
 checks remember, what one of them computes on the way, what they share within a window, the images below. Measured at
-1440x1080, all checks, for the first windows."""
+1440x1080, all checks: 66 bytes in the first three windows, 90 after nine."""
 
 _MOST_BYTES: Final = 320 << 20
 """What blocks may fill at most: those of five windows. More saves no decoding, as what lies around one is held."""

@@ -7,9 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from fedora_qa.engine.desk import OPENING_S
 from fedora_qa.engine.executors import Executor
-from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.opening import require_end_of_opening
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.errors import UnreadableFileError, WorkerLostError
 from fedora_qa.gate.contents import Contents, read_contents
@@ -22,7 +21,6 @@ from fedora_qa.gate.ruling import Ruling
 from fedora_qa.gate.totals import rule_on_totals
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.types import FileRecord, Result
-from fedora_qa.sequence.sequence import open_sequence
 
 _CONTENT: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
 """Streams that no two splits may share."""
@@ -99,8 +97,8 @@ def contents_of(
 def _read(
     path: Path, dialect: Dialect | None, streams: tuple[str, ...], poses: bool, folders: tuple[Path, ...], _: Progress
 ) -> Contents | None:
-    with fuse(OPENING_S), suppress(UnreadableFileError):
-        open_sequence(path, dialect, allow_external=folders).close()
+    with suppress(UnreadableFileError):
+        require_end_of_opening(path, dialect, folders)
     return read_contents(path, dialect, streams, poses=poses, allow_external=folders)
 
 

@@ -1,12 +1,19 @@
 """Pages of a block are used again when nobody looks at it any more, and never before."""
 
+import mmap
+from typing import Any
+
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from fedora_qa.engine.block_memory import BlockMemory, is_looked_at, lies_in_pages
 
 FLOAT32 = np.dtype(np.float32)
-SHAPE = (2, 300, 500, 1)
-SIZE = 4 * 2 * 300 * 500
+SHAPE = (2, 256, 512, 1)
+SIZE = 4 * 2 * 256 * 512
+PAGE = mmap.PAGESIZE
 
 
 def test_arrays_are_what_was_asked_for() -> None:
@@ -22,17 +29,20 @@ def test_arrays_are_what_was_asked_for() -> None:
 
 
 def test_pages_are_used_again() -> None:
-    """A block that is gone leaves its pages to the next of its size, and to no other."""
+    """A block that is gone leaves its pages to the next, be it of that size or less; a larger one needs more."""
     memory = BlockMemory()
     block = memory.array(SHAPE, FLOAT32)
     place = block.ctypes.data
-    assert not memory.free(SIZE)
+    assert memory.missing(SIZE) == SIZE
     del block
-    assert memory.free(SIZE)
-    assert memory.array((3,), FLOAT32).ctypes.data != place
+    assert (memory.missing(SIZE), memory.missing(SIZE + 1)) == (0, PAGE)
     again = memory.array(SHAPE[::-1], FLOAT32)
     assert again.ctypes.data == place
-    assert memory.held_bytes == SIZE + 12
+    assert (memory.held_bytes, memory.used_bytes) == (SIZE, SIZE)
+    del again
+    halves = [memory.array((1, 256, 512), FLOAT32) for _ in range(2)]
+    assert memory.held_bytes == SIZE
+    assert {half.ctypes.data for half in halves} == {place, place + SIZE // 2}
 
 
 def test_pages_are_not_used_again_while_a_view_is_left() -> None:
@@ -44,24 +54,51 @@ def test_pages_are_not_used_again_while_a_view_is_left() -> None:
     view = block[1:].reshape(-1)[::3].view(np.int32)
     assert is_looked_at(block)
     del block
-    assert not memory.free(SIZE)
+    assert memory.missing(SIZE) == SIZE
     assert not memory.give_back()
     memory.array(SHAPE, FLOAT32)[...] = 8.0
     assert (view.view(np.float32) == 7.0).all()
     del view
-    assert memory.free(SIZE)
+    assert memory.missing(2 * SIZE) == 0
 
 
 def test_pages_that_nobody_uses_go_back() -> None:
-    """Free pages are given back one block at a time, and those in use never."""
+    """Free pages are given back one gap at a time, the narrowest first, and those in use never."""
     memory = BlockMemory()
-    kept = memory.array(SHAPE, FLOAT32)
-    memory.array((5, 4096), FLOAT32)
-    assert memory.held_bytes == SIZE + 5 * 4 * 4096
-    assert memory.give_back()
-    assert memory.held_bytes == SIZE
-    assert not memory.give_back()
+    first, kept, last = (memory.array((pages, PAGE // 4), FLOAT32) for pages in (7, 3, 5))
     kept[...] = 1.0
+    del first, last
+    for held in (10, 3):
+        assert memory.give_back()
+        assert memory.held_bytes == held * PAGE
+    assert not memory.give_back()
+    assert (kept == 1.0).all()
+    del kept
+    memory.give_back_all()
+    assert (memory.held_bytes, memory.used_bytes) == (0, 0)
+
+
+@given(st.lists(st.tuples(st.sampled_from(["take", "drop", "give back"]), st.integers(1, 40), st.integers(0, 9))))
+def test_what_is_held_is_known_and_nobody_is_written_over(steps: list[tuple[str, int, int]]) -> None:
+    """Whatever is taken and dropped: blocks keep what was written, all that is held is counted, and no more is asked
+    of the system than ``missing`` said."""
+    memory, blocks = BlockMemory(), list[tuple[int, NDArray[Any]]]()
+    for number, (step, pages, which) in enumerate(steps):
+        before = memory.held_bytes
+        if step == "take":
+            missing = memory.missing(pages * PAGE)
+            block = memory.array((pages, PAGE // 4), FLOAT32)
+            block[...] = number
+            blocks.append((number, block))
+            assert memory.held_bytes == before + missing
+            del block
+        elif step == "drop" and blocks:
+            del blocks[which % len(blocks)]
+            assert memory.held_bytes == before
+        elif step == "give back":
+            assert memory.give_back() == (before > memory.used_bytes)
+        assert all((block == written).all() for written, block in blocks)
+        assert memory.used_bytes == sum(block.nbytes for _, block in blocks) <= memory.held_bytes
 
 
 def test_a_block_outlives_its_memory() -> None:

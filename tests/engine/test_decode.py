@@ -20,6 +20,7 @@ from fedora_qa.layout.binding import Binding, Memory, canonical_rows
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 from fedora_qa.sequence.window import Span
+from tests.support.films import IMAGE_BYTES, NOTHING_SCANNED, Films, images_of
 
 
 @pytest.mark.parametrize("cache_bytes", [1, 1 << 28])
@@ -75,32 +76,6 @@ def test_damaged_block_is_named_and_the_rest_goes_on(park_day: Path, tmp_path: P
     assert [(d.cause, d.stream) for d in run.record.diagnoses] == [("corrupt_chunk", "depth")]
     readable = next(result for result in run.record.results if result.check == "integrity.readable")
     assert readable.findings[0].where.index_start == unreadable[0]
-
-
-class Films:
-    """A sequence of depth images of 2 MB, each of one value: its number."""
-
-    origin_ns = 0
-    declared: Any = None
-    layout: Any = SimpleNamespace(bindings={"path/depth": SimpleNamespace(rows=100)})
-
-    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
-        return np.repeat(np.arange(start, stop, dtype=np.float32), IMAGE_BYTES // 4).reshape(stop - start, -1, 1024)
-
-    def chunk_rows(self, key: str) -> int:
-        return 1
-
-
-NOTHING_SCANNED: Any = SimpleNamespace(block_first_ns=np.empty(0, np.int64), facts=SimpleNamespace(events=None))
-IMAGE_BYTES = 1 << 21
-
-
-def images_of(decoder: BlockDecoder, *frames: int) -> int:
-    """Ask for images, which must be the right ones; return how many were decoded for it."""
-    before = decoder.decoded_bytes
-    for frame in frames:
-        assert np.all(decoder.rows("path/depth", frame, frame + 1) == frame)
-    return (decoder.decoded_bytes - before) // IMAGE_BYTES
 
 
 @given(st.lists(st.integers(0, 9), max_size=40), st.integers(1, 5))

@@ -1,0 +1,18 @@
+"""Does a file open at all? Asked by processes that open it elsewhere than at a desk, before they do."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from fedora_qa.engine.desk import OPENING_S
+from fedora_qa.engine.fuse import fuse
+from fedora_qa.layout.dialect import Dialect
+from fedora_qa.sequence.sequence import open_sequence
+
+
+def require_end_of_opening(path: Path, dialect: Dialect | None = None, allow_external: Iterable[Path] = ()) -> None:
+    """End this process where a file takes for ever to open; only for workers, whose end is noticed.
+
+    Arguments and what it raises are those of ``open_sequence``.
+    """
+    with fuse(OPENING_S):
+        open_sequence(path, dialect, allow_external=allow_external).close()
