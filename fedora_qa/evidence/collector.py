@@ -73,7 +73,7 @@ class EvidenceCollector:
     chosen
         Those that will be looked at; the moments are spread over them.
     families
-        Of which streams values are counted (``flow`` is every rate); None: all. The moments show every stream.
+        Which streams are looked at (``flow`` is every rate); None: all.
     """
 
     name = "evidence"
@@ -104,7 +104,8 @@ class EvidenceCollector:
     def update(self, state: Seen, window: Window) -> None:
         """Add what a window shows. Windows come in order."""
         instants = state.plan.instants.get(window.span.index, ())
-        state.glimpses += [glimpse(window, time_ns, state.plan.width_px) for time_ns in instants]
+        width_px, families = state.plan.width_px, self._families
+        state.glimpses += [glimpse(window, time_ns, width_px, families=families) for time_ns in instants]
         _add_values(state.values, window_values(window, self._families))
         wanted = "events" in window.facts.streams and in_families("events", self._families)
         if wanted and window.owned("events"):

@@ -7,6 +7,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.causes import in_families
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.pictures import block_px, mean_codes, mean_values
 from fedora_qa.evidence.residual import carried_back_dn
@@ -50,7 +51,13 @@ class Glimpse:
     pictures: Mapping[str, Picture]
 
 
-def glimpse(window: Window, time_ns: int, width_px: int, rows: Mapping[str, int] | None = None) -> Glimpse:
+def glimpse(
+    window: Window,
+    time_ns: int,
+    width_px: int,
+    rows: Mapping[str, int] | None = None,
+    families: frozenset[str] | None = None,
+) -> Glimpse:
     """Look at every stream near an instant of a window.
 
     Parameters
@@ -61,6 +68,8 @@ def glimpse(window: Window, time_ns: int, width_px: int, rows: Mapping[str, int]
         Width that pictures do not exceed.
     rows
         The image to show of a stream, where it is known; else the nearest in time.
+    families
+        The streams to look at (``flow`` is every rate); None: all.
     """
     rows = rows or {}
     looks: dict[str, Callable[[], Picture | None]] = {
@@ -69,9 +78,10 @@ def glimpse(window: Window, time_ns: int, width_px: int, rows: Mapping[str, int]
         "flow": lambda: _flow(window, time_ns, rows, width_px),
         "events": lambda: _events(window, time_ns),
     }
-    seen = {family: _readable(look) for family, look in looks.items()}
-    flow = seen["flow"]
-    seen["residual"] = None if flow is None else _readable(lambda: _residual(window, flow, width_px))
+    seen = {family: _readable(look) for family, look in looks.items() if in_families(family, families)}
+    flow = seen.get("flow")
+    if flow is not None and in_families("rgb", families):
+        seen["residual"] = _readable(lambda: _residual(window, flow, width_px))
     return Glimpse(time_ns, {family: picture for family, picture in seen.items() if picture is not None})
 
 

@@ -21,8 +21,11 @@ _ON_CLOCK: Final = "us on the file's clock"
 
 
 def keep_moments(group: str, glimpses: Sequence[Glimpse], facts: Facts, width_px: int) -> Kept:
-    """Return the glimpses as arrays whose first axis is the moment; what a moment does not show is NaN, or 0."""
-    entries = _entries(glimpses, facts, width_px) if glimpses else {}
+    """Return the glimpses as arrays whose first axis is the moment; what a moment does not show is NaN, or 0.
+
+    Nothing where none of them shows anything.
+    """
+    entries = _entries(glimpses, facts, width_px) if any(one.pictures for one in glimpses) else {}
     return Kept.titled({named(group, name): entry for name, entry in entries.items()})
 
 

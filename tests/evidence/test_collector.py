@@ -31,10 +31,10 @@ SHAPES = {
 TYPES = {"rgb": "u1", "depth_m": "f4", "flow_px": "f4", "residual_dn": "f2", "brighter": "u2", "darker": "u2"}
 
 
-def collect(file: Memory, options: EvidenceOptions = OPTIONS) -> Kept:
+def collect(file: Memory, options: EvidenceOptions = OPTIONS, families: frozenset[str] | None = None) -> Kept:
     """What is kept of all windows."""
     spans = file.spans
-    collector = EvidenceCollector(spans, spans, options)
+    collector = EvidenceCollector(spans, spans, options, families)
     state = collector.start(file.facts)
     for number in range(len(spans)):
         collector.update(state, file.window(number))
@@ -103,6 +103,22 @@ def test_moments_without_a_picture_are_nan() -> None:
     assert missing.tolist() == [True, False, False, False]
     assert np.isnan(arrays["moments/depth_m"][missing]).all()
     assert np.isfinite(arrays["moments/depth_m"][~missing]).all()
+
+
+@pytest.mark.parametrize(
+    ("families", "shown"),
+    [
+        ({"pose"}, set()),
+        ({"flow"}, {"flow_px", "flow_interval_us"}),
+        ({"rgb", "events"}, {"rgb", "rgb_times_us", "brighter", "darker", "events_interval_us"}),
+        ({"rgb", "flow"}, {"rgb", "rgb_times_us", "flow_px", "flow_interval_us", "residual_dn"}),
+    ],
+)
+def test_moments_of_some_streams(families: set[str], shown: set[str]) -> None:
+    """Moments show the streams that were asked for, with the instants where there is any picture, and no other."""
+    kept = collect(memory(), families=frozenset(families)).arrays
+    moments = {name.removeprefix("moments/") for name in kept if name.startswith("moments/")}
+    assert moments == (shown | {"times_us"} if shown else set())
 
 
 @pytest.mark.parametrize("cut", range(1, 6))
