@@ -120,7 +120,7 @@ def test_counts_of_odd_values() -> None:
         ((), []),
         (((2.0, 30.0),), [2.5, 30.0]),
         (((3.0, 4.0),), []),
-        (((1.0, 3.0), (29.0, 31.0)), [2.5, 30.0]),
+        (((2.0, 3.0), (29.0, 31.0)), [2.5, 30.0]),
     ):
         least, most, found = positive_extremes(ODD, near) or (0.0, 0.0, ODD)
         assert (least, most, found.tolist()) == (float(np.float32(1e-40)), 30.0, within)
