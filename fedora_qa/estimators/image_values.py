@@ -37,6 +37,16 @@ def is_of_one_code(image: NDArray[np.uint8]) -> bool:
     return bool((image[0] == first).all() and (image == first).all())
 
 
+def count_codes(rgb: NDArray[np.uint8], every_px: int, counts: NDArray[np.int64]) -> int:
+    """Add to ``counts`` (256,) how often each code occurs in every so many-th row and column of a frame (H, W, 3).
+
+    Returns how many of these pixels have a code of 255.
+    """
+    frame = np.ascontiguousarray(rgb).view()
+    frame.flags.writeable = False  # as decoded frames are: compiled once
+    return int(_count_codes(frame, every_px, counts))
+
+
 def count_not_finite(values: NDArray[np.float32], most: float = inf) -> tuple[int, int, int]:
     """Count the vectors (n, 2) of which any component is NaN, infinite, or finite and beyond ``most``."""
     most_bits = bits_of(np.minimum([most], np.finfo(np.float32).max))[0]
@@ -77,6 +87,20 @@ def positive_extremes(
         return None
     low, high = np.array([least, most], np.int32).view(np.float32).tolist()
     return low, high, found.view(np.float32)
+
+
+@njit(cache=True)
+def _count_codes(rgb: NDArray[np.uint8], every_px: int, counts: NDArray[np.int64]) -> int:
+    at_end = 0
+    for row in range(0, rgb.shape[0], every_px):
+        line = rgb[row]
+        for column in range(0, rgb.shape[1], every_px):
+            red, green, blue = line[column, 0], line[column, 1], line[column, 2]
+            counts[red] += 1
+            counts[green] += 1
+            counts[blue] += 1
+            at_end += max(red, green, blue) == 255
+    return at_end
 
 
 @njit(cache=True)
