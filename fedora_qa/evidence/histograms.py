@@ -16,7 +16,7 @@ from fedora_qa.evidence.value_counts import Int64, added, count_values, histogra
 from fedora_qa.record.evidence import HISTOGRAMS, named
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.statistics.moments import pixel_sample, sampled_luma_dn, sampled_speeds_px
+from fedora_qa.statistics.moments import sampled_depth_m, sampled_luma_dn, sampled_speeds_px
 
 Image = TypeVar("Image")
 UInt32 = NDArray[np.uint32]
@@ -35,8 +35,8 @@ def window_values(window: Window, families: frozenset[str] | None = None) -> dic
 def _count_window(window: Window, families: frozenset[str] | None) -> dict[str, Int64]:
     facts = window.facts
     samples: dict[str, Iterable[NDArray[Any]]] = {
-        "depth_m": (pixel_sample(image) for image in _readable(window, "depth", window.depth_m, families)),
-        "luma_dn": _readable(window, "rgb", lambda frame: sampled_luma_dn(window, frame), families),
+        "depth_m": _readable(window, "depth", partial(sampled_depth_m, window), families),
+        "luma_dn": _readable(window, "rgb", partial(sampled_luma_dn, window), families),
     }
     for stream in facts.flow_streams:
         samples[stream] = _readable(window, stream, partial(sampled_speeds_px, window, stream), families)
