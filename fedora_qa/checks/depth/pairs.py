@@ -90,8 +90,8 @@ class DepthPair:
 
     def model(self) -> DepthModel:
         """Return how the frames hang together as the file declares."""
-        K = np.diag([1 / self.every_px, 1 / self.every_px, 1.0]) @ self.track.camera.K
-        return DepthModel(K, self.motion, motion_error=self.motion_error)
+        to_looked_at = np.array([[1 / self.every_px], [1 / self.every_px], [1.0]])
+        return DepthModel(to_looked_at * self.track.camera.K, self.motion, motion_error=self.motion_error)
 
     def scaled(self, factor: float) -> DepthModel:
         """Return the same with depths that are too large by a factor."""
@@ -156,8 +156,9 @@ def _motion(facts: Facts, track: PoseTrack, start_ns: int, end_ns: int) -> tuple
         return None
     noise = facts.declared.pose
     sigma_m, sigma_rad = (noise.position_sigma_m, noise.rotation_sigma_rad) if noise else (_ANYTHING_M, _ANYTHING_RAD)
-    directions = noise_directions(track.covariance(start_ns, end_ns, sigma_m, sigma_rad))
-    return motion, track.interpolation_twist(start_ns, end_ns), directions
+    exact = sigma_m == sigma_rad == 0.0
+    covariance = np.zeros((6, 6)) if exact else track.covariance(start_ns, end_ns, sigma_m, sigma_rad)
+    return motion, track.interpolation_twist(start_ns, end_ns), noise_directions(covariance)
 
 
 def lattice_of_frame(window: Window, frame: int) -> Lattice:
