@@ -180,7 +180,7 @@ def _events(window: Window, time_ns: int) -> Picture | None:
     events = window.events(EVENTS_NS // 2, EVENTS_NS // 2)
     start_ns, stop_ns = time_ns - EVENTS_NS // 2, time_ns + EVENTS_NS // 2
     first, last = np.searchsorted(events.times_ns, [start_ns, stop_ns])
-    x, y, p = (values[first:last] for values in (events.x, events.y, events.p))
+    x, y, p = events.x[first:last], events.y[first:last], events.p[first:last]
     height, width = _sensor_shape(window.facts.declared.cameras.get("events"), x, y)
     counts = np.zeros((2, height, width), np.uint32)
     for polarity in (0, 1):
