@@ -23,21 +23,9 @@ _LARGEST_SENSOR_PX: Final = 4096
 """Events of an undeclared sensor that lie farther out are left out of its picture."""
 
 
-_LARGE_FRAME: Final = 220_000
-_THICK_BLOCK: Final = 4
-"""Pixels of a frame, and side of the blocks that a picture's pixels stand for, from which on means are taken of every
-second row and column of a block, but where everything is looked at (``exhaustive``).
-
-At 1440x1080 that is a mean of 4 pixels of 16, in half of the time: fine texture is a little grainier.
-"""
-
-
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A picture, the row of its stream, and the start and end of what it shows (equal where it is an instant).
-
-    One px of it is the mean of a block of so many px each way, of every so many-th row and column of that.
-    """
+    """A picture, the row of its stream, and the start and end of what it shows (equal where it is an instant)."""
 
     image: NDArray[Any]
     stream: str
@@ -45,7 +33,6 @@ class Picture:
     block: int
     start_ns: int
     stop_ns: int
-    every: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +66,7 @@ def glimpse(window: Window, time_ns: int, width_px: int, rows: Mapping[str, int]
     rows = rows or {}
     looks: dict[str, Callable[[], Picture | None]] = {
         "rgb": lambda: _frame(window, "rgb", time_ns, rows, lambda row: _small_codes(window, row, width_px)),
-        "depth": lambda: _frame(
-            window, "depth", time_ns, rows, lambda row: _small(window, window.depth_m(row), width_px)
-        ),
+        "depth": lambda: _frame(window, "depth", time_ns, rows, lambda row: _small(window.depth_m(row), width_px)),
         "flow": lambda: _flow(window, time_ns, rows, width_px),
         "events": lambda: _events(window, time_ns),
     }
@@ -118,14 +103,14 @@ def _frame(
     stream: str,
     time_ns: int,
     rows: Mapping[str, int],
-    draw: Callable[[int], tuple[NDArray[Any], int, int]],
+    draw: Callable[[int], tuple[NDArray[Any], int]],
 ) -> Picture | None:
     row = rows.get(stream, nearest_row(window, stream, time_ns))
     if row is None or stream not in window.facts.streams:
         return None
     at_ns = int(window.facts.clocks[stream].times_ns[row])
-    image, block, every = draw(row)
-    return Picture(image, stream, row, block, at_ns, at_ns, every)
+    image, block = draw(row)
+    return Picture(image, stream, row, block, at_ns, at_ns)
 
 
 def _flow(window: Window, time_ns: int, rows: Mapping[str, int], width_px: int) -> Picture | None:
@@ -137,10 +122,11 @@ def _flow(window: Window, time_ns: int, rows: Mapping[str, int], width_px: int) 
         if row is None:
             continue
         clock = window.facts.clocks[stream]
-        image, block, every = _small(window, window.flow_px(stream, row), width_px)
+        image, block = _small(window.flow_px(stream, row), width_px)
         start_ns = int(clock.times_ns[row])
-        stop_ns = start_ns if clock.ends_ns is None else int(clock.ends_ns[row])
-        return Picture(image, stream, row, block, start_ns, stop_ns, every)
+        return Picture(
+            image, stream, row, block, start_ns, start_ns if clock.ends_ns is None else int(clock.ends_ns[row])
+        )
     return None
 
 
@@ -157,11 +143,11 @@ def _residual(window: Window, flow: Picture, width_px: int) -> Picture | None:
     rows = [_frame_at(window, time_ns, flow) for time_ns in (flow.start_ns, flow.stop_ns)]
     if rows[0] is None or rows[1] is None or rows[0] == rows[1]:
         return None
-    (earlier, block, every), (later, *_) = (_small_codes(window, row, width_px) for row in rows if row is not None)
+    (earlier, block), (later, _) = (_small_codes(window, row, width_px) for row in rows if row is not None)
     if earlier.shape[:2] != flow.image.shape[:2] or block != flow.block:
         return None
     left = carried_back_dn(earlier, later, flow.image, block)
-    return Picture(left, flow.stream, flow.row, block, flow.start_ns, flow.stop_ns, every)
+    return Picture(left, flow.stream, flow.row, block, flow.start_ns, flow.stop_ns)
 
 
 def _frame_at(window: Window, time_ns: int, flow: Picture) -> int | None:
@@ -197,21 +183,13 @@ def _sensor_shape(declared: Camera | None, x: NDArray[np.uint16], y: NDArray[np.
     return min(height, _LARGEST_SENSOR_PX), min(width, _LARGEST_SENSOR_PX)
 
 
-def _small_codes(window: Window, frame: int, width_px: int) -> tuple[NDArray[Any], int, int]:
+def _small_codes(window: Window, frame: int, width_px: int) -> tuple[NDArray[Any], int]:
     """Return a colour frame made smaller, once a window: a frame at an instant often begins the flow as well."""
     image = window.rgb(frame)
     block = block_px(image.shape[1], width_px)
-    every = _every(window, image, block)
-    return window.once(("small codes", frame, block), lambda: mean_codes(image, block, every)), block, every
+    return window.once(("small codes", frame, block), lambda: mean_codes(image, block)), block
 
 
-def _small(window: Window, image: NDArray[Any], width_px: int) -> tuple[NDArray[Any], int, int]:
+def _small(image: NDArray[Any], width_px: int) -> tuple[NDArray[Any], int]:
     block = block_px(image.shape[1], width_px)
-    every = _every(window, image, block)
-    return mean_values(image, block, every), block, every
-
-
-def _every(window: Window, image: NDArray[Any], block: int) -> int:
-    """Return every how many-th row and column of a block is looked at."""
-    pixels = image.shape[0] * image.shape[1]
-    return 2 if pixels > _LARGE_FRAME and block >= _THICK_BLOCK and window.sampling.tile_share < 1.0 else 1
+    return mean_values(image, block), block

@@ -108,6 +108,5 @@ def _intervals_us(pictures: Pictures, facts: Facts) -> NDArray[np.float64]:
 
 
 def _averaged(pictures: Pictures) -> str:
-    block, every = (max(sizes) for sizes in zip(*((one.block, one.every) for one in _shown(pictures)), strict=True))
-    of_which = "" if every == 1 else ", every second of them both ways"
-    return f", averaged over {block}x{block} pixels{of_which}" if block > 1 else ""
+    block = max(picture.block for picture in _shown(pictures))
+    return f", averaged over {block}x{block} pixels" if block > 1 else ""

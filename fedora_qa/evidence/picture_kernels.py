@@ -12,20 +12,19 @@ UInt32 = NDArray[np.uint32]
 
 
 @njit(cache=True)
-def finite_means(image: Float32, rows: int, columns: int, height: int, width: int, every: int) -> Float32:
+def finite_means(image: Float32, rows: int, columns: int, height: int, width: int) -> Float32:
     """Return the means (rows, columns, c) of the finite values of blocks of an image (H, W, c); NaN where none is.
 
-    ``height`` and ``width`` are those of a block; every so many-th row and column of it is looked at. Sums are taken in
-    single precision along columns, in double of them.
+    ``height`` and ``width`` are those of a block. Sums are taken in single precision along columns, in double of them.
     """
     channels = image.shape[2]
     lines = image.reshape(image.shape[0], image.shape[1] * channels)
-    wide, step = columns * width * channels, np.uint64(every * channels)  # a signed place costs a comparison
+    wide, step = columns * width * channels, np.uint64(channels)  # a signed place costs a comparison
     means = np.empty((rows, columns, channels), np.float32)
     sums, counts = np.empty(wide, np.float32), np.empty(wide, np.float32)
     for row in range(rows):
         sums[:], counts[:] = 0, 0
-        for at in range(row * height, (row + 1) * height, every):
+        for at in range(row * height, (row + 1) * height):
             line = lines[at]
             for i in range(wide):
                 finite = abs(line[i]) < np.inf
@@ -34,7 +33,7 @@ def finite_means(image: Float32, rows: int, columns: int, height: int, width: in
         for column in range(columns):
             for channel in range(channels):
                 at_column, total, count = np.uint64(column * width * channels + channel), 0.0, np.float32(0)
-                for _ in range(0, width, every):
+                for _ in range(width):
                     total += sums[at_column]
                     count += counts[at_column]
                     at_column += step
@@ -43,29 +42,25 @@ def finite_means(image: Float32, rows: int, columns: int, height: int, width: in
 
 
 @njit(cache=True)
-def code_means(image: UInt8, rows: int, columns: int, height: int, width: int, every: int) -> UInt8:
-    """Return the means (rows, columns, c) of blocks of an image of codes (H, W, c), rounded, halves to even.
-
-    Every so many-th row and column of a block is looked at.
-    """
+def code_means(image: UInt8, rows: int, columns: int, height: int, width: int) -> UInt8:
+    """Return the means (rows, columns, c) of blocks of an image of codes (H, W, c), rounded, halves to even."""
     channels = image.shape[2]
     lines = image.reshape(image.shape[0], image.shape[1] * channels)
-    wide, step = columns * width * channels, np.uint64(every * channels)  # a signed place costs a comparison
+    wide, step = columns * width * channels, np.uint64(channels)  # a signed place costs a comparison
     means, sums = np.empty((rows, columns, channels), np.uint8), np.empty(wide, np.uint32)
-    pixels = -(-height // every) * -(-width // every)
     for row in range(rows):
         sums[:] = 0
-        for at in range(row * height, (row + 1) * height, every):
+        for at in range(row * height, (row + 1) * height):
             line = lines[at]
             for i in range(wide):
                 sums[i] += line[i]
         for column in range(columns):
             for channel in range(channels):
                 at_column, total = np.uint64(column * width * channels + channel), np.uint32(0)
-                for _ in range(0, width, every):
+                for _ in range(width):
                     total += sums[at_column]
                     at_column += step
-                means[row, column, channel] = np.uint8(np.rint(total / pixels))
+                means[row, column, channel] = np.uint8(np.rint(total / (height * width)))
     return means
 
 

@@ -22,25 +22,19 @@ def picture_shape(height: int, width: int, block: int) -> tuple[int, int]:
     return max(height // block, 1), max(width // block, 1)
 
 
-def mean_codes(image: UInt8, block: int, every: int = 1) -> UInt8:
-    """Return the mean of each block of an image of 8-bit codes (H, W, C), rounded to codes.
-
-    Of every so many-th row and column of a block.
-    """
+def mean_codes(image: UInt8, block: int) -> UInt8:
+    """Return the mean of each block of an image of 8-bit codes (H, W, C), rounded to codes."""
     rows, columns = picture_shape(image.shape[0], image.shape[1], block)
     height, width = _side(image.shape[0], block), _side(image.shape[1], block)
-    return code_means(_as_decoded(np.ascontiguousarray(image)), rows, columns, height, width, every)
+    return code_means(_as_decoded(np.ascontiguousarray(image)), rows, columns, height, width)
 
 
-def mean_values(image: NDArray[Any], block: int, every: int = 1) -> Float32:
-    """Return the mean of the finite values of each block of an image (H, W) or (H, W, C); NaN where there are none.
-
-    Of every so many-th row and column of a block.
-    """
+def mean_values(image: NDArray[Any], block: int) -> Float32:
+    """Return the mean of the finite values of each block of an image (H, W) or (H, W, C); NaN where there are none."""
     rows, columns = picture_shape(image.shape[0], image.shape[1], block)
     height, width = _side(image.shape[0], block), _side(image.shape[1], block)
     values = _as_decoded(np.ascontiguousarray(image, dtype=np.float32).reshape(*image.shape[:2], -1))
-    means = finite_means(values, rows, columns, height, width, every)
+    means = finite_means(values, rows, columns, height, width)
     return means.reshape(rows, columns, *image.shape[2:])
 
 

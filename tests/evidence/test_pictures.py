@@ -57,21 +57,6 @@ def test_codes_are_rounded_means(block: int, seed: int) -> None:
     assert np.abs(mean_codes(image, block) - means).max() <= 0.5 + 1e-4
 
 
-@pytest.mark.parametrize("block", [2, 4, 5])
-def test_every_second_pixel_of_a_block(block: int) -> None:
-    """A mean of every second row and column of each block is that of just those pixels, of codes and of values."""
-    codes = np.random.default_rng(block).integers(0, 256, (block * 3, block * 4, 3)).astype(np.uint8)
-    values = np.where(codes > 40, codes, np.nan).astype(np.float32)
-    blocks = np.stack([
-        [codes[y : y + block : 2, x : x + block : 2].reshape(-1, 3) for x in range(0, block * 4, block)]
-        for y in range(0, block * 3, block)
-    ])  # fmt: skip
-    assert np.abs(mean_codes(codes, block, 2) - blocks.mean(axis=2)).max() <= 0.5 + 1e-4
-    counts = (blocks > 40).sum(axis=2)
-    expected = np.where(blocks > 40, blocks, 0).sum(axis=2) / np.where(counts, counts, np.nan)
-    np.testing.assert_allclose(mean_values(values, block, 2), expected, rtol=1e-5)
-
-
 @given(SIZES, st.integers(1, 30), st.integers(0, 1000))
 def test_no_event_of_a_whole_block_is_lost(size: tuple[int, int], block: int, seed: int) -> None:
     """Sums are exact; an image smaller than a block is one block."""
