@@ -89,10 +89,11 @@ class DepthImage:
         return replace(self, depths_m=depths_m, error_per_m=error_per_m, near_edge=near_edge, clearance_px=clearance_px)
 
 
-def depth_image(depths_m: Depths, relative_step: float = 0.0) -> DepthImage:
+def depth_image(depths_m: Depths, relative_step: float = 0.0, least_block_px: int = 1) -> DepthImage:
     """Prepare depths (H, W) in metres, NaN or not positive where invalid.
 
-    ``relative_step`` is the largest step of quantised depths as a share of the depth.
+    ``relative_step`` is the largest step of quantised depths as a share of the depth; distances from edges are told by
+    blocks of ``least_block_px`` at least.
     """
     depths_m = np.ascontiguousarray(depths_m)
     single_m = np.asarray(depths_m, dtype=np.float32)
@@ -100,7 +101,7 @@ def depth_image(depths_m: Depths, relative_step: float = 0.0) -> DepthImage:
     floor = _ROUNDINGS * SINGLE_PRECISION
     nearest_per_m = edges_and_errors(single_m, EDGE, _OF_SECOND_DIFFERENCE, floor, marks, error_per_m)
     near_edge = np.asarray(cv2.dilate(marks, np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8)), dtype=np.uint8)
-    block_px = ceil(sqrt(depths_m.size / _PLACES))
+    block_px = max(least_block_px, ceil(sqrt(depths_m.size / _PLACES)))
     clearance_px = _clearance_px(near_edge, block_px)
     return DepthImage(depths_m, error_per_m, relative_step / 2, near_edge, clearance_px, float(nearest_per_m), block_px)
 

@@ -89,20 +89,21 @@ def _steps_of_inverse_depth(z: Float64) -> Iterator[tuple[int, float, DepthStep]
 def _steps(values: Float64, z: Float64) -> Iterator[tuple[int, float, float, Float64]]:
     """Yield each octave of depth with a step of values (h, w): misfit, step, and the octave's depths in metres."""
     bends, middles, depths_m, octaves = second_differences(values, z, _EDGE)
-    counts, bent, limits = bent_octaves(bends, middles, octaves, FINEST_RELATIVE_STEP)
-    for i in np.flatnonzero(bent >= np.maximum(_FEWEST_STEPS, _LEAST_SHARE * counts)):
-        exponent = int(octaves.min()) + int(i)
-        octave = octaves == exponent
-        if common := _common_step(bends[octave], float(limits[i])):
-            yield exponent, common.misfit, common.size, depths_m[octave]
+    counts, limits, telling = bent_octaves(bends, middles, octaves, FINEST_RELATIVE_STEP)
+    if not len(telling):
+        return
+    lowest, bent, of_bent = int(octaves.min()), bends[telling], octaves[telling]
+    many = np.bincount(of_bent - lowest, minlength=len(counts))
+    for i in np.flatnonzero(many >= np.maximum(_FEWEST_STEPS, _LEAST_SHARE * counts)).tolist():
+        if common := _common_step(bent[of_bent == lowest + i], float(limits[i])):
+            yield lowest + i, common.misfit, common.size, depths_m[octaves == lowest + i]
 
 
-def _common_step(bends: Float64, finest: float) -> _CommonStep | None:
+def _common_step(bent: Float64, finest: float) -> _CommonStep | None:
     """Return the step of which all second differences are multiples; None where there is none as large as the finest.
 
     Steps bend both ways, while the second differences of a ball are of one sign and almost equal.
     """
-    bent = bends[np.abs(bends) > finest]
     sizes = np.abs(bent)
     if not _go_both_ways(bent):
         return None

@@ -4,6 +4,7 @@ Numbers of single precision are read as the whole numbers that their bits are: t
 order, infinity is 0x7F800000, and what lies above is NaN. Whole numbers are compared several at a time.
 """
 
+from collections.abc import Sequence
 from math import inf
 from typing import Any, Final
 
@@ -36,6 +37,16 @@ def is_of_one_code(image: NDArray[np.uint8]) -> bool:
     return bool((image[0] == first).all() and (image == first).all())
 
 
+def count_codes(rgb: NDArray[np.uint8], every_px: int, counts: NDArray[np.int64]) -> int:
+    """Add to ``counts`` (256,) how often each code occurs in every so many-th row and column of a frame (H, W, 3).
+
+    Returns how many of these pixels have a code of 255.
+    """
+    frame = np.ascontiguousarray(rgb).view()
+    frame.flags.writeable = False  # as decoded frames are: compiled once
+    return int(_count_codes(frame, every_px, counts))
+
+
 def count_not_finite(values: NDArray[np.float32], most: float = inf) -> tuple[int, int, int]:
     """Count the vectors (n, 2) of which any component is NaN, infinite, or finite and beyond ``most``."""
     most_bits = bits_of(np.minimum([most], np.finfo(np.float32).max))[0]
@@ -59,23 +70,37 @@ def count_outside(values: NDArray[Any], least: float, most: float) -> tuple[int,
     return int(nan), int(outside)
 
 
-def positive_extremes(values: NDArray[Any]) -> tuple[float, float] | None:
-    """Return the least and the greatest of the values that are positive and finite; None where there are none."""
-    least, most = _positive_extremes(bits_of(values).ravel())
+def positive_extremes(
+    values: NDArray[Any], near: Sequence[tuple[float, float]] = ()
+) -> tuple[float, float, NDArray[np.float32]] | None:
+    """Return the least and the greatest of the values that are positive and finite; None where there are none.
+
+    Beside them come the values within any of at most two ranges ``near`` (least and most, positive, both included), in
+    single precision.
+    """
+    ends = np.array([[1, 0], [1, 0]], np.int32)  # nothing is between
+    for i, (low, high) in enumerate(near):
+        ends[i] = bits_of(np.array([low, high]))
+    flat = bits_of(values).ravel()
+    least, most, found = _positive_extremes(flat, *ends.ravel())
     if most == 0:
         return None
     low, high = np.array([least, most], np.int32).view(np.float32).tolist()
-    return low, high
+    return low, high, found.view(np.float32)
 
 
-def values_between(values: NDArray[Any], least: float, most: float) -> NDArray[np.float32]:
-    """Return the values between two positive ends, both included, in single precision."""
-    ends = bits_of(np.array([least, most]))
-    flat = bits_of(values).ravel()
-    count = _count_between(flat, ends[0], ends[1])
-    if not count:  # as a rule: picking them out takes longer than seeing that there are none
-        return np.empty(0, np.float32)
-    return np.asarray(flat[(flat >= ends[0]) & (flat <= ends[1])]).view(np.float32)
+@njit(cache=True)
+def _count_codes(rgb: NDArray[np.uint8], every_px: int, counts: NDArray[np.int64]) -> int:
+    at_end = 0
+    for row in range(0, rgb.shape[0], every_px):
+        line = rgb[row]
+        for column in range(0, rgb.shape[1], every_px):
+            red, green, blue = line[column, 0], line[column, 1], line[column, 2]
+            counts[red] += 1
+            counts[green] += 1
+            counts[blue] += 1
+            at_end += max(red, green, blue) == 255
+    return at_end
 
 
 @njit(cache=True)
@@ -115,19 +140,31 @@ def _count_outside(bits: Bits, least: np.int32, most: np.int32) -> tuple[int, in
 
 
 @njit(cache=True)
-def _positive_extremes(bits: Bits) -> tuple[np.int32, np.int32]:
+def _positive_extremes(
+    bits: Bits, low: np.int32, high: np.int32, low_too: np.int32, high_too: np.int32
+) -> tuple[np.int32, np.int32, Bits]:
+    """Return the extremes, and what lies between ``low`` and ``high``, or ``low_too`` and ``high_too``, both included.
+
+    Stretches whose own extremes reach neither range are not looked at for that.
+    """
     least, most = _INFINITY, np.int32(0)
-    for i in range(len(bits)):
-        value = bits[i]
-        valid = (value > 0) & (value < _INFINITY)
-        least = min(least, value if valid else _INFINITY)
-        most = max(most, value if valid else np.int32(0))
-    return least, most
-
-
-@njit(cache=True)
-def _count_between(bits: Bits, least: np.int32, most: np.int32) -> int:
-    count = np.int32(0)
-    for i in range(len(bits)):
-        count += (bits[i] >= least) & (bits[i] <= most)
-    return int(count)
+    found, m = np.empty(0, np.int32), 0
+    for start in range(0, len(bits), 4096):
+        some = bits[start : start + 4096]
+        nearest, farthest = _INFINITY, np.int32(0)
+        for i in range(len(some)):
+            value = some[i]
+            valid = (value > 0) & (value < _INFINITY)
+            nearest = min(nearest, value if valid else _INFINITY)
+            farthest = max(farthest, value if valid else np.int32(0))
+        least, most = min(least, nearest), max(most, farthest)
+        if (nearest <= high and low <= farthest) or (nearest <= high_too and low_too <= farthest):
+            if len(found) < m + len(some):
+                longer = np.empty(2 * m + len(some), np.int32)
+                longer[:m] = found[:m]
+                found = longer
+            for i in range(len(some)):
+                value = some[i]
+                found[m] = value
+                m += ((low <= value) & (value <= high)) | ((low_too <= value) & (value <= high_too))
+    return least, most, found[:m]

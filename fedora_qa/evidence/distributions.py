@@ -84,7 +84,7 @@ class DistributionsCollector:
         return Kept.titled(entries)
 
 
-def pixel_intervals_ms(pixels: Int64, times_ns: Int64, start_ns: int) -> NDArray[np.float64]:
+def pixel_intervals_ms(pixels: NDArray[np.integer[Any]], times_ns: Int64, start_ns: int) -> NDArray[np.float64]:
     """Return the times between successive events of each pixel that end from ``start_ns`` on, ms.
 
     Parameters
@@ -98,13 +98,13 @@ def pixel_intervals_ms(pixels: Int64, times_ns: Int64, start_ns: int) -> NDArray
     return intervals_ns(places, times_ns, names, start_ns, LONGEST_INTERVAL_NS) / NS_PER_MS
 
 
-def _numbered(pixels: Int64) -> tuple[int, Int64]:
+def _numbered(pixels: NDArray[np.integer[Any]]) -> tuple[int, NDArray[np.int32]]:
     """Return how many numbers tell pixels apart, and those numbers; as they are, where they are not too many."""
     most = int(pixels.max(initial=-1)) + 1
     if most <= _MOST_PLACES and int(pixels.min(initial=0)) >= 0:
-        return most, pixels
+        return most, pixels.astype(np.int32, copy=False)
     names, places = np.unique(pixels, return_inverse=True)
-    return len(names), places.astype(np.int64)
+    return len(names), places.astype(np.int32)
 
 
 def _add(state: Blocks, place: int, counts: Mapping[str, Int64]) -> None:
@@ -125,8 +125,10 @@ def _event_counts(window: Window) -> dict[str, Int64]:
     except UnreadableRowsError:
         return {}
     span, times_ns = window.span, events.times_ns.astype(np.int64)
-    columns, rows = (place.astype(np.int64) - int(place.min(initial=0)) for place in (events.x, events.y))
-    pixels = rows * (int(columns.max(initial=0)) + 1) + columns
+    columns, rows = (place - place.min() if len(place) else place for place in (events.x, events.y))
+    width, height = (int(places.max(initial=0)) + 1 for places in (columns, rows))
+    numbers = np.int32 if width * height <= _MOST_PLACES else np.int64
+    pixels = np.multiply(rows, width, dtype=numbers) + columns
     return {
         "event_rate_per_ms": count_values(_rates_per_ms(times_ns, span, scan.first_ns, scan.last_ns)),
         "pixel_interval_ms": count_values(pixel_intervals_ms(pixels, times_ns, span.start_ns)),
@@ -136,7 +138,9 @@ def _event_counts(window: Window) -> dict[str, Int64]:
 def _rates_per_ms(times_ns: Int64, span: Span, first_ns: int, last_ns: int) -> NDArray[np.float64]:
     """Return events per ms in each 5 ms of the window that lies wholly within the stream of events."""
     edges_ns = np.arange(span.start_ns, span.stop_ns + 1, _RATE_BIN_NS)
-    counts = np.histogram(times_ns, edges_ns)[0] if len(edges_ns) > 1 else np.empty(0, np.int64)
+    before = np.searchsorted(times_ns, edges_ns)
+    before[-1:] = np.searchsorted(times_ns, edges_ns[-1:], side="right")
+    counts = np.diff(before)
     whole = (edges_ns[:-1] >= first_ns) & (edges_ns[1:] <= last_ns)
     return np.asarray(counts[whole] * (NS_PER_MS / _RATE_BIN_NS))
 

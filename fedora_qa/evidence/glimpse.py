@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.causes import in_families
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.evidence.picture_kernels import add_events
 from fedora_qa.evidence.pictures import block_px, mean_codes, mean_values
 from fedora_qa.evidence.residual import carried_back_dn
 from fedora_qa.sequence.declared import Camera
@@ -175,16 +176,16 @@ def _events(window: Window, time_ns: int) -> Picture | None:
     events = window.events(EVENTS_NS // 2, EVENTS_NS // 2)
     start_ns, stop_ns = time_ns - EVENTS_NS // 2, time_ns + EVENTS_NS // 2
     first, last = np.searchsorted(events.times_ns, [start_ns, stop_ns])
-    x, y, p = (values[first:last].astype(np.int64) for values in (events.x, events.y, events.p))
+    x, y, p = events.x[first:last], events.y[first:last], events.p[first:last]
     height, width = _sensor_shape(window.facts.declared.cameras.get("events"), x, y)
-    known = (x >= 0) & (x < width) & (y >= 0) & (y < height) & ((p == 0) | (p == 1))
-    flat = (p[known] * height + y[known]) * width + x[known]
-    counts = np.bincount(flat, minlength=2 * height * width).reshape(2, height, width)
+    counts = np.zeros((2, height, width), np.uint32)
+    for polarity in (0, 1):
+        add_events(counts[polarity], x[p == polarity], y[p == polarity])
     counts = np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)
     return Picture(counts, "events", 0, 1, start_ns, stop_ns)
 
 
-def _sensor_shape(declared: Camera | None, x: NDArray[np.int64], y: NDArray[np.int64]) -> tuple[int, int]:
+def _sensor_shape(declared: Camera | None, x: NDArray[np.uint16], y: NDArray[np.uint16]) -> tuple[int, int]:
     """Return rows and columns of the event camera: as declared, or as far as these events lie."""
     if declared is not None:
         return declared.height, declared.width

@@ -19,7 +19,7 @@ def finite_means(image: Float32, rows: int, columns: int, height: int, width: in
     """
     channels = image.shape[2]
     lines = image.reshape(image.shape[0], image.shape[1] * channels)
-    wide = columns * width * channels
+    wide, step = columns * width * channels, np.uint64(channels)  # a signed place costs a comparison
     means = np.empty((rows, columns, channels), np.float32)
     sums, counts = np.empty(wide, np.float32), np.empty(wide, np.float32)
     for row in range(rows):
@@ -32,10 +32,11 @@ def finite_means(image: Float32, rows: int, columns: int, height: int, width: in
                 counts[i] += np.float32(1) if finite else np.float32(0)
         for column in range(columns):
             for channel in range(channels):
-                first, total, count = column * width * channels + channel, 0.0, 0.0
-                for i in range(first, first + width * channels, channels):
-                    total += sums[i]
-                    count += counts[i]
+                at_column, total, count = np.uint64(column * width * channels + channel), 0.0, np.float32(0)
+                for _ in range(width):
+                    total += sums[at_column]
+                    count += counts[at_column]
+                    at_column += step
                 means[row, column, channel] = total / count if count else np.nan
     return means
 
@@ -45,7 +46,7 @@ def code_means(image: UInt8, rows: int, columns: int, height: int, width: int) -
     """Return the means (rows, columns, c) of blocks of an image of codes (H, W, c), rounded, halves to even."""
     channels = image.shape[2]
     lines = image.reshape(image.shape[0], image.shape[1] * channels)
-    wide = columns * width * channels
+    wide, step = columns * width * channels, np.uint64(channels)  # a signed place costs a comparison
     means, sums = np.empty((rows, columns, channels), np.uint8), np.empty(wide, np.uint32)
     for row in range(rows):
         sums[:] = 0
@@ -55,9 +56,10 @@ def code_means(image: UInt8, rows: int, columns: int, height: int, width: int) -
                 sums[i] += line[i]
         for column in range(columns):
             for channel in range(channels):
-                first, total = column * width * channels + channel, 0
-                for i in range(first, first + width * channels, channels):
-                    total += sums[i]
+                at_column, total = np.uint64(column * width * channels + channel), np.uint32(0)
+                for _ in range(width):
+                    total += sums[at_column]
+                    at_column += step
                 means[row, column, channel] = np.uint8(np.rint(total / (height * width)))
     return means
 

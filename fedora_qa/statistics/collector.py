@@ -13,7 +13,7 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.record.types import Scalar
 from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.statistics.moments import Moments, added, pixel_sample, sampled_luma_dn, sampled_speeds_px
+from fedora_qa.statistics.moments import Moments, added, sampled_depth_m, sampled_luma_dn, sampled_speeds_px
 from fedora_qa.statistics.trajectory import Motion, rotation, translation
 
 Image = TypeVar("Image")
@@ -45,7 +45,7 @@ class WindowStatistics:
 class StatisticsCollector:
     """The paper's sequence table (T, D, v max, w max, mean event rate) and flow table, and more.
 
-    Images, depth and flow are sampled at every fourth column and row (see ``pixel_sample``), in every frame of the
+    Images, depth and flow are sampled at every fourth column and row (small ones whole), in every frame of the
     windows that it is shown. Rows that cannot be decoded are left out here; the check ``integrity.readable`` names
     them. Of streams beyond ``families`` (``flow`` is every rate) only the stamps are told, and nothing is decoded;
     None: all.
@@ -63,7 +63,7 @@ class StatisticsCollector:
     def update(self, state: list[WindowStatistics], window: Window) -> None:
         """Add what a window shows. Windows come in order."""
         streams = self._streams(window.facts)
-        depths_m = [pixel_sample(depth) for depth in _readable(window, "depth", window.depth_m, streams)]
+        depths_m = list(_readable(window, "depth", lambda frame: sampled_depth_m(window, frame), streams))
         events, brighter = _count_events(window, streams)
         state.append(
             replace(

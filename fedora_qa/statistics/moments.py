@@ -64,10 +64,9 @@ def added(parts: Iterable[Moments]) -> Moments:
     return whole
 
 
-def pixel_sample(image: NDArray[Any]) -> NDArray[Any]:
-    """Return every fourth column of every fourth row (a sixteenth of the pixels); small images whole."""
-    first, stride = _lattice(image)
-    return image[first::stride, first::stride]
+def sampled_depth_m(window: Window, frame: int) -> NDArray[np.float32]:
+    """Return every fourth column of every fourth row of a depth frame, small ones whole; made once a window."""
+    return window.once(("sampled depth", frame), lambda: _sampled(window.depth_m(frame)))
 
 
 def sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.float32]:
@@ -78,6 +77,11 @@ def sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.flo
 def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
     """Return the luma of the stored codes at the sampled pixels of a colour frame; made once a window."""
     return window.once(("sampled luma", frame), lambda: _luma_dn(window.rgb(frame)))
+
+
+def _sampled(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    first, stride = _lattice(image)
+    return np.ascontiguousarray(image[first::stride, first::stride])
 
 
 def _speeds_px(flow_px: NDArray[np.float32]) -> NDArray[np.float32]:

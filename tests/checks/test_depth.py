@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fedora_qa.checks.depth import pairs
 from fedora_qa.checks.depth.consistency import Consistency
 from fedora_qa.checks.depth.projection import Projection
 from fedora_qa.checks.depth.range import Range
@@ -161,6 +162,25 @@ def test_faults_of_depth_are_named(change: Callable[[Depths], Depths], cause: st
         assert suspect.magnitude == pytest.approx(size, rel=0.05)
 
 
+@pytest.mark.parametrize(("change", "cause", "size"), FAULTS.values(), ids=FAULTS)
+def test_faults_of_large_frames_are_named(
+    change: Callable[[Depths], Depths], cause: str, size: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where every second row and column is looked at, as in large frames, faults are found and named all the same."""
+    monkeypatch.setattr(pairs, "_LARGE_FRAME", 192 * 144 // 4)
+    suspect = named(judged(Consistency(), with_depth(change), tile_share=0.5))
+    assert (suspect.cause, suspect.stream) == (cause, "depth")
+    if size is not None:
+        assert suspect.magnitude == pytest.approx(size, rel=0.05)
+
+
+@pytest.mark.parametrize("check", AGREEMENT, ids=lambda check: check.name)
+def test_large_frames_pass(check: Check[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clean file whose frames are looked at every third row and column passes."""
+    monkeypatch.setattr(pairs, "_LARGE_FRAME", 192 * 144 // 9)
+    assert judged(check, clean(), tile_share=0.5).result.outcome == "passed"
+
+
 @pytest.mark.parametrize("milliseconds", [1.0, 5.0, -20.0])
 def test_late_stamps_are_measured(milliseconds: float) -> None:
     """Stamps that are late by a constant are found and measured to a percent."""
@@ -176,14 +196,16 @@ def test_frozen_frames_are_placed() -> None:
     assert (where.index_start, where.index_stop) == (9, 14)
 
 
-def test_a_bad_corner_is_placed() -> None:
-    """A corner that is 1% too deep in one frame is found, and its tile named."""
+@pytest.mark.parametrize("every_px", [1, 2])
+def test_a_bad_corner_is_placed(every_px: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A corner that is 1% too deep in one frame is found, and its tile named; of thinned frames in px of all."""
 
     def deepen(depth: Depths) -> Depths:
         depth[10, 96:, 144:] *= 1.01
         return depth
 
-    result = judged(Consistency(), with_depth(deepen))
+    monkeypatch.setattr(pairs, "_LARGE_FRAME", 192 * 144 // every_px**2)
+    result = judged(Consistency(), with_depth(deepen), tile_share=0.5)
     alarm = next(one for one in result.alarms if one.finding.code.endswith("tile"))
     left, top, right, bottom = alarm.finding.where.tile or (0, 0, 0, 0)
     assert left >= 130

@@ -3,6 +3,8 @@
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
@@ -11,7 +13,7 @@ from fedora_qa.estimators.image_luma import cut_off, luma_of
 from fedora_qa.estimators.image_motion_kernels import is_of_one_value, reduced, reduced_flow
 from fedora_qa.estimators.image_points import sharp_colours
 from fedora_qa.estimators.image_samples import along_the_flow, steepness
-from fedora_qa.estimators.image_values import count_not_finite, count_outside, positive_extremes, values_between
+from fedora_qa.estimators.image_values import count_not_finite, count_outside, positive_extremes
 
 Float32 = NDArray[np.float32]
 RNG = np.random.default_rng(5)
@@ -113,7 +115,23 @@ def test_counts_of_odd_values() -> None:
     assert infinite == np.count_nonzero(np.isinf(u) | np.isinf(v))
     outside = int(np.count_nonzero(~((ODD >= 1) & (ODD <= 30)) & ~np.isnan(ODD)))
     assert count_outside(ODD, 1.0, 30.0) == (1, outside)
-    assert positive_extremes(ODD) == (float(np.float32(1e-40)), 30.0)
     assert positive_extremes(np.array([0.0, -2.0, np.nan, np.inf], np.float32)) is None
-    assert values_between(ODD, 2.0, 30.0).tolist() == [2.5, 30.0]
-    assert not len(values_between(ODD, 3.0, 4.0))
+    for near, within in (
+        ((), []),
+        (((2.0, 30.0),), [2.5, 30.0]),
+        (((3.0, 4.0),), []),
+        (((2.0, 3.0), (29.0, 31.0)), [2.5, 30.0]),
+    ):
+        least, most, found = positive_extremes(ODD, near) or (0.0, 0.0, ODD)
+        assert (least, most, found.tolist()) == (float(np.float32(1e-40)), 30.0, within)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(0, 12_000))
+def test_values_near_two_ends_are_picked_out(seed: int, count: int) -> None:
+    """Wherever they stand in a long row of values, those within either range are found, in their order."""
+    values = np.random.default_rng(seed).normal(5, 3, count).astype(np.float32)
+    least, most, found = positive_extremes(values, ((0.5, 0.75), (9.0, 12.0))) or (np.inf, 0.0, values[:0])
+    within = values[((values >= 0.5) & (values <= 0.75)) | ((values >= 9) & (values <= 12))]
+    np.testing.assert_array_equal(found, within)
+    assert (least, most) == (min(values[values > 0], default=np.inf), max(values[values > 0], default=0.0))

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.image_values import count_not_finite
+from fedora_qa.estimators.image_values import count_codes, count_not_finite
 
 FLOATS = st.floats(width=32, allow_nan=True, allow_infinity=True)
 
@@ -36,3 +36,14 @@ def test_only_nan_beside_what_may_be(most: float) -> None:
     values[3, 0] = -np.nan
     values.view(np.uint32)[5, 1] = 0x7F800001
     assert count_not_finite(values, most) == as_numpy_counts(values, most) == (145, 0, 0)
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 3), (9, 14, 3), (40, 33, 3)])
+@pytest.mark.parametrize("every_px", [1, 4])
+def test_codes_are_counted_as_numpy_counts_them(shape: tuple[int, int, int], every_px: int) -> None:
+    """Codes of every so many-th pixel are added to those counted before, and pixels at 255 are counted."""
+    rgb = np.random.default_rng(3).choice(np.array([0, 7, 254, 255], np.uint8), shape, p=[0.5, 0.2, 0.2, 0.1])
+    counts = np.ones(256, np.int64)
+    some = rgb[::every_px, ::every_px]
+    assert count_codes(rgb, every_px, counts) == np.count_nonzero(some.max(axis=2) == 255)
+    np.testing.assert_array_equal(counts - 1, np.bincount(some.ravel(), minlength=256))

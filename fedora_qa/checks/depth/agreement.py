@@ -77,7 +77,7 @@ def compare(pair: DepthPair) -> PairAgreement | None:
     sizes, bounds = np.abs(warped.residuals[known]), warped.bounds[known]
     whole = Deviation(median_of(sizes), median_of(bounds))
     tiles = _tiles(lattice, pair.image1.depths_m.shape)[known]
-    worst, tile = _worst_tile(sizes, bounds, tiles, pair.image1.depths_m.shape) or (whole, None)
+    worst, tile = _worst_tile(sizes, bounds, tiles, pair.image1.depths_m.shape, pair.every_px) or (whole, None)
     return PairAgreement(
         pair.first,
         pair.second,
@@ -101,7 +101,7 @@ def _tiles(lattice: Lattice, shape: tuple[int, ...]) -> NDArray[np.uint8]:
 
 
 def _worst_tile(
-    sizes: Float64, bounds: Float64, tiles: NDArray[np.uint8], shape: tuple[int, ...]
+    sizes: Float64, bounds: Float64, tiles: NDArray[np.uint8], shape: tuple[int, ...], every_px: int
 ) -> tuple[Deviation, tuple[int, int, int, int]] | None:
     """Return the tile that is off most, and where it lies; None where no tile holds enough pixels."""
     across, down = _TILES
@@ -112,7 +112,8 @@ def _worst_tile(
     tile = int(np.nanargmax(typical / limits))
     top, left = divmod(tile, across)
     edges = (left * width // across, top * height // down, (left + 1) * width // across, (top + 1) * height // down)
-    return Deviation(float(typical[tile]), float(limits[tile])), edges
+    left_px, top_px, right_px, bottom_px = (every_px * edge for edge in edges)
+    return Deviation(float(typical[tile]), float(limits[tile])), (left_px, top_px, right_px, bottom_px)
 
 
 def _same(pair: DepthPair) -> bool:

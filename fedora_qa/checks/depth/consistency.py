@@ -118,7 +118,7 @@ class Consistency(WindowCheck[WindowAgreement]):
             if pair is not None and pair.first == chosen.first:
                 local = chosen.whole.suspicion <= 1 and chosen.noise_square <= 0
                 residual, tile = (chosen.worst_tile.typical, chosen.tile) if local else (chosen.whole.typical, None)
-                weighed = weigh_hypotheses(pair, residual, tile)
+                weighed = weigh_hypotheses(pair.whole(), residual, tile)
                 state.append(WindowAgreement(window.span.index, weighed=tuple(weighed)))
 
     def conclude(self, state: Sequence[WindowAgreement], facts: Facts) -> Observation:

@@ -13,7 +13,7 @@ from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, Wi
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.depth_step import DepthStep
-from fedora_qa.estimators.image_values import positive_extremes, values_between
+from fedora_qa.estimators.image_values import positive_extremes
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -120,19 +120,20 @@ class Range(WindowCheck[WindowRange]):
 
 def _tally(frame: int, depth_m: NDArray[np.float32], range_m: tuple[float, float] | None) -> list[FrameRange]:
     """Tally a frame; nothing where it has no valid pixel."""
-    ends_m = positive_extremes(depth_m)
-    if ends_m is None:
+    ends_m = [(i, end_m) for i, end_m in enumerate(range_m or ()) if end_m > 0]
+    # A little more than the neighbourhood: its ends are rounded to single precision.
+    wide = 2 * _NEIGHBOURHOOD
+    found = positive_extremes(depth_m, [(end_m * (1 - wide), end_m * (1 + wide)) for _, end_m in ends_m])
+    if found is None:
         return []
+    nearest_m, farthest_m, around = found
     on_end, near_end = [0, 0], [0, 0]
-    for i, end_m in enumerate(range_m or ()):
-        if end_m <= 0:
-            continue
-        # A little more than the neighbourhood: its ends are rounded to single precision.
-        around = values_between(depth_m, end_m * (1 - 2 * _NEIGHBOURHOOD), end_m * (1 + 2 * _NEIGHBOURHOOD))
+    for i, end_m in ends_m:
         distances = np.abs(around.astype(np.float64) / end_m - 1.0)
         on_end[i] = int(np.count_nonzero(distances <= _ROUNDING))
         near_end[i] = int(np.count_nonzero(distances <= _NEIGHBOURHOOD)) - on_end[i]
-    return [FrameRange(frame, *ends_m, sum(depth_m.shape), (on_end[0], on_end[1]), (near_end[0], near_end[1]))]
+    on, near = (on_end[0], on_end[1]), (near_end[0], near_end[1])
+    return [FrameRange(frame, nearest_m, farthest_m, sum(depth_m.shape), on, near)]
 
 
 def _ends(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, float]) -> tuple[Measured, ...]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import expm1
+from math import ceil, expm1
 from typing import Final
 
 import numpy as np
@@ -14,7 +14,7 @@ from fedora_qa.checks.images.pairs import flow_rate_of, neighbours, pairs_with_f
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.estimators.code_gain import CODES
 from fedora_qa.estimators.image_gain import brightness_gain
-from fedora_qa.estimators.image_values import is_of_one_code
+from fedora_qa.estimators.image_values import count_codes, is_of_one_code
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -26,7 +26,6 @@ NEIGHBOURS: Final = 3
 
 FEWEST_PAIRS: Final = 4
 
-CLIPPED_DN: Final = 255
 CLIPPED_SHARE: Final = 0.25
 """Share of pixels at 255 beyond which a file is said to be overexposed: a judgement, no more than a notice."""
 
@@ -126,10 +125,8 @@ class Exposure(WindowCheck[WindowExposure]):
             rgb = window.rgb(frame)
             if is_of_one_code(rgb):
                 blank.append(frame)
-            sampled = np.ascontiguousarray(rgb[::_SAMPLED_EVERY_PX, ::_SAMPLED_EVERY_PX])
-            brightest = np.maximum(np.maximum(sampled[..., 0], sampled[..., 1]), sampled[..., 2])
-            clipped.append(float(np.mean(brightest == CLIPPED_DN)))
-            codes += np.bincount(sampled.ravel(), minlength=CODES)
+            looked_at = ceil(rgb.shape[0] / _SAMPLED_EVERY_PX) * ceil(rgb.shape[1] / _SAMPLED_EVERY_PX)
+            clipped.append(count_codes(rgb, _SAMPLED_EVERY_PX, codes) / max(looked_at, 1))
         return WindowExposure(tuple(gains), tuple(blank), float(np.sum(clipped)), window.owned("rgb"), codes)
 
     def conclude(self, state: Sequence[WindowExposure], facts: Facts) -> Observation:

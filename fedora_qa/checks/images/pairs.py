@@ -21,6 +21,14 @@ Float32 = NDArray[np.float32]
 SAMPLED_COLUMNS: Final = 160
 """About so many columns of points are compared: exposure is the same everywhere."""
 
+_FEWER_COLUMNS: Final = 100
+_LARGE_FRAME: Final = 220_000
+"""Columns of points in frames of more pixels than this, but where everything is looked at (``exhaustive``).
+
+There each point is fetched from memory by itself. With two fifths of the points in the same tiles a pair's error grows
+by a third, and the least jump that is found in park-day, most of it what points may move, by 5%.
+"""
+
 
 @dataclass(frozen=True, slots=True)
 class Pair:
@@ -94,7 +102,8 @@ def same_points(window: Window, pair: Pair) -> tuple[Float32, Float32]:
     if pair.flow_px is None:
         return _coarse(luma_dn(window, pair.before)), _coarse(luma_dn(window, pair.after))
     before, after = (luma_on_flow_grid(window, frame) for frame in (pair.before, pair.after))
-    step = max(1, before.shape[1] // SAMPLED_COLUMNS)
+    few = before.size > _LARGE_FRAME and window.sampling.tile_share < 1.0
+    step = max(1, before.shape[1] // (_FEWER_COLUMNS if few else SAMPLED_COLUMNS))
     return along_the_flow(before, after, pair.flow_px, step)
 
 
