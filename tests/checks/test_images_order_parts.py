@@ -27,6 +27,12 @@ def first(result: Judged, code: str) -> str:
     return f"{suspect.stream}:{suspect.cause}"
 
 
+def make_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take frames for ones of four times as many pixels as usual."""
+    for user in ("large_frames", "images.order_parts"):
+        monkeypatch.setattr(f"fedora_qa.checks.{user}.USUAL_PIXELS", WIDTH * HEIGHT // 4)
+
+
 def with_part_of(world: FlowWorld, rows: dict[int, int]) -> FlowWorld:
     """The middle quarter of some frames taken from others."""
     frames = np.asarray(world.rows_by_key["path/rgb"])
@@ -60,14 +66,14 @@ def test_the_middles_of_parts_tell(
     rows: dict[int, int], code: str, cause: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In frames that are large, of whose parts the middle is looked at, the same is found."""
-    monkeypatch.setattr("fedora_qa.checks.images.order_parts.LARGE_PIXELS", WIDTH * HEIGHT // 4)
+    make_large(monkeypatch)
     assert first(judged(Order(), with_part_of(world_of((50,)), rows), tile_share=0.25), code) == cause
 
 
 def test_large_frames_in_order_pass(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is looked at of large frames in order raises no alarm, and the share is that of all pixels."""
     whole = observe(Order(), world_of((50,))).measurements[0]
-    monkeypatch.setattr("fedora_qa.checks.images.order_parts.LARGE_PIXELS", WIDTH * HEIGHT // 4)
+    make_large(monkeypatch)
     assert not judged(Order(), world_of((50,)), tile_share=0.25).alarms
     assert observe(Order(), world_of((50,)), tile_share=0.25).measurements[0].value == pytest.approx(
         whole.value, abs=0.1

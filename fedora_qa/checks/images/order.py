@@ -11,12 +11,12 @@ from fedora_qa.checks.flow.frames import optics_of
 from fedora_qa.checks.images.order_causes import ALLOWED, order_suspects, out_of_order
 from fedora_qa.checks.images.order_parts import (
     PartShares,
-    is_large,
     odd_part,
     shares_of_large_frames,
     shares_of_parts,
 )
 from fedora_qa.checks.images.pairs import luma_on_flow_grid, pairs_with_flow
+from fedora_qa.checks.large_frames import is_large
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
 from fedora_qa.estimators.image_motion import MotionShare, motion_share
 from fedora_qa.estimators.image_motion_kernels import is_of_one_value
@@ -55,11 +55,9 @@ class Share:
     parts: PartShares
 
 
-def _shares(
-    before: Float32, after: Float32, flow_px: Float32, *, everywhere: bool
-) -> tuple[MotionShare | None, PartShares]:
+def _shares(before: Float32, after: Float32, flow_px: Float32, *, large: bool) -> tuple[MotionShare | None, PartShares]:
     """Return the share of two frames, and those of their parts: of large frames from some of their pixels."""
-    if is_large(before) and not everywhere:
+    if large:
         return shares_of_large_frames(before, after, flow_px)
     return motion_share(before, after, flow_px), shares_of_parts(before, after, flow_px)
 
@@ -121,7 +119,7 @@ class Order(WindowCheck[tuple[Share, ...]]):
             blank = is_of_one_value(before) or is_of_one_value(after)  # for images.exposure
             if blank:
                 continue
-            found, parts = _shares(before, after, pair.flow_px, everywhere=window.sampling.tile_share >= 1)
+            found, parts = _shares(before, after, pair.flow_px, large=is_large(before.size, window))
             if found is not None:
                 size = before.shape[1], before.shape[0]
                 shares.append(

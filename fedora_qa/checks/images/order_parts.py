@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.images.order_causes import ALLOWED, order_suspects, out_of_order
+from fedora_qa.checks.large_frames import USUAL_PIXELS
 from fedora_qa.checks.protocol import Measured
 from fedora_qa.estimators.image_motion import MotionShare, motion_of_parts, motion_share
 from fedora_qa.record.types import Where
@@ -35,30 +36,22 @@ PartShares = tuple[tuple[float, float], ...]
 """(parts, 2) shares of the flow and their standard errors, row by row; NaN where a part does not tell."""
 
 
-LARGE_PIXELS: Final = 220_000
-"""Frames of more pixels are looked at in the middle of each part only; 540 x 405 is looked at everywhere.
-
-As many pixels are as lie in the middle between the two sizes, by their logarithms: at 1440x1080 38% of each part. A
-part whose middle does not tell is looked at as a whole. The standard error of a part's share is then 0.011 as a rule,
-not 0.008, and the least fault of a part 25% larger; that of a whole frame, half of which is allowed for, is the same.
-"""
-
-
 def shares_of_parts(before: Float32, after: Float32, flow_px: Float32) -> PartShares:
     """Return by how much of the flow each part of two frames (H, W) lies apart."""
     found = [motion_share(before, after, flow_px, box) for box in boxes(before.shape[1], before.shape[0])]
     return _told(found)
 
 
-def is_large(frame: Float32) -> bool:
-    """Whether a frame (H, W) need not be looked at everywhere."""
-    return frame.size > LARGE_PIXELS
-
-
 def shares_of_large_frames(before: Float32, after: Float32, flow_px: Float32) -> tuple[MotionShare | None, PartShares]:
-    """Return the share of two large frames, and those of their parts, from the middle of each part."""
+    """Return the share of two large frames, and those of their parts, from the middle of each part.
+
+    As many pixels are looked at as lie in the middle, by logarithms, between the frame's and those of a usual one: at
+    1440x1080 38% of each part. A part whose middle does not tell is looked at as a whole. The standard error of a
+    part's share is then 0.012 as a rule, not 0.008, and the least fault of a part 25% larger; that of a whole frame,
+    half of which is allowed for, is the same.
+    """
     height, width = before.shape
-    looked_at = (LARGE_PIXELS / before.size) ** 0.25
+    looked_at = min(1.0, (USUAL_PIXELS / before.size) ** 0.25)
     parts = boxes(width, height)
     together, found = motion_of_parts(before, after, flow_px, [_middle(box, looked_at) for box in parts])
     tell = [
