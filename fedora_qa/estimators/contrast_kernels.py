@@ -24,6 +24,22 @@ _BEYOND = np.float32(-1)
 
 
 @njit(cache=True)
+def on_rows(
+    x: NDArray[np.integer], y: NDArray[np.integer], taken: tuple[int, int, int], width: int, rows: Bools
+) -> Int64:
+    """Return which of every so many-th event lie within a width and in some rows (h,), by index.
+
+    ``taken`` are the first event, the one after the last, and the step.
+    """
+    first, stop, step = taken
+    chosen, count = np.empty((stop - first + step - 1) // step, np.int64), 0
+    for i in range(first, stop, step):
+        chosen[count] = i
+        count += int((0 <= x[i] < width) and (0 <= y[i] < len(rows)) and rows[y[i]])
+    return chosen[:count]
+
+
+@njit(cache=True)
 def flow_as_seen(flow_px: Float32, view: Float64, wanted: Bools, width: int) -> Float32:
     """Return a flow (H, W, 2), px of its own grid, as the event camera sees it, (height, width, 2): its nearest pixel.
 

@@ -12,6 +12,7 @@ from fedora_qa.checks.flow.intervals import Interval, owned_intervals
 from fedora_qa.checks.large_frames import bands, is_large, near
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.contrast import GAINS, MARGIN_PX, PlacedEvents, View, sharpness_under
+from fedora_qa.estimators.contrast_kernels import on_rows
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
 
@@ -81,9 +82,10 @@ def measure_fields(window: Window) -> tuple[FieldSharpness, ...]:
     chosen = list(_chosen(window))
     if not chosen:
         return ()
+    first_ns = min(min(one.start_ns, _middle_ns(one) - SHORTEST_NS // 2) for one in chosen)
     last_ns = max(max(one.end_ns, _middle_ns(one) + SHORTEST_NS // 2) for one in chosen)
     try:
-        events = window.events(SHORTEST_NS, max(last_ns - window.span.stop_ns, 0))
+        events = window.events(max(window.span.start_ns - first_ns, 0), max(last_ns - window.span.stop_ns, 0))
     except UnreadableRowsError:
         return ()
     measured = (_measure(window, interval, events) for interval in chosen)
@@ -110,13 +112,13 @@ def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpne
         return None
     shape, view = sensor_shape(window.facts.declared), _view_of_flow(window.facts)
     focal_px = float(window.facts.declared.cameras["events"].K[0, 0])
-    rows, most = np.ones(shape[0], np.bool_), MOST_EVENTS
+    rows, most, for_speed = np.ones(shape[0], np.bool_), MOST_EVENTS, _FOR_SPEED
     if is_large(stored.shape[0] * stored.shape[1], window):
-        most = round(LARGE_SHARE * MOST_EVENTS)
+        most, for_speed = round(LARGE_SHARE * MOST_EVENTS), round(LARGE_SHARE * _FOR_SPEED)
         within = _around(events, interval, SHORTEST_NS // 2)
         rows = bands(shape[0], max(LARGE_SHARE, most / max(within.stop - within.start, most)), interval.row)
     seen = view.of(stored, near(rows, round(MARGIN_PX)), shape[1])
-    within = _around(events, interval, _length_ns(interval, seen.flow_px, focal_px) // 2)
+    within = _around(events, interval, _length_ns(interval, seen.flow_px, focal_px, for_speed) // 2)
     if within.stop - within.start < FEWEST_EVENTS:
         return None
     few = _on_sensor(events, _thinned(within, float(np.mean(rows)), most), shape[1], rows)
@@ -148,13 +150,13 @@ def _thinned(within: slice, share: float, most: int) -> slice:
     return slice(within.start, within.stop, 1 + int(share * (within.stop - within.start)) // most)
 
 
-def _length_ns(interval: Interval, flow_px: Float32, focal_px: float) -> int:
+def _length_ns(interval: Interval, flow_px: Float32, focal_px: float, pixels: int) -> int:
     """Return the time that events are taken from: of up to the whole interval that which makes the allowance least.
 
     With the root mean square way w it is 1 / (12 w^2) for the pixels and 2 a^2 = 24 (w / focal)^2 for bent paths, least
-    at w^2 = focal / sqrt(288). Some thousands of pixels tell w: the choice need not be exact.
+    at w^2 = focal / sqrt(288). Some ``pixels`` tell w: the choice need not be exact.
     """
-    step = max(1, int(np.sqrt(flow_px[..., 0].size / _FOR_SPEED)))
+    step = max(1, int(np.sqrt(flow_px[..., 0].size / pixels)))
     some_px = flow_px[::step, ::step].astype(np.float64)
     speed_px = np.hypot(some_px[..., 0], some_px[..., 1])
     known = speed_px[np.isfinite(speed_px)]
@@ -186,9 +188,6 @@ def _view_of_flow(facts: Facts) -> View:
 
 def _on_sensor(events: Events, taken: slice, width: int, rows: NDArray[np.bool_]) -> Events:
     """Return some of the events: those within the width of the sensor, and in some of its rows (h,)."""
-    x, y = events.x[taken], events.y[taken]
-    good = np.flatnonzero((x >= 0) & (x < width) & (y >= 0) & (y < len(rows)))
-    good = good[rows[y[good]]]
-    return Events(
-        x[good].astype(np.uint16), y[good].astype(np.uint16), events.times_ns[taken][good], events.p[taken][good]
-    )
+    good = on_rows(events.x, events.y, (taken.start, taken.stop, taken.step), width, rows)
+    x, y = events.x[good].astype(np.uint16), events.y[good].astype(np.uint16)
+    return Events(x, y, events.times_ns[good], events.p[good])
