@@ -38,8 +38,8 @@ large frames: with half the lines as well, the limit to the right is 9% larger, 
 LINES: Final = 270
 """At least so many lines of pixels are looked at along each axis of a frame, evenly spread.
 
-Of large frames half as many. An outline, and the texture beside it, is much the same a few pixels on: at 1440x1080 every fourth line gives the same
-standard error as all of them, to 1%.
+Of large frames half as many. An outline, and the texture beside it, is much the same a few pixels on: at 1440x1080
+every fourth line gives the same standard error as all of them, to 1%.
 """
 
 VARIANTS: Final = ("as stored", "mirrored left to right", "mirrored top to bottom")
@@ -129,10 +129,7 @@ def _of_frame(window: Window, row: int, frame: int) -> tuple[Float64, Float64] |
     facts, cameras = window.facts, window.facts.declared.cameras
     far_m = _farthest_m(facts, depth_m)
     lines = LINES // 2 if _is_large(window) else LINES
-    picture, every = (
-        _log(luma),
-        max(1, min(depth_m.shape) // (LINES_LARGE if is_large(_pixels(facts), window) else LINES)),
-    )
+    picture, every = _log(luma), max(1, min(depth_m.shape) // lines)
     counts = _counts_around(window, int(facts.clocks["depth"].times_ns[row]))
     colour, events = [], []
     for axis in (0, 1):

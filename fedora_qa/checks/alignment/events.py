@@ -199,9 +199,9 @@ def _quarter(seen: SeenFrames, i: int) -> slice:
 def _interval(seen: SeenFrames, i: int, rows: slice) -> tuple[Float64, Float64, Float64, Float64, FarSums]:
     """Return the sums of one frame interval over some rows, as in ``Registration``; slopes as if all were like them."""
     before, after = (np.log(seen.even_dn[frame, rows] + DARK_DN) for frame in (i, i + 1))
-    change, events, usable, sums = change_and_events(
-        before, after, *seen.error_dn[i : i + 2, rows], np.ascontiguousarray(seen.counts[i, :, rows])
-    )
+    earlier, later = seen.error_dn[i, rows], seen.error_dn[i + 1, rows]
+    counts = np.ascontiguousarray(seen.counts[i, :, rows])
+    change, events, usable, sums = change_and_events(before, after, earlier, later, counts)
     slopes = slope_sums(before, change, usable)
     slopes[:2] = slope_sums(before, change, events > 0)[:2]
     slopes *= seen.even_dn.shape[1] / len(before)
