@@ -55,7 +55,8 @@ def shares_of_large_frames(before: Float32, after: Float32, flow_px: Float32) ->
     parts = boxes(width, height)
     together, found = motion_of_parts(before, after, flow_px, [_middle(box, looked_at) for box in parts])
     tell = [
-        one if _tells(one) else motion_share(before, after, flow_px, box) for one, box in zip(found, parts, strict=True)
+        one if _tells(one) else motion_of_parts(before, after, flow_px, [box])[1][0]
+        for one, box in zip(found, parts, strict=True)
     ]
     return together, _told(tell)
 
