@@ -209,7 +209,7 @@ def _slope(back_two: float, back_one: float, one: float, two: float) -> float:
 @njit(cache=True)
 def share_in_box(
     before: Float32, after: Float32, flow_px: Float32, box: Box, speeds: int, percent: float, largest_px: float,
-    reduced_px: float, lines: tuple[int, int], taps: Float32, fewest: int, condition: float,
+    reduced_px: float, least: int, lines: tuple[int, int], taps: Float32, fewest: int, condition: float,
 ) -> tuple[bool, float, float, float, int, Sums]:  # fmt: skip
     """Return ``share_of_sums`` of two frames (H, W), reduced and smoothed, within a box; of how many pixels a mean is.
 
@@ -221,8 +221,8 @@ def share_in_box(
         (H, W, 2), not valid from ``largest_px`` on.
     speeds, percent
         About so many of its lengths are looked at, of which this percentile is as long as most of it.
-    reduced_px, lines
-        Frames are reduced until that is no longer than this; of so many rows the means are taken at most, those of
+    reduced_px, least, lines
+        Frames are reduced until that is no longer than this, by so many pixels at least; of so many rows the means are taken at most, those of
         frames and those of the flow.
     """
     left, top, right, bottom = box
@@ -231,7 +231,7 @@ def share_in_box(
     speed_px = most_of_the_flow(flow_px, box, largest_px, percent, stride)
     if not speed_px < largest_px:
         return nothing
-    step = max(1, int(np.ceil(speed_px / reduced_px)))
+    step = max(least, int(np.ceil(speed_px / reduced_px)))
     if min(right - left, bottom - top) < step:
         return nothing
     skip, of_flow = (step + lines[0] - 1) // lines[0], (step + lines[1] - 1) // lines[1]

@@ -58,7 +58,10 @@ class Share:
 def _shares(before: Float32, after: Float32, flow_px: Float32, *, large: bool) -> tuple[MotionShare | None, PartShares]:
     """Return the share of two frames, and those of their parts: of large frames from some of their pixels."""
     if large:
-        return shares_of_large_frames(before, after, flow_px)
+        found, parts = shares_of_large_frames(before, after, flow_px)
+        if found is not None and found.rounding_error < LARGEST_ERROR:
+            return found, parts
+        return motion_share(before, after, flow_px), parts
     return motion_share(before, after, flow_px), shares_of_parts(before, after, flow_px)
 
 
