@@ -222,8 +222,8 @@ def share_in_box(
     speeds, percent
         About so many of its lengths are looked at, of which this percentile is as long as most of it.
     reduced_px, least, lines
-        Frames are reduced until that is no longer than this, by so many pixels at least; of so many rows the means are taken at most, those of
-        frames and those of the flow.
+        Frames are reduced until that is no longer than this, by so many pixels at least; of so many rows the means are
+        taken at most, those of frames and those of the flow.
     """
     left, top, right, bottom = box
     nothing = (False, 0.0, 0.0, 0.0, 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
