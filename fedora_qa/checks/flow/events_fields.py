@@ -40,8 +40,8 @@ LARGE_EVENTS: Final = 8_000
 LARGE_ROWS: Final = 0.25
 """Of large frames so many events of a field are carried, of such a share of the rows where that has enough of them.
 
-Bands of rows keep the events of an edge together, which every third event would not. At 1440x1080, 1 s, limits of
-rivals are up to a sixth larger; with 4,000 they would be a quarter, and exchanged axes were no longer seen.
+Bands of rows keep the events of an edge together, which every third event would not. At 1440x1080, 1 s, limits are up
+to 13% larger; with 4,000 those of rivals would be 24%, and exchanged axes were no longer seen.
 """
 
 FEWEST_EVENTS: Final = 500
