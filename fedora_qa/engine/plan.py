@@ -16,23 +16,13 @@ import numpy as np
 
 from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.windows import WINDOW_NS
-from fedora_qa.sequence.window import Sampling
+from fedora_qa.sequence.window import USUAL_PIXELS, Sampling
 
 FEWEST_WINDOWS: Final = 4
 """A sample smaller than this cannot tell a local fault from a global one."""
 
 _FEWEST_PLACES: Final = 2_000
 """Pixels of a frame that dense checks look at, at least: to thin out a small frame costs power and saves no time."""
-
-_LARGE_FRAME: Final = 220_000
-"""Pixels from which on frames are looked at in as many places as one of this size: what 540x405 has, 218,700.
-
-A fault of a whole field is told by the number of places, not by their share: what a large frame has more of them costs
-time and gains little, as fields lie beside each other by the thousand. Errors grow as one over the root of the places:
-at 1440x1080 a seventh of those that the share would give makes limits 2.7 times as large, 0.002 to 0.005 px of a
-rate's mean within one second. Against a bound of 400,000 pixels limits are 1.35 times as large (the median over the 33
-numbers that the flow of one second is fitted with; root of the ratio of places) and the check takes 0.7 of the time.
-"""
 
 _SAMPLES: Final = frozenset({"imu", "pose"})
 """Streams of single samples."""
@@ -104,11 +94,20 @@ def sees_every_window(needs: Iterable[str]) -> bool:
 def sampling_of(effort: Effort, pixels: int | None) -> Sampling:
     """Return how densely an effort looks at a window: more so in small frames, up to ``full``, and less in large ones.
 
-    ``pixels`` is the size of a frame, where known. ``exhaustive`` looks everywhere.
+    A fault of a whole field is told by the number of places, not by their share: what a large frame has more of them
+    costs time and gains little, as fields lie beside each other by the thousand. Errors grow as one over the root of
+    the places: at 1440x1080 a seventh of those that the share would give makes limits 2.7 times as large, 0.002 to
+    0.005 px of a rate's mean within one second. Against a bound of 400,000 pixels limits are 1.35 times as large (the median
+    of the 33 numbers that the flow of one second is fitted with) and the check takes 0.7 of the time.
+
+    Parameters
+    ----------
+    pixels
+        The size of a frame, where known. ``exhaustive`` looks everywhere.
     """
     usual = EFFORTS[effort].sampling
     if not pixels or effort == "exhaustive":
         return usual
-    fewer = min(1.0, _LARGE_FRAME / pixels)
+    fewer = min(1.0, USUAL_PIXELS / pixels)
     least = min((_FEWEST_PLACES / pixels) ** 0.5, EFFORTS["full"].sampling.tile_share * fewer)
     return replace(usual, tile_share=max(usual.tile_share * fewer, least))

@@ -69,10 +69,10 @@ class View:
     wide: float = 1.0
     high: float = 1.0
 
-    def of(self, flow_px: Float32, shape: tuple[int, int]) -> "SeenFlow":
-        """Return a flow (H, W, 2), px of its grid, as an event camera of a shape (h, w) sees it."""
+    def of(self, flow_px: Float32, wanted: NDArray[np.bool_], width: int) -> "SeenFlow":
+        """Return a flow (H, W, 2), px of its grid, as an event camera of some width sees it in its wanted rows (h,)."""
         view = np.array([self.across, self.left, self.down, self.top, self.wide, self.high])
-        return SeenFlow(flow_as_seen(np.ascontiguousarray(flow_px, dtype=np.float32), view, *shape))
+        return SeenFlow(flow_as_seen(np.ascontiguousarray(flow_px, dtype=np.float32), view, wanted, width))
 
     def mirrored(self, seen: "SeenFlow", axis: int, shape: tuple[int, ...]) -> "SeenFlow":
         """Return a flow that ``of`` gave, its grid of a shape (H, W) turned over: 0 left to right, 1 top to bottom."""

@@ -8,6 +8,7 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 PARTS = 128
 """Distances of votes that are told apart, to a node."""
@@ -23,22 +24,39 @@ _BEYOND = np.float32(-1)
 
 
 @njit(cache=True)
-def flow_as_seen(flow_px: Float32, view: Float64, height: int, width: int) -> Float32:
+def on_rows(
+    x: NDArray[np.integer], y: NDArray[np.integer], taken: tuple[int, int, int], width: int, rows: Bools
+) -> Int64:
+    """Return which of every so many-th event lie within a width and in some rows (h,), by index.
+
+    ``taken`` are the first event, the one after the last, and the step.
+    """
+    first, stop, step = taken
+    chosen, count = np.empty((stop - first + step - 1) // step, np.int64), 0
+    for i in range(first, stop, step):
+        chosen[count] = i
+        count += int((0 <= x[i] < width) and (0 <= y[i] < len(rows)) and rows[y[i]])
+    return chosen[:count]
+
+
+@njit(cache=True)
+def flow_as_seen(flow_px: Float32, view: Float64, wanted: Bools, width: int) -> Float32:
     """Return a flow (H, W, 2), px of its own grid, as the event camera sees it, (height, width, 2): its nearest pixel.
 
     The view (6,) says where pixels of the event camera lie on that grid, as scale and offset of columns, then of rows,
-    and how many pixels of the event camera are one of its own, along columns and rows. NaN beyond the grid.
+    and how many pixels of the event camera are one of its own, along columns and rows. NaN beyond the grid, and in rows
+    that are not ``wanted`` (height,).
     """
-    seen = np.full((height, width, 2), np.nan, np.float32)
+    seen = np.full((len(wanted), width, 2), np.nan, np.float32)
     first, stop, nearest = width, 0, np.empty(width, np.int64)
     for column in range(width):
         at = np.rint(view[0] * column + view[1])
         if 0 <= at < flow_px.shape[1]:
             first, stop, nearest[column] = min(first, column), column + 1, int(at)
     across, down = np.float32(view[4]), np.float32(view[5])
-    for row in range(height):
+    for row in range(len(wanted)):
         at = np.rint(view[2] * row + view[3])
-        if 0 <= at < flow_px.shape[0]:
+        if wanted[row] and 0 <= at < flow_px.shape[0]:
             line, of_row = seen[row], flow_px[int(at)]
             for column in range(first, stop):
                 place = np.uint64(nearest[column])  # unsigned: an index that may be negative costs a comparison
@@ -111,15 +129,18 @@ def squares_under(
     """
     height, width = seen.shape[:2]
     per_px = np.float32(1.0 / node_px)
-    image = np.empty((int((height - 1) * per_px) + 8, int((width - 1) * per_px) + 8), np.float32)
+    image = np.zeros((int((height - 1) * per_px) + 8, int((width - 1) * per_px) + 8), np.float32)
+    voted = np.zeros(len(image), np.bool_)
     columns, rows = np.empty(len(x), np.float32), np.empty(len(x), np.float32)
     squares = np.empty(len(turns))
     for k in range(len(turns)):
         carry(x, y, tau, flows, places, seen, fold, turns[k], columns, rows)
-        image[:] = 0
-        _vote(image, columns, rows, per_px)
+        _vote(image, voted, columns, rows, per_px)
         image[:3, :3] = 0  # of events that were carried beyond
-        squares[k] = _sum_of_squares(image, np.float32(side)) * per_px * per_px
+        squares[k] = _sum_of_squares(image, voted, np.float32(side)) * per_px * per_px
+        for row in range(len(image)):
+            if voted[row]:
+                image[row], voted[row] = 0, False
     return squares
 
 
@@ -170,8 +191,8 @@ def carry(
 
 
 @njit(cache=True)
-def _vote(image: Float32, columns: Float32, rows: Float32, per_px: np.float32) -> None:
-    """Add the votes of events at places, those beyond the image to its corner."""
+def _vote(image: Float32, voted: Bools, columns: Float32, rows: Float32, per_px: np.float32) -> None:
+    """Add the votes of events at places, those beyond the image to its corner, and mark the rows that have any."""
     zero, one, half = np.float32(0), np.float32(1), np.float32(0.5)
     for i in range(len(columns)):
         stays = columns[i] >= zero
@@ -183,17 +204,23 @@ def _vote(image: Float32, columns: Float32, rows: Float32, per_px: np.float32) -
         second, shares, at = one - first - last, (upper, one - upper - lower, lower), np.uint64(left)
         for k in range(3):
             line, share = image[np.uint64(top + k)], shares[k]
+            voted[np.uint64(top + k)] = True
             before = line[at], line[at + np.uint64(1)], line[at + np.uint64(2)]  # so that none waits for another
             line[at], line[at + np.uint64(1)] = before[0] + share * first, before[1] + share * second
             line[at + np.uint64(2)] = before[2] + share * last
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
-def _sum_of_squares(image: Float32, side: np.float32) -> float:
-    """Return the sum of squares of an image of which each pixel gives a share to either neighbour along both axes."""
+def _sum_of_squares(image: Float32, voted: Bools, side: np.float32) -> float:
+    """Return the sum of squares of an image of which each pixel gives a share to either neighbour along both axes.
+
+    Rows that are not ``voted`` for (h,) hold nothing.
+    """
     total, middle = 0.0, np.float32(1) - side - side
     mixed = np.empty(image.shape[1], np.float32)
     for row in range(1, len(image) - 1):
+        if not (voted[row - 1] | voted[row] | voted[row + 1]):
+            continue
         above, here, below, of_row = image[row - 1], image[row], image[row + 1], np.float32(0)
         for column in range(len(mixed)):
             mixed[column] = middle * here[column] + side * (above[column] + below[column])

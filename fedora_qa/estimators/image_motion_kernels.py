@@ -10,6 +10,7 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Box = tuple[int, int, int, int]
+Sums = tuple[float, float, float, float, float, float, float, float, float, float, float]
 
 
 @njit(cache=True)
@@ -143,13 +144,11 @@ def _mirrored(place: int, size: int) -> int:
 
 
 @njit(cache=True)
-def share_of_flow(
-    before: Float32, after: Float32, flow_px: Float32, valid: Bools, fewest: int, condition: float
-) -> tuple[bool, float, float, float]:
-    """Regress the change between two smooth images (h, w) on what a flow (h, w, 2), in their pixels, predicts.
+def motion_sums(before: Float32, after: Float32, flow_px: Float32, valid: Bools) -> Sums:
+    """Return the sums of what a flow (h, w, 2) predicts, of level and of change between two smooth images (h, w).
 
-    Returns whether there is an answer, the share, the first diagonal element of the inverse normal matrix, and the mean
-    square of what is left. ``condition`` bounds, within a factor of three, the condition of the scaled matrix.
+    Of number, predicted, level, change; of the products predicted x predicted, predicted x level, level x level,
+    predicted x change, level x change, change x change. Levels are from a pixel of the middle on, which is the last.
     """
     rows, columns = valid.shape
     mean = np.empty((rows, columns))
@@ -171,6 +170,17 @@ def share_of_flow(
                 pp, pl, pc = pp + predicted * predicted, pl + predicted * level, pc + predicted * change
                 ll, lc, cc = ll + level * level, lc + level * change, cc + change * change
                 count += 1
+    return float(count), p_sum, l_sum, c_sum, pp, pl, ll, pc, lc, cc, base
+
+
+@njit(cache=True)
+def share_of_sums(sums: Sums, fewest: int, condition: float) -> tuple[bool, float, float, float]:
+    """Regress the change on what is predicted, gain and bias, from ``motion_sums``.
+
+    Returns whether there is an answer, the share, the first diagonal element of the inverse normal matrix, and the mean
+    square of what is left. ``condition`` bounds, within a factor of three, the condition of the scaled matrix.
+    """
+    count, p_sum, l_sum, c_sum, pp, pl, ll, pc, lc, cc, _ = sums
     if count < max(fewest, 1):
         return False, 0.0, 0.0, 0.0
     middle = l_sum / count  # levels from their mean on, so that the condition tells of the image alone
@@ -199,9 +209,11 @@ def _slope(back_two: float, back_one: float, one: float, two: float) -> float:
 @njit(cache=True)
 def share_in_box(
     before: Float32, after: Float32, flow_px: Float32, box: Box, speeds: int, percent: float, largest_px: float,
-    reduced_px: float, lines: int, taps: Float32, fewest: int, condition: float,
-) -> tuple[bool, float, float, float, int]:  # fmt: skip
-    """Return ``share_of_flow`` of two frames (H, W), reduced and smoothed, within a box; and of how many pixels a mean.
+    reduced_px: float, least: int, lines: tuple[int, int], taps: Float32, fewest: int, condition: float,
+) -> tuple[bool, float, float, float, int, Sums]:  # fmt: skip
+    """Return ``share_of_sums`` of two frames (H, W), reduced and smoothed, within a box; of how many pixels a mean is.
+
+    And the sums, of which the number is 0 where there are too few pixels.
 
     Parameters
     ----------
@@ -209,22 +221,24 @@ def share_in_box(
         (H, W, 2), not valid from ``largest_px`` on.
     speeds, percent
         About so many of its lengths are looked at, of which this percentile is as long as most of it.
-    reduced_px, lines
-        Frames are reduced until that is no longer than this; of so many rows the means are taken at most.
+    reduced_px, least, lines
+        Frames are reduced until that is no longer than this, by so many pixels at least; of so many rows the means are
+        taken at most, those of frames and those of the flow.
     """
     left, top, right, bottom = box
-    nothing = (False, 0.0, 0.0, 0.0, 0)
+    nothing = (False, 0.0, 0.0, 0.0, 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     stride = max(1, int(np.sqrt((right - left) * (bottom - top) // speeds)))
     speed_px = most_of_the_flow(flow_px, box, largest_px, percent, stride)
     if not speed_px < largest_px:
         return nothing
-    step = max(1, int(np.ceil(speed_px / reduced_px)))
+    step = max(least, int(np.ceil(speed_px / reduced_px)))
     if min(right - left, bottom - top) < step:
         return nothing
-    skip = (step + lines - 1) // lines
-    flow, valid = reduced_flow(flow_px, box, step, skip, largest_px)
+    skip, of_flow = (step + lines[0] - 1) // lines[0], (step + lines[1] - 1) // lines[1]
+    flow, valid = reduced_flow(flow_px, box, step, of_flow, largest_px)
     if np.count_nonzero(valid) < fewest:
         return nothing
     first, second = smooth(reduced(before, box, step, skip), taps), smooth(reduced(after, box, step, skip), taps)
-    found, share, inverse, left_dn2 = share_of_flow(first, second, flow, valid, fewest, condition)
-    return found, share, inverse, left_dn2, step * _lines(step, skip)
+    sums = motion_sums(first, second, flow, valid)
+    found, share, inverse, left_dn2 = share_of_sums(sums, fewest, condition)
+    return found, share, inverse, left_dn2, step * _lines(step, skip), sums

@@ -6,7 +6,7 @@ what is asked for, and keeps what several checks share.
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, Final, Protocol, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,10 @@ class Span:
     start_ns: int
     stop_ns: int
     owned: Mapping[str, tuple[int, int]]
+
+
+USUAL_PIXELS: Final = 220_000
+"""Frames of more pixels than 540 x 405 are large: they have more than it takes to tell a fault of a whole field."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,6 +64,19 @@ def test_shift_is_found_and_sized(right_px: int, tmp_path: Path) -> None:
     assert value_of(result, "shift_right") - clean == pytest.approx(right_px, abs=0.15)
 
 
+@pytest.mark.parametrize("right_px", [0, 2])
+def test_quarters_of_large_frames_tell(right_px: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a quarter of the rows has its turn in each interval, the shift is that of the whole image."""
+    path = shifted(log_file(), right_px).write(tmp_path / "file.h5")
+    whole = run_check(path, CHECK)
+    monkeypatch.setattr("fedora_qa.checks.large_frames.USUAL_PIXELS", 1000)
+    result = run_check(path, CHECK)
+    assert result.coverage == whole.coverage
+    assert rules(result) == rules(whole)
+    assert value_of(result, "shift_right") == pytest.approx(value_of(whole, "shift_right"), abs=0.3)
+    assert result.measurements != whole.measurements
+
+
 @pytest.mark.parametrize("right_px", [6, -9])
 def test_shift_beyond_the_reach_of_pixels_is_found(right_px: int, tmp_path: Path) -> None:
     """On blocks of pixels, to two standard errors."""

@@ -167,7 +167,7 @@ def test_faults_of_large_frames_are_named(
     change: Callable[[Depths], Depths], cause: str, size: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where every second row and column is looked at, as in large frames, faults are found and named all the same."""
-    monkeypatch.setattr(pairs, "_LARGE_FRAME", 192 * 144 // 4)
+    monkeypatch.setattr(pairs, "_PIXELS", 192 * 144 // 4)
     suspect = named(judged(Consistency(), with_depth(change), tile_share=0.5))
     assert (suspect.cause, suspect.stream) == (cause, "depth")
     if size is not None:
@@ -177,7 +177,7 @@ def test_faults_of_large_frames_are_named(
 @pytest.mark.parametrize("check", AGREEMENT, ids=lambda check: check.name)
 def test_large_frames_pass(check: Check[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """A clean file whose frames are looked at every third row and column passes."""
-    monkeypatch.setattr(pairs, "_LARGE_FRAME", 192 * 144 // 9)
+    monkeypatch.setattr(pairs, "_PIXELS", 192 * 144 // 9)
     assert judged(check, clean(), tile_share=0.5).result.outcome == "passed"
 
 
@@ -204,7 +204,7 @@ def test_a_bad_corner_is_placed(every_px: int, monkeypatch: pytest.MonkeyPatch) 
         depth[10, 96:, 144:] *= 1.01
         return depth
 
-    monkeypatch.setattr(pairs, "_LARGE_FRAME", 192 * 144 // every_px**2)
+    monkeypatch.setattr(pairs, "_PIXELS", 192 * 144 // every_px**2)
     result = judged(Consistency(), with_depth(deepen), tile_share=0.5)
     alarm = next(one for one in result.alarms if one.finding.code.endswith("tile"))
     left, top, right, bottom = alarm.finding.where.tile or (0, 0, 0, 0)

@@ -382,7 +382,7 @@ def test_fewer_intervals_of_large_sensors_place_events(
     path: Path, monkeypatch: pytest.MonkeyPatch, large: bool, intervals: int
 ) -> None:
     """Two intervals each 0.2 s in place of three; both place events that lie three pixels too low, to one."""
-    monkeypatch.setattr(alignment, "is_large", lambda _: large)
+    monkeypatch.setattr(alignment, "is_large_sensor", lambda _: large)
     file = log_file()
     file.altered(events=moved_down(file.events)).write(path)
     result = run_check(path, "event_response.alignment")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.images.order import Order
 from fedora_qa.checks.images.order_causes import Interval, order_suspects, out_of_order
 from fedora_qa.judgement.judge import Judged
-from tests.support.flow_world import FlowWorld, judged, make_world
+from tests.support.flow_world import HEIGHT, WIDTH, FlowWorld, judged, make_world, observe
 
 FRAME = 8
 world_of = cache(make_world)
@@ -25,6 +25,12 @@ def first(result: Judged, code: str) -> str:
     alarm = next(one for one in result.alarms if one.finding.code == code)
     suspect = max(alarm.suspects, key=lambda one: one.weight)
     return f"{suspect.stream}:{suspect.cause}"
+
+
+def make_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take frames for ones of four times as many pixels as usual."""
+    for user in ("large_frames", "images.order_parts"):
+        monkeypatch.setattr(f"fedora_qa.checks.{user}.USUAL_PIXELS", WIDTH * HEIGHT // 4)
 
 
 def with_part_of(world: FlowWorld, rows: dict[int, int]) -> FlowWorld:
@@ -47,6 +53,31 @@ def with_part_of(world: FlowWorld, rows: dict[int, int]) -> FlowWorld:
 def test_a_part_of_a_frame_out_of_its_place_is_named(rows: dict[int, int], cause: str) -> None:
     """A middle quarter that stands still, or is that of the next frame, is found by its own motion."""
     assert first(judged(Order(), with_part_of(world_of((50,)), rows)), "images.order.part") == cause
+
+
+@pytest.mark.parametrize(
+    ("rows", "code", "cause"),
+    [
+        pytest.param({FRAME: FRAME - 1}, "images.order.part", "rgb:frozen_frames", id="a part of one frozen"),
+        pytest.param({FRAME: FRAME + 1, FRAME + 1: FRAME}, "images.order.part", "rgb:swapped_frames", id="exchanged"),
+    ],
+)
+def test_the_middles_of_parts_tell(
+    rows: dict[int, int], code: str, cause: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In frames that are large, of whose parts the middle is looked at, the same is found."""
+    make_large(monkeypatch)
+    assert first(judged(Order(), with_part_of(world_of((50,)), rows), tile_share=0.25), code) == cause
+
+
+def test_large_frames_in_order_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is looked at of large frames in order raises no alarm, and the share is that of all pixels."""
+    whole = observe(Order(), world_of((50,))).measurements[0]
+    make_large(monkeypatch)
+    assert not judged(Order(), world_of((50,)), tile_share=0.25).alarms
+    assert observe(Order(), world_of((50,)), tile_share=0.25).measurements[0].value == pytest.approx(
+        whole.value, abs=0.1
+    )
 
 
 def test_frames_moved_for_a_while_are_not_frozen() -> None:

@@ -76,12 +76,14 @@ def test_flow_is_read_where_the_event_camera_sees_it() -> None:
     """A pixel of the event camera may lie between pixels of the flow, and be larger: the nearest one tells."""
     columns, rows = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     flow_px = np.stack((2.0 * columns + rows, columns - rows), axis=-1).astype(np.float32)
-    seen_px = View(1.5, 0.25, 2.0, -0.75, 1 / 1.5, 1 / 2.0).of(flow_px, (40, 70)).flow_px
+    seen_px = View(1.5, 0.25, 2.0, -0.75, 1 / 1.5, 1 / 2.0).of(flow_px, np.ones(40, np.bool_), 70).flow_px
     column, row = 15, 7  # of 1.5 * 10 + 0.25 and 2 * 4 - 0.75
     np.testing.assert_allclose(seen_px[4, 10], ((2 * column + row) / 1.5, (column - row) / 2.0), rtol=1e-6)
     assert np.isnan(seen_px[0, 50]).all()  # above the first row
     assert np.isnan(seen_px[20, 60]).all()  # behind the last column
-    np.testing.assert_array_equal(View().of(flow_px, flow_px.shape[:2]).flow_px, flow_px)
+    np.testing.assert_array_equal(
+        View().of(flow_px, np.ones(len(flow_px), np.bool_), flow_px.shape[1]).flow_px, flow_px
+    )
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -91,10 +93,11 @@ def test_a_mirrored_grid_keeps_values(axis: int, left: float) -> None:
     columns, rows = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     flow_px = np.stack((0.2 * columns, 0.2 * rows), axis=-1).astype(np.float32)
     view, shape = View(2.0, left, 2.0, 1.0, 0.5, 0.5), (HEIGHT // 2, WIDTH // 2)
+    wanted = np.ones(shape[0], np.bool_)
     x, y = (values.ravel().astype(np.uint16) for values in np.meshgrid(np.arange(shape[1]), np.arange(shape[0])))
     events = PlacedEvents.pixel_by_pixel(x, y, np.zeros(x.size))
-    turned = view.mirrored(view.of(flow_px, shape), axis, flow_px.shape).at(events).flows_px
-    stored = view.of(np.flip(flow_px, 1 - axis), shape).at(events).flows_px
+    turned = view.mirrored(view.of(flow_px, wanted, shape[1]), axis, flow_px.shape).at(events).flows_px
+    stored = view.of(np.flip(flow_px, 1 - axis), wanted, shape[1]).at(events).flows_px
     both = np.isfinite(turned).all(axis=0) & np.isfinite(stored).all(axis=0)
     assert both.mean() > 0.9
     np.testing.assert_allclose(turned[:, both], stored[:, both], atol=0.101)  # 0.2 px a pixel, half as large

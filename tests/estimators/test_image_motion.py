@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.image_motion import motion_share
+from fedora_qa.estimators.image_motion import motion_of_parts, motion_share
 
 Float32 = NDArray[np.float32]
 HEIGHT, WIDTH = 150, 200
@@ -78,3 +78,36 @@ def test_resting_camera_has_no_share() -> None:
     still = pan(0.0, 0.0)
     found = motion_share(frame(0.0, still), frame(0.0, still), still)
     assert found is None or found.standard_error > 1
+
+
+PARTS = [(left, top, left + 80, top + 60) for top in (10, 80) for left in (10, 110)]
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0, -1.0, 2.0], ids=["frozen", "in order", "turned round", "one left out"])
+def test_parts_together_tell_what_the_whole_does(share: float) -> None:
+    """Some parts, each reduced by its own flow, give the share of the whole frame, brighter by a tenth or not."""
+    flow_px = expansion(0.04)
+    before, after = frame(0.0, flow_px), frame(share, flow_px, gain=1.1)
+    together, apart = motion_of_parts(before, after, flow_px, PARTS)
+    assert together is not None
+    assert together.share == pytest.approx(share, abs=0.05 + 0.3 * abs(share))
+    assert together.standard_error < 0.1
+    assert [one is not None for one in apart] == [True] * len(PARTS)
+
+
+def test_one_part_together_is_that_part() -> None:
+    """The sums of one part say together what they say alone."""
+    flow_px = expansion(0.03)
+    together, (alone,) = motion_of_parts(frame(0.0, flow_px), frame(1.0, flow_px), flow_px, PARTS[:1])
+    assert together is not None
+    assert alone is not None
+    assert together.share == pytest.approx(alone.share, rel=1e-9)
+    assert together.standard_error == pytest.approx(alone.standard_error, rel=1e-9)
+    assert together.rounding_error == pytest.approx(alone.rounding_error, rel=1e-9)
+
+
+def test_parts_that_cannot_tell_say_nothing() -> None:
+    """Without valid flow neither the parts nor all of them together have a share."""
+    flow_px = np.full((HEIGHT, WIDTH, 2), np.nan, np.float32)
+    image = frame(0.0, pan(0, 0))
+    assert motion_of_parts(image, image, flow_px, PARTS) == (None, [None] * len(PARTS))

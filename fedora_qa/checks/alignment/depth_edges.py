@@ -10,6 +10,7 @@ from fedora_qa.checks.alignment.cameras import seen_from, why_not_comparable
 from fedora_qa.checks.events.view import sensor_shape
 from fedora_qa.checks.flow.intervals import frame_at
 from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.checks.large_frames import is_large
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.edge_kernels import root_counts
@@ -30,14 +31,15 @@ _EVERY_NS: Final = NS_PER_S // 20
 """Of windows shorter than that a frame is looked at for each point of this grid in time.
 
 Standard errors are of texture, which differs from place to place and hardly over time: over 1 s at 1440x1080 those of
-20 frames are those of 41 to 1%; of 10 frames they are 9 to 15% larger.
+20 frames are those of 41 to 1%; of 10 frames, as of windows of the usual length, they are 9 to 15% larger. So it is of
+large frames: with half the lines as well, the limit to the right is 9% larger, and that down the same.
 """
 
 LINES: Final = 270
 """At least so many lines of pixels are looked at along each axis of a frame, evenly spread.
 
-An outline, and the texture beside it, is much the same a few pixels on: at 1440x1080 every fourth line gives the same
-standard error as all of them, to 1%.
+Of large frames half as many. An outline, and the texture beside it, is much the same a few pixels on: at 1440x1080
+every fourth line gives the same standard error as all of them, to 1%.
 """
 
 VARIANTS: Final = ("as stored", "mirrored left to right", "mirrored top to bottom")
@@ -88,7 +90,8 @@ def _measure(window: Window) -> DepthEdges | None:
         evenly = np.unique(np.linspace(0, len(meeting) - 1, FRAMES).round().astype(int)) if meeting else ()
         chosen = [meeting[int(i)] for i in evenly]
     else:
-        chosen = [pair for pair in meeting if _due(window.facts, pair[0])]
+        every_ns = 2 * _EVERY_NS if _is_large(window) else _EVERY_NS
+        chosen = [pair for pair in meeting if _due(window.facts, pair[0], every_ns)]
     measured = [one for pair in chosen if (one := _of_frame(window, *pair)) is not None]
     if not measured:
         return None
@@ -101,12 +104,17 @@ def _met(facts: Facts, row: int) -> int | None:
     return frame_at(facts.clocks["rgb"], int(facts.clocks["depth"].times_ns[row]))
 
 
-def _due(facts: Facts, row: int) -> bool:
+def _is_large(window: Window) -> bool:
+    camera = window.facts.declared.cameras["depth"]
+    return is_large(camera.width * camera.height, window)
+
+
+def _due(facts: Facts, row: int, every_ns: int) -> bool:
     """Whether a depth frame that meets a colour frame is the first such one of its part of the grid in time."""
     times_ns = facts.clocks["depth"].times_ns
-    part = times_ns[row] // _EVERY_NS
+    part = times_ns[row] // every_ns
     for earlier in range(row - 1, -1, -1):
-        if times_ns[earlier] // _EVERY_NS != part:
+        if times_ns[earlier] // every_ns != part:
             return True
         if _met(facts, earlier) is not None:
             return False
@@ -120,7 +128,8 @@ def _of_frame(window: Window, row: int, frame: int) -> tuple[Float64, Float64] |
         return None
     facts, cameras = window.facts, window.facts.declared.cameras
     far_m = _farthest_m(facts, depth_m)
-    picture, every = _log(luma), max(1, min(depth_m.shape) // LINES)
+    lines = LINES // 2 if _is_large(window) else LINES
+    picture, every = _log(luma), max(1, min(depth_m.shape) // lines)
     counts = _counts_around(window, int(facts.clocks["depth"].times_ns[row]))
     colour, events = [], []
     for axis in (0, 1):

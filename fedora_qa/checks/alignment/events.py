@@ -12,6 +12,7 @@ from fedora_qa.checks.alignment.depth_edges import DARK_DN, DepthEdges, depth_ed
 from fedora_qa.checks.alignment.depth_pair import colour_edges, event_edges
 from fedora_qa.checks.alignment.odd_one_out import PairShift, shift_suspects
 from fedora_qa.checks.events.view import SeenFrames, intervals_due, seen_frames
+from fedora_qa.checks.large_frames import is_large, turn_of
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.estimators.event_shift import RADIUS_PX, auto_correlation, cross_correlation
 from fedora_qa.estimators.far_shift import FarSums, far_shift, far_sums, joined
@@ -123,7 +124,9 @@ class Events(WindowCheck[Registration]):
         if wanted <= 0:
             return None
         chosen = np.unique(np.linspace(0, len(seen) - 2, wanted).round().astype(int))
-        parts = [_interval(seen, int(i)) for i in chosen]
+        rgb = window.facts.declared.cameras["rgb"]
+        quarters = is_large(rgb.width * rgb.height, window)
+        parts = [_interval(seen, int(i), _quarter(seen, int(i)) if quarters else slice(None)) for i in chosen]
         *near, far = zip(*parts, strict=True)
         auto, cross, sums, slopes = (np.array(part) for part in near)
         return Registration(auto, cross, sums, slopes, joined(far), depth_edges(window))
@@ -182,14 +185,26 @@ _OTHERS: Final = (
 """What shifts events along the motion of the image."""
 
 
-def _interval(seen: SeenFrames, i: int) -> tuple[Float64, Float64, Float64, Float64, FarSums]:
-    """Return the sums of one frame interval, as in ``Registration``."""
-    before, after = (np.log(seen.even_dn[frame] + DARK_DN) for frame in (i, i + 1))
-    change, events, usable, sums = change_and_events(
-        before, after, seen.error_dn[i], seen.error_dn[i + 1], seen.counts[i]
-    )
+def _quarter(seen: SeenFrames, i: int) -> slice:
+    """Return the rows that are looked at between two large frames: each quarter of the image has its turn.
+
+    What events leave open differs from place to place more than over time, so that all quarters together err as the
+    whole image does: of 1 s of 1440x1080 standard errors are 0.014 and 0.030 px, for 0.011 and 0.018, and limits, which
+    are those of the lag for the most part, 9% and 23% larger.
+    """
+    number, height = int(4 * turn_of(int(seen.frames[i]))), seen.even_dn.shape[1]
+    return slice(number * height // 4, (number + 1) * height // 4)
+
+
+def _interval(seen: SeenFrames, i: int, rows: slice) -> tuple[Float64, Float64, Float64, Float64, FarSums]:
+    """Return the sums of one frame interval over some rows, as in ``Registration``; slopes as if all were like them."""
+    before, after = (np.log(seen.even_dn[frame, rows] + DARK_DN) for frame in (i, i + 1))
+    earlier, later = seen.error_dn[i, rows], seen.error_dn[i + 1, rows]
+    counts = np.ascontiguousarray(seen.counts[i, :, rows])
+    change, events, usable, sums = change_and_events(before, after, earlier, later, counts)
     slopes = slope_sums(before, change, usable)
     slopes[:2] = slope_sums(before, change, events > 0)[:2]
+    slopes *= seen.even_dn.shape[1] / len(before)
     auto, cross = auto_correlation(change, usable), cross_correlation(change, events, usable)
     return auto, cross, sums, slopes, far_sums(change, events, usable)
 

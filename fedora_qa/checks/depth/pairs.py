@@ -22,14 +22,14 @@ from fedora_qa.estimators.depth_warp import DepthModel, Lattice, lattice_stride,
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.window import Window
+from fedora_qa.sequence.window import USUAL_PIXELS, Window
 
 Float64 = NDArray[np.float64]
 
 FIT_PIXELS: Final = 2000
 """Pixels that a parameter is fitted to: plenty for seven numbers, since what remains is rounding."""
 
-_LARGE_FRAME: Final = 220_000
+_PIXELS: Final = USUAL_PIXELS
 """Pixels of a frame that are looked at, about: of larger ones every second, third ... row and column.
 
 The same view in 540x405 px is seen no worse: what lies between two pixels is read from both, and its error is bounded
@@ -189,7 +189,7 @@ def _every_px(window: Window) -> int:
     if window.sampling.tile_share >= 1.0:
         return 1
     camera = window.facts.declared.cameras["depth"]
-    return max(1, round(sqrt(camera.height * camera.width / _LARGE_FRAME)))
+    return max(1, round(sqrt(camera.height * camera.width / _PIXELS)))
 
 
 def standing_m(window: Window, frame: int) -> NDArray[np.float32]:

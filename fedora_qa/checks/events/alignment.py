@@ -12,7 +12,7 @@ from fedora_qa.checks.events.tiles import tile_around
 from fedora_qa.checks.events.view import (
     events_before,
     intervals_due,
-    is_large,
+    is_large_sensor,
     seen_frames,
     seen_signal,
     sensor_shape,
@@ -137,7 +137,7 @@ class Alignment(WindowCheck[Correlations]):
         seen, declared = seen_frames(window), window.facts.declared.events
         if declared is None or len(seen) < 2:
             return None
-        wanted, last = intervals_due(window, seen, INTERVALS[is_large(window)]), len(seen) - 2
+        wanted, last = intervals_due(window, seen, INTERVALS[is_large_sensor(window)]), len(seen) - 2
         if wanted <= 0:
             return None
         # What came before the first interval is asked only where there is no other.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.intermediates import clipped, luma_dn
+from fedora_qa.checks.large_frames import is_large
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Axis, Footprints, column_axis, row_axis
@@ -29,9 +30,6 @@ ROUNDING_DN: Final = {"linear": 0.5, "srgb": 0.5 * 2.4 / 1.055, "gamma2.2": 0.5 
 
 WINDOW_NS: Final = NS_PER_S // 5
 """The usual window; those of large images are shorter."""
-
-LARGE_PX: Final = 220_000
-"""Sensors with more pixels than that of 540x405 are large: they tell more of the whole than is needed."""
 
 CENTRES_AGREE_M: Final = 1e-6
 AXES_AGREE: Final = 1e-6
@@ -95,10 +93,10 @@ def sensor_shape(declared: Declared) -> tuple[int, int]:
     return camera.height, camera.width
 
 
-def is_large(window: Window) -> bool:
+def is_large_sensor(window: Window) -> bool:
     """Whether checks may look at less of the event camera than all, as it is large; not where all is asked for."""
     height, width = sensor_shape(window.facts.declared)
-    return height * width > LARGE_PX and window.sampling.tile_share < 1
+    return is_large(height * width, window)
 
 
 def _on_sensor(events: Events, declared: Declared) -> Events:

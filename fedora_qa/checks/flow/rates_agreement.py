@@ -11,7 +11,7 @@ from fedora_qa.checks.flow.rates_chain import Composed, Segment, compose
 from fedora_qa.estimators.depth_warp import lattice_stride
 from fedora_qa.estimators.flow_path_kernels import medians_of_parts
 from fedora_qa.estimators.order_kernels import median_of
-from fedora_qa.sequence.window import Window
+from fedora_qa.sequence.window import USUAL_PIXELS, Window
 
 Float64 = NDArray[np.float64]
 
@@ -19,9 +19,8 @@ FEWEST_PIXELS: Final = 50
 """Pixels below which two rates are not compared."""
 
 _TILES: Final = (8, 6)
-_LARGE_FRAME: Final = 220_000
 _FEWEST_PATHS: Final = 2_500
-"""Paths of frames of more pixels than that, at least: some fifty start in each of 48 tiles, where others have eighty.
+"""Paths of large frames, at least: some fifty start in each of 48 tiles, where others have eighty.
 
 What is stated are medians, and their bounds depend on no number: fewer paths leave the limits as they are. Of three
 rates each field is on the way of two pairs. At 1440x1080 a path costs 150 ns for each field, most of it spent waiting
@@ -139,7 +138,7 @@ def _steps(height: int, width: int, share: float) -> tuple[int, int]:
     In large frames those of one row lie four times as close as the rows: paths beside each other share the lines about
     them, and with as many paths half of a field need not be read from memory.
     """
-    if height * width <= _LARGE_FRAME:
+    if height * width <= USUAL_PIXELS:
         stride = lattice_stride(height, width, share)
         return stride, stride
     stride = max(1, min(round(1 / share), int(np.sqrt(height * width / _FEWEST_PATHS))))

@@ -9,15 +9,22 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.frames import optics_of
 from fedora_qa.checks.images.order_causes import ALLOWED, order_suspects, out_of_order
-from fedora_qa.checks.images.order_parts import PartShares, odd_part, shares_of_parts
+from fedora_qa.checks.images.order_parts import (
+    PartShares,
+    odd_part,
+    shares_of_large_frames,
+    shares_of_parts,
+)
 from fedora_qa.checks.images.pairs import luma_on_flow_grid, pairs_with_flow
+from fedora_qa.checks.large_frames import is_large
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
-from fedora_qa.estimators.image_motion import motion_share
+from fedora_qa.estimators.image_motion import MotionShare, motion_share
 from fedora_qa.estimators.image_motion_kernels import is_of_one_value
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 
+Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
 LARGEST_ERROR: Final = 0.1
@@ -46,6 +53,16 @@ class Share:
     rounding_error: float
     size: tuple[int, int]
     parts: PartShares
+
+
+def _shares(before: Float32, after: Float32, flow_px: Float32, *, large: bool) -> tuple[MotionShare | None, PartShares]:
+    """Return the share of two frames, and those of their parts: of large frames from some of their pixels."""
+    if large:
+        found, parts = shares_of_large_frames(before, after, flow_px)
+        if found is not None and found.rounding_error < LARGEST_ERROR:
+            return found, parts
+        return motion_share(before, after, flow_px), parts
+    return motion_share(before, after, flow_px), shares_of_parts(before, after, flow_px)
 
 
 class Order(WindowCheck[tuple[Share, ...]]):
@@ -103,9 +120,11 @@ class Order(WindowCheck[tuple[Share, ...]]):
                 continue
             before, after = luma_on_flow_grid(window, pair.before), luma_on_flow_grid(window, pair.after)
             blank = is_of_one_value(before) or is_of_one_value(after)  # for images.exposure
-            found = None if blank else motion_share(before, after, pair.flow_px)
+            if blank:
+                continue
+            found, parts = _shares(before, after, pair.flow_px, large=is_large(before.size, window))
             if found is not None:
-                size, parts = (before.shape[1], before.shape[0]), shares_of_parts(before, after, pair.flow_px)
+                size = before.shape[1], before.shape[0]
                 shares.append(
                     Share(pair.before, pair.after, found.share, found.standard_error, found.rounding_error, size, parts)
                 )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.flow.frames import Optics, optics_of
 from fedora_qa.checks.flow.intervals import frame_at, owned_intervals
 from fedora_qa.checks.intermediates import luma_dn
+from fedora_qa.checks.large_frames import is_large
 from fedora_qa.estimators.image_samples import along_the_flow
 from fedora_qa.layout.canonical import datasets_of
 from fedora_qa.sequence.facts import Facts
@@ -22,8 +23,7 @@ SAMPLED_COLUMNS: Final = 160
 """About so many columns of points are compared: exposure is the same everywhere."""
 
 _FEWER_COLUMNS: Final = 100
-_LARGE_FRAME: Final = 220_000
-"""Columns of points in frames of more pixels than this, but where everything is looked at (``exhaustive``).
+"""Columns of points in large frames, but where everything is looked at (``exhaustive``).
 
 There each point is fetched from memory by itself. With two fifths of the points in the same tiles a pair's error grows
 by a third, and the least jump that is found in park-day, most of it what points may move, by 5%.
@@ -102,7 +102,7 @@ def same_points(window: Window, pair: Pair) -> tuple[Float32, Float32]:
     if pair.flow_px is None:
         return _coarse(luma_dn(window, pair.before)), _coarse(luma_dn(window, pair.after))
     before, after = (luma_on_flow_grid(window, frame) for frame in (pair.before, pair.after))
-    few = before.size > _LARGE_FRAME and window.sampling.tile_share < 1.0
+    few = is_large(before.size, window)
     step = max(1, before.shape[1] // (_FEWER_COLUMNS if few else SAMPLED_COLUMNS))
     return along_the_flow(before, after, pair.flow_px, step)
 
