@@ -97,8 +97,8 @@ def sampling_of(effort: Effort, pixels: int | None) -> Sampling:
     A fault of a whole field is told by the number of places, not by their share: what a large frame has more of them
     costs time and gains little, as fields lie beside each other by the thousand. Errors grow as one over the root of
     the places: at 1440x1080 a seventh of those that the share would give makes limits 2.7 times as large, 0.002 to
-    0.005 px of a rate's mean within one second. Against a bound of 400,000 pixels limits are 1.35 times as large (the median
-    of the 33 numbers that the flow of one second is fitted with) and the check takes 0.7 of the time.
+    0.005 px of a rate's mean within one second. Against a bound of 400,000 pixels limits are 1.35 times as large (the
+    median of the 33 numbers that the flow of one second is fitted with), and the check takes 0.7 of the time.
 
     Parameters
     ----------
