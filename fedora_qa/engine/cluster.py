@@ -8,12 +8,14 @@ import socket
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cache
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final, Self, cast
 
 from fedora_qa.engine.code import code_digest
 from fedora_qa.engine.executors import Result, Task
+from fedora_qa.engine.file_task import FileTask, Sealed
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.errors import FedoraError, MisuseError, WorkerLostError
 
@@ -24,8 +26,22 @@ _COUNTED_FOR_S: Final = 5.0
 _WITHOUT_WORKERS_S: Final = 60.0
 """How long to wait for a worker, as clusters replace those that died."""
 
-_NO_WARNING: Final = {"distributed.admin.large-graph-warning-threshold": "100GB"}
-"""A task carries the states that it needs, so that anybody can do it again; Dask would rather have them apart."""
+
+@dataclass(frozen=True, slots=True)
+class _WithWorker(Sealed[Any]):
+    """What lies with the worker that made it, and goes from there to the one that needs it, if that is another.
+
+    Where that worker dies before, the cluster gets it made again.
+    """
+
+    _: KW_ONLY
+    remote: Any
+
+    def open(self) -> Any:
+        return self.remote.result().open()
+
+    def discard(self) -> None:
+        self.remote.release()
 
 
 class DaskExecutor:
@@ -85,10 +101,16 @@ class DaskExecutor:
     def submit(self, task: Task[Result], progress: Progress, worker: int | None = None) -> Future[Result]:
         """Give the task to the cluster; its progress is not told."""
         future: Future[Result] = Future()
-        with self._dask.config.set(_NO_WARNING):
-            remote = self._client.submit(do_if_same_code, self._code, task, pure=False)
+        if isinstance(task, FileTask):  # Dask finds what lies with workers in arguments alone
+            arguments = _told_apart(task.arguments)
+            remote = self._client.submit(
+                do_if_same_code, self._code, replace(task, arguments=()), arguments, pure=False
+            )
+            stays = bool(task.windows)  # what windows have shown is large
+        else:
+            remote, stays = self._client.submit(do_if_same_code, self._code, task, pure=False), False
         self._remote[future] = remote
-        remote.add_done_callback(lambda done: self._settle(future, done))
+        remote.add_done_callback(lambda done: self._settle(future, done, stays=stays))
         return future
 
     def require_workers(self) -> None:
@@ -115,10 +137,11 @@ class DaskExecutor:
         if self._threads:
             self._seen_at = self._counted_at
 
-    def _settle(self, future: Future[Any], remote: Any) -> None:
+    def _settle(self, future: Future[Any], remote: Any, *, stays: bool) -> None:
         self._remote.pop(future, None)
         try:
-            future.set_result(remote.result())
+            left = stays and remote.status == "finished"
+            future.set_result(_WithWorker(b"", remote=remote) if left else remote.result())
         except self._distributed.KilledWorker as death:
             future.set_exception(WorkerLostError(f"Expected a worker to end its task, got: {death}"))
         except self._distributed.CancelledError:
@@ -132,11 +155,28 @@ def _require_listener(address: str, host_and_port: Callable[[str], tuple[str, in
     socket.create_connection(host_and_port(address), timeout=_CONNECT_S).close()
 
 
-def do_if_same_code(code: str, task: Task[Result]) -> Result:
-    """Do a task, in a worker; raises ``MisuseError`` where the worker has other code than who sent it."""
+def do_if_same_code(code: str, task: Task[Result], arguments: tuple[Any, ...] | None = None) -> Result:
+    """Do a task, in a worker, with its arguments where they come apart from it.
+
+    Raises
+    ------
+    MisuseError
+        The worker has other code than who sent the task.
+    """
     if _code_here() != code:
         raise MisuseError("Expected the same fedora-qa on every worker, got another; install the same version on all")
+    if isinstance(task, FileTask) and arguments is not None:
+        task = cast(Task[Result], replace(task, arguments=arguments))
     return task(quiet)
+
+
+def _told_apart(arguments: Any) -> Any:
+    """Return arguments with what lies with workers as Dask knows it."""
+    if isinstance(arguments, _WithWorker):
+        return arguments.remote
+    if isinstance(arguments, list | tuple):
+        return type(arguments)(_told_apart(one) for one in arguments)
+    return arguments
 
 
 @cache

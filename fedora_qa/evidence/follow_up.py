@@ -100,6 +100,8 @@ def _shown_shape(picture: Picture, width_px: int) -> tuple[int, int]:
     if picture.stream != "events":
         return picture.image.shape[0] * picture.block, picture.image.shape[1] * picture.block
     height, width = picture.image.shape[1:]
+    if picture.block > 1:
+        return height * picture.block, width * picture.block
     block = block_px(width, width_px)
     rows, columns = picture_shape(height, width, block)
     return rows * block, columns * block

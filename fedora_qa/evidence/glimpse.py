@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.causes import in_families
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.evidence.picture_kernels import add_events
-from fedora_qa.evidence.pictures import block_px, mean_codes, mean_values
+from fedora_qa.evidence.pictures import block_px, mean_codes, mean_values, summed_counts
 from fedora_qa.evidence.residual import carried_back_dn
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.window import Window
@@ -44,8 +44,8 @@ class Glimpse:
     ----------
     pictures
         By family: ``rgb`` (h, w, 3) codes, ``depth`` (h, w) m, ``flow`` (h, w, 2) px, all made smaller; ``residual``
-        (h, w) DN, what that flow leaves between the frames at both its ends; ``events`` (2, H, W) darker and brighter
-        events of each pixel of the sensor.
+        (h, w) DN, what that flow leaves between the frames at both its ends; ``events`` (2, h, w) darker and brighter
+        events, of each pixel where the size of the sensor is not declared.
     """
 
     time_ns: int
@@ -77,7 +77,7 @@ def glimpse(
         "rgb": lambda: _frame(window, "rgb", time_ns, rows, lambda row: _small_codes(window, row, width_px)),
         "depth": lambda: _frame(window, "depth", time_ns, rows, lambda row: _small(window.depth_m(row), width_px)),
         "flow": lambda: _flow(window, time_ns, rows, width_px),
-        "events": lambda: _events(window, time_ns),
+        "events": lambda: _events(window, time_ns, width_px),
     }
     seen = {family: _readable(look) for family, look in looks.items() if in_families(family, families)}
     flow = seen.get("flow")
@@ -170,19 +170,24 @@ def _frame_at(window: Window, time_ns: int, flow: Picture) -> int | None:
     return row if near else None
 
 
-def _events(window: Window, time_ns: int) -> Picture | None:
+def _events(window: Window, time_ns: int, width_px: int) -> Picture | None:
+    """Count the events of each block of pixels; of each pixel where the size of the sensor is not declared.
+
+    Then it is known only when all instants have been seen.
+    """
     if "events" not in window.facts.streams:
         return None
     events = window.events(EVENTS_NS // 2, EVENTS_NS // 2)
     start_ns, stop_ns = time_ns - EVENTS_NS // 2, time_ns + EVENTS_NS // 2
     first, last = np.searchsorted(events.times_ns, [start_ns, stop_ns])
     x, y, p = events.x[first:last], events.y[first:last], events.p[first:last]
-    height, width = _sensor_shape(window.facts.declared.cameras.get("events"), x, y)
+    declared = window.facts.declared.cameras.get("events")
+    height, width = _sensor_shape(declared, x, y)
     counts = np.zeros((2, height, width), np.uint32)
     for polarity in (0, 1):
         add_events(counts[polarity], x[p == polarity], y[p == polarity])
-    counts = np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)
-    return Picture(counts, "events", 0, 1, start_ns, stop_ns)
+    block = block_px(width, width_px) if declared else 1
+    return Picture(summed_counts(counts, block), "events", 0, block, start_ns, stop_ns)
 
 
 def _sensor_shape(declared: Camera | None, x: NDArray[np.uint16], y: NDArray[np.uint16]) -> tuple[int, int]:

@@ -75,12 +75,14 @@ def _residual(pictures: Pictures, facts: Facts, width_px: int) -> Entries:
 
 
 def _events(pictures: Pictures, facts: Facts, width_px: int) -> Entries:
-    counts = _stacked(pictures, 0)  # (n, 2, H, W): the size of an undeclared sensor is known only now
-    block = block_px(counts.shape[3], width_px)
+    counts, block = _stacked(pictures, 0), max(picture.block for picture in _shown(pictures))  # (n, 2, h, w)
+    if block == 1:  # the size of an undeclared sensor is known only now
+        block = block_px(counts.shape[3], width_px)
+        counts = summed_counts(counts, block)
     of_pixel = f"{block}x{block} pixels" if block > 1 else "a pixel"
     entries = {
         name: (
-            np.stack([summed_counts(one[polarity], block) for one in counts]),
+            counts[:, polarity],
             f"Events that tell of {what}, number in {of_pixel} of the sensor within {_EVENTS_MS:g} ms",
         )
         for polarity, name, what in ((1, "brighter", "brightening"), (0, "darker", "darkening"))

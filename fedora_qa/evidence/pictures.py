@@ -46,17 +46,13 @@ def _as_decoded(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
-    """Return the sum of each block of counts (H, W), at most 65535."""
-    rows, columns = picture_shape(counts.shape[0], counts.shape[1], block)
-    whole = _whole(counts, block).reshape(rows, -1, columns, _side(counts.shape[1], block))
-    totals = whole.sum(axis=(1, 3), dtype=np.int64)
+    """Return the sum of each block of counts (..., H, W), at most 65535."""
+    *before, height, width = counts.shape
+    rows, columns = picture_shape(height, width, block)
+    high, wide = _side(height, block), _side(width, block)
+    whole = counts[..., : rows * high, : columns * wide].reshape(*before, rows, high, columns, wide)
+    totals = whole.sum(axis=(-3, -1), dtype=np.int64)
     return cast(UInt16, np.minimum(totals, np.iinfo(np.uint16).max).astype(np.uint16))
-
-
-def _whole(image: NDArray[Any], block: int) -> NDArray[Any]:
-    """Return the part of an image that whole blocks fill; all of it where it is smaller than one."""
-    rows, columns = picture_shape(image.shape[0], image.shape[1], block)
-    return image[: rows * _side(image.shape[0], block), : columns * _side(image.shape[1], block)]
 
 
 def _side(size: int, block: int) -> int:

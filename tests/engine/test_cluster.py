@@ -1,5 +1,7 @@
 """The same tasks on a Dask cluster of separate processes, some of which die."""
 
+import os
+import signal
 import sys
 from collections.abc import Iterator
 from functools import partial
@@ -13,6 +15,7 @@ from distributed import LocalCluster
 from fedora_qa.engine import cluster as cluster_module
 from fedora_qa.engine.cluster import DaskExecutor
 from fedora_qa.engine.executors import InProcess
+from fedora_qa.engine.file_task import FileTask
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import quiet
@@ -20,7 +23,7 @@ from fedora_qa.errors import FedoraError, MisuseError, WorkerLostError
 from tests.support import tasks
 from tests.support.handmade import write_handmade
 from tests.support.identical import identical
-from tests.support.killers import Kills
+from tests.support.killers import Counts, Kills
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +74,21 @@ def test_a_worker_killed_on_the_way(address: str, tmp_path: Path) -> None:
     for path in paths:
         assert identical(on_cluster[path].record, alone[path].record)
         assert identical(on_cluster[path].arrays, alone[path].arrays)
+
+
+def test_what_windows_have_shown_stays_with_workers(address: str, park_day: Path) -> None:
+    """It comes to nobody before it is asked for; where its worker is killed before that, it is made again."""
+    asked = ((Counts(),), CheckOptions(evidence=None))
+    with DaskExecutor(address) as executor:
+        surveyed = executor.submit(FileTask("survey_file", park_day, asked), quiet).result()
+        first = executor.submit(FileTask("measure_windows", surveyed, (None,), [0]), quiet).result()
+        assert not first.pickled
+        (holder,) = executor._client.who_has([first.remote])[first.remote.key]
+        os.kill(executor._client.run(os.getpid)[holder], signal.SIGKILL)
+        others = range(1, surveyed.windows)
+        both = executor.submit(FileTask("measure_windows", surveyed, (first,), others), quiet).result()
+        first.discard()
+        assert both.open().states.states["test.counts"] == [0, *others] != [0]
 
 
 def test_other_code_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
