@@ -32,7 +32,7 @@ def test_a_run_counts_what_its_children_hold_and_spend() -> None:
 def checked(wall_s: float, decoded_bytes: int = 1_000_000_000) -> Measured:
     return Measured(
         Run(0, wall_s, 2 * wall_s, 900_000_000),
-        {"open": 0.1, "check depth.range": 0.75, "check imu.noise": 0.25},
+        {"open": 0.1, "check depth.range": 0.75, "check imu.noise": 0.25, "check flow_rates.composition": 0.5},
         decoded_bytes,
     )
 
@@ -76,6 +76,8 @@ def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
         on_cluster=OnCluster(checked(8.0), checked(5.5)),
         memories={"1GB": checked(8.0, decoded_bytes=2_000_000_000), "2GB": checked(5.0)},
         selections=[Selection("depth", ("depth", "pose"), checked(3.0, decoded_bytes=200_000_000))],
+        fields=10,
+        frames=4,
     )
     rows = "".join(page(study)).splitlines()
     assert "| quick | 4 | 2.0 | 0.4 | 0.05 | 0.05 | 4.8 | 900 | 25% |" in rows
@@ -88,5 +90,7 @@ def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
     assert "| Dask's time / two jobs', later checks | 1.10 | 1.15 |" in rows
     assert "| 1GB | 900 | 200% | 16.0 | 6.0 |" in rows
     assert "| `depth.range` | 0.75 | 0.75 |" in rows
-    assert "| together | 1.00 | 1.00 |" in rows
+    assert "| together | 1.50 | 1.50 |" in rows
+    assert "| `full`, ms of one process a flow field, checks of flow | 50.0 | |" in rows
+    assert "| `exhaustive`, ms of one process a frame, all others | 250.0 | |" in rows
     assert "| `depth` | 20.0% | 3.0 | depth, pose |" in rows

@@ -14,6 +14,7 @@ from typing import Any, Final, get_args
 
 import click
 import dask
+import h5py
 from dask.distributed import LocalCluster
 
 from fedora_generator.generate import Request, generate_sequence
@@ -21,6 +22,7 @@ from fedora_generator.scene import load_scene
 from fedora_qa.checks import CHECKS
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.engine.effort import Effort
+from fedora_qa.layout.canonical import FLOW_STREAMS
 from tests.benchmarks.full_size.measured_run import Run, fedora_qa, run_measured
 from tests.benchmarks.full_size.page import Measured, OfEffort, OnCluster, Reading, Selection, Study, Turn, page
 
@@ -71,6 +73,8 @@ def main(lengths: str, size: str, times: int) -> None:
         on_cluster=_check_on_cluster(shortest),
         memories={memory: _check(shortest, "full", JOBS, "--memory", memory) for memory in MEMORIES},
         selections=list(_selections(shortest)),
+        fields=sum(_rows(shortest, f"path/{stream}") for stream in FLOW_STREAMS),
+        frames=_rows(shortest, "path/rgb"),
     )
     text = "".join(page(study))
     TARGET.write_text(text, encoding="utf-8")
@@ -85,6 +89,11 @@ def _sequence(length_s: float, size: tuple[int, int]) -> Path:
         scene = load_scene(SCENE).with_size(*size)
         generate_sequence(scene, target, Request(duration_s=length_s, quality="draft"))
     return target
+
+
+def _rows(path: Path, dataset: str) -> int:
+    with h5py.File(path) as file:
+        return len(file[dataset])
 
 
 def _read(path: Path) -> Reading:
