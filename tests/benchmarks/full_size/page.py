@@ -37,8 +37,8 @@ turn, every other number in this table that of the fastest run. All other figure
 QUICK: Final = """
 What is asked of `quick` here does not go with what is asked of it elsewhere, to find nine in ten of the faults that are
 four times as large as `full`'s limits ([trade](trade.md)). Errors grow with the root of the share of windows that is
-looked at, so that this takes a sixteenth of them at the least: of 1.5, what is asked of `full`, that is 0.09, and of what
-`full` takes, more. Finding faults is what `quick` is for. In files this short a part of its time is fixed besides:
+looked at, so that this takes a sixteenth of them at the least: 0.09 where `full` takes 1.5, as is asked of it, and more
+where it takes more. Finding faults is what `quick` is for. In files this short a part of its time is fixed besides:
 stamps, four stretches, judgement.
 """
 
