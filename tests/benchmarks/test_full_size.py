@@ -90,7 +90,7 @@ def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
     assert "| Dask's time / two jobs', later checks | 1.10 | 1.15 |" in rows
     assert "| 1GB | 900 | 200% | 16.0 | 6.0 |" in rows
     assert "| `depth.range` | 0.75 | 0.75 |" in rows
-    assert "| together | 1.50 | 1.50 |" in rows
+    assert "| together | 1.50 (12.51) | 1.50 (108.09) |" in rows
     assert "| `full`, ms of one process a flow field, checks of flow | 50.0 | |" in rows
     assert "| `exhaustive`, ms of one process a frame, all others | 250.0 | |" in rows
     assert "| `depth` | 20.0% | 3.0 | depth, pose |" in rows
