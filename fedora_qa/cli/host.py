@@ -15,6 +15,7 @@ PACKAGES: Final = (
     "scipy",
     "h5py",
     "hdf5plugin",
+    "numcodecs",
     "opencv-contrib-python-headless",
     "numba",
     "pydantic",

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import POLARITY_BRIGHTER, POLARITY_DARKER
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import DATASETS
+from fedora_qa.layout.direct_chunks import decode_chunk
 from fedora_qa.layout.links import READ_ERRORS
 
 Polarity = Literal["01", "inverted", "plus_minus"]
@@ -141,7 +142,8 @@ def _read(file: h5py.File, binding: Binding, start: int, stop: int, memory: Memo
         if memory is None:
             return np.asarray(dataset[start:stop])
         rows = memory((stop - start, *dataset.shape[1:]), dataset.dtype)
-        dataset.read_direct(rows, np.s_[start:stop])
+        if not decode_chunk(dataset, start, rows):
+            dataset.read_direct(rows, np.s_[start:stop])
         return rows
     except READ_ERRORS as error:
         failing = tuple(_failing_chunks(file, binding, start, stop))

@@ -1,0 +1,91 @@
+"""Decode a chunk of Blosc without HDF5: straight to where it is wanted, and outside HDF5's lock.
+
+HDF5 decodes a chunk into memory of its own and copies it from there, after going through it byte by byte for its
+checksum. Without that the images of a second of 1440x1080 take a fifth less (1.16 for 1.46 s of processor).
+"""
+
+import sys
+from typing import Any, Final
+
+import h5py
+import numpy as np
+from numcodecs import blosc
+from numpy.typing import NDArray
+
+from fedora_qa.layout.checksum_kernels import fletcher32
+
+blosc.use_threads = False  # how many cores are used is decided by --jobs
+
+_BLOSC: Final = 32001
+"""The number under which the filter is registered with HDF5."""
+
+_PIPELINES: Final = ([_BLOSC], [_BLOSC, h5py.h5z.FILTER_FLETCHER32])
+"""Filters that can be done here."""
+
+_CHECKSUM_BYTES: Final = 4
+
+_MOST_BESIDE_BYTES: Final = 20
+"""Header and checksum: Blosc makes nothing longer by more."""
+
+_LEAST_BYTES: Final = 1 << 20
+"""Smaller rows gain less than it takes to look at how they are stored."""
+
+_HEADER: Final = np.dtype([
+    ("version", "u1"), ("codec_version", "u1"), ("flags", "u1"), ("item_bytes", "u1"),
+    ("decoded_bytes", "<u4"), ("block_bytes", "<u4"), ("stored_bytes", "<u4"),
+])  # fmt: skip
+"""Of a chunk of Blosc 1 (README_CHUNK_FORMAT of C-Blosc)."""
+
+
+def decode_chunk(dataset: h5py.Dataset, start: int, rows: NDArray[Any]) -> bool:
+    """Decode the rows of one whole chunk into an array of their type; return whether that was done.
+
+    It is not where they are stored in any other way, or their bytes are damaged: then HDF5 is to be asked, which also
+    says what is wrong.
+    """
+    if rows.nbytes < _LEAST_BYTES or dataset.chunks != rows.shape or start % rows.shape[0]:
+        return False
+    filters = _filters(dataset)
+    if filters not in _PIPELINES or dataset.id.get_type() != h5py.h5t.py_create(dataset.dtype):
+        return False
+    try:
+        place = (start, *(0 for _ in rows.shape[1:]))
+        kept = dataset.id.get_chunk_info_by_coord(place)
+        if kept.filter_mask or not 0 < kept.size <= rows.nbytes + _MOST_BESIDE_BYTES:  # none is kept of what is blank
+            return False
+        _, stored = dataset.id.read_direct_chunk(place)
+        chunk = stored if filters == [_BLOSC] else _checked(stored)
+        if not _is_whole(chunk, rows.nbytes):
+            return False
+        blosc.decompress(chunk, rows)
+    except (OSError, RuntimeError, ValueError):
+        return False
+    return True
+
+
+def _filters(dataset: h5py.Dataset) -> list[int]:
+    kept = dataset.id.get_create_plist()
+    return [kept.get_filter(place)[0] for place in range(kept.get_nfilters())]
+
+
+def _checked(stored: bytes) -> memoryview:
+    """Return a chunk without the checksum behind it, or nothing of it where that is wrong."""
+    chunk, checksum = memoryview(stored)[:-_CHECKSUM_BYTES], int.from_bytes(stored[-_CHECKSUM_BYTES:], "little")
+    if sys.byteorder != "little":
+        return chunk[:0]
+    words = np.frombuffer(chunk, np.uint16, count=len(chunk) // 2)
+    found = fletcher32(words, chunk[-1] if len(chunk) % 2 else -1)
+    return chunk if _halves(found) == _halves(checksum) else chunk[:0]
+
+
+def _halves(checksum: int) -> tuple[int, int]:
+    """Return the two sums of a checksum modulo 65535, of which HDF5 writes 65535 for 0."""
+    return (checksum >> 16) % 65535, (checksum & 0xFFFF) % 65535
+
+
+def _is_whole(chunk: bytes | memoryview, decoded_bytes: int) -> bool:
+    """Whether a chunk is as long as its header says, and holds so many bytes: a decoder believes the header."""
+    if len(chunk) < _HEADER.itemsize:
+        return False
+    header = np.frombuffer(chunk, _HEADER, count=1)[0]
+    return int(header["decoded_bytes"]) == decoded_bytes and int(header["stored_bytes"]) == len(chunk)
