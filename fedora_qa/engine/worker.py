@@ -22,7 +22,10 @@ _PATIENCE_S: Final = 0.25
 shall not hold the memory of those that work."""
 
 _OPENCV_THREADS: Final = "OPENCV_FOR_THREADS_NUM"
-"""Read by OpenCV when it is loaded. Its images do not depend on it; sums of BLAS may, whose threads are left alone."""
+"""Read by OpenCV when it is loaded. Its images do not depend on it."""
+
+_BLAS_THREADS: Final = "OPENBLAS_NUM_THREADS"
+"""Read by NumPy and SciPy when they are loaded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +69,17 @@ def serve(pipe: "Connection[Any, Any]", threads: int) -> None:
             return
 
 
+def use_one_thread_of_blas() -> None:
+    """Keep BLAS to the thread that calls it, where nobody has said otherwise; before NumPy is loaded.
+
+    A worker has one core, and its matrices are small: further threads would spend their time waiting for them, awake,
+    on the cores of other workers.
+    """
+    os.environ.setdefault(_BLAS_THREADS, "1")
+
+
 def _use_threads(threads: int) -> None:
+    use_one_thread_of_blas()
     os.environ.setdefault(_OPENCV_THREADS, str(threads))
     if opencv := sys.modules.get("cv2"):
         opencv.setNumThreads(int(os.environ[_OPENCV_THREADS]))
