@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
+_SHARE: Final = 2 / 3
 _FEWEST_WINDOWS: Final = 4
 _MOST_WINDOWS: Final = 64
-"""In a stretch. What windows have shown, 75 MB at 1440x1080, is put away after each and taken up with the next, which
-takes as long as two windows there; a worker that dies takes one with it."""
+"""Of what is left, in a stretch. What windows have shown, some 40 MB at 1440x1080, is put away after each and taken up
+with the next, which takes as long as two windows there; a worker that dies takes one with it."""
 
 
 class Regions:
@@ -30,8 +31,8 @@ class Regions:
     def take(self, worker: int) -> Sequence[int]:
         """Return the next stretch for a worker, none where nothing is left.
 
-        A long neighbourhood is done in stretches of at most half of what is left, so that the last worker to end does
-        not keep the others waiting for long.
+        A long neighbourhood is done in stretches of at most two thirds of what is left, so that the last worker to end
+        does not keep the others waiting for long.
         """
         if worker < len(self._left) and self._left[worker]:
             left = self._left[worker]
@@ -55,4 +56,4 @@ def equal_parts(windows: int, count: int) -> tuple[Sequence[int], ...]:
 
 
 def _length(left: Sequence[int]) -> int:
-    return min(max(len(left) // 2, _FEWEST_WINDOWS), _MOST_WINDOWS, len(left))
+    return min(max(int(_SHARE * len(left)), _FEWEST_WINDOWS), _MOST_WINDOWS, len(left))
