@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
+from rich.console import Console
 from rich.progress import (
     BarColumn,
     DownloadColumn,
@@ -71,13 +72,14 @@ def counts_words(tally: Tally, known: int) -> str:
 def _bar(*columns: ProgressColumn) -> Progress:
     """Return a bar on stderr; the rate is taken over the whole run, as steps are few and long."""
     console = stderr_console()
+    shown = console.is_terminal
     return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f}%"),
         *columns,
-        console=console,
+        console=console if shown else Console(quiet=True),  # rich 13.7 ends what it hides with a line
         transient=True,
-        disable=not console.is_terminal,
+        disable=not shown,
         speed_estimate_period=_WHOLE_RUN_S,
     )
