@@ -2,8 +2,10 @@
 
 import sys
 
+from tests.benchmarks.full_size.figures import Measured, OfEffort, OnCluster, Reading, Selection, Study, Turn
+from tests.benchmarks.full_size.machine import Machine
 from tests.benchmarks.full_size.measured_run import Run, run_measured
-from tests.benchmarks.full_size.page import Measured, OfEffort, OnCluster, Reading, Selection, Study, Turn, page
+from tests.benchmarks.full_size.page import page
 
 CHILD = """
 import time
@@ -40,7 +42,7 @@ def checked(wall_s: float, decoded_bytes: int = 1_000_000_000) -> Measured:
 def turns(effort: str, length_s: float, *walls_s: float) -> OfEffort:
     """Turns of one effort; where one is twice as slow as the fastest, so are its start and its decoding."""
     slower = [wall_s / min(walls_s) for wall_s in walls_s]
-    readings = [Reading(int(1e9 * length_s), 2.0 * length_s * factor, 2.0 * length_s * factor) for factor in slower]
+    readings = [Reading(int(1e9 * length_s), 2.0 * length_s * factor, 2.5 * length_s * factor) for factor in slower]
     return OfEffort(
         effort,
         length_s,
@@ -69,6 +71,7 @@ def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
             turns("full", 1.0, 5.0),
             turns("full", 4.0, 14.6),
         ],
+        machine=Machine({"copying memory": 1.25}, 0.4e9, 11e9),
         exhaustive=checked(40.0),
         exhaustive_together=checked(22.0),
         alone=checked(9.0),
@@ -80,14 +83,17 @@ def test_page_tells_ratios_to_decoding_beside_the_start() -> None:
         frames=4,
     )
     rows = "".join(page(study)).splitlines()
-    assert "| quick | 4 | 2.0 | 0.4 | 0.05 | 0.05 | 4.8 | 900 | 25% |" in rows
-    assert "| full | 1 | 2.0 | 3.0 | 1.50 | 1.5 | 10.0 | 900 | 100% |" in rows
+    assert "| quick | 4 | 2.0 | 0.4 | 0.05 | 0.05 | 0.04 | 4.8 | 900 | 25% |" in rows
+    assert "| full | 1 | 2.0 | 3.0 | 1.50 | 1.5 | 1.20 | 10.0 | 900 | 100% |" in rows
     assert "| `full`, time of 4 times the length | 4.20 | 4.4 |" in rows
     assert "| `exhaustive`, one job's time / two jobs', start included | 1.82 | 1.7 |" in rows
     assert "| `full`, one job's time / two jobs', start included | 1.80 | |" in rows
     assert "| processors that one job keeps busy, as it has OpenCV's threads for itself | 2.00 | |" in rows
     assert "| Dask's time / two jobs', first check of a cluster, whose workers load all | 1.60 | |" in rows
     assert "| Dask's time / two jobs', later checks | 1.10 | 1.15 |" in rows
+    assert "| plain decoding of 4 s, MB/s (into new arrays) | 500 (400) | |" in rows
+    assert "| copying memory: one process's time / two processes', each half of it | 1.25 |" in rows
+    assert "| memory written for the first time, GB/s | 0.4 |" in rows
     assert "| 1GB | 900 | 200% | 16.0 | 6.0 |" in rows
     assert "| `depth.range` | 0.75 | 0.75 |" in rows
     assert "| together | 1.50 (12.51) | 1.50 (108.09) |" in rows

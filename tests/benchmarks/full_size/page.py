@@ -2,12 +2,10 @@
 
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from statistics import median
+from collections.abc import Iterator, Mapping
 from typing import Final
 
-from tests.benchmarks.full_size.measured_run import Run
+from tests.benchmarks.full_size.figures import OfEffort, Study
 
 TARGETS: Final[Mapping[str, float]] = {"quick": 0.05, "standard": 0.5, "full": 1.5}
 """Most time that an effort may take, as a share of decoding the file once."""
@@ -23,14 +21,14 @@ HEAD: Final = """\
 # What checking a full-size file costs
 
 Written by `make bench-files`, {date}, {cores} cores: `park-day` of {width}x{height}, in the canonical codec. Decoding
-is by plain h5py, one thread, every dataset once, the file in memory; it takes up to twice as long where h5py's arrays
-come fresh from the system, as they do for some lengths and not for others. An effort's time is that of two processes
-(`--jobs 2`), less the start: what the same command takes on a file of 48x36. The machine's own speed varies, so the
-three are measured right after one another, {times} times: time / decoding is the median of the ratios within such a
-turn, every other number in this table that of the fastest run. All other figures are of single runs.
+is by plain h5py, one thread, every dataset once, the file in memory, all chunks of a dataset into the same array; into
+new arrays, as `dataset[i]` gives them, it takes longer, by how much depends on how much of them is fresh memory, and is
+told beside it. An effort's time is that of two processes (`--jobs 2`), less the start: what the same command takes on a
+file of 48x36. The machine's own speed varies, so all three are measured right after one another, {times} times: ratios
+are medians of those within such a turn, every other number in this table is that of the fastest run.
 
-| effort | length, s | start, s | time, s | time / decoding | asked | processor, s | memory, MB | decoded |
-| --- | --- | --- | --- | --- | --- | --- | --- | --- |
+| effort | length, s | start, s | time, s | time / decoding | asked | new arrays | processor, s | memory, MB | decoded |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 
 
@@ -54,114 +52,6 @@ stamps, four stretches, judgement.
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """What plain reading took, and how much it decoded."""
-
-    decoded_bytes: int
-    wall_s: float
-    cpu_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """A check of one file: what it took, seconds by stage and check as its record says, and bytes decoded."""
-
-    run: Run
-    seconds: Mapping[str, float]
-    decoded_bytes: int
-
-
-@dataclass(frozen=True, slots=True)
-class Turn:
-    """What is measured right after one another: the start of a check, plain decoding of a file, and its check."""
-
-    start: Measured
-    reading: Reading
-    measured: Measured
-
-    @property
-    def ratio(self) -> float:
-        """Time of the check beside its start, as a share of decoding."""
-        return max(self.measured.run.wall_s - self.start.run.wall_s, 0.0) / self.reading.wall_s
-
-
-@dataclass(frozen=True, slots=True)
-class OfEffort:
-    """The turns of one effort on one file."""
-
-    effort: str
-    length_s: float
-    turns: Sequence[Turn]
-
-    @property
-    def ratio(self) -> float:
-        """Median over the turns: one that something else has disturbed does not count."""
-        return median(turn.ratio for turn in self.turns)
-
-    @property
-    def fastest(self) -> Measured:
-        """The fastest check: what else the machine does makes it slower, never faster."""
-        return min((turn.measured for turn in self.turns), key=lambda one: one.run.wall_s)
-
-    @property
-    def start_s(self) -> float:
-        """Seconds of the fastest start."""
-        return min(turn.start.run.wall_s for turn in self.turns)
-
-    @property
-    def work_s(self) -> float:
-        """Seconds of the fastest check beside the fastest start."""
-        return max(self.fastest.run.wall_s - self.start_s, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class OnCluster:
-    """Two checks of one file on one cluster: the first, for which its workers load everything, and a later one."""
-
-    first: Measured
-    later: Measured
-
-
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """One subject alone, and the streams that its checks ask for."""
-
-    subject: str
-    needs: tuple[str, ...]
-    measured: Measured
-
-
-@dataclass(frozen=True, slots=True)
-class Study:
-    """Everything that was measured. ``fields`` of flow and ``frames`` of colour are in the shortest file."""
-
-    size: tuple[int, int]
-    efforts: Sequence[OfEffort]
-    exhaustive: Measured
-    exhaustive_together: Measured
-    alone: Measured
-    together: Measured
-    on_cluster: OnCluster
-    memories: Mapping[str, Measured]
-    selections: Sequence[Selection]
-    fields: int
-    frames: int
-
-    @property
-    def full(self) -> Sequence[OfEffort]:
-        """Effort ``full``, the shortest file first."""
-        return sorted((one for one in self.efforts if one.effort == "full"), key=lambda one: one.length_s)
-
-    @property
-    def readings(self) -> Mapping[float, Reading]:
-        """The fastest plain decoding of each file, by its length."""
-        found: dict[float, list[Reading]] = {}
-        for one in self.efforts:
-            found.setdefault(one.length_s, []).extend(turn.reading for turn in one.turns)
-        return {length: min(every, key=lambda reading: reading.wall_s) for length, every in found.items()}
-
-
 def page(study: Study) -> Iterator[str]:
     """Yield the page."""
     width, height = study.size
@@ -170,6 +60,7 @@ def page(study: Study) -> Iterator[str]:
     for one in study.efforts:
         yield _effort_row(one)
     yield from _figures(study)
+    yield from _machine(study)
     yield from _memories(study)
     yield from _where_time_goes(study)
     yield from _selections(study)
@@ -179,7 +70,8 @@ def _effort_row(one: OfEffort) -> str:
     fastest = one.fastest
     return (
         f"| {one.effort} | {one.length_s:g} | {one.start_s:.1f} | {one.work_s:.1f} "
-        f"| {one.ratio:.2f} | {TARGETS[one.effort]:g} | {fastest.run.cpu_s:.1f} | {fastest.run.peak_bytes / 1e6:.0f} "
+        f"| {one.ratio:.2f} | {TARGETS[one.effort]:g} | {one.ratio_to_new_arrays:.2f} | {fastest.run.cpu_s:.1f} "
+        f"| {fastest.run.peak_bytes / 1e6:.0f} "
         f"| {fastest.decoded_bytes / one.turns[0].reading.decoded_bytes:.0%} |\n"
     )
 
@@ -206,8 +98,10 @@ def _figures(study: Study) -> Iterator[str]:
     )
     yield f"| Dask's time / two jobs', first check of a cluster, whose workers load all | {first:.2f} | |\n"
     yield f"| Dask's time / two jobs', later checks | {later:.2f} | {CLUSTER_TARGET} |\n"
+    for length, reading in study.readings.items():
+        kept, new = (reading.decoded_bytes / seconds / 1e6 for seconds in (reading.wall_s, reading.new_arrays_wall_s))
+        yield f"| plain decoding of {length:g} s, MB/s (into new arrays) | {kept:.0f} ({new:.0f}) | |\n"
     reading = study.readings[longest]
-    yield f"| plain decoding, MB/s | {reading.decoded_bytes / reading.wall_s / 1e6:.0f} | |\n"
     speed = reading.decoded_bytes / last.work_s / 1e6
     yield f"| `full`, MB/s of decoded file | {speed:.0f} | |\n"
     for effort, seconds in (("full", study.alone.seconds), ("exhaustive", study.exhaustive.seconds)):
@@ -216,6 +110,19 @@ def _figures(study: Study) -> Iterator[str]:
         yield f"| `{effort}`, ms of one process a flow field, checks of flow | {1e3 * flow_s / study.fields:.1f} | |\n"
         yield f"| `{effort}`, ms of one process a frame, all others | {1e3 * (all_s - flow_s) / study.frames:.1f} | |\n"
     yield QUICK
+
+
+def _machine(study: Study) -> Iterator[str]:
+    machine = study.machine
+    yield (
+        "\n## What the machine gives\n\nTwo processes share memory and caches. The figures above hold for a machine "
+        "that gives what is told here: two jobs gain no more than the work does that they spend their time with, and "
+        "what a process takes from the system anew, it waits for.\n\n| of the machine | measured |\n| --- | --- |\n"
+    )
+    for work, gain in machine.gains.items():
+        yield f"| {work}: one process's time / two processes', each half of it | {gain:.2f} |\n"
+    yield f"| memory written for the first time, GB/s | {machine.fresh_bytes_s / 1e9:.1f} |\n"
+    yield f"| memory written again, GB/s | {machine.held_bytes_s / 1e9:.1f} |\n"
 
 
 def _memories(study: Study) -> Iterator[str]:
