@@ -28,7 +28,6 @@ from fedora_qa.storage.signature import require_signature, require_signature_in
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 from fedora_qa.storage.version import Version
 
-
 _NO_CHUNKS: Final = 0
 """Bytes of chunks that HDF5 keeps, of each dataset: whole chunks are asked for, and kept by who asks."""
 
