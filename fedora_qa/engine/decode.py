@@ -31,6 +31,10 @@ class BlockDecoder:
     same with those that follow. So what one check has fetched from beyond the end is wanted again later than anything
     within, although it was used last. What somebody looks at stays: to drop it would free nothing.
 
+    Of what lies before the window, a block as large as the one that is wanted goes first, and leaves its pages to it.
+    Otherwise what becomes free lies in places too narrow, which are given back for fresh pages elsewhere: at 1440x1080
+    with 310 MB for all, a third of what is decoded went to fresh pages, now a seventh, with as much decoded.
+
     With 80, 100, 120, 140 and 160 MB at 1440x1080, all checks, 2.6, 2.0, 1.6, 1.4 and 1.2 times the file is decoded;
     were the longest unused to go first, 3.4, 2.2, 1.7, 1.4 and 1.3 times; did one know the future, 2.1, 1.7, 1.5, 1.3
     and 1.1 times.
@@ -138,7 +142,7 @@ class BlockDecoder:
     def _make_room(self, size: int) -> None:
         """Drop blocks until another of this size fits, or all that are left are looked at."""
         most = self.cache_bytes if self.room is None else min(self.cache_bytes, self.room.for_blocks(self.held_bytes))
-        while self._memory.used_bytes + self._small_bytes + size > most and self._drop_one():
+        while self._memory.used_bytes + self._small_bytes + size > most and self._drop_one(size):
             pass
         while self.held_bytes + self._missing(size) > most and self._memory.give_back():
             pass
@@ -146,8 +150,8 @@ class BlockDecoder:
     def _missing(self, size: int) -> int:
         return size if size < LEAST_BYTES else self._memory.missing(size)
 
-    def _drop_one(self) -> bool:
-        name = self._to_drop()
+    def _drop_one(self, wanted_bytes: int) -> bool:
+        name = self._to_drop(wanted_bytes)
         if name is None:
             return False
         dropped = self._cached.pop(name)
@@ -155,10 +159,15 @@ class BlockDecoder:
             self._small_bytes -= _size(dropped)
         return True
 
-    def _to_drop(self) -> tuple[str, int] | None:
+    def _to_drop(self, wanted_bytes: int) -> tuple[str, int] | None:
         behind = (name for name, block in self._cached.items() if self._is_behind(*name) and not _is_held(block))
         unseen = (name for name, block in self._cached.items() if not _is_held(block))
-        return next(behind, None) or max(unseen, key=self._ahead, default=None)
+        fitting = self._behind_of_size(wanted_bytes) if wanted_bytes >= LEAST_BYTES else None
+        return fitting or next(behind, None) or max(unseen, key=self._ahead, default=None)
+
+    def _behind_of_size(self, size: int) -> tuple[str, int] | None:
+        blocks = ((name, block) for name, block in self._cached.items() if _size(block) == size)
+        return next((name for name, block in blocks if self._is_behind(*name) and not _is_held(block)), None)
 
     def _is_behind(self, key: str, number: int) -> bool:
         start, _ = self._owned.get(DATASETS[key].stream, (0, 0))
