@@ -4,6 +4,7 @@ Here it runs in the process that measures. Workers with shared memory and limits
 interface (``RowSource``) without any check noticing.
 """
 
+from bisect import bisect_left
 from collections import OrderedDict
 from math import prod
 from typing import Any
@@ -29,6 +30,10 @@ class BlockDecoder:
     was not used for longest. One check after another goes through the images of a window, and the next window does the
     same with those that follow. So what one check has fetched from beyond the end is wanted again later than anything
     within, although it was used last. What somebody looks at stays: to drop it would free nothing.
+
+    Of what lies before the window, a block as large as the one that is wanted goes first, and leaves its pages to it.
+    Otherwise what becomes free lies in places too narrow, which are given back for fresh pages elsewhere: at 1440x1080
+    with 310 MB for all, a third of what is decoded went to fresh pages, now a seventh, with as much decoded.
 
     With 80, 100, 120, 140 and 160 MB at 1440x1080, all checks, 2.6, 2.0, 1.6, 1.4 and 1.2 times the file is decoded;
     were the longest unused to go first, 3.4, 2.2, 1.7, 1.4 and 1.3 times; did one know the future, 2.1, 1.7, 1.5, 1.3
@@ -90,9 +95,10 @@ class BlockDecoder:
         block = int(np.searchsorted(self._block_first_ns, time_ns, "left")) - 1
         if block < 0:
             return 0
-        start = block * BLOCK_ROWS
-        stamps = self.rows(STAMPS_OF["events"], start, min(start + BLOCK_ROWS, self._event_count))
-        return start + int(np.searchsorted(stamps, time_ns, "left"))
+        start, stop = block * BLOCK_ROWS, min((block + 1) * BLOCK_ROWS, self._event_count)
+        stamps = STAMPS_OF["events"]
+        rows = range(start, stop)  # to join the blocks of a million of them takes longer than to look at twenty
+        return start + bisect_left(rows, time_ns, key=lambda row: int(self.rows(stamps, row, row + 1)[0]))
 
     def _block(self, key: str, number: int, rows: int) -> NDArray[Any]:
         found = self._cached.get((key, number))
@@ -136,7 +142,7 @@ class BlockDecoder:
     def _make_room(self, size: int) -> None:
         """Drop blocks until another of this size fits, or all that are left are looked at."""
         most = self.cache_bytes if self.room is None else min(self.cache_bytes, self.room.for_blocks(self.held_bytes))
-        while self._memory.used_bytes + self._small_bytes + size > most and self._drop_one():
+        while self._memory.used_bytes + self._small_bytes + size > most and self._drop_one(size):
             pass
         while self.held_bytes + self._missing(size) > most and self._memory.give_back():
             pass
@@ -144,8 +150,8 @@ class BlockDecoder:
     def _missing(self, size: int) -> int:
         return size if size < LEAST_BYTES else self._memory.missing(size)
 
-    def _drop_one(self) -> bool:
-        name = self._to_drop()
+    def _drop_one(self, wanted_bytes: int) -> bool:
+        name = self._to_drop(wanted_bytes)
         if name is None:
             return False
         dropped = self._cached.pop(name)
@@ -153,10 +159,15 @@ class BlockDecoder:
             self._small_bytes -= _size(dropped)
         return True
 
-    def _to_drop(self) -> tuple[str, int] | None:
+    def _to_drop(self, wanted_bytes: int) -> tuple[str, int] | None:
         behind = (name for name, block in self._cached.items() if self._is_behind(*name) and not _is_held(block))
         unseen = (name for name, block in self._cached.items() if not _is_held(block))
-        return next(behind, None) or max(unseen, key=self._ahead, default=None)
+        fitting = self._behind_of_size(wanted_bytes) if wanted_bytes >= LEAST_BYTES else None
+        return fitting or next(behind, None) or max(unseen, key=self._ahead, default=None)
+
+    def _behind_of_size(self, size: int) -> tuple[str, int] | None:
+        blocks = ((name, block) for name, block in self._cached.items() if _size(block) == size)
+        return next((name for name, block in blocks if self._is_behind(*name) and not _is_held(block)), None)
 
     def _is_behind(self, key: str, number: int) -> bool:
         start, _ = self._owned.get(DATASETS[key].stream, (0, 0))

@@ -1,4 +1,7 @@
-"""What a process keeps from one task to the next: the file that it measures, open, and what has been decoded of it."""
+"""What a process keeps from one task to the next: the file that it measures, open, with what has been decoded of it.
+
+And what its last windows have shown, which otherwise would be read back at once.
+"""
 
 import sys
 from collections.abc import Iterator
@@ -8,7 +11,8 @@ from typing import TYPE_CHECKING, Final
 from fedora_qa.engine.fuse import fuse
 
 if TYPE_CHECKING:  # a worker has a desk before it has loaded what measures
-    from fedora_qa.engine.file_task import Surveyed
+    from fedora_qa.engine.file_task import Sealed, Surveyed
+    from fedora_qa.engine.measured import Measured
     from fedora_qa.engine.survey import OpenSurvey, Survey
     from fedora_qa.storage.place import Place
 
@@ -31,6 +35,7 @@ class Desk:
         self._keeps = keeps
         self._surveyed: Surveyed | None = None
         self._open: tuple[Survey, OpenSurvey] | None = None
+        self._shown: tuple[Sealed[Measured], Measured] | None = None
         self._kept = ExitStack()
 
     @contextmanager
@@ -50,11 +55,26 @@ class Desk:
         try:
             yield self._open
         except BaseException:
-            self._surveyed = self._open = None
+            self._surveyed = self._open = self._shown = None
             self._kept.__exit__(*sys.exc_info())
             raise
         if not self._keeps or isinstance(surveyed.path, RemoteFile):
             self.clear()
+
+    def keep_shown(self, sealed: "Sealed[Measured]", measured: "Measured") -> None:
+        """Keep what was put away in a file, for the task that goes on from there; in workers, where that may come."""
+        if self._keeps and sealed.path is not None:
+            self._shown = sealed, measured
+
+    def take_shown(self, *sealed: "Sealed[Measured]") -> "Iterator[Measured]":
+        """Yield what windows have shown, to be added to; nothing is kept of it here any longer.
+
+        What was put away last need not be read back. It is handed out once: where a task fails, and is done again,
+        that reads it from its file.
+        """
+        shown, self._shown = self._shown, None
+        for one in sealed:
+            yield shown[1] if shown and shown[0] == one else one.open()
 
     def opening(self, path: "Place") -> AbstractContextManager[None]:
         """End this process where a local file takes for ever to open; only in workers, whose end is noticed."""
@@ -64,5 +84,5 @@ class Desk:
 
     def clear(self) -> None:
         """Close what is open, and forget what has been decoded."""
-        self._surveyed = self._open = None
+        self._surveyed = self._open = self._shown = None
         self._kept.close()

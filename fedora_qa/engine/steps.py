@@ -36,10 +36,13 @@ def measure_windows(task: FileTask, desk: Desk, progress: Progress) -> Sealed[Me
 
     Returns what both have shown.
     """
-    (before,) = task.arguments
     with desk.opened(_surveyed(task)) as (found, file):
-        measured = measure_open(found, file, task.windows, progress, before.open() if before else None)
-        return Sealed.of(replace(measured, traffic=measured.traffic + file.sequence.traffic), task.folder)
+        before = next(desk.take_shown(*filter(None, task.arguments)), None)
+        measured = measure_open(found, file, task.windows, progress, before)
+        measured = replace(measured, traffic=measured.traffic + file.sequence.traffic)
+        sealed = Sealed.of(measured, task.folder)
+        desk.keep_shown(sealed, measured)
+        return sealed
 
 
 def finish_file(task: FileTask, desk: Desk, progress: Progress) -> FileRun:
@@ -47,7 +50,7 @@ def finish_file(task: FileTask, desk: Desk, progress: Progress) -> FileRun:
     parts, lost = task.arguments
     with desk.opened(_surveyed(task)) as (found, file):
         file.ready.forget()  # what all workers have kept is merged in the room that blocks had
-        run = finish_open(found, file, (part.open() for part in parts), lost, progress)
+        run = finish_open(found, file, desk.take_shown(*parts), lost, progress)
     desk.clear()
     return run
 

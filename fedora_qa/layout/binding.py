@@ -17,13 +17,16 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import POLARITY_BRIGHTER, POLARITY_DARKER
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import DATASETS
-from fedora_qa.layout.direct_chunks import decode_chunk
+from fedora_qa.layout.direct_chunks import StoredChunks
 from fedora_qa.layout.links import READ_ERRORS
 
 Polarity = Literal["01", "inverted", "plus_minus"]
 
 Memory = Callable[[tuple[int, ...], np.dtype[Any]], NDArray[Any]]
 """Gives an array of a shape and type to write into, of any values: ``numpy.empty``, or pages of one's own."""
+
+Opened = dict[str, StoredChunks]
+"""Datasets of a file that stay open with it, by canonical key: to open one takes longer than to read a few lines."""
 
 FARTHEST_STAMP_NS: Final = 2**61
 """Instants saturate at about this distance from the origin (73 years), so that the difference of two fits int64."""
@@ -124,31 +127,42 @@ def stored_dataset(file: h5py.File, binding: Binding) -> h5py.Dataset:
     return h5py.Dataset(h5d.open(file.id, binding.source[1].encode("utf-8", "surrogateescape"), access), readonly=True)
 
 
-def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int) -> NDArray[Any]:
+def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: Opened | None = None) -> NDArray[Any]:
     """Return rows in stored units and type, columns selected and ordered canonically.
+
+    The dataset is among the ``opened`` ones from then on, where there are such.
 
     Raises
     ------
     UnreadableRowsError
         The rows cannot be decoded: damaged bytes, a wrong checksum, or an unknown codec.
     """
-    return _select(_read(file, binding, start, stop, None), binding)
+    return _select(_read(file, binding, start, stop, None, opened), binding)
 
 
-def _read(file: h5py.File, binding: Binding, start: int, stop: int, memory: Memory | None) -> NDArray[Any]:
+def _read(
+    file: h5py.File, binding: Binding, start: int, stop: int, memory: Memory | None, opened: Opened | None
+) -> NDArray[Any]:
     """Return rows as they are stored, decoded into ``memory`` where there is some; raises ``UnreadableRowsError``."""
     try:
-        dataset = stored_dataset(file, binding)
+        chunks = _chunks(file, binding, {} if opened is None else opened)
+        dataset = chunks.dataset
         if memory is None:
             return np.asarray(dataset[start:stop])
         rows = memory((stop - start, *dataset.shape[1:]), dataset.dtype)
-        if not decode_chunk(dataset, start, rows):
+        if not chunks.decode(start, rows):
             dataset.read_direct(rows, np.s_[start:stop])
         return rows
     except READ_ERRORS as error:
         failing = tuple(_failing_chunks(file, binding, start, stop))
         cause = error.with_traceback(None)  # its frames would hold what was to be written into
         raise UnreadableRowsError(binding.key, start, stop, str(error), failing) from cause
+
+
+def _chunks(file: h5py.File, binding: Binding, opened: Opened) -> StoredChunks:
+    if binding.key not in opened:
+        opened[binding.key] = StoredChunks(stored_dataset(file, binding))
+    return opened[binding.key]
 
 
 def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) -> Iterator[int]:
@@ -166,7 +180,13 @@ def _failing_chunks(file: h5py.File, binding: Binding, start: int, stop: int) ->
 
 
 def canonical_rows(
-    file: h5py.File, binding: Binding, start: int, stop: int, origin_ns: int, memory: Memory | None = None
+    file: h5py.File,
+    binding: Binding,
+    start: int,
+    stop: int,
+    origin_ns: int,
+    memory: Memory | None = None,
+    opened: Opened | None = None,
 ) -> NDArray[Any]:
     """Return rows in canonical units; images with nothing to convert are decoded into ``memory``, if any is given.
 
@@ -180,8 +200,8 @@ def canonical_rows(
         As for ``raw_rows``.
     """
     if memory and binding.is_image_as_it_is:
-        return _read(file, binding, start, stop, memory)
-    raw = raw_rows(file, binding, start, stop)
+        return _read(file, binding, start, stop, memory, opened)
+    raw = raw_rows(file, binding, start, stop, opened)
     if binding.ns_per_unit is not None:
         return stamps_ns(raw, binding, origin_ns)
     if binding.key == "path/events/p":
@@ -244,6 +264,12 @@ def _select(stored: NDArray[Any], binding: Binding) -> NDArray[Any]:
 
 
 def _polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:
+    if raw.dtype.kind in "iu" and raw.itemsize == 1:  # looked up: to go through a million four times takes longer
+        return _told_polarity(np.arange(256, dtype=np.uint8).view(raw.dtype), code)[raw.view(np.uint8)]
+    return _told_polarity(raw, code)
+
+
+def _told_polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:
     brighter, darker = {"01": (1, 0), "inverted": (0, 1), "plus_minus": (1, -1)}[code]
     p = np.full(raw.shape, INVALID_POLARITY, dtype=np.uint8)
     p[raw == brighter] = POLARITY_BRIGHTER

@@ -37,33 +37,53 @@ _HEADER: Final = np.dtype([
 """Of a chunk of Blosc 1 (README_CHUNK_FORMAT of C-Blosc)."""
 
 
-def decode_chunk(dataset: h5py.Dataset, start: int, rows: NDArray[Any]) -> bool:
-    """Decode the rows of one whole chunk into an array of their type; return whether that was done.
+class StoredChunks:
+    """The chunks of a dataset that stays open. How they are stored is asked once: that takes as long as a small read.
 
-    It is not where they are stored in any other way, or their bytes are damaged: then HDF5 is to be asked, which also
-    says what is wrong.
+    Attributes
+    ----------
+    dataset
+        The dataset.
     """
-    if rows.nbytes < _LEAST_BYTES or dataset.chunks != rows.shape or start % rows.shape[0]:
-        return False
-    filters = _filters(dataset)
-    if filters not in _PIPELINES or dataset.id.get_type() != h5py.h5t.py_create(dataset.dtype):
-        return False
-    try:
-        place = (start, *(0 for _ in rows.shape[1:]))
-        kept = dataset.id.get_chunk_info_by_coord(place)
-        if kept.filter_mask or not 0 < kept.size <= rows.nbytes + _MOST_BESIDE_BYTES:  # none is kept of what is blank
+
+    def __init__(self, dataset: h5py.Dataset) -> None:
+        self.dataset = dataset
+        self._shape: tuple[int, ...] | None = dataset.chunks
+        self._filters: list[int] | None = None
+
+    def decode(self, start: int, rows: NDArray[Any]) -> bool:
+        """Decode the rows of one whole chunk into an array of their type; return whether that was done.
+
+        It is not where they are stored in any other way, or their bytes are damaged: then HDF5 is to be asked, which
+        also says what is wrong.
+        """
+        if rows.nbytes < _LEAST_BYTES or self._shape != rows.shape or start % rows.shape[0]:
             return False
-        _, stored = dataset.id.read_direct_chunk(place)
-        chunk = stored if filters == [_BLOSC] else _checked(stored)
-        if not _is_whole(chunk, rows.nbytes):
+        if self._filters is None:
+            self._filters = _filters(self.dataset)
+        if self._filters not in _PIPELINES:
             return False
-        blosc.decompress(chunk, rows)
-    except (OSError, RuntimeError, ValueError):
-        return False
-    return True
+        stored = self.dataset.id
+        try:
+            place = (start, *(0 for _ in rows.shape[1:]))
+            kept = stored.get_chunk_info_by_coord(place)
+            longest = rows.nbytes + _MOST_BESIDE_BYTES
+            if kept.filter_mask or not 0 < kept.size <= longest:  # none is kept of what is blank
+                return False
+            _, bytes_ = stored.read_direct_chunk(place)
+            chunk = bytes_ if self._filters == [_BLOSC] else _checked(bytes_)
+            if not _is_whole(chunk, rows.nbytes):
+                return False
+            blosc.decompress(chunk, rows)
+        except (OSError, RuntimeError, ValueError):
+            return False
+        return True
 
 
 def _filters(dataset: h5py.Dataset) -> list[int]:
+    """Return the filters of a dataset, none where values are stored in another type than numpy's of that name."""
+    if dataset.id.get_type() != h5py.h5t.py_create(dataset.dtype):
+        return []
     kept = dataset.id.get_create_plist()
     return [kept.get_filter(place)[0] for place in range(kept.get_nfilters())]
 

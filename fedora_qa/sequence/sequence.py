@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Final, Protocol, Self
 
 import h5py
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
-from fedora_qa.layout.binding import Binding, Memory, canonical_rows, instant_ns, raw_rows
+from fedora_qa.layout.binding import Binding, Memory, Opened, canonical_rows, instant_ns, raw_rows
 from fedora_qa.layout.canonical import STAMPS_OF
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.elsewhere import Elsewhere
@@ -27,6 +27,9 @@ from fedora_qa.storage.server import version_of
 from fedora_qa.storage.signature import require_signature, require_signature_in
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 from fedora_qa.storage.version import Version
+
+_NO_CHUNKS: Final = 0
+"""Bytes of chunks that HDF5 keeps, of each dataset: whole chunks are asked for, and kept by who asks."""
 
 
 class SequenceRows(Protocol):
@@ -95,6 +98,7 @@ class Sequence:
         self._file = file
         self._remote = remote
         self._elsewhere = elsewhere
+        self._opened: Opened | None = {} if elsewhere is None else None  # other files are closed and opened again
         self.version: Version = remote.version if remote else version_of(path)
         self.layout: Layout = known.layout if known else resolve(file, dialect, elsewhere)
         self.declared: Declared = known.declared if known else read_declared(file, self.layout, elsewhere)
@@ -146,7 +150,7 @@ class Sequence:
         """
         try:
             binding = self.layout.bindings[key]
-            return canonical_rows(self._holding(binding), binding, start, stop, self.origin_ns, memory)
+            return canonical_rows(self._holding(binding), binding, start, stop, self.origin_ns, memory, self._opened)
         except UnreadableRowsError:
             self._require_sound()
             raise
@@ -155,7 +159,7 @@ class Sequence:
         """Return rows of a dataset as stored; raises as ``rows`` does."""
         try:
             binding = self.layout.bindings[key]
-            return raw_rows(self._holding(binding), binding, start, stop)
+            return raw_rows(self._holding(binding), binding, start, stop, self._opened)
         except UnreadableRowsError:
             self._require_sound()
             raise
@@ -221,7 +225,8 @@ def open_sequence(
     require_signature(path)
     elsewhere = Elsewhere(folders) if (folders := tuple(allow_external)) else None
     try:  # HDF5 looks for other files beside the name by which it knows this one
-        file = h5py.File(os.path.realpath(path) if elsewhere else path, "r", locking="best-effort")
+        name = os.path.realpath(path) if elsewhere else path
+        file = h5py.File(name, "r", locking="best-effort", rdcc_nbytes=_NO_CHUNKS)
     except OSError as error:
         raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
     try:
@@ -239,7 +244,7 @@ def _open_remote(place: RemoteFile, dialect: Dialect | None, known: Known | None
         remote = opened.enter_context(closing(RemoteBytes(place, BLOCK_BYTES)))
         require_signature_in(place, remote)
         try:
-            file = opened.enter_context(h5py.File(remote, "r"))
+            file = opened.enter_context(h5py.File(remote, "r", rdcc_nbytes=_NO_CHUNKS))
         except OSError as error:
             remote.require_sound()
             raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error

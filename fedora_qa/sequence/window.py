@@ -93,7 +93,10 @@ class PoseSamples:
 
 
 class Window:
-    """One stretch of a sequence, with lazy access to its streams."""
+    """One stretch of a sequence, with lazy access to its streams.
+
+    Types of arrays are named in quotes where it is asked often: to make one takes longer than to find an image.
+    """
 
     def __init__(
         self, span: Span, facts: Facts, source: RowSource, sampling: Sampling, images: SharedImages | None = None
@@ -142,7 +145,7 @@ class Window:
 
     def rgb(self, frame: int) -> NDArray[np.uint8]:
         """Return a colour frame, (H, W, 3), R, G, B, in DN as stored."""
-        return cast(NDArray[np.uint8], self.rows("path/rgb", frame, frame + 1)[0])
+        return cast("NDArray[np.uint8]", self.rows("path/rgb", frame, frame + 1)[0])
 
     def depth_m(self, frame: int) -> NDArray[np.float32]:
         """Return a depth frame, (H, W), metres along the optical axis, NaN where invalid."""
@@ -150,14 +153,14 @@ class Window:
 
     def flow_px(self, stream: str, field: int) -> NDArray[np.float32]:
         """Return a flow field of the stream (``flow/10hz``), (H, W, 2), px over its interval, NaN where invalid."""
-        return cast(NDArray[np.float32], self.rows(f"path/{stream}", field, field + 1)[0])
+        return cast("NDArray[np.float32]", self.rows(f"path/{stream}", field, field + 1)[0])
 
     def moving(self, stream: str, field: int) -> NDArray[np.bool_] | None:
         """Return which pixels of a flow field move by themselves, (H, W); None where the file does not say."""
         key = f"path/{stream}_moving"
         if key not in self.facts.sizes:
             return None
-        return cast(NDArray[np.bool_], self.rows(key, field, field + 1)[0] > 0)
+        return cast("NDArray[np.bool_]", self.rows(key, field, field + 1)[0] > 0)
 
     def events(self, before_ns: int = 0, after_ns: int = 0) -> Events:
         """Return the window's events, and those up to a margin before its start and after its stop, sorted by time."""

@@ -2,10 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from itertools import count
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from fedora_qa.engine.decode import BlockDecoder
+from fedora_qa.layout.binding import Memory
 from fedora_qa.sequence.window import Span
 from tests.support.films import IMAGE_BYTES, NOTHING_SCANNED, Films, images_of
 
@@ -70,3 +75,29 @@ def test_no_more_is_decoded_than_must_be(images: int) -> None:
 def test_nothing_is_decoded_twice_where_all_fits() -> None:
     """With room for all that one window and the next ask for, each image is decoded once."""
     assert decoded_by_decoder(AHEAD_IMAGES + 1) == len(set(ASKED))
+
+
+class TwoFilms(Films):
+    """Colour images of twice the size as well."""
+
+    layout: Any = SimpleNamespace(bindings={key: SimpleNamespace(rows=100) for key in ("path/depth", "path/rgb")})
+
+    def rows(self, key: str, start: int, stop: int, memory: Memory | None = None) -> NDArray[Any]:
+        return np.repeat(super().rows(key, start, stop), 2 if key == "path/rgb" else 1, axis=1)
+
+
+@pytest.mark.parametrize(("wanted", "dropped"), [("path/depth", ("path/depth", 0)), ("path/rgb", ("path/rgb", 0))])
+def test_of_what_lies_behind_a_block_as_large_goes_first(wanted: str, dropped: tuple[str, int]) -> None:
+    """Its pages are those that the next block is decoded into: none are given back, and no fresh ones taken."""
+    decoder = BlockDecoder(TwoFilms(), NOTHING_SCANNED, 7 * IMAGE_BYTES)
+    decoder.begin(Span(0, 0, 1, {"depth": (0, 2), "rgb": (0, 2)}))
+    for key in ("path/rgb", "path/depth"):
+        for image in range(2):
+            decoder.rows(key, image, image + 1)
+    decoder.begin(Span(1, 1, 2, {"depth": (2, 4), "rgb": (2, 4)}))
+    decoder.rows("path/depth", 2, 3)  # fills what is left
+    held = decoder.held_bytes
+    decoder.rows(wanted, 3, 4)
+    assert dropped not in decoder._cached
+    assert len(decoder._cached) == 5
+    assert decoder.held_bytes == held == 7 * IMAGE_BYTES

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.layout.checksum_kernels import fletcher32
-from fedora_qa.layout.direct_chunks import decode_chunk
+from fedora_qa.layout.direct_chunks import StoredChunks
 
 SHAPE = (3, 300, 500, 2)
 CODECS: dict[str, dict[str, Any]] = {
@@ -65,7 +65,7 @@ def test_it_is_what_hdf5_decodes(codec: str, checksum: bool, written: Callable[.
     dataset = written(chunks=(1, *SHAPE[1:]), fletcher32=checksum, **CODECS[codec])
     for row in range(SHAPE[0]):
         rows = np.empty((1, *SHAPE[1:]), np.float32)
-        assert decode_chunk(dataset, row, rows)
+        assert StoredChunks(dataset).decode(row, rows)
         np.testing.assert_array_equal(rows, dataset[row : row + 1])
 
 
@@ -75,7 +75,7 @@ def test_what_is_stored_otherwise_is_left(storage: str, written: Callable[..., h
     kept = {"dtype": "<f4"} | OTHERS[storage]
     dataset = written(**kept)
     rows = np.zeros((1, *SHAPE[1:]), dataset.dtype)
-    assert decode_chunk(dataset, 0, rows) == (storage == "big-endian")
+    assert StoredChunks(dataset).decode(0, rows) == (storage == "big-endian")
     if storage == "big-endian":  # the array has the order of the file: whoever wants another converts it
         np.testing.assert_array_equal(rows, fields()[:1])
 
@@ -83,10 +83,10 @@ def test_what_is_stored_otherwise_is_left(storage: str, written: Callable[..., h
 def test_rows_that_are_no_chunk_are_left(written: Callable[..., h5py.Dataset]) -> None:
     """Two chunks at once, a part of one, and what was never written."""
     dataset = written(chunks=(1, *SHAPE[1:]), **CODECS["zstd"])
-    assert not decode_chunk(dataset, 0, np.zeros((2, *SHAPE[1:]), np.float32))
+    assert not StoredChunks(dataset).decode(0, np.zeros((2, *SHAPE[1:]), np.float32))
     with h5py.File(dataset.file.filename.replace("fields", "empty"), "w") as file:
         empty = file.create_dataset("flow", SHAPE, "<f4", chunks=(1, *SHAPE[1:]), **CODECS["zstd"])
-        assert not decode_chunk(empty, 0, np.zeros((1, *SHAPE[1:]), np.float32))
+        assert not StoredChunks(empty).decode(0, np.zeros((1, *SHAPE[1:]), np.float32))
 
 
 @pytest.mark.parametrize("place", [0, 16, 1000, -5, -4, -1])
@@ -97,7 +97,7 @@ def test_a_wrong_checksum_is_left_to_hdf5(place: int, written: Callable[..., h5p
         chunk[place] ^= 1
 
     broken = damaged(written(chunks=(1, *SHAPE[1:]), fletcher32=True, **CODECS["zstd"]), damage)
-    assert not decode_chunk(broken, 0, np.empty((1, *SHAPE[1:]), np.float32))
+    assert not StoredChunks(broken).decode(0, np.empty((1, *SHAPE[1:]), np.float32))
     with pytest.raises(OSError, match="filter returned failure"):
         broken[0]
 
@@ -119,7 +119,7 @@ def test_a_header_that_lies_is_not_believed(at: int, value: int, written: Callab
     """Sizes that are not those of the chunk and its rows: nothing is read or written beyond either."""
     dataset = written(chunks=(1, *SHAPE[1:]), **CODECS["zstd"])
     broken = damaged(dataset, lambda chunk: struct.pack_into("<I", chunk, at, value))
-    assert not decode_chunk(broken, 0, np.empty((1, *SHAPE[1:]), np.float32))
+    assert not StoredChunks(broken).decode(0, np.empty((1, *SHAPE[1:]), np.float32))
 
 
 @given(data=st.data())
@@ -137,7 +137,7 @@ def test_damaged_bytes_stay_within_the_rows(data: st.DataObject, written: Callab
 
     broken = damaged(dataset, damage)
     memory = np.full(SHAPE, 7, np.float32)
-    decode_chunk(broken, 0, memory[1:2])
+    StoredChunks(broken).decode(0, memory[1:2])
     assert (memory[0] == 7).all()
     assert (memory[2] == 7).all()
     broken.file.close()
