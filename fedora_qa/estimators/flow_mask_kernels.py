@@ -10,12 +10,17 @@ def inverse_of(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return 1 / depth (H, W), 0 where depth is not finite and positive."""
     inverse = np.empty(depth_m.shape, np.float32)
     for row in range(len(depth_m)):
-        depths, line = depth_m[row], inverse[row]
-        for column in range(len(depths)):
-            depth = depths[column]
-            valid = (depth > 0) & (depth < np.float32(np.inf))
-            line[column] = np.float32(1) / depth if valid else np.float32(0)
+        write_inverse(depth_m[row], inverse[row])
     return inverse
+
+
+@njit(cache=True, error_model="numpy")
+def write_inverse(depths_m: NDArray[np.float32], inverse: NDArray[np.float32]) -> None:
+    """Write 1 / depth (n,), 0 where depth is not finite and positive."""
+    for i in range(len(inverse)):
+        depth = depths_m[i]
+        valid = (depth > 0) & (depth < np.float32(np.inf))
+        inverse[i] = np.float32(1) / depth if valid else np.float32(0)
 
 
 @njit(cache=True)

@@ -1,6 +1,7 @@
 """Measure one field of flow against the frames at both ends of its interval."""
 
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import Final
 
 import numpy as np
@@ -175,8 +176,9 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     origins = _sampled(stored, interval, _OF_LARGE_FRAMES * share if is_thinned else share)
     if not len(origins):
         return None
-    shown, by_depth = visible(window, interval, origins)
-    enough = np.count_nonzero(shown, axis=(1, 2)) >= FEWEST_VALID * TILE_PX**2
+    fewest = ceil(FEWEST_VALID * TILE_PX**2)
+    shown, by_depth = visible(window, interval, origins, fewest)
+    enough = np.count_nonzero(shown.reshape(len(origins), -1), axis=1) >= fewest
     if not enough.any():
         return FieldResidual(interval, frames.before, len(origins), textured=0, unmatched=0)
     tiles = _tiles_at(frames, stored, origins[enough], shown[enough], by_depth=by_depth)
@@ -203,12 +205,10 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
         )
     if np.count_nonzero(matched) < FEWEST_TILES:
         return counts
-    covariances_px2 = covariances_px2[matched]
-    geometric = tile_templates(window, interval, tiles.origins[matched], tiles.usable[matched])
-    templates = templates_of_flow(
-        *means_slopes_sines(tiles.flow_px[matched], tiles.usable[matched], HALO_PX, _EVERY_PX), geometric
-    )
-    return _summary(counts, tiles.origins[matched], errors_px[matched], covariances_px2, templates)
+    tiles = tiles if matched.all() else tiles.chosen(matched)
+    geometric = tile_templates(window, interval, tiles.origins, tiles.usable)
+    templates = templates_of_flow(*means_slopes_sines(tiles.flow_px, tiles.usable, HALO_PX, _EVERY_PX), geometric)
+    return _summary(counts, tiles.origins, errors_px[matched], covariances_px2[matched], templates)
 
 
 def _summary(
