@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow_mask_kernels import between, write_inverse
+from fedora_qa.estimators.flow_mask_kernels import between, inverse_in
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -188,10 +188,7 @@ def _inverse_about(depth_m: Float32, part: Int64) -> Float32:
     height, width = depth_m.shape
     left, right = max(part[0] - _ABOUT, 0), min(part[2] + _ABOUT, width)
     top, bottom = max(part[1] - _ABOUT, 0), min(part[3] + _ABOUT, height)
-    inverse = np.empty((bottom - top, right - left), np.float32)
-    for j in range(len(inverse)):
-        write_inverse(depth_m[top + j, left:right], inverse[j])
-    return inverse
+    return inverse_in(depth_m, left, top, bottom - top, right - left)
 
 
 @njit(cache=True)
