@@ -6,11 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.image_luma import cut_off, luma_of
+from fedora_qa.estimators.image_luma import cut_off, luma_of, luma_of_linear
 from fedora_qa.sequence.window import Window
 
 SATURATED_DN: Final = 250.0
 """Luma above this may have been lost to a curve near white."""
+
+
+_WEIGHTS: Final = np.array(LUMA_WEIGHTS_RGB, dtype=np.float64)
 
 
 def luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
@@ -30,6 +33,8 @@ def clipped(window: Window, frame: int) -> NDArray[np.bool_]:
 
 
 def _luma_of(rgb: NDArray[np.uint8], transfer: str) -> NDArray[np.float32]:
+    if transfer == "linear":
+        return luma_of_linear(rgb, _WEIGHTS)
     of_codes = np.outer(LUMA_WEIGHTS_RGB, _linear_dn_table(transfer)).astype(np.float32)
     return luma_of(rgb, of_codes)
 

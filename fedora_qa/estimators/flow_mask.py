@@ -93,14 +93,16 @@ def seen_in_few_tiles(
     size: tuple[int, int],
     depths_m: tuple[Float32, Float32],
     uncertainty_px: float,
+    fewest: int = 0,
 ) -> Mask:
     """Return what `seen_in_both` does, from the depths (H, W) of both frames: only of parts are edges looked for.
 
-    Cheaper where tiles are a few hundredths of a large frame.
+    Cheaper where tiles are a few hundredths of a large frame. Tiles of which surely fewer than the ``fewest`` pixels
+    reappear may be left empty.
     """
     H = K @ motion.R @ np.linalg.inv(K)
     bends = np.float32(EDGE), np.float32(_LONGEST_FOOTPRINT / K[0, 0])
-    return np.asarray(seen_in_parts(H, K @ motion.t_m, origins, size, *depths_m, bends, EDGE, uncertainty_px))
+    return np.asarray(seen_in_parts(H, K @ motion.t_m, origins, size, *depths_m, bends, EDGE, uncertainty_px, fewest))
 
 
 def flow_conflicts(flow_px: Float32) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:

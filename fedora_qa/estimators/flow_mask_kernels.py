@@ -8,10 +8,16 @@ from numpy.typing import NDArray
 @njit(cache=True)
 def inverse_of(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return 1 / depth (H, W), 0 where depth is not finite and positive."""
-    inverse = np.empty(depth_m.shape, np.float32)
-    for row in range(len(depth_m)):
-        depths, line = depth_m[row], inverse[row]
-        for column in range(len(depths)):
+    return inverse_in(depth_m, 0, 0, depth_m.shape[0], depth_m.shape[1])
+
+
+@njit(cache=True, error_model="numpy")
+def inverse_in(depth_m: NDArray[np.float32], left: int, top: int, height: int, width: int) -> NDArray[np.float32]:
+    """Return the same of a part (height, width) of a depth (H, W), from a column and a row on."""
+    inverse = np.empty((height, width), np.float32)
+    for row in range(height):
+        depths, line = depth_m[top + row, left : left + width], inverse[row]
+        for column in range(len(line)):
             depth = depths[column]
             valid = (depth > 0) & (depth < np.float32(np.inf))
             line[column] = np.float32(1) / depth if valid else np.float32(0)

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow_mask_kernels import between
+from fedora_qa.estimators.flow_mask_kernels import between, inverse_in
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -36,10 +36,12 @@ def seen_in_parts(
     bends: tuple[np.float32, np.float32],
     tolerance: float,
     uncertainty_px: float,
+    fewest: int,
 ) -> Mask:
     """Return which pixels of tiles (n, h, w), away from edges of the first frame, reappear in a second frame.
 
-    As ``seen_again``, from the depths (H, W) themselves; ``bends`` are the limits of ``mark_edges``.
+    As ``seen_again``, from the depths (H, W) themselves; ``bends`` are the limits of ``mark_edges``. None of tiles of
+    which so few pixels may that they are fewer than the ``fewest``.
     """
     shape = depth1_m.shape
     height, width = shape
@@ -51,30 +53,27 @@ def seen_in_parts(
         part[0], part[1], part[2], part[3] = left, top, left + size[1], top + size[0]
         inverse0, of_tile = _inverse_about(depth0_m, part), seen[i]
         near0 = _edges_in(inverse0, part, shape, bends)
+        if size[0] * size[1] - np.count_nonzero(near0) < fewest:
+            continue
         above, before = top - max(top - _ABOUT, 0), left - max(left - _ABOUT, 0)
         part[0], part[1], part[2], part[3] = width, height, 0, 0
         for j in range(size[0]):
             values, near, of_row = inverse0[above + j, before:], near0[j], of_tile[j]
             y, to_x, to_y, rest = np.float64(top + j), x1[j], y1[j], ratio[j]
-            for k in range(size[1]):  # without a branch, so that many are projected at once
-                x, inverse = np.float64(left + k), np.float64(values[k])
-                rest[k] = H[2, 0] * x + H[2, 1] * y + H[2, 2] + inverse * t_px[2]
-                to_x[k] = (H[0, 0] * x + H[0, 1] * y + H[0, 2] + inverse * t_px[0]) / rest[k]
-                to_y[k] = (H[1, 0] * x + H[1, 1] * y + H[1, 2] + inverse * t_px[1]) / rest[k]
-            for k in range(size[1]):
+            _project(H, t_px, np.float64(left), y, values, to_x, to_y, rest)
+            for k in range(len(of_row)):
                 inside = (to_x[k] >= 0) & (to_x[k] <= width - 1) & (to_y[k] >= 0) & (to_y[k] <= height - 1)
                 of_row[k] = inside & (near[k] == 0) & (values[k] > 0) & (rest[k] > 0)
             _widen(part, to_x, to_y, of_row)
-        if part[2] == 0:
+        if part[2] == 0 or np.count_nonzero(of_tile) < fewest:
+            of_tile[:] = False
             continue
         is_one = (part[2] - part[0]) * (part[3] - part[1]) <= _MOST
         if is_one:
             inverse1 = _inverse_about(depth1_m, part)
             near1 = _edges_in(inverse1, part, shape, bends)
         if is_one and uncertainty_px == 0:
-            for j in range(size[0]):
-                _keep_what_agrees(inverse1, near1, part, x1[j], y1[j], ratio[j], inverse0[above + j, before:],
-                                  tolerance, of_tile[j])  # fmt: skip
+            _keep_what_agrees(inverse1, near1, part, x1, y1, ratio, inverse0[above:, before:], tolerance, of_tile)
             continue
         for j in range(size[0]):
             for k in range(size[1]):
@@ -97,6 +96,25 @@ def seen_in_parts(
     return seen
 
 
+@njit(cache=True, error_model="numpy")
+def _project(
+    H: Float64, t_px: Float64, left: float, y: float, inverses: Float32, to_x: Float64, to_y: Float64, rest: Float64
+) -> None:
+    """Write where pixels (w,) of a row get to, from the column ``left`` on, and the ratios of their depths.
+
+    Numbers that are the same for all are taken out first: they might lie where is written to.
+    """
+    a, b, c, to_a = H[0, 0], H[0, 1] * y, H[0, 2], t_px[0]
+    d, e, f, to_d = H[1, 0], H[1, 1] * y, H[1, 2], t_px[1]
+    g, h, i, to_g = H[2, 0], H[2, 1] * y, H[2, 2], t_px[2]
+    for k in range(len(rest)):  # without a branch, so that many are projected at once
+        x, inverse = left + np.float64(k), np.float64(inverses[k])
+        ratio = g * x + h + i + inverse * to_g
+        rest[k] = ratio
+        to_x[k] = (a * x + b + c + inverse * to_a) / ratio
+        to_y[k] = (d * x + e + f + inverse * to_d) / ratio
+
+
 @njit(cache=True)
 def _keep_what_agrees(
     image: Float32,
@@ -109,27 +127,35 @@ def _keep_what_agrees(
     tolerance: float,
     kept: Mask,
 ) -> None:
-    """Leave out of the pixels (w,) of a row those near an edge of the second frame, or whose depth is another there.
+    """Leave out of the pixels (h, w) of a tile those near an edge of the second frame, or whose depth is another there.
 
-    ``image`` and ``near`` are the inverse depth about a part of the second frame, and the edges in it.
+    ``image`` and ``near`` are the inverse depth about a part of the second frame, and the edges in it. Row by row first
+    where, of many places at once and without a branch, then what lies there.
     """
     values, edges, wide = image.reshape(-1), near.reshape(-1), np.int32(image.shape[1])
     first_column, first_row, of_near = np.int32(part[0]), np.int32(part[1]), np.int32(near.shape[1])
     left, top = np.float64(max(part[0] - _ABOUT, 0)), np.float64(max(part[1] - _ABOUT, 0))
     last_column, last_row = np.float64(image.shape[1] - 2), np.float64(image.shape[0] - 2)
-    for k in range(len(kept)):  # without a branch, which of these would often be taken for another
-        x, y = (columns[k], rows[k]) if kept[k] else (np.float64(part[0]), np.float64(part[1]))
-        to_edge = (np.int32(y + 0.5) - first_row) * of_near + np.int32(x + 0.5) - first_column
-        x, y = min(x - left, last_column), min(y - top, last_row)  # what lies at the border is near an edge anyhow
-        column, row = np.int32(x), np.int32(y)
-        right, below = x - column, y - row
-        at = np.uint64(np.uint32(row * wide + column))  # unsigned: an index that may be negative costs a comparison
-        under, one = at + np.uint64(wide), np.uint64(1)
-        over = values[at] + right * (values[at + one] - values[at])
-        found = over + below * (values[under] + right * (values[under + one] - values[under]) - over)
-        inverse = np.float64(inverses[k])
-        agrees = abs(found * ratios[k] - inverse) < tolerance * inverse
-        kept[k] &= agrees & (edges[np.uint64(np.uint32(to_edge))] == 0)
+    some_column, some_row = np.float64(part[0]), np.float64(part[1])
+    side, one, under = kept.shape[1], np.uint64(1), np.uint64(image.shape[1])
+    firsts, to_edges, shares = np.empty(side, np.uint32), np.empty(side, np.uint32), np.empty((2, side))
+    rights, belows = shares
+    for j in range(len(kept)):
+        of_row, to_x, to_y, rest, own = kept[j], columns[j], rows[j], ratios[j], inverses[j]
+        for k in range(side):
+            x, y = (to_x[k] if of_row[k] else some_column), (to_y[k] if of_row[k] else some_row)
+            to_edges[k] = (np.int32(y + 0.5) - first_row) * of_near + np.int32(x + 0.5) - first_column
+            x, y = min(x - left, last_column), min(y - top, last_row)  # what lies at the border is near an edge anyhow
+            column, row = np.int32(x), np.int32(y)
+            rights[k], belows[k], firsts[k] = x - column, y - row, row * wide + column
+        for k in range(side):
+            at = np.uint64(firsts[k])  # unsigned: an index that may be negative costs a comparison
+            below, right = at + under, rights[k]
+            over = values[at] + right * (values[at + one] - values[at])
+            found = over + belows[k] * (values[below] + right * (values[below + one] - values[below]) - over)
+            inverse = np.float64(own[k])
+            agrees = abs(found * rest[k] - inverse) < tolerance * inverse
+            of_row[k] &= agrees & (edges[np.uint64(to_edges[k])] == 0)
 
 
 @njit(cache=True)
@@ -156,20 +182,13 @@ def _agrees(
     return bool(abs(found * ratio - inverse) < allowed * inverse)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True)
 def _inverse_about(depth_m: Float32, part: Int64) -> Float32:
     """Return 1 / depth of a part (left, top, right, bottom) of a frame and of what lies about it, 0 where invalid."""
     height, width = depth_m.shape
     left, right = max(part[0] - _ABOUT, 0), min(part[2] + _ABOUT, width)
     top, bottom = max(part[1] - _ABOUT, 0), min(part[3] + _ABOUT, height)
-    inverse = np.empty((bottom - top, right - left), np.float32)
-    for j in range(len(inverse)):
-        depths, line = depth_m[top + j, left:right], inverse[j]
-        for k in range(len(line)):
-            depth = depths[k]
-            valid = (depth > 0) & (depth < np.float32(np.inf))
-            line[k] = np.float32(1) / depth if valid else np.float32(0)
-    return inverse
+    return inverse_in(depth_m, left, top, bottom - top, right - left)
 
 
 @njit(cache=True)

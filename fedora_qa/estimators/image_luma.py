@@ -5,6 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
 UInt8 = NDArray[np.uint8]
 
 
@@ -22,19 +23,34 @@ def luma_of(rgb: UInt8, of_codes: Float32) -> Float32:
 
 
 @njit(cache=True)
+def luma_of_linear(rgb: UInt8, weights: Float64) -> Float32:
+    """Return the same, to the bit, where a code adds itself times its channel's weight (3,): half the time."""
+    height, width = rgb.shape[:2]
+    luma = np.empty((height, width), np.float32)
+    red, green, blue = weights[0], weights[1], weights[2]
+    for row in range(height):
+        codes, into = rgb[row].reshape(3 * width), luma[row]
+        for column in range(width):  # each is rounded before they are added, as a table of single precision holds them
+            of_red = np.float32(red * np.float64(codes[3 * column]))
+            of_green = np.float32(green * np.float64(codes[3 * column + 1]))
+            into[column] = of_red + of_green + np.float32(blue * np.float64(codes[3 * column + 2]))
+    return luma
+
+
+@njit(cache=True)
 def cut_off(rgb: UInt8, luma: Float32, saturated: float) -> NDArray[np.bool_]:
     """Return where any channel is at 255, or luma at least at a level, (H, W)."""
     height, width = luma.shape
     lost = np.empty((height, width), np.bool_)
     most, level = np.uint8(255), np.float32(saturated)
     for row in range(height):
-        codes, values, into = rgb[row], luma[row], lost[row]
-        if not (_any_code(codes.reshape(3 * width), most) or _any_from(values, level)):
+        codes, values, into = rgb[row].reshape(3 * width), luma[row], lost[row]
+        if not (_any_code(codes, most) or _any_from(values, level)):
             into[:] = False
             continue
         for column in range(width):
-            code = max(codes[column, 0], codes[column, 1], codes[column, 2])
-            into[column] = (code == most) | (values[column] >= level)
+            is_most = (codes[3 * column] == most) | (codes[3 * column + 1] == most) | (codes[3 * column + 2] == most)
+            into[column] = is_most | (values[column] >= level)
     return lost
 
 

@@ -137,6 +137,10 @@ def test_parts_tell_what_maps_tell(seed: int, uncertainty_px: float) -> None:
     expected = seen_in_both(camera, motion, origins, (32, 32), maps[0], maps[1], uncertainty_px)
     found = seen_in_few_tiles(camera, motion, origins, (32, 32), depths_m, uncertainty_px)
     np.testing.assert_array_equal(found, expected)
+    shows_enough = np.count_nonzero(expected, axis=(1, 2)) >= 400
+    found = seen_in_few_tiles(camera, motion, origins, (32, 32), depths_m, uncertainty_px, fewest=400)
+    np.testing.assert_array_equal(found[shows_enough], expected[shows_enough])
+    assert not np.any(found & ~expected)
 
 
 def test_parts_tell_what_maps_tell_of_a_tile_that_is_torn_apart() -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 from fedora_qa.estimators.event_footprint import footprints
-from fedora_qa.estimators.image_luma import cut_off, luma_of
+from fedora_qa.estimators.image_luma import cut_off, luma_of, luma_of_linear
 from fedora_qa.estimators.image_motion_kernels import is_of_one_value, reduced, reduced_flow
 from fedora_qa.estimators.image_points import sharp_colours
 from fedora_qa.estimators.image_samples import along_the_flow, steepness
@@ -91,6 +91,15 @@ def test_luma_and_what_is_cut_off() -> None:
     luma = luma_of(rgb, np.outer(LUMA_WEIGHTS_RGB, linear).astype(np.float32))
     np.testing.assert_allclose(luma, linear[rgb] @ np.array(LUMA_WEIGHTS_RGB), rtol=1e-5)
     np.testing.assert_array_equal(cut_off(rgb, luma, 200.0), (rgb == 255).any(axis=2) | (luma >= 200.0))
+
+
+def test_linear_luma_is_that_of_the_table() -> None:
+    """To the bit, for every code of every channel."""
+    codes = np.arange(256, dtype=np.uint8)
+    channels = codes, np.roll(codes, 77), codes[::-1]
+    rgb = np.stack([np.tile(channel, 3).reshape(16, 48) for channel in channels], axis=-1)
+    table = np.outer(LUMA_WEIGHTS_RGB, np.arange(256.0)).astype(np.float32)
+    np.testing.assert_array_equal(luma_of_linear(rgb, np.array(LUMA_WEIGHTS_RGB)), luma_of(rgb, table))
 
 
 def test_colours_of_single_footprints() -> None:

@@ -167,10 +167,11 @@ def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair 
     return None if before is None or after is None else FramePair(window, optics, before, after)
 
 
-def visible(window: Window, interval: Interval, origins: Int64) -> tuple[Mask, bool]:
+def visible(window: Window, interval: Interval, origins: Int64, fewest: int = 0) -> tuple[Mask, bool]:
     """Return which pixels of tiles (n, 32, 32) both frames show, and whether depth and motion told.
 
-    From depth and motion where both are there; otherwise from the flow itself, which is weaker.
+    From depth and motion where both are there; otherwise from the flow itself, which is weaker. Tiles of which surely
+    fewer than the ``fewest`` pixels are shown may be left empty.
     """
     geometry = geometry_of(window, interval)
     if geometry is None:
@@ -178,7 +179,7 @@ def visible(window: Window, interval: Interval, origins: Int64) -> tuple[Mask, b
     K, size, motion = geometry.track.camera.K, (TILE_PX, TILE_PX), geometry.corrected
     depths_m = window.depth_m(geometry.frames[0]), window.depth_m(geometry.frames[1])
     if len(origins) * TILE_PX**2 < _FEW * min(image.size for image in depths_m):
-        return seen_in_few_tiles(K, motion, origins, size, depths_m, geometry.uncertainty_px), True
+        return seen_in_few_tiles(K, motion, origins, size, depths_m, geometry.uncertainty_px, fewest), True
     first, second = ((_inverse_depth(window, frame), _edges(window, frame)) for frame in geometry.frames)
     return seen_in_both(K, motion, origins, size, first, second, geometry.uncertainty_px), True
 

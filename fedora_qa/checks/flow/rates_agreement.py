@@ -19,8 +19,8 @@ FEWEST_PIXELS: Final = 50
 """Pixels below which two rates are not compared."""
 
 _TILES: Final = (8, 6)
-_FEWEST_PATHS: Final = 2_500
-"""Paths of large frames, at least: some fifty start in each of 48 tiles, where others have eighty.
+_FEWEST_PATHS: Final = 2_000
+"""Paths of large frames, at least: some forty start in each of 48 tiles, where others have eighty.
 
 What is stated are medians, and their bounds depend on no number: fewer paths leave the limits as they are. Of three
 rates each field is on the way of two pairs. At 1440x1080 a path costs 150 ns for each field, most of it spent waiting
@@ -135,20 +135,19 @@ def lattice_of(window: Window, segment: Segment) -> tuple[Float64, Float64]:
 def _steps(height: int, width: int, share: float) -> tuple[int, int]:
     """Return the steps between pixels that paths start from, along columns and along rows.
 
-    In large frames those of one row lie four times as close as the rows: paths beside each other share the lines about
-    them, and with as many paths half of a field need not be read from memory.
+    In large frames those of one row lie nine times as close as the rows: paths beside each other share the lines about
+    them, and with as many paths three quarters of a field need not be read from memory.
     """
     if height * width <= USUAL_PIXELS:
         stride = lattice_stride(height, width, share)
         return stride, stride
     stride = max(1, min(round(1 / share), int(np.sqrt(height * width / _FEWEST_PATHS))))
-    return (stride, stride) if stride < 4 else (stride // 2, 2 * stride)
+    return (stride, stride) if stride < 3 else (stride // 3, 3 * stride)
 
 
 def _shapes(window: Window, segment: Segment) -> set[tuple[int, int]]:
-    """Return the different heights and widths of the fields of a segment."""
-    chains = (segment.slow, segment.fast)
-    images = (window.flow_px(chain.stream, row) for chain in chains for row in chain.rows)
+    """Return the different heights and widths of the fields of a segment; those of one rate are of one shape."""
+    images = (window.flow_px(chain.stream, chain.rows[0]) for chain in (segment.slow, segment.fast))
     return {(image.shape[0], image.shape[1]) for image in images}
 
 
