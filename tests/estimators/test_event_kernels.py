@@ -19,7 +19,7 @@ from fedora_qa.estimators.event_pixels import by_pixel
 from fedora_qa.estimators.event_rates import Tally
 from fedora_qa.estimators.event_shift import Interval, intervals
 from fedora_qa.estimators.event_shift_kernels import KEPT, SETTLED, USABLE
-from fedora_qa.estimators.event_stamp_kernels import crowds, longest_silences
+from fedora_qa.estimators.event_stamp_kernels import are_crowded, longest_silences
 from fedora_qa.estimators.registration_errors import slope_sums
 from tests.estimators.event_world import Stream
 
@@ -234,10 +234,11 @@ def test_silences_are_the_longest_distances_of_stamps(events: Stream, start: int
     assert found_ends[:count].tolist() == ends[own][order].tolist()
 
 
-@given(streams(), st.integers(1, 4))
+@given(streams(), st.integers(1, 4), st.sampled_from([0.0, 0.3, 0.5, 0.9]))
 @settings(deadline=None)
-def test_crowds_are_stamps_of_many_events(events: Stream, least: int) -> None:
-    """The fullest stamp, and how many hold so many or more."""
+def test_stamps_are_crowded_where_most_events_share_theirs(events: Stream, crowd: int, share: float) -> None:
+    """So many stamps have so many events, and these are a share of all."""
     counts = np.unique(events.times_ns, return_counts=True)[1]
-    crowded = counts[counts >= least]
-    assert crowds(events.times_ns, least) == (max(counts.tolist(), default=0), len(crowded), crowded.sum())
+    crowds = counts[counts >= crowd]
+    expected = len(crowds) >= crowd and crowds.sum() >= share * len(events.times_ns)
+    assert are_crowded(events.times_ns, crowd, share) == expected
