@@ -14,6 +14,7 @@ from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Axis, Footprints, column_axis, row_axis
 from fedora_qa.estimators.event_kernels import count_between_frames
+from fedora_qa.estimators.event_orientation import LEAST_LIGHT
 from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
@@ -206,7 +207,7 @@ def signal_of(seen: SeenFrames, frame: int, declared: EventModel) -> tuple[NDArr
     if declared.model == "linear":
         return even_dn, lit
     level = even_dn + np.float32(declared.log_eps_dn)
-    return np.log(np.maximum(level, np.float32(1e-3), out=level), out=level), lit
+    return np.log(np.maximum(level, np.float32(LEAST_LIGHT), out=level), out=level), lit
 
 
 def why_frames_and_events_do_not_meet(facts: Facts) -> str:
