@@ -269,10 +269,13 @@ def _seen_frames(window: Window) -> SeenFrames:
     images = np.empty((3, len(wanted), *shape), np.float32)
     found: list[int] = []
     for frame in wanted:
+        place = images[:, len(found)]
         try:
-            images[:, len(found)] = window.of_image("seen_frame", frame, partial(_as_seen, window, frame))
+            seen = window.of_image("seen_frame", frame, partial(_see_into, place, window, frame))
         except UnreadableRowsError:
             continue
+        if seen is not place:
+            place[:] = seen
         found.append(frame)
     frames, count = np.array(found, dtype=np.int64), len(found)
     times_ns = window.facts.clocks["rgb"].times_ns[frames]
@@ -284,14 +287,13 @@ def _seen_frames(window: Window) -> SeenFrames:
     return SeenFrames(frames, times_ns, sharp_dn, even_dn, error_dn, counts)
 
 
-def _as_seen(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return the sharp and the even view of a frame and the bound of the latter's error (3, h, w).
+def _see_into(place: NDArray[np.float32], window: Window, frame: int) -> NDArray[np.float32]:
+    """Write the sharp and the even view of a frame and the bound of the latter's error to a place (3, h, w).
 
     Each colour is rounded by at most half a step of its code, so luma is as well.
     """
-    declared = window.facts.declared
     luma, lost = luma_dn(window, frame), clipped(window, frame)
-    sharp, even, error = seen = np.empty((3, *sensor_shape(declared)), np.float32)
     prints = seen_footprints(window, (luma.shape[0], luma.shape[1]))
-    prints.see(luma, lost, ROUNDING_DN[declared.transfer], sharp=sharp, even=even, error=error)
-    return seen
+    sharp, even, error = place
+    prints.see(luma, lost, ROUNDING_DN[window.facts.declared.transfer], sharp=sharp, even=even, error=error)
+    return place
