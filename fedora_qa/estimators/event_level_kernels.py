@@ -4,6 +4,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.order_kernels import median_of
+
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
@@ -16,7 +18,7 @@ _FEWEST = 4
 
 @njit(cache=True)
 def sample_levels(
-    starts: Int64,
+    starts: Int32,
     stamped: Int64,
     frame_times: Int64,
     light: Float32,
@@ -236,7 +238,7 @@ def huber(X: Float64, y: Float64, tuning: float, iterations: int, weights: Float
     Beyond ``tuning`` standard deviations residuals weigh less; the scale is from their median absolute value. Return
     False where equations are singular: weights are then worth nothing.
     """
-    parameters, middle = X.shape[1], len(y) // 2
+    parameters = X.shape[1]
     matrix, vector, theta = np.empty((parameters, parameters)), np.empty(parameters), np.empty(parameters)
     residual = np.empty(len(y))
     weights[:] = 1.0
@@ -245,34 +247,9 @@ def huber(X: Float64, y: Float64, tuning: float, iterations: int, weights: Float
         if not solve(matrix, vector, theta):
             return False
         residuals(X, y, theta, residual)
-        scale = 1.4826 * _median(residual.copy(), middle)
+        scale = 1.4826 * median_of(residual)
         if scale == 0.0:
             return True
         for i in range(len(y)):
             weights[i] = min(1.0, tuning * scale / max(residual[i], 1e-300))
     return True
-
-
-@njit(cache=True)
-def _median(values: Float64, middle: int) -> float:
-    """Return the median of values (m,), whose order is lost: parted at the middle (Hoare 1961)."""
-    left, right = 0, len(values) - 1
-    while left < right:
-        pivot, i, j = values[(left + right) // 2], left, right
-        while i <= j:
-            while values[i] < pivot:
-                i += 1
-            while values[j] > pivot:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i, j = i + 1, j - 1
-        if middle <= j:
-            right = j
-        elif middle >= i:
-            left = i
-        else:
-            break
-    if len(values) % 2:
-        return float(values[middle])
-    return 0.5 * float(np.max(values[:middle]) + values[middle])

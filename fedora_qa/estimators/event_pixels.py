@@ -22,7 +22,7 @@ class PixelEvents:
         (m,) twice the instant of an event, ns, plus its polarity (1 brighter, 0 darker).
     """
 
-    starts: Int64
+    starts: NDArray[np.int32]
     stamped: Int64
 
     def __len__(self) -> int:
@@ -48,6 +48,6 @@ def by_pixel(
         x, y, times_ns, p = x[chosen], y[chosen], times_ns[chosen], p[chosen]
         for column in (x, y, times_ns, p):
             column.flags.writeable = False  # as events of a window are: compiled once
-    starts, stamped = np.empty(shape[0] * shape[1] + 1, np.int64), np.empty(len(times_ns), np.int64)
+    starts, stamped = np.empty(shape[0] * shape[1] + 1, np.int32), np.empty(len(times_ns), np.int64)
     sort_by_pixel(x, y, times_ns, p, shape, starts, stamped)
     return PixelEvents(starts, stamped)

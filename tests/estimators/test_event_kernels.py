@@ -194,7 +194,7 @@ def test_repeats_are_counted_before_they_are_searched(events: Stream) -> None:
 @given(streams(), st.integers(1, 40), st.integers(1, 4))
 @settings(deadline=None)
 def test_events_are_sorted_by_pixel(events: Stream, height: int, every: int) -> None:
-    """As NumPy's stable sort has it, on sensors of one band and of several; of all pixels or some."""
+    """As NumPy's stable sort has it; of all pixels or some."""
     shape = height, (1 << 12) + 1
     y = (events.y * 13 % height).astype(np.uint16)
     found = by_pixel(events.x, y, events.times_ns, events.p, shape, every)
