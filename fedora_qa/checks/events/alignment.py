@@ -30,8 +30,14 @@ from fedora_qa.sequence.window import Window
 
 Float64 = NDArray[np.float64]
 
-INTERVALS: Final = (3, 2)
-"""Frame intervals of 0.2 s that are correlated, evenly spread; fewer of large sensors: limits of 1 s grow 2 to 5%."""
+INTERVALS: Final = 3
+INTERVALS_OF_LARGE: Final = (2, 1)
+"""Frame intervals of 0.2 s that are correlated, evenly spread; fewer of large sensors, as errors hardly fall with their
+number: limits of 1 s of 640x480 grow by 2 to 5% with two, by another 3 to 4% with one. One will do where tiles are
+looked at as densely as ``full`` does, which leaves out no window; two keep a few stretches of time observable."""
+
+_DENSE: Final = 0.25
+"""Share of tiles that ``full`` looks at."""
 
 LEAST_CORRELATION: Final = 0.1
 """Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
@@ -96,8 +102,8 @@ class Alignment(WindowCheck[Correlations]):
     How
     ---
     The change of the signal between two frames is cross-correlated with the signed events in between, over shifts of up
-    to eight pixels; the peak of the sum over three intervals each 0.2 s (two of large sensors) is found to a fraction
-    of a pixel by parabolas. Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2 pixels.
+    to eight pixels; the peak of the sum over three intervals each 0.2 s (one or two of large sensors) is found to a
+    fraction of a pixel by parabolas. Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2.
     A pixel whose brightness has turned fires late: it must first come back through both thresholds. Such hysteresis
     drags events behind the motion, so pixels whose events change sign within the interval or since the one before are
     left out. Shift and delay are nearly one along the mean motion and are fitted alone, not jointly: a late stream
@@ -137,7 +143,7 @@ class Alignment(WindowCheck[Correlations]):
         seen, declared = seen_frames(window), window.facts.declared.events
         if declared is None or len(seen) < 2:
             return None
-        wanted, last = intervals_due(window, seen, INTERVALS[is_large_sensor(window)]), len(seen) - 2
+        wanted, last = intervals_due(window, seen, _a_window(window)), len(seen) - 2
         if wanted <= 0:
             return None
         # What came before the first interval is asked only where there is no other.
@@ -247,6 +253,11 @@ class Alignment(WindowCheck[Correlations]):
                 Suspect("intrinsics_centre", "metadata", 0.4),
             ),
         )
+
+
+def _a_window(window: Window) -> int:
+    """Return how many intervals of a window of the usual length are correlated."""
+    return INTERVALS_OF_LARGE[window.sampling.tile_share >= _DENSE] if is_large_sensor(window) else INTERVALS
 
 
 def _near(patches: Float64, squares: Float64) -> tuple[Shift, Float64] | str:
