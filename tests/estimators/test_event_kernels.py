@@ -1,6 +1,7 @@
 """Compiled loops against plain NumPy."""
 
 from collections import Counter
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -112,10 +113,15 @@ def test_an_event_at_a_frame_belongs_before_it(stamp_ns: int) -> None:
     assert counts[:, 1, 0, 0].tolist() == ([1, 0] if stamp_ns == 20_000 else [0, 1])
 
 
+def signals(levels: np.ndarray, lit: np.ndarray) -> Callable[[int], tuple[np.ndarray, np.ndarray]]:
+    """What frames show, a frame at a time."""
+    return lambda frame: (levels[frame].astype(np.float32), lit[frame])
+
+
 def flags_of(counts: np.ndarray, levels: np.ndarray) -> list[np.ndarray]:
     """Flags of all intervals, all pixels lit."""
     lit = np.ones(levels.shape, np.bool_)
-    found = intervals(levels.astype(np.float32), lit, counts, 0.2, 0.2, range(len(counts)))
+    found = intervals(signals(levels, lit), counts, 0.2, 0.2, range(len(counts)))
     return [one.flags[0].copy() for one in found]
 
 
@@ -146,10 +152,21 @@ def test_intervals_say_what_frames_and_events_have_changed() -> None:
     rng = np.random.default_rng(3)
     levels, counts = rng.normal(size=(3, 4, 5)).astype(np.float32), rng.poisson(1, (2, 2, 4, 5)).astype(np.int32)
     lit = rng.uniform(size=levels.shape) < 0.7
-    for i, found in zip([1], intervals(levels, lit, counts, 0.2, 0.3, [1]), strict=True):
+    for i, found in zip([1], intervals(signals(levels, lit), counts, 0.2, 0.3, [1]), strict=True):
         assert np.allclose(found.change, levels[i + 1] - levels[i], atol=1e-6)
         assert np.allclose(found.events, 0.2 * counts[i, 1] - 0.3 * counts[i, 0])
         assert np.array_equal(found.flags & USABLE != 0, lit[i] & lit[i + 1])
+
+
+def test_intervals_that_are_not_asked_for_count_all_the_same() -> None:
+    """Who has turned follows from all events before, whether their interval is asked for or not."""
+    rng = np.random.default_rng(5)
+    levels, counts = rng.normal(size=(6, 4, 5)), rng.poisson(0.5, (5, 2, 4, 5)).astype(np.int32)
+    lit = np.ones(levels.shape, np.bool_)
+    every = [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.3, range(5))]
+    some = [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.3, [2, 4])]
+    assert np.array_equal(some, [every[2], every[4]])
+    assert len(np.unique(some)) > 2
 
 
 def test_slopes_are_those_of_their_definition() -> None:
@@ -177,7 +194,8 @@ def test_what_came_before_the_first_interval_tells_who_has_turned() -> None:
     before[1, 0, 0], before[0, 0, 1] = 1, 1
     lit = np.ones(levels.shape, np.bool_)
     (told,), (untold,) = (
-        [one.flags.copy() for one in intervals(levels, lit, counts, 0.2, 0.2, [0], known)] for known in (before, None)
+        [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.2, [0], known)]
+        for known in (before, None)
     )
     assert (told & KEPT > 0).tolist() == [[True, False, False]]
     assert not np.any(untold & KEPT)

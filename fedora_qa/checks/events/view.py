@@ -195,20 +195,15 @@ def events_before(seen: SeenFrames, window: Window) -> NDArray[np.int32]:
     return darker_and_brighter
 
 
-def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return ``signal`` of the frames of a window and the next one."""
-    return window.once("seen_signal", lambda: signal(seen_frames(window), declared))
-
-
 def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return the signal of the declared model (n, h, w), and where it is lit: known to better than half of itself."""
     levels, lit = np.empty(seen.even_dn.shape, np.float32), np.empty(seen.even_dn.shape, np.bool_)
     for frame in range(len(seen)):
-        levels[frame], lit[frame] = signal_of(seen, frame, declared)
+        levels[frame], lit[frame] = signal_of(seen, declared, frame)
     return levels, lit
 
 
-def signal_of(seen: SeenFrames, frame: int, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def signal_of(seen: SeenFrames, declared: EventModel, frame: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return ``signal`` of one frame (h, w)."""
     even_dn = seen.even_dn[frame]
     lit = np.greater(even_dn, 2 * seen.error_dn[frame])
