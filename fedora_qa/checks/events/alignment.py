@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.events.shifted import CLEAR, PartSums, Shifted, added, most_shifted, stacked, tiles_of
 from fedora_qa.checks.events.tiles import tile_around
 from fedora_qa.checks.events.view import (
+    WINDOW_NS,
     events_before,
     intervals_due,
     is_large_sensor,
@@ -34,8 +35,8 @@ Float64 = NDArray[np.float64]
 INTERVALS: Final = 3
 INTERVALS_OF_LARGE: Final = (2, 1)
 """Frame intervals of 0.2 s that are correlated, evenly spread; fewer of large sensors, as errors hardly fall with their
-number: limits of 1 s of 640x480 grow by 2 to 5% with two, by another 3 to 4% with one. One will do where images are
-looked at as densely as ``full`` does, which leaves out no window; two keep a few stretches of time observable."""
+number: limits of 1 s of 640x480 grow by 2 to 5% with two, by another 3 to 4% with one. One will do in files from 1.6 s
+on, where images are looked at as densely as ``full`` does, which leaves out no window."""
 
 _DENSE_PX: Final = 0.2 * USUAL_PIXELS
 """Pixels of the largest image that are looked at: ``full`` looks at 0.25 of so many, ``standard`` at 0.1."""
@@ -259,8 +260,10 @@ def _a_window(window: Window) -> int:
     """Return how many intervals of a window of the usual length are correlated."""
     if not is_large_sensor(window):
         return INTERVALS
-    largest = max(camera.width * camera.height for camera in window.facts.declared.cameras.values())
-    return INTERVALS_OF_LARGE[window.sampling.tile_share * largest >= _DENSE_PX]
+    times_ns, cameras = window.facts.clocks["rgb"].times_ns, window.facts.declared.cameras.values()
+    long = int(times_ns[-1] - times_ns[0]) >= 2 * FEWEST_INTERVALS * WINDOW_NS
+    dense = window.sampling.tile_share * max(one.width * one.height for one in cameras) >= _DENSE_PX
+    return INTERVALS_OF_LARGE[long and dense]
 
 
 def _near(patches: Float64, squares: Float64) -> tuple[Shift, Float64] | str:
