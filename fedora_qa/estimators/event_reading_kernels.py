@@ -189,9 +189,10 @@ def centre_readings(
                 total += weight
                 pixels[rows], readings[rows, SECONDS] = pixels[i], readings[i, SECONDS]
                 rows += 1
+            sums /= max(total, 1e-300)
             for i in range(first, rows):
                 for j in range(7):
-                    centred[i, j] -= sums[j] / max(total, 1e-300)
+                    centred[i, j] -= sums[j]
         begin = stop
     return rows
 
