@@ -147,7 +147,7 @@ def add_moments(change: Float64, upright: Float64, swapped: Float64, tiles: int,
     """
     rows, columns = change.shape
     # A row of changes and its mirror image: that of the events' columns is the same thing.
-    known, changes = np.empty((2, columns)), np.empty((2, columns))
+    known, changes, of_changes = np.empty((2, columns)), np.empty((2, columns)), np.empty(3)
     for row in range(rows):
         for column in range(columns):
             there = not np.isnan(change[row, column])
@@ -157,28 +157,36 @@ def add_moments(change: Float64, upright: Float64, swapped: Float64, tiles: int,
             # Columns of which ``column * tiles // columns`` is the tile.
             first, stop = -(-tile * columns // tiles), -(-(tile + 1) * columns // tiles)
             of_tile = sums[tiles * (row * tiles // rows) + tile]
+            _sum_changes(known[0, first:stop], changes[0, first:stop], of_changes)
             for symmetry in range(8):
                 line = (swapped if symmetry & 4 else upright)[rows - 1 - row if symmetry & 1 else row]
                 mirrored = (symmetry >> 1) & 1
                 begin, end = (columns - stop, columns - first) if mirrored else (first, stop)
-                _add_products(known[mirrored, begin:end], changes[mirrored, begin:end], line[begin:end],
-                              of_tile[symmetry])  # fmt: skip
+                own = of_tile[symmetry]
+                own[0], own[1], own[3] = own[0] + of_changes[0], own[1] + of_changes[1], own[3] + of_changes[2]
+                _add_products(known[mirrored, begin:end], changes[mirrored, begin:end], line[begin:end], own)
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _sum_changes(known: Float64, changes: Float64, sums: Float64) -> None:
+    """Write the number of changes, their sum and that of their squares: alike under all symmetries."""
+    n, d, dd = 0.0, 0.0, 0.0
+    for i in range(len(known)):
+        n += known[i]
+        d += changes[i]
+        dd += changes[i] * changes[i]
+    sums[0], sums[1], sums[2] = n, d, dd
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def _add_products(known: Float64, changes: Float64, events: Float64, sums: Float64) -> None:
-    n, d, e, dd, ee, de = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    """Add the sums of events, of their squares, and of their products with the changes."""
+    e, ee, de = 0.0, 0.0, 0.0
     for i in range(len(known)):
         event = known[i] * events[i]
-        n += known[i]
-        d += changes[i]
         e += event
-        dd += changes[i] * changes[i]
         ee += event * event
         de += changes[i] * event
-    sums[0] += n
-    sums[1] += d
     sums[2] += e
-    sums[3] += dd
     sums[4] += ee
     sums[5] += de

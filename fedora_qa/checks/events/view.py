@@ -159,6 +159,10 @@ def seen_frames(window: Window) -> SeenFrames:
 
 def seen_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
     """Return the footprints of the event camera's pixels in frames of a shape (rows, columns): those of a file."""
+    return window.once(("footprints", shape_frame), lambda: _footprints(window, shape_frame))
+
+
+def _footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
     cameras, (height, width) = window.facts.declared.cameras, sensor_shape(window.facts.declared)
     K_frame, K_event = cameras["rgb"].K, cameras["events"].K
     return Footprints(
