@@ -4,6 +4,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.order_kernels import median_of
+
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
@@ -16,10 +18,14 @@ _FEWEST = 4
 
 @njit(cache=True)
 def sample_levels(
-    starts: Int64,
+    starts: Int32,
     stamped: Int64,
     frame_times: Int64,
-    usable: Bool,
+    light: Float32,
+    other_light: Float32,
+    error: Float32,
+    least_light: float,
+    hidden: Int64,
     every: int,
     longest_gap: int,
     least_gap: int,
@@ -30,8 +36,9 @@ def sample_levels(
     """Write a row for each two successive level samples of a pixel; return how many.
 
     A sample is a frame time t1 <= t < t2 between two events of one polarity at most ``longest_gap`` ns apart, at a
-    pixel whose frame is ``usable`` (n, h, w), with an event before and one after them at a third to three times their
-    gap: a cubic through less even events swings.
+    pixel whose frame is not darker than ``least_light`` in either of two images (n, h, w), to an ``error`` (n, h, w)
+    that is finite, with an event before and one after them at a third to three times their gap: a cubic through less
+    even events swings. Pixels that are ``hidden``, sorted, have none.
     Events closer than ``least_gap`` ns break the chain of a pixel: between them events may be lost.
     Of the pixels, one in ``every`` is followed. Events come by pixel, as in ``event_pixel_kernels``.
 
@@ -40,13 +47,16 @@ def sample_levels(
     ones count negative), the change of their rates, 1/s, the longer of the two gaps, s, and what straight lines would
     add to the first two.
     """
-    _, height, width = usable.shape
-    rows = 0
+    _, height, width = light.shape
+    rows, concealed = 0, 0
     for row in range(height):
         for column in range(width):
             at = row * width + column
             begin, stop = starts[at], starts[at + 1]
             if stop - begin < _FEWEST or (every > 1 and (column + 3 * row) % every != 0):
+                continue
+            concealed = _passed(hidden, concealed, at)
+            if concealed > 0 and hidden[concealed - 1] == at:
                 continue
             frame, known, sampled = 0, False, 0
             on = (stamped[begin] & 1) + (stamped[begin + 1] & 1) + (stamped[begin + 2] & 1)
@@ -55,8 +65,7 @@ def sample_levels(
                 one, other = stamped[i - 2], stamped[i - 1]
                 brighter = other & 1
                 t1, t2, t3 = one >> 1, other >> 1, stamped[i] >> 1
-                on_before, off_before = on, i - begin - on
-                on += stamped[i] & 1
+                on_before, off_before, on = on, i - begin - on, on + (stamped[i] & 1)
                 if t3 - t2 < least_gap:
                     known = False
                     continue
@@ -68,7 +77,9 @@ def sample_levels(
                     continue
                 while frame < len(frame_times) and frame_times[frame] < t2:
                     frame += 1
-                if frame == 0 or frame_times[frame - 1] < t1 or not usable[frame - 1, row, column]:
+                if frame == 0 or frame_times[frame - 1] < t1:
+                    continue
+                if _dark(light[frame - 1], other_light[frame - 1], error[frame - 1], least_light, row, column):
                     continue
                 step = 1.0 if stamped[i] & 1 == brighter else -(off_over_on if brighter else 1.0 / off_over_on)
                 since = frame_times[0]
@@ -97,6 +108,21 @@ def sample_levels(
                 known, sampled, gap_s, slope = True, frame - 1, now_gap_s, now_slope
                 level_on, level_off, more_on, more_off = now_on, now_off, now_more_on, now_more_off
     return rows
+
+
+@njit(cache=True)
+def _passed(hidden: Int64, before: int, at: int) -> int:
+    """Return how many sorted pixels are not beyond one, of which so many were not ``before``."""
+    while before < len(hidden) and hidden[before] <= at:
+        before += 1
+    return before
+
+
+@njit(cache=True)
+def _dark(light: Float32, other_light: Float32, error: Float32, least_light: float, row: int, column: int) -> bool:
+    """Whether a pixel is darker than is told in either image (h, w), or unknown."""
+    bright = light[row, column] >= least_light and other_light[row, column] >= least_light
+    return not (bright and error[row, column] < np.inf)
 
 
 @njit(cache=True)
@@ -212,7 +238,7 @@ def huber(X: Float64, y: Float64, tuning: float, iterations: int, weights: Float
     Beyond ``tuning`` standard deviations residuals weigh less; the scale is from their median absolute value. Return
     False where equations are singular: weights are then worth nothing.
     """
-    parameters, middle = X.shape[1], len(y) // 2
+    parameters = X.shape[1]
     matrix, vector, theta = np.empty((parameters, parameters)), np.empty(parameters), np.empty(parameters)
     residual = np.empty(len(y))
     weights[:] = 1.0
@@ -221,34 +247,9 @@ def huber(X: Float64, y: Float64, tuning: float, iterations: int, weights: Float
         if not solve(matrix, vector, theta):
             return False
         residuals(X, y, theta, residual)
-        scale = 1.4826 * _median(residual.copy(), middle)
+        scale = 1.4826 * median_of(residual)
         if scale == 0.0:
             return True
         for i in range(len(y)):
             weights[i] = min(1.0, tuning * scale / max(residual[i], 1e-300))
     return True
-
-
-@njit(cache=True)
-def _median(values: Float64, middle: int) -> float:
-    """Return the median of values (m,), whose order is lost: parted at the middle (Hoare 1961)."""
-    left, right = 0, len(values) - 1
-    while left < right:
-        pivot, i, j = values[(left + right) // 2], left, right
-        while i <= j:
-            while values[i] < pivot:
-                i += 1
-            while values[j] > pivot:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i, j = i + 1, j - 1
-        if middle <= j:
-            right = j
-        elif middle >= i:
-            left = i
-        else:
-            break
-    if len(values) % 2:
-        return float(values[middle])
-    return 0.5 * float(np.max(values[:middle]) + values[middle])

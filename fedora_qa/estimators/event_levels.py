@@ -96,16 +96,37 @@ class LevelPairs:
         return np.array([flat[self.earlier, self.pixels], flat[self.later, self.pixels]], dtype=np.float64)
 
 
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What frames show, and of which pixels it tells a level.
+
+    Attributes
+    ----------
+    light, other_light
+        (n, h, w) by two reconstructions, in single precision: neither may be below ``least``.
+    error
+        (n, h, w), infinite where nothing is known.
+    hidden
+        (m,) pixels that tell nothing, row * width + column, sorted.
+    """
+
+    light: NDArray[np.float32]
+    other_light: NDArray[np.float32]
+    error: NDArray[np.float32]
+    least: float
+    hidden: NDArray[np.int64]
+
+
 def level_pairs(
     events: PixelEvents,
     frame_times_ns: NDArray[np.int64],
-    usable: NDArray[np.bool_],
+    shown: Shown,
     *,
     longest_gap_ns: int,
     least_gap_ns: int = 1,
     off_over_on: float = 1.0,
 ) -> LevelPairs:
-    """Find the level samples at frame times, at pixels whose frames are ``usable`` (n, h, w).
+    """Find the level samples at frame times, at pixels that tell them.
 
     Events of a pixel closer than ``least_gap_ns`` break its chain. ``off_over_on`` is the declared ratio of the
     thresholds; it only bends the cubic.
@@ -115,7 +136,11 @@ def level_pairs(
         events.starts,
         events.stamped,
         frame_times_ns,
-        usable,
+        shown.light,
+        shown.other_light,
+        shown.error,
+        shown.least,
+        shown.hidden,
         max(1, -(-len(events) // MOST_EVENTS)),
         longest_gap_ns,
         max(least_gap_ns, 1),

@@ -11,16 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.event_orientation_kernels import (
+    add_blocks,
     add_moments,
-    mean_blocks,
     mean_blocks_beyond,
     mean_event_blocks,
+    multiply_blocks,
 )
 
+Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
 BLOCK_PX: Final = 4
 """Side of the blocks whose means are compared."""
+
+LEAST_LIGHT: Final = 1e-3
+"""Of less light than this no logarithm is taken, but of this, DN."""
 
 SYMMETRIES: Final = tuple((swap, left, up) for swap in (False, True) for left in (False, True) for up in (False, True))
 """What could have been done to the events: axes exchanged, then columns mirrored, then rows mirrored."""
@@ -47,12 +52,21 @@ class Moments:
         return max(float(dd - d * d / max(n, 1.0)), 0.0) / max(float(n), 1.0)
 
 
-def level_blocks(level: NDArray[np.float32], known: NDArray[np.bool_]) -> Float64:
-    """Return the means of a frame's level (h, w) over blocks (r, c); NaN where not all of a block is known."""
-    side, grid = _grid(level.shape)
-    means = np.empty(grid)
-    mean_blocks(level, known, side, means)
-    return means
+def level_blocks(light: Float32, error: Float32, dark: float | None) -> Float64:
+    """Return the means of a frame's signal over blocks (r, c); NaN where it is not known of all pixels of a block.
+
+    The signal is the logarithm of ``light`` (h, w) and ``dark``, or the light itself without one. It is known where the
+    light is above twice its error (h, w). The mean of logarithms is that of the product: a logarithm a block.
+    """
+    side, grid = _grid(light.shape)
+    blocks = np.empty(grid)
+    if dark is None:
+        add_blocks(light, error, side, blocks)
+    else:
+        multiply_blocks(light, error, dark, LEAST_LIGHT, side, blocks)
+        np.log(blocks, out=blocks)
+    blocks /= side**2
+    return blocks
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Compiled loops over blocks of pixels: means of frames, sums of events, and their moments.
+"""Compiled loops over blocks of pixels: sums and products of frames, sums of events, and their moments.
 
 Blocks are squares of a side; as many as fit lie in the middle of an image (h, w), so that mirroring maps their grid
 onto itself (to half a pixel).
@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 Int32 = NDArray[np.int32]
@@ -15,20 +16,42 @@ Bool = NDArray[np.bool_]
 
 
 @njit(cache=True)
-def mean_blocks(image: NDArray[np.float32], known: Bool, side: int, means: Float64) -> None:
-    """Write the means (r, c) of an image over blocks; NaN where not all their pixels are ``known`` (h, w)."""
-    rows, columns = means.shape
-    top, left = (image.shape[0] - rows * side) // 2, (image.shape[1] - columns * side) // 2
+def add_blocks(light: Float32, error: Float32, side: int, sums: Float64) -> None:
+    """Write the sums (r, c) of an image (h, w) over blocks; NaN where it is not all above twice its error."""
+    rows, columns = sums.shape
+    top, left = (light.shape[0] - rows * side) // 2, (light.shape[1] - columns * side) // 2
     line = np.empty(columns * side)
     for row in range(rows):
         line[:] = 0.0
         for y in range(top + row * side, top + (row + 1) * side):
-            values, there = image[y, left : left + len(line)], known[y, left : left + len(line)]
+            values, errors = light[y, left : left + len(line)], error[y, left : left + len(line)]
             for x in range(len(line)):
-                line[x] += np.float64(values[x]) if there[x] else np.nan
-        means[row] = 0.0
-        _add_line(line, 0, side, means[row])
-        means[row] /= side**2
+                line[x] += np.float64(values[x]) if values[x] > 2 * errors[x] else np.nan
+        sums[row] = 0.0
+        _add_line(line, 0, side, sums[row])
+
+
+@njit(cache=True)
+def multiply_blocks(light: Float32, error: Float32, dark: float, least: float, side: int, products: Float64) -> None:
+    """Write the products (r, c) over blocks of an image (h, w) and ``dark``, ``least`` at least.
+
+    NaN where the image is not all above twice its error.
+    """
+    rows, columns = products.shape
+    top, left = (light.shape[0] - rows * side) // 2, (light.shape[1] - columns * side) // 2
+    line = np.empty(columns * side)
+    for row in range(rows):
+        line[:] = 1.0
+        for y in range(top + row * side, top + (row + 1) * side):
+            values, errors = light[y, left : left + len(line)], error[y, left : left + len(line)]
+            for x in range(len(line)):
+                value = max(values[x] + dark, least)
+                line[x] *= value if values[x] > 2 * errors[x] else np.nan
+        for column in range(columns):
+            product = 1.0
+            for x in range(column * side, (column + 1) * side):
+                product *= line[np.uint64(x)]
+            products[row, column] = product
 
 
 @njit(cache=True)
@@ -124,7 +147,7 @@ def add_moments(change: Float64, upright: Float64, swapped: Float64, tiles: int,
     """
     rows, columns = change.shape
     # A row of changes and its mirror image: that of the events' columns is the same thing.
-    known, changes = np.empty((2, columns)), np.empty((2, columns))
+    known, changes, of_changes = np.empty((2, columns)), np.empty((2, columns)), np.empty(3)
     for row in range(rows):
         for column in range(columns):
             there = not np.isnan(change[row, column])
@@ -134,28 +157,36 @@ def add_moments(change: Float64, upright: Float64, swapped: Float64, tiles: int,
             # Columns of which ``column * tiles // columns`` is the tile.
             first, stop = -(-tile * columns // tiles), -(-(tile + 1) * columns // tiles)
             of_tile = sums[tiles * (row * tiles // rows) + tile]
+            _sum_changes(known[0, first:stop], changes[0, first:stop], of_changes)
             for symmetry in range(8):
                 line = (swapped if symmetry & 4 else upright)[rows - 1 - row if symmetry & 1 else row]
                 mirrored = (symmetry >> 1) & 1
                 begin, end = (columns - stop, columns - first) if mirrored else (first, stop)
-                _add_products(known[mirrored, begin:end], changes[mirrored, begin:end], line[begin:end],
-                              of_tile[symmetry])  # fmt: skip
+                own = of_tile[symmetry]
+                own[0], own[1], own[3] = own[0] + of_changes[0], own[1] + of_changes[1], own[3] + of_changes[2]
+                _add_products(known[mirrored, begin:end], changes[mirrored, begin:end], line[begin:end], own)
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _sum_changes(known: Float64, changes: Float64, sums: Float64) -> None:
+    """Write the number of changes, their sum and that of their squares: alike under all symmetries."""
+    n, d, dd = 0.0, 0.0, 0.0
+    for i in range(len(known)):
+        n += known[i]
+        d += changes[i]
+        dd += changes[i] * changes[i]
+    sums[0], sums[1], sums[2] = n, d, dd
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def _add_products(known: Float64, changes: Float64, events: Float64, sums: Float64) -> None:
-    n, d, e, dd, ee, de = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    """Add the sums of events, of their squares, and of their products with the changes."""
+    e, ee, de = 0.0, 0.0, 0.0
     for i in range(len(known)):
         event = known[i] * events[i]
-        n += known[i]
-        d += changes[i]
         e += event
-        dd += changes[i] * changes[i]
         ee += event * event
         de += changes[i] * event
-    sums[0] += n
-    sums[1] += d
     sums[2] += e
-    sums[3] += dd
     sums[4] += ee
     sums[5] += de

@@ -5,6 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 Float64 = NDArray[np.float64]
+Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
@@ -22,7 +23,7 @@ READ = 9
 
 @njit(cache=True)
 def read_at_events(
-    starts: Int64,
+    starts: Int32,
     stamped: Int64,
     frame_times: Int64,
     seconds: Float64,
@@ -111,7 +112,7 @@ def read_at_events(
 
 
 @njit(cache=True)
-def _choose(starts: Int64, first: int, width: int, begin: int, every: int, chosen: Int64) -> int:
+def _choose(starts: Int32, first: int, width: int, begin: int, every: int, chosen: Int64) -> int:
     """Write which pixels of a row fire twice or more, of every so many from one on; return how many they are."""
     count = 0
     for column in range(begin, width, every):
@@ -188,9 +189,10 @@ def centre_readings(
                 total += weight
                 pixels[rows], readings[rows, SECONDS] = pixels[i], readings[i, SECONDS]
                 rows += 1
+            sums /= max(total, 1e-300)
             for i in range(first, rows):
                 for j in range(7):
-                    centred[i, j] -= sums[j] / max(total, 1e-300)
+                    centred[i, j] -= sums[j]
         begin = stop
     return rows
 

@@ -1,6 +1,6 @@
 """By how many pixels events are shifted against frames: the peak of their cross-correlation."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,10 +13,13 @@ from fedora_qa.estimators.event_shift_kernels import (
     add_slopes,
     correlate,
     correlate_with_itself,
+    follow_signs,
     follow_turns,
     step_between,
 )
 
+Bool = NDArray[np.bool_]
+Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
 RADIUS_PX: Final = RADIUS
@@ -92,8 +95,7 @@ class Interval:
 
 
 def intervals(
-    levels: NDArray[np.float32],
-    lit: NDArray[np.bool_],
+    signal_of: Callable[[int], tuple[Float32, Bool]],
     counts: NDArray[np.int32],
     threshold_on: float,
     threshold_off: float,
@@ -102,22 +104,24 @@ def intervals(
 ) -> Iterator[Interval]:
     """Yield the chosen ones of successive intervals, in order; each is overwritten by the next.
 
-    ``levels`` (n, h, w) are those of the frames, ``lit`` where they are known, ``counts`` (n - 1, 2, h, w) darker and
+    ``signal_of`` gives the signal (h, w) of a frame, and where it is known; ``counts`` (n - 1, 2, h, w) are darker and
     brighter events. A pixel whose signal changes against its last events is on its way back through both thresholds and
     has not fired yet. ``before`` (2, h, w) are the events before the first interval; those of pixels of which nothing
     is known before count as changed.
     """
-    shape = levels.shape[1:]
+    shape, steps = counts.shape[2:], (-threshold_off, threshold_on)
     change, events = np.empty(shape), np.empty(shape)
     signs, flags = np.zeros(shape, np.int8), np.empty(shape, np.uint8)
     if before is not None:
-        follow_turns(before, np.zeros(shape), signs, np.zeros(shape, np.uint8))
+        follow_signs(before, signs)
     for i in range(max(chosen, default=-1) + 1):
-        steps = (-threshold_off, threshold_on)
-        step_between(levels[i], levels[i + 1], lit[i], lit[i + 1], counts[i], steps, change, events, flags)
+        if i not in chosen:
+            follow_signs(counts[i], signs)
+            continue
+        (earlier, lit_before), (later, lit_after) = signal_of(i), signal_of(i + 1)
+        step_between(earlier, later, lit_before, lit_after, counts[i], steps, change, events, flags)
         follow_turns(counts[i], change, signs, flags)
-        if i in chosen:
-            yield Interval(levels[i], change, events, flags)
+        yield Interval(earlier, change, events, flags)
 
 
 def peak(correlation: Float64) -> Shift | None:

@@ -53,6 +53,16 @@ def follow_turns(counts: Int32, change: Float64, signs: Signs, flags: Flags) -> 
 
 
 @njit(cache=True)
+def follow_signs(counts: Int32, signs: Signs) -> None:
+    """Update ``signs`` (h, w) as ``follow_turns`` does, of an interval that is not asked for."""
+    for row in range(signs.shape[0]):
+        off, on, sign = counts[0, row], counts[1, row], signs[row]
+        for column in range(len(sign)):
+            now = np.int8(on[column] > 0) - np.int8(off[column] > 0)
+            sign[column] = now if (on[column] > 0) | (off[column] > 0) else sign[column]
+
+
+@njit(cache=True)
 def correlate(
     change: Float64, events: Float64, flags: Flags, flag: int, box: Box, rest: float, patch: Float64
 ) -> tuple[float, float]:

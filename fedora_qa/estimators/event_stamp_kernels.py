@@ -32,14 +32,18 @@ def longest_silences(t: Int64, start: int, stop: int, lengths: Int64, ends: Int6
 
 
 @njit(cache=True)
-def crowds(t: Int64, least: int) -> tuple[int, int, int]:
-    """Return how many events the fullest stamp has, how many stamps have ``least`` or more, and events at those."""
-    most, many, crowded, begin = 0, 0, 0, 0
+def are_crowded(t: Int64, crowd: int, share: float) -> bool:
+    """Whether a share of the events lie at stamps with a ``crowd`` of them or more, of which there are as many.
+
+    Looks no farther than it takes to tell that they do not: as a rule, at what the others may be.
+    """
+    crowds, alone, begin = 0, 0, 0
     for i in range(len(t)):
         if i + 1 == len(t) or t[i + 1] != t[i]:
             count = i + 1 - begin
-            most = max(most, count)
-            many += count >= least
-            crowded += count if count >= least else 0
+            crowds += count >= crowd
+            alone += count if count < crowd else 0
+            if len(t) - alone < share * len(t):
+                return False
             begin = i + 1
-    return most, many, crowded
+    return crowds >= crowd

@@ -48,8 +48,11 @@ class CombCounts:
     def deviates(self) -> Float64:
         """Return how improbable so many hits are by chance (k,), as deviates of a normal distribution, 0 at least."""
         share = self.occupied / max(self.ticks, 1)
-        chances = log_chance_of_hits(self.hits, self.teeth, share)
-        deviates: Float64 = np.maximum(-ndtri_exp(np.minimum(chances, 0.0)), 0.0)
+        # So many are met by chance once in two times or more: the median is not below the mean, rounded down.
+        more = self.hits > np.floor(self.teeth * share)
+        deviates = np.zeros(len(self.hits))
+        chances = log_chance_of_hits(self.hits[more], self.teeth[more], share)
+        deviates[more] = np.maximum(-ndtri_exp(np.minimum(chances, 0.0)), 0.0)
         return deviates
 
 

@@ -32,6 +32,12 @@ def block_means(image: np.ndarray) -> np.ndarray:
     return image[top : top + 4 * rows, left : left + 4 * columns].reshape(rows, 4, columns, 4).mean(axis=(1, 3))
 
 
+def log_blocks(level: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Block means of the logarithm of light of such a level, less a little that is dark."""
+    light = (np.exp(level) - 0.25).astype(np.float32)
+    return level_blocks(light, np.where(known, 0, np.inf).astype(np.float32), 0.25)
+
+
 def written(counts: np.ndarray, swap: bool, left: bool, up: bool) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns at which a writer that mirrors, then exchanges axes, leaves events of an image of counts."""
     rows, columns = np.nonzero(counts)
@@ -55,7 +61,7 @@ def test_each_symmetry_is_undone_by_its_own(done: tuple[bool, bool, bool]) -> No
     p, times_ns = np.ones(len(rows), np.uint8), np.full(len(rows), 5)
     add_events_beyond(events, columns, rows, times_ns, p, np.array([0, 10]), SHAPE, 0.2, 0.3)
     levels = np.stack([0 * bright, bright]).astype(np.float32)
-    blocks = np.stack([level_blocks(level, ALL) for level in levels])
+    blocks = np.stack([log_blocks(level, ALL) for level in levels])
     correlations = Moments(step_moments(blocks, events, 4)[0].sum(axis=0)).correlations()
     assert correlations[SYMMETRIES.index(done)] == pytest.approx(1.0)
     assert np.sum(np.abs(correlations) > 0.6) == 1
@@ -70,7 +76,7 @@ def test_moments_are_those_of_numpy(seed: int) -> None:
     levels = rng.normal(5, 1, (2, *SHAPE)).astype(np.float32)
     lit = rng.uniform(size=levels.shape) < 0.99
     counts = rng.poisson(0.5, (1, 2, *SHAPE)).astype(np.int32)
-    blocks = np.stack([level_blocks(level, known) for level, known in zip(levels, lit, strict=True)])
+    blocks = np.stack([log_blocks(level, known) for level, known in zip(levels, lit, strict=True)])
     sums = step_moments(blocks, event_blocks(counts, 0.2, 0.3), 1)
     d, e = block_means(levels[1] - levels[0]), block_means(0.2 * counts[0, 1] - 0.3 * counts[0, 0])
     whole = block_means((lit[0] & lit[1]).astype(float)) == 1
@@ -79,6 +85,25 @@ def test_moments_are_those_of_numpy(seed: int) -> None:
     tiled = step_moments(blocks, event_blocks(counts, 0.2, 0.3), 4)
     assert np.allclose(tiled.sum(axis=1), sums[:, 0])
     assert Moments(np.zeros((1, 6))).correlations()[0] == 0
+
+
+@pytest.mark.parametrize("dark", [None, 0.0, 0.5])
+@pytest.mark.parametrize("shape", [(24, 36), (23, 37), (3, 9)])
+def test_block_means_are_those_of_the_signal(shape: tuple[int, int], dark: float | None) -> None:
+    """Light or its logarithm, from black to white; NaN where the light is not above twice its error anywhere."""
+    light = np.random.default_rng(3).uniform(0, 255, shape).astype(np.float32)
+    light[:, :3], error = 255, np.zeros(shape, np.float32)
+    signal = light.astype(np.float64) if dark is None else np.log(light.astype(np.float64) + dark)
+    side = min(4, *shape)
+    top, left = (shape[0] % side) // 2, (shape[1] % side) // 2
+    error[top, left] = 255
+    rows, columns = shape[0] // side, shape[1] // side
+    inside = signal[top : top + rows * side, left : left + columns * side]
+    expected = inside.reshape(rows, side, columns, side).mean(axis=(1, 3))
+    found = level_blocks(light, error, dark)
+    assert np.isnan(found[0, 0])
+    assert np.count_nonzero(np.isnan(found)) == 1
+    assert found.ravel()[1:] == pytest.approx(expected.ravel()[1:], rel=1e-7)
 
 
 @pytest.mark.parametrize(("right", "down"), [(0, 0), (3, -2), (-7, 5)])

@@ -1,6 +1,7 @@
 """Compiled loops against plain NumPy."""
 
 from collections import Counter
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +20,7 @@ from fedora_qa.estimators.event_pixels import by_pixel
 from fedora_qa.estimators.event_rates import Tally
 from fedora_qa.estimators.event_shift import Interval, intervals
 from fedora_qa.estimators.event_shift_kernels import KEPT, SETTLED, USABLE
-from fedora_qa.estimators.event_stamp_kernels import crowds, longest_silences
+from fedora_qa.estimators.event_stamp_kernels import are_crowded, longest_silences
 from fedora_qa.estimators.registration_errors import slope_sums
 from tests.estimators.event_world import Stream
 
@@ -112,10 +113,15 @@ def test_an_event_at_a_frame_belongs_before_it(stamp_ns: int) -> None:
     assert counts[:, 1, 0, 0].tolist() == ([1, 0] if stamp_ns == 20_000 else [0, 1])
 
 
+def signals(levels: np.ndarray, lit: np.ndarray) -> Callable[[int], tuple[np.ndarray, np.ndarray]]:
+    """What frames show, a frame at a time."""
+    return lambda frame: (levels[frame].astype(np.float32), lit[frame])
+
+
 def flags_of(counts: np.ndarray, levels: np.ndarray) -> list[np.ndarray]:
     """Flags of all intervals, all pixels lit."""
     lit = np.ones(levels.shape, np.bool_)
-    found = intervals(levels.astype(np.float32), lit, counts, 0.2, 0.2, range(len(counts)))
+    found = intervals(signals(levels, lit), counts, 0.2, 0.2, range(len(counts)))
     return [one.flags[0].copy() for one in found]
 
 
@@ -146,10 +152,21 @@ def test_intervals_say_what_frames_and_events_have_changed() -> None:
     rng = np.random.default_rng(3)
     levels, counts = rng.normal(size=(3, 4, 5)).astype(np.float32), rng.poisson(1, (2, 2, 4, 5)).astype(np.int32)
     lit = rng.uniform(size=levels.shape) < 0.7
-    for i, found in zip([1], intervals(levels, lit, counts, 0.2, 0.3, [1]), strict=True):
+    for i, found in zip([1], intervals(signals(levels, lit), counts, 0.2, 0.3, [1]), strict=True):
         assert np.allclose(found.change, levels[i + 1] - levels[i], atol=1e-6)
         assert np.allclose(found.events, 0.2 * counts[i, 1] - 0.3 * counts[i, 0])
         assert np.array_equal(found.flags & USABLE != 0, lit[i] & lit[i + 1])
+
+
+def test_intervals_that_are_not_asked_for_count_all_the_same() -> None:
+    """Who has turned follows from all events before, whether their interval is asked for or not."""
+    rng = np.random.default_rng(5)
+    levels, counts = rng.normal(size=(6, 4, 5)), rng.poisson(0.5, (5, 2, 4, 5)).astype(np.int32)
+    lit = np.ones(levels.shape, np.bool_)
+    every = [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.3, range(5))]
+    some = [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.3, [2, 4])]
+    assert np.array_equal(some, [every[2], every[4]])
+    assert len(np.unique(some)) > 2
 
 
 def test_slopes_are_those_of_their_definition() -> None:
@@ -177,7 +194,8 @@ def test_what_came_before_the_first_interval_tells_who_has_turned() -> None:
     before[1, 0, 0], before[0, 0, 1] = 1, 1
     lit = np.ones(levels.shape, np.bool_)
     (told,), (untold,) = (
-        [one.flags.copy() for one in intervals(levels, lit, counts, 0.2, 0.2, [0], known)] for known in (before, None)
+        [one.flags.copy() for one in intervals(signals(levels, lit), counts, 0.2, 0.2, [0], known)]
+        for known in (before, None)
     )
     assert (told & KEPT > 0).tolist() == [[True, False, False]]
     assert not np.any(untold & KEPT)
@@ -191,18 +209,20 @@ def test_repeats_are_counted_before_they_are_searched(events: Stream) -> None:
     assert count_repeats(*columns[:3], SHAPE) == find_repeats(*columns, SHAPE)[0]
 
 
-@given(streams(), st.integers(1, 40))
+@given(streams(), st.integers(1, 40), st.integers(1, 4))
 @settings(deadline=None)
-def test_events_are_sorted_by_pixel(events: Stream, height: int) -> None:
-    """As NumPy's stable sort has it, on sensors of one band and of several."""
+def test_events_are_sorted_by_pixel(events: Stream, height: int, every: int) -> None:
+    """As NumPy's stable sort has it; of all pixels or some."""
     shape = height, (1 << 12) + 1
     y = (events.y * 13 % height).astype(np.uint16)
-    found = by_pixel(events.x, y, events.times_ns, events.p, shape)
+    found = by_pixel(events.x, y, events.times_ns, events.p, shape, every)
     pixels = y.astype(np.int64) * shape[1] + events.x
+    taken = (events.x.astype(np.int64) + 3 * y) % every == 0
     order = np.argsort(pixels, kind="stable")
+    order = order[taken[order]]
     assert np.array_equal(found.stamped, 2 * events.times_ns[order] + events.p[order])
     assert np.array_equal(found.starts, np.searchsorted(pixels[order], np.arange(height * shape[1] + 1)))
-    within = (events.times_ns > 5_000) & (events.times_ns <= 20_000)
+    within = taken & (events.times_ns > 5_000) & (events.times_ns <= 20_000)
     assert found.later_than(5_000, 20_000) == np.count_nonzero(within)
 
 
@@ -234,10 +254,11 @@ def test_silences_are_the_longest_distances_of_stamps(events: Stream, start: int
     assert found_ends[:count].tolist() == ends[own][order].tolist()
 
 
-@given(streams(), st.integers(1, 4))
+@given(streams(), st.integers(1, 4), st.sampled_from([0.0, 0.3, 0.5, 0.9]))
 @settings(deadline=None)
-def test_crowds_are_stamps_of_many_events(events: Stream, least: int) -> None:
-    """The fullest stamp, and how many hold so many or more."""
+def test_stamps_are_crowded_where_most_events_share_theirs(events: Stream, crowd: int, share: float) -> None:
+    """So many stamps have so many events, and these are a share of all."""
     counts = np.unique(events.times_ns, return_counts=True)[1]
-    crowded = counts[counts >= least]
-    assert crowds(events.times_ns, least) == (max(counts.tolist(), default=0), len(crowded), crowded.sum())
+    crowds = counts[counts >= crowd]
+    expected = len(crowds) >= crowd and crowds.sum() >= share * len(events.times_ns)
+    assert are_crowded(events.times_ns, crowd, share) == expected

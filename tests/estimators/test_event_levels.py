@@ -14,6 +14,7 @@ from fedora_qa.estimators.event_levels import (
     SURE_WITHIN,
     LevelPairs,
     NormalBlocks,
+    Shown,
     accumulate,
     concatenate,
     huber_weights,
@@ -34,10 +35,16 @@ def events() -> Stream:
     return log_events(WORLD, SHAPE, 400 * MS, on=0.15, off=0.2)
 
 
+def shown(usable: np.ndarray, hidden: list[int] | None = None) -> Shown:
+    """Frames that are bright where they are usable."""
+    light = np.where(usable, 200, 50).astype(np.float32)
+    return Shown(light, np.full_like(light, 255), np.zeros_like(light), 100.0, np.array(hidden or [], np.int64))
+
+
 def pairs_of(events: Stream, **options: int) -> LevelPairs:
     by = by_pixel(events.x, events.y, events.times_ns, events.p, SHAPE)
     usable = np.ones(LEVELS.shape, np.bool_)
-    return level_pairs(by, FRAMES_NS, usable, **{"longest_gap_ns": 20 * MS, "off_over_on": 4 / 3, **options})
+    return level_pairs(by, FRAMES_NS, shown(usable), **{"longest_gap_ns": 20 * MS, "off_over_on": 4 / 3, **options})
 
 
 def blocks_of(pairs: LevelPairs) -> NormalBlocks:
@@ -70,7 +77,7 @@ def test_steady_ramp_is_read_exactly() -> None:
     count = len(times_ns)
     zeros = np.zeros(count, np.uint16)
     events = by_pixel(zeros, zeros, times_ns, np.ones(count, np.uint8), (1, 1))
-    pairs = level_pairs(events, np.arange(0, 81, 20) * MS, np.ones((5, 1, 1), np.bool_), longest_gap_ns=20 * MS)
+    pairs = level_pairs(events, np.arange(0, 81, 20) * MS, shown(np.ones((5, 1, 1), np.bool_)), longest_gap_ns=20 * MS)
     assert pairs.earlier.tolist() == [1, 2, 3]
     assert np.allclose(pairs.regressors, [[4.0, 0.0, 0.0, 0.0]] * 3, atol=1e-9)
     assert np.allclose(pairs.gaps_s, 0.005)
@@ -113,14 +120,23 @@ def test_straight_lines_lie_near_cubics(events: Stream) -> None:
     assert 0.01 < np.std(straightened) < 0.1
 
 
-def test_unusable_pixels_give_no_sample(events: Stream) -> None:
-    """Pixels that are masked never appear."""
+def test_pixels_that_tell_nothing_give_no_sample(events: Stream) -> None:
+    """Pixels that are dark in either image, of which nothing is known, or that are hidden, never appear."""
     usable = np.ones(LEVELS.shape, np.bool_)
     usable[:, :, ::2] = False
+    seen, everywhere = shown(usable), shown(np.ones_like(usable))
+    unknown = replace(everywhere, error=np.where(usable, 0, np.inf).astype(np.float32))
+    hidden = np.flatnonzero(~usable[0]).tolist()
+    exchanged = replace(seen, light=seen.other_light, other_light=seen.light)
     by = by_pixel(events.x, events.y, events.times_ns, events.p, SHAPE)
-    pairs = level_pairs(by, FRAMES_NS, usable, longest_gap_ns=20 * MS)
-    assert len(pairs) > 100
-    assert np.all(pairs.pixels % SHAPE[1] % 2 == 1)
+    found = [
+        level_pairs(by, FRAMES_NS, one, longest_gap_ns=20 * MS)
+        for one in (seen, exchanged, unknown, shown(np.ones_like(usable), hidden))
+    ]
+    assert len(found[0]) > 100
+    for pairs in found:
+        assert np.all(pairs.pixels % SHAPE[1] % 2 == 1)
+        assert np.array_equal(pairs.regressors, found[0].regressors)
 
 
 def test_tightest_keeps_the_shortest_gaps(events: Stream) -> None:

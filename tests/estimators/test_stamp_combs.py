@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import binom, norm
 
 from fedora_qa.estimators.stamp_combs import STEPS, _hits_by_stamp, _hits_by_tick, comb_counts
 
@@ -61,3 +62,13 @@ def test_years_between_stamps_cost_nothing() -> None:
     assert counts.teeth[STEPS.index(3.0)] == 2**60 // 3 + 3
     assert counts.hits[STEPS.index(1024.0)] == 1
     assert np.isfinite(counts.deviates()).all()
+
+
+@pytest.mark.parametrize("count", [1, 30, 300, 3000])
+def test_deviates_are_those_of_the_binomial_distribution(count: int) -> None:
+    """Of every comb, also of those that are met so seldom that it is not asked."""
+    counts = comb_counts(random_stamps(3, count, 1))
+    chances = binom.sf(counts.hits - 1, counts.teeth, counts.occupied / counts.ticks)
+    expected = np.maximum(norm.isf(chances), 0.0)
+    found = counts.deviates()
+    assert found == pytest.approx(expected, rel=1e-6, abs=1e-9)

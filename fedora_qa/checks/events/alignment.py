@@ -2,20 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.events.shifted import CLEAR, PartSums, Shifted, most_shifted, tiles_of
+from fedora_qa.checks.events.shifted import CLEAR, PartSums, Shifted, added, most_shifted, stacked, tiles_of
 from fedora_qa.checks.events.tiles import tile_around
 from fedora_qa.checks.events.view import (
+    WINDOW_NS,
     events_before,
     intervals_due,
     is_large_sensor,
     seen_frames,
-    seen_signal,
     sensor_shape,
+    signal_of,
     why_frames_and_events_do_not_meet,
 )
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
@@ -26,12 +28,18 @@ from fedora_qa.estimators.far_shift import FarSums, far_shift, far_sums, joined
 from fedora_qa.estimators.registration_errors import open_level_errors
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.window import Window
+from fedora_qa.sequence.window import USUAL_PIXELS, Window
 
 Float64 = NDArray[np.float64]
 
-INTERVALS: Final = (3, 2)
-"""Frame intervals of 0.2 s that are correlated, evenly spread; fewer of large sensors: limits of 1 s grow 2 to 5%."""
+INTERVALS: Final = 3
+INTERVALS_OF_LARGE: Final = (2, 1)
+"""Frame intervals of 0.2 s that are correlated, evenly spread; fewer of large sensors, as errors hardly fall with their
+number: limits of 1 s of 640x480 grow by 2 to 5% with two, by another 3 to 4% with one. One will do in files from 1.6 s
+on, where images are looked at as densely as ``full`` does, which leaves out no window."""
+
+_DENSE_PX: Final = 0.2 * USUAL_PIXELS
+"""Pixels of the largest image that are looked at: ``full`` looks at 0.25 of so many, ``standard`` at 0.1."""
 
 LEAST_CORRELATION: Final = 0.1
 """Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
@@ -96,8 +104,8 @@ class Alignment(WindowCheck[Correlations]):
     How
     ---
     The change of the signal between two frames is cross-correlated with the signed events in between, over shifts of up
-    to eight pixels; the peak of the sum over three intervals each 0.2 s (two of large sensors) is found to a fraction
-    of a pixel by parabolas. Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2 pixels.
+    to eight pixels; the peak of the sum over three intervals each 0.2 s (one or two of large sensors) is found to a
+    fraction of a pixel by parabolas. Farther ones, up to fourteen pixels, are found to half a pixel on blocks of 2 x 2.
     A pixel whose brightness has turned fires late: it must first come back through both thresholds. Such hysteresis
     drags events behind the motion, so pixels whose events change sign within the interval or since the one before are
     left out. Shift and delay are nearly one along the mean motion and are fitted alone, not jointly: a late stream
@@ -137,15 +145,14 @@ class Alignment(WindowCheck[Correlations]):
         seen, declared = seen_frames(window), window.facts.declared.events
         if declared is None or len(seen) < 2:
             return None
-        wanted, last = intervals_due(window, seen, INTERVALS[is_large_sensor(window)]), len(seen) - 2
+        wanted, last = intervals_due(window, seen, _a_window(window)), len(seen) - 2
         if wanted <= 0:
             return None
         # What came before the first interval is asked only where there is no other.
         chosen = np.unique(np.linspace(min(1, last), last, wanted).round().astype(int)).tolist()
         before = events_before(seen, window) if last == 0 else None
-        levels, lit = seen_signal(window, declared)
-        thresholds = declared.threshold_on, declared.threshold_off
-        sums = [_sums(one) for one in intervals(levels, lit, seen.counts, *thresholds, chosen, before)]
+        signals, thresholds = partial(signal_of, seen, declared), (declared.threshold_on, declared.threshold_off)
+        sums = [_sums(one) for one in intervals(signals, seen.counts, *thresholds, chosen, before)]
         whole, dragged, settled, far, tiles = zip(*sums, strict=True)
         return Correlations(
             np.concatenate([one.patches for one in whole]),
@@ -154,7 +161,7 @@ class Alignment(WindowCheck[Correlations]):
             np.concatenate([one.squares for one in whole]),
             np.concatenate([one.slopes for one in whole]),
             joined(far),
-            _added(tiles),
+            added(tiles),
             window.span.start_ns,
             window.span.stop_ns,
         )
@@ -185,7 +192,7 @@ class Alignment(WindowCheck[Correlations]):
         windows = [PartSums(*(getattr(one, name).sum(axis=0) for name in PartSums.__slots__)) for one in state]
         usual = max(len(one.patches) for one in state)
         dragged = np.array([one.with_turned.sum(axis=0) for one in state])
-        stretch = most_shifted(_stacked(windows), usual, threshold, LEAST_CORRELATION, dragged)
+        stretch = most_shifted(stacked(windows), usual, threshold, LEAST_CORRELATION, dragged)
         if stretch is not None:
             chosen = [one for one, alike in zip(state, stretch.alike, strict=True) if alike]
             start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
@@ -193,7 +200,7 @@ class Alignment(WindowCheck[Correlations]):
             place = f"From {start_us / US_PER_S:.2f} s to {stop_us / US_PER_S:.2f} s"
             found.append(self._part("stretch", stretch, lags, where, place))
         intervals = sum(len(one.patches) for one in state)
-        region = most_shifted(_added([one.tiles for one in state]), intervals, threshold, CLEAR)
+        region = most_shifted(added([one.tiles for one in state]), intervals, threshold, CLEAR)
         if region is not None:
             tile = tile_around(region.alike, sensor_shape(facts.declared))
             place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
@@ -249,6 +256,16 @@ class Alignment(WindowCheck[Correlations]):
         )
 
 
+def _a_window(window: Window) -> int:
+    """Return how many intervals of a window of the usual length are correlated."""
+    if not is_large_sensor(window):
+        return INTERVALS
+    times_ns, cameras = window.facts.clocks["rgb"].times_ns, window.facts.declared.cameras.values()
+    long = int(times_ns[-1] - times_ns[0]) >= 2 * FEWEST_INTERVALS * WINDOW_NS
+    dense = window.sampling.tile_share * max(one.width * one.height for one in cameras) >= _DENSE_PX
+    return INTERVALS_OF_LARGE[long and dense]
+
+
 def _near(patches: Float64, squares: Float64) -> tuple[Shift, Float64] | str:
     """Return the shift within reach and its spread (right, down), or why there is none."""
     total = patches.sum(axis=0)
@@ -269,14 +286,6 @@ def _drag(shift: Shift, state: Sequence[Correlations]) -> Float64:
             return np.full(2, np.inf)
         moved += abs(np.array([other.right_px - shift.right_px, other.down_px - shift.down_px]))
     return moved
-
-
-def _stacked(parts: Sequence[PartSums]) -> PartSums:
-    return PartSums(*(np.array([getattr(part, name) for part in parts]) for name in PartSums.__slots__))
-
-
-def _added(parts: Sequence[PartSums]) -> PartSums:
-    return PartSums(*(np.sum([getattr(part, name) for part in parts], axis=0) for name in PartSums.__slots__))
 
 
 def _sums(interval: Interval) -> tuple[PartSums, Float64, Float64, FarSums, PartSums]:

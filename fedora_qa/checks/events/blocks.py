@@ -12,7 +12,6 @@ from fedora_qa.checks.events.view import (
     seen_frames,
     sensor_events,
     sensor_shape,
-    signal_of,
 )
 from fedora_qa.estimators.event_orientation import (
     Moments,
@@ -69,6 +68,7 @@ def _block_moments(window: Window) -> BlockMoments | None:
 
 def _level_blocks(window: Window, seen: SeenFrames, i: int, declared: EventModel) -> NDArray[np.float64]:
     def means() -> NDArray[np.float64]:
-        return level_blocks(*signal_of(seen, i, declared))
+        dark_dn = None if declared.model == "linear" else declared.log_eps_dn
+        return level_blocks(seen.even_dn[i], seen.error_dn[i], dark_dn)
 
     return window.of_image("level_blocks", int(seen.frames[i]), means)

@@ -19,7 +19,7 @@ from fedora_qa.checks.events.view import (
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.event_fit import ResponseFit, fit_response
 from fedora_qa.estimators.event_level_kernels import mark_usable
-from fedora_qa.estimators.event_levels import LevelPairs, NormalBlocks, accumulate, level_pairs, sureness
+from fedora_qa.estimators.event_levels import LevelPairs, NormalBlocks, Shown, accumulate, level_pairs, sureness
 from fedora_qa.estimators.event_pixels import PixelEvents
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
@@ -51,6 +51,9 @@ of 1/sqrt(12) as phi is uniform."""
 
 ROUNDING_SHARE: Final = 0.1
 """Pixels so dark that rounding of the frame exceeds this share of the threshold are left out."""
+
+_LINEAR_LEAST_DN: Final = 4.0
+_DARKEST_DN: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +162,7 @@ def search_offset(window: Window) -> FoundOffset | None:
     seen, declared = seen_frames(window), window.facts.declared.events
     if declared is None or len(seen) < 2:
         return None
-    events = sorted_by_pixel(events_around(window, FARTHEST_OFFSET_NS + HALO_NS), window.facts.declared)
+    events = sorted_by_pixel(window, events_around(window, FARTHEST_OFFSET_NS + HALO_NS))
     ladder = range(-FARTHEST_OFFSET_NS, FARTHEST_OFFSET_NS + 1, OFFSET_STEP_NS)
     fits = [(late_ns, _fit_at(window, seen, declared, events, late_ns)) for late_ns in ladder]
     known = [(late_ns, fit) for late_ns, fit in fits if fit is not None]
@@ -196,7 +199,7 @@ def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Pixel
     pairs = level_pairs(
         events,
         seen.times_ns + late_ns,
-        usable_pixels(window, seen, declared),
+        _shown(window, seen, declared),
         longest_gap_ns=LONGEST_GAP_NS,
         least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else int(burst_ns),
         off_over_on=declared.threshold_off / declared.threshold_on,
@@ -228,24 +231,37 @@ def _sums(pairs: LevelPairs, seen: SeenFrames, levels: NDArray[np.float64], sure
 
 def usable_pixels(window: Window, seen: SeenFrames, declared: EventModel) -> NDArray[np.bool_]:
     """Return the pixels (n, h, w) of a window's frames bright enough, not saturated, and not declared hot."""
-    rounding_dn = ROUNDING_DN[window.facts.declared.transfer]
-    return window.once("usable_pixels", lambda: _usable_pixels(seen, declared, rounding_dn))
-
-
-def _usable_pixels(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> NDArray[np.bool_]:
-    least_dn = 4.0
-    if declared.model == "log":
-        # The standard deviation of rounding, uniform over a step, over the level is that of its logarithm.
-        sigma_dn = 2 * rounding_dn / np.sqrt(12.0)
-        contrast = ROUNDING_SHARE * min(declared.threshold_on, declared.threshold_off)
-        least_dn = max(sigma_dn / contrast - declared.log_eps_dn, 0.5)
+    darkest_dn = least_dn(window, declared)
     usable: NDArray[np.bool_] = np.empty(seen.even_dn.shape, np.bool_)
     for frame, marked in enumerate(usable):
-        mark_usable(seen.sharp_dn[frame], seen.even_dn[frame], seen.error_dn[frame], least_dn, marked)
-    for column, row in declared.hot_pixels:
-        if 0 <= row < usable.shape[1] and 0 <= column < usable.shape[2]:
-            usable[:, row, column] = False
+        mark_usable(seen.sharp_dn[frame], seen.even_dn[frame], seen.error_dn[frame], darkest_dn, marked)
+    usable.reshape(len(usable), -1)[:, hot_pixels(declared, seen)] = False
     return usable
+
+
+def _shown(window: Window, seen: SeenFrames, declared: EventModel) -> Shown:
+    """Return what tells levels: the same pixels, looked at only where an event asks."""
+    darkest_dn = least_dn(window, declared)
+    return Shown(seen.sharp_dn, seen.even_dn, seen.error_dn, darkest_dn, hot_pixels(declared, seen))
+
+
+def hot_pixels(declared: EventModel, seen: SeenFrames) -> NDArray[np.int64]:
+    """Return the declared hot pixels that lie on the sensor, row * width + column, sorted."""
+    height, width = seen.even_dn.shape[1:]
+    on_sensor = [
+        row * width + column for column, row in declared.hot_pixels if 0 <= row < height and 0 <= column < width
+    ]
+    return np.unique(np.array(on_sensor, np.int64))
+
+
+def least_dn(window: Window, declared: EventModel) -> float:
+    """Return the light, in DN, below which a pixel tells no level."""
+    if declared.model != "log":
+        return _LINEAR_LEAST_DN
+    # The standard deviation of rounding, uniform over a step, over the level is that of its logarithm.
+    sigma_dn = 2 * ROUNDING_DN[window.facts.declared.transfer] / np.sqrt(12.0)
+    contrast = ROUNDING_SHARE * min(declared.threshold_on, declared.threshold_off)
+    return float(max(sigma_dn / contrast - declared.log_eps_dn, _DARKEST_DN))
 
 
 def log_levels(luma_dn: NDArray[np.float64], declared: EventModel) -> NDArray[np.float64]:

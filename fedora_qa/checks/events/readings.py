@@ -16,6 +16,7 @@ from fedora_qa.estimators.event_fit import ResponseFit, fit_readings
 from fedora_qa.estimators.event_levels import NormalBlocks, concatenate
 from fedora_qa.estimators.event_pixels import PixelEvents
 from fedora_qa.estimators.event_reading import Readings, Way, read_frames, reading_blocks, reading_weights
+from fedora_qa.estimators.event_reading_kernels import FINE
 from fedora_qa.sequence.window import Window
 
 KINDS: Final = ("fine", "coarse", "even")
@@ -52,12 +53,12 @@ def reading_sums(window: Window) -> ReadingSums | None:
 
 def reading_sums_on_time(window: Window, late_ns: int) -> ReadingSums | None:
     """Return the sums of a window whose events are late by so much, with that undone."""
-    return _sums_of(window, sorted_by_pixel(events_on_time(window, late_ns), window.facts.declared))
+    return _sums_of(window, sorted_by_pixel(window, events_on_time(window, late_ns)))
 
 
 def _sums_of(window: Window, events: PixelEvents) -> ReadingSums | None:
     seen, declared = seen_frames(window), window.facts.declared.events
-    if declared is None:
+    if declared is None or len(seen) < FINE:
         return None
     usable = usable_pixels(window, seen, declared)
     linear = declared.model == "linear"

@@ -11,7 +11,7 @@ from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.event_kernels import survey_columns
-from fedora_qa.estimators.event_stamp_kernels import crowds
+from fedora_qa.estimators.event_stamp_kernels import are_crowded
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
@@ -53,8 +53,7 @@ def local_tick_ns(window: Window) -> int:
 
 def _crowded_step_ns(events: Events) -> int:
     times_ns = events.times_ns
-    _, many, of_many = crowds(times_ns, _CROWD)
-    if many < _CROWD or of_many < _MOST_CROWDED * len(times_ns):
+    if not are_crowded(times_ns, _CROWD, _MOST_CROWDED):
         return 0
     first = np.flatnonzero(np.diff(times_ns, prepend=times_ns[:1] - 1))
     counts = np.diff(first, append=len(times_ns))

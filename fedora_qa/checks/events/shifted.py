@@ -1,5 +1,6 @@
 """Events that lie elsewhere than in the rest of the sequence, in a stretch of time or in a part of the image."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -51,6 +52,16 @@ class Shifted:
     shift_px: float
     standard_error_px: float
     compared: int
+
+
+def stacked(parts: Sequence[PartSums]) -> PartSums:
+    """Return sums of parts as one, of as many parts."""
+    return PartSums(*(np.array([getattr(part, name) for part in parts]) for name in PartSums.__slots__))
+
+
+def added(parts: Sequence[PartSums]) -> PartSums:
+    """Return the sums of the same parts over all of some intervals."""
+    return PartSums(*(np.sum([getattr(part, name) for part in parts], axis=0) for name in PartSums.__slots__))
 
 
 def tile_sums(level: Float64, change: Float64, events: Float64, usable: NDArray[np.bool_]) -> PartSums:

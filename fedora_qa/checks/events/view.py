@@ -14,6 +14,7 @@ from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.event_footprint import Axis, Footprints, column_axis, row_axis
 from fedora_qa.estimators.event_kernels import count_between_frames
+from fedora_qa.estimators.event_orientation import LEAST_LIGHT
 from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
 from fedora_qa.sequence.declared import Camera, Declared, EventModel
 from fedora_qa.sequence.facts import Facts
@@ -30,6 +31,13 @@ ROUNDING_DN: Final = {"linear": 0.5, "srgb": 0.5 * 2.4 / 1.055, "gamma2.2": 0.5 
 
 WINDOW_NS: Final = NS_PER_S // 5
 """The usual window; those of large images are shorter."""
+
+MOST_BY_PIXEL: Final = 200_000
+"""Events of a window and its halo beyond which, on a large sensor, one pixel in two, three, ... is followed.
+
+They lie all over the image. So many are twice those of 1.35 M events/s at 640x480: where pixels fire that often, levels
+abound. Half of those fewer would cost a factor of four in delays and two in thresholds.
+"""
 
 CENTRES_AGREE_M: Final = 1e-6
 AXES_AGREE: Final = 1e-6
@@ -79,12 +87,13 @@ def own(window: Window, events: Events) -> Events:
 
 def pixel_events(window: Window) -> PixelEvents:
     """Return ``sensor_events`` by pixel."""
-    return window.once("pixel_events", lambda: sorted_by_pixel(sensor_events(window), window.facts.declared))
+    return window.once("pixel_events", lambda: sorted_by_pixel(window, sensor_events(window)))
 
 
-def sorted_by_pixel(events: Events, declared: Declared) -> PixelEvents:
-    """Return events that lie on the declared sensor, in the order of time, by pixel."""
-    return by_pixel(events.x, events.y, events.times_ns, events.p, sensor_shape(declared))
+def sorted_by_pixel(window: Window, events: Events) -> PixelEvents:
+    """Return events that lie on the declared sensor, in the order of time, by pixel; of some pixels where many fire."""
+    every = -(-len(sensor_events(window)) // MOST_BY_PIXEL) if is_large_sensor(window) else 1
+    return by_pixel(events.x, events.y, events.times_ns, events.p, sensor_shape(window.facts.declared), max(every, 1))
 
 
 def sensor_shape(declared: Declared) -> tuple[int, int]:
@@ -150,6 +159,10 @@ def seen_frames(window: Window) -> SeenFrames:
 
 def seen_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
     """Return the footprints of the event camera's pixels in frames of a shape (rows, columns): those of a file."""
+    return window.once(("footprints", shape_frame), lambda: _footprints(window, shape_frame))
+
+
+def _footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
     cameras, (height, width) = window.facts.declared.cameras, sensor_shape(window.facts.declared)
     K_frame, K_event = cameras["rgb"].K, cameras["events"].K
     return Footprints(
@@ -186,27 +199,22 @@ def events_before(seen: SeenFrames, window: Window) -> NDArray[np.int32]:
     return darker_and_brighter
 
 
-def seen_signal(window: Window, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return ``signal`` of the frames of a window and the next one."""
-    return window.once("seen_signal", lambda: signal(seen_frames(window), declared))
-
-
 def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return the signal of the declared model (n, h, w), and where it is lit: known to better than half of itself."""
     levels, lit = np.empty(seen.even_dn.shape, np.float32), np.empty(seen.even_dn.shape, np.bool_)
     for frame in range(len(seen)):
-        levels[frame], lit[frame] = signal_of(seen, frame, declared)
+        levels[frame], lit[frame] = signal_of(seen, declared, frame)
     return levels, lit
 
 
-def signal_of(seen: SeenFrames, frame: int, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def signal_of(seen: SeenFrames, declared: EventModel, frame: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return ``signal`` of one frame (h, w)."""
     even_dn = seen.even_dn[frame]
     lit = np.greater(even_dn, 2 * seen.error_dn[frame])
     if declared.model == "linear":
         return even_dn, lit
     level = even_dn + np.float32(declared.log_eps_dn)
-    return np.log(np.maximum(level, np.float32(1e-3), out=level), out=level), lit
+    return np.log(np.maximum(level, np.float32(LEAST_LIGHT), out=level), out=level), lit
 
 
 def why_frames_and_events_do_not_meet(facts: Facts) -> str:
@@ -260,10 +268,13 @@ def _seen_frames(window: Window) -> SeenFrames:
     images = np.empty((3, len(wanted), *shape), np.float32)
     found: list[int] = []
     for frame in wanted:
+        place = images[:, len(found)]
         try:
-            images[:, len(found)] = window.of_image("seen_frame", frame, partial(_as_seen, window, frame))
+            seen = window.of_image("seen_frame", frame, partial(_see_into, place, window, frame))
         except UnreadableRowsError:
             continue
+        if seen is not place:
+            place[:] = seen
         found.append(frame)
     frames, count = np.array(found, dtype=np.int64), len(found)
     times_ns = window.facts.clocks["rgb"].times_ns[frames]
@@ -275,14 +286,13 @@ def _seen_frames(window: Window) -> SeenFrames:
     return SeenFrames(frames, times_ns, sharp_dn, even_dn, error_dn, counts)
 
 
-def _as_seen(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return the sharp and the even view of a frame and the bound of the latter's error (3, h, w).
+def _see_into(place: NDArray[np.float32], window: Window, frame: int) -> NDArray[np.float32]:
+    """Write the sharp and the even view of a frame and the bound of the latter's error to a place (3, h, w).
 
     Each colour is rounded by at most half a step of its code, so luma is as well.
     """
-    declared = window.facts.declared
     luma, lost = luma_dn(window, frame), clipped(window, frame)
-    sharp, even, error = seen = np.empty((3, *sensor_shape(declared)), np.float32)
     prints = seen_footprints(window, (luma.shape[0], luma.shape[1]))
-    prints.see(luma, lost, ROUNDING_DN[declared.transfer], sharp=sharp, even=even, error=error)
-    return seen
+    sharp, even, error = place
+    prints.see(luma, lost, ROUNDING_DN[window.facts.declared.transfer], sharp=sharp, even=even, error=error)
+    return place

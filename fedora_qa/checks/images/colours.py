@@ -7,10 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.events.levels import FEWEST_PAIRS, LINEAR_LEAST_TICKS, ROUNDING_SHARE
+from fedora_qa.checks.events.levels import FEWEST_PAIRS, LINEAR_LEAST_TICKS, hot_pixels, least_dn
 from fedora_qa.checks.events.rows import local_tick_ns
 from fedora_qa.checks.events.view import (
-    ROUNDING_DN,
     SeenFrames,
     pixel_events,
     seen_footprints,
@@ -19,8 +18,7 @@ from fedora_qa.checks.events.view import (
 )
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.event_level_kernels import mark_usable
-from fedora_qa.estimators.event_levels import LevelPairs, level_pairs
+from fedora_qa.estimators.event_levels import LevelPairs, Shown, level_pairs
 from fedora_qa.estimators.image_levels import (
     ColourBlocks,
     ColourFit,
@@ -44,9 +42,6 @@ ENOUGH_PAIRS: Final = 1500
 LONGEST_GAP_NS: Final = 60_000_000
 """Three times what thresholds are read from: weights are differences of what all channels share, so that the level
 between events may err more, and small frames have more samples. The straight lines bound what they err by."""
-
-_LINEAR_LEAST_DN: Final = 4.0
-_DARKEST_DN: Final = 0.5
 
 QUARTERS: Final = 4
 FEWEST_BLOCKS: Final = 8
@@ -113,7 +108,7 @@ def _level_pairs(window: Window, seen: SeenFrames, declared: EventModel) -> Leve
     pairs = level_pairs(
         pixel_events(window),
         seen.times_ns,
-        _usable(window, seen, declared),
+        _shown(window, seen, declared),
         longest_gap_ns=LONGEST_GAP_NS,
         least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else refractory_ns,
         off_over_on=declared.threshold_off / declared.threshold_on,
@@ -124,20 +119,10 @@ def _level_pairs(window: Window, seen: SeenFrames, declared: EventModel) -> Leve
     return pairs
 
 
-def _usable(window: Window, seen: SeenFrames, declared: EventModel) -> NDArray[np.bool_]:
-    """Return the pixels (n, h, w) where rounding is small against a threshold, not saturated, not declared hot."""
-    least_dn = _LINEAR_LEAST_DN
-    if declared.model == "log":
-        sigma_dn = 2 * ROUNDING_DN[window.facts.declared.transfer] / np.sqrt(12.0)
-        contrast = ROUNDING_SHARE * min(declared.threshold_on, declared.threshold_off)
-        least_dn = max(sigma_dn / contrast - declared.log_eps_dn, _DARKEST_DN)
-    usable: NDArray[np.bool_] = np.empty(seen.even_dn.shape, np.bool_)
-    for frame, marked in enumerate(usable):
-        mark_usable(seen.even_dn[frame], seen.even_dn[frame], seen.error_dn[frame], least_dn, marked)
-    for column, row in declared.hot_pixels:
-        if 0 <= row < usable.shape[1] and 0 <= column < usable.shape[2]:
-            usable[:, row, column] = False
-    return usable
+def _shown(window: Window, seen: SeenFrames, declared: EventModel) -> Shown:
+    """Return where rounding is small against a threshold: not saturated, not declared hot."""
+    darkest_dn = least_dn(window, declared)
+    return Shown(seen.even_dn, seen.even_dn, seen.error_dn, darkest_dn, hot_pixels(declared, seen))
 
 
 def _colours(window: Window, seen: SeenFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
