@@ -146,7 +146,7 @@ class Window:
 
     def depth_m(self, frame: int) -> NDArray[np.float32]:
         """Return a depth frame, (H, W), metres along the optical axis, NaN where invalid."""
-        return self._images.get(("depth_m", frame), lambda: self._metres(frame), in_a_moment=True)
+        return self._images.get(("depth_m", frame), lambda: self._metres(frame))
 
     def flow_px(self, stream: str, field: int) -> NDArray[np.float32]:
         """Return a flow field of the stream (``flow/10hz``), (H, W, 2), px over its interval, NaN where invalid."""
