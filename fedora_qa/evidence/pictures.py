@@ -53,7 +53,7 @@ def events_of_pixels(x: NDArray[Any], y: NDArray[Any], p: NDArray[Any], size: tu
     ``size`` is its height and width: ``summed_counts`` of the events of each pixel.
     """
     counts = np.zeros((2, *picture_shape(*size, block)), np.uint16)
-    events_of_blocks(*(_as_decoded(column) for column in (x, y, p)), size, block, _MOST_EVENTS, counts)
+    events_of_blocks(_as_decoded(x), _as_decoded(y), _as_decoded(p), size, block, _MOST_EVENTS, counts)
     return counts
 
 
