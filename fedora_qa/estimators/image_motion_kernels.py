@@ -76,22 +76,20 @@ def reduced_flow(flow_px: Float32, box: Box, step: int, skip: int, largest_px: f
     rows, columns = (bottom - top) // step, (right - left) // step
     means, valid = np.zeros((rows, columns, 2), np.float32), np.zeros((rows, columns), np.bool_)
     wide, share = 2 * columns * step, np.float32(1.0 / (step * step * _lines(step, skip)))
-    most, sums, bad = np.float32(largest_px), np.empty(wide, np.float32), np.empty(wide, np.float32)
+    most, sums = np.float32(largest_px), np.empty(wide, np.float32)
     lines = flow_px.reshape(flow_px.shape[0], 2 * flow_px.shape[1])  # u and v by turns
     for row in range(2, rows - 2):
-        sums[:], bad[:] = 0, 0
+        sums[:] = 0
         for line in range(top + row * step, top + (row + 1) * step, skip):
             values = lines[line, 2 * left : 2 * left + wide]
             for i in range(wide):
-                sums[i] += values[i]
-                bad[i] += np.float32(0) if abs(values[i]) < most else np.float32(1)
+                sums[i] += values[i] if abs(values[i]) < most else np.float32(np.nan)
         for column in range(2, columns - 2):
-            u, v, of_block = np.float32(0), np.float32(0), np.float32(0)
+            u, v = np.float32(0), np.float32(0)
             for i in range(2 * column * step, 2 * (column + 1) * step, 2):
                 u += sums[i]
                 v += sums[i + 1]
-                of_block += bad[i] + bad[i + 1]
-            if of_block == 0:
+            if not np.isnan(u + v):
                 means[row, column, 0], means[row, column, 1] = u * share, v * share
                 valid[row, column] = True
     return means, valid

@@ -124,7 +124,7 @@ def _event_counts(window: Window) -> dict[str, Int64]:
         events = window.events(before_ns=before_ns)
     except UnreadableRowsError:
         return {}
-    span, times_ns = window.span, events.times_ns.astype(np.int64)
+    span, times_ns = window.span, events.times_ns.astype(np.int64, copy=False)
     columns, rows = (place - place.min() if len(place) else place for place in (events.x, events.y))
     width, height = (int(places.max(initial=0)) + 1 for places in (columns, rows))
     numbers = np.int32 if width * height <= _MOST_PLACES else np.int64

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.causes import in_families
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.evidence.picture_kernels import add_events
-from fedora_qa.evidence.pictures import block_px, mean_codes, mean_values, summed_counts
+from fedora_qa.evidence.pictures import block_px, events_of_pixels, mean_codes, mean_values
 from fedora_qa.evidence.residual import carried_back_dn
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.window import Window
@@ -182,12 +181,9 @@ def _events(window: Window, time_ns: int, width_px: int) -> Picture | None:
     first, last = np.searchsorted(events.times_ns, [start_ns, stop_ns])
     x, y, p = events.x[first:last], events.y[first:last], events.p[first:last]
     declared = window.facts.declared.cameras.get("events")
-    height, width = _sensor_shape(declared, x, y)
-    counts = np.zeros((2, height, width), np.uint32)
-    for polarity in (0, 1):
-        add_events(counts[polarity], x[p == polarity], y[p == polarity])
-    block = block_px(width, width_px) if declared else 1
-    return Picture(summed_counts(counts, block), "events", 0, block, start_ns, stop_ns)
+    size = _sensor_shape(declared, x, y)
+    block = block_px(size[1], width_px) if declared else 1
+    return Picture(events_of_pixels(x, y, p, size, block), "events", 0, block, start_ns, stop_ns)
 
 
 def _sensor_shape(declared: Camera | None, x: NDArray[np.uint16], y: NDArray[np.uint16]) -> tuple[int, int]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
-from math import sqrt
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -24,13 +23,6 @@ UInt32 = NDArray[np.uint32]
 
 _LARGEST_SENSOR_PX: Final = 4096
 
-_ENOUGH: Final = 14_000
-"""Sampled pixels of an image that are counted, about: as many as 540x405 has.
-
-Of more, every second, third ... row and column of the sample, but where everything is looked at (``exhaustive``): of
-1440x1080 one in nine. What a histogram shows is as smooth with a ninth of 5 million values a second.
-"""
-
 
 def window_values(window: Window, families: frozenset[str] | None = None) -> dict[str, Int64]:
     """Count sampled pixels of the images that a window owns, by quantity: ``depth_m``, ``luma_dn``, ``flow/10hz``.
@@ -48,16 +40,7 @@ def _count_window(window: Window, families: frozenset[str] | None) -> dict[str, 
     }
     for stream in facts.flow_streams:
         samples[stream] = _readable(window, stream, partial(sampled_speeds_px, window, stream), families)
-    whole = window.sampling.tile_share >= 1.0
-    return {
-        quantity: added(count_values(image if whole else _thinned(image)) for image in images)
-        for quantity, images in samples.items()
-    }
-
-
-def _thinned(sample: NDArray[Any]) -> NDArray[Any]:
-    every = max(1, round(sqrt(sample.size / _ENOUGH)))
-    return sample[::every, ::every]
+    return {quantity: added(count_values(image) for image in images) for quantity, images in samples.items()}
 
 
 def with_events(counts: UInt32 | None, window: Window) -> UInt32:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 Float32 = NDArray[np.float32]
 UInt8 = NDArray[np.uint8]
+UInt16 = NDArray[np.uint16]
 UInt32 = NDArray[np.uint32]
 
 
@@ -71,3 +72,21 @@ def add_events(counts: UInt32, columns: NDArray[Any], rows: NDArray[Any]) -> Non
     for i in range(len(rows)):
         if 0 <= columns[i] < width and 0 <= rows[i] < height:
             counts[rows[i], columns[i]] += np.uint32(1)
+
+
+@njit(cache=True)
+def events_of_blocks(
+    columns: NDArray[Any], rows: NDArray[Any], p: NDArray[Any], size: tuple[int, int], block: int, most: int,
+    counts: UInt16,
+) -> None:  # fmt: skip
+    """Add events (n,) within rows and columns of a ``size`` to blocks of pixels by polarity, (2, h, w), up to ``most``.
+
+    Pixels beyond the last block are left out.
+    """
+    height, width = min(size[0], counts.shape[1] * block), min(size[1], counts.shape[2] * block)
+    for i in range(len(rows)):
+        if 0 <= columns[i] < width and 0 <= rows[i] < height and 0 <= p[i] <= 1:
+            at = counts[p[i], rows[i] // block]
+            column = columns[i] // block
+            if at[column] < most:
+                at[column] += np.uint16(1)

@@ -1,15 +1,17 @@
 """Pictures made smaller by averaging or summing whole blocks of pixels, so that their values keep their unit."""
 
-from typing import Any, cast
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.evidence.picture_kernels import code_means, finite_means
+from fedora_qa.evidence.picture_kernels import code_means, events_of_blocks, finite_means
 
 Float32 = NDArray[np.float32]
 UInt8 = NDArray[np.uint8]
 UInt16 = NDArray[np.uint16]
+
+_MOST_EVENTS: Final = np.iinfo(np.uint16).max
 
 
 def block_px(width: int, picture_width_px: int) -> int:
@@ -45,6 +47,16 @@ def _as_decoded(values: NDArray[Any]) -> NDArray[Any]:
     return view
 
 
+def events_of_pixels(x: NDArray[Any], y: NDArray[Any], p: NDArray[Any], size: tuple[int, int], block: int) -> UInt16:
+    """Return how many events (n,) of each polarity lie in each block of a sensor's pixels, (2, h, w), at most 65535.
+
+    ``size`` is its height and width: ``summed_counts`` of the events of each pixel.
+    """
+    counts = np.zeros((2, *picture_shape(*size, block)), np.uint16)
+    events_of_blocks(_as_decoded(x), _as_decoded(y), _as_decoded(p), size, block, _MOST_EVENTS, counts)
+    return counts
+
+
 def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
     """Return the sum of each block of counts (..., H, W), at most 65535."""
     *before, height, width = counts.shape
@@ -52,7 +64,7 @@ def summed_counts(counts: NDArray[np.integer[Any]], block: int) -> UInt16:
     high, wide = _side(height, block), _side(width, block)
     whole = counts[..., : rows * high, : columns * wide].reshape(*before, rows, high, columns, wide)
     totals = whole.sum(axis=(-3, -1), dtype=np.int64)
-    return cast(UInt16, np.minimum(totals, np.iinfo(np.uint16).max).astype(np.uint16))
+    return cast(UInt16, np.minimum(totals, _MOST_EVENTS).astype(np.uint16))
 
 
 def _side(size: int, block: int) -> int:

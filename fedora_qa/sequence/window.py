@@ -44,6 +44,9 @@ class Span:
 USUAL_PIXELS: Final = 220_000
 """Frames of more pixels than 540 x 405 are large: they have more than it takes to tell a fault of a whole field."""
 
+_DEPTHS_AT_HAND: Final = 2
+"""Depth frames in metres that a window keeps itself: both ends of an interval."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
@@ -148,8 +151,19 @@ class Window:
         return cast("NDArray[np.uint8]", self.rows("path/rgb", frame, frame + 1)[0])
 
     def depth_m(self, frame: int) -> NDArray[np.float32]:
-        """Return a depth frame, (H, W), metres along the optical axis, NaN where invalid."""
-        return self._images.get(("depth_m", frame), lambda: self._metres(frame), in_a_moment=True)
+        """Return a depth frame, (H, W), metres along the optical axis, NaN where invalid.
+
+        It is made in a moment, and goes first where there is little room; but two of them are asked for by turns, many
+        times over, so that a window keeps its latest two.
+        """
+        at_hand: dict[int, NDArray[np.float32]] = self.once("depth at hand", dict)
+        found = at_hand.pop(frame, None)
+        if found is None:
+            if len(at_hand) == _DEPTHS_AT_HAND:
+                del at_hand[next(iter(at_hand))]
+            found = self._images.get(("depth_m", frame), lambda: self._metres(frame), in_a_moment=True)
+        at_hand[frame] = found
+        return found
 
     def flow_px(self, stream: str, field: int) -> NDArray[np.float32]:
         """Return a flow field of the stream (``flow/10hz``), (H, W, 2), px over its interval, NaN where invalid."""

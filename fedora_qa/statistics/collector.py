@@ -45,10 +45,10 @@ class WindowStatistics:
 class StatisticsCollector:
     """The paper's sequence table (T, D, v max, w max, mean event rate) and flow table, and more.
 
-    Images, depth and flow are sampled at every fourth column and row (small ones whole), in every frame of the
-    windows that it is shown. Rows that cannot be decoded are left out here; the check ``integrity.readable`` names
-    them. Of streams beyond ``families`` (``flow`` is every rate) only the stamps are told, and nothing is decoded;
-    None: all.
+    Images, depth and flow are sampled at every fourth column and row (small ones whole, large ones at fewer places
+    where not everything is looked at), in every frame of the windows that it is shown. Rows that cannot be decoded are
+    left out here; the check ``integrity.readable`` names them. Of streams beyond ``families`` (``flow`` is every rate)
+    only the stamps are told, and nothing is decoded; None: all.
     """
 
     name = "statistics"

@@ -2,18 +2,27 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import inf
-from typing import Any
+from math import inf, sqrt
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.sequence.window import Window
+from fedora_qa.sequence.window import USUAL_PIXELS, Window
 from fedora_qa.statistics.moment_kernels import lengths_at, lumas_at, sums_of
 
-_STRIDE = 4
-_SMALL_IMAGE_PX = 128
+_STRIDE: Final = 4
+_SMALL_IMAGE_PX: Final = 128
+
+_ENOUGH: Final = 14_000
+"""Sampled pixels of a large image that are looked at, about: as many as 540x405 has.
+
+Of more, every second, third ... row and column of the sample, but where everything is looked at (``exhaustive``,
+``fedora-qa stats``): of 1440x1080 one in nine. What a histogram shows is as smooth with a ninth of 5 million values a
+second; over 1 s of park-day means differ by 3 in 10,000 at most from those of the whole sample, the greatest flow and
+the least depth by 9 in 1000.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,33 +74,41 @@ def added(parts: Iterable[Moments]) -> Moments:
 
 
 def sampled_depth_m(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return every fourth column of every fourth row of a depth frame, small ones whole; made once a window."""
-    return window.once(("sampled depth", frame), lambda: _sampled(window.depth_m(frame)))
+    """Return depth at the sampled pixels of a frame: every fourth column of every fourth row, as a rule; once a window.
+
+    Small images are looked at whole, large ones at fewer places.
+    """
+    return window.once(("sampled depth", frame), lambda: _sampled(window.depth_m(frame), window))
 
 
 def sampled_speeds_px(window: Window, stream: str, field: int) -> NDArray[np.float32]:
     """Return the length of the flow at the sampled pixels of a field; made once a window."""
-    return window.once(("sampled speeds", stream, field), lambda: _speeds_px(window.flow_px(stream, field)))
+    return window.once(("sampled speeds", stream, field), lambda: _speeds_px(window.flow_px(stream, field), window))
 
 
 def sampled_luma_dn(window: Window, frame: int) -> NDArray[np.float32]:
     """Return the luma of the stored codes at the sampled pixels of a colour frame; made once a window."""
-    return window.once(("sampled luma", frame), lambda: _luma_dn(window.rgb(frame)))
+    return window.once(("sampled luma", frame), lambda: _luma_dn(window.rgb(frame), window))
 
 
-def _sampled(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    first, stride = _lattice(image)
+def _sampled(image: NDArray[np.float32], window: Window) -> NDArray[np.float32]:
+    first, stride = _lattice(image, window)
     return np.ascontiguousarray(image[first::stride, first::stride])
 
 
-def _speeds_px(flow_px: NDArray[np.float32]) -> NDArray[np.float32]:
-    return lengths_at(np.ascontiguousarray(flow_px, dtype=np.float32), *_lattice(flow_px))
+def _speeds_px(flow_px: NDArray[np.float32], window: Window) -> NDArray[np.float32]:
+    return lengths_at(np.ascontiguousarray(flow_px, dtype=np.float32), *_lattice(flow_px, window))
 
 
-def _luma_dn(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
-    return lumas_at(np.ascontiguousarray(rgb), *_lattice(rgb), *LUMA_WEIGHTS_RGB)
+def _luma_dn(rgb: NDArray[np.uint8], window: Window) -> NDArray[np.float32]:
+    return lumas_at(np.ascontiguousarray(rgb), *_lattice(rgb, window), *LUMA_WEIGHTS_RGB)
 
 
-def _lattice(image: NDArray[Any]) -> tuple[int, int]:
+def _lattice(image: NDArray[Any], window: Window) -> tuple[int, int]:
     """Return the first sampled row and column of an image, and the step to the next."""
-    return (0, 1) if min(image.shape[:2]) < _SMALL_IMAGE_PX else (_STRIDE // 2, _STRIDE)
+    height, width = image.shape[:2]
+    if min(height, width) < _SMALL_IMAGE_PX:
+        return 0, 1
+    fewer = height * width > USUAL_PIXELS and window.sampling.tile_share < 1.0
+    stride = _STRIDE * (max(1, round(sqrt(height * width / _STRIDE**2 / _ENOUGH))) if fewer else 1)
+    return stride // 2, stride

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from skimage.measure import block_reduce
 
-from fedora_qa.evidence.pictures import block_px, mean_codes, mean_values, picture_shape, summed_counts
+from fedora_qa.evidence.pictures import (
+    block_px,
+    events_of_pixels,
+    mean_codes,
+    mean_values,
+    picture_shape,
+    summed_counts,
+)
 
 SIZES = st.tuples(st.integers(1, 23), st.integers(1, 23))
 
@@ -49,6 +56,7 @@ def test_values_are_kept_where_nothing_is_made_smaller() -> None:
     np.testing.assert_array_equal(mean_values(image, 1), [[1.5, np.nan], [np.nan, -2.25]])
 
 
+@settings(deadline=None)  # the first example waits for compilation
 @given(st.integers(1, 5), st.integers(0, 1000))
 def test_codes_are_rounded_means(block: int, seed: int) -> None:
     """Colours are averaged channel by channel and rounded once."""
@@ -65,6 +73,25 @@ def test_no_event_of_a_whole_block_is_lost(size: tuple[int, int], block: int, se
     assert small.shape == picture_shape(*size, block)
     kept = [side if side < block else side // block * block for side in size]
     assert int(small.sum()) == int(counts[: kept[0], : kept[1]].sum())
+
+
+@settings(deadline=None)  # the first example waits for compilation
+@given(SIZES, st.integers(1, 30), st.integers(0, 1000))
+def test_events_of_blocks_are_those_of_their_pixels(size: tuple[int, int], block: int, seed: int) -> None:
+    """Counted block by block, events are as many as summed over pixels, by polarity; those beyond are left out."""
+    random = np.random.default_rng(seed)
+    x, y, p = random.integers(0, 30, 500), random.integers(0, 30, 500), random.integers(0, 2, 500)
+    counts = np.zeros((2, 30, 30), np.uint16)
+    np.add.at(counts, (p, y, x), 1)
+    expected = summed_counts(counts[:, : size[0], : size[1]], block)
+    columns = (x.astype(np.uint16), y.astype(np.uint16), p.astype(np.uint8))
+    np.testing.assert_array_equal(events_of_pixels(*columns, size, block), expected)
+
+
+def test_events_of_a_pixel_do_not_wrap() -> None:
+    """More events of a block than fit are shown as the most that do."""
+    x, p = np.zeros(70_000, np.uint16), np.ones(70_000, np.uint8)
+    assert events_of_pixels(x, x, p, (1, 1), 1).tolist() == [[[0]], [[65_535]]]
 
 
 @pytest.mark.parametrize("count", [70_000, 65_535])

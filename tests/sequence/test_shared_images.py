@@ -83,3 +83,16 @@ def test_neighbouring_windows_share_the_image_between_them() -> None:
     alone = Window(second.span, world.facts, world, Sampling())
     assert alone.depth_m(10) is not second.depth_m(10)
     np.testing.assert_array_equal(alone.depth_m(10), second.depth_m(10))
+
+
+def test_a_window_keeps_its_latest_two_depths_where_nothing_else_fits() -> None:
+    """Depth at both ends of an interval is made once, however often it is asked for by turns; a third one drops one."""
+    world = make_world(())
+    window = Window(Span(0, 0, 1, {"depth": (0, 10)}), world.facts, world, Sampling(), SharedImages(1))
+    before, after = window.depth_m(3), window.depth_m(4)
+    assert window.depth_m(3) is before
+    assert window.depth_m(4) is after
+    window.depth_m(5)
+    assert window.depth_m(4) is after
+    assert window.depth_m(3) is not before
+    np.testing.assert_array_equal(window.depth_m(3), before)

@@ -68,7 +68,7 @@ class PairAgreement:
 
 def compare(pair: DepthPair) -> PairAgreement | None:
     """Compare a pair, its motion corrected within its noise; None where the frames share too few pixels."""
-    model, lattice = pair.model(), pair.lattice(most=None)
+    model, lattice = pair.model(), pair.lattice()
     fit = pair.fit_as_declared()
     if fit is None:
         return None

@@ -105,7 +105,7 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
         return Observation(coverage, (measured,))
 
     def _fit(self, pair: DepthPair) -> PairFit | None:
-        lattice, image1 = pair.lattice(), pair.image1
+        lattice, image1 = pair.lattice_to_fit(), pair.image1
         as_declared = pair.fit_as_declared()
         start, parts = self.from_value, None
         if as_declared is not None and as_declared.agrees:

@@ -77,7 +77,7 @@ class Scale(FittedParameter):
         """
         if not fit.value or abs(fit.value - 1) <= _SURELY * (fit.standard_error + fit.bound):
             return float("nan")
-        lattice, image1 = pair.lattice(), pair.image1
+        lattice, image1 = pair.lattice_to_fit(), pair.image1
         found = fit_depth(pair.with_path, lattice, image1, pair.noise, start=fit.value, step=_STEP * abs(fit.value))
         return 1 / found.value if found is not None and found.value else float("nan")
 

@@ -116,7 +116,7 @@ class Exposure(WindowCheck[WindowExposure]):
     def measure(self, window: Window) -> WindowExposure:
         """Compare every pair that the window owns."""
         gains = []
-        for pair in pairs_with_flow(window) if flow_rate_of(window.facts) else neighbours(window):
+        for pair in pairs_with_flow(window) if flow_rate_of(window) else neighbours(window):
             found = brightness_gain(*same_points(window, pair))
             if found is not None:
                 gains.append(PairGain(pair.before, pair.after, found.log_gain, found.standard_error))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow.intervals import Pose, interval_at, motion_between, pose_track
+from fedora_qa.checks.frame_poses import pose_of_frame
 from fedora_qa.checks.images.pairs import flow_rate_of, luma_on_flow_grid
 from fedora_qa.checks.intermediates import luma_dn
 from fedora_qa.estimators.image_samples import steepness
@@ -97,7 +98,7 @@ def moved_by_events(facts: Facts, repeats: set[int]) -> NDArray[np.bool_]:
 
 def _by_flow(window: Window, frame: int) -> bool | None:
     """Compare the flow along the gradient with what rounding hides."""
-    stream, times_ns = flow_rate_of(window.facts), window.facts.clocks["rgb"].times_ns
+    stream, times_ns = flow_rate_of(window), window.facts.clocks["rgb"].times_ns
     if stream is None:
         return None
     starts_ns = window.facts.clocks[stream].times_ns
@@ -135,16 +136,8 @@ def _least_motion_px(window: Window, frame: int) -> float | None:
 
 
 def _pose_of(window: Window, frame: int, camera: Camera) -> Pose:
-    """Return the pose of the body at a frame that the window owns, or at the one before; NaN where none covers it.
-
-    All of them are interpolated together, once a window: one by one takes many times as long.
-    """
-    owned = window.owned("rgb")
-    first, times_ns = max(owned.start - 1, 0), window.facts.clocks["rgb"].times_ns
-    R_world_body, positions_world_m = window.once(
-        "poses of frames", lambda: pose_track(window, camera).poses_at(times_ns[first : owned.stop])
-    )
-    return R_world_body[frame - first], positions_world_m[frame - first]
+    """Return the pose of the body at a frame; NaN where none covers it."""
+    return pose_of_frame(window, pose_track(window, camera), "rgb", frame)
 
 
 def _least_shift_px(motion: RigidMotion, camera: Camera, facts: Facts) -> float:

@@ -39,9 +39,16 @@ class Pair:
     flow_px: Float32 | None
 
 
-def flow_rate_of(facts: Facts) -> str | None:
+def flow_rate_of(window: Window) -> str | None:
     """Return the fastest flow stream, if frames can be seen on its grid, and are of its size whatever is declared."""
-    optics = optics_of(facts)
+    return window.once("flow rate of frames", lambda: _flow_rate_of(window.facts, _optics(window)))
+
+
+def _optics(window: Window) -> Optics | str:
+    return window.once("optics of frames", lambda: optics_of(window.facts))
+
+
+def _flow_rate_of(facts: Facts, optics: Optics | str) -> str | None:
     if not facts.flow_streams or isinstance(optics, str):
         return None
     stream = facts.flow_streams[-1]
@@ -61,7 +68,7 @@ def _sizes_agree(facts: Facts, stream: str, optics: Optics) -> bool:
 
 def pairs_with_flow(window: Window) -> Iterator[Pair]:
     """Yield the frames at both ends of each field of the fastest flow that the window owns."""
-    stream = flow_rate_of(window.facts)
+    stream = flow_rate_of(window)
     if stream is None:
         return
     clock = window.facts.clocks["rgb"]
@@ -80,7 +87,7 @@ def neighbours(window: Window) -> Iterator[Pair]:
 
 def luma_on_flow_grid(window: Window, frame: int) -> Float32:
     """Return the luma (H, W) of a frame on the grid of the flow, in DN."""
-    optics = optics_of(window.facts)
+    optics = _optics(window)
     if not isinstance(optics, Optics) or optics.H_rgb_flow is None:
         return luma_dn(window, frame)
     H_rgb_flow = optics.H_rgb_flow
