@@ -39,25 +39,6 @@ def sort_by_pixel(
 
 
 @njit(cache=True)
-def choose_pixels(x: Columns, y: Columns, shape: tuple[int, int], every: int, chosen: NDArray[np.int64]) -> int:
-    """Write which events lie at pixels of which the column and three times the row are a multiple of ``every``.
-
-    ``chosen`` (m + 1,) has one to spare; return how many they are.
-    """
-    height, width = shape
-    before, taken = np.empty(height, np.int64), np.empty(width + every, np.bool_)
-    for row in range(height):
-        before[row] = 3 * row % every
-    for place in range(len(taken)):
-        taken[place] = place % every == 0
-    count = 0
-    for i in range(len(x)):
-        chosen[count] = i
-        count += taken[np.uint64(before[np.uint64(y[i])] + x[i])]
-    return count
-
-
-@njit(cache=True)
 def count_within(stamped: Int64, after: int, until: int) -> int:
     """Return how many of sorted events are later than ``after`` and not later than ``until``."""
     count, least, most = 0, 2 * after + 1, 2 * until + 1

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.event_pixel_kernels import choose_pixels, count_within, sort_by_pixel
+from fedora_qa.estimators.event_pixel_kernels import count_within, sort_by_pixel
 
 Int64 = NDArray[np.int64]
 
@@ -34,20 +34,9 @@ class PixelEvents:
 
 
 def by_pixel(
-    x: NDArray[np.uint16],
-    y: NDArray[np.uint16],
-    times_ns: Int64,
-    p: NDArray[np.uint8],
-    shape: tuple[int, int],
-    every: int = 1,
+    x: NDArray[np.uint16], y: NDArray[np.uint16], times_ns: Int64, p: NDArray[np.uint8], shape: tuple[int, int]
 ) -> PixelEvents:
-    """Return the events, sorted by time and all on a sensor (rows, columns), by pixel: of one pixel in ``every``."""
-    if every > 1:
-        room = np.empty(len(x) + 1, np.int64)
-        chosen = room[: choose_pixels(x, y, shape, every, room)]
-        x, y, times_ns, p = x[chosen], y[chosen], times_ns[chosen], p[chosen]
-        for column in (x, y, times_ns, p):
-            column.flags.writeable = False  # as events of a window are: compiled once
+    """Return the events, sorted by time and all on a sensor (rows, columns), by pixel."""
     starts, stamped = np.empty(shape[0] * shape[1] + 1, np.int32), np.empty(len(times_ns), np.int64)
     sort_by_pixel(x, y, times_ns, p, shape, starts, stamped)
     return PixelEvents(starts, stamped)

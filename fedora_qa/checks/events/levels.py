@@ -162,7 +162,7 @@ def search_offset(window: Window) -> FoundOffset | None:
     seen, declared = seen_frames(window), window.facts.declared.events
     if declared is None or len(seen) < 2:
         return None
-    events = sorted_by_pixel(window, events_around(window, FARTHEST_OFFSET_NS + HALO_NS))
+    events = sorted_by_pixel(events_around(window, FARTHEST_OFFSET_NS + HALO_NS), window.facts.declared)
     ladder = range(-FARTHEST_OFFSET_NS, FARTHEST_OFFSET_NS + 1, OFFSET_STEP_NS)
     fits = [(late_ns, _fit_at(window, seen, declared, events, late_ns)) for late_ns in ladder]
     known = [(late_ns, fit) for late_ns, fit in fits if fit is not None]

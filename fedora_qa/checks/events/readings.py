@@ -53,7 +53,7 @@ def reading_sums(window: Window) -> ReadingSums | None:
 
 def reading_sums_on_time(window: Window, late_ns: int) -> ReadingSums | None:
     """Return the sums of a window whose events are late by so much, with that undone."""
-    return _sums_of(window, sorted_by_pixel(window, events_on_time(window, late_ns)))
+    return _sums_of(window, sorted_by_pixel(events_on_time(window, late_ns), window.facts.declared))
 
 
 def _sums_of(window: Window, events: PixelEvents) -> ReadingSums | None:

@@ -32,13 +32,6 @@ ROUNDING_DN: Final = {"linear": 0.5, "srgb": 0.5 * 2.4 / 1.055, "gamma2.2": 0.5 
 WINDOW_NS: Final = NS_PER_S // 5
 """The usual window; those of large images are shorter."""
 
-MOST_BY_PIXEL: Final = 200_000
-"""Events of a window and its halo beyond which, on a large sensor, one pixel in two, three, ... is followed.
-
-They lie all over the image. So many are twice those of 1.35 M events/s at 640x480: where pixels fire that often, levels
-abound. Half of those fewer would cost a factor of four in delays and two in thresholds.
-"""
-
 CENTRES_AGREE_M: Final = 1e-6
 AXES_AGREE: Final = 1e-6
 
@@ -87,13 +80,12 @@ def own(window: Window, events: Events) -> Events:
 
 def pixel_events(window: Window) -> PixelEvents:
     """Return ``sensor_events`` by pixel."""
-    return window.once("pixel_events", lambda: sorted_by_pixel(window, sensor_events(window)))
+    return window.once("pixel_events", lambda: sorted_by_pixel(sensor_events(window), window.facts.declared))
 
 
-def sorted_by_pixel(window: Window, events: Events) -> PixelEvents:
-    """Return events that lie on the declared sensor, in the order of time, by pixel; of some pixels where many fire."""
-    every = -(-len(sensor_events(window)) // MOST_BY_PIXEL) if is_large_sensor(window) else 1
-    return by_pixel(events.x, events.y, events.times_ns, events.p, sensor_shape(window.facts.declared), max(every, 1))
+def sorted_by_pixel(events: Events, declared: Declared) -> PixelEvents:
+    """Return events that lie on the declared sensor, in the order of time, by pixel."""
+    return by_pixel(events.x, events.y, events.times_ns, events.p, sensor_shape(declared))
 
 
 def sensor_shape(declared: Declared) -> tuple[int, int]:
