@@ -16,6 +16,8 @@ import numpy as np
 
 from tests.benchmarks.full_size.plain_reading import decode
 
+DECODING: Final = "plain decoding"
+
 _TURNS: Final = 3
 _FRESH_BYTES: Final = 512 << 20
 _COPIED_BYTES: Final = 64 << 20
@@ -44,7 +46,7 @@ class Machine:
 def measure_machine(path: Path) -> Machine:
     """Measure it; ``path`` is a file to decode."""
     works: Mapping[str, Callable[[Path], object]] = MappingProxyType(
-        {"arithmetic in the cache": _compute, "copying memory": _copy, "plain decoding": decode}
+        {"arithmetic in the cache": _compute, "copying memory": _copy, DECODING: decode}
     )
     fresh, held = _fill()
     return Machine({name: _gain(work, path) for name, work in works.items()}, fresh, held)
