@@ -13,10 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from fedora_qa.canary.fault import Fault
-from fedora_qa.canary.ground import MULTIPLES, Ground, UnplantableError
-from fedora_qa.canary.table import CANARIES
-from fedora_qa.canary.view import FaultySequence
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.effort import Effort
@@ -25,6 +21,10 @@ from fedora_qa.engine.plan import make_plan, sampling_of, sees_every_window
 from fedora_qa.engine.prepare import Prepared, prepare
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stream import States, attempt, conclude, measure
+from fedora_qa.faults.canaries import CANARIES
+from fedora_qa.faults.canary_conditions import MULTIPLES, Ground, UnplantableError
+from fedora_qa.faults.fault import Fault
+from fedora_qa.faults.faulty_sequence import FaultySequence
 from fedora_qa.judgement.judge import judge
 from fedora_qa.record.types import Canary, Outcome, Result
 from fedora_qa.record.wording import OUTCOME_WORDS

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from fedora_qa.checks.protocol import Observation
+from fedora_qa.diagnosis.diagnose import diagnose
 from fedora_qa.engine.evidence import distributions_of, evidence_of_checks, evidence_of_pass
 from fedora_qa.engine.lost import lost_windows
 from fedora_qa.engine.measured import STAGE, Measured, together
@@ -14,7 +15,6 @@ from fedora_qa.engine.stream import States, attempt, conclude, look_again
 from fedora_qa.engine.survey import OpenSurvey, Survey
 from fedora_qa.evidence.kept import Kept
 from fedora_qa.evidence.kept import together as kept_together
-from fedora_qa.judgement.diagnosis import diagnose
 from fedora_qa.judgement.judge import judge
 from fedora_qa.record.types import Canary, FileRecord, Finding, Result, Scalar
 from fedora_qa.storage.place import RemoteFile

@@ -20,7 +20,7 @@ A value that moves in steps (a count) must also move by one whole step to leave 
 
 from dataclasses import dataclass
 
-from fedora_qa.estimators.tails import normal_beyond
+from fedora_qa.estimators.fitting.tails import normal_beyond
 
 DEFAULT_POWER = 0.95
 

@@ -2,7 +2,7 @@
 
 Run ``python -m tests.benchmarks.confidence``. Faults of nominal size (docs/corpus.md) are planted in small sequences,
 each alone. Of each that is found the first diagnosis is held against the truth. ``SHARPNESS`` of
-``fedora_qa/judgement/diagnosis.py`` is where the likelihood is greatest, rounded.
+``fedora_qa/diagnosis/diagnose.py`` is where the likelihood is greatest, rounded.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,8 +20,8 @@ from fedora_generator.corpus.build import plant_together
 from fedora_generator.faults import FaultError
 from fedora_generator.generate import Request, generate_sequence
 from fedora_generator.scene import load_scene
+from fedora_qa.diagnosis import diagnose as diagnosis
 from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.judgement import diagnosis
 from tests.benchmarks.named_causes import OPTIONS, planned_faults
 
 SIZE: Final = (180, 136)

@@ -16,7 +16,8 @@ from fedora_generator.scene import load_scene
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.engine.windows import WINDOW_NS
-from fedora_qa.estimators import event_levels, event_reading
+from fedora_qa.estimators.events import frame_interpolation as event_reading
+from fedora_qa.estimators.events import levels as event_levels
 from tests.benchmarks.event_checks import cost_of
 
 TARGET: Final = Path(__file__).parents[2] / "docs" / "event-readings.md"

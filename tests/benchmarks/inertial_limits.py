@@ -14,9 +14,9 @@ import numpy as np
 
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.estimators.grouped_fit import group_of
-from fedora_qa.estimators.inertial_fit import ROTATION, TRANSLATION, fit_inertial
-from fedora_qa.estimators.inertial_samples import InertialNoise
+from fedora_qa.estimators.fitting.grouped_fit import group_of
+from fedora_qa.estimators.imu.samples import InertialNoise
+from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, fit_inertial
 from tests.support.motion_world import NOISY, Motion, MotionFile, sample_motion
 
 TARGET: Final = Path(__file__).parents[2] / "docs" / "inertial-limits.md"

@@ -4,7 +4,7 @@ from math import log
 
 import pytest
 
-from fedora_qa.judgement.diagnosis import UNTHOUGHT
+from fedora_qa.diagnosis.diagnose import UNTHOUGHT
 from tests.benchmarks.confidence import SHARPNESSES, Told, log_likelihood, page
 
 SURE = Told("imu:time_offset", "imu:time_offset", (0.0,))

@@ -10,14 +10,14 @@ from typing import Any
 import h5py
 import pytest
 
-from fedora_qa.canary.fault import Fault
-from fedora_qa.canary.table import CANARIES
 from fedora_qa.checks import CHECKS
-from fedora_qa.checks.motion.imu_timing import Timing
+from fedora_qa.checks.imu.timing import Timing
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.cli.main import run
 from fedora_qa.engine import canaries
 from fedora_qa.engine.run import CheckOptions, check_file
+from fedora_qa.faults.canaries import CANARIES
+from fedora_qa.faults.fault import Fault
 from fedora_qa.record.types import Canary, FileRecord
 from fedora_qa.sequence.facts import Facts
 from tests.extremes.test_streams import ALL, without

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.canary.fault import Fault, rows_from, values_by_row
-from fedora_qa.canary.ground import Ground, UnplantableError
-from fedora_qa.canary.table import CANARIES
-from fedora_qa.canary.view import FaultySequence
 from fedora_qa.engine.prepare import prepare
 from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.faults.canaries import CANARIES
+from fedora_qa.faults.canary_conditions import Ground, UnplantableError
+from fedora_qa.faults.fault import Fault, rows_from, values_by_row
+from fedora_qa.faults.faulty_sequence import FaultySequence
 from fedora_qa.record.types import Measurement
 from fedora_qa.sequence.sequence import Sequence, open_sequence
 from tests.support.handmade import write_handmade

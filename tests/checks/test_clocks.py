@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.checks import CHECKS
-from fedora_qa.checks.clocks.rates import Rate
+from fedora_qa.checks.clocks.rate import Rate
 from fedora_qa.checks.clocks.resolution import Resolution
 from fedora_qa.checks.protocol import FactsCheck
 from fedora_qa.judgement.judge import Judged, judge

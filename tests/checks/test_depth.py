@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.checks.depth import pairs
 from fedora_qa.checks.depth.consistency import Consistency
 from fedora_qa.checks.depth.projection import Projection
 from fedora_qa.checks.depth.range import Range
@@ -18,6 +17,7 @@ from fedora_qa.checks.protocol import Check, Suspect
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Clock
+from fedora_qa.views import depth_pairs as pairs
 from tests.support.flow_world import FlowWorld, judged, make_world, observe, pixel_grid, rays_body
 
 Depths = NDArray[Any]

@@ -5,7 +5,7 @@ from math import hypot, inf, pi, sin
 
 import pytest
 
-from fedora_qa.checks.events.lateness import Lateness, told_error_ms
+from fedora_qa.views.event_clock_offset import Lateness, told_error_ms
 from tests.support.facts import exact_facts
 
 READ = Lateness(10e-3, 0.3e-3, 0.0, 0.0, inf, inf, told_within_s=10e-3)

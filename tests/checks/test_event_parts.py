@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, shift
 
-from fedora_qa.checks.events.shifted import CLEAR, PartSums, most_shifted, tile_sums
-from fedora_qa.checks.events.tiles import GRID, tile_around
-from fedora_qa.checks.events.turned import causes_of, words_for
-from fedora_qa.estimators.event_orientation import SYMMETRIES
+from fedora_qa.checks.event_response.shifted import CLEAR, PartSums, most_shifted, tile_sums
+from fedora_qa.checks.event_response.turned import causes_of, words_for
+from fedora_qa.estimators.events.orientation import SYMMETRIES
+from fedora_qa.views.event_tiles import GRID, tile_around
 
 SHAPE = (96, 128)
 THRESHOLD = 0.2

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fedora_qa.checks.events import alignment
+from fedora_qa.checks.event_response import alignment
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Diagnosis, Measurement, Result
 from tests.checks.event_file import (

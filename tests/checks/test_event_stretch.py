@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from fedora_qa.checks.events.ledger import Ledger
-from fedora_qa.checks.events.stretch import Stretch
-from fedora_qa.estimators.event_excursions import EVERY_FRAME, Excursions, Law, bound
+from fedora_qa.estimators.events.excursions import EVERY_FRAME, Excursions, Law, bound
 from fedora_qa.sequence.declared import EventModel
+from fedora_qa.views.frame_run_sums import Stretch
+from fedora_qa.views.frame_runs import Ledger
 
 LEVELS = np.log(np.array([100.0, 100.0, 180.0, 100.0]))
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fedora_qa.checks.flow.geometry import Endpoint
-from fedora_qa.checks.flow.photometric import Residual
-from fedora_qa.checks.flow.validity import Validity
+from fedora_qa.checks.flow_geometry.endpoint import Endpoint
+from fedora_qa.checks.flow_geometry.validity import Validity
+from fedora_qa.checks.flow_photometric.residual import Residual
 from fedora_qa.checks.protocol import Check
 from fedora_qa.sequence.facts import Clock
 from tests.support.flow_world import FlowWorld, judged, make_world

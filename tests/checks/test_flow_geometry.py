@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.checks.flow.another_motion import as_noise
-from fedora_qa.checks.flow.comparison import FieldError
-from fedora_qa.checks.flow.geometry import Endpoint
-from fedora_qa.checks.flow.intervals import Interval
+from fedora_qa.checks.flow_geometry.another_motion import as_noise
+from fedora_qa.checks.flow_geometry.endpoint import Endpoint
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.views.flow_comparison import FieldError
+from fedora_qa.views.flow_intervals import Interval
 from tests.support.flow_world import T_BODY_CAMERA, FlowWorld, K, judged, make_world, observe
 
 NOISE = PoseModel(position_sigma_m=0.005, rotation_sigma_rad=np.radians(0.2))

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fedora_qa.checks.flow.geometry import Endpoint
-from fedora_qa.checks.flow.rates import Composition
+from fedora_qa.checks.flow_geometry.endpoint import Endpoint
+from fedora_qa.checks.flow_rates.composition import Composition
 from fedora_qa.checks.protocol import Check
 from fedora_qa.sequence.declared import PoseModel
 from tests.support.flow_world import HEIGHT, WIDTH, FlowWorld, judged, make_world

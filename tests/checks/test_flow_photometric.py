@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.checks.flow.photometric import Residual
+from fedora_qa.checks.flow_photometric.residual import Residual
 from fedora_qa.judgement.judge import Judged
 from tests.support.flow_world import (
     HEIGHT,

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow.rates import Composition
-from fedora_qa.checks.flow.rates_chain import Chain, compose, segments
+from fedora_qa.checks.flow_rates.composition import Composition
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.window import Sampling
+from fedora_qa.views.flow_chains import Chain, compose, segments
 from tests.support.flow_world import FlowWorld, judged, make_world, pixel_grid, true_flow_px
 
 Fields = NDArray[Any]

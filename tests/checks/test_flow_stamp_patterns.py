@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.checks.flow.stamp_patterns import stamp_patterns
+from fedora_qa.checks.flow_geometry.timestamp_patterns import stamp_patterns
 
 MS = 1_000_000
 FRAMES_NS = np.arange(0, 1_001 * MS, 20 * MS)

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fedora_qa.checks.flow.validity import Validity
+from fedora_qa.checks.flow_geometry.validity import Validity
 from fedora_qa.judgement.judge import Alarm, Judged
 from fedora_qa.sequence.facts import Clock, Facts
 from tests.support.facts import MS

@@ -12,8 +12,8 @@ from fedora_qa.checks.images.exposure import Exposure, PairGain, WindowExposure
 from fedora_qa.checks.images.order import Order
 from fedora_qa.checks.images.repeats import Repeats
 from fedora_qa.checks.protocol import Check, Suspect
-from fedora_qa.estimators.code_gain import CODES
-from fedora_qa.judgement.diagnosis import diagnose
+from fedora_qa.diagnosis.diagnose import diagnose
+from fedora_qa.estimators.images.code_gain import CODES
 from fedora_qa.judgement.judge import Alarm, Judged, judge
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import PoseModel

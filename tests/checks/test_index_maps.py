@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.checks.clocks.index_maps import Depth, Rgb
+from fedora_qa.checks.index_maps.index_maps import Depth, Rgb
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts
 from tests.support.facts import exact_facts, with_map

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fedora_qa.checks.motion.clues import Clues, clues_of
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.timing_cues import Clues, clues_of
 from tests.support.checked import diagnoses_of, run_check
 from tests.support.facts import MS, clock, exact_facts, with_clock
 from tests.support.motion_world import HOVER, NOISY, RESTLESS, MotionFile, sample_motion

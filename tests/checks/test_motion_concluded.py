@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fedora_qa.checks.motion import imu_agreement
-from fedora_qa.checks.motion.imu_agreement import Motion, streams_of
 from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.estimators.inertial_fit import fit_inertial
-from fedora_qa.estimators.inertial_summary import InertialFit
+from fedora_qa.estimators.imu.sequence_fit import fit_inertial
+from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.sequence.window import ImuSamples, PoseSamples
+from fedora_qa.views import inertial_agreement as imu_agreement
+from fedora_qa.views.inertial_agreement import Motion, streams_of
 from tests.support.facts import exact_facts
 from tests.support.motion_world import NOISY, MotionFile, sample_motion
 

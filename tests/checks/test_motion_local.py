@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.estimators.inertial_samples import InertialNoise
+from fedora_qa.estimators.imu.samples import InertialNoise
 from fedora_qa.record.types import Diagnosis
 from tests.support.motion_world import EXACT, GRAVITY_M_S2, NOISY, RESTLESS, MotionFile, sample_motion
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from fedora_qa.checks.motion.clues import Clues
-from fedora_qa.checks.motion.imu_suspects import suspects_for
-from fedora_qa.estimators.grouped_fit import Fitted
+from fedora_qa.checks.imu.imu_suspects import suspects_for
+from fedora_qa.estimators.fitting.grouped_fit import Fitted
+from fedora_qa.views.timing_cues import Clues
 
 
 def weight_of_bias(delay_explains: float, bias_explains: float) -> float:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.checks.events.moved_hot_pixels import Pixel, suspects_of_moved
+from fedora_qa.checks.event_stream.moved_hot_pixels import Pixel, suspects_of_moved
 
 SIZE = 120, 89
 DECLARED = ((78, 4), (91, 61), (13, 40), (55, 72), (30, 11))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.estimators.inertial_samples import InertialNoise
+from fedora_qa.estimators.imu.samples import InertialNoise
 from tests.support.motion_world import EXACT, NOISY, RESTLESS, MotionFile, sample_motion
 
 ANOTHER_FLIGHT = replace(RESTLESS, frequencies_hz=(0.5, 0.7, 1.3, 0.5, 0.7, 0.9))

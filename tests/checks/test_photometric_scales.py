@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.checks.flow.intervals import Interval
-from fedora_qa.checks.flow.photometric_rates import estimate_rate, scales_of
-from fedora_qa.checks.flow.residuals import FieldResidual
-from fedora_qa.estimators.few_groups import student_factor
-from fedora_qa.estimators.flow_field_fit import fit_field, templates_of_flow
+from fedora_qa.checks.flow_photometric.photometric_rates import estimate_rate, scales_of
+from fedora_qa.estimators.fitting.few_groups import student_factor
+from fedora_qa.estimators.flow.field_fit import fit_field, templates_of_flow
+from fedora_qa.views.flow_intervals import Interval
+from fedora_qa.views.flow_residuals import FieldResidual
 
 TILES = 9
 ERROR_PX = 0.01

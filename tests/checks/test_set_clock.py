@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.checks.clocks.index_maps import Rgb
-from fedora_qa.checks.clocks.set_clock import set_clock
 from fedora_qa.checks.clocks.stamps import Order
-from fedora_qa.checks.events.lateness import Local
-from fedora_qa.checks.events.timing_causes import Shapes, with_steps
-from fedora_qa.estimators.event_delays import Step
+from fedora_qa.checks.event_response.timing_causes import Shapes, with_steps
+from fedora_qa.checks.index_maps.index_maps import Rgb
+from fedora_qa.estimators.events.delays import Step
 from fedora_qa.judgement.judge import judge
 from fedora_qa.sequence.event_steps import KEPT, longest_steps
 from fedora_qa.sequence.facts import EventScan, EventStep, Facts
+from fedora_qa.views.clock_resets import set_clock
+from fedora_qa.views.event_clock_offset import Local
 from tests.support.facts import MS, exact_facts, with_map
 
 Int64 = NDArray[np.int64]

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.checks.motion.clues import Clues
-from fedora_qa.checks.motion.imu_suspects import suspects_for
+from fedora_qa.checks.imu.imu_suspects import suspects_for
 from fedora_qa.engine.run import CheckOptions, check_file
-from fedora_qa.estimators.grouped_fit import Fitted
+from fedora_qa.estimators.fitting.grouped_fit import Fitted
+from fedora_qa.views.timing_cues import Clues
 from tests.support.motion_world import NOISY, MotionFile, sample_motion
 
 TURN = Rotation.from_rotvec(np.radians([8.0, -6.0, 3.0]))

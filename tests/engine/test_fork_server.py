@@ -15,7 +15,7 @@ from fedora_qa.engine.compiled_loops import load_compiled_loops
 from fedora_qa.engine.fork_server import start_method
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import quiet
-from fedora_qa.estimators.image_luma import luma_of
+from fedora_qa.estimators.images.luma import luma_of
 from tests.support import tasks
 from tests.support.handmade import write_handmade
 
@@ -110,8 +110,8 @@ def test_loops_that_serve_others_are_left() -> None:
     luma_of(np.full((2, 2, 3), 7, np.uint8), np.ones((3, 256), np.float32))  # compiled and kept
     code = (
         "import fedora_qa.engine.preloaded; "
-        "from fedora_qa.estimators.depth_image_kernels import inverse_at; "
-        "from fedora_qa.estimators.image_luma import luma_of; "
+        "from fedora_qa.estimators.depth.inverse_depth_kernels import inverse_at; "
+        "from fedora_qa.estimators.images.luma import luma_of; "
         "print(len(inverse_at.signatures), len(luma_of.signatures) > 0)"
     )
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

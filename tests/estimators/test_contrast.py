@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from fedora_qa.estimators.contrast import (
+from fedora_qa.estimators.flow.contrast import (
     GAINS,
     PlacedEvents,
     SeenFlow,
@@ -15,7 +15,7 @@ from fedora_qa.estimators.contrast import (
     best_gain,
     sharpness_under,
 )
-from fedora_qa.estimators.contrast_kernels import carry
+from fedora_qa.estimators.flow.contrast_kernels import carry
 
 HEIGHT, WIDTH = 60, 90
 UNIT = np.eye(2)

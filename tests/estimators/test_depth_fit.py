@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.depth_fit import FEWEST_PIXELS, fit_depth, noise_directions
-from fedora_qa.estimators.depth_fit_kernels import inverted
-from fedora_qa.estimators.depth_image import DepthImage, depth_image
-from fedora_qa.estimators.depth_warp import DepthModel, Lattice, ModelNumber, lattice_of, residuals_after, warp
+from fedora_qa.estimators.depth.inverse_depth import DepthImage, depth_image
+from fedora_qa.estimators.depth.pair_fit import FEWEST_PIXELS, fit_depth, noise_directions
+from fedora_qa.estimators.depth.pair_fit_kernels import inverted
+from fedora_qa.estimators.depth.warp import DepthModel, Lattice, ModelNumber, lattice_of, residuals_after, warp
 from fedora_qa.geometry.camera import RigidMotion
 
 Float64 = NDArray[np.float64]

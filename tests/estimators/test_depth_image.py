@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
-from fedora_qa.estimators.depth_fit_kernels import medians_by_group
-from fedora_qa.estimators.depth_image import depth_image
-from fedora_qa.estimators.flow_mask import edges, inverse_depth
+from fedora_qa.estimators.depth.inverse_depth import depth_image
+from fedora_qa.estimators.depth.pair_fit_kernels import medians_by_group
+from fedora_qa.estimators.flow.mask import edges, inverse_depth
 
 HEIGHT, WIDTH = 61, 83
 

@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.depth_image import depth_image
-from fedora_qa.estimators.depth_warp import DepthModel, Lattice, lattice_of, lattice_stride, warp
+from fedora_qa.estimators.depth.inverse_depth import depth_image
+from fedora_qa.estimators.depth.warp import DepthModel, Lattice, lattice_of, lattice_stride, warp
 from fedora_qa.geometry.camera import RigidMotion
 
 Float64 = NDArray[np.float64]

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.displaced_stamps import displaced_part
+from fedora_qa.estimators.clocks.displaced_timestamps import displaced_part
 
 US = 1000
 PERIOD_US = 5000

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from fedora_qa.estimators.edge_profiles import FARTHEST_PX, RADIUS_PX, find_places, peaks_near, tile_profiles
-from fedora_qa.estimators.edge_steps import DepthSteps, depth_steps
+from fedora_qa.estimators.depth.edge_profiles import FARTHEST_PX, RADIUS_PX, find_places, peaks_near, tile_profiles
+from fedora_qa.estimators.depth.edge_steps import DepthSteps, depth_steps
 
 OFFSETS = np.arange(-RADIUS_PX, RADIUS_PX + 1)
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.edge_profiles import FARTHEST_PX, RADIUS_PX, tile_profiles
-from fedora_qa.estimators.edge_shift import EdgeShift, edge_shift
-from fedora_qa.estimators.edge_steps import depth_steps
+from fedora_qa.estimators.depth.edge_profiles import FARTHEST_PX, RADIUS_PX, tile_profiles
+from fedora_qa.estimators.depth.edge_shift import EdgeShift, edge_shift
+from fedora_qa.estimators.depth.edge_steps import depth_steps
 from tests.support.outline_world import FRAMES, OutlineWorld
 
 FLAT = OutlineWorld()

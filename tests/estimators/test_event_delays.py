@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_delays import (
+from fedora_qa.estimators.events.delays import (
     CellSums,
     _jackknife,
     delays,
@@ -13,7 +13,7 @@ from fedora_qa.estimators.event_delays import (
     latest_rectangle,
     latest_stretch,
 )
-from fedora_qa.estimators.few_groups import student_factor
+from fedora_qa.estimators.fitting.few_groups import student_factor
 
 
 def sums_of(late_s: np.ndarray, readings: int = 400, noise: float = 0.05, seed: int = 0) -> CellSums:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_footprint import LEFT_BY_SHARP, Axis, footprints
+from fedora_qa.estimators.events.footprint import LEFT_BY_SHARP, Axis, footprints
 from tests.estimators.event_world import Waves, camera_matrix
 
 FINE = 4  # steps of a frame pixel: 9 fine pixels make an event pixel at the ratio of 9/4

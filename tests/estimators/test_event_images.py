@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, shift
 
-from fedora_qa.estimators.event_kernels import EVENT, RUN
-from fedora_qa.estimators.event_orientation import (
+from fedora_qa.estimators.events.orientation import (
     SYMMETRIES,
     Moments,
     add_events_beyond,
@@ -17,8 +16,9 @@ from fedora_qa.estimators.event_orientation import (
     span_moments,
     step_moments,
 )
-from fedora_qa.estimators.event_rates import Tally, loudness
-from fedora_qa.estimators.event_shift import cross_correlation, peak
+from fedora_qa.estimators.events.rates import Tally, loudness
+from fedora_qa.estimators.events.row_kernels import EVENT, RUN
+from fedora_qa.estimators.events.shift import cross_correlation, peak
 
 SHAPE = (24, 36)
 TEXTURE = gaussian_filter(np.random.default_rng(0).normal(0, 1, SHAPE), 1.5)

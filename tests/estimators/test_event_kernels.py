@@ -9,19 +9,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_kernels import (
+from fedora_qa.estimators.events.pixels import by_pixel
+from fedora_qa.estimators.events.rates import Tally
+from fedora_qa.estimators.events.registration_errors import slope_sums
+from fedora_qa.estimators.events.row_kernels import (
     count_between_frames,
     count_repeats,
     find_repeats,
     mark_bursts,
     survey_columns,
 )
-from fedora_qa.estimators.event_pixels import by_pixel
-from fedora_qa.estimators.event_rates import Tally
-from fedora_qa.estimators.event_shift import Interval, intervals
-from fedora_qa.estimators.event_shift_kernels import KEPT, SETTLED, USABLE
-from fedora_qa.estimators.event_stamp_kernels import are_crowded, longest_silences
-from fedora_qa.estimators.registration_errors import slope_sums
+from fedora_qa.estimators.events.shift import Interval, intervals
+from fedora_qa.estimators.events.shift_kernels import KEPT, SETTLED, USABLE
+from fedora_qa.estimators.events.timestamp_kernels import are_crowded, longest_silences
 from tests.estimators.event_world import Stream
 
 SHAPE = (3, 4)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.event_excursions import EVERY_FRAME, Excursions, Law, bound
-from fedora_qa.estimators.event_runs import Runs, follow_runs
+from fedora_qa.estimators.events.excursions import EVERY_FRAME, Excursions, Law, bound
+from fedora_qa.estimators.events.linear_runs import Runs, follow_runs
 
 ON, OFF = 0.2, 0.3
 STEP_ON, STEP_OFF = 6.0, 8.0

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators import event_levels
-from fedora_qa.estimators.event_fit import ResponseFit, fit_response
-from fedora_qa.estimators.event_level_kernels import solve
-from fedora_qa.estimators.event_levels import (
+from fedora_qa.estimators.events import levels as event_levels
+from fedora_qa.estimators.events.level_kernels import solve
+from fedora_qa.estimators.events.levels import (
     SURE_WITHIN,
     LevelPairs,
     NormalBlocks,
@@ -21,7 +20,8 @@ from fedora_qa.estimators.event_levels import (
     level_pairs,
     sureness,
 )
-from fedora_qa.estimators.event_pixels import by_pixel
+from fedora_qa.estimators.events.pixels import by_pixel
+from fedora_qa.estimators.events.threshold_fit import ResponseFit, fit_response
 from tests.estimators.event_world import MS, Stream, Waves, log_events
 
 SHAPE = (40, 56)

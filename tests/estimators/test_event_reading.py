@@ -6,10 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.event_fit import ResponseFit, _effective_parts, fit_readings
-from fedora_qa.estimators.event_levels import concatenate
-from fedora_qa.estimators.event_pixels import PixelEvents, by_pixel
-from fedora_qa.estimators.event_reading import (
+from fedora_qa.estimators.events.frame_interpolation import (
     Readings,
     Way,
     inverse_distances,
@@ -17,7 +14,7 @@ from fedora_qa.estimators.event_reading import (
     reading_blocks,
     reading_weights,
 )
-from fedora_qa.estimators.event_reading_kernels import (
+from fedora_qa.estimators.events.frame_interpolation_kernels import (
     CORNER,
     FINE,
     READ,
@@ -26,6 +23,9 @@ from fedora_qa.estimators.event_reading_kernels import (
     polynomial,
     read_at_events,
 )
+from fedora_qa.estimators.events.levels import concatenate
+from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel
+from fedora_qa.estimators.events.threshold_fit import ResponseFit, _effective_parts, fit_readings
 from tests.estimators.event_world import MS, Stream, Waves, linear_events, log_events
 
 SHAPE = (24, 30)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.event_shift import RADIUS_PX
-from fedora_qa.estimators.far_shift import FarSums, far_shift, far_sums, joined
+from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
+from fedora_qa.estimators.events.shift import RADIUS_PX
 
 SHAPE = (96, 128)
 REACH_PX = RADIUS_PX - 1.0

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.few_groups import student_factor
-from fedora_qa.estimators.flow_field_fit import (
+from fedora_qa.estimators.fitting.few_groups import student_factor
+from fedora_qa.estimators.flow.field_fit import (
     GAIN,
     LOCKING,
     MEAN,

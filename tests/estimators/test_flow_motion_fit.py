@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.flow_motion_fit import (
+from fedora_qa.estimators.flow.motion_fit import (
     FlowSample,
     fit_motion,
     parallel_sum,
@@ -12,7 +12,7 @@ from fedora_qa.estimators.flow_motion_fit import (
     twist_statistic,
     weigh_templates,
 )
-from fedora_qa.estimators.flow_templates import SMALL_FAULTS, small_fault_templates
+from fedora_qa.estimators.flow.templates import SMALL_FAULTS, small_fault_templates
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import rigid_flow
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from fedora_qa.estimators.flow_path_kernels import errors_of_reading, medians_of_parts, spans_at_targets, step
+from fedora_qa.estimators.flow.path_kernels import errors_of_reading, medians_of_parts, spans_at_targets, step
 
 HEIGHT, WIDTH = 60, 90
 COLUMNS, ROWS = np.meshgrid(np.arange(float(WIDTH)), np.arange(float(HEIGHT)))

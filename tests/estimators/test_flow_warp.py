@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from fedora_qa.estimators.flow_warp import REMAP_ROUNDING_PX, read_at_pixels, read_between, smooth
+from fedora_qa.estimators.flow.warp import REMAP_ROUNDING_PX, read_at_pixels, read_between, smooth
 
 SIZE = 96
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.grouped_fit import GroupedFit, Parameters, group_of
-from fedora_qa.estimators.normal_equations import BlockEquations, block_equations
+from fedora_qa.estimators.fitting.grouped_fit import GroupedFit, Parameters, group_of
+from fedora_qa.estimators.fitting.normal_equations import BlockEquations, block_equations
 
 NAMES = ("offset", "slope_x", "slope_y", "slope_z")
 PARAMETERS = Parameters(NAMES, {"offset": (0,), "slope": (1, 2, 3)}, (1e3,) * 4)

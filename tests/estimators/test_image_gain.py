@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.image_gain import brightness_gain
+from fedora_qa.estimators.images.gain import brightness_gain
 
 Floats = NDArray[np.float64]
 

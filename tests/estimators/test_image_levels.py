@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.image_levels import ColourFit, colour_blocks, colour_columns, fit_colours, joined
+from fedora_qa.estimators.images.event_colours import ColourFit, colour_blocks, colour_columns, fit_colours, joined
 
 Floats = NDArray[np.float64]
 WEIGHTS = np.array(LUMA_WEIGHTS_RGB)

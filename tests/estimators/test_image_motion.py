@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.image_motion import motion_of_parts, motion_share
+from fedora_qa.estimators.images.order import motion_of_parts, motion_share
 
 Float32 = NDArray[np.float32]
 HEIGHT, WIDTH = 150, 200

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.image_noise import noise_variances
+from fedora_qa.estimators.images.noise import noise_variances
 
 RNG = np.random.default_rng(4)
 

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.event_footprint import footprints
-from fedora_qa.estimators.image_luma import cut_off, luma_of, luma_of_linear
-from fedora_qa.estimators.image_motion_kernels import is_of_one_value, reduced, reduced_flow
-from fedora_qa.estimators.image_points import sharp_colours
-from fedora_qa.estimators.image_samples import along_the_flow, steepness
-from fedora_qa.estimators.image_values import count_not_finite, count_outside, positive_extremes
+from fedora_qa.estimators.events.footprint import footprints
+from fedora_qa.estimators.images.footprints import sharp_colours
+from fedora_qa.estimators.images.luma import cut_off, luma_of, luma_of_linear
+from fedora_qa.estimators.images.order_kernels import is_of_one_value, reduced, reduced_flow
+from fedora_qa.estimators.images.samples import along_the_flow, steepness
+from fedora_qa.estimators.images.values import count_not_finite, count_outside, positive_extremes
 
 Float32 = NDArray[np.float32]
 RNG = np.random.default_rng(5)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.image_values import count_codes, count_not_finite
+from fedora_qa.estimators.images.values import count_codes, count_not_finite
 
 FLOATS = st.floats(width=32, allow_nan=True, allow_infinity=True)
 

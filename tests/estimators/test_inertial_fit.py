@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.inertial_fit import ROTATION, TRANSLATION, Comparison, fit_inertial
-from fedora_qa.estimators.inertial_samples import InertialNoise, InertialSamples
-from fedora_qa.estimators.inertial_summary import InertialFit
+from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
+from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, Comparison, fit_inertial
+from fedora_qa.estimators.imu.summary import InertialFit
 from tests.support.motion_world import EXACT, GRAVITY_M_S2, HOVER, NOISY, RESTLESS, sample_motion
 
 Plant = Callable[[InertialSamples], InertialSamples]

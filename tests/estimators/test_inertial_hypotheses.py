@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.inertial_hypotheses import Hypothesis, explain_forces, explain_rates
-from fedora_qa.estimators.inertial_samples import InertialSamples
+from fedora_qa.estimators.imu.conventions import Hypothesis, explain_forces, explain_rates
+from fedora_qa.estimators.imu.samples import InertialSamples
 from tests.support.motion_world import GRAVITY_M_S2, NOISY, RESTLESS, sample_motion
 
 Plant = Callable[[InertialSamples], InertialSamples]

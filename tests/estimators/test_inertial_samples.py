@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.inertial_samples import Rows, blocks_of, covered, every_second, smoothed, stamp_scatter
+from fedora_qa.estimators.imu.samples import Rows, blocks_of, covered, every_second, smoothed, stamp_scatter
 from tests.support.motion_world import sample_motion
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.largest_deviate import FEWEST, chance_of_largest
+from fedora_qa.estimators.fitting.largest_deviate import FEWEST, chance_of_largest
 
 
 @pytest.mark.parametrize("width", [1e-3, 1.0, 40.0])

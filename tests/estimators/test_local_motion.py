@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.frozen_samples import unmoved
-from fedora_qa.estimators.local_motion import (
+from fedora_qa.estimators.imu.frozen_samples import unmoved
+from fedora_qa.estimators.imu.local_motion import (
     Orientations,
     Vectors,
     divided_differences,
@@ -16,7 +16,7 @@ from fedora_qa.estimators.local_motion import (
     noise_level,
     sharpest,
 )
-from fedora_qa.estimators.straight_lines import find_interpolation
+from fedora_qa.estimators.imu.straight_lines import find_interpolation
 from tests.support.motion_world import RESTLESS
 
 TIMES_NS = np.arange(601) * 5_000_000

@@ -7,9 +7,9 @@ from evo.core import metrics, trajectory
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.inertial_samples import InertialSamples
-from fedora_qa.estimators.preintegration import rotation_increments, rotation_rows
-from fedora_qa.estimators.specific_force import translation_rows
+from fedora_qa.estimators.imu.preintegration import rotation_increments, rotation_rows
+from fedora_qa.estimators.imu.samples import InertialSamples
+from fedora_qa.estimators.imu.specific_force import translation_rows
 from fedora_qa.geometry import so3
 from fedora_qa.statistics.trajectory import rotation, translation
 from tests.support.motion_world import EXACT, GRAVITY_M_S2, NOISY, RESTLESS, sample_motion

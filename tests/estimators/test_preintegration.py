@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.inertial_samples import InertialNoise
-from fedora_qa.estimators.preintegration import (
+from fedora_qa.estimators.imu.preintegration import (
     ROTATION_PARAMETERS,
     rotation_increments,
     rotation_rows,
     without_rotation_faults,
 )
+from fedora_qa.estimators.imu.samples import InertialNoise
 from fedora_qa.geometry import so3
 from tests.support.motion_world import EXACT, NOISY, sample_motion
 

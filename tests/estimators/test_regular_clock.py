@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.regular_clock import fit_regular_clock
+from fedora_qa.estimators.clocks.regular_clock import fit_regular_clock
 
 
 @given(st.integers(3, 400), st.integers(1, 10**9), st.integers(-(10**15), 10**15))

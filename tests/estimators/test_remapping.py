@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.remapping import read_at
+from fedora_qa.estimators.images.remapping import read_at
 
 
 @pytest.mark.parametrize("count", [1, 32_766, 32_767, 70_001])

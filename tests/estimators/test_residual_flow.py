@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.flow_tiles import TileGrid, patches_of, pixels_of
-from fedora_qa.estimators.flow_warp import read_at_pixels, read_between, smooth
-from fedora_qa.estimators.residual_flow import TileResiduals, tile_residuals
-from fedora_qa.estimators.residual_flow_kernels import solved, sums_of_tiles
+from fedora_qa.estimators.flow.residual import TileResiduals, tile_residuals
+from fedora_qa.estimators.flow.residual_kernels import solved, sums_of_tiles
+from fedora_qa.estimators.flow.tiles import TileGrid, patches_of, pixels_of
+from fedora_qa.estimators.flow.warp import read_at_pixels, read_between, smooth
 
 SIZE = 240
 _RNG = np.random.default_rng(11)

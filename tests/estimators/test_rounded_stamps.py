@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.rounded_stamps import rounding_grid_ns
+from fedora_qa.estimators.clocks.rounded_timestamps import rounding_grid_ns
 
 US = 1000
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.inertial_samples import InertialNoise
-from fedora_qa.estimators.specific_force import (
+from fedora_qa.estimators.imu.samples import InertialNoise
+from fedora_qa.estimators.imu.specific_force import (
     TRANSLATION_PARAMETERS,
     translation_rows,
     without_translation_faults,

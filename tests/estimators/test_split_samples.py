@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.inertial_fit import ROTATION, TRANSLATION, Comparison, fit_inertial
-from fedora_qa.estimators.inertial_samples import InertialNoise, InertialSamples
-from fedora_qa.estimators.inertial_summary import InertialFit
-from fedora_qa.estimators.split_samples import halves, with_scatter
+from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
+from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, Comparison, fit_inertial
+from fedora_qa.estimators.imu.split_samples import halves, with_scatter
+from fedora_qa.estimators.imu.summary import InertialFit
 from tests.support.motion_world import EXACT, Motion, sample_motion
 
 IMU_NOISE = replace(EXACT, gyro_density=1.7e-4, accel_density=2e-3)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom, norm
 
-from fedora_qa.estimators.stamp_combs import STEPS, _hits_by_stamp, _hits_by_tick, comb_counts
+from fedora_qa.estimators.clocks.combs import STEPS, _hits_by_stamp, _hits_by_tick, comb_counts
 
 WINDOW_US = 200_000
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.stamp_grid import single_precision_spacing_us
+from fedora_qa.estimators.clocks.grid import single_precision_spacing_us
 
 
 def in_single_precision(times_us: np.ndarray) -> np.ndarray:

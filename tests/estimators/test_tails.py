@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from fedora_qa.estimators import tails
+from fedora_qa.estimators.fitting import tails
 
 CHANCES = st.floats(1e-9, 0.999)
 FREEDOMS = st.floats(1.0, 1e4)

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.preintegration import rotation_increments
-from fedora_qa.estimators.regular_clock import fit_regular_clock
-from fedora_qa.estimators.tails import log_chance_of_hits, normal_beyond
+from fedora_qa.estimators.clocks.regular_clock import fit_regular_clock
+from fedora_qa.estimators.fitting.tails import log_chance_of_hits, normal_beyond
+from fedora_qa.estimators.imu.preintegration import rotation_increments
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.motion import interpolate_poses

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_generator.faults import plant_fault
-from fedora_qa.estimators.inertial_samples import InertialSamples
+from fedora_qa.estimators.imu.samples import InertialSamples
 from tests.extremes.files import alarms, generated, named, outcomes, park, record_of
 from tests.support.motion_world import RESTLESS, MotionFile, sample_motion
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from fedora_qa.checks.protocol import ANY_CAUSE, Suspect
-from fedora_qa.judgement.diagnosis import SHARPNESS, UNTHOUGHT, diagnose, share_of_first
+from fedora_qa.diagnosis.diagnose import SHARPNESS, UNTHOUGHT, diagnose, share_of_first
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Finding, Where
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.inertial_samples import InertialNoise, InertialSamples
+from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
 
 Float64 = NDArray[np.float64]
 

@@ -3,20 +3,20 @@
 from collections.abc import Sequence
 from typing import Final
 
-from fedora_qa.checks.alignment.depth_edges import (
+from fedora_qa.checks.alignment.edge_shifts import Edges, colour_edges, event_edges
+from fedora_qa.checks.alignment.odd_one_out import shift_suspects
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.depth.edge_profiles import FARTHEST_PX
+from fedora_qa.estimators.depth.edge_shift import EdgeShift
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.depth_edges import (
     VARIANTS,
     DepthEdges,
     depth_edges,
     why_depth_and_colour_do_not_meet,
 )
-from fedora_qa.checks.alignment.depth_pair import Edges, colour_edges, event_edges
-from fedora_qa.checks.alignment.odd_one_out import shift_suspects
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
-from fedora_qa.estimators.edge_profiles import FARTHEST_PX
-from fedora_qa.estimators.edge_shift import EdgeShift
-from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.window import Window
 
 _WHERE: Final = Where(stream="depth")
 
@@ -48,7 +48,8 @@ class Depth(WindowCheck[DepthEdges]):
     outline, which draws left and right outlines apart: half their distance is measured, and bounds the error of the
     mean where both sides lean alike. Where they lean the same way in the image, peaks are skewed: by how much the mean
     moves when peaks are taken a pixel wider is measured too. Both together are the allowance
-    (``fedora_qa/estimators/edge_shift.py``), which grows where a line beside the outlines outshines them on one side.
+    (``fedora_qa/estimators/depth/edge_shift.py``), which grows where a line beside the outlines outshines them on one
+    side.
 
     Cannot see
     ----------
@@ -58,7 +59,7 @@ class Depth(WindowCheck[DepthEdges]):
     Sources
     -------
     I. J. Schoenberg, Quarterly of Applied Mathematics 4 (1946) 45 (an edge of box-filtered pixels is a quadratic
-    B-spline, whose centroid is exact: ``fedora_qa/estimators/edge_profiles.py``); B. Efron, C. Stein, Annals of
+    B-spline, whose centroid is exact: ``fedora_qa/estimators/depth/edge_profiles.py``); B. Efron, C. Stein, Annals of
     Statistics 9 (1981).
     """
 

@@ -7,21 +7,21 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.alignment.cameras import why_not_one_view
-from fedora_qa.checks.alignment.depth_edges import DARK_DN, DepthEdges, depth_edges
-from fedora_qa.checks.alignment.depth_pair import colour_edges, event_edges
+from fedora_qa.checks.alignment.edge_shifts import colour_edges, event_edges
 from fedora_qa.checks.alignment.odd_one_out import PairShift, shift_suspects
-from fedora_qa.checks.events.view import SeenFrames, intervals_due, seen_frames
-from fedora_qa.checks.large_frames import is_large, turn_of
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
-from fedora_qa.estimators.event_shift import RADIUS_PX, auto_correlation, cross_correlation
-from fedora_qa.estimators.far_shift import FarSums, far_shift, far_sums, joined
-from fedora_qa.estimators.image_changes import change_and_events
-from fedora_qa.estimators.registration import PEAK_RADIUS_PX, registered_shift
-from fedora_qa.estimators.registration_errors import open_level_errors, slope_sums
+from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
+from fedora_qa.estimators.events.frame_changes import change_and_events
+from fedora_qa.estimators.events.registration_errors import open_level_errors, slope_sums
+from fedora_qa.estimators.events.shift import RADIUS_PX, auto_correlation, cross_correlation
+from fedora_qa.estimators.images.registration import PEAK_RADIUS_PX, registered_shift
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.camera_mapping import why_not_one_view
+from fedora_qa.views.depth_edges import DARK_DN, DepthEdges, depth_edges
+from fedora_qa.views.event_camera import SeenFrames, intervals_due, seen_frames
+from fedora_qa.views.large_frames import is_large, turn_of
 
 Float64 = NDArray[np.float64]
 

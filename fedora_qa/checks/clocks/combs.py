@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.clocks.set_clock import set_clock
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.estimators.stamp_combs import STEPS, comb_counts
+from fedora_qa.estimators.clocks.combs import STEPS, comb_counts
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.clock_resets import set_clock
 
 _SURELY: Final = 10.0
 _AS_MUCH: Final = 0.8

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.clocks.streams import file_us
 from fedora_qa.checks.protocol import Measured, Suspect
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.estimators.regular_clock import RegularClock
+from fedora_qa.estimators.clocks.regular_clock import RegularClock
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 

@@ -10,8 +10,8 @@ from fedora_qa.checks.clocks.combs import Comb, comb_of, declared_tick_us, worst
 from fedora_qa.checks.clocks.streams import event_scan, fits_of
 from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.estimators.regular_clock import RegularClock
-from fedora_qa.estimators.stamp_grid import single_precision_spacing_us, surely_no_chance
+from fedora_qa.estimators.clocks.grid import single_precision_spacing_us, surely_no_chance
+from fedora_qa.estimators.clocks.regular_clock import RegularClock
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -56,7 +56,7 @@ class Resolution(WindowCheck[Comb]):
 
     Sources
     -------
-    IEEE 754-2019, 3.6 (24 bits of binary32); first principles, ``fedora_qa/estimators/stamp_grid.py`` and
+    IEEE 754-2019, 3.6 (24 bits of binary32); first principles, ``fedora_qa/estimators/clocks/grid.py`` and
     ``stamp_combs.py``.
     """
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, fits_of, placed_streams
-from fedora_qa.checks.clocks.units import suspect_of_part, unit_factor
+from fedora_qa.checks.clocks.unit import suspect_of_part, unit_factor
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
 from fedora_qa.conventions import NS_PER_MS
-from fedora_qa.estimators.regular_clock import RegularClock
+from fedora_qa.estimators.clocks.regular_clock import RegularClock
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 

@@ -5,15 +5,15 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.clocks.set_clock import set_clock
 from fedora_qa.checks.clocks.streams import all_stamps, clocks_of, event_scan, file_us, fits_of
-from fedora_qa.checks.clocks.units import suspect_of_part
+from fedora_qa.checks.clocks.unit import suspect_of_part
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
-from fedora_qa.estimators.regular_clock import RegularClock, is_rounded
+from fedora_qa.estimators.clocks.regular_clock import RegularClock, is_rounded
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.views.clock_resets import set_clock
 
 _BEHIND = 2
 """k samples in reverse make k - 1 steps back and as many stamps that lie behind; a clock that was set back makes one
@@ -37,7 +37,8 @@ class Order(FactsCheck):
     the order is told from the pattern: a step back by nearly 2^31 or 2^32 us is a 32-bit counter that wrapped; one step
     behind which more than two stamps lie before the latest one is a clock that was set back, by the size of that step;
     otherwise samples were exchanged. Ten or more repeated stamps that never delay the rows behind them by more than a
-    step were rounded to a grid above the period (``fedora_qa/estimators/regular_clock.py``); others were written twice.
+    step were rounded to a grid above the period (``fedora_qa/estimators/clocks/regular_clock.py``); others were
+    written twice.
 
     Noise model
     -----------
@@ -122,11 +123,11 @@ class Gaps(FactsCheck):
 
     How
     ---
-    A regular clock is fitted to each stream (``fedora_qa/estimators/regular_clock.py``). A step of about k periods (the
-    median step) hides k - 1 samples. Double steps that are spread evenly, as those of m places in m equal parts of the
-    stream, are a clock rounded to a coarse grid: by chance that happens with probability m!/m^m, 4e-4 at the ten steps
-    that are asked for. Where at most two steps of an exact clock, and at most a tenth of all, are off by more than the
-    rounding of their two stamps to a microsecond, the clock was set, or one sample was stamped late.
+    A regular clock is fitted to each stream (``fedora_qa/estimators/clocks/regular_clock.py``). A step of about k
+    periods (the median step) hides k - 1 samples. Double steps that are spread evenly, as those of m places in m equal
+    parts of the stream, are a clock rounded to a coarse grid: by chance that happens with probability m!/m^m, 4e-4 at
+    the ten steps that are asked for. Where at most two steps of an exact clock, and at most a tenth of all, are off by
+    more than the rounding of their two stamps to a microsecond, the clock was set, or one sample was stamped late.
 
     Noise model
     -----------

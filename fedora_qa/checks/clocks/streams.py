@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.regular_clock import FEWEST_STAMPS, RegularClock, fit_regular_clock
+from fedora_qa.estimators.clocks.regular_clock import FEWEST_STAMPS, RegularClock, fit_regular_clock
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Clock, EventScan, Facts
 

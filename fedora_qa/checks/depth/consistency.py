@@ -6,17 +6,17 @@ from typing import Final, Literal
 
 import numpy as np
 
-from fedora_qa.checks.depth.agreement import Deviation, PairAgreement, compare
-from fedora_qa.checks.depth.hypotheses import DEPTH, PART, weigh_hypotheses
-from fedora_qa.checks.depth.pairs import owned_pairs, place, why_no_geometry
 from fedora_qa.checks.depth.suspects import ANY_MISFIT
-from fedora_qa.checks.flow.comparison import is_noisy
-from fedora_qa.checks.flow.hypotheses import Weighed
-from fedora_qa.checks.flow.suspects import gross_suspects, most_probable
 from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.depth_agreement import Deviation, PairAgreement, compare
+from fedora_qa.views.depth_conventions import DEPTH, PART, weigh_hypotheses
+from fedora_qa.views.depth_pairs import owned_pairs, place, why_no_geometry
+from fedora_qa.views.flow_comparison import is_noisy
+from fedora_qa.views.flow_conventions import Weighed
+from fedora_qa.views.flow_suspects import gross_suspects, most_probable
 
 _CLOSER_LOOKS: Final = 4
 
@@ -82,7 +82,7 @@ class Consistency(WindowCheck[WindowAgreement]):
     Sources
     -------
     Y. Chen, G. Medioni, Image and Vision Computing 10 (1992) 145 (point to plane); E. B. Wilson, M. M. Hilferty, PNAS
-    17 (1931) 684 (cube root of chi-square); first principles, ``fedora_qa/estimators/depth_image.py`` and
+    17 (1931) 684 (cube root of chi-square); first principles, ``fedora_qa/estimators/depth/inverse_depth.py`` and
     ``depth_warp.py``.
     """
 

@@ -7,14 +7,14 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from fedora_qa.checks.depth.pairs import DepthPair, owned_pairs, place, why_no_geometry
-from fedora_qa.checks.flow.intervals import depths_plausible
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
-from fedora_qa.estimators.depth_fit import DepthFit, Family, fit_depth
-from fedora_qa.estimators.depth_warp import ModelNumber
+from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth
+from fedora_qa.estimators.depth.warp import ModelNumber
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.depth_pairs import DepthPair, owned_pairs, place, why_no_geometry
+from fedora_qa.views.flow_intervals import depths_plausible
 
 _TO_SIGMA: Final = 1.4826
 """From the median absolute deviation to the standard deviation of a normal distribution."""

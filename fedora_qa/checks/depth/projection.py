@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Final
 
-from fedora_qa.checks.depth.pairs import DepthPair
 from fedora_qa.checks.depth.parameters import FittedParameter, PairFit, Pooled
 from fedora_qa.checks.depth.suspects import ANY_MISFIT
 from fedora_qa.checks.protocol import Measured, Suspect
-from fedora_qa.estimators.depth_fit import Family
+from fedora_qa.estimators.depth.pair_fit import Family
+from fedora_qa.views.depth_pairs import DepthPair
 
 _MATTERS: Final = 0.5
 """Depths are z or lengths of rays: half of the way tells them apart."""
@@ -42,7 +42,7 @@ class Projection(FittedParameter):
     Sources
     -------
     Y. Chen, G. Medioni, Image and Vision Computing 10 (1992) 145; first principles,
-    ``fedora_qa/estimators/depth_fit.py``.
+    ``fedora_qa/estimators/depth/pair_fit.py``.
     """
 
     name = "depth.projection"

@@ -8,15 +8,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.depth.pairs import place, step_of
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.depth_step import DepthStep
-from fedora_qa.estimators.image_values import positive_extremes
+from fedora_qa.estimators.depth.stored_step import DepthStep
+from fedora_qa.estimators.images.values import positive_extremes
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.depth_pairs import place, step_of
 
 _ROUNDING: Final = 2.0**-22
 """Rounding to float32 (2^-24), of the depths and of the range, with two bits to spare; relative."""
@@ -67,9 +67,9 @@ class Range(WindowCheck[WindowRange]):
     Every decoded frame is tallied. Pixels that equal an end, to the rounding of float32, are counted against those in
     a neighbourhood of it that is 63 times as wide, where surfaces would leave one in 63. Steps are told from second
     differences along rows and columns, which vanish on planes and are multiples of one number where depths, or their
-    inverses, were rounded (``fedora_qa/estimators/depth_step.py``); steps above a thousandth of the depth are noted
-    (16-bit millimetres near by, half floats, disparities, a z-buffer of few bits), finer ones are stated among what
-    was inferred.
+    inverses, were rounded (``fedora_qa/estimators/depth/stored_step.py``); steps above a thousandth of the depth are
+    noted (16-bit millimetres near by, half floats, disparities, a z-buffer of few bits), finer ones are stated among
+    what was inferred.
 
     Noise model
     -----------

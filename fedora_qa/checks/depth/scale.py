@@ -6,11 +6,11 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from fedora_qa.checks.depth.pairs import DepthPair
 from fedora_qa.checks.depth.parameters import FittedParameter, PairFit, Pooled, pool
 from fedora_qa.checks.depth.suspects import ANY_MISFIT
 from fedora_qa.checks.protocol import Measured, Suspect
-from fedora_qa.estimators.depth_fit import DepthFit, Family, fit_depth
+from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth
+from fedora_qa.views.depth_pairs import DepthPair
 
 Known = TypeVar("Known", PairFit, Pooled)
 
@@ -58,7 +58,7 @@ class Scale(FittedParameter):
     Sources
     -------
     Y. Chen, G. Medioni, Image and Vision Computing 10 (1992) 145; first principles,
-    ``fedora_qa/estimators/depth_fit.py``.
+    ``fedora_qa/estimators/depth/pair_fit.py``.
     """
 
     name = "depth.scale"

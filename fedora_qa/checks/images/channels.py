@@ -3,13 +3,13 @@
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.images.colours import ColourAnswer, ColourCheck
 from fedora_qa.checks.protocol import Measured, Suspect
-from fedora_qa.estimators.channel_orders import WRONG_ORDERS, nearest_order, towards
-from fedora_qa.estimators.image_levels import ColourFit, Estimate
+from fedora_qa.estimators.images.channel_orders import WRONG_ORDERS, nearest_order, towards
+from fedora_qa.estimators.images.event_colours import ColourFit, Estimate
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.event_colours import ColourAnswer, ColourCheck
 
 SURELY: Final = 7.0
 """Standard errors at which a deviation would surely be seen, beyond a bias that may hide it and one that may feign it;
@@ -34,10 +34,10 @@ class Channels(ColourCheck):
     ---
     Events carry the luma 0.299 R + 0.587 G + 0.114 B of linear values. At frame times where a pixel's own events tell
     its level, what the events say between two such times is regressed on the changes of the three channels, with the
-    time offset as a nuisance (``fedora_qa/estimators/image_levels.py``). Coefficients over their sum are the weights.
-    The line that tells a wrong order from the right one with the least error is Fisher's, with the covariance of the
-    weights (``fedora_qa/estimators/channel_orders.py``): it uses all three weights, which halves the error against a
-    difference of two. The nearest order is named.
+    time offset as a nuisance (``fedora_qa/estimators/images/event_colours.py``). Coefficients over their sum are the
+    weights. The line that tells a wrong order from the right one with the least error is Fisher's, with the covariance
+    of the weights (``fedora_qa/estimators/images/channel_orders.py``): it uses all three weights, which halves the
+    error against a difference of two. The nearest order is named.
 
     Noise model
     -----------

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Measured, Suspect
-from fedora_qa.estimators.code_gain import CodeGain, could_betray, gain_after_rounding
+from fedora_qa.estimators.images.code_gain import CodeGain, could_betray, gain_after_rounding
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 

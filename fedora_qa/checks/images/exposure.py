@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.images.code_gains import frames_with_gain
-from fedora_qa.checks.images.pairs import flow_rate_of, neighbours, pairs_with_flow, same_points
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
-from fedora_qa.estimators.code_gain import CODES
-from fedora_qa.estimators.image_gain import brightness_gain
-from fedora_qa.estimators.image_values import count_codes, is_of_one_code
+from fedora_qa.estimators.images.code_gain import CODES
+from fedora_qa.estimators.images.gain import brightness_gain
+from fedora_qa.estimators.images.values import count_codes, is_of_one_code
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.frame_pairs import flow_rate_of, neighbours, pairs_with_flow, same_points
 
 Float64 = NDArray[np.float64]
 
@@ -84,11 +84,11 @@ class Exposure(WindowCheck[WindowExposure]):
     How
     ---
     Points that both frames show, by the fastest flow where there is one, and else the same coarse pixels, are
-    compared tile by tile (``fedora_qa/estimators/image_gain.py``): the logarithm of the ratio of sums, and the median
+    compared tile by tile (``fedora_qa/estimators/images/gain.py``): the logarithm of the ratio of sums, and the median
     over tiles. What the brightness does by itself, slowly, is the median of the pairs around; the pair that departs
     from it most is judged. A frame that differs alone gives a jump up and one down. A gain of rounded values leaves
     just those codes out (or puts two on one) that lie between its multiples: histograms of the frames tell it, to a
-    hundredth of a percent (``fedora_qa/estimators/code_gain.py``).
+    hundredth of a percent (``fedora_qa/estimators/images/code_gain.py``).
 
     Noise model
     -----------

@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow.frames import optics_of
 from fedora_qa.checks.images.order_causes import ALLOWED, order_suspects, out_of_order
 from fedora_qa.checks.images.order_parts import (
     PartShares,
@@ -15,14 +14,15 @@ from fedora_qa.checks.images.order_parts import (
     shares_of_large_frames,
     shares_of_parts,
 )
-from fedora_qa.checks.images.pairs import luma_on_flow_grid, pairs_with_flow
-from fedora_qa.checks.large_frames import is_large
 from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
-from fedora_qa.estimators.image_motion import MotionShare, motion_share
-from fedora_qa.estimators.image_motion_kernels import is_of_one_value
+from fedora_qa.estimators.images.order import MotionShare, motion_share
+from fedora_qa.estimators.images.order_kernels import is_of_one_value
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.frame_pairs import luma_on_flow_grid, pairs_with_flow
+from fedora_qa.views.large_frames import is_large
+from fedora_qa.views.warped_frames import optics_of
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -101,7 +101,7 @@ class Order(WindowCheck[tuple[Share, ...]]):
 
     Sources
     -------
-    B. D. Lucas, T. Kanade, IJCAI (1981) 674, with one unknown a pair; `estimators/image_motion.py` derives it.
+    B. D. Lucas, T. Kanade, IJCAI (1981) 674, with one unknown a pair; `estimators/images/order.py` derives it.
     """
 
     name = "images.order"

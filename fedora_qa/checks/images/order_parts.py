@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.images.order_causes import ALLOWED, order_suspects, out_of_order
 from fedora_qa.checks.protocol import Measured
-from fedora_qa.estimators.image_motion import MotionShare, motion_of_parts, motion_share
+from fedora_qa.estimators.images.order import MotionShare, motion_of_parts, motion_share
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import USUAL_PIXELS

@@ -5,7 +5,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.images.motion import (
+from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.images.digest import digest_of
+from fedora_qa.estimators.images.values import is_of_one_code
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.image_motion import (
     View,
     is_elsewhere,
     moved_by_events,
@@ -13,12 +19,6 @@ from fedora_qa.checks.images.motion import (
     surely_turned,
     view_of,
 )
-from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
-from fedora_qa.estimators.image_digest import digest_of
-from fedora_qa.estimators.image_values import is_of_one_code
-from fedora_qa.record.types import Coverage, Where
-from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.window import Window
 
 FEWEST_FRAMES: Final = 2
 
@@ -79,7 +79,7 @@ class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
 
     Sources
     -------
-    First principles; FIPS 180-4 (SHA-256); ``fedora_qa/estimators/image_digest.py``.
+    First principles; FIPS 180-4 (SHA-256); ``fedora_qa/estimators/images/digest.py``.
     """
 
     name = "images.repeats"

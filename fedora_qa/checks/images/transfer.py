@@ -3,12 +3,12 @@
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.images.colours import ColourAnswer, ColourCheck
 from fedora_qa.checks.protocol import Measured, Suspect
-from fedora_qa.estimators.image_levels import Estimate
+from fedora_qa.estimators.images.event_colours import Estimate
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.event_colours import ColourAnswer, ColourCheck
 
 MATTERS: Final = 0.5
 """Half of what the mildest curve of a display, a power of about 2, bends."""
@@ -61,8 +61,8 @@ class Transfer(ColourCheck):
 
     Sources
     -------
-    IEC 61966-2-1 (sRGB); first principles, ``fedora_qa/estimators/image_levels.py``. The allowances for declared
-    effects are those of ``event_response.threshold``.
+    IEC 61966-2-1 (sRGB); first principles, ``fedora_qa/estimators/images/event_colours.py``. The allowances for
+    declared effects are those of ``event_response.threshold``.
     """
 
     name = "images.transfer"

@@ -1,0 +1,1 @@
+"""Events against the logarithmic intensity of the frames."""

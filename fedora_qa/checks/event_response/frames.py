@@ -1,0 +1,161 @@
+"""Events against log intensity: single frames."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.conventions import NS_PER_US, US_PER_S
+from fedora_qa.estimators.events.orientation import BLOCK_PX
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.event_blocks import block_moments
+from fedora_qa.views.event_camera import why_frames_and_events_do_not_meet
+
+Float64 = NDArray[np.float64]
+
+LARGEST_NOISE: Final = 0.05
+"""An interval counts where what events leave open moves its coefficient by less: a tenth of what is allowed for."""
+
+LEAST_GAIN: Final = 0.3
+"""Below, the frames do not show what the events say in most intervals, and none of them can be told from the rest."""
+
+ALLOWED: Final = 0.5
+"""Halfway between a frame in its place and one that repeats the frame before."""
+
+FEWEST_INTERVALS: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalMoments:
+    """Frames (k, 2) at both ends of each interval, and the moments (k, 6) of ``event_orientation``."""
+
+    frames: NDArray[np.int64]
+    sums: Float64
+
+
+class Frames(WindowCheck[IntervalMoments]):
+    """Does each frame show what the events since the frame before it say?
+
+    The change of the signal between two successive frames over what the events in between say, relative to the usual
+    share of all intervals: 1 in an honest file. The interval that is farthest off is judged.
+
+    Why it matters
+    --------------
+    A repeated or exchanged frame is a wrong label for everything that is derived from images, and hardly shows to the
+    eye at 50 Hz. Events are an independent witness of each single interval.
+
+    How
+    ---
+    The change of the signal is regressed on the signed events in between, averaged over 4 x 4 px blocks. A frame that
+    repeats the one before gives 0 and the next one 2; exchanged frames give 2, -1, 2. Intervals in which events leave
+    the coefficient open by more than a twentieth are left out.
+
+    Noise model
+    -----------
+    The spread of all coefficients (median absolute deviation) together with what events leave open in the interval,
+    2/3 C+ C- a pixel. Half a frame's change is allowed for: halfway between a frame in its place and a repeated one.
+
+    Cannot see
+    ----------
+    Fewer than five telling intervals (hovering, no texture): not_observable. A file most of whose frames are wrong
+    (event_response.orientation), or frames shown a fraction of an interval late (event_response.timing).
+
+    Sources
+    -------
+    First principles (event_orientation).
+    """
+
+    name = "event_response.frames"
+    needs = ("events", "rgb")
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Need both cameras at one place, and declared thresholds."""
+        return why_frames_and_events_do_not_meet(facts)
+
+    def measure(self, window: Window) -> IntervalMoments | None:
+        """Sum over the blocks of each interval."""
+        blocks = block_moments(window)
+        if blocks is None:
+            return None
+        upright = blocks.steps[:, :, 0].sum(axis=1)
+        return IntervalMoments(np.stack([blocks.frames[:-1], blocks.frames[1:]], axis=1), upright)
+
+    def conclude(self, state: Sequence[IntervalMoments], facts: Facts) -> Observation:
+        """Find the interval that is farthest from all others."""
+        declared = facts.declared.events
+        intervals = max(len(facts.clocks["rgb"].times_ns) - 1, 0)
+        if not state or declared is None:
+            return Observation(Coverage(0, intervals, "frame intervals"), unobservable="no two frames with events")
+        frames = np.concatenate([one.frames for one in state])
+        n, _, _, dd, ee, de = np.concatenate([one.sums for one in state]).T
+        open_squares = n * 2 / 3 * declared.threshold_on * declared.threshold_off / BLOCK_PX**2
+        noise = np.sqrt(open_squares / np.maximum(n * ee, 1e-300))
+        clear = (n > 0) & (noise < LARGEST_NOISE)
+        coverage = Coverage(int(np.count_nonzero(clear)), intervals, "frame intervals")
+        if coverage.seen < FEWEST_INTERVALS:
+            return Observation(coverage, unobservable="too little changes between frames")
+        gains = de[clear] / ee[clear]
+        middle = float(np.median(gains))
+        if middle < LEAST_GAIN:
+            reason = (
+                f"events do not follow the frames at all: {middle:.2g} of what they say (event_response.orientation)"
+            )
+            return Observation(coverage, unobservable=reason)
+        spread = 1.4826 * float(np.median(np.abs(gains - middle)))
+        errors = np.hypot(spread, noise[clear])
+        worst = int(np.argmax((np.abs(gains - middle) - ALLOWED * middle) / errors))
+        repeated = int(np.count_nonzero(dd[clear] == 0))
+        times_s = (facts.origin_us + facts.clocks["rgb"].times_ns[frames[clear][:, 1]] / NS_PER_US) / US_PER_S
+        return Observation(
+            coverage,
+            (self._one(gains, middle, float(errors[worst]), worst, frames[clear][worst], repeated, facts),),
+            evidence={"change_shown": np.stack([times_s, gains], axis=1)},
+            titles={"change_shown": "Change between frames over what events say; x time [s]; y change shown [1]"},
+        )
+
+    def _one(
+        self,
+        gains: Float64,
+        middle: float,
+        error: float,
+        worst: int,
+        frames: NDArray[np.int64],
+        repeated: int,
+        facts: Facts,
+    ) -> Measured:
+        earlier, later = (int(frame) for frame in frames)
+        times_ns = facts.clocks["rgb"].times_ns
+        gain = float(gains[worst])
+        turned = int(np.count_nonzero(gains < -0.5 * middle))
+        return Measured(
+            name="change_shown",
+            value=gain / middle,
+            unit="1",
+            standard_error=error / middle,
+            expected=1.0,
+            allowance=ALLOWED,
+            tests=len(gains),
+            matters=1.5 + ALLOWED,  # between a frame that repeats and one that comes too early, however others vary
+            statement=f"Between the colour frames {earlier} and {later} the image changes by {gain:.2f} of what events "
+            f"say; {middle:.2f} is usual.",
+            code="event_response.frames.change",
+            where=Where(
+                stream="rgb",
+                start_us=facts.to_file_us(int(times_ns[earlier])),
+                stop_us=facts.to_file_us(int(times_ns[later])),
+                frame=later,
+            ),
+            suspects=(
+                Suspect("frozen_frames", "rgb", 0.9 if repeated else 0.2, float(max(repeated, 1)), "samples"),
+                Suspect(
+                    "swapped_frames", "rgb", 0.9 if turned and not repeated else 0.2, float(max(turned, 1)), "samples"
+                ),
+                Suspect("duplicated_samples", "events", 0.3),
+                Suspect("dropped_samples", "events", 0.3),
+            ),
+        )

@@ -1,0 +1,150 @@
+"""The event stream by itself: repeats."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.event_stream.bounds import NO_EVENTS, event_at, event_coverage, tick_ns, where_of, why_no_sensor
+from fedora_qa.checks.exact import count_of_faults
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.estimators.events.row_kernels import count_repeats, find_repeats
+from fedora_qa.sequence.declared import EventModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.event_camera import own, sensor_events, sensor_shape
+
+_BY_CHANCE: Final = 3
+"""Repeats that a hot pixel may make: of 200 Hz among a thousand other events, 0.2 share their microsecond with it."""
+
+_HOT: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatCount:
+    """Events of one window with the pixel and stamp of another, and ticks in which all events come in pairs."""
+
+    seen: int
+    repeats: int
+    doubled_ticks: int
+    first: tuple[int, int, int, int, int] | None
+    first_doubled: tuple[int, int, int, int, int] | None
+
+
+class Repeats(WindowCheck[RepeatCount]):
+    """Does every event occur once?
+
+    The number of events with pixel and stamp of another, and of ticks in which all events occur an even number of
+    times.
+
+    Why it matters
+    --------------
+    A packet that is flushed twice doubles contrast for a moment: integrated brightness is off for the rest of the
+    sequence, and rates of events are wrong.
+
+    How
+    ---
+    A pixel of a sensor that stamps to the microsecond fires at most once in it: twice would be a slope of a threshold a
+    microsecond. A sensor of the linear model fires once a rendered step. On a grid of packets a pixel may honestly fire
+    several times a tick; there only doubled ticks count: each pixel fires an even number of times with each polarity,
+    eight events at least.
+
+    Noise model
+    -----------
+    Ideal events never coincide, so that one repeat is too many. Declared spurious events fall on a true one with the
+    chance of their rate times the tick: that many are expected, with their Poisson error, and one more is allowed.
+    Of eight honest events of a packet, four pairs of one pixel and polarity each do not happen by chance.
+
+    Cannot see
+    ----------
+    Doubled events whose stamps were altered by as little as a microsecond, which ``event_response.conservation`` sees
+    where pixels show it; on packets, doubled events among others that are not.
+
+    Sources
+    -------
+    First principles, as above; the sensor's definition in the format's description.
+    """
+
+    name = "event_stream.duplicates"
+    needs = ("events",)
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Need the size of the sensor."""
+        return why_no_sensor(facts)
+
+    def measure(self, window: Window) -> RepeatCount:
+        """Count repeats."""
+        events = own(window, sensor_events(window))
+        shape = sensor_shape(window.facts.declared)
+        repeats, first, doubled, first_doubled = count_repeats(events.x, events.y, events.times_ns, shape), -1, 0, -1
+        if repeats:
+            repeats, first, doubled, first_doubled = find_repeats(events.x, events.y, events.times_ns, events.p, shape)
+        start = window.owned("events").start
+        return RepeatCount(
+            len(events),
+            repeats,
+            doubled,
+            event_at(events, first, start) if repeats else None,
+            event_at(events, first_doubled, start) if doubled else None,
+        )
+
+    def conclude(self, state: Sequence[RepeatCount], facts: Facts) -> Observation:
+        """Sum over the windows; on a grid only doubled ticks count."""
+        seen = sum(count.seen for count in state)
+        if not seen:
+            return Observation(event_coverage(facts, 0), unobservable=NO_EVENTS)
+        repeats = sum(count.repeats for count in state)
+        doubled = sum(count.doubled_ticks for count in state)
+        first_doubled = next((count.first_doubled for count in state if count.first_doubled is not None), None)
+        measured = [
+            count_of_faults(
+                name="doubled_ticks",
+                value=doubled,
+                unit="ticks",
+                statement=f"In {doubled} instants every event occurs twice: packets were written twice.",
+                code="event_stream.duplicates.packet",
+                where=where_of(facts, first_doubled),
+                suspects=(Suspect("duplicated_samples", "events", 0.95, float(repeats), "samples"),),
+            )
+        ]
+        if self._once_a_tick(facts):
+            first = next((count.first for count in state if count.first is not None), None)
+            measured.append(self._repeats(facts, repeats, seen, first))
+        return Observation(event_coverage(facts, seen), tuple(measured))
+
+    def _once_a_tick(self, facts: Facts) -> bool:
+        declared = facts.declared.events
+        linear = declared is not None and declared.model == "linear"
+        packets = declared is not None and declared.packet_interval_us > 0
+        return not packets and (linear or tick_ns(facts) == NS_PER_US)
+
+    def _repeats(self, facts: Facts, repeats: int, seen: int, first: tuple[int, int, int, int, int] | None) -> Measured:
+        chance = _spurious_per_pixel_hz(facts.declared.events) * tick_ns(facts) / NS_PER_S * seen
+        return Measured(
+            name="repeats",
+            value=float(repeats),
+            unit="events",
+            expected=chance,
+            # A count of rare coincidences; where none is declared even one is out of order.
+            standard_error=float(np.sqrt(chance)),
+            allowance=1.0 if chance > 0 else 0.0,
+            side="upper",
+            resolution=1.0,
+            statement=f"{repeats} events repeat pixel and stamp of another.",
+            code="event_stream.duplicates.event",
+            where=where_of(facts, first),
+            suspects=(
+                Suspect("duplicated_samples", "events", 0.95, float(repeats), "samples"),
+                Suspect("hot_pixels", "events", _HOT if repeats <= _BY_CHANCE else 0.1),
+            ),
+        )
+
+
+def _spurious_per_pixel_hz(declared: EventModel | None) -> float:
+    """Return the declared rate of events that no brightness explains, averaged over the events that they may meet."""
+    if declared is None:
+        return 0.0
+    # An event of a hot pixel meets others at the hot rate; take all events as if they did.
+    return declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)

@@ -1,0 +1,144 @@
+"""The event stream by itself: silences of the whole sensor."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.event_stream.bounds import event_coverage, local_tick_ns, tick_ns
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.events.gaps import Silence, strangest_silence
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.clock_resets import set_clock
+from fedora_qa.views.event_camera import all_events, own
+
+_SIGMA_INTERVALS: Final = 3.5
+"""Standard error of a silence in mean intervals between events, where every tick holds one: a silence of w intervals is
+due with probability e^-w (Poisson), which is that of six standard deviations, 1e-9, at w = 20.7."""
+
+
+@dataclass(frozen=True, slots=True)
+class SilenceCount:
+    """The strangest silence that ends in a window, and of how many."""
+
+    seen: int
+    silences: int
+    strangest: Silence | None
+
+
+class Gaps(WindowCheck[SilenceCount]):
+    """Does the stream of all pixels together fall silent where its neighbourhood does not?
+
+    The length, in ms, of the silence that its own neighbourhood makes least probable.
+
+    Why it matters
+    --------------
+    A recorder or simulator that loses a packet leaves a hole of 0.2 to 2 ms, in which every edge jumps. Frames per
+    second, rates and histograms do not show it.
+
+    How
+    ---
+    The longest silences of a window are examined, those that began before it included. Each is held against the counts
+    in sixteen bins of its own length on either side, and the side that makes it more probable counts: motion that comes
+    to rest empties its neighbourhood as well and so excuses a silence, a packet that was lost does not. A silence that
+    a step back of the stamps matches (``clocks.order``) is a clock that was set, and no loss.
+
+    Noise model
+    -----------
+    Bins of a rate that itself fluctuates hold gamma-Poisson counts: with mean m and a rate of relative variance 1/r,
+    measured from the bins, an empty one has the chance (1 + m / r)^-r. The standard error is the length at which this
+    chance becomes that of one standard deviation; every silence is a test. The grid of stamps is taken off each
+    silence.
+
+    Cannot see
+    ----------
+    Losses in a part of the image (``event_response.conservation``), losses shorter than the usual silence of the scene,
+    and those in quiet scenes: where 2 ms would pass unseen nothing is judged. A loss at the very end, after which no
+    event comes, or within four of its own lengths of the first event, when the sensor only begins to fire.
+
+    Sources
+    -------
+    M. Greenwood, G. U. Yule, J. R. Stat. Soc. 83 (1920) for counts of a gamma distributed rate; derivation in
+    ``event_gaps``.
+    """
+
+    name = "event_stream.gaps"
+    needs = ("events",)
+    _MATTERS_MS: Final = 2.0
+    """One packet of the recorder (0.2 ms at least, 2 ms usual) is what is lost in practice."""
+
+    def measure(self, window: Window) -> SilenceCount:
+        """Find the strangest silence that ends here, whatever window it began in."""
+        events = all_events(window)
+        times_ns = events.times_ns
+        start_ns, stop_ns = window.span.start_ns, window.span.stop_ns
+        first_ns = window.facts.events.first_ns if window.facts.events is not None else 0
+        if len(times_ns) and times_ns[0] >= start_ns > first_ns:
+            # The silence began before the halo: take it as long as the halo shows.
+            times_ns = np.concatenate([[min(2 * start_ns - stop_ns, int(times_ns[0]) - 1)], times_ns])
+        strangest, silences = strangest_silence(times_ns, start_ns, stop_ns, local_tick_ns(window), first_ns)
+        return SilenceCount(len(own(window, events)), silences, strangest)
+
+    def conclude(self, state: Sequence[SilenceCount], facts: Facts) -> Observation:
+        """Take the strangest of all."""
+        seen = sum(count.seen for count in state)
+        found = [count.strangest for count in state if count.strangest is not None]
+        if not found:
+            return self._no_silence(state, facts, seen)
+        worst = max(found, key=lambda silence: silence.z)
+        length_ms = worst.length_ns / 1e6
+        start_us, stop_us = (facts.to_file_us(time) for time in (worst.start_ns, worst.stop_ns))
+        measured = Measured(
+            name="gap",
+            value=length_ms,
+            unit="ms",
+            standard_error=length_ms / max(worst.z, 0.5),
+            side="upper",
+            matters=self._MATTERS_MS,
+            tests=sum(count.silences for count in state),
+            statement=f"No event for {length_ms:.4g} ms from {start_us:.0f} us, where about {_due(worst)} are due.",
+            code="event_stream.gaps.silence",
+            where=Where(stream="events", start_us=start_us, stop_us=stop_us),
+            suspects=_suspects(worst, facts),
+        )
+        return Observation(event_coverage(facts, seen), (measured,))
+
+    def _no_silence(self, state: Sequence[SilenceCount], facts: Facts, seen: int) -> Observation:
+        """State that every tick holds events, or that there are too few of them."""
+        if not any(count.silences for count in state):
+            reason = "too few events to tell a gap from a quiet scene"
+            return Observation(event_coverage(facts, seen), unobservable=reason)
+        tick_ms = tick_ns(facts) / 1e6
+        none = Measured(
+            name="gap",
+            value=0.0,
+            unit="ms",
+            standard_error=_SIGMA_INTERVALS * _mean_interval_ms(facts),
+            side="upper",
+            resolution=tick_ms,
+            matters=self._MATTERS_MS,
+            statement="",
+            code="event_stream.gaps.silence",
+        )
+        return Observation(event_coverage(facts, seen), (none,))
+
+
+def _mean_interval_ms(facts: Facts) -> float:
+    events = facts.events
+    return (events.last_ns - events.first_ns) / 1e6 / max(events.count, 1) if events is not None else 0.0
+
+
+def _due(silence: Silence) -> int:
+    return max(round(silence.expected), 1)
+
+
+def _suspects(silence: Silence, facts: Facts) -> tuple[Suspect, ...]:
+    """Tell events that were lost from a clock that was set: it is set back again by as much."""
+    lost, was_set = _due(silence), set_clock(facts.events)
+    is_a_step = was_set is not None and was_set.is_of(silence.start_ns, silence.stop_ns)
+    dropped = Suspect("dropped_samples", "events", 0.3 if is_a_step else 0.95, float(lost), "samples", sqrt(lost))
+    return (*was_set.suspects, dropped) if was_set is not None and is_a_step else (dropped,)

@@ -1,1 +1,0 @@
-"""Checks of events: their stream by itself, and against the frames."""

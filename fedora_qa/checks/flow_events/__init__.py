@@ -1,0 +1,1 @@
+"""Flow against events."""

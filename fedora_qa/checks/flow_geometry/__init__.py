@@ -1,0 +1,1 @@
+"""Flow against depth, intrinsics and camera motion."""

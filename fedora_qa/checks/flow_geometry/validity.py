@@ -1,0 +1,281 @@
+"""Where flow has values and where it has none, and which intervals it belongs to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.flow_geometry.interval_timestamps import stamp_measurements
+from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Observation, Suspect, WindowCheck
+from fedora_qa.estimators.flow.validity_kernels import compare_patterns, depth_range_m
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.rigid_flow import moved_points
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.camera_motion import motion_over
+from fedora_qa.views.flow_intervals import (
+    Interval,
+    PoseTrack,
+    depths_plausible,
+    frame_at,
+    owned_intervals,
+    place,
+    pose_track,
+)
+from fedora_qa.views.flow_suspects import DISPLACEMENTS, spreads_over
+from fedora_qa.views.static_depth import standing_depth_m
+
+Mask = NDArray[np.bool_]
+
+_SIGMAS: Final = 8.0
+"""Points nearer to the camera's plane than so many sigma of declared pose noise count as neither before nor behind."""
+
+
+@dataclass(frozen=True, slots=True)
+class FieldPattern:
+    """Wrong pixels of one field; ``pixel`` is the first, (column, row).
+
+    ``unfounded`` values stand where there can be none: ``unfounded_zero`` of them are zero, ``unfounded_alike`` equal
+    their median, ``behind`` of them belong to points behind the camera. ``deep`` says that the depths of these, or of
+    all where there are none, are plausible.
+    """
+
+    interval: Interval
+    frame: int
+    unfounded: int
+    unfounded_zero: int
+    unfounded_alike: int
+    behind: int
+    deep: bool
+    infinite: int
+    missing: int
+    pixel: tuple[int, int] | None
+
+
+class Validity(WindowCheck[tuple[FieldPattern, ...]]):
+    """Has flow values exactly where it must, over intervals from frame to frame?
+
+    Counted are pixels that have a flow and no depth, or a depth and no flow, infinite values, and intervals that
+    start or end on no depth frame, leave gaps, overlap, or do not last as long as their rate says. Every count must
+    be zero.
+
+    Why it matters
+    --------------
+    A zero where no flow is known reads as standing still. An interval that is stamped beside its frames pairs each
+    field with the wrong images, and a dropped field shifts all that follow.
+
+    How
+    ---
+    Every pixel of every field is looked at: a value where the depth at the interval's start is valid and the point
+    stays before the camera, NaN elsewhere. Stamps are compared as integers. Where they leave the frames, an offset, a
+    drift and a grid are fitted to the distances from the nearest frames, and the share that each takes away weighs
+    it; colour frames decide whether flow or depth is late. Gaps are told from stamps out of order by sorting.
+
+    Noise model
+    -----------
+    None: counts of an honest file are zero. Only points within eight standard deviations of declared pose noise of
+    the camera's plane are left out (two-sided probability 1e-15 each), and missing values of what moves by itself.
+
+    Cannot see
+    ----------
+    Intervals that are shifted by whole frames in step with their stamps: `flow_geometry.endpoint` does. Offsets are
+    seen modulo the frame step. Without poses, where no pose covers an interval, or where it is not known what moves,
+    missing values are not counted.
+
+    Sources
+    -------
+    First principles: format.md fixes where flow is finite; `checks/flow_geometry/timestamp_patterns.py` derives the
+    patterns.
+    """
+
+    name = "flow_geometry.validity"
+    needs = ("flow", "depth")
+
+    def measure(self, window: Window) -> tuple[FieldPattern, ...] | None:
+        """Compare patterns of every field that the window owns."""
+        camera = window.facts.declared.cameras.get("depth")
+        track = pose_track(window, camera) if camera and "pose" in window.facts.streams else None
+        patterns = []
+        for stream in window.facts.flow_streams:
+            for interval in owned_intervals(window, stream):
+                frame = frame_at(window.facts.clocks["depth"], interval.start_ns)
+                pattern = None if frame is None else _compare(window, track, interval, frame)
+                patterns += [pattern] if pattern else []
+        return tuple(patterns)
+
+    def conclude(self, state: Sequence[tuple[FieldPattern, ...]], facts: Facts) -> Observation:
+        """State how many pixels are wrong, of which kind, and how many intervals."""
+        patterns = [pattern for patterns in state for pattern in patterns]
+        total = sum(facts.sizes.get(f"path/{stream}", 0) for stream in facts.flow_streams)
+        coverage = Coverage(len(patterns), total, "flow fields")
+        if not facts.clocks["depth"].usable:
+            return Observation(coverage, unobservable="the stamps of depth do not advance")
+        return Observation(coverage, (*_pixel_measurements(patterns, facts), *stamp_measurements(facts)))
+
+
+def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame: int) -> FieldPattern | None:
+    depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
+    if depth_m.shape != flow_px.shape[:2]:
+        return None
+    standing_m = standing_depth_m(window, frame)
+    passes = track is not None and standing_m is not None and _may_pass(window, track, interval, frame, standing_m)
+    lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
+    unfounded, missing, infinite = compare_patterns(lines, depth_m, depth_m if standing_m is None else standing_m)
+    is_known = track is not None and standing_m is not None
+    if not passes and not unfounded and not infinite and not (missing and is_known):
+        return FieldPattern(interval, frame, 0, 0, 0, 0, deep=True, infinite=0, missing=0, pixel=None)
+    return _examined(window, track, interval, frame, standing_m)
+
+
+def _may_pass(
+    window: Window, track: PoseTrack, interval: Interval, frame: int, standing_m: NDArray[np.float32]
+) -> bool:
+    """Whether any point that stands may end behind the camera's plane, or too near to it to tell."""
+    motion = motion_over(window, track, interval)
+    depth_m = window.depth_m(frame)
+    range_m = window.once(("range of depth", frame), lambda: depth_range_m(depth_m, standing_m))
+    return motion is None or (range_m is not None and not _all_before(track, motion, depth_m.shape, range_m, window))
+
+
+def _examined(
+    window: Window,
+    track: PoseTrack | None,
+    interval: Interval,
+    frame: int,
+    standing_m: NDArray[np.float32] | None,
+) -> FieldPattern:
+    """Look at every pixel of a field in which something is odd, or may be."""
+    depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
+    u, v = flow_px[..., 0], flow_px[..., 1]
+    present = np.isfinite(u) & np.isfinite(v)
+    valid = np.isfinite(depth_m) & (depth_m > 0)
+    unfounded, missing = present & ~valid, valid & ~present
+    behind = np.zeros_like(valid)
+    if track is not None and standing_m is not None:
+        still = valid & np.isfinite(standing_m)
+        before, behind = _before_and_behind(window, track, interval, depth_m, still)
+        unfounded |= present & behind
+        missing &= before
+    else:
+        missing[:] = False
+    wrong = unfounded | missing
+    first = int(np.argmax(wrong)) if wrong.any() else None
+    width = depth_m.shape[1]
+    return FieldPattern(
+        interval,
+        frame,
+        unfounded=int(np.count_nonzero(unfounded)),
+        unfounded_zero=int(np.count_nonzero(unfounded & (u == 0) & (v == 0))),
+        unfounded_alike=_alike(flow_px[unfounded]),
+        behind=int(np.count_nonzero(present & behind)),
+        deep=not valid.any() or depths_plausible(window.facts, depth_m[behind if behind.any() else valid]),
+        infinite=int(np.count_nonzero(np.isinf(u) | np.isinf(v))),
+        missing=int(np.count_nonzero(missing)),
+        pixel=None if first is None else (first % width, first // width),
+    )
+
+
+def _alike(flow_px: NDArray[np.float32]) -> int:
+    """Count the values (n, 2) that equal their median: of a fill value most do, of a flow hardly any."""
+    return int(np.count_nonzero(np.all(flow_px == np.median(flow_px, axis=0), axis=1))) if len(flow_px) else 0
+
+
+def _before_and_behind(
+    window: Window, track: PoseTrack, interval: Interval, depth_m: NDArray[np.float32], valid: Mask
+) -> tuple[Mask, Mask]:
+    """Return which pixels' points end surely before the camera's plane, and which surely behind it."""
+    motion = motion_over(window, track, interval)
+    if motion is None or not valid.any():
+        return np.zeros_like(valid), np.zeros_like(valid)
+    height, width = depth_m.shape
+    range_m = float(depth_m[valid].min()), float(depth_m[valid].max())
+    if _all_before(track, motion, depth_m.shape, range_m, window):
+        return valid, np.zeros_like(valid)
+    margin_m = _margin_m(window.facts.declared.pose, range_m[1])
+    columns, rows = np.arange(width, dtype=np.float64)[None, :], np.arange(height, dtype=np.float64)[:, None]
+    Z1_m = moved_points(track.camera.K, motion, columns, rows, depth_m.astype(np.float64))[2]
+    return valid & (Z1_m > margin_m), valid & (Z1_m < -margin_m)
+
+
+def _all_before(
+    track: PoseTrack, motion: RigidMotion, shape: tuple[int, ...], range_m: tuple[float, float], window: Window
+) -> bool:
+    """Whether all points of an image end surely before the camera's plane, as the nearest in its corners does."""
+    height, width = shape
+    corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=np.float64)
+    turned = moved_points(track.camera.K, motion, corners[:, 0], corners[:, 1], np.ones(4))[2] - motion.t_m[2]
+    margin_m = _margin_m(window.facts.declared.pose, range_m[1])
+    return bool(turned.min() > 0 and range_m[0] * turned.min() + motion.t_m[2] > margin_m)
+
+
+def _margin_m(noise: PoseModel | None, distance_m: float) -> float:
+    """Return how far pose noise, or rounding where there is none, can move a point along the optical axis."""
+    rounding_m = 1e-5 * distance_m
+    if noise is None:
+        return distance_m
+    return _SIGMAS * float(np.hypot(noise.position_sigma_m, noise.rotation_sigma_rad * distance_m)) + rounding_m
+
+
+def _pixel_measurements(patterns: Sequence[FieldPattern], facts: Facts) -> list[Measured]:
+    unfounded = [pattern for pattern in patterns if pattern.unfounded]
+    missing = [pattern for pattern in patterns if pattern.missing]
+    infinite = [pattern for pattern in patterns if pattern.infinite]
+    wrong = max(sum(p.unfounded for p in unfounded), 1)
+    mostly_zero = 2 * sum(p.unfounded_zero for p in unfounded) > wrong
+    mostly_behind = 2 * sum(p.behind for p in unfounded) > wrong
+    where = "stand where the point falls behind the camera" if mostly_behind else "stand where depth is invalid"
+    misplaced: tuple[tuple[str, str, float], ...] = (
+        ("invalid_encoding", "flow", 0.9),
+        ("invalid_encoding", "depth", 0.4),
+    )
+    if 2 * sum(p.unfounded_alike for p in unfounded) <= wrong:  # flow of its own, which was made of a depth
+        misplaced = (("nan_in_stream", "depth", 0.8), *((cause, stream, 0.5 * w) for cause, stream, w in misplaced))
+    if mostly_behind:
+        blamed = "pose" if all(pattern.deep for pattern in unfounded) else "depth"
+        misplaced = (("unit_mm_m", blamed, 0.6), (ANY_CAUSE, blamed, 0.5))
+    absent: tuple[tuple[str, str, float], ...] = (("nan_in_stream", "flow", 0.8), ("invalid_encoding", "depth", 0.4))
+    if unfounded and missing:
+        misplaced = absent = DISPLACEMENTS
+    return [
+        _count("values_without_depth", "unfounded", sum(p.unfounded for p in patterns), unfounded, facts,
+               where + (", most of them 0" if mostly_zero else ""), misplaced),
+        _count("missing_values", "missing", sum(p.missing for p in patterns), missing, facts,
+               "are absent where depth is valid", absent),
+        _count("infinite_values", "infinite", sum(p.infinite for p in patterns), infinite, facts,
+               "are infinite", (("invalid_encoding", "flow", 0.9),)),
+    ]  # fmt: skip
+
+
+def _count(
+    name: str,
+    rule: str,
+    count: int,
+    wrong: Sequence[FieldPattern],
+    facts: Facts,
+    what: str,
+    causes: Sequence[tuple[str, str, float]],
+) -> Measured:
+    where, suspects = Where(), tuple[Suspect, ...]()
+    if wrong:
+        first, last = wrong[0], wrong[-1]
+        streams = {pattern.interval.stream for pattern in wrong}
+        off = {stream: stream in streams for stream in facts.flow_streams}
+        flow = spreads_over(first.interval.stream, off)
+        where = place(facts, (first.interval, last.interval), frame=first.frame, pixel=first.pixel)
+        suspects = tuple(Suspect(cause, flow if stream == "flow" else stream, w) for cause, stream, w in causes)
+    return Measured(
+        name=name,
+        value=float(count),
+        unit="pixels",
+        standard_error=0.0,
+        resolution=1.0,
+        side="upper",
+        statement=f"{count} values of flow, in {len(wrong)} fields, {what}.",
+        code=f"flow_geometry.validity.{rule}",
+        where=where,
+        suspects=suspects,
+    )

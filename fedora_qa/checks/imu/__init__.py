@@ -1,0 +1,1 @@
+"""The IMU by itself and against the poses."""

@@ -1,0 +1,123 @@
+"""The noise of the IMU against its declaration."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.exact import count_of_faults
+from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.imu.local_motion import Vectors, noise_level
+from fedora_qa.estimators.imu.samples import STAMP_SIGMA_S
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.declared import ImuModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import ImuSamples, Window
+from fedora_qa.views.motion_samples import NOISE_ORDER, imu_roundings, join_imu, owned_imu, place, why_unusable
+from fedora_qa.views.noise_level import noise_against_declared
+from fedora_qa.views.sample_defects import frozen_imu, stamp_defects
+
+Float64 = NDArray[np.float64]
+
+_DEGREES: Final = float(np.degrees(1.0))
+
+
+class Noise(WindowCheck[ImuSamples]):
+    """Is the noise of the IMU what is declared?
+
+    The standard deviation of white noise of gyro and accelerometer, as a ratio to ``density * sqrt(rate)``, or itself
+    where none is declared; and how many samples are frozen.
+
+    Why it matters
+    --------------
+    Filters weigh IMU and cameras by the declared densities. A buffer that is written again without being refreshed
+    gives samples of the past that no filter expects.
+
+    How
+    ---
+    As pose.noise: divided differences of order 8 over nine neighbouring samples, from which motion vanishes. A sample
+    is frozen where it repeats the one before in every bit while its neighbours change by a tenth of what is typical and
+    by more than rounding can: sixteen units in the last place, since a steady motion in rotated axes repeats to within
+    them.
+
+    Noise model
+    -----------
+    As pose.noise: Gaussian and white; correlation of neighbouring differences, what two orders more take away, rounded
+    stamps, stored digits. Rates are differences of orientations, whose components reach 1, and are rounded as those.
+
+    Cannot see
+    ----------
+    Biases and their walks, which are slow (imu.rotation, imu.translation); noise that is not white, but for its fastest
+    part. A body at rest repeats itself: nothing counts as frozen there.
+
+    Sources
+    -------
+    IEEE Std 952-1997, annex C (density and sample noise); first principles in
+    ``fedora_qa/estimators/imu/local_motion.py``.
+    """
+
+    name = "imu.noise"
+    needs = ("imu",)
+
+    def measure(self, window: Window) -> ImuSamples | None:
+        """Keep the window's own samples."""
+        return owned_imu(window)
+
+    def conclude(self, state: Sequence[ImuSamples], facts: Facts) -> Observation:
+        """Compare both sensors with their declarations."""
+        imu = join_imu(state)
+        seen = Coverage(len(imu.times_ns), len(facts.clocks["imu"].times_ns), "samples")
+        gyro = noise_level(imu.times_ns, Vectors(imu.angular_velocities_body_rad_s), order=NOISE_ORDER)
+        accel = noise_level(imu.times_ns, Vectors(imu.specific_forces_body_m_s2), order=NOISE_ORDER)
+        unusable = why_unusable(facts, "imu")
+        if unusable or gyro is None or accel is None:
+            return Observation(seen, unobservable=unusable or "too few samples in a row to tell noise from motion")
+        model = facts.declared.imu or ImuModel()
+        root_rate = float(np.sqrt(NS_PER_S / np.median(np.diff(imu.times_ns))))
+        gyro_rounding, accel_rounding = imu_roundings(imu)
+        of_stamps = stamp_defects(facts, "imu")
+        rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
+        gyro_noise = noise_against_declared(
+            "gyro",
+            "rad/s",
+            gyro,
+            root_rate * model.gyro_noise_density,
+            _floor(imu.times_ns, rates, gyro_rounding),
+            "imu.noise",
+            "imu",
+            units={"unit_deg_rad": _DEGREES},
+            besides=of_stamps,
+        )
+        accel_noise = noise_against_declared(
+            "accelerometer",
+            "m/s^2",
+            accel,
+            root_rate * model.accel_noise_density,
+            _floor(imu.times_ns, forces, accel_rounding),
+            "imu.noise",
+            "imu",
+            units={},
+            besides=of_stamps,
+        )
+        return Observation(seen, (gyro_noise, accel_noise, _stops(facts, imu)))
+
+
+def _floor(times_ns: NDArray[np.int64], values: Float64, rounding: float) -> float:
+    """Return the scatter of exact samples: stored digits, and stamps rounded to a microsecond."""
+    changes = np.linalg.norm(np.diff(values, axis=0), axis=1) / (np.diff(times_ns) / NS_PER_S)
+    return float(np.hypot(np.sqrt(np.mean(np.square(changes))) * STAMP_SIGMA_S, rounding))
+
+
+def _stops(facts: Facts, imu: ImuSamples) -> Measured:
+    still = frozen_imu(imu)
+    return count_of_faults(
+        "frozen",
+        len(still),
+        "samples",
+        statement=f"{len(still)} IMU samples repeat the one before exactly while the body moves.",
+        code="imu.noise.frozen",
+        where=place(facts, "imu", int(imu.times_ns[still[0]])) if len(still) else Where(stream="imu"),
+        suspects=(Suspect("frozen_frames", "imu", 0.95, float(len(still)), "samples"),),
+    )

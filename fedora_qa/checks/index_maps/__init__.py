@@ -1,0 +1,1 @@
+"""The maps from frames to events."""

@@ -1,0 +1,1 @@
+"""From the features of failed measurements to causes; runs only after an alarm."""

@@ -1,0 +1,1 @@
+"""Depth frames, their steps and edges."""

@@ -1,0 +1,1 @@
+"""Events against frames, and by themselves."""

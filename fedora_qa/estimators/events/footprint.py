@@ -1,0 +1,201 @@
+"""Frames seen by the pixels of the event camera: area averages in linear intensity.
+
+Two cameras with one centre and one orientation see the same ray at pixels related by ``x_to = K_to K_from^-1 x_from``,
+separable in columns and rows where the skew is zero. A pixel covers [u - 1/2, u + 1/2].
+
+The mean over an interval is the difference of the primitive at its ends. At the borders of frame pixels the primitive
+is known exactly, because a frame pixel is itself a mean. Inside a pixel two reconstructions bracket what the frame
+does not tell: the straight line (the pixel is even, which widens the footprint and takes contrast away) and the cubic
+through the four nearest borders (exact for smooth images, too sharp at steps).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.events.footprint_kernels import Weighted32, average_taps, see_frame
+
+Float64 = NDArray[np.float64]
+
+LEFT_BY_SHARP = 0.7
+"""Bound on the error of what follows from the sharp reconstruction, as a share of how far the even one moves it.
+
+On smooth images the cubic has hardly any error. Steps are the worst that frames hold. For unit steps at random places,
+moving by s frame pixels between two readings (footprints of 9/4 frame pixels), the amplitude of the change is too small
+by 6.6, 4.4, 2.8, 2.0% (even) and 2.7, 1.2, 0.5, 0.3% (sharp) at s = 1, 2, 3, 4: the sharp one is off by 0.68, 0.38,
+0.23, 0.20 times what lies between both. Moves below a frame pixel bring few events."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taps:
+    """Weights of successive frame pixels along one axis: the first pixel (m,), and the weights (m, k) from there."""
+
+    first: NDArray[np.int64]
+    weights: Float64
+
+
+_TAPS = "even", "sharp", "split"
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """What the m pixels of the event camera take of the frame along one axis.
+
+    Attributes
+    ----------
+    even, sharp
+        Means over the footprint, by the straight line and by the cubic.
+    split
+        ``even`` times the share of each pixel that lies inside.
+    inside
+        (m,): the footprint lies wholly in the frame.
+    """
+
+    even: Taps
+    sharp: Taps
+    split: Taps
+    inside: NDArray[np.bool_]
+
+    def packed(self) -> NDArray[np.void]:
+        """Return all of it as one array (m,): a record for each pixel."""
+        columns: list[tuple[str, NDArray[Any]]] = [("inside", self.inside)]
+        for name in _TAPS:
+            taps = getattr(self, name)
+            columns += [(f"{name}_first", taps.first), (name, taps.weights)]
+        table = np.empty(len(self.inside), [(name, column.dtype, column.shape[1:]) for name, column in columns])
+        for name, column in columns:
+            table[name] = column
+        return table
+
+    @staticmethod
+    def unpacked(table: NDArray[np.void]) -> "Axis":
+        """Return the axis that was ``packed``."""
+        own = {name: np.ascontiguousarray(table[name]) for name in table.dtype.names or ()}
+        even, sharp, split = (Taps(own[f"{name}_first"], own[name]) for name in _TAPS)
+        return Axis(even, sharp, split, own["inside"])
+
+    @property
+    def weighted(self) -> tuple[Weighted32, Weighted32, Weighted32]:
+        """First pixels and weights, in single precision: even, sharp, split."""
+        taps = self.even, self.sharp, self.split
+        even, sharp, split = ((each.first, each.weights.astype(np.float32)) for each in taps)
+        return even, sharp, split
+
+
+@dataclass(frozen=True, slots=True)
+class Footprints:
+    """The footprints of an event camera's pixels in a frame."""
+
+    rows: Axis
+    columns: Axis
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Pixels (h, w) whose footprint lies wholly in the frame."""
+        return self.rows.inside[:, np.newaxis] & self.columns.inside
+
+    def average(self, image: NDArray[Any]) -> Float64:
+        """Return the means (h, w) of an (H, W) image over the footprints, frame pixels taken as even."""
+        return _both(self.rows.even, image, self.columns.even)
+
+    def sharp_average(self, image: NDArray[Any]) -> Float64:
+        """Return the means (h, w) of a smooth (H, W) image over the footprints."""
+        return _both(self.rows.sharp, image, self.columns.sharp)
+
+    def split_bound(self, contrast: NDArray[Any]) -> Float64:
+        """Bound the error (h, w) of ``average`` that comes from pixels which a footprint's border cuts.
+
+        A pixel of mean m of which the share s lies inside is taken to give s m. Where it holds a step of height d the
+        truth differs by at most s (1 - s) d: reached when the step runs along the border. ``contrast`` (H, W) bounds d.
+        """
+        return self.average(contrast) - _both(self.rows.split, contrast, self.columns.split)
+
+    def see(
+        self,
+        luma: NDArray[np.float32],
+        lost: NDArray[np.bool_],
+        rounding: float,
+        *,
+        sharp: NDArray[np.float32],
+        even: NDArray[np.float32],
+        error: NDArray[np.float32],
+    ) -> None:
+        """Write the sharp and the even average of an (H, W) image, and a bound of the latter's error, (h, w) each.
+
+        The bound is ``rounding`` and ``split_bound`` of what the image varies by among a pixel and its eight
+        neighbours; infinite where a footprint leaves the image or touches a pixel that is ``lost`` or beside one.
+        """
+        rows, columns = self.rows.weighted, self.columns.weighted
+        inside = self.rows.inside, self.columns.inside
+        see_frame(luma, lost, rows, columns, *inside, rounding, sharp, even, error)
+
+
+def footprints(
+    K_frame: Float64, shape_frame: tuple[int, int], K_event: Float64, shape_event: tuple[int, int]
+) -> Footprints:
+    """Return the footprints of the event camera's pixels; shapes are (rows, columns), K (3, 3) without skew."""
+    return Footprints(
+        row_axis(K_frame, shape_frame[0], K_event, shape_event[0]),
+        column_axis(K_frame, shape_frame[1], K_event, shape_event[1]),
+    )
+
+
+def row_axis(K_frame: Float64, height_frame: int, K_event: Float64, height_event: int) -> Axis:
+    """Return what the rows of the event camera take of the rows of the frame."""
+    return _axis(K_frame[1, 1:], K_event[1, 1:], height_frame, height_event)
+
+
+def column_axis(K_frame: Float64, width_frame: int, K_event: Float64, width_event: int) -> Axis:
+    """Return what the columns of the event camera take of the columns of the frame."""
+    return _axis(K_frame[0, [0, 2]], K_event[0, [0, 2]], width_frame, width_event)
+
+
+def _axis(frame: Float64, event: Float64, size_frame: int, size_event: int) -> Axis:
+    """Return the weights along one axis; ``frame`` and ``event`` are focal length and principal point, px."""
+    edges = (np.arange(size_event + 1) - 0.5 - event[1]) * (frame[0] / event[0]) + frame[1] + 0.5
+    lengths = np.diff(edges)[:, np.newaxis]
+    even = _means(edges, size_frame, points=2)
+    sharp = _means(edges, size_frame, points=min(4, size_frame + 1))
+    # One part in a million of a pixel is what K as written in a file may lack.
+    inside = (edges[:-1] >= -1e-6) & (edges[1:] <= size_frame + 1e-6)
+    return Axis(
+        Taps(even.first, even.weights / lengths),
+        Taps(sharp.first, sharp.weights / lengths),
+        Taps(even.first, even.weights**2 / lengths),
+        inside,
+    )
+
+
+def _means(edges: Float64, size: int, points: int) -> Taps:
+    """Return the weights of pixels in the integral between each two edges, Lagrange of so many ``points``.
+
+    The primitive at border k is the sum of the pixels before it: pixel j has the weight of all borders behind it.
+    """
+    at = np.clip(edges, 0.0, size)
+    first = np.clip(np.floor(at).astype(np.int64) - points // 2 + 1, 0, size + 1 - points)
+    borders, since = np.ones((points, len(edges))), at - first
+    for i in range(points):
+        for j in range(points):
+            if j != i:
+                borders[i] *= (since - j) / (i - j)
+    count = min(int(np.diff(first).max(initial=0)) + points - 1, size)
+    start = np.minimum(first[:-1], size - count)
+    behind = np.zeros((len(edges), points + 1))
+    behind[:, :points] = borders[::-1].cumsum(axis=0)[::-1].T
+    pixels = start[:, np.newaxis] + np.arange(count)
+
+    def before(edge: slice) -> Float64:
+        since = np.clip(pixels + 1 - first[edge, np.newaxis], 0, points)
+        return np.take_along_axis(behind[edge], since, axis=1)
+
+    weights = before(slice(1, None)) - before(slice(None, -1))
+    weights[np.abs(weights) < 1e-12] = 0.0
+    return Taps(start, weights)
+
+
+def _both(rows: Taps, image: NDArray[Any], columns: Taps) -> Float64:
+    means = np.empty((len(rows.first), len(columns.first)))
+    average_taps(np.ascontiguousarray(image), (rows.first, rows.weights), (columns.first, columns.weights), means)
+    return means

@@ -1,0 +1,118 @@
+"""Pixels that fire more than their neighbourhood."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.events.rate_kernels import RING, rank_neighbours
+from fedora_qa.estimators.events.row_kernels import EVENT, FIRST, LAST, RUN, tally_events
+
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+
+_MIDDLE, _THIRD = 12, 3
+"""The largest neighbours down to the 12th of 24, which is the 13th from below, and to the third."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """What is counted of every pixel; whole numbers, so that joining is exact.
+
+    ``packed`` (h, w) is as ``tally_events`` has it.
+    """
+
+    packed: Int64
+
+    @classmethod
+    def of_nothing(cls, shape: tuple[int, int]) -> "Tally":
+        """Return the tally of a sensor (rows, columns) that has not fired."""
+        return cls(np.zeros(shape, np.int64))
+
+    @property
+    def events(self) -> Int64:
+        """Events (h, w), whatever their polarity."""
+        return (self.packed & (RUN - 1)) // EVENT
+
+    @property
+    def runs(self) -> Int64:
+        """Sequences of events of one polarity (h, w); one more than there are reversals."""
+        return self.packed // RUN
+
+    @property
+    def first(self) -> Int64:
+        """Polarity (h, w) of the first event, -1 where there is none."""
+        return np.where(self.packed == 0, -1, self.packed & FIRST)
+
+    @property
+    def last(self) -> Int64:
+        """Polarity (h, w) of the last event, -1 where there is none."""
+        return np.where(self.packed == 0, -1, (self.packed & LAST) // LAST)
+
+    def add(self, x: NDArray[np.uint16], y: NDArray[np.uint16], p: NDArray[np.uint8]) -> None:
+        """Count the events that come next, in place."""
+        tally_events(x, y, p, self.packed)
+
+    def then(self, later: "Tally") -> "Tally":
+        """Join with what comes later: a run that goes on over the border is one."""
+        goes_on = (self.last == later.first) & (self.packed > 0)
+        both = self.packed - (self.packed & LAST) + later.packed - (later.packed & FIRST) - goes_on * RUN
+        return Tally(np.where(self.packed == 0, later.packed, np.where(later.packed == 0, self.packed, both)))
+
+
+@dataclass(frozen=True, slots=True)
+class Loudness:
+    """Events of pixels beside those of their neighbours, (h, w) each.
+
+    Attributes
+    ----------
+    excess
+        Events above the third largest of the 24 neighbours, so that two bad pixels side by side do not hide each other.
+    swings
+        Events by which an honest pixel may exceed its neighbours however they are: one a swing of the scene.
+    error
+        Standard deviation of the excess: Poisson, of the swings as well, and the spread of the neighbours.
+    median
+        Of the neighbours.
+    """
+
+    excess: Float64
+    swings: Float64
+    error: Float64
+    median: Float64
+
+    @property
+    def z(self) -> Float64:
+        """What is in excess of swings, in standard deviations (h, w)."""
+        return (self.excess - self.swings) / self.error
+
+
+def loudness(tally: Tally) -> Loudness:
+    """Compare every pixel with its 24 neighbours.
+
+    What moves over a sensor moves over the neighbours as well; edges and textures make neighbours differ, and the
+    distance of their third largest from their median (1.1 standard deviations of a normal distribution) measures by
+    how much.
+
+    Where a scene swings to and fro, neighbours differ alike in every swing, and that does not average out. Let a swing
+    change the signal by A thresholds, and the signal be r thresholds beyond its reference where it turns, 0 <= r < 1:
+    floor(A - r) events follow. Of two pixels with the same A, one gives at most one event a swing more than the other,
+    and if A is just above 1, one fires in every swing and the other never does. So of a pixel's events one a run of
+    equal polarity is no excess, of as many runs as the scene has swings. These are counted where neighbours bear each
+    other out: the largest number of runs that a pixel and three of its neighbours have all reached. A hot pixel alone
+    adds nothing to it, however often its polarity alternates, and one of a single polarity has one run. Which swings
+    pass the threshold, and which pass it twice, is chance: so many events vary by Poisson's error at most.
+    """
+    events, runs = tally.events, tally.runs
+    high, median = _ranked(events, _MIDDLE)
+    borne_out = np.minimum(runs, _ranked(runs, _THIRD)[0])
+    swings = np.minimum(runs, borne_out.max(initial=0.0)).astype(np.float64)
+    error = np.sqrt(high + (high - median) ** 2 + swings + 1.0)
+    return Loudness(events - high, swings, error, median)
+
+
+def _ranked(counts: Int64, depth: int) -> tuple[Float64, Float64]:
+    """Return the third largest neighbours' count (h, w) and the ``depth``-th largest; borders mirror the image."""
+    third, deepest = np.empty((2, *counts.shape), np.int32)
+    rank_neighbours(np.pad(counts.astype(np.int32), RING, mode="reflect"), third, deepest, depth)
+    return third.astype(np.float64), deepest.astype(np.float64)

@@ -1,0 +1,238 @@
+"""Thresholds, delay and clock rate of an event sensor from the normal equations of bracketed level samples."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.events.levels import NormalBlocks
+from fedora_qa.estimators.fitting.few_groups import shared_errors
+
+Float64 = NDArray[np.float64]
+
+FEWEST_PAIRS = 100
+"""Below, a scale of residuals is not known to 10%."""
+FEWEST_BLOCKS = 4
+"""Below, the spread between blocks says nothing."""
+FEWEST_TIMES = 4
+"""Below, a rate cannot be told from chance."""
+_SINGULAR = 1e8
+"""Condition of scaled normal equations beyond which a parameter is not told at all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """An error of each estimate: of both thresholds, of the delay (s) and of its rate (s/s)."""
+
+    threshold_on: float
+    threshold_off: float
+    delay_s: float
+    delay_rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseFit:
+    """How events answer to the frames.
+
+    Attributes
+    ----------
+    threshold_on, threshold_off
+        Change of the level by one event, in the unit of the levels.
+    delay_s
+        Time by which events are stamped late (negative: early), at ``middle_s``.
+    delay_rate
+        How that grows, s/s; 0 where the blocks are of fewer than four times.
+    kappa_s
+        Part of the levels that goes with the size of their slope, s; 0 where that is not fitted (``event_reading``).
+    middle_s
+        Mean time of the pairs.
+    standard_errors
+        The larger of the formal ones and the spread between blocks (delete-one jackknife); infinite where not fitted.
+    attenuation
+        Bounds on the bias that errors of the regressors cause.
+    coherent_delay_s
+        The delay that errors of the levels make which are as large as the residuals, and all act as one.
+    sigma
+        Standard deviation of a pair's residual, in the unit of the levels.
+    """
+
+    threshold_on: float
+    threshold_off: float
+    delay_s: float
+    delay_rate: float
+    kappa_s: float
+    middle_s: float
+    standard_errors: Errors
+    attenuation: Errors
+    coherent_delay_s: float
+    sigma: float
+
+    @property
+    def threshold(self) -> float:
+        """The mean of both thresholds, without sign."""
+        return max(0.5 * (abs(self.threshold_on) + abs(self.threshold_off)), 1e-300)
+
+    @property
+    def relative_sigma(self) -> float:
+        """Residual over threshold: small where the events follow the levels."""
+        return self.sigma / self.threshold
+
+    def block_sigmas(self, blocks: NormalBlocks) -> Float64:
+        """Return the residual of each block (b,) under this fit."""
+        delays_s = self.delay_s + self.delay_rate * (blocks.times_s - self.middle_s)
+        steps = np.array([self.threshold_on, self.threshold_off])
+        theta = np.concatenate([np.tile(steps, (len(blocks), 1)), delays_s[:, np.newaxis] * steps], axis=1)
+        squares = blocks.squares - 2 * np.einsum("bi,bi->b", blocks.vectors, theta)
+        squares += np.einsum("bi,bij,bj->b", theta, blocks.matrices, theta)
+        sigmas: Float64 = np.sqrt(np.maximum(squares / blocks.weights, 1e-300))
+        return sigmas
+
+
+def fit_response(blocks: NormalBlocks) -> ResponseFit | None:
+    """Fit level pairs: thresholds, delay and rate; None where there are too few, or one polarity is missing."""
+    if _too_few(blocks):
+        return None
+    matrix, vector = blocks.matrices.sum(axis=0), blocks.vectors.sum(axis=0)
+    if np.linalg.cond(_scaled(matrix)) > _SINGULAR:
+        return None
+    steps = np.linalg.solve(matrix, vector)[:2]
+    return _fit(blocks, _rates_as_slope(steps), uncertain_counts=True)
+
+
+def fit_readings(blocks: NormalBlocks, groups: Sequence[NDArray[np.intp]] = ()) -> ResponseFit | None:
+    """Fit frames read at events (``event_reading``): thresholds, delay, rate and kappa; None where there are too few.
+
+    ``groups`` (b,) number the groups of blocks that may share an error; they are left out together as well.
+    """
+    return None if _too_few(blocks) else _fit(blocks, np.eye(4), uncertain_counts=False, groups=groups)
+
+
+def _too_few(blocks: NormalBlocks) -> bool:
+    return bool(blocks.counts.sum() < FEWEST_PAIRS or len(blocks) < FEWEST_BLOCKS)
+
+
+def _fit(
+    blocks: NormalBlocks,
+    reduction: Float64,
+    *,
+    uncertain_counts: bool,
+    groups: Sequence[NDArray[np.intp]] = (),
+) -> ResponseFit | None:
+    """Fit C+, C-, delay and its rate, and kappa if asked for, to which ``reduction`` takes the columns of the blocks.
+
+    Of the reduction (4, 3 or 4) the columns are those of C+, C-, delay and kappa.
+
+    ``uncertain_counts`` says that counts of events may be in error themselves, as interpolated ones are. Blocks that
+    have ``groups`` are cells, few of which may hold all edges: errors are judged by how many they are.
+    """
+    middle_s = float(np.average(blocks.times_s, weights=blocks.weights))
+    normals, sides = _with_rate(blocks, reduction, blocks.times_s - middle_s)
+    normal, side = normals.sum(axis=0), sides.sum(axis=0)
+    if np.linalg.cond(_scaled(normal)) > _SINGULAR:
+        return None
+    theta = np.asarray(np.linalg.solve(normal, side), dtype=np.float64)
+    weight = float(blocks.weights.sum())
+    variance = max(float(blocks.squares.sum() - theta @ side), 0.0) / weight
+    formal = np.sqrt(np.diag(np.linalg.inv(normal)) * variance)
+    by_block = np.maximum(formal, _jackknife(normal - normals, side - sides))
+    errors = _widened(formal, by_block, blocks, _effective_parts(normal, normals)) if groups else by_block
+    for group in groups:
+        count = len(np.unique(group))
+        if count >= FEWEST_BLOCKS:
+            by_group = _jackknife(normal - _summed(normals, group), side - _summed(sides, group))
+            errors = np.maximum(errors, shared_errors(by_block, len(blocks), by_group, count))
+    attenuation = _attenuation(normal, theta, weight * variance) if uncertain_counts else np.zeros_like(theta)
+    return ResponseFit(
+        threshold_on=float(theta[0]),
+        threshold_off=float(theta[1]),
+        delay_s=float(theta[2]),
+        delay_rate=float(theta[reduction.shape[1]]) if len(theta) > reduction.shape[1] else 0.0,
+        kappa_s=float(theta[3]) if reduction.shape[1] > 3 else 0.0,
+        middle_s=middle_s,
+        standard_errors=_named(errors, reduction.shape[1]),
+        attenuation=_named(attenuation, reduction.shape[1]),
+        # |r'e| <= |r| |e| (Cauchy and Schwarz), with r what other regressors leave of the slope: 1/|r|^2 = (N^-1)_33.
+        coherent_delay_s=float(formal[2] * np.sqrt(weight)),
+        sigma=float(np.sqrt(variance)),
+    )
+
+
+def _widened(formal: Float64, by_block: Float64, blocks: NormalBlocks, parts: Float64) -> Float64:
+    """Return the errors (m,) by block, as so many ``parts`` tell them where they differ from the formal ones."""
+    readings = float(blocks.counts.sum())
+    told = [shared_errors(one, readings, cells, n) for one, cells, n in zip(formal, by_block, parts, strict=True)]
+    return np.asarray(told, dtype=np.float64)
+
+
+def _effective_parts(normal: Float64, normals: Float64) -> Float64:
+    """Return how many blocks (m,) of equal weight would tell each parameter as these (b, m, m) of the ``normal`` do.
+
+    A block weighs what it moves a parameter by when all that it says is moved by 1; these weights add up to 1.
+    """
+    shares = np.einsum("ij,bji->bi", np.linalg.inv(normal), normals)
+    return np.asarray(np.abs(shares).sum(axis=0) ** 2 / np.sum(shares**2, axis=0))
+
+
+def _rates_as_slope(steps: Float64) -> Float64:
+    """Return the reduction (4, 3) that makes one column of both rates, C+ d rate+ - C- d rate-, with given steps."""
+    reduction = np.zeros((4, 3))
+    reduction[0, 0] = reduction[1, 1] = 1.0
+    reduction[2:, 2] = steps
+    return reduction
+
+
+def _with_rate(blocks: NormalBlocks, reduction: Float64, times_s: Float64) -> tuple[Float64, Float64]:
+    """Return normal equations (b, m, m), (b, m) of the reduced columns.
+
+    Where there are times enough, the slope times the time of the block, the last column, fits the growth of the delay.
+    """
+    known = reduction.shape[1]
+    count = known + 1 if len(np.unique(times_s.round(3))) >= FEWEST_TIMES else known
+    reductions = np.zeros((len(blocks), len(reduction), count))
+    reductions[:, :, :known] = reduction
+    if count > known:
+        reductions[:, :, known] = times_s[:, np.newaxis] * reduction[:, 2]
+    normals: Float64 = np.einsum("bij,bik,bkl->bjl", reductions, blocks.matrices, reductions)
+    sides: Float64 = np.einsum("bij,bi->bj", reductions, blocks.vectors)
+    return normals, sides
+
+
+def _summed(parts: Float64, group: NDArray[np.intp]) -> Float64:
+    """Return the sums of the blocks of each group."""
+    sums = np.zeros((int(group.max()) + 1, *parts.shape[1:]))
+    np.add.at(sums, group, parts)
+    return sums[np.unique(group)]
+
+
+def _jackknife(normals: Float64, sides: Float64) -> Float64:
+    """Return the spread (k,) of the estimates that leave out one block each (Efron and Stein 1981)."""
+    inverses = np.linalg.pinv(normals, hermitian=True)  # a single block may hold all that tells a parameter
+    left_out = (inverses @ sides[..., np.newaxis])[..., 0]
+    n = len(left_out)
+    spread: Float64 = np.sqrt((n - 1) * left_out.var(axis=0))
+    return spread
+
+
+def _attenuation(normal: Float64, theta: Float64, squares: float) -> Float64:
+    """Bound the bias (k,) if all of the residual squares were errors of the counts of events.
+
+    Errors of variance s^2 / C^2 a pair in the counts add as much to the normal matrix, and take
+    ``N^-1 diag(squares / C^2) C`` from the estimate (Fuller 1987, eq. 1.1.12).
+    """
+    added = np.zeros_like(theta)
+    added[:2] = squares / np.where(theta[:2] == 0, np.inf, theta[:2])
+    bias: Float64 = np.abs(np.linalg.solve(normal, added))
+    return bias
+
+
+def _named(values: Float64, known: int) -> Errors:
+    """Name the errors of C+, C- and delay, and that of the rate behind so many ``known``; infinite where not fitted."""
+    rate = float(values[known]) if len(values) > known else float("inf")
+    return Errors(float(values[0]), float(values[1]), float(values[2]), rate)
+
+
+def _scaled(matrix: Float64) -> Float64:
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled: Float64 = matrix / np.outer(size, size)
+    return scaled

@@ -1,0 +1,1 @@
+"""Robust scale, tails, least squares and quantiles, shared by all subjects."""

@@ -1,0 +1,38 @@
+"""Standard errors that few groups tell: how uncertain they are themselves.
+
+An error estimated from the scatter of nu + 1 groups is itself known to a share of 1 / sqrt(2 nu). Far out in the tail,
+where alarms are raised, that matters: of values over such errors Student's distribution holds, not the normal one.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.fitting.tails import fisher_beyond, normal_beyond, student_beyond
+
+Float64 = NDArray[np.float64]
+
+TAIL: Final = 1e-6
+"""Where Student's distribution is held against the normal one: a file's 1e-4 over a hundred comparisons."""
+
+BEYOND_CHANCE: Final = 0.05
+"""Probability at which groups scatter by chance as much more than their parts say that they are taken to share errors:
+to overlook it costs more than to widen an error without need."""
+
+
+def student_factor(freedom: float) -> float:
+    """Return by how much an error with so many degrees of freedom is to be widened, to be judged as a known one."""
+    return student_beyond(TAIL, max(freedom, 1.0)) / normal_beyond(TAIL)
+
+
+def shared_errors(by_part: Float64 | float, parts: float, by_group: Float64 | float, groups: float) -> Float64:
+    """Return standard errors (any shape) by the scatter of few groups of the many parts, where groups share errors.
+
+    Where groups scatter beyond what parts say by more than chance (Fisher's F), theirs are the errors, by Student's
+    distribution; elsewhere they are the larger of both.
+    """
+    ratio = (by_group / np.maximum(by_part, 1e-300)) ** 2
+    shared = ratio > fisher_beyond(BEYOND_CHANCE, max(groups - 1, 1), max(parts - 1, 1))
+    found: Float64 = np.maximum(by_part, np.where(shared, student_factor(groups - 1), 1.0) * by_group)
+    return found

@@ -1,0 +1,277 @@
+"""Linear fits of groups of parameters to residuals with banded covariance.
+
+Few parameters are free at a time: a group (a bias, a time offset) is freed only where it explains the residuals far
+beyond chance (forward selection). Every other parameter is tested alone beside those. So a clean recording gives the
+smallest errors, nothing is diluted by parameters that the motion cannot tell apart, and one fault moves one group.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.fitting.normal_equations import BlockEquations, inverse_of
+from fedora_qa.estimators.fitting.summed_equations import SummedEquations
+from fedora_qa.estimators.fitting.tails import chi_squared_beyond
+
+Float64 = NDArray[np.float64]
+
+SELECTION_TAIL: Final = 1e-9
+"""Probability that chance alone frees a group: that of six standard errors, below a file's false-alarm rate."""
+
+
+FEWEST_BLOCKS: Final = 4
+"""Fewer blocks say nothing about their spread."""
+
+SPREAD_TAIL: Final = 0.01
+"""Probability that chance alone widens an error. Of few stretches the spread is itself uncertain: to count all of it
+that exceeds the formal error would make honest errors a quarter too large with four stretches, a tenth with eight."""
+
+_SCATTER_IN_SCORE: Final = 3.0
+"""Variance of a score beyond the information, in units of the information N that noise in the regressors feigns. The
+score has S of the motion, at most 2 N of noise (the square of one Gaussian varies twice as the product of two), and at
+most 2 N of what was measured to take its mean off; information has S + N."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """Names of the P parameters, their groups, and the largest value that is conceivable.
+
+    The largest value enters as a weak prior: where the data say nothing, the error is as large as it.
+    """
+
+    names: tuple[str, ...]
+    groups: Mapping[str, tuple[int, ...]]
+    largest: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """One parameter as fitted.
+
+    Attributes
+    ----------
+    standard_error
+        The formal error, scaled by a misfit above 1, and widened where the spread over stretches exceeds it beyond
+        chance.
+    model_error
+        What the known error of the model can have added.
+    free
+        Whether its group was freed: it explains the residuals far beyond chance.
+    explained
+        For groups that rival this one, which share (0 to 1) of what can be explained each explains on its own: of
+        everything those that were freed before it, of what they have left those that were not, where it is free itself.
+    """
+
+    value: float
+    standard_error: float
+    model_error: float
+    free: bool
+    explained: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Local:
+    """What single stretches say of one parameter, alone, beside the fit of all.
+
+    Attributes
+    ----------
+    deviations, standard_errors, model_errors
+        (B,) by how much it is off its fitted value in each stretch.
+    """
+
+    deviations: Float64
+    standard_errors: Float64
+    model_errors: Float64
+
+
+def group_of(name: str) -> str:
+    """Return the group that a parameter belongs to: ``bias_x`` to ``bias``."""
+    return name[:-2] if name.endswith(("_x", "_y", "_z")) else name
+
+
+class GroupedFit:
+    """A fit of grouped parameters to many stretches.
+
+    Parameters
+    ----------
+    blocks
+        The stretches.
+    linearised_at
+        (P,) what has already been taken out of the samples; values count from 0 all the same.
+    nuisance_covariance
+        (B, B) prior covariance of a nuisance between the B stretches, the Q nuisances alike and independent. Without
+        it there are none.
+    scatters
+        The stretches again, with what noise alone makes of residuals and jacobians (``split_samples``). Its scores are
+        taken off, and its information is not counted as knowledge.
+    """
+
+    def __init__(
+        self,
+        blocks: Sequence[BlockEquations],
+        parameters: Parameters,
+        linearised_at: Float64,
+        nuisance_covariance: Float64 | None = None,
+        scatters: Sequence[BlockEquations] | None = None,
+    ) -> None:
+        self.parameters = parameters
+        count = len(parameters.names)
+        self._prior = np.diag(1.0 / np.square(parameters.largest))
+        shifted = [block.linearised_at(linearised_at) for block in blocks]
+        self._at = linearised_at
+        self._whole = SummedEquations(shifted, count, nuisance_covariance)
+        self._scatter = None if scatters is None else SummedEquations(scatters, count, nuisance_covariance)
+        self._normal = self._whole.normal + self._prior
+        self._right = self._whole.right - (0.0 if self._scatter is None else self._scatter.right)
+        self._score_covariance = self._normal + _SCATTER_IN_SCORE * self._scatter_normal
+        explained = float(self._whole.right @ inverse_of(self._normal) @ self._whole.right)
+        rows = sum(block.count for block in shifted)
+        self.misfit = float(np.sqrt(max(self._whole.squares - explained, 0.0) / max(rows - count, 1)))
+        """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
+        self.free, self._explained = self._select()
+
+    def fitted(self) -> dict[str, Fitted]:
+        """Return every parameter by name: freed groups fitted together, every other group alone beside them."""
+        found: dict[str, Fitted] = {}
+        for group in self.parameters.groups:
+            columns = self._columns((*self.free, group) if group not in self.free else self.free)
+            inverse = inverse_of(self._normal[np.ix_(columns, columns)])
+            values = inverse @ self._right[columns]
+            errors = self._standard_errors(columns, inverse, values)
+            shares = self._shares_of_motion(columns, inverse, errors)
+            values = self._at[columns] + (values - self._at[columns]) / shares
+            model_errors = np.abs(inverse @ self._whole.model_right[columns]) / shares
+            errors = errors / shares
+            for column in self.parameters.groups[group]:
+                place = columns.index(column)
+                found[self.parameters.names[column]] = Fitted(
+                    float(values[place]), float(errors[place]), float(model_errors[place]),
+                    group in self.free, self._explained[group],
+                )  # fmt: skip
+        return found
+
+    def values_of_free(self) -> Float64:
+        """Return (P,) the values of the freed parameters fitted together, 0 for all others."""
+        values = np.zeros(len(self.parameters.names))
+        columns = self._columns(self.free)
+        if columns:
+            values[columns] = inverse_of(self._normal[np.ix_(columns, columns)]) @ self._right[columns]
+        return values
+
+    def values_of_all(self) -> Float64:
+        """Return (P,) the values of all parameters fitted together."""
+        values: Float64 = inverse_of(self._normal) @ self._right
+        return values
+
+    def local(self, name: str) -> Local:
+        """Return by how much a parameter deviates in each stretch from the freed parameters' fit.
+
+        Stretches are whitened alone, so that a stretch's score ``J^T C^-1 r`` has the variance ``J^T C^-1 J``.
+        """
+        column, values = self.parameters.names.index(name), self.values_of_free()
+        scores = self._scores(values)[:, column]
+        information = self._whole.normals[:, column, column] + self._prior[column, column]
+        noise = np.zeros(len(scores)) if self._scatter is None else self._scatter.normals[:, column, column]
+        errors = max(1.0, self.misfit) * np.sqrt(information + _SCATTER_IN_SCORE * noise) / information
+        shares = _shares_of_motion(noise / information, errors / self.parameters.largest[column])
+        return Local(
+            deviations=scores / information / shares,
+            standard_errors=errors / shares,
+            model_errors=np.abs(self._whole.model_rights[:, column]) / information / shares,
+        )
+
+    @property
+    def _scatter_normal(self) -> Float64:
+        return np.zeros_like(self._normal) if self._scatter is None else self._scatter.normal
+
+    def _scores(self, values: Float64) -> Float64:
+        """Return (B, P) the stretches' scores beside ``values``, without those of noise alone."""
+        scores = self._whole.scores(values)
+        return scores if self._scatter is None else scores - self._scatter.scores(np.zeros_like(values))
+
+    def _shares_of_motion(self, columns: list[int], inverse: Float64, errors: Float64) -> Float64:
+        """Return which share of the information about each of some parameters, fitted together, is of motion."""
+        noise = np.diag(inverse @ self._scatter_normal[np.ix_(columns, columns)] @ inverse) / np.diag(inverse)
+        return _shares_of_motion(noise, errors / np.array(self.parameters.largest)[columns])
+
+    def _columns(self, groups: Sequence[str]) -> list[int]:
+        return [column for group in groups for column in self.parameters.groups[group]]
+
+    def _explains(self, groups: Sequence[str]) -> float:
+        """Return by how much the sum of squares falls when the groups are free."""
+        columns = self._columns(groups)
+        if not columns:
+            return 0.0
+        right = self._right[columns]
+        return float(right @ inverse_of(self._score_covariance[np.ix_(columns, columns)]) @ right)
+
+    def _select(self) -> tuple[tuple[str, ...], dict[str, dict[str, float]]]:
+        """Free groups, the one that explains most first, while that is far beyond chance.
+
+        Gains are measured in units of the misfit of the full fit, so that noise above its declaration frees nothing.
+        """
+        unit = max(1.0, self.misfit**2)
+        free: tuple[str, ...] = ()
+        explained: dict[str, dict[str, float]] = {}
+        everything = self._explains(tuple(self.parameters.groups))
+        # A fault that does not last throughout leaves to others what its group, freed before, cannot describe.
+        alone = {
+            g: float(np.clip(self._explains((g,)) / (everything or 1.0), 0.0, 1.0)) for g in self.parameters.groups
+        }
+        while len(free) < len(self.parameters.groups):
+            base = self._explains(free)
+            gains = {g: (self._explains((*free, g)) - base) / unit for g in self.parameters.groups if g not in free}
+            excess = {
+                g: gain / chi_squared_beyond(SELECTION_TAIL, len(self.parameters.groups[g]))
+                for g, gain in gains.items()
+            }
+            if max(excess.values()) < 1.0:
+                break
+            best = max(gains, key=lambda g: gains[g] - 2.0 * len(self.parameters.groups[g]))  # Akaike's penalty
+            left = max((everything - base) / unit, gains[best])
+            explained[best] = {g: float(np.clip(gain / left, 0.0, 1.0)) for g, gain in gains.items()}
+            explained[best] |= {g: alone[g] for g in free}
+            free = (*free, best)
+        return free, {g: explained.get(g, {one: alone[one] for one in free}) for g in self.parameters.groups}
+
+    def _standard_errors(self, columns: list[int], inverse: Float64, values: Float64) -> Float64:
+        """Return the formal error scaled by the misfit, and the spread over stretches where that is beyond chance.
+
+        The spread is that about the nuisances as fitted: their own uncertainty is in the formal error alone.
+        """
+        root = _root(self._score_covariance[np.ix_(columns, columns)])
+        formal = np.sum((inverse @ root) ** 2, axis=1) * max(1.0, self.misfit) ** 2
+        stretches = len(self._whole.normals)
+        if stretches < FEWEST_BLOCKS:
+            return np.asarray(np.sqrt(formal))
+        every = np.zeros(len(self.parameters.names))
+        every[columns] = values
+        scores = self._scores(every)
+        scores = (scores - scores.mean(axis=0))[:, columns]
+        own_normal = (self._whole.normals.sum(axis=0) + self._prior)[np.ix_(columns, columns)]
+        own, noise = inverse_of(own_normal), _SCATTER_IN_SCORE * self._scatter_normal[np.ix_(columns, columns)]
+        spread = np.sum((own @ scores.T) ** 2, axis=1) * stretches / (stretches - 1)
+        expected = np.sum((own @ _root(own_normal + noise)) ** 2, axis=1) * max(1.0, self.misfit) ** 2
+        by_chance = chi_squared_beyond(SPREAD_TAIL, stretches - 1) / (stretches - 1)
+        errors: Float64 = np.sqrt(formal + np.where(spread > by_chance * expected, spread - expected, 0.0))
+        return errors
+
+
+def _shares_of_motion(noise_shares: Float64, relative_errors: Float64) -> Float64:
+    """Return which share of information is of motion, no less than leaves the error at the largest conceivable value.
+
+    Noise in a regressor draws what is fitted towards 0 by that share (attenuation), and its error with it.
+    """
+    shares: Float64 = np.maximum(1.0 - noise_shares, np.minimum(relative_errors, 1.0))
+    return shares
+
+
+def _root(covariance: Float64) -> Float64:
+    """Return R (n, n) with R R^T the covariance (n, n): no sum over it is negative, however alike parameters are."""
+    scales = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scales, scales))
+    root: Float64 = scales[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return root

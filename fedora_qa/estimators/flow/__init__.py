@@ -1,0 +1,1 @@
+"""Optical flow against frames, depth and events."""

@@ -1,0 +1,207 @@
+"""How sharp the image of warped events is, under a flow and under altered ones.
+
+Events of one edge, carried along the true flow to one instant, meet in one line; carried otherwise they smear. The
+sharpness is the mean, over events, of the density that they meet: the sum of squares of the image of warped events
+over their number (G. Gallego, H. Rebecq, D. Scaramuzza, A unifying contrast maximization framework for event cameras,
+CVPR (2018); mean square, as in G. Gallego, M. Gehrig, D. Scaramuzza, Focus is all you need, CVPR (2019)).
+
+Events are carried to the middle of the interval, not to its start: in a flow that spreads, warping to one end lets all
+events gather as the flow is overdone (S. Shiba, Y. Aoki, G. Gallego, Event collapse in contrast maximization
+frameworks, Sensors 22 (2022)); to the middle those before it spread as those after it gather.
+
+Votes are quadratic B-splines on nodes that are `NODE_PX` apart, three of them along either axis, and the image of them
+is smoothed once, by three nodes, until the square of a vote is that of a Gaussian of `SIGMA_PX` on the average over
+places: 0.8% more at some and less at others, along either axis.
+
+Events of one pixel are never of one place on an edge that moves: they meet best where nothing is carried, and would
+draw every gain towards 0. What they contribute to the sum of squares is taken off: of two votes that are d apart on a
+line, the autocorrelation of the B-spline at d, on the average over places between nodes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.flow.contrast_kernels import (
+    PARTS,
+    flow_as_seen,
+    flows_of,
+    meetings_with_oneself,
+    squares_under,
+    with_room,
+)
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Columns = NDArray[np.uint16]
+
+GAINS: Final = (0.5, 0.7, 0.8, 0.87, 0.93, 1.0, 1.07, 1.15, 1.25, 1.4, 2.0)
+"""Gains that are tried for the best one, about evenly spread in their logarithm around 1."""
+
+SIGMA_PX: Final = 1.0
+"""Standard deviation of a vote in the image of warped events."""
+
+NODE_PX: Final = 1.1
+"""Distance of nodes."""
+
+MARGIN_PX: Final = 12.0
+"""Events farther from the border than this count however large the flow is."""
+
+_MEMORY: Final = 16
+"""Events of a pixel that later ones are held against; only pixels without cause fire more often."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Where pixels of the event camera lie on the grid (height, width) of a flow.
+
+    Columns at ``across`` times theirs and ``left``, rows at ``down`` times theirs and ``top``; a pixel of the flow is
+    ``wide`` by ``high`` pixels of the event camera.
+    """
+
+    across: float = 1.0
+    left: float = 0.0
+    down: float = 1.0
+    top: float = 0.0
+    wide: float = 1.0
+    high: float = 1.0
+
+    def of(self, flow_px: Float32, wanted: NDArray[np.bool_], width: int) -> "SeenFlow":
+        """Return a flow (H, W, 2), px of its grid, as an event camera of some width sees it in its wanted rows (h,)."""
+        view = np.array([self.across, self.left, self.down, self.top, self.wide, self.high])
+        return SeenFlow(flow_as_seen(np.ascontiguousarray(flow_px, dtype=np.float32), view, wanted, width))
+
+    def mirrored(self, seen: "SeenFlow", axis: int, shape: tuple[int, ...]) -> "SeenFlow":
+        """Return a flow that ``of`` gave, its grid of a shape (H, W) turned over: 0 left to right, 1 top to bottom."""
+        if axis:
+            return replace(seen, down=-1.0, top=(shape[0] - 1 - 2 * self.top) / self.down)
+        return replace(seen, across=-1.0, left=(shape[1] - 1 - 2 * self.left) / self.across)
+
+
+@dataclass(frozen=True, slots=True)
+class SeenFlow:
+    """A flow (h, w, 2) as an event camera sees it, in its px, NaN where there is none.
+
+    The flow of a pixel stands at ``across`` times its column and ``left``, ``down`` times its row and ``top``.
+    """
+
+    flow_px: Float32
+    across: float = 1.0
+    left: float = 0.0
+    down: float = 1.0
+    top: float = 0.0
+
+    @property
+    def fold(self) -> Float32:
+        """The four numbers that say where the flow of a pixel stands."""
+        return np.array([self.across, self.left, self.down, self.top], dtype=np.float32)
+
+    def at(self, events: "PlacedEvents") -> "FlowOfEvents":
+        """Return the flow at the events' own pixels."""
+        return FlowOfEvents(self, *flows_of(events.x, events.y, self.flow_px, self.fold))
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedEvents:
+    """Columns, rows (n,) and instants, in intervals of the flow after its start, of events, pixel by pixel."""
+
+    x: Float32
+    y: Float32
+    tau: Float32
+
+    @classmethod
+    def pixel_by_pixel(cls, x: Columns, y: Columns, tau: Float64) -> "PlacedEvents":
+        """Order events by rows, by columns, and leave those of one pixel as they came."""
+        places = ((y.astype(np.int64) << 16) + x << 32) + np.arange(len(x))
+        order = np.sort(places) & 0xFFFFFFFF
+        return cls(*(values.astype(np.float32)[order] for values in (x, y, tau)))
+
+    def chosen(self, which: NDArray[np.int64]) -> "PlacedEvents":
+        """Return some of the events, by index."""
+        return PlacedEvents(self.x[which], self.y[which], self.tau[which])
+
+
+@dataclass(frozen=True, slots=True)
+class FlowOfEvents:
+    """The flow (2, n) at the pixels of events, NaN where none is known, and where it stands in the one seen, (n,)."""
+
+    seen: SeenFlow
+    flows_px: Float32
+    places: NDArray[np.int32]
+
+    def chosen(self, which: NDArray[np.int64]) -> "FlowOfEvents":
+        """Return the flow of some of the events, by index."""
+        return FlowOfEvents(self.seen, self.flows_px.take(which, axis=1), self.places[which])
+
+
+@dataclass(frozen=True, slots=True)
+class WarpedEvents:
+    """Sharpness under each matrix of each candidate (k,), which events were carried, and their way.
+
+    The last: root mean square, in px, along the first candidate's flow, of all events that have a flow in it.
+    """
+
+    sharpness: Float64
+    carried: NDArray[np.int64]
+    way_px: float
+
+
+def sharpness_under(events: PlacedEvents, candidates: Sequence[tuple[FlowOfEvents, Sequence[Float64]]]) -> WarpedEvents:
+    """Carry the same events by every candidate: a flow, and the matrices (2, 2) that it is multiplied by.
+
+    An event counts for all candidates or none: it must have a flow in every field, and lie farther from the border than
+    one and a half times its way, or than ``MARGIN_PX``. Flows as seen are of one shape.
+    """
+    height, width = candidates[0][0].seen.flow_px.shape[:2]
+    flows = np.stack([flow.flows_px for flow, _ in candidates])
+    margin_px = min(MARGIN_PX, min(height, width) / 4)
+    usable, square_px2 = with_room(events.x, events.y, events.tau, flows, height, width, margin_px)
+    events, squares = events.chosen(usable), []
+    for flow, matrices in candidates:
+        one, turns = flow.chosen(usable), np.array(matrices, dtype=np.float32)
+        of_events = events.x, events.y, events.tau, one.flows_px
+        met = meetings_with_oneself(*of_events, turns, _SHARED, NODE_PX, _MEMORY)
+        fold, seen_px = one.seen.fold, one.seen.flow_px
+        squares.append(squares_under(*of_events, one.places, seen_px, fold, turns, _SIDE, NODE_PX) - met)
+    return WarpedEvents(np.concatenate(squares) / max(len(usable), 1), usable, float(np.sqrt(square_px2)))
+
+
+def _share_of_neighbours() -> float:
+    """Return what a node gives to either neighbour so that a vote's square is that of the Gaussian.
+
+    The square of a vote is, on the average over places, the sum of the autocorrelations of the quadratic B-spline,
+    11/20, 13/60, 1/120 at distances of 0, 1, 2 nodes, times those of the shares (side, 1 - 2 side, side).
+    """
+    a, b, c = 95 / 60, -80 / 60, 11 / 20 - NODE_PX / (2 * np.sqrt(np.pi) * SIGMA_PX)
+    return float((-b - np.sqrt(b * b - 4 * a * c)) / (2 * a))
+
+
+def _shared_by_votes() -> Float64:
+    """Return what two votes on a line share at distances of 0, 1, ... parts of a node, until they share nothing."""
+    place = (np.arange(3 * PARTS) + 0.5) / PARTS - 1.5
+    spline = np.where(np.abs(place) < 0.5, 0.75 - place**2, 0.5 * (1.5 - np.abs(place)) ** 2)
+    spline = np.pad(spline, PARTS)
+    vote = (1 - 2 * _SIDE) * spline + _SIDE * (np.roll(spline, PARTS) + np.roll(spline, -PARTS))
+    return np.asarray(np.correlate(vote, vote, "full")[len(vote) - 1 :] / PARTS)
+
+
+_SIDE: Final = _share_of_neighbours()
+_SHARED: Final = _shared_by_votes()
+
+
+def best_gain(sharpness: Float64) -> float:
+    """Return the gain of the flow at which the sharpness (k,) under ``GAINS`` is largest.
+
+    Between the gains, the parabola through the largest value and its neighbours in the logarithm of the gain tells. At
+    the first and the last one the peak may lie beyond.
+    """
+    top = int(np.argmax(sharpness))
+    if top in (0, len(GAINS) - 1):
+        return GAINS[top]
+    logs = np.log(GAINS)[top - 1 : top + 2]
+    bend, slope, _ = np.polyfit(logs - logs[1], sharpness[top - 1 : top + 2], 2)
+    step = -0.5 * slope / bend if bend < 0 else 0.0
+    return float(np.exp(logs[1] + np.clip(step, logs[0] - logs[1], logs[2] - logs[1])))

@@ -1,0 +1,147 @@
+"""From the residual flow of a field's tiles to the field's own: mean error, gain, shift, each with its error."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.fitting.few_groups import student_factor
+from fedora_qa.estimators.fitting.tails import chi_squared_beyond
+from fedora_qa.estimators.flow.field_kernels import normal_equations, robust_mean
+from fedora_qa.estimators.flow.motion_fit import Evidence
+
+Float64 = NDArray[np.float64]
+
+MEAN: Final = slice(0, 2)
+GAIN: Final = slice(2, 3)
+SHIFT: Final = slice(3, 5)
+OF_THE_FLOW: Final = slice(0, 5)
+"""Templates of a tile's residual flow that need nothing else: constant u and v; the flow; its slopes along columns and
+rows."""
+
+LOCKING: Final = slice(5, 7)
+"""The sine of 2 pi u, and of 2 pi v: what aliases and interpolation feign, see `lock_in`."""
+
+FOCAL: Final = slice(7, 8)
+CENTRE: Final = slice(8, 10)
+MOUNTING: Final = slice(10, 13)
+TIME: Final = slice(13, 14)
+ROLL: Final = slice(14, 15)
+GEOMETRIC: Final = slice(7, 15)
+"""Templates that depth and the camera's motion give: percent, px, degrees about the camera's axes, percent of the
+interval, degrees of relative roll. Zero where these are not known."""
+
+_HUBER: Final = 2.0
+_ITERATIONS: Final = 5
+_SMALLEST_TRUE: Final = 1e-3
+"""Share of the stored flow below which the true one is as good as zero."""
+
+_UNLIKELY: Final = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class FieldFit:
+    """One field's tiles together.
+
+    Attributes
+    ----------
+    mean_px, mean_error_px
+        (2,) robust weighted mean of the tiles' residual flow, and its formal standard error.
+    spread
+        Mean square of the tiles' deviations for their errors, about 1 where these are right; ``freedom`` of them.
+    evidence
+        Normal equations of the templates, robustly weighted.
+    deviations
+        (n,) each tile's distance from the mean in units of its standard error.
+    """
+
+    mean_px: Float64
+    mean_error_px: Float64
+    spread: float
+    freedom: int
+    evidence: Evidence
+    deviations: Float64
+
+
+def templates_of_flow(flows_px: Float64, slopes: Float64, sines: Float64, geometric: Float64 | None) -> Float64:
+    """Return all templates (n, 2, 15) of tiles, from their flow (n, 2), its slopes, sines, and what geometry gives.
+
+    ``slopes[:, i, j]`` is the derivative of component i along column (j = 0) or row (j = 1), ``sines`` (n, 2) the mean
+    of sin(2 pi flow), ``geometric`` (n, 2, 8) the columns of ``GEOMETRIC``.
+    """
+    count = len(flows_px)
+    locking = sines[:, :, None] * np.eye(2)
+    known = np.zeros((count, 2, 8)) if geometric is None else geometric
+    constant = np.broadcast_to(np.eye(2), (count, 2, 2))
+    return np.concatenate((constant, flows_px[:, :, None], slopes, locking, known), axis=2)
+
+
+def fit_field(errors_px: Float64, covariances_px2: Float64, templates: Float64) -> FieldFit:
+    """Fit tiles with residual flow (n, 2) of covariance (n, 2, 2) and templates (n, 2, m), n > 1.
+
+    Tiles far from the mean are weighted down after Huber.
+    """
+    errors_px, covariances_px2 = np.ascontiguousarray(errors_px), np.ascontiguousarray(covariances_px2)
+    mean_px, matrix, information, deviations = robust_mean(errors_px, covariances_px2, _HUBER, _ITERATIONS)
+    weights = np.minimum(1.0, _HUBER / np.maximum(deviations, 1e-12))
+    freedom = errors_px.size - len(mean_px)
+    evidence = normal_equations(errors_px, information, np.ascontiguousarray(templates))
+    return FieldFit(
+        mean_px=mean_px,
+        mean_error_px=np.sqrt(np.diag(np.linalg.inv(matrix))),
+        spread=float(weights @ deviations**2) / freedom,
+        freedom=freedom,
+        evidence=Evidence(*evidence, count=errors_px.size),
+        deviations=deviations,
+    )
+
+
+def beyond_chance(freedom: float) -> float:
+    """Return the mean square of so many deviations of unit variance that one case in a hundred exceeds."""
+    return chi_squared_beyond(_UNLIKELY, freedom) / freedom
+
+
+def robust_errors(matrix: Float64, scatter: Float64, scores: Float64) -> Float64:
+    """Return the standard errors (p,) of ``matrix^-1 sum(scores)``: as stated, or the blocks' where these differ.
+
+    ``scatter`` (p, p) is the covariance of the sum as the tiles tell it: the sum of the blocks' matrices, each times
+    how far its tiles really scatter (R. T. Birge, Phys. Rev. 40 (1932) 207). The empirical one is the sandwich over
+    independent blocks, of which ``scores`` (k, p) has one row each. Honest blocks scatter as stated, k - p times the
+    ratio of variances being chi-square; only where a ratio is larger than one in a hundred is, blocks have errors of
+    their own, and the empirical error is taken, widened for few blocks.
+    """
+    blocks, parameters = scores.shape
+    freedom = blocks - parameters
+    formal = np.linalg.inv(matrix)
+    variances: Float64 = np.diag(formal @ scatter @ formal)
+    if freedom >= 1:
+        empirical = np.diag(formal @ (scores.T @ scores) @ formal) * blocks / freedom
+        largest = beyond_chance(freedom)
+        variances = np.where(empirical > largest * variances, student_factor(freedom) ** 2 * empirical, variances)
+    return np.sqrt(variances)
+
+
+def gain_of_true(share_of_stored: float) -> tuple[float, float]:
+    """Turn an error that is a share g of the stored flow into a gain on the true flow, and return its slope too.
+
+    Stored = (1 + G) true and error = G true give G = g / (1 - g).
+    """
+    rest = 1.0 - share_of_stored
+    rest = rest if abs(rest) > _SMALLEST_TRUE else np.copysign(_SMALLEST_TRUE, rest)
+    return share_of_stored / rest, rest**-2
+
+
+def lock_in(total: Evidence, columns: slice) -> Float64:
+    """Return by how much a bias of 1 px times the sine of 2 pi times the flow moves the fitted sizes, (p,), at most.
+
+    A frequency w of the image and its alias, which the pixels fold onto it from w - 2 pi, part by the phase 2 pi d when
+    the scene moves by d, so that least squares errs by (energy of the alias over that of the image) / w times
+    sin(2 pi d): nothing where things move by whole pixels, nothing on the average over many fractions of a pixel.
+    Reading between pixels errs by the same law. (Particle image velocimetry calls it peak locking: J. Westerweel,
+    Meas. Sci. Technol. 8 (1997) 1379.)
+    """
+    matrix = total.matrix[columns, columns]
+    response = np.linalg.lstsq(matrix, total.matrix[columns, LOCKING], rcond=1e-12)[0]
+    moved: Float64 = np.abs(response).sum(axis=1)
+    return moved

@@ -1,0 +1,1 @@
+"""Colour frames, alone and against events."""

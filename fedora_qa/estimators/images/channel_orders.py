@@ -1,0 +1,88 @@
+"""How far the weights that events give to the channels of frames lie on the way to another order of the channels.
+
+Weights w with error E under the right order m0, and m under another, are told apart best along one line (R. A. Fisher,
+"The use of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936)): with d = m - m0 and T the
+covariance of E,
+
+    s = d' T^-1 (w - m0) / d' T^-1 d
+
+is 0 in the right order, 1 in the other, and has the least variance of all such measures. T holds the formal covariance
+and the known biases, as if they were random; the weights add up to 1, so that two of them are free.
+"""
+
+from itertools import permutations
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import LUMA_WEIGHTS_RGB
+from fedora_qa.estimators.images.event_colours import ColourFit, Estimate
+
+Float64 = NDArray[np.float64]
+
+WRONG_ORDERS: Final = tuple(order for order in map("".join, permutations("RGB")) if order != "RGB")
+
+LEVEL_BIAS: Final = 0.01
+"""What errors of the level between events do to a difference of weights: not derived, but seen.
+
+With closed-form frames and events, where the true levels give the weights to 0.0002, levels read between events move
+differences by up to 0.006, beyond what straight lines in place of cubics tell.
+"""
+
+_FREE: Final = np.array([[1.0, 0.0, -1.0], [-0.5, 1.0, -0.5]])
+"""The two free coordinates of weights: the first less the third, the second less the mean of both."""
+
+
+def weights_in(order: str) -> Float64:
+    """Return the weights (3,) that the stored channels have where they are in this order."""
+    luma = dict(zip("RGB", LUMA_WEIGHTS_RGB, strict=True))
+    return np.array([luma[channel] for channel in order])
+
+
+def towards(fit: ColourFit, order: str) -> Estimate:
+    """Return how far the weights lie from R, G, B (0) towards another order (1); its error is infinite if unknown.
+
+    The error is the larger of the formal one and the spread between blocks; the bound adds up the known biases.
+    """
+    line = _line_towards(fit, order)
+    if line is None:
+        return Estimate(float("nan"), float("inf"), 0.0)
+    errors = fit.weight_errors
+    variance = max(float(line @ errors.formal @ line), float(line @ errors.between_blocks @ line))
+    bound = float(np.abs(errors.biases @ line).sum()) + LEVEL_BIAS * float(np.ptp(line))
+    return Estimate(float(line @ (_weights(fit) - weights_in("RGB"))), float(np.sqrt(variance)), bound)
+
+
+def nearest_order(fit: ColourFit) -> str:
+    """Return the order of channels whose weights come nearest to those that were found, for their errors."""
+    precision = _precision(fit)
+    if precision is None:
+        return "RGB"
+
+    def distance(order: str) -> float:
+        apart = _FREE @ (_weights(fit) - weights_in(order))
+        return float(apart @ precision @ apart)
+
+    return min(("RGB", *WRONG_ORDERS), key=distance)
+
+
+def _line_towards(fit: ColourFit, order: str) -> Float64 | None:
+    """Return the line (3,) along which the order is told best, 1 long on the way to it."""
+    precision, apart = _precision(fit), _FREE @ (weights_in(order) - weights_in("RGB"))
+    if precision is None:
+        return None
+    along = precision @ apart
+    line: Float64 = (along / (along @ apart)) @ _FREE
+    return line
+
+
+def _precision(fit: ColourFit) -> Float64 | None:
+    """Return the inverse covariance (2, 2) of the free coordinates, biases included; None where one is not known."""
+    errors = fit.weight_errors
+    covariance = _FREE @ (errors.formal + errors.biases.T @ errors.biases + LEVEL_BIAS**2 / 2 * np.eye(3)) @ _FREE.T
+    return np.asarray(np.linalg.inv(covariance)) if np.isfinite(covariance).all() else None
+
+
+def _weights(fit: ColourFit) -> Float64:
+    return np.array([weight.value for weight in fit.weights])

@@ -1,0 +1,65 @@
+"""By how much two pictures of one thing are shifted: their cross-correlation against their autocorrelation.
+
+Where the second picture is the first one moved by d, plus what is unrelated, the cross-correlation is the
+autocorrelation of the first moved by d. Correlations, unlike pictures, can be summed over frames, so that the shift is
+taken once from all of them: the two are registered by a discrete Fourier transform that is upsampled around its peak
+(M. Guizar-Sicairos, S. T. Thurman, J. R. Fienup, Opt. Lett. 33 (2008)), as scikit-image does. Both are tapered, which
+draws the result towards zero, so the reference is moved along until nothing is left.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import shift as moved_by
+from skimage.registration import phase_cross_correlation
+
+from fedora_qa.estimators.events.shift import Shift
+
+Float64 = NDArray[np.float64]
+
+UPSAMPLING: Final = 200
+"""Shifts are found to 1/200 px, a tenth of what frames of a second tell."""
+
+PEAK_RADIUS_PX: Final = 4
+"""Radius of the surroundings of a peak that are registered: beyond it correlations tell of texture, not of place."""
+
+_ROUNDS: Final = 8
+"""Each round leaves at most half of the shift that was left."""
+
+
+def registered_shift(autocorrelation: Float64, crosscorrelation: Float64) -> Shift | None:
+    """Return by how much the second is shifted, px, to the right and down; None where it has no peak.
+
+    Both are (2 R + 1, 2 R + 1) with no shift in the middle. Shifts of up to R - ``PEAK_RADIUS_PX`` are found.
+    """
+    radius = autocorrelation.shape[0] // 2
+    row, column = (int(i) for i in np.unravel_index(int(np.argmax(crosscorrelation)), crosscorrelation.shape))
+    whole = np.array([row - radius, column - radius])
+    if crosscorrelation[row, column] <= 0 or np.abs(whole).max() > radius - PEAK_RADIUS_PX:
+        return None
+    moved = _tapered(crosscorrelation, row, column)
+    fraction = np.zeros(2)
+    for _ in range(_ROUNDS):
+        reference = _tapered(moved_by(autocorrelation, fraction, order=3), radius, radius)
+        back = _way_back(reference, moved)
+        fraction = np.clip(fraction - back, -1.0, 1.0)
+        if np.abs(back).max() <= 1 / UPSAMPLING:
+            break
+    down, right = whole + fraction
+    return Shift(float(right), float(down))
+
+
+def _way_back(reference: Float64, moved: Float64) -> Float64:
+    back, *_ = phase_cross_correlation(  # type: ignore[no-untyped-call]  # scikit-image publishes none
+        reference, moved, upsample_factor=UPSAMPLING, normalization=None
+    )
+    return np.asarray(back, dtype=np.float64)
+
+
+def _tapered(patch: Float64, row: int, column: int) -> Float64:
+    reach = PEAK_RADIUS_PX
+    cut = patch[row - reach : row + reach + 1, column - reach : column + reach + 1]
+    taper = np.hanning(2 * reach + 3)[1:-1]
+    tapered: Float64 = (cut - cut.min()) * np.outer(taper, taper)
+    return tapered

@@ -1,0 +1,1 @@
+"""IMU samples and poses."""

@@ -1,0 +1,205 @@
+"""Rotation between poses from the gyro, and what its disagreement with the poses says.
+
+Increments are the integral of a cubic spline through the samples plus the coning term of each substep,
+``h^2/12 w0 x w1``, fourth order (J. Bortz, IEEE Trans. AES 7 (1971) 61; P. Savage, J. Guidance 21 (1998) 19). At
+10.7 rad/s and 1 kHz that is 2e-10 rad over half a second, where a midpoint rule leaves 1e-5.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PPoly
+
+from fedora_qa.estimators.fitting.grouped_fit import Parameters
+from fedora_qa.estimators.imu.samples import (
+    RICHARDSON,
+    Effects,
+    InertialNoise,
+    InertialSamples,
+    Rows,
+    covered,
+    every_second,
+    smoothed,
+    stamp_scatter,
+)
+from fedora_qa.geometry import so3
+from fedora_qa.geometry.motion import WIDEST_GAP_STEPS
+
+Float64 = NDArray[np.float64]
+
+FEWEST_IMU_SAMPLES: Final = 8
+_ROUNDING_RAD: Final = 1e-15
+"""A few units in the last place of quaternions near 1."""
+
+ROTATION_PARAMETERS: Final = Parameters(
+    names=("time_offset", "clock_rate", "pose_clock_rate", "bias_x", "bias_y", "bias_z",
+           "tilt_x", "tilt_y", "tilt_z", "scale"),
+    groups={"time_offset": (0,), "clock_rate": (1,), "pose_clock_rate": (2,), "bias": (3, 4, 5), "tilt": (6, 7, 8),
+            "scale": (9,)},
+    largest=(1.0, 0.1, 0.1, 10.0, 10.0, 10.0, 1.0, 1.0, 1.0, 1.0),
+)  # fmt: skip
+"""What is fitted: seconds the IMU's stamps are late, seconds a second by which its clock and that of the poses run
+fast, rad/s, rad by which the gyro's axes are turned against the body, and gain - 1.
+
+A fast clock of the poses also makes the body seem to turn slower: that tells the two clocks apart."""
+
+
+def rotation_increments(
+    times_s: Float64, angular_velocities_rad_s: Float64, starts_s: Float64, stops_s: Float64, *, substeps: int
+) -> Float64:
+    """Integrate body rates over intervals: unit quaternions (n, 4) with ``R(stop) = R(start) R(increment)``.
+
+    Parameters
+    ----------
+    times_s, angular_velocities_rad_s
+        (M,) strictly increasing, (M, 3) rad/s in the body; at least two.
+    starts_s, stops_s
+        (n,) intervals within the samples' span.
+    substeps
+        Into how many equal steps an interval is cut; one a sample is enough.
+    """
+    spline = CubicSpline(times_s, angular_velocities_rad_s)
+    return _increments(spline, spline.antiderivative(), starts_s, stops_s, substeps)
+
+
+def _increments(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: Float64, substeps: int) -> Float64:
+    edges_s = starts_s[:, None] + (stops_s - starts_s)[:, None] * np.arange(substeps + 1) / substeps
+    rates, integrals = rate(edges_s), integral(edges_s)
+    steps_s = np.diff(edges_s, axis=1)[..., None]
+    coning = steps_s**2 / 12 * _cross(rates[:, :-1], rates[:, 1:])
+    parts = so3.exp_quaternion(np.diff(integrals, axis=1) + coning)
+    total = parts[:, 0]
+    for step in range(1, substeps):
+        total = so3.compose(total, parts[:, step])
+    return total
+
+
+def _cross(left: Float64, right: Float64) -> Float64:
+    """Return the cross products (..., 3): np.cross takes several times as long."""
+    product = np.empty_like(left)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        product[..., i] = left[..., j] * right[..., k] - left[..., k] * right[..., j]
+    return product
+
+
+def without_rotation_faults(samples: InertialSamples, at: Float64) -> InertialSamples:
+    """Return the samples without the faults ``at`` (P,) of ROTATION_PARAMETERS; the bias stays, being linear."""
+    mapping = so3.exp(-at[6:9]) / (1.0 + at[9])
+    return samples.with_imu_earlier(*at[:2]).with_poses_earlier(at[2]).with_rates_mapped(mapping)
+
+
+def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
+    """Compare the gyro with consecutive poses.
+
+    The residual of an interval is ``R_k+1 Log(increment^-1 q_k^-1 q_k+1)``, rad, in the world. There it is the
+    difference ``R_k+1 n_k+1 - R_k n_k`` of the poses' own errors n, whatever the body turned between: neighbours share
+    one with opposite sign, and over a long time all but the first and last cancel. In the body's frame they would not.
+    Its covariance holds them, the gyro's white noise, and rounded stamps.
+    """
+    compared = _compare(samples, noise)
+    imu_times_s, poses = samples.imu_times_s, compared.effects.poses
+    starts_s, stops_s = samples.pose_times_s[poses], samples.pose_times_s[poses + 1]
+    sparse = every_second(len(imu_times_s))
+    gyro, substeps = samples.angular_velocities_body_rad_s[sparse], _substeps(imu_times_s, stops_s - starts_s)
+    coarse = rotation_increments(imu_times_s[sparse], gyro, starts_s, stops_s, substeps=substeps // 2)
+    model_errors = so3.log_quaternion(so3.compose(so3.inverse(coarse), compared.increments)) / RICHARDSON
+    return Rows(
+        poses=poses,
+        times_s=starts_s,
+        spans_s=stops_s - starts_s,
+        residuals=compared.effects.residuals,
+        model_errors=np.einsum("nij,nj->ni", compared.R_world_end, model_errors),
+        jacobians=compared.effects.jacobians,
+        bias_jacobians=compared.effects.jacobians[..., 3:6],
+        covariance_bands=_covariance(samples.pose_times_s, compared.by_pose, noise, poses),
+    )
+
+
+def rotation_effects(samples: InertialSamples, noise: InertialNoise) -> Effects:
+    """Return what the samples alone make of the rows: residuals and jacobians."""
+    return _compare(samples, noise).effects
+
+
+@dataclass(frozen=True, slots=True)
+class _Compared:
+    """The gyro held against poses: increments (n, 4) by the gyro, of all steps by the poses (P - 1, 4), and R after."""
+
+    effects: Effects
+    increments: Float64
+    by_pose: Float64
+    R_world_end: Float64
+
+
+def _compare(samples: InertialSamples, noise: InertialNoise) -> _Compared:
+    imu_times_s, gyro = samples.imu_times_s, samples.angular_velocities_body_rad_s
+    starts_s, stops_s = samples.pose_times_s[:-1], samples.pose_times_s[1:]
+    steps_s = stops_s - starts_s
+    poses = np.flatnonzero(covered(imu_times_s, starts_s, stops_s) & (steps_s <= _widest_s(steps_s)))
+    starts_s, stops_s = starts_s[poses], stops_s[poses]
+    rate = CubicSpline(imu_times_s, gyro)
+    integral = rate.antiderivative()
+    increments = _increments(rate, integral, starts_s, stops_s, _substeps(imu_times_s, stops_s - starts_s))
+    by_pose = so3.compose(so3.inverse(samples.orientations_xyzw[:-1]), samples.orientations_xyzw[1:])
+    R_world_end = so3.matrices_from_quaternions(samples.orientations_xyzw[poses + 1])
+    residuals = so3.log_quaternion(so3.compose(so3.inverse(increments), by_pose[poses]))
+    if noise.smoothing_s > 0:
+        rate = CubicSpline(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s))
+        integral = rate.antiderivative()
+    jacobians = R_world_end @ _jacobians(rate, integral, starts_s, stops_s)
+    effects = Effects(poses, np.einsum("nij,nj->ni", R_world_end, residuals), jacobians)
+    return _Compared(effects, increments, by_pose, R_world_end)
+
+
+def _jacobians(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: Float64) -> Float64:
+    """Differentiate the residuals by ROTATION_PARAMETERS.
+
+    A measured rate ``(1 + scale) Exp(tilt) w(t - late - drift t) + bias`` changes an increment by the integral of
+    its change; the residual moves against it, seen from the end of the interval.
+    """
+    w0, w1 = rate(starts_s), rate(stops_s)
+    turned = integral(stops_s) - integral(starts_s)
+    drifted = stops_s[:, None] * w1 - starts_s[:, None] * w0 - turned
+    unit = np.broadcast_to(np.eye(3), (len(w0), 3, 3))
+    changes = np.concatenate(
+        (
+            -(w1 - w0)[..., None],
+            -drifted[..., None],
+            (drifted + turned)[..., None],
+            (stops_s - starts_s)[:, None, None] * unit,
+            -so3.cross_matrices(turned),
+            turned[..., None],
+        ),
+        axis=-1,
+    )
+    seen_from_end = unit - 0.5 * so3.cross_matrices(turned)
+    derivatives: Float64 = -seen_from_end @ changes
+    return derivatives
+
+
+def _covariance(times_s: Float64, by_pose: Float64, noise: InertialNoise, poses: NDArray[np.intp]) -> Float64:
+    """Return the bands (3, 2, n), alike on each axis: every source of noise here is isotropic."""
+    steps_s = np.diff(times_s)
+    rates = np.linalg.norm(so3.log_quaternion(by_pose), axis=-1) / steps_s
+    rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
+    variances = (
+        noise.rotation_sigma_rad**2 + stamp_scatter(rates) ** 2 + noise.rotation_rounding_rad**2 + _ROUNDING_RAD**2
+    )
+    own = variances[poses] + variances[poses + 1] + noise.gyro_density**2 * steps_s[poses]
+    shared = np.zeros(len(poses))
+    shared[1:] = np.where(np.diff(poses) == 1, -variances[poses[1:]], 0.0)
+    return np.tile(np.array([shared, own]), (3, 1, 1))
+
+
+def _widest_s(steps_s: Float64) -> float:
+    """Across wider gaps between poses a few substeps are too coarse."""
+    return WIDEST_GAP_STEPS * float(np.median(steps_s)) if len(steps_s) else 0.0
+
+
+def _substeps(imu_times_s: Float64, steps_s: Float64) -> int:
+    """One substep a sample, and an even number, so that twice as coarse ones estimate the error."""
+    if not len(steps_s):
+        return 2
+    samples = float(np.median(steps_s)) / float(np.median(np.diff(imu_times_s)))
+    return 2 * int(np.clip(np.ceil(samples / 2 - 1e-6), 1, 32))

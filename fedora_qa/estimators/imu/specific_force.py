@@ -1,0 +1,222 @@
+"""Second differences of position against specific force and gravity, and what their disagreement says.
+
+``p'' = R f + g``: specific force is turned into the world by the poses' own orientation, interpolated, so that the
+gyro has no part in it. A cubic spline through it is integrated twice; the second differences of that curve are compared
+with those of the positions. No velocity is needed.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.fitting.grouped_fit import Parameters
+from fedora_qa.estimators.imu.samples import (
+    RICHARDSON,
+    Effects,
+    InertialNoise,
+    InertialSamples,
+    Rows,
+    covered,
+    every_second,
+    smoothed,
+    stamp_scatter,
+)
+from fedora_qa.estimators.imu.spline_integrals import integrated_twice
+from fedora_qa.geometry import so3
+from fedora_qa.geometry.motion import interpolate_poses
+
+Float64 = NDArray[np.float64]
+
+_ROUNDING: Final = 4.0
+"""Units in the last place that a position may be off."""
+
+TRANSLATION_PARAMETERS: Final = Parameters(
+    names=("time_offset", "clock_rate", "pose_clock_rate", "bias_x", "bias_y", "bias_z", "gravity", "slope_x",
+           "slope_y", "lever_x", "lever_y", "lever_z"),
+    groups={"time_offset": (0,), "clock_rate": (1,), "pose_clock_rate": (2,), "gravity": (6,), "bias": (3, 4, 5),
+            "slope": (7, 8), "lever": (9, 10, 11)},
+    largest=(1.0, 0.1, 0.1, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0),
+)  # fmt: skip
+"""What is fitted: seconds the IMU's stamps are late, seconds a second by which its clock and that of the poses run
+fast, m/s^2 of bias in the body, m/s^2 by which gravity
+exceeds its declaration, its horizontal part in the world, and where the IMU sits in the body, metres."""
+
+
+def without_translation_faults(samples: InertialSamples, at: Float64) -> InertialSamples:
+    """Return the samples with the stamps' offset and drift out; all else of TRANSLATION_PARAMETERS is linear."""
+    return samples.with_imu_earlier(*at[:2]).with_poses_earlier(at[2])
+
+
+_DOWN_AND_LEVEL: Final = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
+"""Accelerations in the world, columns, by gravity and by its horizontal part."""
+
+
+def with_orientations(samples: InertialSamples) -> InertialSamples:
+    """Return the samples with the orientation at the IMU's instants: halves of them then share one interpolation."""
+    return replace(samples, R_world_imu=_orientations(samples))
+
+
+def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
+    """Compare specific force with the second differences of consecutive positions.
+
+    The residual at a pose is the change of mean velocity from the interval before it to the one after it, m/s in the
+    world: by position less by force. Its covariance holds position noise (1, -2, 1), the white noise of the
+    accelerometer, force turned by noisy orientations, and rounded stamps.
+    """
+    samples = with_orientations(samples)
+    times_s = samples.pose_times_s
+    effects = translation_effects(samples, noise)
+    poses = effects.poses
+    if not len(poses):
+        return _no_rows()
+    accelerations, known = _in_world(samples, noise.gravity_m_s2)
+    by_position = _second_differences(times_s, samples.positions_world_m.T, poses)
+    return Rows(
+        poses=poses,
+        times_s=times_s[poses],
+        spans_s=(times_s[poses + 1] - times_s[poses - 1]) / 2,
+        residuals=effects.residuals,
+        model_errors=_model_errors(samples, noise.gravity_m_s2, by_position - effects.residuals, poses),
+        jacobians=effects.jacobians,
+        bias_jacobians=effects.jacobians[..., 3:6],
+        covariance_bands=_covariance(samples, noise, poses, _turned_squared(accelerations[known], noise)),
+    )
+
+
+def translation_effects(samples: InertialSamples, noise: InertialNoise) -> Effects:
+    """Return what the samples alone make of the rows: residuals and jacobians."""
+    samples = with_orientations(samples)
+    times_s, columns = samples.pose_times_s, len(TRANSLATION_PARAMETERS.names)
+    accelerations, known = _in_world(samples, noise.gravity_m_s2)
+    imu_times_s = samples.imu_times_s[known]
+    poses = np.empty(0, np.intp)
+    if len(imu_times_s) > 1 and len(times_s) > 2:
+        poses = 1 + np.flatnonzero(covered(imu_times_s, times_s[:-2], times_s[2:]))
+    if not len(poses):
+        return Effects(poses, np.empty((0, 3)), np.empty((0, 3, columns)))
+    curves = _curves(samples, accelerations, noise.smoothing_s)[:, known]
+    changes = _second_differences(times_s, integrated_twice(imu_times_s, curves, times_s), poses)
+    by_force, jerk, drifting = changes[:, 0:3], changes[:, 3:6], changes[:, 6:9]
+    jacobians = np.empty((len(poses), 3, columns))
+    jacobians[..., 0], jacobians[..., 1], jacobians[..., 2] = jerk, drifting, -drifting - 2 * by_force
+    jacobians[..., 3:6] = -changes[:, 9:18].reshape(-1, 3, 3)
+    jacobians[..., 6:9] = _DOWN_AND_LEVEL * ((times_s[poses + 1] - times_s[poses - 1]) / 2)[:, None, None]
+    jacobians[..., 9:12] = -changes[:, 18:27].reshape(-1, 3, 3)
+    by_position = _second_differences(times_s, samples.positions_world_m.T, poses)
+    return Effects(poses, by_position - by_force, jacobians)
+
+
+def _in_world(samples: InertialSamples, gravity_m_s2: float) -> tuple[Float64, NDArray[np.bool_]]:
+    """Return ``R f + g`` (M, 3) at the IMU's instants, and where the orientation is known."""
+    R = _orientations(samples)
+    accelerations = np.einsum("nij,nj->ni", R, samples.specific_forces_body_m_s2)
+    accelerations[:, 2] -= gravity_m_s2
+    return accelerations, np.isfinite(accelerations).all(axis=-1)
+
+
+def _orientations(samples: InertialSamples) -> Float64:
+    if samples.R_world_imu is not None:
+        return samples.R_world_imu
+    R, _ = interpolate_poses(
+        np.rint(samples.pose_times_s * NS_PER_S).astype(np.int64),
+        samples.positions_world_m,
+        samples.orientations_xyzw,
+        at_ns=np.rint(samples.imu_times_s * NS_PER_S).astype(np.int64),
+    )
+    return R
+
+
+def _curves(samples: InertialSamples, accelerations: Float64, smoothing_s: float) -> Float64:
+    """Return (27, M) what is integrated twice: acceleration, its derivatives by TRANSLATION_PARAMETERS or their parts.
+
+    With measured force ``f(t - late - drift t) + bias`` and true gravity ``g + gravity`` the curve of the positions
+    differs from that of the force by the double integral of the jerk, of the jerk times t, of -R, and of a constant. A
+    sensor at ``lever`` feels ``alpha x lever + w x (w x lever)`` besides. Poses whose clock runs fast by d seem slower:
+    p'' by 2 d.
+    """
+    times_s, R = samples.imu_times_s, _orientations(samples)
+    both = np.concatenate((samples.specific_forces_body_m_s2, samples.angular_velocities_body_rad_s), axis=1)
+    both = smoothed(times_s, both, smoothing_s)
+    slopes = CubicSpline(times_s, both)(times_s, 1)
+    W = so3.cross_matrices(both[:, 3:])
+    curves = np.empty((27, len(times_s)))
+    curves[:3] = accelerations.T
+    curves[3:6] = np.einsum("nij,nj->in", R, slopes[:, :3])
+    curves[6:9] = times_s * curves[3:6]
+    curves[9:18] = R.reshape(-1, 9).T
+    curves[18:] = (R @ (so3.cross_matrices(slopes[:, 3:]) + W @ W)).reshape(-1, 9).T
+    return curves
+
+
+def _second_differences(times_s: Float64, values: Float64, poses: NDArray[np.intp]) -> Float64:
+    """Return (n, k) of k curves (k, P): by how much their slopes change at the poses."""
+    slopes = np.diff(values, axis=1) / np.diff(times_s)
+    differences: Float64 = (slopes[:, poses] - slopes[:, poses - 1]).T
+    return differences
+
+
+def _model_errors(samples: InertialSamples, gravity_m_s2: float, fine: Float64, poses: NDArray[np.intp]) -> Float64:
+    """Estimate the error of interpolation and integration from every second sample and pose (Richardson)."""
+    imu, pose = every_second(len(samples.imu_times_s)), every_second(len(samples.pose_times_s))
+    sparse = InertialSamples(
+        samples.imu_times_s[imu],
+        samples.angular_velocities_body_rad_s[imu],
+        samples.specific_forces_body_m_s2[imu],
+        samples.pose_times_s[pose],
+        samples.positions_world_m[pose],
+        samples.orientations_xyzw[pose],
+    )
+    accelerations, known = _in_world(sparse, gravity_m_s2)
+    if np.count_nonzero(known) < 2:
+        return np.zeros_like(fine)
+    coarse = integrated_twice(sparse.imu_times_s[known], accelerations[known].T, samples.pose_times_s)
+    return (_second_differences(samples.pose_times_s, coarse, poses) - fine) / RICHARDSON
+
+
+def _turned_squared(accelerations: Float64, noise: InertialNoise) -> Float64:
+    """Return (3,) mean squares of the acceleration, on each axis of the world, that noisy orientations make of force.
+
+    An orientation off by e turns the force f by ``e x f``: with e of sigma on each axis the variance along i is
+    ``sigma^2 (|f|^2 - f_i^2)``. So gravity, being vertical, disturbs the level axes only.
+    """
+    upward = np.array([0.0, 0.0, noise.gravity_m_s2])
+    squares = np.mean(np.square(accelerations + upward), axis=0)
+    turned: Float64 = noise.rotation_sigma_rad**2 * (squares.sum() - squares)
+    return turned
+
+
+def _covariance(
+    samples: InertialSamples, noise: InertialNoise, poses: NDArray[np.intp], turned_squared: Float64
+) -> Float64:
+    """Return the bands (3, 3, n): position noise through 1/T, -2/T, 1/T, and white acceleration through a triangle.
+
+    Errors of orientations are constant over a step of the poses, so their density is their mean square times the step.
+    """
+    times_s, positions_m = samples.pose_times_s, samples.positions_world_m
+    steps_s = np.diff(times_s)
+    speeds = np.linalg.norm(np.gradient(positions_m, times_s, axis=0), axis=-1)
+    rounding_m = _ROUNDING * np.spacing(np.maximum(np.abs(positions_m).max(axis=-1), 1e-3))
+    variances = noise.position_sigma_m**2 + stamp_scatter(speeds) ** 2 + rounding_m**2 + noise.position_rounding_m**2
+    density_squared = (noise.accel_density**2 + turned_squared * float(np.median(steps_s)))[:, None]
+    before, after = 1 / steps_s[poses - 1], 1 / steps_s[poses]
+    middle = -(before + after)
+    bands = np.zeros((3, 3, len(poses)))
+    bands[:, 2] = before**2 * variances[poses - 1] + middle**2 * variances[poses] + after**2 * variances[poses + 1]
+    bands[:, 2] += density_squared * (steps_s[poses - 1] + steps_s[poses]) / 3
+    left, right = poses[:-1], poses[1:]
+    neighbours = middle[:-1] * before[1:] * variances[left] + after[:-1] * middle[1:] * variances[right]
+    bands[:, 1, 1:] = np.where(right - left == 1, neighbours + density_squared * steps_s[left] / 6, 0.0)
+    bands[:, 0, 2:] = np.where(poses[2:] - poses[:-2] == 2, after[:-2] * before[2:] * variances[poses[:-2] + 1], 0.0)
+    return bands
+
+
+def _no_rows() -> Rows:
+    columns = len(TRANSLATION_PARAMETERS.names)
+    return Rows(
+        np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((0, 3)), np.empty((0, 3)),
+        np.empty((0, 3, columns)), np.empty((0, 3, 3)), np.empty((3, 3, 0)),
+    )  # fmt: skip

@@ -1,0 +1,44 @@
+"""Faults of stored bytes and of values that are none."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.faults.canary_conditions import Ground, UnplantableError
+from fedora_qa.faults.fault import Fault, Read, values
+from fedora_qa.layout.binding import INVALID_STAMP_NS
+from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
+
+
+def undecodable(ground: Ground) -> Fault:
+    """No row of a dataset decodes; of its stream's stamps all do, so that there are windows to look at."""
+    keys = [key for key in ground.facts.layout.bindings if not DATASETS[key].is_stamps]
+    images = [key for key in keys if DATASETS[key].is_image]
+    if not keys:
+        raise UnplantableError("the file holds stamps only")
+    key = (images or keys)[0]
+
+    def fail(read: Read, start: int, stop: int) -> NDArray[Any]:
+        raise UnreadableRowsError(key, start, stop, "a canary: its bytes are as if damaged")
+
+    return Fault(f"{key} does not decode", {key: fail})
+
+
+def not_finite(ground: Ground) -> Fault:
+    """The first value of every row of a float dataset is infinite; of a file without one, all stamps of a stream."""
+    for key in ground.facts.layout.bindings:
+        if DATASETS[key].dtype.startswith("float") and DATASETS[key].stream in ground.facts.streams:
+            return Fault(f"a value of each row of {key} is infinite", {key: values(_first_infinite)})
+    for stream, clock in ground.facts.clocks.items():
+        if len(clock.times_ns):
+            invalid = values(lambda stamps: np.full_like(stamps, INVALID_STAMP_NS))
+            return Fault(f"the stamps of {stream} are NaN", {STAMPS_OF[stream]: invalid})
+    raise UnplantableError("the file holds no stream whose values could be other than finite")
+
+
+def _first_infinite(stored: NDArray[Any]) -> NDArray[Any]:
+    altered = stored.copy()
+    altered[(slice(None), *(slice(1),) * (stored.ndim - 1))] = np.inf
+    return altered

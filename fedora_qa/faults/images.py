@@ -1,0 +1,135 @@
+"""Faults of colour and depth frames."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import MM_PER_M
+from fedora_qa.faults.canary_conditions import Ground
+from fedora_qa.faults.fault import Fault, rows_from, values, values_by_row
+
+_RGB, _DEPTH = "path/rgb", "path/depth"
+_LEAST_GAIN: Final = 0.1
+"""Eight bits show a gain of a tenth at any grey value above 5 DN."""
+_LEAST_POWER: Final = 0.5
+"""Contrasts are then half as large again: less than a display's curve, which makes them more than double."""
+_WHITE_DN: Final = 255.0
+_EXCHANGES: Final = ("RBG", "GRB", "BGR")
+_SPARSELY: Final = 8
+"""Of so many intervals three are out of order: the median of all stays what it is."""
+_DARKEST: Final = 0.3
+"""What a jump of exposure leaves at least, so that there is still a picture."""
+
+
+def frozen_colour(ground: Ground) -> Fault:
+    """Three colour frames repeat the one before them."""
+    row = ground.row_at_place("rgb")
+    held = rows_from(lambda rows: np.where((rows >= row) & (rows < row + 3), row - 1, rows), _count(ground, _RGB))
+    return Fault(f"rgb frames {row} to {row + 2} repeat frame {row - 1}", {_RGB: held})
+
+
+def exchanged_colour(ground: Ground) -> Fault:
+    """The colour frames at both ends of some intervals, of the fastest flow or from frame to frame, are exchanged."""
+    count = _count(ground, _RGB)
+    first, last = _intervals(ground, count)
+    chosen = np.arange(ground.row_at_place("rgb") % _SPARSELY, len(first), _SPARSELY)
+    inside = chosen[(last[chosen] < count) & (first[chosen] < last[chosen])]
+    source = np.arange(count)
+    source[last[inside]], source[first[inside]] = first[inside], last[inside]
+    said = f"rgb frames are exchanged at the ends of every {_SPARSELY}th interval"
+    return Fault(said, {_RGB: rows_from(lambda rows: source[rows], count)})
+
+
+def _intervals(ground: Ground, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the frames at the start and at the end of each interval."""
+    facts = ground.facts
+    ends_ns = facts.clocks[facts.flow_streams[-1]].ends_ns if facts.flow_streams else None
+    if ends_ns is None:
+        return np.arange(count - 1), np.arange(1, count)
+    starts_ns, times_ns = facts.clocks[facts.flow_streams[-1]].times_ns, facts.clocks["rgb"].times_ns
+    return np.searchsorted(times_ns, starts_ns), np.searchsorted(times_ns, ends_ns)
+
+
+def darker_colour(ground: Ground) -> Fault:
+    """Colour frames become darker at the place, and stay so."""
+    row, percent = ground.row_at_place("rgb"), ground.size("largest_jump", at_least=100 * _LEAST_GAIN)
+    gain = max(1 - percent / 100, _DARKEST)
+
+    def alter(frames: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
+        gains = np.where(rows >= row, gain, 1.0)[:, np.newaxis, np.newaxis, np.newaxis]
+        return np.asarray(np.rint(frames * gains), dtype=frames.dtype)
+
+    return Fault(f"rgb is {100 * (1 - gain):.3g}% darker from frame {row} on", {_RGB: values_by_row(alter)})
+
+
+def exchanged_channels(ground: Ground) -> Fault:
+    """Two channels are exchanged: those of which the check says to see it best."""
+    limits = ((m.least_detectable, m.name.removeprefix("towards_")) for m in ground.measurements)
+    orders = [(limit, order) for limit, order in limits if limit and order in _EXCHANGES]
+    order = min(orders, default=(0.0, "BGR"))[1]
+    channels = ["RGB".index(channel) for channel in order]
+    return Fault(f"rgb is {', '.join(order)}", {_RGB: values(lambda frames: frames[..., channels])})
+
+
+def other_transfer(ground: Ground) -> Fault:
+    """Grey values went through a power law that is not declared."""
+    power = 1 + ground.size("exponent", "exponent_at_declared_thresholds", at_least=_LEAST_POWER)
+    codes = np.rint(_WHITE_DN * (np.arange(_WHITE_DN + 1) / _WHITE_DN) ** power).astype(np.uint8)
+    return Fault(f"rgb went through a power of {power:.3g}", {_RGB: values(lambda frames: codes[frames])})
+
+
+def shifted_colour(ground: Ground) -> Fault:
+    """Colour frames lie too far to the right, by event pixels."""
+    cameras = ground.facts.declared.cameras
+    scale = cameras["rgb"].width / cameras["events"].width
+    return _shifted(_RGB, math.ceil(scale * ground.size("shift_right", at_least=1.0)))
+
+
+def shifted_depth(ground: Ground) -> Fault:
+    """Depth lies too far to the right."""
+    return _shifted(_DEPTH, math.ceil(ground.size("shift_right", at_least=1.0)))
+
+
+def far_depth(ground: Ground) -> Fault:
+    """Depth is a thousand times too large: micrometres."""
+    return Fault("depth is in micrometres", {_DEPTH: values(lambda depth: depth * np.float32(MM_PER_M))})
+
+
+def uneven_depth(ground: Ground) -> Fault:
+    """Every second depth frame is too far."""
+    percent = ground.size("deviation")
+
+    def alter(frames: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
+        factors = 1 + np.where(rows % 2, percent / 100, 0.0)[:, np.newaxis, np.newaxis]
+        return np.asarray(frames * factors, dtype=frames.dtype)
+
+    return Fault(f"every second depth frame is {percent:.3g}% too far", {_DEPTH: values_by_row(alter)})
+
+
+def scaled_depth(ground: Ground) -> Fault:
+    """Depth is too large by a factor."""
+    factor = np.float32(1 + ground.size("scale"))
+    return Fault(f"depth is too large by a factor of {factor:.6g}", {_DEPTH: values(lambda depth: depth * factor)})
+
+
+def ray_depth(ground: Ground) -> Fault:
+    """Depth is the length of the ray, or a higher power of it where less would not be seen."""
+    camera, exponent = ground.facts.declared.cameras["depth"], ground.size("ray_exponent", at_least=1.0)
+    x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
+    lengths = np.linalg.norm(pixels @ np.linalg.inv(camera.K).T, axis=-1)
+    factors = (lengths**exponent).astype(np.float32)
+    return Fault("depth is the length of the ray", {_DEPTH: values(lambda depth: depth * factors)})
+
+
+def _shifted(key: str, columns: int) -> Fault:
+    stream = key.removeprefix("path/")
+    return Fault(
+        f"{stream} lies {columns} px too far to the right", {key: values(lambda v: np.roll(v, columns, axis=2))}
+    )
+
+
+def _count(ground: Ground, key: str) -> int:
+    return ground.facts.sizes[key]

@@ -1,0 +1,1 @@
+"""What several checks look at, derived once per window; no verdicts."""

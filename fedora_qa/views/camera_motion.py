@@ -1,0 +1,42 @@
+"""The camera's motion over the intervals of a window, from poses that are interpolated once."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.geometry.camera import RigidMotion, camera_motion
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.flow_intervals import Interval, Pose, PoseTrack, owned_intervals
+
+DELAY_NS: Final = NS_PER_S // 1000
+"""By which instants are moved to see how a motion changes with time."""
+
+
+def motion_over(window: Window, track: PoseTrack, interval: Interval) -> RigidMotion | None:
+    """Return how points move over an interval in the camera of a window's own track; None where no pose covers it.
+
+    Poses at all ends of the window's intervals, and ``DELAY_NS`` before and after them, are interpolated at once. The
+    track is that of the depth camera, on whose grid flow lies; what it gives is kept for the window.
+    """
+    key = ("motion over", interval.start_ns, interval.end_ns)
+    return window.once(key, lambda: _motion_over(window, track, interval))
+
+
+def _motion_over(window: Window, track: PoseTrack, interval: Interval) -> RigidMotion | None:
+    poses = window.once("poses at ends of intervals", lambda: _poses_at_ends(window, track))
+    before, after = poses.get(interval.start_ns), poses.get(interval.end_ns)
+    if before is None or after is None:
+        return track.motion(interval.start_ns, interval.end_ns)
+    return camera_motion(*before, *after, track.camera.T_body_camera)
+
+
+def _poses_at_ends(window: Window, track: PoseTrack) -> Mapping[int, Pose]:
+    """Return the poses by their instants, those that are known."""
+    intervals = [one for stream in window.facts.flow_streams for one in owned_intervals(window, stream)]
+    ends_ns = np.array([(one.start_ns, one.end_ns) for one in intervals], dtype=np.int64).ravel()
+    at_ns = np.unique(np.concatenate((ends_ns, ends_ns - DELAY_NS, ends_ns + DELAY_NS)))
+    R, positions_m = track.poses_at(at_ns)
+    known = np.isfinite(R).all(axis=(1, 2)) & np.isfinite(positions_m).all(axis=1)
+    return {int(at_ns[i]): (R[i], positions_m[i]) for i in np.flatnonzero(known)}

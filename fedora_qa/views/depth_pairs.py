@@ -1,0 +1,246 @@
+"""Neighbouring depth frames and the camera's motion between them.
+
+A pair belongs to the window of its second frame. Of the first one only some pixels are needed, which the window before
+has left behind: each frame is made ready to be read once.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import sqrt
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.depth.inverse_depth import DepthImage, depth_image
+from fedora_qa.estimators.depth.pair_fit import DepthFit, fit_depth, noise_directions
+from fedora_qa.estimators.depth.stored_step import DepthStep, depth_step
+from fedora_qa.estimators.depth.warp import DepthModel, Lattice, lattice_stride, lattice_values
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import USUAL_PIXELS, Window
+from fedora_qa.views.flow_intervals import PoseTrack, motion_between, pose_track
+from fedora_qa.views.frame_poses import pose_of_frame
+from fedora_qa.views.static_depth import is_told_apart, standing_depth_m, why_not_told_apart
+
+Float64 = NDArray[np.float64]
+
+FIT_PIXELS: Final = 2000
+"""Pixels that a parameter is fitted to: plenty for seven numbers, since what remains is rounding."""
+
+FIT_PIXELS_OF_LARGE: Final = FIT_PIXELS // 2
+"""Of frames not all of whose pixels are looked at. Limits are those of what all pixels may err by together: at
+1440x1080 standard errors grow by 41%, the limits of scale and ray by 1.6% and 0.9%."""
+
+_PIXELS: Final = USUAL_PIXELS
+"""Pixels of a frame that are looked at, about: of larger ones every second, third ... row and column.
+
+The same view in 540x405 px is seen no worse: what lies between two pixels is read from both, and its error is bounded
+by second differences of the pixels that are looked at. Distances from edges are told by blocks of two of these, as they
+are in 540x405. At 1440x1080, every third pixel both ways, frames take a seventh of the time; in park-day the limit of
+the whole frame grows by 1%, that of the worst tile by 11%, of the scale by 9%, of the ray's exponent by 4%.
+``exhaustive`` looks at all.
+"""
+
+_ANYTHING_M, _ANYTHING_RAD = 1.0, 1.0
+"""Noise that stands for any, where nothing is declared about the pose."""
+
+
+@dataclass(frozen=True, slots=True)
+class DepthPair:
+    """A depth frame and the next one whose stamp advances.
+
+    Attributes
+    ----------
+    first, second
+        Rows of the depth stream.
+    start_ns, end_ns
+        Their stamps, from the file's origin.
+    motion
+        How points move in the camera from the first to the second.
+    motion_error
+        Twist (6,) by which interpolating the pose between its samples may err.
+    noise
+        (6, k) independent directions of the motion's noise, one standard deviation long; k = 0 where it is exact.
+    every_px
+        Every how many-th row and column of the frames is looked at: pixels of images and lattices are so far apart.
+    """
+
+    window: Window
+    track: PoseTrack
+    first: int
+    second: int
+    start_ns: int
+    end_ns: int
+    motion: RigidMotion
+    motion_error: Float64
+    noise: Float64
+    every_px: int
+
+    @property
+    def images(self) -> tuple[DepthImage, DepthImage]:
+        """Both frames, ready to be read."""
+        return image_of(self.window, self.first, self.every_px), self.image1
+
+    @property
+    def image1(self) -> DepthImage:
+        """The second frame, ready to be read."""
+        return image_of(self.window, self.second, self.every_px)
+
+    def whole(self) -> "DepthPair":
+        """Return the pair with all pixels of its frames."""
+        return replace(self, every_px=1)
+
+    def model(self) -> DepthModel:
+        """Return how the frames hang together as the file declares."""
+        to_looked_at = np.array([[1 / self.every_px], [1 / self.every_px], [1.0]])
+        return DepthModel(to_looked_at * self.track.camera.K, self.motion, motion_error=self.motion_error)
+
+    def scaled(self, factor: float) -> DepthModel:
+        """Return the same with depths that are too large by a factor."""
+        return replace(self.model(), scale=factor)
+
+    def as_rays(self, share: float) -> DepthModel:
+        """Return the same with depths that are lengths of the ray (1), z (0), or between."""
+        return replace(self.model(), ray=share)
+
+    def with_path(self, factor: float) -> DepthModel | None:
+        """Return the same with positions that are too small by a factor; None where no pose covers the pair."""
+        track = self.track.transformed(lambda poses: replace(poses, positions_world_m=factor * poses.positions_world_m))
+        motion = track.motion(self.start_ns, self.end_ns)
+        return None if motion is None else replace(self.model(), motion=motion)
+
+    def lattice(self) -> Lattice:
+        """Return pixels of the first frame, as dense as the effort asks for."""
+        return lattice_of_frame(self.window, self.first)
+
+    def lattice_to_fit(self) -> Lattice:
+        """Return some of these, evenly spread, as many as it takes to fit a parameter."""
+        return self.lattice().thinned(FIT_PIXELS if self.every_px == 1 else FIT_PIXELS_OF_LARGE)
+
+    def fit_as_declared(self) -> DepthFit | None:
+        """Return the fit of the motion within its noise, all else being as declared; made once a window."""
+        return self.window.once(("depth as declared", self.first), self._fit_as_declared)
+
+    def _fit_as_declared(self) -> DepthFit | None:
+        model = self.model()
+        return fit_depth(lambda _: model, self.lattice_to_fit(), self.image1, self.noise, start=0.0, step=None)
+
+
+def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
+    """Yield the pairs whose second frame the window owns and the plan wants; None where no pose covers one."""
+    facts = window.facts
+    clock = facts.clocks["depth"]
+    rows, owned = np.flatnonzero(clock.advancing), window.owned("depth")
+    start, stop = np.searchsorted(rows, (owned.start, owned.stop)).tolist()
+    before = max(start - 1, 0)
+    track = pose_track(window, facts.declared.cameras["depth"])
+    for first, second in pairwise(rows[before:stop].tolist()):
+        wanted = first % window.sampling.field_stride == 0
+        if wanted and all(is_told_apart(window, frame) for frame in (first, second)):
+            pair = pair_between(window, track, first, second)
+            yield pair
+            if pair is not None:
+                lattice_of_frame(window, second)  # for the window to come
+
+
+def pair_between(window: Window, track: PoseTrack, first: int, second: int) -> DepthPair | None:
+    """Return a pair by its rows; None where no pose covers it or the frame's size is not the camera's."""
+    times_ns = window.facts.clocks["depth"].times_ns
+    start_ns, end_ns = int(times_ns[first]), int(times_ns[second])
+    # Kept is the motion alone: a pair that the window kept would keep the window in turn, and all its images.
+    known = window.once(("depth motion", first, second), lambda: _motion(window, track, first, second))
+    if known is None:
+        return None
+    return DepthPair(window, track, first, second, start_ns, end_ns, *known, every_px=_every_px(window))
+
+
+def _motion(window: Window, track: PoseTrack, first: int, second: int) -> tuple[RigidMotion, Float64, Float64] | None:
+    """Return motion, motion error and noise of a ``DepthPair``; None where no pose covers it."""
+    before, after = (pose_of_frame(window, track, "depth", frame) for frame in (first, second))
+    motion = motion_between(before, after, track.camera)
+    if motion is None:
+        return None
+    start_ns, end_ns = window.facts.clocks["depth"].times_ns[[first, second]].tolist()
+    noise = window.facts.declared.pose
+    sigma_m, sigma_rad = (noise.position_sigma_m, noise.rotation_sigma_rad) if noise else (_ANYTHING_M, _ANYTHING_RAD)
+    exact = sigma_m == sigma_rad == 0.0
+    covariance = np.zeros((6, 6)) if exact else track.covariance(start_ns, end_ns, sigma_m, sigma_rad)
+    return motion, track.interpolation_twist(start_ns, end_ns), noise_directions(covariance)
+
+
+def lattice_of_frame(window: Window, frame: int) -> Lattice:
+    """Return the pixels of a frame that are carried to the next one, made once for neighbouring windows."""
+    share, every_px = window.sampling.tile_share, _every_px(window)
+
+    def made() -> Float64:
+        image = image_of(window, frame, every_px)
+        height, width = image.depths_m.shape
+        return lattice_values(image, lattice_stride(height, width, min(share * every_px, 1.0)))
+
+    values = window.of_image(f"depth lattice of {share:g}", frame, made)
+    return Lattice(*values).with_steps(step_share(window) / 2)
+
+
+def image_of(window: Window, frame: int, every_px: int) -> DepthImage:
+    """Return every so many-th row and column of a depth frame ready to be read, made once a window."""
+
+    def made() -> DepthImage:
+        looked_at_m = standing_m(window, frame)[::every_px, ::every_px]
+        return depth_image(looked_at_m, step_share(window), least_block_px=min(every_px, 2))
+
+    return window.once(("depth image", frame, every_px), made)
+
+
+def _every_px(window: Window) -> int:
+    """Return every how many-th row and column of depth frames is looked at."""
+    if window.sampling.tile_share >= 1.0:
+        return 1
+    camera = window.facts.declared.cameras["depth"]
+    return max(1, round(sqrt(camera.height * camera.width / _PIXELS)))
+
+
+def standing_m(window: Window, frame: int) -> NDArray[np.float32]:
+    """Return what of a depth frame stands, NaN elsewhere: everywhere, where the file does not tell."""
+    depth_m = standing_depth_m(window, frame)
+    return np.full_like(window.depth_m(frame), np.nan) if depth_m is None else depth_m
+
+
+def step_share(window: Window) -> float:
+    """Return the largest step of the window's depths as a share of the depth; 0 where they are as fine as float32."""
+    step = step_of(window)
+    return step.relative if step else 0.0
+
+
+def step_of(window: Window) -> DepthStep | None:
+    """Return the step of the first depth frame that the window owns: how depths were stored changes in no window."""
+    owned = window.owned("depth")
+    return window.once("depth step", lambda: depth_step(window.depth_m(owned[0])) if owned else None)
+
+
+def why_no_geometry(facts: Facts) -> str:
+    """Say what of the model does not hold: intrinsics, a pinhole, a world of which it is known what stands."""
+    camera = facts.declared.cameras.get("depth")
+    if camera is None:
+        return "the depth camera's intrinsics and mounting are not declared"
+    if camera.model != "pinhole":
+        return f"the depth camera is declared as {camera.model}, and only a pinhole is modelled"
+    return why_not_told_apart(facts)
+
+
+def place(facts: Facts, first: int, last: int, pixel: tuple[int, int] | None = None,
+          tile: tuple[int, int, int, int] | None = None) -> Where:  # fmt: skip
+    """Return where depth frames from the first to the last row (both included) lie in the file."""
+    times_ns = facts.clocks["depth"].times_ns
+    return Where(
+        stream="depth",
+        start_us=facts.to_file_us(int(times_ns[first])),
+        stop_us=facts.to_file_us(int(times_ns[last])),
+        index_start=first,
+        index_stop=last + 1,
+        frame=first,
+        pixel=pixel,
+        tile=tile,
+    )

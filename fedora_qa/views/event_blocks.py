@@ -1,0 +1,74 @@
+"""How frames and events have changed over blocks of pixels, shared by the checks of orientation and of frames."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.events.orientation import (
+    Moments,
+    add_events_beyond,
+    event_blocks,
+    level_blocks,
+    span_moments,
+    step_moments,
+)
+from fedora_qa.sequence.declared import EventModel
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.event_camera import (
+    SeenFrames,
+    all_events,
+    seen_frames,
+    sensor_events,
+    sensor_shape,
+)
+from fedora_qa.views.event_tiles import GRID
+
+
+@dataclass(frozen=True, slots=True)
+class BlockMoments:
+    """Moments of frames (n,) and the events between them.
+
+    Attributes
+    ----------
+    frames
+        (n,) rows.
+    steps
+        (n - 1, t, 8, 6) between successive frames: of each tile of the image, under the eight symmetries.
+    span
+        Between the first frame and the last, of the whole image.
+    """
+
+    frames: NDArray[np.int64]
+    steps: NDArray[np.float64]
+    span: Moments
+
+
+def block_moments(window: Window) -> BlockMoments | None:
+    """Return the moments of a window's frames and the next one; None where there are not two."""
+    return window.once("block_moments", lambda: _block_moments(window))
+
+
+def _block_moments(window: Window) -> BlockMoments | None:
+    seen, declared = seen_frames(window), window.facts.declared.events
+    if declared is None or len(seen) < 2:
+        return None
+    levels = np.stack([_level_blocks(window, seen, i, declared) for i in range(len(seen))])
+    events = event_blocks(seen.counts, declared.threshold_on, declared.threshold_off)
+    stored = all_events(window)
+    if len(stored) > len(sensor_events(window)):
+        shape = sensor_shape(window.facts.declared)
+        columns = stored.x, stored.y, stored.times_ns, stored.p
+        add_events_beyond(events, *columns, seen.times_ns, shape, declared.threshold_on, declared.threshold_off)
+    steps = step_moments(levels, events, GRID)
+    # Between two frames there is but one step.
+    span = Moments(steps[0].sum(axis=0)) if len(steps) == 1 else span_moments(levels, events)
+    return BlockMoments(seen.frames, steps, span)
+
+
+def _level_blocks(window: Window, seen: SeenFrames, i: int, declared: EventModel) -> NDArray[np.float64]:
+    def means() -> NDArray[np.float64]:
+        dark_dn = None if declared.model == "linear" else declared.log_eps_dn
+        return level_blocks(seen.even_dn[i], seen.error_dn[i], dark_dn)
+
+    return window.of_image("level_blocks", int(seen.frames[i]), means)

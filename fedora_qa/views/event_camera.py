@@ -1,0 +1,290 @@
+"""What the checks of events share of a window: events that lie on the sensor, and frames as its pixels see them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.errors import UnreadableRowsError
+from fedora_qa.estimators.events.footprint import Axis, Footprints, column_axis, row_axis
+from fedora_qa.estimators.events.orientation import LEAST_LIGHT
+from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel
+from fedora_qa.estimators.events.row_kernels import count_between_frames
+from fedora_qa.sequence.declared import Camera, Declared, EventModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Events, Window
+from fedora_qa.views.large_frames import is_large
+from fedora_qa.views.luma import clipped, luma_dn
+
+HALO_NS: Final = 30_000_000
+"""Events before and after a window that its checks may look at: longer than any gap that tells a level."""
+
+FARTHEST_NEXT_FRAME_NS: Final = 100_000_000
+"""A window looks at the frame after its last one if that is not farther behind its end."""
+
+ROUNDING_DN: Final = {"linear": 0.5, "srgb": 0.5 * 2.4 / 1.055, "gamma2.2": 0.5 * 2.2}
+"""Half a step of the 8-bit code in linear DN, at white where it is largest."""
+
+WINDOW_NS: Final = NS_PER_S // 5
+"""The usual window; those of large images are shorter."""
+
+CENTRES_AGREE_M: Final = 1e-6
+AXES_AGREE: Final = 1e-6
+
+
+def all_events(window: Window) -> Events:
+    """Return the events of a window with a halo on both sides, as stored."""
+    after_ns = HALO_NS
+    frames = _frames(window) if "rgb" in window.facts.clocks else []
+    if frames:
+        last_ns = int(window.facts.clocks["rgb"].times_ns[frames[-1]])
+        after_ns = max(HALO_NS, last_ns + HALO_NS - window.span.stop_ns)
+    return window.once("all_events", lambda: _read_only(window.events(HALO_NS, after_ns)))
+
+
+def _read_only(events: Events) -> Events:
+    """Return the events as views that cannot be written: some are such, and loops are compiled for one kind."""
+    views = Events(events.x.view(), events.y.view(), events.times_ns.view(), events.p.view())
+    for column in (views.x, views.y, views.times_ns, views.p):
+        column.flags.writeable = False
+    return views
+
+
+def sensor_events(window: Window) -> Events:
+    """Return those of ``all_events`` that lie on the declared sensor and have a legal polarity."""
+    return window.once("sensor_events", lambda: _on_sensor(all_events(window), window.facts.declared))
+
+
+def events_around(window: Window, margin_ns: int) -> Events:
+    """Return the events on the sensor within a margin of a window, for a second look."""
+    return _on_sensor(window.events(margin_ns, margin_ns), window.facts.declared)
+
+
+def events_on_time(window: Window, late_ns: int) -> Events:
+    """Return what ``sensor_events`` would be if events that are late by so much were stamped on time."""
+    events = events_around(window, HALO_NS + abs(late_ns))
+    times_ns = events.times_ns - late_ns
+    near = slice(*np.searchsorted(times_ns, [window.span.start_ns - HALO_NS, window.span.stop_ns + HALO_NS]))
+    return _read_only(Events(events.x[near], events.y[near], times_ns[near], events.p[near]))
+
+
+def own(window: Window, events: Events) -> Events:
+    """Return the events that the window owns, without the halo."""
+    start, stop = np.searchsorted(events.times_ns, [window.span.start_ns, window.span.stop_ns])
+    return Events(events.x[start:stop], events.y[start:stop], events.times_ns[start:stop], events.p[start:stop])
+
+
+def pixel_events(window: Window) -> PixelEvents:
+    """Return ``sensor_events`` by pixel."""
+    return window.once("pixel_events", lambda: sorted_by_pixel(sensor_events(window), window.facts.declared))
+
+
+def sorted_by_pixel(events: Events, declared: Declared) -> PixelEvents:
+    """Return events that lie on the declared sensor, in the order of time, by pixel."""
+    return by_pixel(events.x, events.y, events.times_ns, events.p, sensor_shape(declared))
+
+
+def sensor_shape(declared: Declared) -> tuple[int, int]:
+    """Return rows and columns of the event camera."""
+    camera = declared.cameras["events"]
+    return camera.height, camera.width
+
+
+def is_large_sensor(window: Window) -> bool:
+    """Whether checks may look at less of the event camera than all, as it is large; not where all is asked for."""
+    height, width = sensor_shape(window.facts.declared)
+    return is_large(height * width, window)
+
+
+def _on_sensor(events: Events, declared: Declared) -> Events:
+    height, width = sensor_shape(declared)
+    if events.x.dtype == events.y.dtype == np.uint16 and all_on_sensor(events, (height, width)):
+        return events
+    good = (events.x < width) & (events.y < height) & (events.p <= 1)
+    if events.x.dtype != np.uint16 or events.y.dtype != np.uint16:
+        good &= (events.x >= 0) & (events.y >= 0)
+    x, y = events.x[good].astype(np.uint16), events.y[good].astype(np.uint16)
+    return _read_only(Events(x, y, events.times_ns[good], events.p[good]))
+
+
+def all_on_sensor(events: Events, shape: tuple[int, int]) -> bool:
+    """Whether all events lie on a sensor (rows, columns), with a polarity of 0 or 1."""
+    columns: tuple[tuple[NDArray[Any], int], ...] = ((events.y, shape[0]), (events.x, shape[1]), (events.p, 2))
+    return not len(events) or all(column.min() >= 0 and column.max() < end for column, end in columns)
+
+
+@dataclass(frozen=True, slots=True)
+class SeenFrames:
+    """The frames of a window and the one after it, as the pixels of the event camera see them.
+
+    Attributes
+    ----------
+    frames, times_ns
+        (n,) rows and instants.
+    sharp_dn, even_dn
+        (n, h, w) luma by the two reconstructions of ``event_footprint``, in single precision: 1e-4 DN.
+    error_dn
+        (n, h, w) bound of the error of ``even_dn``; infinite where a pixel is saturated or outside the frame.
+    counts
+        (n - 1, 2, h, w) darker and brighter events between the frames.
+    """
+
+    frames: NDArray[np.int64]
+    times_ns: NDArray[np.int64]
+    sharp_dn: NDArray[Any]
+    even_dn: NDArray[Any]
+    error_dn: NDArray[Any]
+    counts: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+
+def seen_frames(window: Window) -> SeenFrames:
+    """Return the frames that a window owns and the next one, and the events between them."""
+    return window.once("seen_frames", lambda: _seen_frames(window))
+
+
+def seen_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
+    """Return the footprints of the event camera's pixels in frames of a shape (rows, columns): those of a file."""
+    return window.once(("footprints", shape_frame), lambda: _footprints(window, shape_frame))
+
+
+def _footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
+    cameras, (height, width) = window.facts.declared.cameras, sensor_shape(window.facts.declared)
+    K_frame, K_event = cameras["rgb"].K, cameras["events"].K
+    return Footprints(
+        _kept(window, "footprint_rows", lambda: row_axis(K_frame, shape_frame[0], K_event, height)),
+        _kept(window, "footprint_columns", lambda: column_axis(K_frame, shape_frame[1], K_event, width)),
+    )
+
+
+def _kept(window: Window, name: str, compute: Callable[[], Axis]) -> Axis:
+    return Axis.unpacked(window.of_image(name, 0, lambda: compute().packed()))
+
+
+def intervals_due(window: Window, seen: SeenFrames, a_window: int) -> int:
+    """Return how many intervals of two frames or more are due, where so many are of a window of the usual length.
+
+    Of windows much shorter than that an interval is due for each point of a grid in time since the frame before its
+    first: most have none, and where frames are few each has some.
+    """
+    length_ns = window.span.stop_ns - window.span.start_ns
+    if 2 * length_ns >= WINDOW_NS:
+        return round(a_window * length_ns / WINDOW_NS)
+    earlier = np.flatnonzero(window.facts.clocks["rgb"].advancing[: seen.frames[0]])
+    before_ns = window.facts.clocks["rgb"].times_ns[earlier[-1]] if len(earlier) else window.span.start_ns - 1
+    return int(seen.times_ns[-2]) * a_window // WINDOW_NS - int(before_ns) * a_window // WINDOW_NS
+
+
+def events_before(seen: SeenFrames, window: Window) -> NDArray[np.int32]:
+    """Return the darker and brighter events (2, h, w) before a window's first frame, for as long as to the second."""
+    first_ns, second_ns = seen.times_ns[:2].tolist()
+    events, counts = sensor_events(window), np.zeros((1, *seen.counts.shape[1:]), np.int32)
+    times_ns = np.array([2 * first_ns - second_ns, first_ns])
+    count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
+    darker_and_brighter: NDArray[np.int32] = counts[0]
+    return darker_and_brighter
+
+
+def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return the signal of the declared model (n, h, w), and where it is lit: known to better than half of itself."""
+    levels, lit = np.empty(seen.even_dn.shape, np.float32), np.empty(seen.even_dn.shape, np.bool_)
+    for frame in range(len(seen)):
+        levels[frame], lit[frame] = signal_of(seen, declared, frame)
+    return levels, lit
+
+
+def signal_of(seen: SeenFrames, declared: EventModel, frame: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return ``signal`` of one frame (h, w)."""
+    even_dn = seen.even_dn[frame]
+    lit = np.greater(even_dn, 2 * seen.error_dn[frame])
+    if declared.model == "linear":
+        return even_dn, lit
+    level = even_dn + np.float32(declared.log_eps_dn)
+    return np.log(np.maximum(level, np.float32(LEAST_LIGHT), out=level), out=level), lit
+
+
+def why_frames_and_events_do_not_meet(facts: Facts) -> str:
+    """Say why frames cannot be seen by the event camera's pixels; empty where they can."""
+    cameras, events = facts.declared.cameras, facts.declared.events
+    if "rgb" not in cameras or "events" not in cameras:
+        return "the cameras rgb and events are not both declared in /metadata/cameras"
+    if events is None or not min(events.threshold_on, events.threshold_off) > 0:
+        return "the event sensor is not declared with positive thresholds in /metadata/events"
+    rgb, event = cameras["rgb"], cameras["events"]
+    if rgb.model != "pinhole" or event.model != "pinhole":
+        return f"Expected pinhole cameras, got {rgb.model} (rgb) and {event.model} (events)"
+    if not (_usable(rgb) and _usable(event)):
+        return "K of the cameras rgb and events is not that of pinhole cameras without skew"
+    return _why_views_differ(rgb, event)
+
+
+def _usable(camera: Camera) -> bool:
+    K = camera.K
+    return bool(np.all(np.isfinite(K)) and K[0, 0] > 0 and K[1, 1] > 0 and K[0, 1] == 0 and K[1, 0] == 0)
+
+
+def _why_views_differ(rgb: Camera, event: Camera) -> str:
+    difference = np.abs(rgb.T_body_camera - event.T_body_camera)
+    if not difference[:3, 3].max() <= CENTRES_AGREE_M:
+        return "the cameras rgb and events do not share one centre; frames would have to be reprojected through depth"
+    if not difference[:3, :3].max() <= AXES_AGREE:
+        return "the cameras rgb and events do not look in one direction"
+    return ""
+
+
+def _frames(window: Window) -> list[int]:
+    """Return the frames of a window whose stamps advance, and the next one if it is near."""
+    clock = window.facts.clocks["rgb"]
+    if not clock.usable:
+        return []
+    own_rows = [row for row in window.owned("rgb") if clock.advancing[row]]
+    if not own_rows:
+        return []
+    later = np.flatnonzero(clock.advancing[own_rows[-1] + 1 :])
+    if len(later):
+        following = own_rows[-1] + 1 + int(later[0])
+        if clock.times_ns[following] - window.span.stop_ns <= FARTHEST_NEXT_FRAME_NS:
+            own_rows.append(following)
+    return own_rows
+
+
+def _seen_frames(window: Window) -> SeenFrames:
+    """See the frames. The first is the last of the window before."""
+    shape, wanted = sensor_shape(window.facts.declared), _frames(window)
+    images = np.empty((3, len(wanted), *shape), np.float32)
+    found: list[int] = []
+    for frame in wanted:
+        place = images[:, len(found)]
+        try:
+            seen = window.of_image("seen_frame", frame, partial(_see_into, place, window, frame))
+        except UnreadableRowsError:
+            continue
+        if seen is not place:
+            place[:] = seen
+        found.append(frame)
+    frames, count = np.array(found, dtype=np.int64), len(found)
+    times_ns = window.facts.clocks["rgb"].times_ns[frames]
+    counts = np.zeros((max(count - 1, 0), 2, *shape), np.int32)
+    if count > 1:
+        events = sensor_events(window)
+        count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
+    sharp_dn, even_dn, error_dn = images[:, :count]
+    return SeenFrames(frames, times_ns, sharp_dn, even_dn, error_dn, counts)
+
+
+def _see_into(place: NDArray[np.float32], window: Window, frame: int) -> NDArray[np.float32]:
+    """Write the sharp and the even view of a frame and the bound of the latter's error to a place (3, h, w).
+
+    Each colour is rounded by at most half a step of its code, so luma is as well.
+    """
+    luma, lost = luma_dn(window, frame), clipped(window, frame)
+    prints = seen_footprints(window, (luma.shape[0], luma.shape[1]))
+    sharp, even, error = place
+    prints.see(luma, lost, ROUNDING_DN[window.facts.declared.transfer], sharp=sharp, even=even, error=error)
+    return place

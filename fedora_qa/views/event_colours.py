@@ -1,0 +1,201 @@
+"""What events say of the colours of frames, window by window, and what the checks of it share."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.checks.event_stream.bounds import local_tick_ns
+from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.estimators.events.levels import LevelPairs, Shown, level_pairs
+from fedora_qa.estimators.images.event_colours import (
+    ColourBlocks,
+    ColourFit,
+    colour_blocks,
+    colour_columns,
+    fit_colours,
+    joined,
+)
+from fedora_qa.estimators.images.footprints import sharp_colours
+from fedora_qa.estimators.images.transfer import TRANSFERS, to_code, to_linear
+from fedora_qa.record.types import Coverage
+from fedora_qa.sequence.declared import EventModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.event_camera import (
+    SeenFrames,
+    pixel_events,
+    seen_footprints,
+    seen_frames,
+    why_frames_and_events_do_not_meet,
+)
+from fedora_qa.views.level_samples import FEWEST_PAIRS, LINEAR_LEAST_TICKS, hot_pixels, least_dn
+
+Float64 = NDArray[np.float64]
+
+ENOUGH_PAIRS: Final = 1500
+"""Where a window has more, those of the shortest gaps are taken."""
+
+LONGEST_GAP_NS: Final = 60_000_000
+"""Three times what thresholds are read from: weights are differences of what all channels share, so that the level
+between events may err more, and small frames have more samples. The straight lines bound what they err by."""
+
+QUARTERS: Final = 4
+FEWEST_BLOCKS: Final = 8
+"""Quarters of the image in two windows: below, the spread between them says nothing."""
+
+UNRELATED: Final = 0.7
+"""Share of the events' variance that frames may leave: beyond, they show something else, or only rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class ColourSums:
+    """Normal equations of a window by curve, a block for each quarter of the image; how many samples they rest on.
+
+    The declared curve comes first. Others are applied to means over footprints, near enough to tell which one it is.
+    ``straight`` is by the declared curve, with straight lines between events in place of cubics.
+    """
+
+    samples: int
+    by_curve: tuple[ColourBlocks, ...]
+    straight: ColourBlocks
+
+
+@dataclass(frozen=True, slots=True)
+class ColourAnswer:
+    """The fit under the declared curve, and the curve under which events follow the frames best."""
+
+    fit: ColourFit
+    best_curve: str
+
+
+def curves(declared: str) -> tuple[str, ...]:
+    """Return the transfer curves to try, the declared one first."""
+    return (declared, *(one for one in TRANSFERS if one != declared))
+
+
+def colour_sums(window: Window) -> ColourSums | None:
+    """Return the sums of a window; None where it shows too little."""
+    return window.once("colour_sums", lambda: _colour_sums(window))
+
+
+def _colour_sums(window: Window) -> ColourSums | None:
+    seen, declared = seen_frames(window), window.facts.declared.events
+    if declared is None or len(seen) < 2:
+        return None
+    pairs = _level_pairs(window, seen, declared)
+    if len(pairs) < FEWEST_PAIRS:
+        return None
+    transfer, quarter = window.facts.declared.transfer, _quarter(pairs, seen)
+    colours = _colours(window, seen, pairs)
+
+    def sums(curve: str, pairs: LevelPairs) -> ColourBlocks:
+        steps = np.array([declared.threshold_on, declared.threshold_off])
+        events, delay = pairs.regressors[:, :2] @ steps, pairs.regressors[:, 2:] @ steps
+        earlier, later = (each if curve == transfer else to_linear(to_code(each, transfer), curve) for each in colours)
+        columns = colour_columns(earlier, later, declared.model, declared.log_eps_dn)
+        return colour_blocks(np.column_stack([columns, -delay]), events, quarter, QUARTERS)
+
+    by_curve = tuple(sums(curve, pairs) for curve in curves(transfer))
+    return ColourSums(len(pairs), by_curve, sums(transfer, pairs.with_straight_lines()))
+
+
+def _level_pairs(window: Window, seen: SeenFrames, declared: EventModel) -> LevelPairs:
+    refractory_ns = int(2 * declared.refractory_us * NS_PER_US)
+    pairs = level_pairs(
+        pixel_events(window),
+        seen.times_ns,
+        _shown(window, seen, declared),
+        longest_gap_ns=LONGEST_GAP_NS,
+        least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else refractory_ns,
+        off_over_on=declared.threshold_off / declared.threshold_on,
+    ).tightest(ENOUGH_PAIRS)
+    # Leak gives brighter events that the level does not rise by.
+    elapsed_s = (seen.times_ns[pairs.later] - seen.times_ns[pairs.earlier]) / NS_PER_S
+    pairs.regressors[:, 0] -= declared.leak_rate_hz * elapsed_s
+    return pairs
+
+
+def _shown(window: Window, seen: SeenFrames, declared: EventModel) -> Shown:
+    """Return where rounding is small against a threshold: not saturated, not declared hot."""
+    darkest_dn = least_dn(window, declared)
+    return Shown(seen.even_dn, seen.even_dn, seen.error_dn, darkest_dn, hot_pixels(declared, seen))
+
+
+def _colours(window: Window, seen: SeenFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
+    """Return linear R, G, B (m, 3) of each pair's pixel at its earlier and its later frame, in DN."""
+    linear_dn = to_linear(np.arange(256.0), window.facts.declared.transfer)
+    earlier, later = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
+    for i, frame in enumerate(seen.frames):
+        at_start, at_end = pairs.earlier == i, pairs.later == i
+        if not (at_start.any() or at_end.any()):
+            continue
+        rgb = window.rgb(int(frame))
+        prints = seen_footprints(window, (rgb.shape[0], rgb.shape[1]))
+        earlier[at_start] = sharp_colours(prints, rgb, linear_dn, pairs.pixels[at_start])
+        later[at_end] = sharp_colours(prints, rgb, linear_dn, pairs.pixels[at_end])
+    return earlier, later
+
+
+def _quarter(pairs: LevelPairs, seen: SeenFrames) -> NDArray[np.intp]:
+    height, width = seen.even_dn.shape[1:]
+    rows, columns = np.divmod(pairs.pixels, width)
+    quarter: NDArray[np.intp] = (2 * (2 * rows // height) + 2 * columns // width).astype(np.intp)
+    return quarter
+
+
+_TOO_FEW: Final = "too few pairs of frames at which events tell a pixel's level (slow motion, little texture, or dark)"
+
+
+class ColourCheck(WindowCheck[ColourSums]):
+    """A check of what events say of the colours of frames."""
+
+    needs = ("events", "rgb")
+
+    def not_applicable(self, facts: Facts) -> str:
+        """Need both cameras at one place, and declared thresholds."""
+        return why_frames_and_events_do_not_meet(facts)
+
+    def measure(self, window: Window) -> ColourSums | None:
+        """Sum what the window shows."""
+        return colour_sums(window)
+
+    def conclude(self, state: Sequence[ColourSums], facts: Facts) -> Observation:
+        """Fit, and state."""
+        samples = sum(one.samples for one in state)
+        coverage = Coverage(samples, samples, "level samples")
+        found = _answer(state, facts)
+        if isinstance(found, str) or facts.declared.events is None:
+            return Observation(coverage, unobservable=str(found))
+        measured = self.state(found, facts.declared.events, facts)
+        return Observation(coverage, measured, unobservable=self.why_blind(found))
+
+    def why_blind(self, found: ColourAnswer) -> str:
+        """Say why the file could not show the least fault, beyond what each measurement says of itself."""
+        return ""
+
+    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
+        """Turn the fit into measurements."""
+        raise NotImplementedError
+
+
+def _answer(state: Sequence[ColourSums], facts: Facts) -> ColourAnswer | str:
+    declared = facts.declared.events
+    tried = curves(facts.declared.transfer)
+    by_curve = [joined([one.by_curve[i] for one in state]) for i in range(len(tried))] if state else []
+    if not by_curve or len(by_curve[0]) < FEWEST_BLOCKS or declared is None:
+        return _TOO_FEW
+    linear = declared.model == "linear"
+    fits = [fit_colours(blocks, with_exponent=False) for blocks in by_curve]
+    best = int(np.argmin([fit.variance for fit in fits]))
+    if not fits[best].unexplained < UNRELATED:
+        return (
+            f"frames leave {fits[best].unexplained:.0%} of what the events say unexplained: they do not belong "
+            "together (see event_response.orientation)"
+        )
+    fit = fit_colours(by_curve[0], with_exponent=linear, frame_variance=fits[best].variance)
+    straight = fit_colours(joined([one.straight for one in state]), with_exponent=linear)
+    return ColourAnswer(fit.widened(straight), tried[best])

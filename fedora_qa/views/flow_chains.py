@@ -1,0 +1,151 @@
+"""Fields of one rate, one after the other, composed to the displacement over a longer interval."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.flow.path_kernels import errors_of_reading, spans_at_targets, step
+from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.flow_intervals import frame_at
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Change = Callable[[Float32], NDArray[np.floating]]
+"""What is done to a stored field (H, W, 2) before it is composed."""
+
+_MOST_FIELDS: Final = 12
+"""Fields that may make up a common interval: five of 50 Hz, or five of 25 Hz against two of 10 Hz, with room."""
+
+_MANY: Final = 1 / 16
+"""Paths a pixel from which on it costs less to look about all pixels of a field than about each path."""
+
+_ROUNDING_PX: Final = 18 * 2.0**-24
+"""Single-precision rounding of a flow, for each pixel of width and height; ``geometry.rigid_flow`` derives it in full.
+
+Four roundings of 2 f (1 + |m|) and of pixel and principal point, with f = 0.87 W at 60 degrees: below 18 W.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """Consecutive fields of one rate, by row, that lead from one instant to another."""
+
+    stream: str
+    rows: tuple[int, ...]
+
+    def shifted(self, fields: int) -> "Chain":
+        """Return the chain of the fields so many rows later."""
+        return Chain(self.stream, tuple(row + fields for row in self.rows))
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """An interval that two rates cover by whole fields, the slower one first; in ns from the file's origin."""
+
+    slow: Chain
+    fast: Chain
+    start_ns: int
+    end_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Composed:
+    """Where pixels are taken.
+
+    Attributes
+    ----------
+    displacement_px
+        (n, 2) sum of the fields along each pixel's path; worthless where the path does not stay.
+    bound_px
+        (n,) how far it may err by interpolation and rounding.
+    clear
+        (n,) whether flow is known all along the path, which keeps away from breaks of the flow and from places where
+        surfaces meet. A single field is read at its pixels: there nothing need be kept away from.
+    stays
+        (n,) whether the path ends, and lies, within the image.
+    """
+
+    displacement_px: Float64
+    bound_px: Float64
+    clear: Mask
+    stays: Mask
+
+
+def segments(window: Window, slow: str, fast: str) -> Iterator[Segment]:
+    """Yield the shortest common intervals that begin with a field of the slower rate that the window owns."""
+    slow_clock, fast_clock = window.facts.clocks[slow], window.facts.clocks[fast]
+    for row in window.owned(slow):
+        segment = _common(slow, slow_clock, row, fast, fast_clock)
+        if segment is not None:
+            yield segment
+
+
+def _common(slow: str, slow_clock: Clock, row: int, fast: str, fast_clock: Clock) -> Segment | None:
+    start_ns = int(slow_clock.times_ns[row])
+    fast_row = row_at(fast_clock, start_ns)
+    if fast_row is None or not slow_clock.advancing[row] or slow_clock.ends_ns is None or fast_clock.ends_ns is None:
+        return None
+    slow_rows, fast_rows = [row], [fast_row]
+    while len(slow_rows) + len(fast_rows) <= _MOST_FIELDS:
+        slow_end, fast_end = int(slow_clock.ends_ns[slow_rows[-1]]), int(fast_clock.ends_ns[fast_rows[-1]])
+        if slow_end == fast_end:
+            return Segment(Chain(slow, tuple(slow_rows)), Chain(fast, tuple(fast_rows)), start_ns, slow_end)
+        clock, rows, end_ns = (
+            (fast_clock, fast_rows, fast_end) if fast_end < slow_end else (slow_clock, slow_rows, slow_end)
+        )
+        following = row_at(clock, end_ns)
+        if following is None or following == rows[-1]:
+            return None
+        rows.append(following)
+    return None
+
+
+def row_at(clock: Clock, start_ns: int) -> int | None:
+    """Return the row of the field that begins at an instant; None where there is none."""
+    return frame_at(clock, start_ns)
+
+
+def exists(facts: Facts, chain: Chain) -> bool:
+    """Whether the file holds every field of a chain."""
+    return chain.rows[0] >= 0 and chain.rows[-1] < facts.sizes[f"path/{chain.stream}"]
+
+
+def compose(window: Window, chain: Chain, columns: Float64, rows: Float64, change: Change | None = None) -> Composed:
+    """Follow pixels (n,) of integer coordinates along a chain, each field changed as asked."""
+    x, y = columns.copy(), rows.copy()
+    bound_px = np.zeros(len(x))
+    clear, stays = np.ones(len(x), dtype=np.bool_), np.ones(len(x), dtype=np.bool_)
+    last = len(chain.rows) - 1
+    for place, row in enumerate(chain.rows):
+        lines = _lines(window, chain.stream, row, change)
+        stored = None if change is not None else (chain.stream, row)
+        spans = _kept(window, "flows to cells", stored, spans_at_targets, lines) if place < last else _ASKS_NOTHING
+        are_many = last > 0 and _MANY * lines.size < 2 * len(x)
+        errors_px = _kept(window, "errors of reading", stored, errors_of_reading, lines) if are_many else _UNKNOWN
+        rounding_px = _ROUNDING_PX * (lines.shape[0] + lines.shape[1] // 2)
+        step(lines, spans, errors_px, rounding_px, place == 0, last > 0, x, y, bound_px, clear, stays)
+    return Composed(np.stack((x - columns, y - rows), axis=-1), bound_px, clear, stays)
+
+
+def _lines(window: Window, stream: str, row: int, change: Change | None) -> Float32:
+    """Return a field as lines (H, 2 W) of u and v."""
+    flow_px = window.flow_px(stream, row)
+    if change is not None:
+        flow_px = change(flow_px)
+    return np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
+
+
+def _kept(
+    window: Window, name: str, field: tuple[str, int] | None, compute: Callable[[Float32], Float32], lines: Float32
+) -> Float32:
+    """Return what is computed of a field, kept for the window if it is one as stored."""
+    return compute(lines) if field is None else window.once((name, *field), lambda: compute(lines))
+
+
+_ASKS_NOTHING: Final = np.empty((0, 0, 4), dtype=np.float32)
+_UNKNOWN: Final = np.empty((0, 0), dtype=np.float32)

@@ -1,0 +1,256 @@
+"""Compare one stored field of flow with the one recomputed from depth and pose."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.fitting.quantile_kernels import median_of
+from fedora_qa.estimators.flow.motion_fit import (
+    Evidence,
+    FlowSample,
+    MotionFit,
+    fit_most,
+    fit_motion,
+    twist_statistic,
+    weigh_templates,
+)
+from fedora_qa.estimators.flow.templates import small_fault_templates
+from fedora_qa.geometry.camera import RigidMotion
+from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, rounding_px, twist_jacobian
+from fedora_qa.geometry.so3 import exp
+from fedora_qa.sequence.declared import PoseModel
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.flow_intervals import Interval, PoseTrack, motion_between
+from fedora_qa.views.pixel_lattice import FEWEST_PIXELS, Lattice, Region, lattice_of, region_of, thinned
+
+Float64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_COARSE_PX: Final = 1.0
+"""Pixels whose rounding bound is larger end so near the camera's plane that their flow is not compared."""
+
+_ORDINARY: Final = 2.0
+"""Corrections of up to this multiple of the expected square are not examined further: 93% of honest ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class FieldError:
+    """How far one field lies from the recomputed one, after the correction that declared pose noise permits.
+
+    Attributes
+    ----------
+    squares, bound_squares
+        Sums over pixels of the squared endpoint error and of the square of its rounding bound, px^2.
+    worst_px, worst_bound_px, worst_pixel
+        Endpoint error, bound, and (column, row) where the error exceeds its bound most.
+    twist_chi2, twist_dof
+        The correction against the declared noise; 0 where no noise is declared or stamps fall between poses.
+    free_squares
+        As ``squares``, over the pixels of the fit only, after the best correction whatever the noise; NaN if not asked.
+    free_twist
+        That correction: rotation vector in rad and translation in m; empty if not asked.
+    region
+        Left, top, right, bottom of the part of the image that is off; None where all of it is, or none, or scattered
+        pixels are.
+    repeats
+        ``flow`` or ``depth`` where what is off of a field, or of the depth at its start, equals the one before it bit
+        for bit.
+    evidence
+        Normal equations of the small faults; None where nothing called for them.
+    """
+
+    interval: Interval
+    frame: int
+    pixels: int
+    squares: float
+    bound_squares: float
+    worst_px: float
+    worst_bound_px: float
+    worst_pixel: tuple[int, int]
+    twist_chi2: float = 0.0
+    twist_dof: float = 0.0
+    free_squares: float = float("nan")
+    free_pixels: int = 0
+    free_twist: tuple[float, ...] = ()
+    region: Region | None = None
+    repeats: Literal["", "flow", "depth"] = ""
+    evidence: Evidence | None = None
+
+    @property
+    def suspicion(self) -> float:
+        """Above 1 where the field lies further off than rounding, or than ten times the variance of the noise."""
+        by_noise = self.twist_chi2 / (10 * self.twist_dof) if self.twist_dof > 0 else 0.0
+        return max(self.worst_px / self.worst_bound_px, by_noise)
+
+
+def is_noisy(noise: PoseModel | None) -> bool:
+    """Whether the relative pose of a field may be corrected: noise is declared, or nothing is declared about it."""
+    return noise is None or noise.position_sigma_m > 0 or noise.rotation_sigma_rad > 0
+
+
+def compare_field(
+    window: Window, track: PoseTrack, interval: Interval, frame: int, motion: RigidMotion
+) -> FieldError | None:
+    """Compare a field on a lattice of pixels; None where too few pixels are valid or the shapes differ."""
+    K, noise = track.camera.K, window.facts.declared.pose
+    lattice = lattice_of(window, interval, frame)
+    sample = None if lattice is None else thinned(lattice)
+    if lattice is None or sample is None:
+        return None
+    columns, rows = lattice.columns, lattice.rows
+    bound = rounding_px(K, motion, columns, rows, lattice.depths_m, lattice.flow_px)
+    if not is_noisy(noise):
+        bound = bound + _interpolation_px(K, track, interval, motion, sample)
+    sample = replace(sample, sigma_px=median_of(bound[~np.isnan(bound)]))
+    bound = _lengths(bound)
+    fit = fit_motion(K, motion, sample) if is_noisy(noise) else None
+    error, known = _errors(K, fit.motion if fit else motion, lattice, bound)
+    if np.count_nonzero(known) < FEWEST_PIXELS:
+        return None
+    if fit and np.any(error[known] > bound[known]):
+        of_most = fit_most(K, motion, sample, fit)
+        error_of_most, _ = _errors(K, of_most.motion, lattice, bound)
+        if 2 * np.count_nonzero(error_of_most[known] <= bound[known]) > np.count_nonzero(known):
+            fit, error = of_most, error_of_most
+    worst = np.unravel_index(np.argmax(np.where(known, error / bound, -1.0)), error.shape)
+    result = FieldError(
+        interval=interval,
+        frame=frame,
+        pixels=int(np.count_nonzero(known)),
+        squares=float(np.sum(error[known] ** 2)),
+        bound_squares=float(np.sum(bound[known] ** 2)),
+        worst_px=float(error[worst]),
+        worst_bound_px=float(bound[worst]),
+        worst_pixel=(int(columns[0, worst[1]]), int(rows[worst[0], 0])),
+    )
+    if fit and noise:
+        result = _held_to_noise(result, track, fit, noise)
+    if result.suspicion <= 1 and result.twist_chi2 <= _ORDINARY * result.twist_dof:
+        return result
+    region = region_of(lattice, np.where(known, error / bound, np.nan))
+    if region is not None:  # the motion that the rest of the image gives is good enough to be exact
+        sample = replace(thinned(lattice.within(region)) or sample, sigma_px=sample.sigma_px)
+        motion, fit = (fit.motion, None) if fit else (motion, None)
+    result = replace(result, region=region, repeats=_repeats(window, interval, frame, region))
+    return _examined(result, track, motion, sample, fit, noise)
+
+
+def _errors(K: Float64, motion: RigidMotion, lattice: Lattice, bound_px: Float64) -> tuple[Float64, Mask]:
+    """Return the endpoint error (h, w) of a lattice, px, and where it is known."""
+    predicted = rigid_flow(K, motion, lattice.columns, lattice.rows, lattice.depths_m)
+    error = _lengths(lattice.flow_px - predicted)
+    return error, np.isfinite(error) & (bound_px < _COARSE_PX)
+
+
+def _lengths(vectors: Float64) -> Float64:
+    """Return the lengths (h, w) of vectors (h, w, 2): a norm along so short an axis takes four times as long."""
+    return np.asarray(np.sqrt(np.square(vectors[..., 0]) + np.square(vectors[..., 1])))
+
+
+def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | None) -> Float64 | None:
+    """Return the covariance of the motion's twist under declared noise; None where the pose is declared exact.
+
+    Where nothing is declared, a metre and a radian stand for anything.
+    """
+    if not is_noisy(noise):
+        return None
+    sigma_m, sigma_rad = (noise.position_sigma_m, noise.rotation_sigma_rad) if noise else (1.0, 1.0)
+    return track.covariance(interval.start_ns, interval.end_ns, sigma_m, sigma_rad)
+
+
+def templates_of(
+    track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample, correction: Float64
+) -> Float64:
+    """Return the templates of the small faults for one field, about a corrected motion."""
+    ends = track.ends(interval.start_ns, interval.end_ns)
+
+    def corrected(declared: RigidMotion) -> RigidMotion:
+        return declared.corrected(correction) if correction.any() else declared
+
+    def remounted(rotation_rad: Float64, shift_m: Float64) -> RigidMotion:
+        T_body_camera = track.camera.T_body_camera.copy()
+        T_body_camera[:3, :3] = T_body_camera[:3, :3] @ _turned_back(*rotation_rad.tolist())
+        T_body_camera[:3, 3] -= shift_m
+        remounted_motion = motion_between(*ends, replace(track.camera, T_body_camera=T_body_camera)) or motion
+        return corrected(remounted_motion)
+
+    def delayed(seconds: float) -> RigidMotion | None:
+        shift_ns = round(seconds * NS_PER_S)
+        delayed_motion = track.motion(interval.start_ns + shift_ns, interval.end_ns + shift_ns)
+        return None if delayed_motion is None else corrected(delayed_motion)
+
+    return small_fault_templates(track.camera.K, corrected(motion), sample, remounted, delayed)
+
+
+@cache
+def _turned_back(x_rad: float, y_rad: float, z_rad: float) -> Float64:
+    """Return the inverse rotation (3, 3) of a rotation vector: of a few, for every field the same."""
+    return exp(-np.array([x_rad, y_rad, z_rad]))
+
+
+def _repeats(window: Window, interval: Interval, frame: int, region: Region | None) -> Literal["", "flow", "depth"]:
+    """Say which equals the one before it, bit for bit, without being empty or zero throughout."""
+    left, top, right, bottom = region or (0, 0, None, None)
+    part = (slice(top, bottom), slice(left, right))
+    stream, row = interval.stream, interval.row
+    if row and _same(window.flow_px(stream, row)[part], window.flow_px(stream, row - 1)[part]):
+        return "flow"
+    if frame and _same(window.depth_m(frame)[part], window.depth_m(frame - 1)[part]):
+        return "depth"
+    return ""
+
+
+def _same(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+    return np.array_equal(one, other, equal_nan=True) and bool(np.any(np.nan_to_num(one)))
+
+
+def _held_to_noise(result: FieldError, track: PoseTrack, fit: MotionFit, noise: PoseModel) -> FieldError:
+    """Add the correction's statistic; not between poses, where interpolation makes the noise smaller."""
+    interval = result.interval
+    covariance = field_covariance(track, interval, noise)
+    if covariance is None or not track.on_samples(interval.start_ns, interval.end_ns):
+        return result
+    chi2, dof = twist_statistic(fit, covariance)
+    return replace(result, twist_chi2=chi2, twist_dof=dof)
+
+
+def _examined(
+    result: FieldError,
+    track: PoseTrack,
+    motion: RigidMotion,
+    sample: FlowSample,
+    fit: MotionFit | None,
+    noise: PoseModel | None,
+) -> FieldError:
+    """Add what diagnosis needs: the small faults' evidence, and the best correction whatever the noise."""
+    covariance = None if result.region else field_covariance(track, result.interval, noise)
+    templates = templates_of(track, result.interval, motion, sample, fit.twist if fit else np.zeros(6))
+    evidence = weigh_templates(track.camera.K, motion, sample, templates, fit, covariance)
+    # From poses that are far from the truth the fit leads nowhere; what a field shows of its motion is small.
+    starts = (motion, RigidMotion(np.eye(3), np.zeros(3)))
+    free = fit or next(filter(None, (fit_motion(track.camera.K, start, sample) for start in starts)), None)
+    if free is None:
+        return replace(result, evidence=evidence)
+    return replace(
+        result,
+        evidence=evidence,
+        free_squares=float(np.nansum(free.residual_px**2)),
+        free_pixels=len(sample.columns),
+        free_twist=tuple(free.motion.twist_from(motion).tolist()),
+    )
+
+
+def _interpolation_px(
+    K: Float64, track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample
+) -> float:
+    """Return how far interpolating the pose between its samples can move a pixel; 0 where nothing is interpolated."""
+    twist = track.interpolation_twist(interval.start_ns, interval.end_ns)
+    if not twist.any():
+        return 0.0
+    points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
+    before = points1_m[points1_m[:, 2] > 0]
+    return float(np.max(np.abs(twist_jacobian(K, before)) @ twist, initial=0.0))

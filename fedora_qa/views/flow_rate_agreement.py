@@ -1,0 +1,170 @@
+"""How well two rates of flow agree over one common interval."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.estimators.depth.warp import lattice_stride
+from fedora_qa.estimators.fitting.quantile_kernels import median_of
+from fedora_qa.estimators.flow.path_kernels import medians_of_parts
+from fedora_qa.sequence.window import USUAL_PIXELS, Window
+from fedora_qa.views.flow_chains import Composed, Segment, compose
+
+Float64 = NDArray[np.float64]
+
+FEWEST_PIXELS: Final = 50
+"""Pixels below which two rates are not compared."""
+
+_TILES: Final = (8, 6)
+_FEWEST_PATHS: Final = 2_000
+"""Paths of large frames, at least: some forty start in each of 48 tiles, where others have eighty.
+
+What is stated are medians, and their bounds depend on no number: fewer paths leave the limits as they are. Of three
+rates each field is on the way of two pairs. At 1440x1080 a path costs 150 ns for each field, most of it spent waiting
+for the eleven lines about it.
+"""
+_FEWEST_IN_TILE: Final = 20
+
+MOST_LOST: Final = 0.5
+"""Share of all pixels that may leave the image by one rate only: where the way of a point bends, some leave it midway
+and return, but never most, however few stay."""
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """A median endpoint error in px, and the median of what it may honestly be."""
+
+    typical_px: float
+    bound_px: float
+
+    @property
+    def suspicion(self) -> float:
+        """Above 1 where most pixels are off by more than they may."""
+        return self.typical_px / self.bound_px
+
+
+@dataclass(frozen=True, slots=True)
+class RateAgreement:
+    """One segment.
+
+    Attributes
+    ----------
+    whole, worst_tile, tile
+        Over all compared pixels, in the tile that is off most, and that tile: left, top, right, bottom. The first two
+        are None where too few pixels could be compared.
+    lost
+        Share of all pixels that one rate keeps within the image and the other does not.
+    """
+
+    segment: Segment
+    whole: Deviation | None
+    worst_tile: Deviation | None
+    tile: tuple[int, int, int, int] | None
+    lost: float
+
+    @property
+    def suspicion(self) -> float:
+        """Above 1 where the segment, or a tile of it, is off."""
+        found = [self.lost / MOST_LOST]
+        found += [deviation.suspicion for deviation in (self.whole, self.worst_tile) if deviation is not None]
+        return max(found)
+
+
+def compare(window: Window, segment: Segment) -> RateAgreement | None:
+    """Compare two rates over a segment; None where a field's size is not the other's, or no flow is known."""
+    shapes = _shapes(window, segment)
+    if len(shapes) != 1:
+        return None
+    height, width = shapes.pop()
+    places = _places(height, width, _steps(height, width, window.sampling.tile_share))
+    columns, rows = places.columns, places.rows
+    slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
+    known = slow.clear & slow.stays
+    if np.count_nonzero(known | (fast.clear & fast.stays)) < FEWEST_PIXELS:
+        return None
+    lost = np.count_nonzero(slow.stays != fast.stays) / len(columns)
+    compared = np.flatnonzero(known & fast.clear & fast.stays)
+    if len(compared) < FEWEST_PIXELS:
+        return RateAgreement(segment, None, None, None, lost)
+    apart_px = slow.displacement_px[compared] - fast.displacement_px[compared]
+    error_px = np.sqrt(np.square(apart_px[:, 0]) + np.square(apart_px[:, 1]))
+    bound_px = slow.bound_px[compared] + fast.bound_px[compared]
+    whole = Deviation(median_of(error_px), median_of(bound_px))
+    worst, tile = _worst_tile(error_px, bound_px, places.tiles[compared]) or (whole, None)
+    return RateAgreement(segment, whole, worst, None if tile is None else _edges(tile, height, width), lost)
+
+
+def median_error_px(slow: Composed, fast: Composed) -> float:
+    """Return the median endpoint error of two compositions; infinite where too few pixels can be compared."""
+    compared = slow.clear & slow.stays & fast.clear & fast.stays
+    if np.count_nonzero(compared) < FEWEST_PIXELS:
+        return np.inf
+    errors_px = np.linalg.norm(slow.displacement_px[compared] - fast.displacement_px[compared], axis=-1)
+    return float(np.median(errors_px))
+
+
+@dataclass(frozen=True, slots=True)
+class _Places:
+    """Columns, rows (n,) of a lattice, and the tile that each lies in."""
+
+    columns: Float64
+    rows: Float64
+    tiles: NDArray[np.intp]
+
+
+@lru_cache(maxsize=4)
+def _places(height: int, width: int, steps: tuple[int, int]) -> _Places:
+    """Return every so many-th pixel of an image along columns and rows; they are the same in every field of a file."""
+    columns, rows = np.meshgrid(np.arange(0.0, width - 1, steps[0]), np.arange(0.0, height - 1, steps[1]))
+    columns, rows = columns.ravel(), rows.ravel()
+    across, down = _TILES
+    tiles = (rows * down / height).astype(np.intp) * across + (columns * across / width).astype(np.intp)
+    return _Places(columns, rows, tiles)
+
+
+def lattice_of(window: Window, segment: Segment) -> tuple[Float64, Float64]:
+    """Return columns and rows (n,) of the pixels that the effort asks for, if the image has so many."""
+    height, width = _shapes(window, segment).pop()
+    places = _places(height, width, _steps(height, width, window.sampling.tile_share))
+    return places.columns, places.rows
+
+
+def _steps(height: int, width: int, share: float) -> tuple[int, int]:
+    """Return the steps between pixels that paths start from, along columns and along rows.
+
+    In large frames those of one row lie nine times as close as the rows: paths beside each other share the lines about
+    them, and with as many paths three quarters of a field need not be read from memory.
+    """
+    if height * width <= USUAL_PIXELS:
+        stride = lattice_stride(height, width, share)
+        return stride, stride
+    stride = max(1, min(round(1 / share), int(np.sqrt(height * width / _FEWEST_PATHS))))
+    return (stride, stride) if stride < 3 else (stride // 3, 3 * stride)
+
+
+def _shapes(window: Window, segment: Segment) -> set[tuple[int, int]]:
+    """Return the different heights and widths of the fields of a segment; those of one rate are of one shape."""
+    images = (window.flow_px(chain.stream, chain.rows[0]) for chain in (segment.slow, segment.fast))
+    return {(image.shape[0], image.shape[1]) for image in images}
+
+
+def _edges(tile: int, height: int, width: int) -> tuple[int, int, int, int]:
+    """Return left, top, right, bottom of a tile of an image."""
+    (across, down), (top, left) = _TILES, divmod(tile, _TILES[0])
+    return left * width // across, top * height // down, (left + 1) * width // across, (top + 1) * height // down
+
+
+def _worst_tile(error_px: Float64, bound_px: Float64, tiles: NDArray[np.intp]) -> tuple[Deviation, int] | None:
+    """Return the tile that is off most, of pixels (n,) in the tiles of these numbers; None where none holds enough."""
+    order = np.argsort(tiles, kind="stable")
+    counts = np.bincount(tiles, minlength=_TILES[0] * _TILES[1])
+    starts = np.concatenate(([0], np.cumsum(counts)))
+    typical_px, limits_px = (medians_of_parts(values[order], starts) for values in (error_px, bound_px))
+    enough = counts >= _FEWEST_IN_TILE
+    if not enough.any():
+        return None
+    tile = int(np.argmax(np.where(enough, typical_px / limits_px, -1.0)))
+    return Deviation(float(typical_px[tile]), float(limits_px[tile])), tile

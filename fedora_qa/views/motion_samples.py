@@ -1,0 +1,244 @@
+"""Poses and IMU samples as the checks of motion gather them: each window's own, joined at the end.
+
+Some ten kilobytes a window are kept as they are. A fit over the whole sequence, iterated where stamps have to move,
+then sees exactly what the file holds, and cuts between windows change nothing.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.imu.local_motion import Curve, Orientations, Vectors, noise_level
+from fedora_qa.estimators.imu.samples import STAMP_SIGMA_S, InertialNoise, InertialSamples
+from fedora_qa.geometry import so3
+from fedora_qa.record.types import Where
+from fedora_qa.sequence.declared import ImuModel, PoseModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.sequence.window import ImuSamples, PoseSamples, Window
+
+Float64 = NDArray[np.float64]
+
+NOISE_ORDER: Final = 8
+"""Order of differences that tell noise from motion: a motion of 3 Hz and 1 rad leaves 5e-11 rad at 200 samples/s."""
+
+_LEAST_ROUNDING_NOISE: Final = 0.1
+"""Of a step: a third of what uniform rounding leaves."""
+_ROUNDED_UNITS: Final = 4.0
+"""Units in the last place by which a decimal number and its multiple may differ: two products and what was read."""
+
+_A_FEW: Final = 64
+"""Samples that are looked at first: they mostly tell that numbers were not rounded."""
+
+_RADIANS_PER_COMPONENT: Final = 2.0
+"""A quaternion holds half angles: an error of a component turns by twice as much."""
+
+
+def owned_poses(window: Window) -> PoseSamples | None:
+    """Return the window's own poses, None where it has none."""
+    return window.once("owned_poses", lambda: _owned_poses(window))
+
+
+def owned_imu(window: Window) -> ImuSamples | None:
+    """Return the window's own IMU samples, None where it has none."""
+    return window.once("owned_imu", lambda: _owned_imu(window))
+
+
+def join_poses(parts: Sequence[PoseSamples]) -> PoseSamples:
+    """Return the poses of all windows that are finite, quaternions of nonzero length as they are stored."""
+    if not parts:
+        return PoseSamples(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 4)))
+    positions_m = np.concatenate([part.positions_world_m for part in parts])
+    q = np.concatenate([part.orientations_xyzw for part in parts])
+    good = np.isfinite(positions_m).all(axis=1) & np.isfinite(so3.normalise(q)).all(axis=1)
+    return PoseSamples(np.concatenate([part.times_ns for part in parts])[good], positions_m[good], q[good])
+
+
+def join_imu(parts: Sequence[ImuSamples]) -> ImuSamples:
+    """Return the IMU samples of all windows that are finite."""
+    if not parts:
+        return ImuSamples(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)))
+    rates = np.concatenate([part.angular_velocities_body_rad_s for part in parts])
+    forces = np.concatenate([part.specific_forces_body_m_s2 for part in parts])
+    good = np.isfinite(rates).all(axis=1) & np.isfinite(forces).all(axis=1)
+    return ImuSamples(np.concatenate([part.times_ns for part in parts])[good], rates[good], forces[good])
+
+
+def inertial_samples(imu: ImuSamples, poses: PoseSamples, model: ImuModel) -> InertialSamples:
+    """Put both streams on one axis of time, seconds from the IMU's first sample.
+
+    Samples declared to be means over the interval before them are moved to its middle and sharpened: the mean of a
+    curve over h exceeds its value in the middle by ``h^2/24`` of its second derivative.
+    """
+    origin_ns = imu.times_ns[0]
+    times_s = (imu.times_ns - origin_ns) / NS_PER_S
+    rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
+    if model.sampling == "interval_mean" and len(times_s) > 2:
+        times_s = times_s - float(np.median(np.diff(times_s))) / 2
+        rates, forces = _sharpened(rates), _sharpened(forces)
+    return InertialSamples(
+        imu_times_s=times_s,
+        angular_velocities_body_rad_s=rates,
+        specific_forces_body_m_s2=forces,
+        pose_times_s=(poses.times_ns - origin_ns) / NS_PER_S,
+        positions_world_m=poses.positions_world_m,
+        orientations_xyzw=poses.orientations_xyzw,
+    )
+
+
+def inertial_noise(imu: ImuModel, pose: PoseModel, samples: ImuSamples, poses: PoseSamples) -> InertialNoise:
+    """Return the declared noise of both streams, and how coarsely they are stored."""
+    gyro = _rounding_density(samples.times_ns, samples.angular_velocities_body_rad_s)
+    accel = _rounding_density(samples.times_ns, samples.specific_forces_body_m_s2)
+    return InertialNoise(
+        gyro_density=float(np.hypot(imu.gyro_noise_density, gyro)),
+        accel_density=float(np.hypot(imu.accel_noise_density, accel)),
+        gyro_walk=imu.gyro_bias_walk,
+        accel_walk=imu.accel_bias_walk,
+        position_sigma_m=pose.position_sigma_m,
+        rotation_sigma_rad=pose.rotation_sigma_rad,
+        position_rounding_m=_position_step_m(poses),
+        rotation_rounding_rad=_rotation_step_rad(poses),
+        gravity_m_s2=imu.gravity,
+    )
+
+
+def measured_pose_sigmas(poses: PoseSamples) -> tuple[float, float]:
+    """Return the noise of positions and orientations as they are, whatever is declared; 0 where there are too few."""
+    levels = (
+        noise_level(poses.times_ns, curve, order=NOISE_ORDER)
+        for curve in (Vectors(poses.positions_world_m), Orientations(poses.orientations_xyzw))
+    )
+    position_m, rotation_rad = (0.0 if level is None else level.sigma for level in levels)
+    return position_m, rotation_rad
+
+
+def stored_resolution(values: Float64) -> float:
+    """Return the spacing of stored numbers at the largest value: of float32 where all of them are, else of float64."""
+    if not values.size:
+        return 0.0
+    largest = float(np.abs(values).max())
+    single = values.astype(np.float32)
+    if np.array_equal(single, values) and not np.array_equal(np.rint(values), values):
+        return float(np.spacing(np.float32(largest)))
+    return float(np.spacing(largest))
+
+
+def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: Curve) -> float:
+    """Return the step of stored numbers: that of their type, or the decimal one to which they were rounded before.
+
+    Numbers of a few decimals need not be rounded, as those of a flight at one speed are not: rounding to a step leaves
+    noise of ``step / sqrt(12)``, and only where that is there it is recognised.
+    """
+    stored = stored_resolution(values)
+    step = _decimal_step(values)
+    if step <= stored:
+        return stored
+    level = noise_level(times_ns, curve, order=NOISE_ORDER)
+    return step if level is not None and level.sigma > _LEAST_ROUNDING_NOISE * step else stored
+
+
+def _rounding_density(times_ns: NDArray[np.int64], values: Float64) -> float:
+    """Return the noise density of samples that were rounded to a decimal step, 0 of others: uniform, so step^2/12."""
+    step = rounding_step(times_ns, values, Vectors(values))
+    if step <= stored_resolution(values):
+        return 0.0
+    return step * float(np.sqrt(np.median(np.diff(times_ns)) / NS_PER_S / 12))
+
+
+def _decimal_step(values: Float64) -> float:
+    """Return the largest power of ten, 1 at most and 1e-9 at least, of which all values are multiples; 0 for none."""
+    largest = float(np.abs(values).max(initial=0.0))
+    for decimals in range(10 if values.size else 0):
+        slack = _ROUNDED_UNITS * float(np.spacing(largest * 10.0**decimals))
+        if all(_are_whole(part * 10.0**decimals, slack) for part in (values[:_A_FEW], values)):
+            return float(10.0**-decimals)
+    return 0.0
+
+
+def _are_whole(multiples: Float64, slack: float) -> bool:
+    return bool(np.all(np.abs(multiples - np.rint(multiples)) <= slack))
+
+
+def imu_roundings(imu: ImuSamples) -> tuple[float, float]:
+    """Return the unit of rounding of angular velocities (rad/s) and specific forces (m/s^2), of two samples or more.
+
+    Rates are how orientations, whose components reach 1, change from sample to sample: they are rounded as those are.
+    """
+    sample_s = float(np.median(np.diff(imu.times_ns))) / NS_PER_S
+    rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
+    rate = rounding_step(imu.times_ns, rates, Vectors(rates))
+    return max(rate, float(np.spacing(1.0)) / sample_s), rounding_step(imu.times_ns, forces, Vectors(forces))
+
+
+def position_floor_m(poses: PoseSamples) -> float:
+    """Return the scatter of exact positions: stored digits, and stamps rounded to a microsecond."""
+    steps_s = np.diff(poses.times_ns) / NS_PER_S
+    speeds_m_s = np.linalg.norm(np.diff(poses.positions_world_m, axis=0), axis=1) / steps_s
+    return _scatter(speeds_m_s, _position_step_m(poses))
+
+
+def rotation_floor_rad(poses: PoseSamples) -> float:
+    """Return the scatter of exact orientations, likewise, rad."""
+    steps_s = np.diff(poses.times_ns) / NS_PER_S
+    pairs = np.arange(len(steps_s))[:, None] + np.arange(2)
+    turns_rad = np.linalg.norm(Orientations(poses.orientations_xyzw).seen(pairs, 0)[:, 1], axis=1)
+    return _scatter(turns_rad / steps_s, _rotation_step_rad(poses))
+
+
+def _position_step_m(poses: PoseSamples) -> float:
+    return rounding_step(poses.times_ns, poses.positions_world_m, Vectors(poses.positions_world_m))
+
+
+def _rotation_step_rad(poses: PoseSamples) -> float:
+    step = rounding_step(poses.times_ns, poses.orientations_xyzw, Orientations(poses.orientations_xyzw))
+    return _RADIANS_PER_COMPONENT * step
+
+
+def _scatter(speeds: Float64, resolution: float) -> float:
+    speed = float(np.sqrt(np.mean(np.square(speeds)))) if len(speeds) else 0.0
+    return float(np.hypot(speed * STAMP_SIGMA_S, resolution))
+
+
+def place(facts: Facts, stream: str, start_ns: int, stop_ns: int | None = None) -> Where:
+    """Return the place of the samples from ``start_ns`` to before ``stop_ns`` (that one sample where None)."""
+    times_ns = facts.clocks[stream].times_ns
+    row = int(np.argmin(np.abs(times_ns - start_ns)))
+    last = row + 1 if stop_ns is None else max(row + 1, int(np.argmin(np.abs(times_ns - stop_ns))))
+    return Where(
+        stream=stream,
+        start_us=facts.to_file_us(start_ns),
+        stop_us=None if stop_ns is None else facts.to_file_us(stop_ns),
+        index_start=row,
+        index_stop=last,
+    )
+
+
+def why_unusable(facts: Facts, *streams: str) -> str:
+    """Say which of the streams cannot be placed in time; empty where all can."""
+    broken = [stream for stream in streams if not facts.clocks[stream].usable]
+    return f"most stamps of {' and '.join(broken)} do not advance" if broken else ""
+
+
+def _owned_poses(window: Window) -> PoseSamples | None:
+    if not len(window.owned("pose")):
+        return None
+    poses = window.pose()
+    own = poses.times_ns < window.span.stop_ns
+    return PoseSamples(poses.times_ns[own], poses.positions_world_m[own], poses.orientations_xyzw[own])
+
+
+def _owned_imu(window: Window) -> ImuSamples | None:
+    if not len(window.owned("imu")):
+        return None
+    imu = window.imu()
+    own = imu.times_ns < window.span.stop_ns
+    return ImuSamples(imu.times_ns[own], imu.angular_velocities_body_rad_s[own], imu.specific_forces_body_m_s2[own])
+
+
+def _sharpened(values: Float64) -> Float64:
+    bend = np.zeros_like(values)
+    bend[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
+    return values - bend / 24
