@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.finish import finish_open
-from fedora_qa.engine.measured import STAGE, Measured, together
 from fedora_qa.engine.options import FileRun
+from fedora_qa.engine.partial_pass import STAGE, PartialPass, together
 from fedora_qa.engine.plan import Plan, sees_every_window
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.engine.stopwatch import Stopwatch
@@ -25,8 +25,8 @@ from fedora_qa.storage.traffic import Traffic
 class Shown:
     """What a file has shown so far: to the checks that see every window, and to all else, by window."""
 
-    steady: tuple[Measured, ...]
-    sampled: Mapping[int, Measured]
+    steady: tuple[PartialPass, ...]
+    sampled: Mapping[int, PartialPass]
 
 
 def has_steady_checks(survey: Survey) -> bool:
@@ -34,7 +34,7 @@ def has_steady_checks(survey: Survey) -> bool:
     return any(sees_every_window(check.needs) for check in survey.asked)
 
 
-def measure_steady(survey: Survey, windows: Sequence[int], progress: Progress) -> Measured:
+def measure_steady(survey: Survey, windows: Sequence[int], progress: Progress) -> PartialPass:
     """Hand neighbouring windows to the checks that see every window."""
     with opened(survey) as file:
         return _measured(survey, file, _steady(file), windows, progress)
@@ -42,12 +42,12 @@ def measure_steady(survey: Survey, windows: Sequence[int], progress: Progress) -
 
 def measure_sampled(
     survey: Survey, windows: Sequence[int], allowed_s: float, progress: Progress
-) -> dict[int, Measured]:
+) -> dict[int, PartialPass]:
     """Hand windows one by one to all else, in the order given, while they fit into a time; one at least."""
     began = time.monotonic()
     with opened(survey) as file:
         accumulators = _sampled(file)
-        shown: dict[int, Measured] = {}
+        shown: dict[int, PartialPass] = {}
         longest_s = 0.0
         for done, window in enumerate(windows):
             left_s = allowed_s - (time.monotonic() - began)
@@ -82,7 +82,7 @@ def _finished(survey: Survey, file: OpenSurvey, shown: Shown, lost: Sequence[int
     facts = file.ready.facts
     steady = together(shown.steady, _steady(file), facts)
     sampled = together((part for _, part in sorted(shown.sampled.items())), _sampled(file), facts)
-    both = Measured(
+    both = PartialPass(
         States(
             {**steady.states.states, **sampled.states.states},
             {**steady.states.missed, **sampled.states.missed},
@@ -98,7 +98,7 @@ def _finished(survey: Survey, file: OpenSurvey, shown: Shown, lost: Sequence[int
 
 def _measured(
     survey: Survey, file: OpenSurvey, accumulators: Sequence[Accumulator], windows: Sequence[int], progress: Progress
-) -> Measured:
+) -> PartialPass:
     watch, ready = Stopwatch(), file.ready
     decoded_before, traffic_before = ready.decoder.decoded_bytes, file.sequence.traffic
     with watch.stage(STAGE):
@@ -106,7 +106,7 @@ def _measured(
         sampling = survey.plan.sampling
         states = measure(accumulators, spans, ready.facts, ready.decoder, sampling, progress, ready.images)
     traffic = file.sequence.traffic - traffic_before
-    return Measured(states, watch.seconds[STAGE], ready.decoder.decoded_bytes - decoded_before, traffic)
+    return PartialPass(states, watch.seconds[STAGE], ready.decoder.decoded_bytes - decoded_before, traffic)
 
 
 def _steady(file: OpenSurvey) -> tuple[Accumulator, ...]:

@@ -22,8 +22,8 @@ from fedora_qa.engine.densities import Densities, Density
 from fedora_qa.engine.executors import Result, Task
 from fedora_qa.engine.file_task import Surveyed
 from fedora_qa.engine.file_work import DIED_TWICE, FileWork, Step
-from fedora_qa.engine.measured import Measured
 from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.partial_pass import PartialPass
 from fedora_qa.engine.plan import FEWEST_WINDOWS
 from fedora_qa.engine.regions import equal_parts
 from fedora_qa.engine.survey import Survey
@@ -58,7 +58,7 @@ class BudgetedWork(FileWork):
         self._least = 0
         self._densities: Densities | None = None
         self._reserve = Reserve()
-        self._steady: dict[int, Measured] = {}
+        self._steady: dict[int, PartialPass] = {}
         self._under_way: dict[int, tuple[Density | None, int]] = {}
         self._rehearsing = False
         self._rehearsals_s = 0.0
@@ -125,7 +125,7 @@ class BudgetedWork(FileWork):
     def _measure(self, now: Density, windows: Sequence[int], allowed_s: float) -> None:
         began = time.monotonic()
 
-        def measured(shown: dict[int, Measured]) -> None:
+        def measured(shown: dict[int, PartialPass]) -> None:
             now.pending.extendleft(reversed([window for window in windows if window not in shown]))
             now.shown.update(shown)
             now.pace.add(len(shown), time.monotonic() - began)
@@ -166,7 +166,7 @@ class BudgetedWork(FileWork):
         chosen = tuple(sorted({*density.shown, *self._lost}))
         return at_density(density.survey, replace(density.survey.plan, chosen=chosen), density.effort)
 
-    def _steady_parts(self) -> tuple[Measured, ...]:
+    def _steady_parts(self) -> tuple[PartialPass, ...]:
         return tuple(part for _, part in sorted(self._steady.items()))
 
     def _start(

@@ -14,7 +14,7 @@ from typing import Final
 from fedora_qa.engine.budget import Pace
 from fedora_qa.engine.budget_steps import at_density
 from fedora_qa.engine.effort import Effort
-from fedora_qa.engine.measured import Measured
+from fedora_qa.engine.partial_pass import PartialPass
 from fedora_qa.engine.plan import Plan, sampling_of
 from fedora_qa.engine.prepare import frame_pixels
 from fedora_qa.engine.survey import Survey
@@ -32,7 +32,7 @@ class Density:
     effort: Effort
     survey: Survey
     pending: deque[int]
-    shown: dict[int, Measured] = field(default_factory=dict)
+    shown: dict[int, PartialPass] = field(default_factory=dict)
     pace: Pace = field(default_factory=Pace)
 
 

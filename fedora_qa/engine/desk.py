@@ -12,7 +12,7 @@ from fedora_qa.engine.fuse import fuse
 
 if TYPE_CHECKING:  # a worker has a desk before it has loaded what measures
     from fedora_qa.engine.file_task import Sealed, Surveyed
-    from fedora_qa.engine.measured import Measured
+    from fedora_qa.engine.partial_pass import PartialPass
     from fedora_qa.engine.survey import OpenSurvey, Survey
     from fedora_qa.storage.place import Place
 
@@ -35,7 +35,7 @@ class Desk:
         self._keeps = keeps
         self._surveyed: Surveyed | None = None
         self._open: tuple[Survey, OpenSurvey] | None = None
-        self._shown: tuple[Sealed[Measured], Measured] | None = None
+        self._shown: tuple[Sealed[PartialPass], PartialPass] | None = None
         self._kept = ExitStack()
 
     @contextmanager
@@ -61,12 +61,12 @@ class Desk:
         if not self._keeps or isinstance(surveyed.path, RemoteFile):
             self.clear()
 
-    def keep_shown(self, sealed: "Sealed[Measured]", measured: "Measured") -> None:
+    def keep_shown(self, sealed: "Sealed[PartialPass]", measured: "PartialPass") -> None:
         """Keep what was put away in a file, for the task that goes on from there; in workers, where that may come."""
         if self._keeps and sealed.path is not None:
             self._shown = sealed, measured
 
-    def take_shown(self, *sealed: "Sealed[Measured]") -> "Iterator[Measured]":
+    def take_shown(self, *sealed: "Sealed[PartialPass]") -> "Iterator[PartialPass]":
         """Yield what windows have shown, to be added to; nothing is kept of it here any longer.
 
         What was put away last need not be read back. It is handed out once: where a task fails, and is done again,

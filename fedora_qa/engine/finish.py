@@ -6,9 +6,9 @@ from fedora_qa.checks.protocol import Observation
 from fedora_qa.diagnosis.diagnose import diagnose
 from fedora_qa.engine.evidence import distributions_of, evidence_of_checks, evidence_of_pass
 from fedora_qa.engine.lost import lost_windows
-from fedora_qa.engine.measured import STAGE, Measured, together
 from fedora_qa.engine.options import FileRun
 from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdict_of
+from fedora_qa.engine.partial_pass import STAGE, PartialPass, together
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stopwatch import Stopwatch
 from fedora_qa.engine.stream import States, attempt, conclude, look_again
@@ -21,7 +21,7 @@ from fedora_qa.storage.place import RemoteFile
 
 
 def finish_open(
-    survey: Survey, file: OpenSurvey, parts: Iterable[Measured], lost: Sequence[int], progress: Progress
+    survey: Survey, file: OpenSurvey, parts: Iterable[PartialPass], lost: Sequence[int], progress: Progress
 ) -> FileRun:
     """Judge a file by what its windows have shown.
 

@@ -19,7 +19,7 @@ from fedora_qa.statistics.collector import Statistics, StatisticsCollector
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class FileStatistics:
     """The statistics of a file, and the arrays of its distributions by the names that a record gives them."""
 
     statistics: Statistics
@@ -35,7 +35,7 @@ def collect_statistics(
 
 def measure_file(
     path: Path, dialect: Dialect | None, memory_bytes: int, progress: Progress, allow_external: Iterable[Path] = ()
-) -> Measured:
+) -> FileStatistics:
     """Return statistics and distributions of a file.
 
     Raises
@@ -56,7 +56,7 @@ def _measured(
     allow_external: Iterable[Path],
     *,
     distributed: bool,
-) -> Measured:
+) -> FileStatistics:
     statistics = StatisticsCollector()
     with open_sequence(path, dialect, allow_external=allow_external) as sequence:
         ready = prepare(sequence, memory_bytes)
@@ -69,4 +69,4 @@ def _measured(
         arrays = distributions_of(distributions, states, ready.facts).arrays if distributed else {}
     if tables is None or states.crashes:
         raise RuntimeError(next(iter(states.crashes.values())).strip().splitlines()[-1])
-    return Measured(tables, arrays)
+    return FileStatistics(tables, arrays)

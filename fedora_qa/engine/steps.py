@@ -5,8 +5,8 @@ from dataclasses import replace
 from fedora_qa.engine.desk import Desk
 from fedora_qa.engine.file_task import FileTask, Sealed, Surveyed
 from fedora_qa.engine.finish import finish_open
-from fedora_qa.engine.measured import Measured, measure_open
 from fedora_qa.engine.options import FileRun
+from fedora_qa.engine.partial_pass import PartialPass, measure_open
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.run import asked_for
 from fedora_qa.engine.survey import survey_file as surveyed_file
@@ -31,7 +31,7 @@ def survey_file(task: FileTask, desk: Desk, progress: Progress) -> Surveyed | Fi
     return found if isinstance(found, FileRun) else Surveyed(found.path, len(found.windows), Sealed.of(found))
 
 
-def measure_windows(task: FileTask, desk: Desk, progress: Progress) -> Sealed[Measured]:
+def measure_windows(task: FileTask, desk: Desk, progress: Progress) -> Sealed[PartialPass]:
     """Hand the task's windows to what sees them: the argument is what the windows just before them have shown, or None.
 
     Returns what both have shown.

@@ -5,8 +5,8 @@ from typing import Any
 
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.finish import finish_open
-from fedora_qa.engine.measured import measure_open
 from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.partial_pass import measure_open
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.survey import opened, survey_file
 from fedora_qa.storage.place import Place

@@ -13,8 +13,8 @@ import numpy as np
 
 from fedora_qa.checks import CHECKS
 from fedora_qa.engine.finish import finish_open
-from fedora_qa.engine.measured import measure_open
 from fedora_qa.engine.options import CheckOptions, FileRun
+from fedora_qa.engine.partial_pass import measure_open
 from fedora_qa.engine.progress import quiet
 from fedora_qa.engine.run import check_file, select_checks
 from fedora_qa.engine.survey import opened, survey_file

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
+from fedora_qa.checks.families import over_all_rates
 from fedora_qa.checks.integrity.flow_bound import longest_displacement_px
 from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
 from fedora_qa.conventions import MM_PER_M
-from fedora_qa.checks.families import over_all_rates
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.images.value_tallies import Tally, add_up, tally_depth, tally_flow, tally_samples
 from fedora_qa.layout.binding import INVALID_STAMP_NS

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import ceil, prod
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect, WindowCheck
 from fedora_qa.checks.families import over_all_rates
+from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect, WindowCheck
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS, STAMPS_OF

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from typing import Final
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
+from fedora_qa.checks.families import over_all_rates
 from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
 from fedora_qa.conventions import FORMAT_NAME
-from fedora_qa.checks.families import over_all_rates
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, FLOW_STREAMS, PROMISED_BY
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, SCALES

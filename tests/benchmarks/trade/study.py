@@ -27,7 +27,7 @@ from fedora_generator.scene import load_scene
 from fedora_qa.cli.exit_codes import CLEAN
 from fedora_qa.engine.effort import Effort
 from fedora_qa.engine.finish import finish_open
-from fedora_qa.engine.measured import measure_open
+from fedora_qa.engine.partial_pass import measure_open
 from fedora_qa.engine.prepare import prepare
 from fedora_qa.engine.run import CheckOptions, FileRun, check_file, quiet, select_checks
 from fedora_qa.engine.survey import opened, survey_file

@@ -16,7 +16,7 @@ STAGE: Final = MEASURING
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class PartialPass:
     """What some windows have shown, and what that took."""
 
     states: States
@@ -26,8 +26,8 @@ class Measured:
 
 
 def measure_open(
-    survey: Survey, file: OpenSurvey, windows: Sequence[int], progress: Progress, before: Measured | None = None
-) -> Measured:
+    survey: Survey, file: OpenSurvey, windows: Sequence[int], progress: Progress, before: PartialPass | None = None
+) -> PartialPass:
     """Hand windows of a survey, named by their place in it, to what sees them.
 
     ``before`` is what the windows just before them have shown. It is added to, and what both have shown is returned.
@@ -46,7 +46,7 @@ def measure_open(
             file.audience,
             before.states if before else None,
         )
-    measured = Measured(states, watch.seconds[STAGE], ready.decoder.decoded_bytes - decoded_before)
+    measured = PartialPass(states, watch.seconds[STAGE], ready.decoder.decoded_bytes - decoded_before)
     return (
         replace(
             measured,
@@ -59,16 +59,16 @@ def measure_open(
     )
 
 
-def together(parts: Iterable[Measured], accumulators: Sequence[Accumulator], facts: Facts) -> Measured:
+def together(parts: Iterable[PartialPass], accumulators: Sequence[Accumulator], facts: Facts) -> PartialPass:
     """Merge passes over stretches of windows, in the order of time: the same as one pass over all, bit for bit."""
-    whole: Measured | None = None
+    whole: PartialPass | None = None
     for part in parts:
         whole = part if whole is None else _merged(whole, part, accumulators)
-    return whole or Measured(start(accumulators, facts), 0.0, 0)
+    return whole or PartialPass(start(accumulators, facts), 0.0, 0)
 
 
-def _merged(earlier: Measured, later: Measured, accumulators: Sequence[Accumulator]) -> Measured:
-    return Measured(
+def _merged(earlier: PartialPass, later: PartialPass, accumulators: Sequence[Accumulator]) -> PartialPass:
+    return PartialPass(
         merge(accumulators, earlier.states, later.states),
         seconds=earlier.seconds + later.seconds,
         decoded_bytes=earlier.decoded_bytes + later.decoded_bytes,
