@@ -1,6 +1,6 @@
 """Measurements without noise: counts and declared numbers, which are right or wrong."""
 
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.record.types import Severity, Where
 
 
@@ -14,9 +14,9 @@ def count_of_faults(
     where: Where | None = None,
     severity: Severity = "error",
     suspects: tuple[Suspect, ...] = (),
-) -> Measured:
+) -> Statistic:
     """State a count that must be zero, and that was counted exactly."""
-    return Measured(
+    return Statistic(
         name=name,
         value=float(value),
         unit=unit,
@@ -30,6 +30,6 @@ def count_of_faults(
     )
 
 
-def no_faults(name: str, unit: str, code: str) -> Measured:
+def no_faults(name: str, unit: str, code: str) -> Statistic:
     """State that nothing was found: the count is zero."""
     return count_of_faults(name, 0, unit, statement="", code=code)

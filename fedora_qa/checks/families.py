@@ -4,10 +4,10 @@ from collections.abc import Iterable, Set
 from dataclasses import replace
 
 from fedora_qa.causes import stream_family
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 
 
-def over_all_rates(measured: Iterable[Measured], rates: Set[str]) -> tuple[Measured, ...]:
+def over_all_rates(measured: Iterable[Statistic], rates: Set[str]) -> tuple[Statistic, ...]:
     """Let suspects name ``flow`` where the same cause is suspected in every one of several rates.
 
     Parameters

@@ -38,7 +38,7 @@ class Suspect:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class Statistic:
     """A number with its error under the noise model, and how it is to be judged.
 
     A value is out of order when it differs from ``expected`` by more than ``allowance + z * standard_error``, with z
@@ -109,7 +109,7 @@ class Observation:
     """
 
     coverage: Coverage
-    measurements: tuple[Measured, ...] = ()
+    measurements: tuple[Statistic, ...] = ()
     notices: tuple[Notice, ...] = ()
     unobservable: str = ""
     evidence: Mapping[str, NDArray[Any]] = field(default_factory=dict)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any, Final
 
-from fedora_qa.checks.protocol import Check, Measured, Observation, Suspect
+from fedora_qa.checks.protocol import Check, Observation, Statistic, Suspect
 from fedora_qa.judgement.tolerances import Tolerance, tolerance_for
 from fedora_qa.record.types import Coverage, Finding, Measurement, Outcome, Result
 from fedora_qa.record.wording import with_unit
@@ -74,7 +74,7 @@ def _judge_one(check: Check[Any], observation: Observation, tolerance: Tolerance
     )
 
 
-def out_of_order(measured: Measured, tolerance: Tolerance) -> bool:
+def out_of_order(measured: Statistic, tolerance: Tolerance) -> bool:
     """Whether the value lies outside what an honest file gives. A value that is not a number always does."""
     deviation = measured.value - measured.expected
     if measured.side == "both":
@@ -110,12 +110,12 @@ def _nothing_seen(coverage: Coverage) -> str:
     return f"none of {coverage.of} {coverage.unit} could be seen" if coverage.of else f"there are no {coverage.unit}"
 
 
-def _is_blind(measured: Measured, tolerance: Tolerance) -> bool:
+def _is_blind(measured: Statistic, tolerance: Tolerance) -> bool:
     """Whether a fault that matters could have gone unseen."""
     return measured.matters is not None and not _least_detectable(measured, tolerance) <= measured.matters
 
 
-def _unseen(blind: Sequence[Measured], tolerance: Tolerance) -> str:
+def _unseen(blind: Sequence[Statistic], tolerance: Tolerance) -> str:
     """Say what could not be seen, the first of it with the numbers."""
     if not blind:
         return ""
@@ -124,17 +124,17 @@ def _unseen(blind: Sequence[Measured], tolerance: Tolerance) -> str:
     return f"could not be seen where it matters: {told}{more}"
 
 
-def _numbers(measured: Measured, tolerance: Tolerance) -> str:
+def _numbers(measured: Statistic, tolerance: Tolerance) -> str:
     least = _least_detectable(measured, tolerance)
     seen = f"from {with_unit(least, measured.unit)} on" if isfinite(least) else "at no size"
     return f"{measured.name} ({seen}; {with_unit(measured.matters, measured.unit)} matters)"
 
 
-def _least_detectable(measured: Measured, tolerance: Tolerance) -> float:
+def _least_detectable(measured: Statistic, tolerance: Tolerance) -> float:
     return tolerance.least_detectable(measured.standard_error, measured.allowance, measured.resolution)
 
 
-def _recorded(measured: Measured, tolerance: Tolerance) -> Measurement:
+def _recorded(measured: Statistic, tolerance: Tolerance) -> Measurement:
     return Measurement(
         name=measured.name,
         value=_finite(measured.value),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.event_stream.bounds import local_tick_ns
-from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.events.levels import LevelPairs, Shown, level_pairs
 from fedora_qa.estimators.images.event_colours import (
@@ -177,7 +177,7 @@ class ColourCheck(WindowCheck[ColourSums]):
         """Say why the file could not show the least fault, beyond what each measurement says of itself."""
         return ""
 
-    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
+    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
         """Turn the fit into measurements."""
         raise NotImplementedError
 

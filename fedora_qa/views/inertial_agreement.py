@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.fitting.grouped_fit import group_of
 from fedora_qa.estimators.imu.conventions import Hypothesis, explain_forces, explain_rates
@@ -220,14 +220,14 @@ def _explained(streams: Streams, kind: Kind, span_s: tuple[float, float] | None)
     return explain_forces(samples, streams.noise.gravity_m_s2, position_m)
 
 
-def disagreement(facts: Facts, streams: Streams, kind: Kind, gross: Gross) -> Measured:
+def disagreement(facts: Facts, streams: Streams, kind: Kind, gross: Gross) -> Statistic:
     """State how far the streams disagree as declared, and which reading reconciles them."""
     hypothesis, where, when = gross.hypothesis, Where(stream="imu"), ""
     value, error = hypothesis.disagreement
     if gross.span_s is not None:
         where = place(facts, "imu", *(streams.time_ns(time_s) for time_s in gross.span_s))
         when = f" from {where.start_us:.0f} to {where.stop_us:.0f} us"
-    return Measured(
+    return Statistic(
         name="disagreement",
         value=value,
         unit="1",

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.estimators.imu.local_motion import NoiseLevel
 from fedora_qa.record.types import Where
 
@@ -25,7 +25,7 @@ def noise_against_declared(
     *,
     units: Mapping[str, float],
     besides: tuple[Suspect, ...] = (),
-) -> Measured:
+) -> Statistic:
     """State the ratio of measured to declared noise, or the noise itself where none is declared.
 
     ``units`` are causes that would multiply all values by a factor: noise that is too large by just that is none.
@@ -34,7 +34,7 @@ def noise_against_declared(
     if declared > 0:
         ratio = level.sigma / declared
         error = 100.0 * (1.0 / ratio - 1.0) if ratio > 0 else None
-        return Measured(
+        return Statistic(
             name=f"{name}_noise_ratio",
             value=ratio,
             unit="1",
@@ -53,7 +53,7 @@ def noise_against_declared(
                 Suspect("other_sequence", stream, _OTHER),
             ),
         )  # fmt: skip
-    return Measured(
+    return Statistic(
         name=f"{name}_noise",
         value=level.sigma,
         unit=unit,

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.events.footprint import LEFT_BY_SHARP
 from fedora_qa.estimators.events.levels import NormalBlocks, concatenate
 from fedora_qa.estimators.events.threshold_fit import Errors, ResponseFit, fit_response
@@ -75,7 +75,7 @@ class LevelCheck(WindowCheck[Seen]):
             return Observation(level_coverage(state), unobservable=str(found))
         return Observation(level_coverage(state), self.state(found, declared, facts))
 
-    def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
+    def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
         """Turn the fits into measurements."""
         raise NotImplementedError
 

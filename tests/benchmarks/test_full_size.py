@@ -2,7 +2,7 @@
 
 import sys
 
-from tests.benchmarks.full_size.figures import Measured, OfEffort, OnCluster, Reading, Selection, Study, Turn
+from tests.benchmarks.full_size.figures import OfEffort, OnCluster, Reading, Selection, Statistic, Study, Turn
 from tests.benchmarks.full_size.machine import DECODING, Machine
 from tests.benchmarks.full_size.measured_run import Run, run_measured
 from tests.benchmarks.full_size.page import page
@@ -31,8 +31,8 @@ def test_a_run_counts_what_its_children_hold_and_spend() -> None:
     assert run.wall_s > 0.5
 
 
-def checked(wall_s: float, decoded_bytes: int = 1_000_000_000) -> Measured:
-    return Measured(
+def checked(wall_s: float, decoded_bytes: int = 1_000_000_000) -> Statistic:
+    return Statistic(
         Run(0, wall_s, 2 * wall_s, 900_000_000),
         {"open": 0.1, "check depth.range": 0.75, "check imu.noise": 0.25, "check flow_rates.composition": 0.5},
         decoded_bytes,

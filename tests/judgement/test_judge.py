@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
@@ -25,7 +25,7 @@ class Toy(FactsCheck):
 SEEN = Coverage(10, 10, "rows")
 
 
-def measured(**changes: Any) -> Measured:
+def measured(**changes: Any) -> Statistic:
     defaults: dict[str, Any] = {
         "name": "offset",
         "value": 0.0,
@@ -34,7 +34,7 @@ def measured(**changes: Any) -> Measured:
         "statement": "It is off.",
         "code": "toy.whole.offset",
     }
-    return Measured(**(defaults | changes))
+    return Statistic(**(defaults | changes))
 
 
 def judged(observation: Observation) -> Judged:
@@ -57,7 +57,7 @@ CASES = {
 
 
 @pytest.mark.parametrize(("value", "outcome"), CASES.values(), ids=CASES)
-def test_outcome_of_one_value(value: Measured, outcome: str) -> None:
+def test_outcome_of_one_value(value: Statistic, outcome: str) -> None:
     """One value decides the outcome."""
     assert judged(Observation(SEEN, (value,))).result.outcome == outcome
 
@@ -93,7 +93,7 @@ WITHOUT_AN_ANSWER = {
 
 
 @pytest.mark.parametrize("values", WITHOUT_AN_ANSWER.values(), ids=WITHOUT_AN_ANSWER)
-def test_blind_to_the_question_is_no_pass(values: tuple[Measured, ...]) -> None:
+def test_blind_to_the_question_is_no_pass(values: tuple[Statistic, ...]) -> None:
     """A check that sees nothing of what matters is not observable, whatever else it counts."""
     result = judged(Observation(SEEN, values)).result
     assert result.outcome == "not_observable"

@@ -5,7 +5,7 @@ from typing import Final
 
 from fedora_qa.checks.alignment.edge_shifts import Edges, colour_edges, event_edges
 from fedora_qa.checks.alignment.odd_one_out import shift_suspects
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.estimators.depth.edge_profiles import FARTHEST_PX
 from fedora_qa.estimators.depth.edge_shift import EdgeShift
 from fedora_qa.record.types import Coverage, Where
@@ -94,8 +94,8 @@ class Depth(WindowCheck[DepthEdges]):
         shifts = [self._shift(name, one, word, suspects) for name, one, word in axes if one is not None]
         return Observation(coverage, (*shifts, orientation))
 
-    def _shift(self, name: str, found: EdgeShift, word: str, suspects: tuple[Suspect, ...]) -> Measured:
-        return Measured(
+    def _shift(self, name: str, found: EdgeShift, word: str, suspects: tuple[Suspect, ...]) -> Statistic:
+        return Statistic(
             name=name,
             value=found.shift_px,
             unit="px",
@@ -109,9 +109,9 @@ class Depth(WindowCheck[DepthEdges]):
             suspects=suspects,
         )
 
-    def _orientation(self, stored: Edges, mirrored: Edges, how: str, events: Edges, facts: Facts) -> Measured:
+    def _orientation(self, stored: Edges, mirrored: Edges, how: str, events: Edges, facts: Facts) -> Statistic:
         error = (stored.share_error**2 + mirrored.share_error**2) ** 0.5
-        return Measured(
+        return Statistic(
             name="advantage_of_mirrored_frames",
             value=mirrored.share - stored.share,
             unit="1",

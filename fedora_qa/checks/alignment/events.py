@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.alignment.edge_shifts import colour_edges, event_edges
 from fedora_qa.checks.alignment.odd_one_out import PairShift, shift_suspects
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
 from fedora_qa.estimators.events.frame_changes import change_and_events
 from fedora_qa.estimators.events.registration_errors import open_level_errors, slope_sums
@@ -160,10 +160,10 @@ class Events(WindowCheck[Registration]):
 
     def _one(
         self, axis: int, shift_px: Float64, errors: Float64, lags: Float64, suspects: tuple[Suspect, ...]
-    ) -> Measured:
+    ) -> Statistic:
         name, word = (("shift_right", "right"), ("shift_down", "down"))[axis]
         value, error = float(shift_px[axis]), float(errors[axis])
-        return Measured(
+        return Statistic(
             name=name,
             value=value,
             unit="px",

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.clocks.combs import STEPS, comb_counts
 from fedora_qa.record.types import Where
@@ -58,11 +58,11 @@ def comb_of(window: Window) -> Comb | None:
     )
 
 
-def worst_comb(combs: Sequence[Comb], facts: Facts) -> Measured:
+def worst_comb(combs: Sequence[Comb], facts: Facts) -> Statistic:
     """State the comb of all windows that is least by chance."""
     worst = max(combs, key=lambda comb: comb.deviate)
     start_us, stop_us = facts.to_file_us(worst.start_ns), facts.to_file_us(worst.stop_ns)
-    return Measured(
+    return Statistic(
         name="events.partial_grid",
         value=worst.share,
         unit="1",

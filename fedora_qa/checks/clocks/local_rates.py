@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.clocks.streams import file_us
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import RegularClock
 from fedora_qa.record.types import Where
@@ -44,7 +44,7 @@ class _Stretch:
     lever: float
 
 
-def rate_change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float) -> Measured | None:
+def rate_change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float) -> Statistic | None:
     """State how much the rate of a stream changes from one quarter to another; None where it is too short."""
     clock = facts.clocks[stream]
     rows = np.flatnonzero(clock.advancing)
@@ -57,7 +57,7 @@ def rate_change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float)
     odd = max(slowest, fastest, key=lambda one: abs(one.rate))
     ppm = 1e6 * (fastest.rate - slowest.rate)
     start, stop = int(rows[odd.first]), int(rows[odd.last])
-    return Measured(
+    return Statistic(
         name=f"{stream}.rate_change",
         value=ppm,
         unit="ppm",

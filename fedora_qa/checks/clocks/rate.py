@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.clocks.local_rates import WORST_ROUNDING, rate_change
 from fedora_qa.checks.clocks.streams import all_stamps, fits_of
-from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import RegularClock, has_odd_grid_above_period
 from fedora_qa.record.types import Where
@@ -80,7 +80,7 @@ class Rate(FactsCheck):
             tuple(self._odd(stream, fit) for stream, fit in fits.items() if stream not in held),
         )
 
-    def _error(self, facts: Facts, stream: str, fit: RegularClock) -> Measured | None:
+    def _error(self, facts: Facts, stream: str, fit: RegularClock) -> Statistic | None:
         nominal_ns = _nominal_period_ns(stream, fit.period_ns)
         deviation = fit.period_ns / nominal_ns - 1
         if abs(deviation) > _NOMINAL_WITHIN and not stream.startswith("flow/"):
@@ -88,7 +88,7 @@ class Rate(FactsCheck):
         ppm = 1e6 * deviation
         span_ns = float(np.ptp(facts.clocks[stream].times_ns[facts.clocks[stream].advancing]))
         grid_ns = max(NS_PER_US, fit.grid_ns)
-        return Measured(
+        return Statistic(
             name=f"{stream}.rate_error",
             value=ppm,
             unit="ppm",

@@ -8,7 +8,7 @@ import numpy as np
 
 from fedora_qa.checks.clocks.combs import Comb, comb_of, declared_tick_us, worst_comb
 from fedora_qa.checks.clocks.streams import event_scan, fits_of
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.clocks.grid import single_precision_spacing_us, surely_no_chance
 from fedora_qa.estimators.clocks.regular_clock import RegularClock
@@ -98,14 +98,14 @@ def _why_events_show_none(facts: Facts) -> str:
     return ""
 
 
-def _of_events(facts: Facts) -> Measured:
+def _of_events(facts: Facts) -> Statistic:
     expected_us = declared_tick_us(facts)
     grid_us = event_scan(facts).grid_ns / NS_PER_US
     said = f"All event stamps lie on a grid of {grid_us:g} us; {expected_us} us is declared."
     return _grid("events", grid_us, float(expected_us), said)
 
 
-def _of_samples(facts: Facts) -> Iterator[Measured]:
+def _of_samples(facts: Facts) -> Iterator[Statistic]:
     """State the grid of each stream whose steps vary: whole microseconds are 1, and what is finer counts as 1."""
     for stream, fit in fits_of(facts):
         if fit.irregular_steps:
@@ -127,8 +127,8 @@ def _grid_of(facts: Facts, stream: str, fit: RegularClock) -> tuple[float, str]:
     return spacing_us, f"are single-precision seconds, {spacing_us:.3g} us apart"
 
 
-def _grid(stream: str, grid_us: float, expected_us: float, statement: str) -> Measured:
-    return Measured(
+def _grid(stream: str, grid_us: float, expected_us: float, statement: str) -> Statistic:
+    return Statistic(
         name=f"{stream}.grid",
         value=grid_us,
         unit="us",

@@ -8,7 +8,7 @@ import numpy as np
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, fits_of, placed_streams
 from fedora_qa.checks.clocks.unit import suspect_of_part, unit_factor
-from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.estimators.clocks.regular_clock import RegularClock
 from fedora_qa.record.types import Where
@@ -61,7 +61,7 @@ class Span(FactsCheck):
         ends = {stream: extent_ns(facts.clocks[stream]) for stream in fits}
         begin, finish = (float(np.median(instants)) for instants in zip(*ends.values(), strict=True))
         usual_ns = float(np.median([fit.period_ns for fit in fits.values()]))
-        measured: list[Measured] = []
+        measured: list[Statistic] = []
         for stream, (start, stop) in ends.items():
             allowance_ns = fits[stream].period_ns + usual_ns
             late, early = start - begin, finish - stop
@@ -76,12 +76,12 @@ class Span(FactsCheck):
 
 def _one(
     facts: Facts, stream: str, rule: str, value_ns: float, allowance_ns: float, suspects: tuple[Suspect, ...]
-) -> Measured:
+) -> Statistic:
     value_ms = value_ns / NS_PER_MS
     said = "begins {:.6g} ms after" if rule == "begins_late" else "ends {:.6g} ms before"
     start, stop = extent_ns(facts.clocks[stream])
     zero = rule == "begins_late" and value_ms < 0 and start == -round(facts.origin_us * 1000)
-    return Measured(
+    return Statistic(
         name=f"{stream}.{rule}",
         value=value_ms,
         unit="ms",
@@ -96,7 +96,7 @@ def _one(
     )
 
 
-def _of_all_rates(measured: Sequence[Measured], rates: Sequence[str]) -> list[Measured]:
+def _of_all_rates(measured: Sequence[Statistic], rates: Sequence[str]) -> list[Statistic]:
     """Name flow as a whole where two rates or more are cut, and no other could show it at its own slower pace."""
     named = list(measured)
     for code in {one.code for one in measured}:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.clocks.streams import all_stamps, clocks_of, event_scan, file_us, fits_of
 from fedora_qa.checks.clocks.unit import suspect_of_part
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import RegularClock, is_rounded
 from fedora_qa.record.types import Where
@@ -63,7 +63,7 @@ class Order(FactsCheck):
             measured.append(self._of_events(facts))
         return Observation(all_stamps(facts), tuple(measured))
 
-    def _of_samples(self, facts: Facts, stream: str, clock: Clock) -> Iterator[Measured]:
+    def _of_samples(self, facts: Facts, stream: str, clock: Clock) -> Iterator[Statistic]:
         steps = np.diff(clock.times_ns)
         backward, repeated = np.flatnonzero(steps < 0), np.flatnonzero(steps == 0)
         yield self._count(facts, stream, "backward_steps", backward, _suspects_of_order(facts, stream, backward))
@@ -71,7 +71,7 @@ class Order(FactsCheck):
 
     def _count(
         self, facts: Facts, stream: str, rule: str, rows: NDArray[np.intp], suspects: tuple[Suspect, ...]
-    ) -> Measured:
+    ) -> Statistic:
         times_ns = facts.clocks[stream].times_ns
         first = int(rows[0]) + 1 if len(rows) else None
         said = "earlier than" if rule == "backward_steps" else "equal to"
@@ -87,7 +87,7 @@ class Order(FactsCheck):
             suspects=suspects,
         )
 
-    def _of_events(self, facts: Facts) -> Measured:
+    def _of_events(self, facts: Facts) -> Statistic:
         events = event_scan(facts)
         wrapped, was_set = _is_wrap(-events.largest_decrease_ns), set_clock(events)
         unsorted = Suspect("unsorted", "events", 0.9 if was_set is None else 0.3, float(events.decreases), "events")
@@ -149,7 +149,7 @@ class Gaps(FactsCheck):
 
     def examine(self, facts: Facts) -> Observation:
         """Count missing samples and jumps over all streams."""
-        measured: list[Measured] = []
+        measured: list[Statistic] = []
         notices: list[Notice] = []
         for stream, fit in fits_of(facts):
             if fit.regular:
@@ -159,7 +159,7 @@ class Gaps(FactsCheck):
         empty = "" if measured or notices else "no stream has three stamps in order"
         return Observation(all_stamps(facts), tuple(measured), tuple(notices), unobservable=empty)
 
-    def _missing(self, facts: Facts, stream: str, fit: RegularClock) -> Measured:
+    def _missing(self, facts: Facts, stream: str, fit: RegularClock) -> Statistic:
         first, where = _behind(facts, stream, fit.gap_after)
         return count_of_faults(
             name=f"{stream}.missing",
@@ -172,7 +172,7 @@ class Gaps(FactsCheck):
             suspects=_suspects_of_gaps(stream, facts.clocks[stream], fit),
         )
 
-    def _jumps(self, facts: Facts, stream: str, fit: RegularClock) -> Measured:
+    def _jumps(self, facts: Facts, stream: str, fit: RegularClock) -> Statistic:
         first, where = _behind(facts, stream, fit.jump_after)
         jump_ms = float(fit.jumps_ns[0]) / NS_PER_MS if len(fit.jumps_ns) else 0.0
         rounding_ms = 1 / NS_PER_MS * NS_PER_US

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, file_us, placed_streams
-from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic, Suspect
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
@@ -74,10 +74,10 @@ class Unit(FactsCheck):
         parts = (self._part(facts, stream) for stream in facts.clocks if stream in whole)
         return Observation(all_stamps(facts), (*measured, *(one for one in parts if one is not None)))
 
-    def _factor(self, facts: Facts, stream: str, ratio: float) -> Measured:
+    def _factor(self, facts: Facts, stream: str, ratio: float) -> Statistic:
         counts = ratio < 1 / 2 and _counts_samples(facts, stream)
         factor = ratio if counts else unit_factor(ratio)
-        return Measured(
+        return Statistic(
             name=f"{stream}.unit_factor",
             value=factor,
             unit="1",
@@ -92,13 +92,13 @@ class Unit(FactsCheck):
             suspects=(Suspect("time_unit", stream, 1.0, factor, "1"),),
         )
 
-    def _part(self, facts: Facts, stream: str) -> Measured | None:
+    def _part(self, facts: Facts, stream: str) -> Statistic | None:
         found = _part_in_another_unit(facts, stream)
         if found is None:
             return None
         factor, first, last = found
         times_ns = facts.clocks[stream].times_ns
-        return Measured(
+        return Statistic(
             name=f"{stream}.unit_factor_of_a_part",
             value=factor,
             unit="1",

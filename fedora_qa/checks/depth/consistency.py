@@ -7,7 +7,7 @@ from typing import Final, Literal
 import numpy as np
 
 from fedora_qa.checks.depth.suspects import ANY_MISFIT
-from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import ANY_CAUSE, Notice, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -136,10 +136,10 @@ class Consistency(WindowCheck[WindowAgreement]):
         return Observation(coverage, tuple(measured), notices)
 
 
-def _whole(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
+def _whole(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect, ...]) -> Statistic:
     worst = max(pairs, key=lambda pair: pair.whole.suspicion)
     off = [pair for pair in pairs if pair.whole.suspicion > 1]
-    return Measured(
+    return Statistic(
         name="deviation",
         value=_PERCENT * worst.whole.typical,
         unit="percent",
@@ -155,10 +155,10 @@ def _whole(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect
     )
 
 
-def _tile(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
+def _tile(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect, ...]) -> Statistic:
     worst = max(pairs, key=lambda pair: pair.worst_tile.suspicion)
     off = [pair for pair in pairs if pair.worst_tile.suspicion > 1]
-    return Measured(
+    return Statistic(
         name="worst_tile",
         value=_PERCENT * worst.worst_tile.typical,
         unit="percent",
@@ -174,7 +174,7 @@ def _tile(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect,
     )
 
 
-def _corrections(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect, ...]) -> list[Measured]:
+def _corrections(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect, ...]) -> list[Statistic]:
     """Hold the corrections to the declared noise: all together over every second pair (no pose in common), and each.
 
     With Q chi-square of n degrees of freedom, (Q/n)^(1/3) is normal about 1 - 2/(9n) with variance 2/(9n) (Wilson and
@@ -203,9 +203,9 @@ def _corrections(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[S
 def _correction(
     name: str, ratio: float, dof: float, what: str, where: Where, suspects: tuple[Suspect, ...],
     *, tests: int, side: Literal["both", "upper"],
-) -> Measured:  # fmt: skip
+) -> Statistic:  # fmt: skip
     spread = 2 / (9 * dof)
-    return Measured(
+    return Statistic(
         name=name,
         value=float(np.cbrt(ratio)),
         unit="1",

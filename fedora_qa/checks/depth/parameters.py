@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth
 from fedora_qa.estimators.depth.warp import ModelNumber
 from fedora_qa.record.types import Coverage
@@ -84,7 +84,7 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
         return pool(fits)
 
     @abstractmethod
-    def stated(self, pooled: Pooled, fits: Sequence[PairFit]) -> Measured:
+    def stated(self, pooled: Pooled, fits: Sequence[PairFit]) -> Statistic:
         """State the parameter."""
 
     def measure(self, window: Window) -> tuple[PairFit, ...] | None:

@@ -5,7 +5,7 @@ from typing import Final
 
 from fedora_qa.checks.depth.parameters import FittedParameter, PairFit, Pooled
 from fedora_qa.checks.depth.suspects import ANY_MISFIT
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.estimators.depth.pair_fit import Family
 from fedora_qa.views.depth_pairs import DepthPair
 
@@ -52,9 +52,9 @@ class Projection(FittedParameter):
         """Let depths be lengths of rays in part."""
         return pair.as_rays
 
-    def stated(self, pooled: Pooled, fits: Sequence[PairFit]) -> Measured:
+    def stated(self, pooled: Pooled, fits: Sequence[PairFit]) -> Statistic:
         """State the exponent."""
-        return Measured(
+        return Statistic(
             name="ray_exponent",
             value=pooled.value,
             unit="1",

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.depth.stored_step import DepthStep
@@ -136,12 +136,12 @@ def _tally(frame: int, depth_m: NDArray[np.float32], range_m: tuple[float, float
     return [FrameRange(frame, nearest_m, farthest_m, sum(depth_m.shape), on, near)]
 
 
-def _ends(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, float]) -> tuple[Measured, ...]:
+def _ends(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, float]) -> tuple[Statistic, ...]:
     nearest, farthest = min(frames, key=lambda one: one.nearest_m), max(frames, key=lambda one: one.farthest_m)
     suspects = _suspects(nearest.nearest_m, farthest.farthest_m, range_m)
     low_m, high_m = range_m
     return (
-        Measured(
+        Statistic(
             name="nearest",
             value=nearest.nearest_m,
             unit="m",
@@ -154,7 +154,7 @@ def _ends(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, floa
             where=place(facts, nearest.frame, nearest.frame),
             suspects=suspects,
         ),
-        Measured(
+        Statistic(
             name="farthest",
             value=farthest.farthest_m,
             unit="m",
@@ -182,16 +182,16 @@ def _suspects(nearest_m: float, farthest_m: float, range_m: tuple[float, float])
     )
 
 
-def _piles(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, float]) -> list[Measured]:
+def _piles(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, float]) -> list[Statistic]:
     return [_pile(frames, facts, end, name, range_m[end]) for end, name in enumerate(("near", "far"))]
 
 
-def _pile(frames: Sequence[FrameRange], facts: Facts, end: int, name: str, end_m: float) -> Measured:
+def _pile(frames: Sequence[FrameRange], facts: Facts, end: int, name: str, end_m: float) -> Statistic:
     """State the excess of pixels on one end of the range over what the neighbourhood's density would put there."""
     on_end = sum(frame.on_end[end] for frame in frames)
     expected = sum(frame.near_end[end] for frame in frames) * _ROUNDING / (_NEIGHBOURHOOD - _ROUNDING)
     worst = max(frames, key=lambda frame: frame.on_end[end])
-    return Measured(
+    return Statistic(
         name=f"on_{name}_end",
         value=float(on_end),
         unit="pixels",

@@ -8,7 +8,7 @@ import numpy as np
 
 from fedora_qa.checks.depth.parameters import FittedParameter, PairFit, Pooled, pool
 from fedora_qa.checks.depth.suspects import ANY_MISFIT
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth
 from fedora_qa.views.depth_pairs import DepthPair
 
@@ -86,7 +86,7 @@ class Scale(FittedParameter):
         pooled = pool([_reciprocal(fit) for fit in fits if fit.value != 0])
         return None if pooled is None or pooled.value == 0 else _reciprocal(pooled)
 
-    def stated(self, pooled: Pooled, fits: Sequence[PairFit]) -> Measured:
+    def stated(self, pooled: Pooled, fits: Sequence[PairFit]) -> Statistic:
         """State the factor."""
         plausible = 2 * sum(fit.plausible for fit in fits) > len(fits)
         of_positions = np.array([fit.of_path for fit in fits])
@@ -95,7 +95,7 @@ class Scale(FittedParameter):
         turned_round = of_pose is not None and of_pose <= 0  # no unit does that to lengths
         explains = pooled.explains if pooled.value > 0 else 0.0
         of_depth_share, of_pose_share = (0.5, 0.9) if plausible and not turned_round else (0.95, 0.3)
-        return Measured(
+        return Statistic(
             name="scale",
             value=pooled.value,
             unit="1",

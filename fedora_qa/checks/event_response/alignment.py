@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.event_response.shifted import CLEAR, PartSums, Shifted, added, most_shifted, stacked, tiles_of
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import US_PER_S
 from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
 from fedora_qa.estimators.events.registration_errors import open_level_errors
@@ -186,7 +186,7 @@ class Alignment(WindowCheck[Correlations]):
         whole = [self._one(shift, errors, lags, axis) for axis in (0, 1)]
         return Observation(coverage, (*whole, *self._parts(state, threshold, lags, facts)))
 
-    def _parts(self, state: Sequence[Correlations], threshold: float, lags: Float64, facts: Facts) -> list[Measured]:
+    def _parts(self, state: Sequence[Correlations], threshold: float, lags: Float64, facts: Facts) -> list[Statistic]:
         """State the stretch and the region that are shifted most against the rest."""
         found = []
         windows = [PartSums(*(getattr(one, name).sum(axis=0) for name in PartSums.__slots__)) for one in state]
@@ -207,9 +207,9 @@ class Alignment(WindowCheck[Correlations]):
             found.append(self._part("region", region, lags, Where(stream="events", tile=tile), place))
         return found
 
-    def _part(self, rule: str, found: Shifted, lags: Float64, where: Where, place: str) -> Measured:
+    def _part(self, rule: str, found: Shifted, lags: Float64, where: Where, place: str) -> Statistic:
         word, error = ("right", "down")[found.axis], found.standard_error_px
-        return Measured(
+        return Statistic(
             name=f"shift_in_a_{rule}",
             value=found.shift_px,
             unit="px",
@@ -230,11 +230,11 @@ class Alignment(WindowCheck[Correlations]):
             ),
         )
 
-    def _one(self, shift: Shift, errors: Float64, lags: Float64, axis: int) -> Measured:
+    def _one(self, shift: Shift, errors: Float64, lags: Float64, axis: int) -> Statistic:
         name, value, word = (("shift_right", shift.right_px, "right"), ("shift_down", shift.down_px, "down"))[axis]
         error = float(errors[axis])
         magnitude = value if axis == 0 else None
-        return Measured(
+        return Statistic(
             name=name,
             value=value,
             unit="px",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.event_response.conservation_suspects import FEW, why_broken
 from fedora_qa.checks.event_response.inverse_trials import Trial, trials
-from fedora_qa.checks.protocol import Check, Measured, Observation, Suspect
+from fedora_qa.checks.protocol import Check, Observation, Statistic, Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import EventModel
@@ -132,7 +132,7 @@ class Conservation(Check[Followed]):
 
     def _share(
         self, closed: list[Closed], declared: EventModel, facts: Facts, dead: float, tried: Sequence[Trial]
-    ) -> Measured:
+    ) -> Statistic:
         shape = sensor_shape(facts.declared)
         size = shape[0] * shape[1]
         times_ns = facts.clocks["rgb"].times_ns
@@ -147,7 +147,7 @@ class Conservation(Check[Followed]):
         worst = int(np.argmax(deviations))
         first = closed[worst].suspected
         last = min(first + 1, len(times_ns) - 1)
-        return Measured(
+        return Statistic(
             name="violating_pixels",
             value=counts[worst] / size,
             unit="1",
@@ -175,7 +175,9 @@ class Conservation(Check[Followed]):
             ),
         )
 
-    def _tile(self, pixels: Bool, closed: list[Closed], facts: Facts, tried: Sequence[Trial]) -> tuple[Measured, float]:
+    def _tile(
+        self, pixels: Bool, closed: list[Closed], facts: Facts, tried: Sequence[Trial]
+    ) -> tuple[Statistic, float]:
         """Return the worst tile, and how well a dead region around it explains the violations.
 
         They lie together, and without events; or, of a region that is dead for some time, so close together that no
@@ -190,7 +192,7 @@ class Conservation(Check[Followed]):
         mute_together = min(_gathered(pixels, row, column, region), mute) > self._ONE_REGION
         dense = float(pixels.mean()) < FEW and _densest(pixels) > self._ONE_REGION
         dead = 0.1 if silent else 0.8 if mute_together else 0.6 if dense else 0.1
-        measured = Measured(
+        measured = Statistic(
             name="worst_tile",
             value=share,
             unit="1",

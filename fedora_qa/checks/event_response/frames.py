@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_US, US_PER_S
 from fedora_qa.estimators.events.orientation import BLOCK_PX
 from fedora_qa.record.types import Coverage, Where
@@ -127,12 +127,12 @@ class Frames(WindowCheck[IntervalMoments]):
         frames: NDArray[np.int64],
         repeated: int,
         facts: Facts,
-    ) -> Measured:
+    ) -> Statistic:
         earlier, later = (int(frame) for frame in frames)
         times_ns = facts.clocks["rgb"].times_ns
         gain = float(gains[worst])
         turned = int(np.count_nonzero(gains < -0.5 * middle))
-        return Measured(
+        return Statistic(
             name="change_shown",
             value=gain / middle,
             unit="1",

@@ -15,7 +15,7 @@ from fedora_qa.checks.event_response.turned import (
     others_of,
     words_for,
 )
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import US_PER_S
 from fedora_qa.estimators.events.orientation import BLOCK_PX, SYMMETRIES, Moments
 from fedora_qa.record.types import Coverage, Where
@@ -123,7 +123,7 @@ class Orientation(WindowCheck[Agreement]):
         whole = _state(kinds[best], predicted[best], events)
         return Observation(coverage, (*whole, *self._parts(state, noise, facts)))
 
-    def _parts(self, state: Sequence[Agreement], noise: float, facts: Facts) -> list[Measured]:
+    def _parts(self, state: Sequence[Agreement], noise: float, facts: Facts) -> list[Statistic]:
         """State the stretch and the region that gain most by another orientation."""
         found = []
         stretch = most_turned([one.steps for one in state], noise)
@@ -142,8 +142,8 @@ class Orientation(WindowCheck[Agreement]):
         return found
 
 
-def _part(name: str, rule: str, turned: Turned, where: Where, place: str) -> Measured:
-    return Measured(
+def _part(name: str, rule: str, turned: Turned, where: Where, place: str) -> Statistic:
+    return Statistic(
         name=name,
         value=turned.other - turned.declared,
         unit="1",
@@ -159,7 +159,7 @@ def _part(name: str, rule: str, turned: Turned, where: Where, place: str) -> Mea
     )
 
 
-def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Measured, ...]:
+def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Statistic, ...]:
     correlations = _pooled(kind)
     others = others_of(correlations)
     rival = int(np.argmax(others))
@@ -168,7 +168,7 @@ def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Meas
     found = causes_of(rival) if others[rival] > max(predicted / 2, correlations[0]) else _UNRELATED
     if not events:
         found = _NONE_LEFT
-    agreement = Measured(
+    agreement = Statistic(
         name="correlation",
         value=float(correlations[0]),
         unit="1",
@@ -183,7 +183,7 @@ def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Meas
         where=Where(stream="events"),
         suspects=found,
     )
-    alternative = Measured(
+    alternative = Statistic(
         name="advantage_of_another_orientation",
         value=advantage,
         unit="1",

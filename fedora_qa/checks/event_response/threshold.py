@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
@@ -89,7 +89,7 @@ class Threshold(WindowCheck[WeighedSums]):
             return Observation(coverage, unobservable=str(found))
         return Observation(coverage, tuple(self._one(found, declared, facts, side) for side in (0, 1)))
 
-    def _one(self, found: Answer, declared: EventModel, facts: Facts, side: int) -> Measured:
+    def _one(self, found: Answer, declared: EventModel, facts: Facts, side: int) -> Statistic:
         name, word = (("threshold_on", "Brighter"), ("threshold_off", "Darker"))[side]
         nominal = (declared.threshold_on, declared.threshold_off)[side]
         fitted = (found.fit.threshold_on, found.fit.threshold_off)[side]
@@ -100,7 +100,7 @@ class Threshold(WindowCheck[WeighedSums]):
         bound = (bounds.threshold_on, bounds.threshold_off)[side] + model_error
         bound += _relative_bound(declared, facts) * expected
         percent = 100 / expected
-        return Measured(
+        return Statistic(
             name=name,
             value=percent * (fitted - expected),
             unit="%",
@@ -150,13 +150,13 @@ class Model(LevelCheck):
 
     name = "event_response.model"
 
-    def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
+    def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
         """State how much better the other domain fits."""
         value, error = found.preference
         other = "linear" if declared.model == "log" else "log"
         ours, theirs = found.fit.relative_sigma, found.other.relative_sigma if found.other else float("inf")
         return (
-            Measured(
+            Statistic(
                 name="log_residual_ratio",
                 value=value,
                 unit="1",

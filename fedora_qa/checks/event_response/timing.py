@@ -9,7 +9,7 @@ import numpy as np
 
 from fedora_qa.checks.event_response.offset_search import Searched, found_again, search_again, tells_better
 from fedora_qa.checks.event_response.timing_causes import Shapes, offset_suspects, rate_suspects, shapes_of, with_steps
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -168,14 +168,14 @@ class Timing(WindowCheck[Seen]):
         )
         return Observation(coverage, measured)
 
-    def _offset(self, found: Lateness, facts: Facts, shapes: Shapes, *, told: bool) -> Measured:
+    def _offset(self, found: Lateness, facts: Facts, shapes: Shapes, *, told: bool) -> Statistic:
         """State the offset; ``told`` where it is that of all events."""
         expected, tick_error = expected_delay_ms(facts.declared.events, facts)
         late, error, bound = 1e3 * found.late_s, 1e3 * found.error_s, 1e3 * found.bound_s + tick_error
         offset = late - expected
         share, sized = shapes.constant + shapes.stretch, told and shapes.constant > shapes.stretch
         told_error = told_error_ms(found, offset, bound, facts)
-        return Measured(
+        return Statistic(
             name="time_offset",
             value=late,
             unit="ms",
@@ -194,9 +194,9 @@ class Timing(WindowCheck[Seen]):
             ),
         )
 
-    def _rate(self, found: Lateness, shapes: Shapes) -> Measured:
+    def _rate(self, found: Lateness, shapes: Shapes) -> Statistic:
         ppm, error, bound = 1e6 * found.rate, 1e6 * found.rate_error, 1e6 * found.rate_bound
-        return Measured(
+        return Statistic(
             name="clock_rate",
             value=ppm,
             unit="ppm",
@@ -215,7 +215,7 @@ class Timing(WindowCheck[Seen]):
             ),
         )
 
-    def _stretch(self, local: Local, readings: Sequence[ReadingSums], facts: Facts, shapes: Shapes) -> Measured:
+    def _stretch(self, local: Local, readings: Sequence[ReadingSums], facts: Facts, shapes: Shapes) -> Statistic:
         chosen = [one for one, inside in zip(readings, local.step.chosen, strict=True) if inside]
         start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
         where = Where(stream="events", start_us=start_us, stop_us=stop_us)
@@ -227,7 +227,7 @@ class Timing(WindowCheck[Seen]):
         place = f"From {start_us / 1e6:.2f} s to {stop_us / 1e6:.2f} s"
         return self._part("stretch", local, where, place, "in the rest of the sequence", suspects)
 
-    def _region(self, local: Local, facts: Facts) -> Measured:
+    def _region(self, local: Local, facts: Facts) -> Statistic:
         tile = tile_around(local.step.chosen, sensor_shape(facts.declared))
         late, error = 1e3 * local.step.late_s, 1e3 * local.step.standard_error_s
         suspects = (Suspect("time_offset", "events", 0.9, late, "ms", error),)
@@ -236,9 +236,9 @@ class Timing(WindowCheck[Seen]):
 
     def _part(
         self, rule: str, local: Local, where: Where, place: str, rest: str, suspects: tuple[Suspect, ...]
-    ) -> Measured:
+    ) -> Statistic:
         late, error = 1e3 * local.step.late_s, 1e3 * local.step.standard_error_s
-        return Measured(
+        return Statistic(
             name=f"late_{rule}",
             value=late,
             unit="ms",

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.events.row_kernels import survey_columns
 from fedora_qa.estimators.events.timestamp_kernels import are_crowded
@@ -150,7 +150,7 @@ class Bounds(WindowCheck[BoundsCount]):
 
     def _outside(
         self, state: Sequence[BoundsCount], facts: Facts, outside: int, first: tuple[int, int, int, int, int] | None
-    ) -> Measured:
+    ) -> Statistic:
         height, width = sensor_shape(facts.declared)
         columns, rows = (1 + max(count.farthest[axis] for count in state) for axis in (0, 1))
         swapped = columns <= height and rows <= width
@@ -169,7 +169,7 @@ class Bounds(WindowCheck[BoundsCount]):
             suspects=tuple(suspects),
         )
 
-    def _polarity(self, facts: Facts, unknown: int, first: tuple[int, int, int, int, int] | None) -> Measured:
+    def _polarity(self, facts: Facts, unknown: int, first: tuple[int, int, int, int, int] | None) -> Statistic:
         return count_of_faults(
             name="unknown_polarity",
             value=unknown,

@@ -8,7 +8,7 @@ import numpy as np
 
 from fedora_qa.checks.event_stream.bounds import NO_EVENTS, event_at, event_coverage, tick_ns, where_of, why_no_sensor
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.events.row_kernels import count_repeats, find_repeats
 from fedora_qa.sequence.declared import EventModel
@@ -120,9 +120,11 @@ class Repeats(WindowCheck[RepeatCount]):
         packets = declared is not None and declared.packet_interval_us > 0
         return not packets and (linear or tick_ns(facts) == NS_PER_US)
 
-    def _repeats(self, facts: Facts, repeats: int, seen: int, first: tuple[int, int, int, int, int] | None) -> Measured:
+    def _repeats(
+        self, facts: Facts, repeats: int, seen: int, first: tuple[int, int, int, int, int] | None
+    ) -> Statistic:
         chance = _spurious_per_pixel_hz(facts.declared.events) * tick_ns(facts) / NS_PER_S * seen
-        return Measured(
+        return Statistic(
             name="repeats",
             value=float(repeats),
             unit="events",

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.event_stream.bounds import event_coverage, local_tick_ns, tick_ns
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.estimators.events.gaps import Silence, strangest_silence
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
@@ -92,7 +92,7 @@ class Gaps(WindowCheck[SilenceCount]):
         worst = max(found, key=lambda silence: silence.z)
         length_ms = worst.length_ns / 1e6
         start_us, stop_us = (facts.to_file_us(time) for time in (worst.start_ns, worst.stop_ns))
-        measured = Measured(
+        measured = Statistic(
             name="gap",
             value=length_ms,
             unit="ms",
@@ -113,7 +113,7 @@ class Gaps(WindowCheck[SilenceCount]):
             reason = "too few events to tell a gap from a quiet scene"
             return Observation(event_coverage(facts, seen), unobservable=reason)
         tick_ms = tick_ns(facts) / 1e6
-        none = Measured(
+        none = Statistic(
             name="gap",
             value=0.0,
             unit="ms",

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.event_stream.bounds import event_coverage, why_no_sensor
 from fedora_qa.checks.event_stream.moved_hot_pixels import suspects_of_moved
-from fedora_qa.checks.protocol import Check, Measured, Observation, Suspect
+from fedora_qa.checks.protocol import Check, Observation, Statistic, Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.events.rates import Loudness, Tally, loudness
 from fedora_qa.record.types import Where
@@ -118,11 +118,11 @@ class Rates(Check[Tally]):
         seconds: float,
         facts: Facts,
         moved: tuple[Suspect, ...],
-    ) -> Measured:
+    ) -> Statistic:
         row, column = (int(i) for i in np.unravel_index(int(np.argmax(z)), z.shape))
         many = int(np.count_nonzero(z > self._SURELY))
         rate_hz, excess_hz = (float(of_all[row, column]) / seconds for of_all in (counts, loud.excess))
-        return Measured(
+        return Statistic(
             name="loudest_pixel_excess",
             value=excess_hz,
             unit="Hz",
@@ -145,12 +145,12 @@ class Rates(Check[Tally]):
         declared: EventModel,
         seconds: float,
         moved: tuple[Suspect, ...],
-    ) -> Measured:
+    ) -> Statistic:
         expected = declared.hot_pixel_rate_hz
         rate_hz = float(over.mean()) / seconds
         variance = expected * seconds / len(over) + float(np.sum(error**2)) / len(over) ** 2
         percent = 100 * (rate_hz / expected - 1)
-        return Measured(
+        return Statistic(
             name="declared_hot_pixel_rate",
             value=rate_hz,
             unit="Hz",

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.estimators.flow.contrast import best_gain
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
@@ -157,13 +157,13 @@ class Sharpness(WindowCheck[tuple[FieldSharpness, ...]]):
         measured = (self._state(stream, one, spreads_over(stream, off), facts) for stream, one in telling.items())
         return Observation(coverage, tuple(one for of_rate in measured for one in of_rate))
 
-    def _state(self, stream: str, found: RateSharpness, flow: str, facts: Facts) -> tuple[Measured, ...]:
+    def _state(self, stream: str, found: RateSharpness, flow: str, facts: Facts) -> tuple[Statistic, ...]:
         rate = stream.removeprefix("flow/")
         where = place(facts, (found.fields[0].interval, found.fields[-1].interval))
         cause = RIVALS[found.rival]
         seconds = found.fields[0].interval.duration_s
         size = {3: 1 / seconds, 4: seconds}.get(found.rival)
-        rival = Measured(
+        rival = Statistic(
             name=f"advantage_of_another_{rate}",
             value=found.advantage,
             unit="1",
@@ -180,7 +180,7 @@ class Sharpness(WindowCheck[tuple[FieldSharpness, ...]]):
         if found.rival_wins:
             return (rival,)
         error, allowance = 100 * found.gain_error, 100 * found.gain_allowance
-        gain = Measured(
+        gain = Statistic(
             name=f"gain_{rate}",
             value=100 * (found.gain - 1),
             unit="%",

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.flow_geometry.geometry_suspects import geometry_suspects
-from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import ANY_CAUSE, Notice, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -153,7 +153,7 @@ class Endpoint(WindowCheck[WindowErrors]):
         by_stream = {stream: group for stream, group in by_stream.items() if group}
         off = _off(by_stream)
         unmoved = {stream: _squares_ratio(group) < _UNMOVED for stream, group in by_stream.items()}
-        measurements: list[Measured] = []
+        measurements: list[Statistic] = []
         for stream, group in by_stream.items():
             suspects = geometry_suspects(stream, group, weighed, off, facts.declared)
             measurements += [_typical(stream, group, facts, suspects), _worst(stream, group, facts, suspects)]
@@ -163,12 +163,12 @@ class Endpoint(WindowCheck[WindowErrors]):
         return Observation(coverage, tuple(measurements), notices)
 
 
-def _typical(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
+def _typical(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: tuple[Suspect, ...]) -> Statistic:
     pixels = sum(field.pixels for field in fields)
     rms_px = float(np.sqrt(sum(field.squares for field in fields) / pixels))
     bound_px = float(np.sqrt(sum(field.bound_squares for field in fields) / pixels))
     off = [field for field in fields if field.suspicion > 1]
-    return Measured(
+    return Statistic(
         name=f"{stream} endpoint_error",
         value=rms_px,
         unit="px",
@@ -184,10 +184,10 @@ def _typical(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: 
     )
 
 
-def _worst(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
+def _worst(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: tuple[Suspect, ...]) -> Statistic:
     worst = max(fields, key=lambda field: field.worst_px / field.worst_bound_px)
     column, row = worst.worst_pixel
-    return Measured(
+    return Statistic(
         name=f"{stream} worst_endpoint_error",
         value=worst.worst_px,
         unit="px",
@@ -209,7 +209,7 @@ def _correction(
     facts: Facts,
     suspects: tuple[Suspect, ...],
     unmoved: Mapping[str, bool],
-) -> list[Measured]:
+) -> list[Statistic]:
     """Hold the corrections of every second field (no pose in common) to the declared noise.
 
     With Q chi-square of n degrees of freedom, (Q/n)^(1/3) is normal about 1 - 2/(9n) with variance 2/(9n) (Wilson and
@@ -233,7 +233,7 @@ def _correction(
             *suspects,
         )
     return [
-        Measured(
+        Statistic(
             name=f"{stream} pose_correction",
             value=ratio,
             unit="1",

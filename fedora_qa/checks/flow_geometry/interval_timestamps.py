@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.causes import CAUSES, stream_family
 from fedora_qa.checks.flow_geometry.timestamp_patterns import offsets_from_nearest, stamp_patterns
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Clock, Facts
@@ -19,7 +19,7 @@ _MISSING: Final = 0.75
 """Share of the frame step beyond which the nearest frame is another one: stamps within a step are half of it off."""
 
 
-def stamp_measurements(facts: Facts) -> list[Measured]:
+def stamp_measurements(facts: Facts) -> list[Statistic]:
     """Count, for each rate, interval ends that lie on no depth frame, gaps, and lengths that are not the rate's."""
     measured = [one for stream in facts.flow_streams for one in _of_stream(facts, stream)]
     spread = {
@@ -28,7 +28,7 @@ def stamp_measurements(facts: Facts) -> list[Measured]:
     return [_of_all_rates(one) if one.code in spread else one for one in measured]
 
 
-def _of_all_rates(measured: Measured) -> Measured:
+def _of_all_rates(measured: Statistic) -> Statistic:
     """Suspect flow as a whole: every rate has the same fault."""
     suspects = tuple(
         replace(suspect, stream="flow") if stream_family(suspect.stream) == "flow" else suspect
@@ -37,7 +37,7 @@ def _of_all_rates(measured: Measured) -> Measured:
     return replace(measured, suspects=suspects)
 
 
-def _of_stream(facts: Facts, stream: str) -> list[Measured]:
+def _of_stream(facts: Facts, stream: str) -> list[Statistic]:
     clock = facts.clocks[stream]
     if clock.ends_ns is None or not len(clock.times_ns):
         return []
@@ -59,14 +59,14 @@ def _of_stream(facts: Facts, stream: str) -> list[Measured]:
 
 def _count(
     facts: Facts, stream: str, rule: str, wrong: NDArray[np.intp], what: str, suspects: tuple[Suspect, ...]
-) -> Measured:
+) -> Statistic:
     clock = facts.clocks[stream]
     where = Where(stream=stream)
     if len(wrong):
         first, last = int(wrong[0]), int(wrong[-1])
         start_us, stop_us = (facts.to_file_us(float(clock.times_ns[row])) for row in (first, last))
         where = Where(stream, start_us, stop_us, index_start=first, index_stop=last + 1)
-    return Measured(
+    return Statistic(
         name=f"{stream} intervals_{rule}",
         value=float(len(wrong)),
         unit="intervals",

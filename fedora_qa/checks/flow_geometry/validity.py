@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow_geometry.interval_timestamps import stamp_measurements
-from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import ANY_CAUSE, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.estimators.flow.validity_kernels import compare_patterns, depth_range_m
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import moved_points
@@ -220,7 +220,7 @@ def _margin_m(noise: PoseModel | None, distance_m: float) -> float:
     return _SIGMAS * float(np.hypot(noise.position_sigma_m, noise.rotation_sigma_rad * distance_m)) + rounding_m
 
 
-def _pixel_measurements(patterns: Sequence[FieldPattern], facts: Facts) -> list[Measured]:
+def _pixel_measurements(patterns: Sequence[FieldPattern], facts: Facts) -> list[Statistic]:
     unfounded = [pattern for pattern in patterns if pattern.unfounded]
     missing = [pattern for pattern in patterns if pattern.missing]
     infinite = [pattern for pattern in patterns if pattern.infinite]
@@ -258,7 +258,7 @@ def _count(
     facts: Facts,
     what: str,
     causes: Sequence[tuple[str, str, float]],
-) -> Measured:
+) -> Statistic:
     where, suspects = Where(), tuple[Suspect, ...]()
     if wrong:
         first, last = wrong[0], wrong[-1]
@@ -267,7 +267,7 @@ def _count(
         flow = spreads_over(first.interval.stream, off)
         where = place(facts, (first.interval, last.interval), frame=first.frame, pixel=first.pixel)
         suspects = tuple(Suspect(cause, flow if stream == "flow" else stream, w) for cause, stream, w in causes)
-    return Measured(
+    return Statistic(
         name=name,
         value=float(count),
         unit="pixels",

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.flow_photometric.photometric_rates import MATTERS_PX, RateEstimate, scales_of
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.estimators.flow.field_fit import GAIN, MEAN
 from fedora_qa.estimators.flow.motion_fit import Evidence
 from fedora_qa.record.types import Where
@@ -40,7 +40,7 @@ _ANOTHER_UNIT: Final = 0.5
 
 def place_measurements(
     stream: str, fields: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]
-) -> list[Measured]:
+) -> list[Statistic]:
     """State the worst of a rate: tiles that do not match, the worst field, the worst tile."""
     measured = [_unmatched(stream, fields, facts, suspects)]
     masked_by_depth = [one for one in fields if one.least_matched_tile is not None]
@@ -52,12 +52,12 @@ def place_measurements(
     return measured
 
 
-def _worst_field(stream: str, known: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
+def _worst_field(stream: str, known: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]) -> Statistic:
     errors_px = [scale * max(one.mean_error_px) for one, scale in zip(known, scales_of(known), strict=True)]
     worst, error_px = max(
         zip(known, errors_px, strict=True), key=lambda one: _mean_px(one[0]) / (_field_bias_px(one[0]) + one[1])
     )
-    return Measured(
+    return Statistic(
         name=f"{stream} worst_field",
         value=_mean_px(worst),
         unit="px",
@@ -74,9 +74,9 @@ def _worst_field(stream: str, known: Sequence[FieldResidual], facts: Facts, susp
     )
 
 
-def _worst_tile(stream: str, known: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
+def _worst_tile(stream: str, known: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]) -> Statistic:
     worst = max(known, key=lambda one: (one.worst_px - _TILE_BIAS_PX) / one.worst_error_px)
-    return Measured(
+    return Statistic(
         name=f"{stream} worst_tile",
         value=worst.worst_px,
         unit="px",
@@ -93,10 +93,10 @@ def _worst_tile(stream: str, known: Sequence[FieldResidual], facts: Facts, suspe
 
 def _least_matched(
     stream: str, fields: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]
-) -> Measured:
+) -> Statistic:
     """State the tile that matches least: the worst tile in px is sought among those that match."""
     worst = max(fields, key=lambda one: one.least_matched)
-    return Measured(
+    return Statistic(
         name=f"{stream} least_matched_tile",
         value=100 * worst.least_matched,
         unit="percent",
@@ -111,14 +111,14 @@ def _least_matched(
     )
 
 
-def _unmatched(stream: str, fields: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]) -> Measured:
+def _unmatched(stream: str, fields: Sequence[FieldResidual], facts: Facts, suspects: tuple[Suspect, ...]) -> Statistic:
     """State the worst field's share of tiles that do not match; fields of few tiles count together only."""
     worst = max(fields, key=_unmatched_share)
     together = sum(one.unmatched for one in fields) / sum(one.textured for one in fields)
     share = max(_unmatched_share(worst), together)
     off = [one for one in fields if one.unmatched_share > _UNMATCHED_SHARE]
     where = place(facts, (off[0].interval, off[-1].interval), frame=worst.frame) if off else Where(stream=stream)
-    return Measured(
+    return Statistic(
         name=f"{stream} unmatched_tiles",
         value=100 * share,
         unit="percent",

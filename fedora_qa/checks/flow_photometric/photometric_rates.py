@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.estimators.fitting.few_groups import student_factor
 from fedora_qa.estimators.flow.field_fit import (
     GAIN,
@@ -144,7 +144,7 @@ def rate_measurements(
     rate: RateEstimate | None,
     facts: Facts,
     suspects: tuple[Suspect, ...],
-) -> list[Measured]:
+) -> list[Statistic]:
     """State a rate's mean residual flow and its gain."""
     if rate is None:
         return []
@@ -152,8 +152,8 @@ def rate_measurements(
 
     def measured(
         name: str, estimate: Estimate, at: int, unit: str, rule: str, statement: str, matters: float | None
-    ) -> Measured:
-        return Measured(
+    ) -> Statistic:
+        return Statistic(
             name=f"{stream} {name}",
             value=float(estimate.sizes[at]),
             unit=unit,

@@ -10,7 +10,7 @@ from fedora_qa.checks.flow_photometric.candidates import residual_maps, weigh_ca
 from fedora_qa.checks.flow_photometric.photometric_measures import inferred_unit, is_off, place_measurements, suspicion
 from fedora_qa.checks.flow_photometric.photometric_rates import estimate_rate, rate_measurements
 from fedora_qa.checks.flow_photometric.photometric_suspects import photometric_suspects
-from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -136,7 +136,7 @@ class Residual(WindowCheck[WindowResiduals]):
         weighed = [one for w in state for one in w.weighed]
         rates = {stream: estimate_rate(group) for stream, group in telling.items()}
         off = {stream: is_off(rates[stream], group) for stream, group in telling.items()}
-        measurements: list[Measured] = []
+        measurements: list[Statistic] = []
         for stream, group in telling.items():
             fields_off = [one for one in group if suspicion(one) > 1]
             suspects = photometric_suspects(stream, group, weighed, off, fields_off, facts.declared.pose)

@@ -6,7 +6,7 @@ from itertools import combinations
 from typing import Final
 
 from fedora_qa.checks.flow_rates.rates_suspects import Pair, rates_suspects, weigh_hypotheses
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -115,7 +115,7 @@ class Composition(WindowCheck[WindowComposition]):
             return Observation(coverage, unobservable="no two rates cover a common interval by whole fields")
         weighed = [one for each in state for one in each.weighed]
         off = {pair: sum(one.suspicion > 1 for one in group) / len(group) for pair, group in pairs.items()}
-        measured: list[Measured] = []
+        measured: list[Statistic] = []
         for pair, group in pairs.items():
             suspects = rates_suspects(pair, off, weighed) if off[pair] else ()
             measured += _measured(pair, group, facts, suspects)
@@ -131,11 +131,11 @@ def _by_pair(found: Sequence[RateAgreement]) -> Mapping[Pair, list[RateAgreement
 
 def _measured(
     pair: Pair, group: Sequence[RateAgreement], facts: Facts, suspects: tuple[Suspect, ...]
-) -> list[Measured]:
+) -> list[Statistic]:
     name = f"{pair[0]} by {pair[1].removeprefix('flow/')}"
     lost = max(group, key=lambda one: one.lost)
     measured = [
-        Measured(
+        Statistic(
             name=f"{name} leaving",
             value=lost.lost,
             unit="share",
@@ -165,8 +165,8 @@ def _measured(
 
 def _error(
     name: str, pair: Pair, deviation: Deviation, said: str, rule: str, where: Where, suspects: tuple[Suspect, ...]
-) -> Measured:
-    return Measured(
+) -> Statistic:
+    return Statistic(
         name=name,
         value=deviation.typical_px,
         unit="px",

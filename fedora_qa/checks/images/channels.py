@@ -3,7 +3,7 @@
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.estimators.images.channel_orders import WRONG_ORDERS, nearest_order, towards
 from fedora_qa.estimators.images.event_colours import ColourFit, Estimate
 from fedora_qa.record.types import Where
@@ -60,7 +60,7 @@ class Channels(ColourCheck):
 
     name = "images.channels"
 
-    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
+    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
         """State how far the weights lie towards each wrong order."""
         nearest = nearest_order(found.fit)
         return tuple(_one(towards(found.fit, order), order, found.fit, nearest) for order in WRONG_ORDERS)
@@ -72,10 +72,10 @@ class Channels(ColourCheck):
         return "" if least <= 1 else f"too little colour: {least:.2f} of an exchange of red and blue would be seen"
 
 
-def _one(estimate: Estimate, order: str, fit: ColourFit, nearest: str) -> Measured:
+def _one(estimate: Estimate, order: str, fit: ColourFit, nearest: str) -> Statistic:
     error = hypot(estimate.standard_error, estimate.bound)
     weights = ", ".join(f"{weight.value:.2f}" for weight in fit.weights)
-    return Measured(
+    return Statistic(
         name=f"towards_{order}",
         value=estimate.value,
         unit="1",

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.estimators.images.code_gain import CodeGain, could_betray, gain_after_rounding
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
@@ -17,7 +17,7 @@ WindowCodes = tuple[range, NDArray[np.int64]]
 _RGB: Final = "rgb"
 
 
-def frames_with_gain(windows: Sequence[WindowCodes], facts: Facts) -> Iterator[Measured]:
+def frames_with_gain(windows: Sequence[WindowCodes], facts: Facts) -> Iterator[Statistic]:
     """Count the frames whose codes betray a gain: of all windows together, or else of each; nothing where none could.
 
     A gain of a part of the file shows only in that part, as the codes that it leaves out occur elsewhere.
@@ -34,7 +34,7 @@ def frames_with_gain(windows: Sequence[WindowCodes], facts: Facts) -> Iterator[M
     yield _stated(found, facts)
 
 
-def _stated(found: Sequence[tuple[range, CodeGain]], facts: Facts) -> Measured:
+def _stated(found: Sequence[tuple[range, CodeGain]], facts: Facts) -> Statistic:
     where, statement, suspects = Where(stream=_RGB), "", tuple[Suspect, ...]()
     if found:
         first, last = found[0][0].start, found[-1][0].stop - 1
@@ -48,7 +48,7 @@ def _stated(found: Sequence[tuple[range, CodeGain]], facts: Facts) -> Measured:
             "to 8 bits: just the codes that this leaves out are missing, or those that it puts on another doubled."
         )
         suspects = (Suspect("exposure_or_gamma", _RGB, 0.95, percent, "percent", error),)
-    return Measured(
+    return Statistic(
         name="frames_with_gain_after_rounding",
         value=float(sum(len(frames) for frames, _ in found)),
         unit="frames",

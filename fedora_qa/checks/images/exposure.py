@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.images.code_gains import frames_with_gain
-from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.estimators.images.code_gain import CODES
 from fedora_qa.estimators.images.gain import brightness_gain
 from fedora_qa.estimators.images.values import count_codes, is_of_one_code
@@ -155,7 +155,7 @@ class Exposure(WindowCheck[WindowExposure]):
         return Observation(coverage, tuple(measured), notices, why)
 
 
-def _jump(gains: Sequence[PairGain], facts: Facts) -> Measured:
+def _jump(gains: Sequence[PairGain], facts: Facts) -> Statistic:
     jumps = departures(np.array([one.log_gain for one in gains]))
     spread = 1.4826 * float(np.median(np.abs(jumps)))
     errors = np.hypot(spread, [one.standard_error for one in gains])
@@ -165,7 +165,7 @@ def _jump(gains: Sequence[PairGain], facts: Facts) -> Measured:
     frame, percent = gains[first].after, 100 * expm1(float(jumps[first]))
     times_ns = facts.clocks["rgb"].times_ns
     error = 100 * float(errors[worst])
-    return Measured(
+    return Statistic(
         name="largest_jump",
         value=100 * float(abs(jumps[worst])),
         unit="percent",
@@ -208,7 +208,7 @@ def _first_of(jumps: Float64, worst: int, error: float) -> int:
     return int(like[0])
 
 
-def _blank(blank: Sequence[int], facts: Facts) -> Measured:
+def _blank(blank: Sequence[int], facts: Facts) -> Statistic:
     if not blank:
         return no_faults("blank_frames", "frames", "images.exposure.blank")
     times_ns = facts.clocks["rgb"].times_ns

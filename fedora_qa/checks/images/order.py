@@ -14,7 +14,7 @@ from fedora_qa.checks.images.order_parts import (
     shares_of_large_frames,
     shares_of_parts,
 )
-from fedora_qa.checks.protocol import Measured, Observation, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.images.order import MotionShare, motion_share
 from fedora_qa.estimators.images.order_kernels import is_of_one_value
 from fedora_qa.record.types import Coverage, Where
@@ -149,11 +149,11 @@ class Order(WindowCheck[tuple[Share, ...]]):
         part = odd_part([(one.before, one.after, one.parts) for one in every], every[0].size, facts)
         return Observation(coverage, (*measured, *([part] if part is not None else [])))
 
-    def _worst(self, pair: Share, middle: float, error: float, clear: Sequence[Share], facts: Facts) -> Measured:
+    def _worst(self, pair: Share, middle: float, error: float, clear: Sequence[Share], facts: Facts) -> Statistic:
         times_ns = facts.clocks["rgb"].times_ns
         off = [one for one in clear if abs(one.share / middle - 1) > ALLOWED]
         first = off[0] if off else pair
-        return Measured(
+        return Statistic(
             name="share_of_the_flow",
             value=pair.share / middle,
             unit="1",

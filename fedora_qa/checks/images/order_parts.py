@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.images.order_causes import ALLOWED, order_suspects, out_of_order
-from fedora_qa.checks.protocol import Measured
+from fedora_qa.checks.protocol import Statistic
 from fedora_qa.estimators.images.order import MotionShare, motion_of_parts, motion_share
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
@@ -82,7 +82,7 @@ def boxes(width: int, height: int) -> tuple[Box, ...]:
     return tuple((left, top, right, bottom) for top, bottom in pairwise(rows) for left, right in pairwise(columns))
 
 
-def odd_part(pairs: Sequence[tuple[int, int, PartShares]], size: tuple[int, int], facts: Facts) -> Measured | None:
+def odd_part(pairs: Sequence[tuple[int, int, PartShares]], size: tuple[int, int], facts: Facts) -> Statistic | None:
     """State the part that lies farthest from where it usually does; None where no part tells.
 
     Parameters
@@ -119,13 +119,13 @@ def _stated(
     error: float,
     box: Box,
     facts: Facts,
-) -> Measured:
+) -> Statistic:
     pair, part = at
     before, after, _ = pairs[pair]
     series = [(one[0], one[1], float(share)) for one, share in zip(pairs, relative[:, part], strict=True)]
     off = [one for one in series if abs(one[2] - 1) > ALLOWED] or [series[pair]]
     times_ns = facts.clocks["rgb"].times_ns
-    return Measured(
+    return Statistic(
         name="share_of_the_flow_in_a_part",
         value=float(relative[pair, part]),
         unit="1",

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.estimators.images.digest import digest_of
 from fedora_qa.estimators.images.values import is_of_one_code
 from fedora_qa.record.types import Coverage, Where
@@ -149,7 +149,7 @@ def _digest(window: Window, frame: int) -> bytes:
     return window.of_image("digest", frame, lambda: digest_of(window.rgb(frame))).tobytes()
 
 
-def _count(frozen: Sequence[tuple[int, int]], facts: Facts) -> Measured:
+def _count(frozen: Sequence[tuple[int, int]], facts: Facts) -> Statistic:
     first, original = frozen[0]
     last = frozen[-1][0]
     times_ns = facts.clocks["rgb"].times_ns

@@ -3,7 +3,7 @@
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.estimators.images.event_colours import Estimate
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
@@ -67,14 +67,14 @@ class Transfer(ColourCheck):
 
     name = "images.transfer"
 
-    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Measured, ...]:
+    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
         """State the exponent."""
         by_level = declared.model == "linear"
         exponent = found.fit.exponent if by_level else found.fit.scale
         error = hypot(exponent.standard_error, exponent.bound)
         condition = "" if by_level else ", if the thresholds are as declared"
         return (
-            Measured(
+            Statistic(
                 name="exponent" if by_level else "exponent_at_declared_thresholds",
                 value=exponent.value,
                 unit="1",

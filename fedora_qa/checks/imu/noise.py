@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.imu.local_motion import Vectors, noise_level
 from fedora_qa.estimators.imu.samples import STAMP_SIGMA_S
@@ -110,7 +110,7 @@ def _floor(times_ns: NDArray[np.int64], values: Float64, rounding: float) -> flo
     return float(np.hypot(np.sqrt(np.mean(np.square(changes))) * STAMP_SIGMA_S, rounding))
 
 
-def _stops(facts: Facts, imu: ImuSamples) -> Measured:
+def _stops(facts: Facts, imu: ImuSamples) -> Statistic:
     still = frozen_imu(imu)
     return count_of_faults(
         "frozen",

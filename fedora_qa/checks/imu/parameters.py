@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.imu.imu_suspects import suspects_for
-from fedora_qa.checks.protocol import Measured, Suspect
+from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.estimators.fitting.grouped_fit import Fitted, group_of
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.record.types import Where
@@ -74,7 +74,7 @@ def parameters_measured(
     shown: Mapping[str, Shown],
     clues: Clues,
     besides: tuple[Suspect, ...] = (),
-) -> tuple[Measured, ...]:
+) -> tuple[Statistic, ...]:
     """State the fitted parameters that are to be shown; ``besides`` are causes that are known to disturb the fit."""
     chosen = {name: one for name, one in found.items() if group_of(name) in shown}
     sizes: dict[str, float] = {}
@@ -98,7 +98,7 @@ def local_measured(
     shown: Shown,
     clues: Clues,
     besides: tuple[Suspect, ...] = (),
-) -> tuple[Measured, ...]:
+) -> tuple[Statistic, ...]:
     """State where a parameter of the group differs most from its value in the whole; nothing of very few stretches."""
     names = [name for name in fit.uneven if group_of(name) == group]
     if not names or not fit.settled:
@@ -109,7 +109,7 @@ def local_measured(
     there = replace(fit.parameters[name], value=found.value, standard_error=found.standard_error)
     size = f"{shown.factor * found.value:.4g} {shown.unit}"
     return (
-        Measured(
+        Statistic(
             name=f"local_{group}",
             value=shown.factor * found.deviation,
             unit=shown.unit,
@@ -126,10 +126,10 @@ def local_measured(
     )
 
 
-def _measured(check: str, name: str, found: Fitted, shown: Shown, suspects: tuple[Suspect, ...]) -> Measured:
+def _measured(check: str, name: str, found: Fitted, shown: Shown, suspects: tuple[Suspect, ...]) -> Statistic:
     value, error = shown.factor * found.value, shown.factor * found.standard_error
     sentence = shown.says.format(size=f"{abs(value):.4g}", axis=name[-1], sense=shown.senses[int(value < 0)])
-    return Measured(
+    return Statistic(
         name=name,
         value=value,
         unit=shown.unit,

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.imu.parameters import TIMING_SHOWN, local_measured, parameters_measured
-from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.sequence.declared import ImuModel
@@ -103,7 +103,7 @@ def _sound_fits(streams: Streams) -> dict[Kind, InertialFit]:
     return fits
 
 
-def _measured(fits: dict[Kind, InertialFit], name: str, clues: Clues, besides: tuple[Suspect, ...]) -> Measured:
+def _measured(fits: dict[Kind, InertialFit], name: str, clues: Clues, besides: tuple[Suspect, ...]) -> Statistic:
     """Average a parameter over the comparisons, by their errors; the surest one says what else would explain it."""
     found = {kind: fit.parameters[name] for kind, fit in fits.items()}
     information = np.array([one.standard_error**-2 for one in found.values()])
@@ -118,7 +118,7 @@ def _measured(fits: dict[Kind, InertialFit], name: str, clues: Clues, besides: t
     return parameters_measured(surest, "imu.timing", {name: average}, TIMING_SHOWN, clues, besides)[0]
 
 
-def _without_averaging(offset: Measured, streams: Streams, facts: Facts) -> tuple[Measured, tuple[Notice, ...]]:
+def _without_averaging(offset: Statistic, streams: Streams, facts: Facts) -> tuple[Statistic, tuple[Notice, ...]]:
     """Expect half an interval where instants are declared and that is what is found."""
     half_ms = _MS_PER_S * float(np.median(np.diff(streams.imu.times_ns))) / NS_PER_S / 2
     limit = _CLOSE * offset.standard_error + offset.allowance

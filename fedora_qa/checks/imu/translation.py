@@ -12,7 +12,7 @@ from fedora_qa.checks.imu.parameters import (
     local_measured,
     parameters_measured,
 )
-from fedora_qa.checks.protocol import ANY_CAUSE, Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import ANY_CAUSE, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S, US_PER_S
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.record.types import Where
@@ -180,14 +180,14 @@ def _course(facts: Facts, streams: Streams, found: InertialFit, factor: float) -
     return found.course * [1.0, factor] + [seconds, 0.0]
 
 
-def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects: tuple[Suspect, ...]) -> Measured:
+def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects: tuple[Suspect, ...]) -> Statistic:
     """State the scatter that is left after the freed parameters.
 
     The two streams may share the blame for noise. What is left of another motion is as smooth as that motion.
     """
     smooth = max(found.smoothness, 0.0)
     rms, expected = factor * found.rms, factor * found.expected_rms
-    return Measured(
+    return Statistic(
         name=f"{kind}_residual",
         value=rms,
         unit=unit,
@@ -217,11 +217,11 @@ def _worst(
     unit: str,
     factor: float,
     defects: tuple[Suspect, ...],
-) -> Measured:
+) -> Statistic:
     """State the comparison that fits least."""
     worst = found.worst
     time_ns = streams.time_ns(worst.time_s)
-    return Measured(
+    return Statistic(
         name=f"worst_{kind}",
         value=factor * worst.value,
         unit=unit,

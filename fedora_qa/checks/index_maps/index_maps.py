@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.index_maps.map_deviations import WrongMap, name_deviation
-from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic, Suspect
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import EventScan, Facts, IndexMap
 from fedora_qa.views.clock_resets import set_clock
@@ -33,7 +33,7 @@ class _FrameToEvent(FactsCheck):
         wrong = np.flatnonzero(index_map.stored[:length] != index_map.expected_left[:length])
         return Observation(coverage, (self._wrong(facts, index_map, events, wrong),))
 
-    def _wrong(self, facts: Facts, index_map: IndexMap, events: EventScan, wrong: NDArray[np.intp]) -> Measured:
+    def _wrong(self, facts: Facts, index_map: IndexMap, events: EventScan, wrong: NDArray[np.intp]) -> Statistic:
         first = int(wrong[0]) if len(wrong) else None
         suspects: tuple[Suspect, ...] = ()
         times_ns, place = facts.clocks[self.frames].times_ns, ""

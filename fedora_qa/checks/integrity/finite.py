@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.families import over_all_rates
 from fedora_qa.checks.integrity.flow_bound import longest_displacement_px
-from fedora_qa.checks.protocol import Measured, Notice, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.images.value_tallies import Tally, add_up, tally_depth, tally_flow, tally_samples
@@ -138,7 +138,7 @@ def _longest_px(facts: Facts, key: str) -> float:
     return longest_displacement_px(intervals, height, width)
 
 
-def _measured(total: Tally, facts: Facts) -> Iterator[Measured]:
+def _measured(total: Tally, facts: Facts) -> Iterator[Statistic]:
     stream, where = DATASETS[total.key].stream, _where(facts, total)
     if not DATASETS[total.key].is_image:
         name = total.key.removeprefix("path/")
@@ -157,7 +157,7 @@ def _measured(total: Tally, facts: Facts) -> Iterator[Measured]:
     yield _empty(total, facts)
 
 
-def _empty(total: Tally, facts: Facts) -> Measured:
+def _empty(total: Tally, facts: Facts) -> Statistic:
     stream = DATASETS[total.key].stream
     rows = empty_between_full(total.filled)
     said = f"{len(rows)} images of {stream} are NaN throughout between images that are mostly valid"
@@ -202,7 +202,7 @@ def _outside_suspects(total: Tally) -> tuple[Suspect, ...]:
     return (Suspect("invalid_encoding", "depth", 0.5), Suspect("unit_mm_m", "depth", 0.3))
 
 
-def _stamps(facts: Facts, stream: str) -> Measured:
+def _stamps(facts: Facts, stream: str) -> Statistic:
     clock = facts.clocks[stream]
     bad = clock.times_ns == INVALID_STAMP_NS
     if clock.ends_ns is not None:
@@ -217,7 +217,7 @@ def _nan(stream: str, count: int) -> Suspect:
     return Suspect("nan_in_stream", stream, 1.0, float(count), "samples")
 
 
-def _count(name: str, value: int, unit: str, statement: str, where: Where, *suspects: Suspect) -> Measured:
+def _count(name: str, value: int, unit: str, statement: str, where: Where, *suspects: Suspect) -> Statistic:
     return count_of_faults(
         name,
         value,

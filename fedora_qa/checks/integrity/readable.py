@@ -7,7 +7,7 @@ from math import ceil, prod
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.families import over_all_rates
-from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS, STAMPS_OF
@@ -59,7 +59,7 @@ class LayoutHolds(FactsCheck):
         rates = {problem.stream for problem in problems if problem.stream in FLOW_STREAMS} | set(facts.flow_streams)
         return Observation(coverage, over_all_rates((self._measured(problem) for problem in problems), rates))
 
-    def _measured(self, problem: LayoutProblem) -> Measured:
+    def _measured(self, problem: LayoutProblem) -> Statistic:
         return count_of_faults(
             name=f"{problem.key or problem.stream}.{problem.code.rsplit('.', 1)[1]}",
             value=1,
@@ -158,7 +158,7 @@ class Readable(WindowCheck[ReadSummary]):
             ),
         )
 
-    def _of_stream(self, stream: str, damaged: Sequence[Damage]) -> Measured:
+    def _of_stream(self, stream: str, damaged: Sequence[Damage]) -> Statistic:
         ours = sorted(
             (one for one in damaged if DATASETS[one.key].stream == stream),
             key=lambda one: (one.start, one.key, one.chunk),
@@ -178,7 +178,7 @@ class Readable(WindowCheck[ReadSummary]):
             suspects=(Suspect("corrupt_chunk", stream, 1.0, float(len(ours)), "chunks"),),
         )
 
-    def _lost(self, facts: Facts, stream: str) -> Measured:
+    def _lost(self, facts: Facts, stream: str) -> Statistic:
         return count_of_faults(
             name=f"{stream}.unreadable_chunks",
             value=1,

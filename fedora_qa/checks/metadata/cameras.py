@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
@@ -74,7 +74,7 @@ class Cameras(FactsCheck):
         return Observation(Coverage(len(cameras), len(cameras), "cameras"), tuple(measured), notices)
 
 
-def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Measured]:
+def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
     K = camera.K
     scale = max(float(np.max(np.abs(K[:2, :2]))), 1.0)
     form = float(np.max(np.abs([K[0, 1] / scale, K[1, 0] / scale, K[2, 0], K[2, 1], K[2, 2] - 1.0])))
@@ -87,7 +87,7 @@ def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Measured]:
     yield from _pose(name, camera)
 
 
-def _focal_lengths(name: str, K: NDArray[np.float64]) -> Measured:
+def _focal_lengths(name: str, K: NDArray[np.float64]) -> Statistic:
     fx, fy = float(K[0, 0]), float(K[1, 1])
     wrong = sum(focal <= 0 for focal in (fx, fy))
     mirrored = (Suspect("mirrored", name, 0.5),) if wrong and min(fx, fy) < 0 else ()
@@ -101,7 +101,7 @@ def _focal_lengths(name: str, K: NDArray[np.float64]) -> Measured:
     )
 
 
-def _principal_point(name: str, camera: Camera) -> Measured:
+def _principal_point(name: str, camera: Camera) -> Statistic:
     """Measure how far the principal point lies outside of the image, whose edges are at -1/2 and W - 1/2."""
     outside = [max(-0.5 - c, c - (size - 0.5), 0.0) for c, size in _centre_and_size(camera)]
     (cx, width), (cy, height) = _centre_and_size(camera)
@@ -112,7 +112,7 @@ def _principal_point(name: str, camera: Camera) -> Measured:
                      f"{camera.width} x {camera.height} image")  # fmt: skip
 
 
-def _size(name: str, camera: Camera, facts: Facts) -> Iterator[Measured]:
+def _size(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
     binding = facts.layout.bindings.get(_IMAGES_OF.get(name, ""))
     if binding is None:
         return
@@ -124,7 +124,7 @@ def _size(name: str, camera: Camera, facts: Facts) -> Iterator[Measured]:
                     f"{width} x {height}")  # fmt: skip
 
 
-def _pose(name: str, camera: Camera) -> Iterator[Measured]:
+def _pose(name: str, camera: Camera) -> Iterator[Statistic]:
     R, last_row = camera.T_body_camera[:3, :3], camera.T_body_camera[3]
     with np.errstate(over="ignore", invalid="ignore"):
         handedness = float(np.sign(np.linalg.det(R)))
@@ -139,7 +139,7 @@ def _pose(name: str, camera: Camera) -> Iterator[Measured]:
                     said=f"T_body_camera of the {name} camera mirrors: its determinant is not +1")  # fmt: skip
 
 
-def _shared_centre(depth: Camera, events: Camera) -> Measured:
+def _shared_centre(depth: Camera, events: Camera) -> Statistic:
     apart_m = float(np.linalg.norm(depth.T_body_camera[:3, 3] - events.T_body_camera[:3, 3]))
     return _measured("depth_to_events_centre", apart_m, "m", allowance=_ROUNDING,
                      suspects=(Suspect("lever_arm", "metadata", 0.9, apart_m, "m"),),
@@ -182,8 +182,8 @@ def _measured(
     expected: float = 0.0,
     allowance: float = 0.0,
     resolution: float = 0.0,
-) -> Measured:
-    return Measured(
+) -> Statistic:
+    return Statistic(
         name=name,
         value=value,
         unit=unit,

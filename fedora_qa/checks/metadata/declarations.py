@@ -5,7 +5,7 @@ from typing import Final
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.families import over_all_rates
-from fedora_qa.checks.protocol import FactsCheck, Measured, Notice, Observation, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
 from fedora_qa.conventions import FORMAT_NAME
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.canonical import ATTRIBUTES, DATASETS, FLOW_STREAMS, PROMISED_BY
@@ -72,7 +72,7 @@ class Complete(FactsCheck):
         notices = tuple(Notice(f"metadata.complete.{_rule(problem)}", _said(problem)) for problem in noted)
         return Observation(Coverage(of, of, "declarations"), measured, notices)
 
-    def _bare(self) -> Measured:
+    def _bare(self) -> Statistic:
         return count_of_faults(
             name="metadata.missing",
             value=1,
@@ -84,7 +84,7 @@ class Complete(FactsCheck):
             suspects=(Suspect("missing_stream", "metadata", 1.0),),
         )
 
-    def _measured(self, problem: DeclarationProblem) -> Measured:
+    def _measured(self, problem: DeclarationProblem) -> Statistic:
         return count_of_faults(
             name=f"{problem.owner}@{problem.name}",
             value=1,
@@ -146,7 +146,7 @@ class Units(FactsCheck):
             notices = (Notice("metadata.units.missing", message, Where(stream=DATASETS[missing[0]].stream)),)
         return Observation(Coverage(len(bindings) - len(missing), len(bindings), "labels"), measured, notices)
 
-    def _measured(self, key: str, label: str) -> Measured:
+    def _measured(self, key: str, label: str) -> Statistic:
         spec = DATASETS[key]
         return count_of_faults(
             name=f"{key}@units",

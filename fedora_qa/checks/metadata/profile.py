@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import FactsCheck, Measured, Observation, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic, Suspect
 from fedora_qa.conventions import HORIZONTAL_FIELD_OF_VIEW_DEG, NS_PER_S, NS_PER_US
 from fedora_qa.layout.canonical import FLOW_STREAMS
 from fedora_qa.record.types import Coverage, Where
@@ -66,7 +66,7 @@ class Profile(FactsCheck):
         return Observation(Coverage(len(measured), len(measured), "promises"), measured)
 
 
-def _streams(facts: Facts) -> Iterator[Measured]:
+def _streams(facts: Facts) -> Iterator[Statistic]:
     for stream in _STREAMS:
         yield count_of_faults(
             f"{stream}.absent", int(stream not in facts.streams), "streams",
@@ -76,7 +76,7 @@ def _streams(facts: Facts) -> Iterator[Measured]:
         )  # fmt: skip
 
 
-def _cameras(facts: Facts) -> Iterator[Measured]:
+def _cameras(facts: Facts) -> Iterator[Statistic]:
     for name, camera in facts.declared.cameras.items():
         width, height = _SIZES[name]
         yield _number(f"{name}.width", camera.width, "px", width, 0.0, Suspect("wrong_shape", "metadata", 0.5))
@@ -86,7 +86,7 @@ def _cameras(facts: Facts) -> Iterator[Measured]:
             yield _field_of_view(name, camera.width, focal_px)
 
 
-def _field_of_view(name: str, width: int, focal_px: float) -> Measured:
+def _field_of_view(name: str, width: int, focal_px: float) -> Statistic:
     """Measure 2 atan(W / 2f); a focal length rounded to whole pixels moves it by W/2 / (f^2 + W^2/4) rad."""
     field_deg = degrees(2 * atan(width / (2 * focal_px)))
     rounding_deg = degrees(width / 2 / (focal_px**2 + width**2 / 4))
@@ -94,7 +94,7 @@ def _field_of_view(name: str, width: int, focal_px: float) -> Measured:
     return _number(f"{name}.field_of_view", field_deg, "deg", HORIZONTAL_FIELD_OF_VIEW_DEG, rounding_deg, suspect)
 
 
-def _rates(facts: Facts) -> Iterator[Measured]:
+def _rates(facts: Facts) -> Iterator[Statistic]:
     for stream, rate_hz in _RATES_HZ.items():
         clock = facts.clocks.get(stream)
         if clock is None or np.count_nonzero(clock.advancing) < 2:
@@ -104,7 +104,7 @@ def _rates(facts: Facts) -> Iterator[Measured]:
         yield _number(f"{stream}.period", period_us, "us", expected_us, 1.0, Suspect("clock_rate", stream, 0.3))
 
 
-def _depth_range(facts: Facts) -> Iterator[Measured]:
+def _depth_range(facts: Facts) -> Iterator[Statistic]:
     if facts.declared.depth_range_m is not None:
         suspect = Suspect("unknown", "metadata", 0.5)
         for side, value, expected in zip(
@@ -113,7 +113,7 @@ def _depth_range(facts: Facts) -> Iterator[Measured]:
             yield _number(f"depth.{side}", value, "m", expected, 1e-6 * expected, suspect)
 
 
-def _events(facts: Facts) -> Iterator[Measured]:
+def _events(facts: Facts) -> Iterator[Statistic]:
     model = facts.declared.events
     if model is None:
         return
@@ -130,9 +130,9 @@ def _events(facts: Facts) -> Iterator[Measured]:
     yield _number("events.packet_too_short", short_us, "us", 0.0, 0.0, Suspect("unknown", "metadata", 0.5))
 
 
-def _number(name: str, value: float, unit: str, expected: float, allowance: float, suspect: Suspect) -> Measured:
+def _number(name: str, value: float, unit: str, expected: float, allowance: float, suspect: Suspect) -> Statistic:
     stream, what = name.rsplit(".", 1)
-    return Measured(
+    return Statistic(
         name=name,
         value=float(value),
         unit=unit,

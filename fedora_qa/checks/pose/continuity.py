@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.pose.returns import lever_arm_suspects
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.estimators.imu.local_motion import (
     Curve,
     Orientations,
@@ -129,7 +129,7 @@ def _jump(
     unit: str,
     scale: float,
     matters: float,
-) -> tuple[Measured, ...]:
+) -> tuple[Statistic, ...]:
     steps, sigma = found
     if not len(steps.before):
         return ()
@@ -145,7 +145,7 @@ def _jump(
     teleport = 0.3 if len(readings) else 0.9
     frozen = bool(len(still)) and bool(np.min(np.abs(still - before)) <= _STEP_FILTERS[-1][0])
     return (
-        Measured(
+        Statistic(
             name=f"{name}_jump",
             value=size,
             unit=unit,
@@ -167,7 +167,7 @@ def _jump(
     )  # fmt: skip
 
 
-def _stops(facts: Facts, poses: PoseSamples, still: NDArray[np.intp]) -> Measured:
+def _stops(facts: Facts, poses: PoseSamples, still: NDArray[np.intp]) -> Statistic:
     where = place(facts, "pose", int(poses.times_ns[still[0]])) if len(still) else Where(stream="pose")
     return count_of_faults(
         "frozen",
@@ -180,14 +180,14 @@ def _stops(facts: Facts, poses: PoseSamples, still: NDArray[np.intp]) -> Measure
     )
 
 
-def _lines(facts: Facts, poses: PoseSamples, of_stamps: tuple[Suspect, ...]) -> tuple[Measured, ...]:
+def _lines(facts: Facts, poses: PoseSamples, of_stamps: tuple[Suspect, ...]) -> tuple[Statistic, ...]:
     found = interpolation_of(poses)
     if found is None:
         return ()
     own_hz = rate_hz(poses)
     lower_hz = own_hz / found.stride
     return (
-        Measured(
+        Statistic(
             name="curvature_evenness",
             value=found.evenness,
             unit="1",

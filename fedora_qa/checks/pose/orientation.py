@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import Measured, Observation, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.estimators.imu.local_motion import Orientations, Vectors, noise_level
 from fedora_qa.record.types import Coverage, Where
@@ -106,7 +106,7 @@ class Orientation(WindowCheck[NormTally]):
         return Observation(
             seen,
             (
-                Measured(
+                Statistic(
                     name="length_error",
                     value=worst.worst,
                     unit="1",

@@ -18,7 +18,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class Statistic:
     """A check of one file: what it took, seconds by stage and check as its record says, and bytes decoded."""
 
     run: Run
@@ -30,9 +30,9 @@ class Measured:
 class Turn:
     """What is measured right after one another: the start of a check, plain decoding of a file, and its check."""
 
-    start: Measured
+    start: Statistic
     reading: Reading
-    measured: Measured
+    measured: Statistic
 
     @property
     def work_s(self) -> float:
@@ -59,7 +59,7 @@ class OfEffort:
         return median(turn.work_s / turn.reading.new_arrays_wall_s for turn in self.turns)
 
     @property
-    def fastest(self) -> Measured:
+    def fastest(self) -> Statistic:
         """The fastest check: what else the machine does makes it slower, never faster."""
         return min((turn.measured for turn in self.turns), key=lambda one: one.run.wall_s)
 
@@ -78,8 +78,8 @@ class OfEffort:
 class OnCluster:
     """Checks of one file on one cluster: the first, for which its workers load all, and the fastest later one."""
 
-    first: Measured
-    later: Measured
+    first: Statistic
+    later: Statistic
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class Selection:
 
     subject: str
     needs: tuple[str, ...]
-    measured: Measured
+    measured: Statistic
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,12 +98,12 @@ class Study:
     size: tuple[int, int]
     machine: Machine
     efforts: Sequence[OfEffort]
-    exhaustive: Measured
-    exhaustive_together: Measured
-    alone: Measured
-    together: Measured
+    exhaustive: Statistic
+    exhaustive_together: Statistic
+    alone: Statistic
+    together: Statistic
     on_cluster: OnCluster
-    memories: Mapping[str, Measured]
+    memories: Mapping[str, Statistic]
     selections: Sequence[Selection]
     fields: int
     frames: int

@@ -23,7 +23,7 @@ from fedora_qa.checks import CHECKS
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
 from fedora_qa.engine.effort import Effort
 from fedora_qa.layout.canonical import FLOW_STREAMS
-from tests.benchmarks.full_size.figures import Measured, OfEffort, OnCluster, Reading, Selection, Study, Turn
+from tests.benchmarks.full_size.figures import OfEffort, OnCluster, Reading, Selection, Statistic, Study, Turn
 from tests.benchmarks.full_size.machine import measure_machine
 from tests.benchmarks.full_size.measured_run import Run, fedora_qa, run_measured
 from tests.benchmarks.full_size.page import page
@@ -116,18 +116,18 @@ def _turn(tiny: Path, path: Path, effort: str) -> Turn:
     return Turn(start=_check(tiny, effort), reading=_read(path), measured=_check(path, effort))
 
 
-def _check(path: Path, effort: str, jobs: int = JOBS, *options: str) -> Measured:
+def _check(path: Path, effort: str, jobs: int = JOBS, *options: str) -> Statistic:
     """Check a file as a user would, and return what it took with what its record says of it."""
     return _measured(path, "--effort", effort, "--jobs", str(jobs), *options)
 
 
-def _by_jobs(path: Path, effort: str, times: int) -> dict[int, Measured]:
+def _by_jobs(path: Path, effort: str, times: int) -> dict[int, Statistic]:
     """Check a file by one job and by two in turns, and return the fastest of each."""
     turns = [{jobs: _check(path, effort, jobs) for jobs in (1, JOBS)} for _ in range(times)]
     return {jobs: _fastest(turn[jobs] for turn in turns) for jobs in (1, JOBS)}
 
 
-def _fastest(every: Iterable[Measured]) -> Measured:
+def _fastest(every: Iterable[Statistic]) -> Statistic:
     return min(every, key=lambda one: one.run.wall_s)
 
 
@@ -140,12 +140,12 @@ def _check_on_cluster(path: Path, times: int) -> OnCluster:
     return OnCluster(first, _fastest(later))
 
 
-def _measured(path: Path, *options: str, codes: Collection[int] = (CLEAN,)) -> Measured:
+def _measured(path: Path, *options: str, codes: Collection[int] = (CLEAN,)) -> Statistic:
     with TemporaryDirectory() as folder:
         record = Path(folder) / "record.json"
         run = _succeed(run_measured(fedora_qa("check", str(path), "--json", str(record), *options)), path, codes)
         said: dict[str, Any] = json.loads(record.read_text(encoding="utf-8"))["run"]
-    return Measured(run=run, seconds=said["seconds"], decoded_bytes=said["host"]["decoded_bytes"])
+    return Statistic(run=run, seconds=said["seconds"], decoded_bytes=said["host"]["decoded_bytes"])
 
 
 def _selections(path: Path) -> Iterator[Selection]:
