@@ -16,7 +16,7 @@ from fedora_qa.engine.partial_pass import STAGE, PartialPass, together
 from fedora_qa.engine.plan import Plan, sees_every_window
 from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.engine.stopwatch import Stopwatch
-from fedora_qa.engine.stream import Accumulator, States, measure
+from fedora_qa.engine.stream import Accumulator, PassState, measure
 from fedora_qa.engine.survey import OpenSurvey, Survey, opened
 from fedora_qa.storage.traffic import Traffic
 
@@ -83,7 +83,7 @@ def _finished(survey: Survey, file: OpenSurvey, shown: Shown, lost: Sequence[int
     steady = together(shown.steady, _steady(file), facts)
     sampled = together((part for _, part in sorted(shown.sampled.items())), _sampled(file), facts)
     both = PartialPass(
-        States(
+        PassState(
             {**steady.states.states, **sampled.states.states},
             {**steady.states.missed, **sampled.states.missed},
             {**steady.states.crashes, **sampled.states.crashes},

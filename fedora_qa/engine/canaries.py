@@ -20,7 +20,7 @@ from fedora_qa.engine.outcomes import crashed_result
 from fedora_qa.engine.plan import make_plan, sampling_of, sees_every_window
 from fedora_qa.engine.prepare import Prepared, prepare
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.stream import States, attempt, conclude, measure
+from fedora_qa.engine.stream import PassState, attempt, conclude, measure
 from fedora_qa.faults.canaries import CANARIES
 from fedora_qa.faults.canary_conditions import MULTIPLES, Ground, UnplantableError
 from fedora_qa.faults.fault import Fault
@@ -94,7 +94,7 @@ def _why_none(result: Result) -> str:
 
 def _prove(check: Check[Any], result: Result, run: PlainRun, place_ns: int) -> Proof:
     """Plant the check's canary. One that fails itself proves nothing, and so is not seen."""
-    attempted = States({})
+    attempted = PassState({})
     proof = attempt(attempted, check.name, partial(_plant_ever_larger, check, result, run, place_ns))
     if proof is None:
         return Proof(Canary(check.name, "silent", reason="its canary failed"), attempted.crashes[check.name])
@@ -139,7 +139,7 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
     return Proof(replace(canary, outcome="withheld", reason=reason) if reason else canary)
 
 
-def _judged(check: Check[Any], states: States, faulty: Prepared, run: PlainRun) -> list[Result]:
+def _judged(check: Check[Any], states: PassState, faulty: Prepared, run: PlainRun) -> list[Result]:
     """Return the check's result by the limits of the plain run, whose comparisons share one false-alarm rate."""
     observed = conclude([check], states, faulty.facts)
     judged = judge({**run.observations, **observed}, [check] if observed else [], run.false_alarm_rate)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.engine.plan import FOLLOW_UP_SHARE
 from fedora_qa.engine.prepare import Prepared
-from fedora_qa.engine.stream import States, attempt
+from fedora_qa.engine.stream import PassState, attempt
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.evidence.follow_up import images_of, keep_places
@@ -33,7 +33,7 @@ def evidence_of_checks(observations: Mapping[str, Observation]) -> Kept:
 
 def evidence_of_pass(
     collector: EvidenceCollector,
-    states: States,
+    states: PassState,
     findings: Iterable[Finding],
     ready: Prepared,
     chosen: Sequence[Span],
@@ -59,7 +59,7 @@ def evidence_of_pass(
     return together(part for part in parts if part is not None)
 
 
-def distributions_of(collector: DistributionsCollector, states: States, facts: Facts) -> Kept:
+def distributions_of(collector: DistributionsCollector, states: PassState, facts: Facts) -> Kept:
     """Return what was counted by block of time; nothing, and a note among the crashes, where that failed."""
     return attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts)) or Kept()
 

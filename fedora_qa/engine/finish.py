@@ -11,7 +11,7 @@ from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdic
 from fedora_qa.engine.partial_pass import STAGE, PartialPass, together
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stopwatch import Stopwatch
-from fedora_qa.engine.stream import States, attempt, conclude, look_again
+from fedora_qa.engine.stream import PassState, attempt, conclude, look_again
 from fedora_qa.engine.survey import OpenSurvey, Survey
 from fedora_qa.evidence.kept import Kept
 from fedora_qa.evidence.kept import together as kept_together
@@ -82,7 +82,7 @@ def finish_open(
 def _evidence(
     survey: Survey,
     file: OpenSurvey,
-    states: States,
+    states: PassState,
     observations: Mapping[str, Observation],
     findings: Sequence[Finding],
     looked_again: int,

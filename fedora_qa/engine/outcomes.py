@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from fedora_qa.causes import stream_family
 from fedora_qa.checks.protocol import Check
-from fedora_qa.engine.stream import States
+from fedora_qa.engine.stream import PassState
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.record.types import Result, Verdict
 from fedora_qa.sequence.facts import Facts
@@ -51,7 +51,7 @@ def crossing_streams(checks: Iterable[Check[Any]]) -> frozenset[str]:
 
 
 def results_in_order(
-    checks: tuple[Check[Any], ...], judged: tuple[Judged, ...], states: States, reasons: Mapping[str, str]
+    checks: tuple[Check[Any], ...], judged: tuple[Judged, ...], states: PassState, reasons: Mapping[str, str]
 ) -> tuple[Result, ...]:
     """Return the result of every check in order, and of each collector that crashed."""
     by_name = {one.result.check: _with_missed(one.result, states) for one in judged}
@@ -69,7 +69,7 @@ def results_in_order(
     return tuple(results)
 
 
-def _with_missed(result: Result, states: States) -> Result:
+def _with_missed(result: Result, states: PassState) -> Result:
     """Say how many windows a check could not see because they cannot be decoded."""
     missed = states.missed.get(result.check, 0)
     if not missed:

@@ -6,7 +6,7 @@ from typing import Final
 
 from fedora_qa.engine.progress import MEASURING, Progress
 from fedora_qa.engine.stopwatch import Stopwatch
-from fedora_qa.engine.stream import Accumulator, States, measure, merge, start
+from fedora_qa.engine.stream import Accumulator, PassState, measure, merge, start
 from fedora_qa.engine.survey import OpenSurvey, Survey
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
@@ -19,7 +19,7 @@ STAGE: Final = MEASURING
 class PartialPass:
     """What some windows have shown, and what that took."""
 
-    states: States
+    states: PassState
     seconds: float
     decoded_bytes: int
     traffic: Traffic = NO_TRAFFIC

@@ -42,7 +42,7 @@ class Accumulator(Protocol):
 
 
 @dataclass(slots=True)
-class States:
+class PassState:
     """What a pass has accumulated, by the name of the check.
 
     ``missed`` counts the windows that a check could not see because rows in them cannot be decoded; ``crashes`` holds
@@ -55,12 +55,12 @@ class States:
     seconds: dict[str, float] = field(default_factory=dict)
 
 
-def start(checks: Iterable[Accumulator], facts: Facts) -> States:
+def start(checks: Iterable[Accumulator], facts: Facts) -> PassState:
     """Return the states that have seen nothing.
 
     A check that could not even say whether its question can be asked crashes here, where that is noted.
     """
-    states = States({})
+    states = PassState({})
     for check in checks:
         if isinstance(check, Check):
             attempt(states, check.name, partial(check.not_applicable, facts))
@@ -68,7 +68,7 @@ def start(checks: Iterable[Accumulator], facts: Facts) -> States:
     return states
 
 
-def attempt(states: States, name: str, call: Callable[[], T]) -> T | None:
+def attempt(states: PassState, name: str, call: Callable[[], T]) -> T | None:
     """Return what a call into a check gives, or None after noting its crash, or where it has crashed before."""
     if name in states.crashes:
         return None
@@ -88,8 +88,8 @@ def measure(
     progress: Progress,
     images: SharedImages | None = None,
     audience: Callable[[Span], Sequence[Accumulator]] | None = None,
-    states: States | None = None,
-) -> States:
+    states: PassState | None = None,
+) -> PassState:
     """Hand each window to each check, or to those of them that are its ``audience``, in order of time.
 
     ``states`` have seen the windows before, and are added to; new ones where None.
@@ -107,7 +107,7 @@ def measure(
 
 def look_again(
     checks: Sequence[Check[Any]],
-    states: States,
+    states: PassState,
     spans: Sequence[Span],
     facts: Facts,
     source: BlockDecoder,
@@ -129,9 +129,9 @@ def look_again(
     return len(numbers)
 
 
-def merge(checks: Iterable[Accumulator], earlier: States, later: States) -> States:
+def merge(checks: Iterable[Accumulator], earlier: PassState, later: PassState) -> PassState:
     """Return the states that have seen what both have."""
-    merged = States({}, _added(earlier.missed, later.missed), {**later.crashes, **earlier.crashes},
+    merged = PassState({}, _added(earlier.missed, later.missed), {**later.crashes, **earlier.crashes},
                     _added(earlier.seconds, later.seconds))  # fmt: skip
     for check in checks:
         states = (one.states.get(check.name) for one in (earlier, later))
@@ -139,7 +139,7 @@ def merge(checks: Iterable[Accumulator], earlier: States, later: States) -> Stat
     return merged
 
 
-def conclude(checks: Iterable[Check[Any]], states: States, facts: Facts) -> dict[str, Observation]:
+def conclude(checks: Iterable[Check[Any]], states: PassState, facts: Facts) -> dict[str, Observation]:
     """Let each check that did not crash state what it measured."""
     observations: dict[str, Observation] = {}
     for check in checks:
@@ -153,7 +153,7 @@ def conclude(checks: Iterable[Check[Any]], states: States, facts: Facts) -> dict
 def _show(
     window: Window,
     tasks: Iterable[tuple[str, Callable[[Any, Window], None]]],
-    states: States,
+    states: PassState,
     turns: Mapping[str, int],
 ) -> None:
     for name, see in tasks:
@@ -163,14 +163,14 @@ def _show(
         states.seconds[name] = states.seconds.get(name, 0.0) + time.perf_counter() - began
 
 
-def _see(states: States, name: str, see: Callable[[Any, Window], None], window: Window) -> None:
+def _see(states: PassState, name: str, see: Callable[[Any, Window], None], window: Window) -> None:
     try:
         see(states.states[name], window)
     except UnreadableRowsError:
         states.missed[name] = states.missed.get(name, 0) + 1
 
 
-def _wanted(check: Check[Any], states: States, facts: Facts) -> tuple[int, ...]:
+def _wanted(check: Check[Any], states: PassState, facts: Facts) -> tuple[int, ...]:
     state = states.states.get(check.name)
     return attempt(states, check.name, partial(check.look_again_at, state, facts)) or ()
 

@@ -12,7 +12,7 @@ from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.decode import BlockDecoder
 from fedora_qa.engine.outcomes import why_not_applicable
 from fedora_qa.engine.run import quiet
-from fedora_qa.engine.stream import Accumulator, States, conclude, measure, merge
+from fedora_qa.engine.stream import Accumulator, PassState, conclude, measure, merge
 from fedora_qa.engine.windows import cut_windows
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.options import EvidenceOptions
@@ -37,11 +37,11 @@ class Bench:
         self.collectors = [StatisticsCollector(), EvidenceCollector(self.spans, self.spans, EvidenceOptions())]
         self.accumulators: list[Accumulator] = [*self.checks, *self.collectors]
 
-    def measure(self, start: int, stop: int, cache_bytes: int = 1 << 26) -> States:
+    def measure(self, start: int, stop: int, cache_bytes: int = 1 << 26) -> PassState:
         source = BlockDecoder(self.sequence, self.scanned, cache_bytes)
         return measure(self.accumulators, self.spans[start:stop], self.scanned.facts, source, Sampling(), quiet)
 
-    def conclude(self, states: States) -> dict[str, Any]:
+    def conclude(self, states: PassState) -> dict[str, Any]:
         assert not states.crashes, "\n".join(states.crashes.values())
         facts = self.scanned.facts
         kept = {one.name: one.conclude(states.states[one.name], facts) for one in self.collectors}
