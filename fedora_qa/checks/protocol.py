@@ -76,7 +76,7 @@ class Statistic:
     code: str
     where: Where = field(default_factory=Where)
     expected: float = 0.0
-    allowance: float = 0.0
+    model_error_bound: float = 0.0
     side: Literal["both", "upper", "lower"] = "both"
     resolution: float = 0.0
     matters: float | None = None

@@ -81,7 +81,7 @@ def out_of_order(measured: Statistic, tolerance: Tolerance) -> bool:
         deviation = abs(deviation)
     elif measured.side == "lower":
         deviation = -deviation
-    return not deviation <= tolerance.limit(measured.standard_error, measured.allowance)
+    return not deviation <= tolerance.limit(measured.standard_error, measured.model_error_bound)
 
 
 def _outcome(observation: Observation, broken: bool, tolerance: Tolerance) -> tuple[Outcome, str]:
@@ -131,7 +131,7 @@ def _numbers(measured: Statistic, tolerance: Tolerance) -> str:
 
 
 def _least_detectable(measured: Statistic, tolerance: Tolerance) -> float:
-    return tolerance.least_detectable(measured.standard_error, measured.allowance, measured.resolution)
+    return tolerance.least_detectable(measured.standard_error, measured.model_error_bound, measured.resolution)
 
 
 def _recorded(measured: Statistic, tolerance: Tolerance) -> Measurement:
@@ -141,7 +141,7 @@ def _recorded(measured: Statistic, tolerance: Tolerance) -> Measurement:
         unit=measured.unit,
         standard_error=_finite(measured.standard_error),
         expected=_finite(measured.expected),
-        limit=_finite(tolerance.limit(measured.standard_error, measured.allowance)),
+        limit=_finite(tolerance.limit(measured.standard_error, measured.model_error_bound)),
         least_detectable=_finite(_least_detectable(measured, tolerance)),
         side=measured.side,
         tests=measured.tests,

@@ -32,13 +32,17 @@ class Tolerance:
     z_limit: float
     z_power: float
 
-    def limit(self, standard_error: float, allowance: float) -> float:
+    def limit(self, standard_error: float, model_error_bound: float) -> float:
         """Return the largest deviation that an honest value has."""
-        return allowance + self.z_limit * standard_error
+        return model_error_bound + self.z_limit * standard_error
 
-    def least_detectable(self, standard_error: float, allowance: float, resolution: float) -> float:
+    def least_detectable(self, standard_error: float, model_error_bound: float, resolution: float) -> float:
         """Return the least fault that would have been seen with the stated power, whichever way the model errs."""
-        return self.limit(standard_error, allowance) + allowance + max(self.z_power * standard_error, resolution)
+        return (
+            self.limit(standard_error, model_error_bound)
+            + model_error_bound
+            + max(self.z_power * standard_error, resolution)
+        )
 
 
 def tolerance_for(comparisons: int, false_alarm_rate: float, power: float = DEFAULT_POWER) -> Tolerance:

@@ -236,7 +236,7 @@ def test_jitter_is_no_change_of_rate() -> None:
         stamps = np.rint(np.arange(400) * 5000 + rng.normal(0, 40, 400)).astype(np.int64) * 1000
         measured = Rate().examine(with_clock(exact_facts(), "pose", clock(stamps))).measurements
         change = next(m for m in measured if m.name == "pose.rate_change")
-        assert change.value < change.allowance + 5 * change.standard_error
+        assert change.value < change.model_error_bound + 5 * change.standard_error
         scores.append(change.value / change.standard_error)
     # The range of four standard normal values is 2.06 standard deviations (Tippett, Biometrika 17 (1925)).
     assert np.mean(scores) == pytest.approx(2.06 / np.sqrt(2), rel=0.1)
@@ -260,7 +260,7 @@ def test_rounding_moves_the_slope_by_no_more_than_is_allowed() -> None:
     stamps = np.arange(2000) * MS + np.where(np.arange(2000) < 1000, -500, 500)
     observation = Rate().examine(with_clock(exact_facts(), "imu", clock(stamps)))
     error = next(m for m in observation.measurements if m.name == "imu.rate_error")
-    assert error.allowance == pytest.approx(error.value, rel=2e-3)
+    assert error.model_error_bound == pytest.approx(error.value, rel=2e-3)
 
 
 def test_a_last_sample_that_is_missing_is_noted() -> None:

@@ -82,7 +82,7 @@ def test_line_beside_one_side_is_no_shift(place: int, strength: float, other: in
     outshone = lines((0, faint), (place, strength), (other, strength))
     for far, near in ((outlined, outshone), (outshone, outlined)):
         found = sides(far, near)
-        assert abs(found.shift_px) <= found.allowance_px + 1e-9
+        assert abs(found.shift_px) <= found.model_error_bound_px + 1e-9
 
 
 @settings(deadline=None, max_examples=30)
@@ -91,11 +91,11 @@ def test_light_from_one_side_is_no_shift(strength: float, direction: int) -> Non
     """Texture that widens all outlines to the same side shows as skew, which is allowed for."""
     skewed = lines((0, 1.0), (2 * direction, strength))
     found = sides(skewed, skewed)
-    assert abs(found.shift_px) <= found.allowance_px + 1e-9
+    assert abs(found.shift_px) <= found.model_error_bound_px + 1e-9
 
 
 def test_what_both_sides_show_is_a_shift() -> None:
     """Both sides as far off the same way leave nothing to allow for."""
     shifted = lines((-5, 1.0))
     found = sides(shifted, shifted)
-    assert (found.shift_px, found.allowance_px) == pytest.approx((-5.0, 0.0), abs=1e-9)
+    assert (found.shift_px, found.model_error_bound_px) == pytest.approx((-5.0, 0.0), abs=1e-9)

@@ -47,7 +47,7 @@ CASES = {
     "a value far below": (measured(value=-6.0), "failed"),
     "below, where only above counts": (measured(value=-6.0, side="upper"), "passed"),
     "above, where only below counts": (measured(value=6.0, side="lower"), "passed"),
-    "within the allowance": (measured(value=6.0, allowance=3.0), "passed"),
+    "within the allowance": (measured(value=6.0, model_error_bound=3.0), "passed"),
     "a count that must be zero": (measured(value=1.0, standard_error=0.0, resolution=1.0), "failed"),
     "a count that is zero": (measured(value=0.0, standard_error=0.0, resolution=1.0), "passed"),
     "not a number": (measured(value=float("nan")), "failed"),
@@ -103,7 +103,9 @@ def test_blind_to_the_question_is_no_pass(values: tuple[Statistic, ...]) -> None
 @pytest.mark.parametrize("error", [float("inf"), float("nan")])
 def test_an_error_that_could_not_be_estimated_is_blindness(error: float) -> None:
     """No error bar is no sharpness."""
-    result = judged(Observation(SEEN, (SHARP, measured(standard_error=error, matters=2.0, allowance=1.0)))).result
+    result = judged(
+        Observation(SEEN, (SHARP, measured(standard_error=error, matters=2.0, model_error_bound=1.0)))
+    ).result
     assert result.outcome == "passed" if error > 1 else "failed"
 
 

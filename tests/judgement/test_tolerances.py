@@ -27,43 +27,43 @@ def test_by_default_one_honest_file_in_ten_thousand_alarms() -> None:
 def test_false_alarms_of_honest_files_keep_the_rate() -> None:
     """Files of 20 honest Gaussian values alarm at the stated rate, within its binomial interval."""
     files, rate = 20_000, 0.02
-    limit = tolerance_for(20, rate).limit(standard_error=1.0, allowance=0.0)
+    limit = tolerance_for(20, rate).limit(standard_error=1.0, model_error_bound=0.0)
     values = np.random.default_rng(1).standard_normal((files, 20))
     alarms = int(np.sum(np.any(np.abs(values) > limit, axis=1)))
     assert binomtest(alarms, files, rate).pvalue > 1e-3
 
 
-ALLOWANCES = [0.0, 0.1, 1.0, 30.0]
+MODEL_ERROR_BOUNDS = [0.0, 0.1, 1.0, 30.0]
 
 
-@pytest.mark.parametrize("allowance", ALLOWANCES)
+@pytest.mark.parametrize("allowance", MODEL_ERROR_BOUNDS)
 @pytest.mark.parametrize("model_error", [-1.0, 0.0, 1.0], ids=["hides", "absent", "feigns"])
-def test_least_detectable_is_seen_with_the_stated_power(allowance: float, model_error: float) -> None:
+def test_least_detectable_is_seen_with_the_stated_power(model_error_bound: float, model_error: float) -> None:
     """A fault of the stated size is seen in 95% of files or more, whichever way the model errs, in either direction."""
     tolerance, files = tolerance_for(100, 1e-4), 20_000
-    least = tolerance.least_detectable(standard_error=0.3, allowance=allowance, resolution=0.0)
-    values = least + model_error * allowance + 0.3 * np.random.default_rng(2).standard_normal(files)
-    seen = int(np.sum(values > tolerance.limit(0.3, allowance)))
+    least = tolerance.least_detectable(standard_error=0.3, model_error_bound=model_error_bound, resolution=0.0)
+    values = least + model_error * model_error_bound + 0.3 * np.random.default_rng(2).standard_normal(files)
+    seen = int(np.sum(values > tolerance.limit(0.3, model_error_bound)))
     assert seen / files >= 0.95 or binomtest(seen, files, 0.95).pvalue > 1e-3
-    if model_error < 0 or not allowance:
+    if model_error < 0 or not model_error_bound:
         assert binomtest(seen, files, 0.95).pvalue > 1e-3  # no less would do
 
 
 @given(st.integers(1, 10**6), st.floats(1e-3, 10), st.floats(0, 10))
-def test_honest_values_rarely_exceed(comparisons: int, standard_error: float, allowance: float) -> None:
+def test_honest_values_rarely_exceed(comparisons: int, standard_error: float, model_error_bound: float) -> None:
     """Whatever the model error within its bound, an honest value exceeds with its share of the rate at most."""
     tolerance = tolerance_for(comparisons, 1e-4)
-    margin = tolerance.limit(standard_error, allowance) - allowance
+    margin = tolerance.limit(standard_error, model_error_bound) - model_error_bound
     exceeds = 2 * norm.sf(margin / standard_error)
     assert exceeds <= 1e-4 / comparisons * (1 + 1e-6)
 
 
 @given(st.integers(0, 5), st.integers(1, 50))
-def test_a_count_is_seen_from_the_first_beyond_its_bound(allowance: int, lost: int) -> None:
+def test_a_count_is_seen_from_the_first_beyond_its_bound(model_error_bound: int, lost: int) -> None:
     """Where up to ``allowance`` may be lost without fault, twice that and one more is seen, even if none was."""
     tolerance = tolerance_for(1, 1e-4)
-    least = tolerance.least_detectable(standard_error=0.0, allowance=allowance, resolution=1.0)
-    seen = lost - allowance > tolerance.limit(0.0, allowance)
+    least = tolerance.least_detectable(standard_error=0.0, model_error_bound=model_error_bound, resolution=1.0)
+    seen = lost - model_error_bound > tolerance.limit(0.0, model_error_bound)
     assert seen == (lost >= least)
 
 

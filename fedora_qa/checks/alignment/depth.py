@@ -100,7 +100,7 @@ class Depth(WindowCheck[DepthEdges]):
             value=found.shift_px,
             unit="px",
             standard_error=found.standard_error_px,
-            allowance=found.allowance_px,
+            model_error_bound=found.model_error_bound_px,
             matters=self._MATTERS_PX,
             statement=f"Edges of colour frames lie {found.shift_px:+.3g} +/- {found.standard_error_px:.2g} px "
             f"({word} positive) from the steps of depth.",

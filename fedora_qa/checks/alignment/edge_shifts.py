@@ -42,7 +42,9 @@ class Edges:
             return None
         both = (self.right, self.down)
         shifts = [0.0 if one is None else one.shift_px for one in both]
-        errors = [1e6 if one is None else float(np.hypot(one.standard_error_px, one.allowance_px)) for one in both]
+        errors = [
+            1e6 if one is None else float(np.hypot(one.standard_error_px, one.model_error_bound_px)) for one in both
+        ]
         return PairShift("depth", second, np.array(shifts), np.array(errors))
 
 

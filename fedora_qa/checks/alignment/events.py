@@ -168,7 +168,7 @@ class Events(WindowCheck[Registration]):
             value=value,
             unit="px",
             standard_error=error,
-            allowance=float(lags[axis]),
+            model_error_bound=float(lags[axis]),
             matters=self._MATTERS_PX,
             statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from where the frames change.",
             code="alignment.events.shift",

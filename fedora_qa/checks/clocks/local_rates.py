@@ -62,7 +62,7 @@ def rate_change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float)
         value=ppm,
         unit="ppm",
         standard_error=1e6 * jitter_ns / nominal_ns * float(np.hypot(1 / slowest.lever, 1 / fastest.lever)),
-        allowance=_WANDER_PPM + 1e6 * (slowest.rounding + fastest.rounding),
+        model_error_bound=_WANDER_PPM + 1e6 * (slowest.rounding + fastest.rounding),
         side="upper",
         tests=len(stretches) * (len(stretches) - 1) // 2,
         matters=_MATTERS_PPM,

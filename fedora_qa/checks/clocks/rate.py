@@ -66,7 +66,9 @@ class Rate(FactsCheck):
         if not fits:
             return Observation(all_stamps(facts), unobservable="no stream has three stamps in order")
         measured = {stream: self._error(facts, stream, fit) for stream, fit in fits.items()}
-        exact = [m for m in measured.values() if m is not None and abs(m.value) <= m.allowance + 3 * m.standard_error]
+        exact = [
+            m for m in measured.values() if m is not None and abs(m.value) <= m.model_error_bound + 3 * m.standard_error
+        ]
         changes = (
             rate_change(facts, stream, fit, _nominal_period_ns(stream, fit.period_ns))
             for stream, fit in fits.items()
@@ -93,7 +95,7 @@ class Rate(FactsCheck):
             value=ppm,
             unit="ppm",
             standard_error=0.0 if fit.jitter_ns <= grid_ns else 1e6 * fit.period_error_ns / nominal_ns,
-            allowance=1e6 * WORST_ROUNDING * grid_ns / span_ns,
+            model_error_bound=1e6 * WORST_ROUNDING * grid_ns / span_ns,
             statement=f"The period of {stream} is {fit.period_ns / NS_PER_US:.6g} us, {ppm:+.4g} ppm off the nominal "
             f"{nominal_ns / NS_PER_US:.6g} us.",
             code="clocks.rate.error",

@@ -63,19 +63,19 @@ class Span(FactsCheck):
         usual_ns = float(np.median([fit.period_ns for fit in fits.values()]))
         measured: list[Statistic] = []
         for stream, (start, stop) in ends.items():
-            allowance_ns = fits[stream].period_ns + usual_ns
+            model_error_bound_ns = fits[stream].period_ns + usual_ns
             late, early = start - begin, finish - stop
             suspects = (*suspect_of_part(facts, stream), *_suspects(stream, late, early, finish - begin))
             for rule, value in (("begins_late", late), ("ends_early", early)):
-                measured.append(_one(facts, stream, rule, value, allowance_ns, suspects))
+                measured.append(_one(facts, stream, rule, value, model_error_bound_ns, suspects))
         measured = _of_all_rates(measured, facts.flow_streams)
-        failed = {one.where.stream for one in measured if abs(one.value) > one.allowance}
+        failed = {one.where.stream for one in measured if abs(one.value) > one.model_error_bound}
         notices = [notice for stream, notice in _incomplete(fits, ends, begin, finish) if stream not in failed]
         return Observation(all_stamps(facts), tuple(measured), tuple(notices))
 
 
 def _one(
-    facts: Facts, stream: str, rule: str, value_ns: float, allowance_ns: float, suspects: tuple[Suspect, ...]
+    facts: Facts, stream: str, rule: str, value_ns: float, model_error_bound_ns: float, suspects: tuple[Suspect, ...]
 ) -> Statistic:
     value_ms = value_ns / NS_PER_MS
     said = "begins {:.6g} ms after" if rule == "begins_late" else "ends {:.6g} ms before"
@@ -86,7 +86,7 @@ def _one(
         value=value_ms,
         unit="ms",
         standard_error=0.0,
-        allowance=allowance_ns / NS_PER_MS,
+        model_error_bound=model_error_bound_ns / NS_PER_MS,
         resolution=1e-3,
         statement=f"{stream} {said.format(value_ms)} the other streams"
         f"{': its stamps begin at zero, theirs do not' if zero else ''}.",
@@ -101,10 +101,10 @@ def _of_all_rates(measured: Sequence[Statistic], rates: Sequence[str]) -> list[S
     named = list(measured)
     for code in {one.code for one in measured}:
         places = [i for i, one in enumerate(measured) if one.code == code and one.where.stream in rates]
-        cut = [i for i in places if measured[i].value > measured[i].allowance]
+        cut = [i for i in places if measured[i].value > measured[i].model_error_bound]
         rest = [measured[i] for i in places if i not in cut]
         largest = max((measured[i].value for i in cut), default=0.0)
-        if len(cut) > 1 and all(one.value > 0 and largest <= one.value + one.allowance for one in rest):
+        if len(cut) > 1 and all(one.value > 0 and largest <= one.value + one.model_error_bound for one in rest):
             for i in cut:
                 named[i] = replace(measured[i], suspects=tuple(_of_flow(one) for one in measured[i].suspects))
     return named

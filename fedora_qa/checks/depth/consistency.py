@@ -144,7 +144,7 @@ def _whole(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect
         value=_PERCENT * worst.whole.typical,
         unit="percent",
         standard_error=0.0,
-        allowance=_PERCENT * worst.whole.bound,
+        model_error_bound=_PERCENT * worst.whole.bound,
         side="upper",
         matters=_MATTERS_PERCENT,
         statement=f"Depth frame {worst.first} differs from frame {worst.second} by {_said(worst.whole)}; "
@@ -163,7 +163,7 @@ def _tile(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect,
         value=_PERCENT * worst.worst_tile.typical,
         unit="percent",
         standard_error=0.0,
-        allowance=_PERCENT * worst.worst_tile.bound,
+        model_error_bound=_PERCENT * worst.worst_tile.bound,
         side="upper",
         matters=_MATTERS_PERCENT,
         statement=f"A tile of depth frame {worst.first} differs from frame {worst.second} by "

@@ -60,7 +60,7 @@ class Projection(FittedParameter):
             unit="1",
             standard_error=pooled.standard_error,
             expected=0.0,
-            allowance=pooled.bound,
+            model_error_bound=pooled.bound,
             matters=_MATTERS,
             statement=f"Depths are z times |m| to the power of {pooled.value:.3g}: 0 is z, 1 the length of the ray.",
             code="depth.projection.ray",

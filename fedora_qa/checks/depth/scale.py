@@ -101,7 +101,7 @@ class Scale(FittedParameter):
             unit="1",
             standard_error=pooled.standard_error,
             expected=1.0,
-            allowance=pooled.bound,
+            model_error_bound=pooled.bound,
             matters=_MATTERS,
             statement=f"Depths are {pooled.value:.4g} times as large as the camera's path in metres makes them.",
             code="depth.scale.factor",

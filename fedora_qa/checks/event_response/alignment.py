@@ -214,7 +214,7 @@ class Alignment(WindowCheck[Correlations]):
             value=found.shift_px,
             unit="px",
             standard_error=error,
-            allowance=float(lags[found.axis]),
+            model_error_bound=float(lags[found.axis]),
             tests=2 * found.compared,
             matters=self._MATTERS_PX,
             statement=f"{place} events lie {found.shift_px:+.3g} +/- {error:.2g} px ({word} positive) from where they "
@@ -239,7 +239,7 @@ class Alignment(WindowCheck[Correlations]):
             value=value,
             unit="px",
             standard_error=error,
-            allowance=float(lags[axis]),
+            model_error_bound=float(lags[axis]),
             matters=self._MATTERS_PX,
             statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from where the frames change.",
             code="event_response.alignment.shift",

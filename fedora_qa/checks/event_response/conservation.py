@@ -83,7 +83,7 @@ class Conservation(Check[Followed]):
     _MATTERS: Final = 0.05
     _MOST: Final = 0.5
     """Share of the pixels in which events are lost, or of those that could show it where these are fewer."""
-    _TILE_ALLOWANCE: Final = 1 / TILE_PX
+    _TILE_MODEL_ERROR_BOUND: Final = 1 / TILE_PX
     """A structure one pixel wide runs through as many pixels of a tile as its side has."""
     _ONE_REGION: Final = 0.6
     """Share of the violating pixels that lie together, and share of them that give no event, where a region is dead
@@ -138,11 +138,11 @@ class Conservation(Check[Followed]):
         times_ns = facts.clocks["rgb"].times_ns
         counts = [int(np.bitwise_count(one.pixels).sum()) for one in closed]
         excused = [_excused_share(one, declared, times_ns) for one in closed]
-        allowances = [one.flawed / size + share for one, share in zip(closed, excused, strict=True)]
+        model_error_bounds = [one.flawed / size + share for one, share in zip(closed, excused, strict=True)]
         errors = [sqrt((one.flawed + 1) / size**2 + share / size) for one, share in zip(closed, excused, strict=True)]
         deviations = [
-            (count / size - allowance) / error
-            for count, allowance, error in zip(counts, allowances, errors, strict=True)
+            (count / size - model_error_bound) / error
+            for count, model_error_bound, error in zip(counts, model_error_bounds, errors, strict=True)
         ]
         worst = int(np.argmax(deviations))
         first = closed[worst].suspected
@@ -152,7 +152,7 @@ class Conservation(Check[Followed]):
             value=counts[worst] / size,
             unit="1",
             standard_error=errors[worst],
-            allowance=allowances[worst],
+            model_error_bound=model_error_bounds[worst],
             side="upper",
             resolution=1 / size,
             matters=min(self._MATTERS, self._MOST * closed[worst].telling / size),
@@ -198,7 +198,7 @@ class Conservation(Check[Followed]):
             unit="1",
             standard_error=sqrt(max(everywhere * (1 - everywhere), 1 / side**2) / side**2),
             expected=everywhere,
-            allowance=self._TILE_ALLOWANCE,
+            model_error_bound=self._TILE_MODEL_ERROR_BOUND,
             side="upper",
             matters=min(1.0, max(one.telling for one in closed) / side**2),
             tests=tiles,

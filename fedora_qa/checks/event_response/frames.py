@@ -138,7 +138,7 @@ class Frames(WindowCheck[IntervalMoments]):
             unit="1",
             standard_error=error / middle,
             expected=1.0,
-            allowance=ALLOWED,
+            model_error_bound=ALLOWED,
             tests=len(gains),
             matters=1.5 + ALLOWED,  # between a frame that repeats and one that comes too early, however others vary
             statement=f"Between the colour frames {earlier} and {later} the image changes by {gain:.2f} of what events "

@@ -174,7 +174,7 @@ def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Stat
         unit="1",
         standard_error=errors[0],
         expected=predicted,
-        allowance=predicted / 2,
+        model_error_bound=predicted / 2,
         side="lower",
         # Unrelated events lead from what is due, which may err by the allowance, to nothing.
         matters=1.5 * predicted,

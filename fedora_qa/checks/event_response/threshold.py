@@ -105,7 +105,7 @@ class Threshold(WindowCheck[WeighedSums]):
             value=percent * (fitted - expected),
             unit="%",
             standard_error=percent * error,
-            allowance=percent * bound,
+            model_error_bound=percent * bound,
             matters=self._MATTERS_PERCENT,
             statement=f"{word} events step by {fitted:.4g} +/- {error:.2g} {unit}; {expected:.4g} {unit} is due with "
             f"the declared threshold of {nominal:.4g} {unit}.",

@@ -181,7 +181,7 @@ class Timing(WindowCheck[Seen]):
             unit="ms",
             standard_error=error,
             expected=expected,
-            allowance=bound,
+            model_error_bound=bound,
             matters=self._MATTERS_MS,
             statement=f"Events are {abs(offset):.3g} +/- {hypot(error, bound):.2g} ms "
             f"{'late' if offset > 0 else 'early'} against the colour frames.",
@@ -201,7 +201,7 @@ class Timing(WindowCheck[Seen]):
             value=ppm,
             unit="ppm",
             standard_error=error,
-            allowance=bound,
+            model_error_bound=bound,
             matters=self._MATTERS_PPM,
             statement=f"The clock of the events runs {abs(ppm):.3g} +/- {error:.2g} ppm too "
             f"{'fast' if ppm > 0 else 'slow'} against that of the colour frames.",

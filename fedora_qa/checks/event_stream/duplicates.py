@@ -131,7 +131,7 @@ class Repeats(WindowCheck[RepeatCount]):
             expected=chance,
             # A count of rare coincidences; where none is declared even one is out of order.
             standard_error=float(np.sqrt(chance)),
-            allowance=1.0 if chance > 0 else 0.0,
+            model_error_bound=1.0 if chance > 0 else 0.0,
             side="upper",
             resolution=1.0,
             statement=f"{repeats} events repeat pixel and stamp of another.",

@@ -128,7 +128,7 @@ class Rates(Check[Tally]):
             unit="Hz",
             standard_error=float(loud.error[row, column]) / seconds,
             # One event a swing; and a pixel whose threshold is low by five declared sigma fires so much more often.
-            allowance=float(loud.swings[row, column]) / seconds + rate_hz * _mismatch(facts.declared.events),
+            model_error_bound=float(loud.swings[row, column]) / seconds + rate_hz * _mismatch(facts.declared.events),
             side="upper",
             tests=counts.size,
             statement=f"{max(many, 1)} pixels fire without cause: ({column}, {row}) at {rate_hz:.4g} Hz, "
@@ -157,7 +157,7 @@ class Rates(Check[Tally]):
             expected=expected,
             standard_error=float(np.sqrt(variance)) / seconds,
             # Events within the refractory period of another are lost: of Poisson events at most this rate.
-            allowance=expected * declared.refractory_us * 1e-6 * (rate_hz + expected),
+            model_error_bound=expected * declared.refractory_us * 1e-6 * (rate_hz + expected),
             statement=f"Declared hot pixels fire at {rate_hz:.4g} Hz; {expected:.4g} Hz is declared.",
             code="event_stream.rates.declared_hot_pixels",
             where=Where(stream="events"),

@@ -56,7 +56,7 @@ class RateSharpness:
     sharpening: float
 
     @property
-    def gain_allowance(self) -> float:
+    def gain_model_error_bound(self) -> float:
         """Bound of what pixels and bent paths do to the gain (see ``Sharpness``)."""
         way_px2, way_rad2 = (float(np.mean(np.square(ways))) for ways in zip(*self._ways(), strict=True))
         return PIXEL_VARIANCE_PX2 / max(way_px2, 1e-12) + BEND * way_rad2
@@ -69,7 +69,7 @@ class RateSharpness:
     @property
     def gain_is_off(self) -> bool:
         """Whether the gain lies outside what an honest field gives, for naming only."""
-        return abs(self.gain - 1) > self.gain_allowance + _SURE * self.gain_error
+        return abs(self.gain - 1) > self.gain_model_error_bound + _SURE * self.gain_error
 
     @property
     def rival_wins(self) -> bool:
@@ -168,7 +168,7 @@ class Sharpness(WindowCheck[tuple[FieldSharpness, ...]]):
             value=found.advantage,
             unit="1",
             standard_error=found.advantage_error,
-            allowance=ADVANTAGE,
+            model_error_bound=ADVANTAGE,
             side="upper",
             tests=len(RIVALS),
             statement=f"Events are {np.exp(found.advantage):.3g} times as sharp when the {rate} flow that carries them "
@@ -179,20 +179,20 @@ class Sharpness(WindowCheck[tuple[FieldSharpness, ...]]):
         )
         if found.rival_wins:
             return (rival,)
-        error, allowance = 100 * found.gain_error, 100 * found.gain_allowance
+        error, model_error_bound = 100 * found.gain_error, 100 * found.gain_model_error_bound
         gain = Statistic(
             name=f"gain_{rate}",
             value=100 * (found.gain - 1),
             unit="%",
             standard_error=error,
-            allowance=allowance,
+            model_error_bound=model_error_bound,
             matters=self._MATTERS_PERCENT,
             statement=f"Events are sharpest when the {rate} flow is divided by {found.gain:.3g} "
             f"+/- {0.01 * error:.2g}.",
             code="flow_events.sharpness.gain",
             where=where,
             suspects=(
-                gain_suspect(flow, found.gain - 1, 0.01 * (error + allowance), 0.8, seconds, _SAME_GAIN),
+                gain_suspect(flow, found.gain - 1, 0.01 * (error + model_error_bound), 0.8, seconds, _SAME_GAIN),
                 Suspect("intrinsics_focal", flow, 0.5),
                 Suspect("flow_rate_mixed", flow, 0.4),
             ),

@@ -173,7 +173,7 @@ def _typical(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: 
         value=rms_px,
         unit="px",
         standard_error=0.0,
-        allowance=bound_px,
+        model_error_bound=bound_px,
         side="upper",
         matters=_MATTERS_PX,
         statement=f"{stream} differs from the flow of depth and pose by {rms_px:.3g} px rms, and rounding explains "
@@ -192,7 +192,7 @@ def _worst(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: tu
         value=worst.worst_px,
         unit="px",
         standard_error=0.0,
-        allowance=worst.worst_bound_px,
+        model_error_bound=worst.worst_bound_px,
         side="upper",
         matters=_MATTERS_PX,
         statement=f"Field {worst.interval.row} of {stream} differs from the flow of depth and pose by "

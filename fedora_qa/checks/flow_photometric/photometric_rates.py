@@ -158,7 +158,7 @@ def rate_measurements(
             value=float(estimate.sizes[at]),
             unit=unit,
             standard_error=float(estimate.errors[at]),
-            allowance=float(estimate.biases[at]),
+            model_error_bound=float(estimate.biases[at]),
             matters=matters,
             statement=statement,
             code=f"flow_photometric.residual.{rule}",

@@ -140,7 +140,7 @@ def _measured(
             value=lost.lost,
             unit="share",
             standard_error=0.0,
-            allowance=MOST_LOST,
+            model_error_bound=MOST_LOST,
             side="upper",
             statement=f"{lost.lost:.0%} of the pixels leave the image by {pair[0]} or by {pair[1]}, but not by both.",
             code="flow_rates.composition.leaving",
@@ -171,7 +171,7 @@ def _error(
         value=deviation.typical_px,
         unit="px",
         standard_error=0.0,
-        allowance=deviation.bound_px,
+        model_error_bound=deviation.bound_px,
         side="upper",
         matters=_MATTERS_PX,
         statement=f"{pair[0]} leads {deviation.typical_px:.3g} px away from where fields of {pair[1]} lead together, "

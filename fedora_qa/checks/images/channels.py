@@ -80,7 +80,7 @@ def _one(estimate: Estimate, order: str, fit: ColourFit, nearest: str) -> Statis
         value=estimate.value,
         unit="1",
         standard_error=estimate.standard_error,
-        allowance=estimate.bound,
+        model_error_bound=estimate.bound,
         side="upper",
         matters=1.0,
         statement=f"In what events see the channels weigh {weights}, {estimate.value:.2f} +/- {error:.2g} of the way "

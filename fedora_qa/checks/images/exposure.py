@@ -159,8 +159,8 @@ def _jump(gains: Sequence[PairGain], facts: Facts) -> Statistic:
     jumps = departures(np.array([one.log_gain for one in gains]))
     spread = 1.4826 * float(np.median(np.abs(jumps)))
     errors = np.hypot(spread, [one.standard_error for one in gains])
-    allowance = MOVED_ON_PERCENT / 100
-    worst = int(np.argmax((np.abs(jumps) - allowance) / errors))
+    model_error_bound = MOVED_ON_PERCENT / 100
+    worst = int(np.argmax((np.abs(jumps) - model_error_bound) / errors))
     first = _first_of(jumps, worst, float(errors[worst]))
     frame, percent = gains[first].after, 100 * expm1(float(jumps[first]))
     times_ns = facts.clocks["rgb"].times_ns
@@ -170,7 +170,7 @@ def _jump(gains: Sequence[PairGain], facts: Facts) -> Statistic:
         value=100 * float(abs(jumps[worst])),
         unit="percent",
         standard_error=error,
-        allowance=100 * allowance,
+        model_error_bound=100 * model_error_bound,
         side="upper",
         tests=len(gains),
         matters=MATTERS_PERCENT,

@@ -159,7 +159,7 @@ class Order(WindowCheck[tuple[Share, ...]]):
             unit="1",
             standard_error=error / middle,
             expected=1.0,
-            allowance=ALLOWED,
+            model_error_bound=ALLOWED,
             tests=max(facts.sizes.get("path/rgb", 0) - 1, 1),
             matters=MATTERS + ALLOWED,
             statement=f"Frame {pair.after} lies {pair.share:.2f} of the flow from frame {pair.before}; {middle:.2f} is "

@@ -131,7 +131,7 @@ def _stated(
         unit="1",
         standard_error=error,
         expected=1.0,
-        allowance=ALLOWED,
+        model_error_bound=ALLOWED,
         tests=int(np.count_nonzero(np.isfinite(relative))),
         statement=f"In columns {box[0]} to {box[2] - 1}, rows {box[1]} to {box[3] - 1} frame {after} lies "
         f"{relative[pair, part]:.2f} of what is usual from frame {before}.",

@@ -114,7 +114,7 @@ def local_measured(
             value=shown.factor * found.deviation,
             unit=shown.unit,
             standard_error=shown.factor * found.standard_error,
-            allowance=shown.factor * found.model_error,
+            model_error_bound=shown.factor * found.model_error,
             matters=shown.matters,
             tests=found.tests * len(names),
             statement=f"From {where.start_us:.0f} to {where.stop_us:.0f} us {name} is {size}, "
@@ -134,7 +134,7 @@ def _measured(check: str, name: str, found: Fitted, shown: Shown, suspects: tupl
         value=value,
         unit=shown.unit,
         standard_error=error,
-        allowance=shown.factor * found.model_error,
+        model_error_bound=shown.factor * found.model_error,
         matters=shown.matters,
         statement=f"{sentence} (+- {error:.2g}).",
         code=f"{check}.{group_of(name)}",

@@ -121,9 +121,9 @@ def _measured(fits: dict[Kind, InertialFit], name: str, clues: Clues, besides: t
 def _without_averaging(offset: Statistic, streams: Streams, facts: Facts) -> tuple[Statistic, tuple[Notice, ...]]:
     """Expect half an interval where instants are declared and that is what is found."""
     half_ms = _MS_PER_S * float(np.median(np.diff(streams.imu.times_ns))) / NS_PER_S / 2
-    limit = _CLOSE * offset.standard_error + offset.allowance
+    limit = _CLOSE * offset.standard_error + offset.model_error_bound
     declared = (facts.declared.imu or ImuModel()).sampling
-    sure = half_ms > _SURE * offset.standard_error + offset.allowance
+    sure = half_ms > _SURE * offset.standard_error + offset.model_error_bound
     if declared != "instant" or not sure or abs(offset.value - half_ms) > limit:
         return offset, ()
     message = (

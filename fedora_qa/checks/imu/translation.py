@@ -193,7 +193,7 @@ def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects:
         unit=unit,
         standard_error=factor * found.rms_error,
         expected=expected,
-        allowance=factor * found.model_rms,
+        model_error_bound=factor * found.model_rms,
         side="upper",
         statement=f"Between neighbouring poses IMU and pose differ in {kind} by {rms:.4g} {unit} rms; noise explains "
         f"{expected:.4g}.",
@@ -226,7 +226,7 @@ def _worst(
         value=factor * worst.value,
         unit=unit,
         standard_error=factor * worst.sigma,
-        allowance=factor * worst.model_error,
+        model_error_bound=factor * worst.model_error,
         tests=3 * found.rows,
         statement=f"At {facts.to_file_us(time_ns):.0f} us IMU and pose differ in {kind} by {factor * worst.value:.4g} "
         f"{unit}; noise is {factor * worst.sigma:.2g}.",

@@ -78,7 +78,7 @@ def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
     K = camera.K
     scale = max(float(np.max(np.abs(K[:2, :2]))), 1.0)
     form = float(np.max(np.abs([K[0, 1] / scale, K[1, 0] / scale, K[2, 0], K[2, 1], K[2, 2] - 1.0])))
-    yield _measured(f"{name}.K_form", form, "1", allowance=_ROUNDING, suspects=_unknown(),
+    yield _measured(f"{name}.K_form", form, "1", model_error_bound=_ROUNDING, suspects=_unknown(),
                     said=f"K of the {name} camera is not [fx 0 cx; 0 fy cy; 0 0 1], by {form:.3g} of the focal length "
                     "or of 1; is it transposed, or has it skew?")  # fmt: skip
     yield _focal_lengths(name, K)
@@ -130,7 +130,7 @@ def _pose(name: str, camera: Camera) -> Iterator[Statistic]:
         handedness = float(np.sign(np.linalg.det(R)))
         gram = R.T @ R
     excess = max(float(np.max(np.abs(gram - np.eye(3)))), float(np.max(np.abs(last_row - [0, 0, 0, 1]))))
-    yield _measured(f"{name}.T_body_camera_rigid", excess, "1", allowance=_ROUNDING,
+    yield _measured(f"{name}.T_body_camera_rigid", excess, "1", model_error_bound=_ROUNDING,
                     suspects=(Suspect("frame_convention", "metadata", 0.5),),
                     said=f"T_body_camera of the {name} camera is not a rigid motion: R^T R or the last row is off by "
                     f"{excess:.3g}; is it transposed, or given in other units?")  # fmt: skip
@@ -141,7 +141,7 @@ def _pose(name: str, camera: Camera) -> Iterator[Statistic]:
 
 def _shared_centre(depth: Camera, events: Camera) -> Statistic:
     apart_m = float(np.linalg.norm(depth.T_body_camera[:3, 3] - events.T_body_camera[:3, 3]))
-    return _measured("depth_to_events_centre", apart_m, "m", allowance=_ROUNDING,
+    return _measured("depth_to_events_centre", apart_m, "m", model_error_bound=_ROUNDING,
                      suspects=(Suspect("lever_arm", "metadata", 0.9, apart_m, "m"),),
                      said=f"the centres of the depth and event cameras are {apart_m:.6g} m apart; they must be one "
                      "point, or depth says nothing about events")  # fmt: skip
@@ -180,7 +180,7 @@ def _measured(
     said: str,
     suspects: tuple[Suspect, ...],
     expected: float = 0.0,
-    allowance: float = 0.0,
+    model_error_bound: float = 0.0,
     resolution: float = 0.0,
 ) -> Statistic:
     return Statistic(
@@ -192,7 +192,7 @@ def _measured(
         code=f"metadata.cameras.{name.rsplit('.', 1)[-1]}",
         where=Where(stream="metadata"),
         expected=expected,
-        allowance=allowance,
+        model_error_bound=model_error_bound,
         resolution=resolution,
         suspects=suspects,
     )

@@ -130,7 +130,9 @@ def _events(facts: Facts) -> Iterator[Statistic]:
     yield _number("events.packet_too_short", short_us, "us", 0.0, 0.0, Suspect("unknown", "metadata", 0.5))
 
 
-def _number(name: str, value: float, unit: str, expected: float, allowance: float, suspect: Suspect) -> Statistic:
+def _number(
+    name: str, value: float, unit: str, expected: float, model_error_bound: float, suspect: Suspect
+) -> Statistic:
     stream, what = name.rsplit(".", 1)
     return Statistic(
         name=name,
@@ -141,6 +143,6 @@ def _number(name: str, value: float, unit: str, expected: float, allowance: floa
         code=f"metadata.profile.{what}",
         where=Where(stream=stream),
         expected=expected,
-        allowance=allowance,
+        model_error_bound=model_error_bound,
         suspects=(suspect,),
     )

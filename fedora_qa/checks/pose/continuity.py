@@ -150,7 +150,7 @@ def _jump(
             value=size,
             unit=unit,
             standard_error=scale * float(errors[row]),
-            allowance=scale * float(steps.motion[row]),
+            model_error_bound=scale * float(steps.motion[row]),
             matters=matters,
             tests=steps.sizes.size,
             statement=f"The {name} jumps by {abs(size):.4g} {unit} within one step.",
@@ -193,7 +193,7 @@ def _lines(facts: Facts, poses: PoseSamples, of_stamps: tuple[Suspect, ...]) -> 
             unit="1",
             standard_error=0.0,
             expected=1.0,
-            allowance=1.0 - LEAST_EVENNESS,
+            model_error_bound=1.0 - LEAST_EVENNESS,
             side="lower",
             statement=f"Positions lie on straight lines between poses {found.stride} apart: they are interpolated "
             f"from {lower_hz:.4g} to {own_hz:.4g} Hz.",

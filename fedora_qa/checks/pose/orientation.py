@@ -111,7 +111,7 @@ class Orientation(WindowCheck[NormTally]):
                     value=worst.worst,
                     unit="1",
                     standard_error=0.0,
-                    allowance=4.0 * max(tally.resolution for tally in state),
+                    model_error_bound=4.0 * max(tally.resolution for tally in state),
                     statement=f"A quaternion has the length {1 + worst.worst:.9g} (row {worst.worst_row}); normalise.",
                     code="pose.orientation.length",
                     where=_row(facts, worst.worst_row),

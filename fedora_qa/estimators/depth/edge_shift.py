@@ -54,7 +54,7 @@ class EdgeShift:
     share_error: float
 
     @property
-    def allowance_px(self) -> float:
+    def model_error_bound_px(self) -> float:
         """How far texture may move the shift: lean and skew show different parts of that.
 
         Of sides further apart than one edge reaches, only one is in place, and may lean by itself.
