@@ -79,7 +79,7 @@ class Statistic:
     model_error_bound: float = 0.0
     side: Literal["both", "upper", "lower"] = "both"
     resolution: float = 0.0
-    matters: float | None = None
+    material: float | None = None
     tests: int = 1
     severity: Severity = "error"
     suspects: tuple[Suspect, ...] = ()

@@ -96,7 +96,7 @@ def _outcome(observation: Observation, broken: bool, tolerance: Tolerance) -> tu
         return "not_observable", observation.unobservable
     if not observation.coverage.seen and not observation.notices:
         return "not_observable", _nothing_seen(observation.coverage)
-    telling = [measured for measured in observation.measurements if measured.matters is not None]
+    telling = [measured for measured in observation.measurements if measured.material is not None]
     blind = [measured for measured in telling if _is_blind(measured, tolerance)]
     unseen = _unseen(blind, tolerance)
     if blind and len(blind) == len(telling):
@@ -112,7 +112,7 @@ def _nothing_seen(coverage: Coverage) -> str:
 
 def _is_blind(measured: Statistic, tolerance: Tolerance) -> bool:
     """Whether a fault that matters could have gone unseen."""
-    return measured.matters is not None and not _least_detectable(measured, tolerance) <= measured.matters
+    return measured.material is not None and not _least_detectable(measured, tolerance) <= measured.material
 
 
 def _unseen(blind: Sequence[Statistic], tolerance: Tolerance) -> str:
@@ -127,7 +127,7 @@ def _unseen(blind: Sequence[Statistic], tolerance: Tolerance) -> str:
 def _numbers(measured: Statistic, tolerance: Tolerance) -> str:
     least = _least_detectable(measured, tolerance)
     seen = f"from {with_unit(least, measured.unit)} on" if isfinite(least) else "at no size"
-    return f"{measured.name} ({seen}; {with_unit(measured.matters, measured.unit)} matters)"
+    return f"{measured.name} ({seen}; {with_unit(measured.material, measured.unit)} matters)"
 
 
 def _least_detectable(measured: Statistic, tolerance: Tolerance) -> float:

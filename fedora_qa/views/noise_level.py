@@ -41,7 +41,7 @@ def noise_against_declared(
             standard_error=level.standard_error / level.sigma if level.sigma > 0 else 0.0,
             expected=1.0,
             model_error_bound=(level.motion + floor) / declared,
-            matters=0.5,
+            material=0.5,
             statement=f"{name.capitalize()} noise is {level.sigma:.3g} {unit}; {declared:.3g} {unit} is declared.",
             code=f"{check}.{name}",
             where=Where(stream=stream),

@@ -101,7 +101,7 @@ class Depth(WindowCheck[DepthEdges]):
             unit="px",
             standard_error=found.standard_error_px,
             model_error_bound=found.model_error_bound_px,
-            matters=self._MATTERS_PX,
+            material=self._MATTERS_PX,
             statement=f"Edges of colour frames lie {found.shift_px:+.3g} +/- {found.standard_error_px:.2g} px "
             f"({word} positive) from the steps of depth.",
             code="alignment.depth.shift",
@@ -117,7 +117,7 @@ class Depth(WindowCheck[DepthEdges]):
             unit="1",
             standard_error=error,
             side="upper",
-            matters=max(stored.share, mirrored.share),
+            material=max(stored.share, mirrored.share),
             tests=len(VARIANTS) - 1,
             statement=f"Steps of depth hold {mirrored.share:.2g} of the edges around them in colour frames {how}, "
             f"{stored.share:.2g} in frames as stored.",

@@ -169,7 +169,7 @@ class Events(WindowCheck[Registration]):
             unit="px",
             standard_error=error,
             model_error_bound=float(lags[axis]),
-            matters=self._MATTERS_PX,
+            material=self._MATTERS_PX,
             statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from where the frames change.",
             code="alignment.events.shift",
             where=Where(stream="events"),

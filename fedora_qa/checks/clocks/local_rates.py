@@ -65,7 +65,7 @@ def rate_change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float)
         model_error_bound=_WANDER_PPM + 1e6 * (slowest.rounding + fastest.rounding),
         side="upper",
         tests=len(stretches) * (len(stretches) - 1) // 2,
-        matters=_MATTERS_PPM,
+        material=_MATTERS_PPM,
         statement=f"The rate of {stream} changes by {ppm:.4g} ppm within the file: from row {start} to {stop} its "
         f"period is {1e6 * odd.rate:+.4g} ppm off the nominal one.",
         code="clocks.rate.change",

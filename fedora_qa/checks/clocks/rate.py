@@ -100,7 +100,7 @@ class Rate(FactsCheck):
             f"{nominal_ns / NS_PER_US:.6g} us.",
             code="clocks.rate.error",
             where=Where(stream=stream),
-            matters=10_000.0,
+            material=10_000.0,
             suspects=(
                 Suspect("clock_rate", stream, 0.8, ppm, "ppm"),
                 *_rounded(stream, facts.clocks[stream].times_ns, nominal_ns),

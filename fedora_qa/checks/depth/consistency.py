@@ -146,7 +146,7 @@ def _whole(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect
         standard_error=0.0,
         model_error_bound=_PERCENT * worst.whole.bound,
         side="upper",
-        matters=_MATTERS_PERCENT,
+        material=_MATTERS_PERCENT,
         statement=f"Depth frame {worst.first} differs from frame {worst.second} by {_said(worst.whole)}; "
         f"{len(off)} of {len(pairs)} pairs are off.",
         code="depth.consistency.frame",
@@ -165,7 +165,7 @@ def _tile(pairs: Sequence[PairAgreement], facts: Facts, suspects: tuple[Suspect,
         standard_error=0.0,
         model_error_bound=_PERCENT * worst.worst_tile.bound,
         side="upper",
-        matters=_MATTERS_PERCENT,
+        material=_MATTERS_PERCENT,
         statement=f"A tile of depth frame {worst.first} differs from frame {worst.second} by "
         f"{_said(worst.worst_tile)}; so it is in {len(off)} of {len(pairs)} pairs.",
         code="depth.consistency.tile",

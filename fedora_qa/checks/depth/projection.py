@@ -61,7 +61,7 @@ class Projection(FittedParameter):
             standard_error=pooled.standard_error,
             expected=0.0,
             model_error_bound=pooled.bound,
-            matters=_MATTERS,
+            material=_MATTERS,
             statement=f"Depths are z times |m| to the power of {pooled.value:.3g}: 0 is z, 1 the length of the ray.",
             code="depth.projection.ray",
             suspects=(Suspect("depth_ray_not_z", "depth", 0.95 * pooled.explains), *ANY_MISFIT),

@@ -102,7 +102,7 @@ class Scale(FittedParameter):
             standard_error=pooled.standard_error,
             expected=1.0,
             model_error_bound=pooled.bound,
-            matters=_MATTERS,
+            material=_MATTERS,
             statement=f"Depths are {pooled.value:.4g} times as large as the camera's path in metres makes them.",
             code="depth.scale.factor",
             suspects=(

@@ -216,7 +216,7 @@ class Alignment(WindowCheck[Correlations]):
             standard_error=error,
             model_error_bound=float(lags[found.axis]),
             tests=2 * found.compared,
-            matters=self._MATTERS_PX,
+            material=self._MATTERS_PX,
             statement=f"{place} events lie {found.shift_px:+.3g} +/- {error:.2g} px ({word} positive) from where they "
             "lie in the rest.",
             code=f"event_response.alignment.{rule}",
@@ -240,7 +240,7 @@ class Alignment(WindowCheck[Correlations]):
             unit="px",
             standard_error=error,
             model_error_bound=float(lags[axis]),
-            matters=self._MATTERS_PX,
+            material=self._MATTERS_PX,
             statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from where the frames change.",
             code="event_response.alignment.shift",
             where=Where(stream="events"),

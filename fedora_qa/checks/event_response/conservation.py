@@ -155,7 +155,7 @@ class Conservation(Check[Followed]):
             model_error_bound=model_error_bounds[worst],
             side="upper",
             resolution=1 / size,
-            matters=min(self._MATTERS, self._MOST * closed[worst].telling / size),
+            material=min(self._MATTERS, self._MOST * closed[worst].telling / size),
             tests=len(closed),
             statement=f"In {counts[worst]} of {size} pixels events do not add up to what the frames "
             f"{closed[worst].first_frame} to {closed[worst].last_frame} show, most of them across frame {first}.",
@@ -200,7 +200,7 @@ class Conservation(Check[Followed]):
             expected=everywhere,
             model_error_bound=self._TILE_MODEL_ERROR_BOUND,
             side="upper",
-            matters=min(1.0, max(one.telling for one in closed) / side**2),
+            material=min(1.0, max(one.telling for one in closed) / side**2),
             tests=tiles,
             statement=f"In {share:.0%} of the pixels of the tile at ({column}, {row}) events do not add up; "
             f"{everywhere:.2%} of all.",

@@ -140,7 +140,7 @@ class Frames(WindowCheck[IntervalMoments]):
             expected=1.0,
             model_error_bound=ALLOWED,
             tests=len(gains),
-            matters=1.5 + ALLOWED,  # between a frame that repeats and one that comes too early, however others vary
+            material=1.5 + ALLOWED,  # between a frame that repeats and one that comes too early, however others vary
             statement=f"Between the colour frames {earlier} and {later} the image changes by {gain:.2f} of what events "
             f"say; {middle:.2f} is usual.",
             code="event_response.frames.change",

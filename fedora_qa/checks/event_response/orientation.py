@@ -150,7 +150,7 @@ def _part(name: str, rule: str, turned: Turned, where: Where, place: str) -> Sta
         standard_error=turned.standard_error,
         side="upper",
         tests=turned.compared * _OTHERS,
-        matters=1.0,
+        material=1.0,
         statement=f"{place} events agree with the frames as {words_for(turned.rival)}: correlation "
         f"{turned.other:.2g}, as they stand {turned.declared:.2g}.",
         code=f"event_response.orientation.{rule}",
@@ -177,7 +177,7 @@ def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Stat
         model_error_bound=predicted / 2,
         side="lower",
         # Unrelated events lead from what is due, which may err by the allowance, to nothing.
-        matters=1.5 * predicted,
+        material=1.5 * predicted,
         statement=f"Events and frames correlate by {correlations[0]:.2g}; about {predicted:.2g} is due.",
         code="event_response.orientation.unrelated",
         where=Where(stream="events"),
@@ -190,7 +190,7 @@ def _state(kind: Sequence[Moments], predicted: float, events: int) -> tuple[Stat
         standard_error=errors[1],
         side="upper",
         # So much better would the right orientation be than one that is unrelated, if another were the right one.
-        matters=float(np.max(np.abs(correlations))),
+        material=float(np.max(np.abs(correlations))),
         tests=len(others),
         statement=f"Events agree with the frames as {words_for(rival)}: correlation {others[rival]:.2g}, "
         f"as they stand {correlations[0]:.2g}.",

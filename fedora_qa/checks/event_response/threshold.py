@@ -106,7 +106,7 @@ class Threshold(WindowCheck[WeighedSums]):
             unit="%",
             standard_error=percent * error,
             model_error_bound=percent * bound,
-            matters=self._MATTERS_PERCENT,
+            material=self._MATTERS_PERCENT,
             statement=f"{word} events step by {fitted:.4g} +/- {error:.2g} {unit}; {expected:.4g} {unit} is due with "
             f"the declared threshold of {nominal:.4g} {unit}.",
             code="event_response.threshold.size",
@@ -162,7 +162,7 @@ class Model(LevelCheck):
                 unit="1",
                 standard_error=error,
                 side="upper",
-                matters=1.0,
+                material=1.0,
                 statement=f"Events follow the {other} model: its residual is {theirs:.3g} thresholds, that of the "
                 f"declared {declared.model} model {ours:.3g}.",
                 code="event_response.model.domain",

@@ -182,7 +182,7 @@ class Timing(WindowCheck[Seen]):
             standard_error=error,
             expected=expected,
             model_error_bound=bound,
-            matters=self._MATTERS_MS,
+            material=self._MATTERS_MS,
             statement=f"Events are {abs(offset):.3g} +/- {hypot(error, bound):.2g} ms "
             f"{'late' if offset > 0 else 'early'} against the colour frames.",
             code="event_response.timing.offset",
@@ -202,7 +202,7 @@ class Timing(WindowCheck[Seen]):
             unit="ppm",
             standard_error=error,
             model_error_bound=bound,
-            matters=self._MATTERS_PPM,
+            material=self._MATTERS_PPM,
             statement=f"The clock of the events runs {abs(ppm):.3g} +/- {error:.2g} ppm too "
             f"{'fast' if ppm > 0 else 'slow'} against that of the colour frames.",
             code="event_response.timing.rate",
@@ -244,7 +244,7 @@ class Timing(WindowCheck[Seen]):
             unit="ms",
             standard_error=error,
             tests=local.step.tests,
-            matters=self._MATTERS_MS,
+            material=self._MATTERS_MS,
             statement=f"{place} events are {abs(late):.3g} +/- {error:.2g} ms {'later' if late > 0 else 'earlier'} "
             f"than {rest}.",
             code=f"event_response.timing.{rule}",

@@ -98,7 +98,7 @@ class Gaps(WindowCheck[SilenceCount]):
             unit="ms",
             standard_error=length_ms / max(worst.z, 0.5),
             side="upper",
-            matters=self._MATTERS_MS,
+            material=self._MATTERS_MS,
             tests=sum(count.silences for count in state),
             statement=f"No event for {length_ms:.4g} ms from {start_us:.0f} us, where about {_due(worst)} are due.",
             code="event_stream.gaps.silence",
@@ -120,7 +120,7 @@ class Gaps(WindowCheck[SilenceCount]):
             standard_error=_SIGMA_INTERVALS * _mean_interval_ms(facts),
             side="upper",
             resolution=tick_ms,
-            matters=self._MATTERS_MS,
+            material=self._MATTERS_MS,
             statement="",
             code="event_stream.gaps.silence",
         )

@@ -186,7 +186,7 @@ class Sharpness(WindowCheck[tuple[FieldSharpness, ...]]):
             unit="%",
             standard_error=error,
             model_error_bound=model_error_bound,
-            matters=self._MATTERS_PERCENT,
+            material=self._MATTERS_PERCENT,
             statement=f"Events are sharpest when the {rate} flow is divided by {found.gain:.3g} "
             f"+/- {0.01 * error:.2g}.",
             code="flow_events.sharpness.gain",

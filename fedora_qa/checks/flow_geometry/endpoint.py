@@ -175,7 +175,7 @@ def _typical(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: 
         standard_error=0.0,
         model_error_bound=bound_px,
         side="upper",
-        matters=_MATTERS_PX,
+        material=_MATTERS_PX,
         statement=f"{stream} differs from the flow of depth and pose by {rms_px:.3g} px rms, and rounding explains "
         f"{bound_px:.1g} px; {len(off)} of {len(fields)} fields are off.",
         code="flow_geometry.endpoint.error",
@@ -194,7 +194,7 @@ def _worst(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: tu
         standard_error=0.0,
         model_error_bound=worst.worst_bound_px,
         side="upper",
-        matters=_MATTERS_PX,
+        material=_MATTERS_PX,
         statement=f"Field {worst.interval.row} of {stream} differs from the flow of depth and pose by "
         f"{worst.worst_px:.3g} px at column {column}, row {row}; rounding explains {worst.worst_bound_px:.1g} px.",
         code="flow_geometry.endpoint.worst_pixel",

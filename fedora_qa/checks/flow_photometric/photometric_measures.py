@@ -64,7 +64,7 @@ def _worst_field(stream: str, known: Sequence[FieldResidual], facts: Facts, susp
         standard_error=error_px,
         model_error_bound=_field_bias_px(worst),
         side="upper",
-        matters=MATTERS_PX,
+        material=MATTERS_PX,
         tests=len(known),
         statement=f"Field {worst.interval.row} of {stream} carries frame {worst.frame} "
         f"{_mean_px(worst):.3g} px past the frame at its end.",

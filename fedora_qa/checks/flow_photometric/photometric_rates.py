@@ -151,7 +151,7 @@ def rate_measurements(
     where = place(facts, (fields[0].interval, fields[-1].interval))
 
     def measured(
-        name: str, estimate: Estimate, at: int, unit: str, rule: str, statement: str, matters: float | None
+        name: str, estimate: Estimate, at: int, unit: str, rule: str, statement: str, material: float | None
     ) -> Statistic:
         return Statistic(
             name=f"{stream} {name}",
@@ -159,7 +159,7 @@ def rate_measurements(
             unit=unit,
             standard_error=float(estimate.errors[at]),
             model_error_bound=float(estimate.biases[at]),
-            matters=matters,
+            material=material,
             statement=statement,
             code=f"flow_photometric.residual.{rule}",
             where=where,

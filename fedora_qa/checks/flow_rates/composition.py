@@ -173,7 +173,7 @@ def _error(
         standard_error=0.0,
         model_error_bound=deviation.bound_px,
         side="upper",
-        matters=_MATTERS_PX,
+        material=_MATTERS_PX,
         statement=f"{pair[0]} leads {deviation.typical_px:.3g} px away from where fields of {pair[1]} lead together, "
         f"and interpolation explains {deviation.bound_px:.1g} px; {said}.",
         code=f"flow_rates.composition.{rule}",

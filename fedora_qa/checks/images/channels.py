@@ -82,7 +82,7 @@ def _one(estimate: Estimate, order: str, fit: ColourFit, nearest: str) -> Statis
         standard_error=estimate.standard_error,
         model_error_bound=estimate.bound,
         side="upper",
-        matters=1.0,
+        material=1.0,
         statement=f"In what events see the channels weigh {weights}, {estimate.value:.2f} +/- {error:.2g} of the way "
         f"from R, G, B to {order}. They are best read as {nearest}.",
         code="images.channels.order",

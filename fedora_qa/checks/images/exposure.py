@@ -173,7 +173,7 @@ def _jump(gains: Sequence[PairGain], facts: Facts) -> Statistic:
         model_error_bound=100 * model_error_bound,
         side="upper",
         tests=len(gains),
-        matters=MATTERS_PERCENT,
+        material=MATTERS_PERCENT,
         statement=f"Frame {frame} is {abs(percent):.3g} +/- {error:.2g}% {'brighter' if percent > 0 else 'darker'} "
         f"than frame {gains[first].before} at the same points.",
         code="images.exposure.jump",

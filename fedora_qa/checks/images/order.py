@@ -161,7 +161,7 @@ class Order(WindowCheck[tuple[Share, ...]]):
             expected=1.0,
             model_error_bound=ALLOWED,
             tests=max(facts.sizes.get("path/rgb", 0) - 1, 1),
-            matters=MATTERS + ALLOWED,
+            material=MATTERS + ALLOWED,
             statement=f"Frame {pair.after} lies {pair.share:.2f} of the flow from frame {pair.before}; {middle:.2f} is "
             f"usual. {len(off)} frame intervals are out of order.",
             code="images.order.share",

@@ -81,7 +81,7 @@ class Transfer(ColourCheck):
                 standard_error=exponent.standard_error,
                 expected=1.0,
                 model_error_bound=exponent.bound + LEVEL_BIAS + _of_declared_effects(declared, facts),
-                matters=MATTERS,
+                material=MATTERS,
                 statement=f"Frames would have to be taken to the power {exponent.value:.2f} +/- {error:.2g} to be what "
                 f"events see{condition}; they are best read as {found.best_curve}.",
                 code="images.transfer.exponent",

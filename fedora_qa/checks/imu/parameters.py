@@ -39,7 +39,7 @@ class Shown:
     senses: tuple[str, str]
     unit: str
     factor: float
-    matters: float
+    material: float
 
 
 _SIGNS: Final = ("", "-")
@@ -115,7 +115,7 @@ def local_measured(
             unit=shown.unit,
             standard_error=shown.factor * found.standard_error,
             model_error_bound=shown.factor * found.model_error,
-            matters=shown.matters,
+            material=shown.material,
             tests=found.tests * len(names),
             statement=f"From {where.start_us:.0f} to {where.stop_us:.0f} us {name} is {size}, "
             f"{shown.factor * found.deviation:+.4g} off its value in the whole sequence.",
@@ -135,7 +135,7 @@ def _measured(check: str, name: str, found: Fitted, shown: Shown, suspects: tupl
         unit=shown.unit,
         standard_error=error,
         model_error_bound=shown.factor * found.model_error,
-        matters=shown.matters,
+        material=shown.material,
         statement=f"{sentence} (+- {error:.2g}).",
         code=f"{check}.{group_of(name)}",
         where=Where(stream="imu"),

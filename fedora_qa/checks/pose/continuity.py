@@ -128,7 +128,7 @@ def _jump(
     name: str,
     unit: str,
     scale: float,
-    matters: float,
+    material: float,
 ) -> tuple[Statistic, ...]:
     steps, sigma = found
     if not len(steps.before):
@@ -151,7 +151,7 @@ def _jump(
             unit=unit,
             standard_error=scale * float(errors[row]),
             model_error_bound=scale * float(steps.motion[row]),
-            matters=matters,
+            material=material,
             tests=steps.sizes.size,
             statement=f"The {name} jumps by {abs(size):.4g} {unit} within one step.",
             code=f"pose.continuity.{name}",
