@@ -50,7 +50,7 @@ def _comparisons(observation: Observation) -> int:
 
 
 def _judge_one(check: Check[Any], observation: Observation, tolerance: Tolerance, first_id: int) -> Judged:
-    broken = [measured for measured in observation.measurements if out_of_order(measured, tolerance)]
+    broken = [measured for measured in observation.measurements if exceeds_limit(measured, tolerance)]
     alarms = tuple(
         Alarm(Finding(f"F{first_id + i}", m.code, m.severity, m.statement, m.where), m.suspects)
         for i, m in enumerate(broken)
@@ -74,7 +74,7 @@ def _judge_one(check: Check[Any], observation: Observation, tolerance: Tolerance
     )
 
 
-def out_of_order(measured: Statistic, tolerance: Tolerance) -> bool:
+def exceeds_limit(measured: Statistic, tolerance: Tolerance) -> bool:
     """Whether the value lies outside what an honest file gives. A value that is not a number always does."""
     deviation = measured.value - measured.expected
     if measured.side == "both":

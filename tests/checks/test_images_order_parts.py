@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fedora_qa.checks.images.order import Order
-from fedora_qa.checks.images.order_causes import Interval, order_suspects, out_of_order
+from fedora_qa.checks.images.order_causes import Interval, exceeds_limit, order_suspects
 from fedora_qa.judgement.judge import Judged
 from tests.support.flow_world import HEIGHT, WIDTH, FlowWorld, judged, make_world, observe
 
@@ -108,10 +108,10 @@ def intervals(*shares: float) -> list[Interval]:
 )
 def test_what_is_out_of_order_is_told_from_the_run(found: list[Interval], cause: str) -> None:
     """Frames out of place fall short and catch up side by side; whatever does not is the image's own."""
-    assert max(order_suspects(out_of_order(found)), key=lambda one: one.weight).cause == cause
+    assert max(order_suspects(exceeds_limit(found)), key=lambda one: one.weight).cause == cause
 
 
 def test_order_alone_is_in_order() -> None:
     """Without an interval out of order nothing stands alone."""
-    found = out_of_order(intervals(1, 1.1, 0.9))
+    found = exceeds_limit(intervals(1, 1.1, 0.9))
     assert (found.shares, found.alone) == ((), False)

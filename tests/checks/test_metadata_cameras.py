@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.metadata.cameras import Cameras
-from fedora_qa.judgement.judge import out_of_order
+from fedora_qa.judgement.judge import exceeds_limit
 from fedora_qa.judgement.tolerances import tolerance_for
 from fedora_qa.layout.resolve import Layout
 from fedora_qa.sequence.declared import Camera, Declared
@@ -148,5 +148,5 @@ def test_no_possible_camera_fails(
             index_maps={},
         )
         observed = Cameras().examine(facts)
-        broken = [m.name for m in observed.measurements if out_of_order(m, tolerance_for(1, 1e-4))]
+        broken = [m.name for m in observed.measurements if exceeds_limit(m, tolerance_for(1, 1e-4))]
         assert not broken

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.images.order_causes import ALLOWED, order_suspects, out_of_order
+from fedora_qa.checks.images.order_causes import ALLOWED, exceeds_limit, order_suspects
 from fedora_qa.checks.images.order_parts import (
     PartShares,
     odd_part,
@@ -171,5 +171,5 @@ class Order(WindowCheck[tuple[Share, ...]]):
                 stop_us=facts.to_file_us(int(times_ns[off[-1].before if off else pair.after])),
                 frame=first.after,
             ),
-            suspects=order_suspects(out_of_order([(one.before, one.after, one.share / middle) for one in clear])),
+            suspects=order_suspects(exceeds_limit([(one.before, one.after, one.share / middle) for one in clear])),
         )

@@ -41,7 +41,7 @@ class OutOfOrder:
     alone: bool
 
 
-def out_of_order(intervals: Sequence[Interval]) -> OutOfOrder:
+def exceeds_limit(intervals: Sequence[Interval]) -> OutOfOrder:
     """Find the intervals that are out of order, and whether frames that are out of their places make them."""
     ordered = sorted(intervals)
     runs = list(_runs(ordered))

@@ -8,7 +8,7 @@ from typing import Final, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.images.order_causes import ALLOWED, order_suspects, out_of_order
+from fedora_qa.checks.images.order_causes import ALLOWED, exceeds_limit, order_suspects
 from fedora_qa.checks.protocol import Statistic
 from fedora_qa.estimators.images.order import MotionShare, motion_of_parts, motion_share
 from fedora_qa.record.types import Where
@@ -143,5 +143,5 @@ def _stated(
             frame=off[0][1],
             tile=box,
         ),
-        suspects=order_suspects(out_of_order([one for one in series if np.isfinite(one[2])])),
+        suspects=order_suspects(exceeds_limit([one for one in series if np.isfinite(one[2])])),
     )
