@@ -150,11 +150,11 @@ class Check(ABC, Generic[State]):
     def merge(self, state: State, later: State) -> State:
         """Return the state that has seen what both have, ``later`` being of later windows. Exact: no rounding."""
 
-    def look_again_at(self, state: State, facts: Facts) -> tuple[int, ...]:
+    def follow_up_windows(self, state: State, facts: Facts) -> tuple[int, ...]:
         """Name the windows (by number) that deserve a second, closer look; most check none."""
         return ()
 
-    def look_again(self, state: State, window: Window) -> None:
+    def follow_up(self, state: State, window: Window) -> None:
         """Add what a second look at a window shows."""
 
     @abstractmethod

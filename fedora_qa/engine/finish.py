@@ -11,7 +11,7 @@ from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdic
 from fedora_qa.engine.partial_pass import STAGE, PartialPass, together
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stopwatch import Stopwatch
-from fedora_qa.engine.stream import PassState, attempt, conclude, look_again
+from fedora_qa.engine.stream import PassState, attempt, conclude, follow_up
 from fedora_qa.engine.survey import OpenSurvey, Survey
 from fedora_qa.evidence.kept import Kept
 from fedora_qa.evidence.kept import together as kept_together
@@ -42,7 +42,7 @@ def finish_open(
     never = [file.windows[number] for number in lost]
     seen = [span for span in file.chosen if span not in never]
     with watch.stage("second look"):
-        again = look_again(asked, states, seen, facts, ready.decoder, survey.plan.sampling, progress, ready.images)
+        again = follow_up(asked, states, seen, facts, ready.decoder, survey.plan.sampling, progress, ready.images)
     with watch.stage("judgement"):
         observations = conclude(asked, states, facts)
         judged = judge(observations, asked, options.false_alarm_rate)

@@ -105,7 +105,7 @@ def measure(
     return states
 
 
-def look_again(
+def follow_up(
     checks: Sequence[Check[Any]],
     states: PassState,
     spans: Sequence[Span],
@@ -124,7 +124,7 @@ def look_again(
     for done, number in enumerate(numbers):
         progress("looking again", done, len(numbers))
         source.begin(by_index[number])
-        asking = [(check.name, check.look_again) for check in checks if number in wanted[check.name]]
+        asking = [(check.name, check.follow_up) for check in checks if number in wanted[check.name]]
         _show(Window(by_index[number], facts, source, sampling, images), asking, states, turns)
     return len(numbers)
 
@@ -172,7 +172,7 @@ def _see(states: PassState, name: str, see: Callable[[Any, Window], None], windo
 
 def _wanted(check: Check[Any], states: PassState, facts: Facts) -> tuple[int, ...]:
     state = states.states.get(check.name)
-    return attempt(states, check.name, partial(check.look_again_at, state, facts)) or ()
+    return attempt(states, check.name, partial(check.follow_up_windows, state, facts)) or ()
 
 
 def _in_turn(wanted: dict[str, tuple[int, ...]], budget: int) -> set[int]:

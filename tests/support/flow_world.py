@@ -187,15 +187,15 @@ def _poses(times_s: Float64, noise: PoseModel) -> tuple[Float64, Float64]:
     return positions_m + noise.position_sigma_m * rng.standard_normal(positions_m.shape), attitudes.as_quat()
 
 
-def observe(check: Check[Any], world: FlowWorld, *, tile_share: float = 1.0, look_again: bool = True) -> Observation:
+def observe(check: Check[Any], world: FlowWorld, *, tile_share: float = 1.0, follow_up: bool = True) -> Observation:
     """Run one check over the whole file, with the second look that it asks for."""
     windows = world.windows(Sampling(tile_share=tile_share))
     state = check.start(world.facts)
     for window in windows:
         check.update(state, window)
-    if look_again:
-        for index in check.look_again_at(state, world.facts):
-            check.look_again(state, windows[index])
+    if follow_up:
+        for index in check.follow_up_windows(state, world.facts):
+            check.follow_up(state, windows[index])
     return check.conclude(state, world.facts)
 
 

@@ -103,13 +103,13 @@ class Consistency(WindowCheck[WindowAgreement]):
             found += [agreement] if agreement else []
         return WindowAgreement(window.span.index, tuple(found), without_pose, too_few)
 
-    def look_again_at(self, state: list[WindowAgreement], facts: Facts) -> tuple[int, ...]:
+    def follow_up_windows(self, state: list[WindowAgreement], facts: Facts) -> tuple[int, ...]:
         """Ask for the windows of the worst pairs; of those that could not be compared where there are no others."""
         worst = sorted((-_suspicion(one.pairs), one.window) for one in state)
         chosen = [window for suspicion, window in worst if suspicion < -1]
         return tuple(chosen[:_CLOSER_LOOKS])
 
-    def look_again(self, state: list[WindowAgreement], window: Window) -> None:
+    def follow_up(self, state: list[WindowAgreement], window: Window) -> None:
         """Undo faults on the middle one of the window's pairs that are off: in the worst a fault may begin or end."""
         of_window = [pair for one in state if one.window == window.span.index for pair in one.pairs]
         off = sorted((pair for pair in of_window if pair.suspicion > 1), key=lambda pair: pair.suspicion)

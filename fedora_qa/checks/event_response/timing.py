@@ -127,7 +127,7 @@ class Timing(WindowCheck[Seen]):
         levels, readings = level_sums(window), reading_sums(window)
         return None if levels is None and readings is None else TimingSums(levels, readings, window.span.index)
 
-    def look_again_at(self, state: list[Seen], facts: Facts) -> tuple[int, ...]:
+    def follow_up_windows(self, state: list[Seen], facts: Facts) -> tuple[int, ...]:
         """Name the windows with most samples where one fit does not tell the offset."""
         sums = _sums(state)
         found, _ = _lateness(sums, facts)
@@ -136,7 +136,7 @@ class Timing(WindowCheck[Seen]):
         richest = sorted(sums, key=lambda one: -one.samples)[:WINDOWS_SEARCHED]
         return tuple(one.window for one in richest)
 
-    def look_again(self, state: list[Seen], window: Window) -> None:
+    def follow_up(self, state: list[Seen], window: Window) -> None:
         """Try other offsets."""
         first, _ = _lateness(_sums(state), window.facts)
         found = search_again(window, first.late_s if first is not None else None, _searched(state))

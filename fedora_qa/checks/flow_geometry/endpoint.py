@@ -118,12 +118,12 @@ class Endpoint(WindowCheck[WindowErrors]):
                     too_few_pixels += 1
         return WindowErrors(window.span.index, tuple(fields), without_depth, without_pose, too_few_pixels)
 
-    def look_again_at(self, state: list[WindowErrors], facts: Facts) -> tuple[int, ...]:
+    def follow_up_windows(self, state: list[WindowErrors], facts: Facts) -> tuple[int, ...]:
         """Ask for the windows of the worst fields, the worst first."""
         worst = sorted((-_suspicion(errors.fields), errors.window) for errors in state)
         return tuple(window for suspicion, window in worst[:_CLOSER_LOOKS] if suspicion < -1)
 
-    def look_again(self, state: list[WindowErrors], window: Window) -> None:
+    def follow_up(self, state: list[WindowErrors], window: Window) -> None:
         """Try inverse transforms on a field of each rate: the middle one of those that the window has off.
 
         The worst is often one in whose interval a fault begins or ends, and then half of it is honest.

@@ -102,12 +102,12 @@ class Residual(WindowCheck[WindowResiduals]):
                 fields += [measured] if measured else []
         return WindowResiduals(window.span.index, tuple(fields), without_frames)
 
-    def look_again_at(self, state: list[WindowResiduals], facts: Facts) -> tuple[int, ...]:
+    def follow_up_windows(self, state: list[WindowResiduals], facts: Facts) -> tuple[int, ...]:
         """Ask for the windows of the worst fields, the worst first."""
         worst = sorted((-max((suspicion(one) for one in w.fields), default=0.0), w.window) for w in state)
         return tuple(window for suspicion, window in worst[:_CLOSER_LOOKS] if suspicion < -1)
 
-    def look_again(self, state: list[WindowResiduals], window: Window) -> None:
+    def follow_up(self, state: list[WindowResiduals], window: Window) -> None:
         """Try inverse transforms on the window's worst field of each rate, and draw the worst of all."""
         optics = optics_of(window.facts)
         fields = [one for w in state if w.window == window.span.index for one in w.fields]

@@ -90,12 +90,12 @@ class Composition(WindowCheck[WindowComposition]):
                 not_compared += agreement is None
         return WindowComposition(window.span.index, tuple(found), not_compared)
 
-    def look_again_at(self, state: list[WindowComposition], facts: Facts) -> tuple[int, ...]:
+    def follow_up_windows(self, state: list[WindowComposition], facts: Facts) -> tuple[int, ...]:
         """Ask for the windows of the worst intervals."""
         worst = sorted((-max((s.suspicion for s in one.segments), default=0.0), one.window) for one in state)
         return tuple(window for suspicion, window in worst[:_CLOSER_LOOKS] if suspicion < -1)
 
-    def look_again(self, state: list[WindowComposition], window: Window) -> None:
+    def follow_up(self, state: list[WindowComposition], window: Window) -> None:
         """Undo faults on the window's worst interval of each pair of rates."""
         of_window = [s for one in state if one.window == window.span.index for s in one.segments]
         weighed: list[Weighed] = []
