@@ -23,7 +23,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.event_tiles import GRID
 from fedora_qa.views.frame_interpolation import KINDS, ReadingFits, ReadingSums, cell_sums, fit_all
 from fedora_qa.views.level_samples import HELD_LEVEL_BIAS
-from fedora_qa.views.threshold_fit import TOLD_WITHIN_S, Answer
+from fedora_qa.views.threshold_fit import CAPTURE_RANGE_S, Answer
 
 Float64 = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Lateness:
     rate: float
     rate_error: float
     rate_bound: float
-    told_within_s: float
+    capture_range_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,9 @@ def told_error_ms(found: Lateness, offset_ms: float, bound_ms: float, facts: Fac
     Offsets that were searched for are undone before they are read.
     """
     interval_ms = float(np.median(np.diff(facts.clocks["rgb"].times_ns))) / 1e6
-    read = max(float(np.sinc(0.5 * offset_ms / max(interval_ms, 1e-6))), 0.0) if isfinite(found.told_within_s) else 1.0
+    read = (
+        max(float(np.sinc(0.5 * offset_ms / max(interval_ms, 1e-6))), 0.0) if isfinite(found.capture_range_s) else 1.0
+    )
     return hypot(1e3 * found.error_s, bound_ms, offset_ms * (1.0 - read))
 
 
@@ -104,7 +106,7 @@ def by_levels(found: Answer, declared: EventModel) -> Lateness:
         fit.delay_rate,
         errors.delay_rate,
         bounds.delay_rate,
-        TOLD_WITHIN_S,
+        CAPTURE_RANGE_S,
     )
 
 

@@ -18,7 +18,7 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import why_frames_and_events_do_not_meet
 from fedora_qa.views.level_samples import FEWEST_PAIRS, FOLLOWS, FoundOffset, LevelSums, level_sums
 
-TOLD_WITHIN_S: Final = 3e-3
+CAPTURE_RANGE_S: Final = 3e-3
 """Offsets beyond this are read too small by one fit, and spoil thresholds."""
 
 LIMIT_ERRORS: Final = 5.0

@@ -25,7 +25,7 @@ _IN_PLACE, _OUT_OF_PLACE = 0.9, 0.75
 
 
 @dataclass(frozen=True, slots=True)
-class Clues:
+class TimingCues:
     """Likelihoods, up to a common factor, of what the file shows under each of two rival causes.
 
     Attributes
@@ -51,7 +51,7 @@ class Clues:
         return sensor, declaration
 
 
-def clues_of(facts: Facts) -> Clues:
+def timing_cues_of(facts: Facts) -> TimingCues:
     """Look for clues in the stamps of all streams and in what is declared.
 
     A simulator, and a good recorder, stamps on one grid: frames fall on stamps of IMU and pose. A clock that was moved
@@ -59,14 +59,14 @@ def clues_of(facts: Facts) -> Clues:
     """
     gravity = (facts.declared.imu or ImuModel()).gravity
     if "imu" not in facts.clocks or "pose" not in facts.clocks:
-        return Clues(gravity_m_s2=gravity)
+        return TimingCues(gravity_m_s2=gravity)
     imu_ns, pose_ns = (facts.clocks[stream].times_ns for stream in ("imu", "pose"))
     for imu_share, pose_share in _shares_in_place(facts, imu_ns, pose_ns):
         if imu_share >= _IN_PLACE and pose_share <= _OUT_OF_PLACE:
-            return Clues(imu_late=_by_chance(imu_ns), gravity_m_s2=gravity)
+            return TimingCues(imu_late=_by_chance(imu_ns), gravity_m_s2=gravity)
         if pose_share >= _IN_PLACE and imu_share <= _OUT_OF_PLACE:
-            return Clues(pose_late=_by_chance(pose_ns), gravity_m_s2=gravity)
-    return Clues(gravity_m_s2=gravity)
+            return TimingCues(pose_late=_by_chance(pose_ns), gravity_m_s2=gravity)
+    return TimingCues(gravity_m_s2=gravity)
 
 
 def _shares_in_place(facts: Facts, imu_ns: Int64, pose_ns: Int64) -> Iterator[tuple[float, float]]:

@@ -8,7 +8,7 @@ import pytest
 from fedora_qa.views.event_clock_offset import Lateness, told_error_ms
 from tests.support.facts import exact_facts
 
-READ = Lateness(10e-3, 0.3e-3, 0.0, 0.0, inf, inf, told_within_s=10e-3)
+READ = Lateness(10e-3, 0.3e-3, 0.0, 0.0, inf, inf, capture_range_s=10e-3)
 
 
 def test_an_offset_of_half_an_interval_may_be_read_too_small() -> None:
@@ -20,4 +20,4 @@ def test_an_offset_of_half_an_interval_may_be_read_too_small() -> None:
 
 def test_what_was_searched_for_is_read_where_it_is() -> None:
     """An offset that was undone before it was read has its own error alone, however large it is."""
-    assert told_error_ms(replace(READ, told_within_s=inf), 60.0, 0.4, exact_facts()) == pytest.approx(0.5)
+    assert told_error_ms(replace(READ, capture_range_s=inf), 60.0, 0.4, exact_facts()) == pytest.approx(0.5)

@@ -4,14 +4,14 @@ import pytest
 
 from fedora_qa.checks.imu.imu_suspects import suspects_for
 from fedora_qa.estimators.fitting.grouped_fit import Fitted
-from fedora_qa.views.timing_cues import Clues
+from fedora_qa.views.timing_cues import TimingCues
 
 
 def weight_of_bias(delay_explains: float, bias_explains: float) -> float:
     """Weight of a gyro's bias behind a delay of 8 ms, by how much either explains."""
     explained = {"time_offset": delay_explains, "bias": bias_explains}
     found = Fitted(0.008, 1e-6, 0.0, free=True, explained=explained)
-    suspects = suspects_for("rotation", "time_offset", found, 1.0, Clues())
+    suspects = suspects_for("rotation", "time_offset", found, 1.0, TimingCues())
     return next(suspect.weight for suspect in suspects if suspect.cause == "gyro_bias")
 
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from fedora_qa.checks.imu.imu_suspects import suspects_for
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.estimators.fitting.grouped_fit import Fitted
-from fedora_qa.views.timing_cues import Clues
+from fedora_qa.views.timing_cues import TimingCues
 from tests.support.motion_world import NOISY, MotionFile, sample_motion
 
 TURN = Rotation.from_rotvec(np.radians([8.0, -6.0, 3.0]))
@@ -31,6 +31,6 @@ def test_a_turned_imu_beside_noisy_poses_is_blamed_and_not_the_poses(tmp_path: P
 def test_a_slope_of_gravity_alone_is_the_world_of_the_poses() -> None:
     """A sensor would be turned in its rates as well."""
     slope = Fitted(0.3, 0.01, 0.0, True, {"slope": 1.0})
-    first, second = suspects_for("translation", "slope_x", slope, 1.0, Clues())
+    first, second = suspects_for("translation", "slope_x", slope, 1.0, TimingCues())
     assert (first.stream, second.stream) == ("pose", "imu")
     assert first.weight > second.weight

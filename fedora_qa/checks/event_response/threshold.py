@@ -11,7 +11,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import why_frames_and_events_do_not_meet
 from fedora_qa.views.level_samples import WeighedSums, weighed_sums
-from fedora_qa.views.threshold_fit import TOLD_WITHIN_S, Answer, LevelCheck, answer, level_coverage, surer
+from fedora_qa.views.threshold_fit import CAPTURE_RANGE_S, Answer, LevelCheck, answer, level_coverage, surer
 
 EVENTS: Final = Where(stream="events")
 
@@ -202,7 +202,7 @@ def _threshold_suspects(found: Answer, expected: float, fitted: float, error: fl
         return (Suspect("polarity_inverted", "events", 0.95),)
     preference, spread = found.preference
     other_model = preference > DOMAIN_PREFERRED * spread
-    late = abs(found.fit.delay_s) > TOLD_WITHIN_S
+    late = abs(found.fit.delay_s) > CAPTURE_RANGE_S
     percent = 100 * (expected / fitted - 1) if ratio > 0 else None
     uncertainty = 100 * expected / fitted**2 * error if ratio > 0 else None
     return (

@@ -131,7 +131,7 @@ class Timing(WindowCheck[Seen]):
         """Name the windows with most samples where one fit does not tell the offset."""
         sums = _sums(state)
         found, _ = _lateness(sums, facts)
-        if not sums or (found is not None and abs(found.late_s) < READ_TRULY * found.told_within_s):
+        if not sums or (found is not None and abs(found.late_s) < READ_TRULY * found.capture_range_s):
             return ()
         richest = sorted(sums, key=lambda one: -one.samples)[:WINDOWS_SEARCHED]
         return tuple(one.window for one in richest)

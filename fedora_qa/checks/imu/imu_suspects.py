@@ -7,7 +7,7 @@ from typing import Final
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.estimators.fitting.grouped_fit import Fitted, group_of
 from fedora_qa.views.inertial_agreement import Kind
-from fedora_qa.views.timing_cues import Clues
+from fedora_qa.views.timing_cues import TimingCues
 
 _ENOUGH: Final = 0.5
 _MS, _PPM = 1e3, 1e6
@@ -16,7 +16,7 @@ _ROUNDED_S: Final = 1e-6 / sqrt(12.0)
 """Files stamp in whole microseconds: all stamps of an even clock are rounded by the same part of one."""
 
 
-def suspects_for(kind: Kind, name: str, found: Fitted, share: float, clues: Clues) -> tuple[Suspect, ...]:
+def suspects_for(kind: Kind, name: str, found: Fitted, share: float, timing_cues: TimingCues) -> tuple[Suspect, ...]:
     """Return the causes behind a parameter that is off: its own, and those of groups that explain the data as well.
 
     Weights are shares of what can be explained at all that the group explains alone, times the ``share`` that this
@@ -26,12 +26,12 @@ def suspects_for(kind: Kind, name: str, found: Fitted, share: float, clues: Clue
     group = group_of(name)
     own = found.explained.get(group, 0.9)
     own_weight = (0.5 + 0.5 * share) * max(0.5, own)
-    own_causes = _CAUSES[kind, group](found.value, found.standard_error, own_weight, clues)
+    own_causes = _CAUSES[kind, group](found.value, found.standard_error, own_weight, timing_cues)
     others = [
         Suspect(suspect.cause, suspect.stream, suspect.weight)
         for other, explained in found.explained.items()
         if other != group and explained > _ENOUGH
-        for suspect in _CAUSES[kind, other](0.0, 0.0, 0.9 * explained * _likelihood(explained, own), clues)
+        for suspect in _CAUSES[kind, other](0.0, 0.0, 0.9 * explained * _likelihood(explained, own), timing_cues)
     ]
     return (*own_causes, *others)
 
@@ -45,32 +45,32 @@ def _likelihood(explained: float, own: float) -> float:
     return sqrt(max(1.0 - own, 0.0) / (1.0 - explained)) if explained < own else 1.0
 
 
-def _time_offset(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+def _time_offset(value: float, error: float, weight: float, timing_cues: TimingCues) -> tuple[Suspect, ...]:
     """Blame either: two clocks alone cannot tell which of them is late, nor what of a delay is written in stamps."""
     error = hypot(error, _ROUNDED_S)
     return (
-        Suspect("time_offset", "imu", clues.imu_late * weight, _MS * value, "ms", _MS * error),
-        Suspect("time_offset", "pose", clues.pose_late * weight, -_MS * value, "ms", _MS * error),
+        Suspect("time_offset", "imu", timing_cues.imu_late * weight, _MS * value, "ms", _MS * error),
+        Suspect("time_offset", "pose", timing_cues.pose_late * weight, -_MS * value, "ms", _MS * error),
     )
 
 
-def _clock_rate(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+def _clock_rate(value: float, error: float, weight: float, timing_cues: TimingCues) -> tuple[Suspect, ...]:
     return (Suspect("clock_rate", "imu", weight, _PPM * value, "ppm", _PPM * error),)
 
 
-def _pose_clock_rate(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+def _pose_clock_rate(value: float, error: float, weight: float, timing_cues: TimingCues) -> tuple[Suspect, ...]:
     return (Suspect("clock_rate", "pose", weight, _PPM * value, "ppm", _PPM * error),)
 
 
-def _gyro_bias(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+def _gyro_bias(value: float, error: float, weight: float, timing_cues: TimingCues) -> tuple[Suspect, ...]:
     return (Suspect("gyro_bias", "imu", weight, value, "rad/s", error),)
 
 
-def _accel_bias(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+def _accel_bias(value: float, error: float, weight: float, timing_cues: TimingCues) -> tuple[Suspect, ...]:
     return (Suspect("accel_bias", "imu", weight, value, "m/s^2", error),)
 
 
-def _turned(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+def _turned(value: float, error: float, weight: float, timing_cues: TimingCues) -> tuple[Suspect, ...]:
     """Blame another convention, or an exchange of axes, of which a turn is but a part: forces tell it then."""
     return (
         Suspect("frame_convention", "imu", weight),
@@ -79,25 +79,25 @@ def _turned(value: float, error: float, weight: float, clues: Clues) -> tuple[Su
     )
 
 
-def _gain(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+def _gain(value: float, error: float, weight: float, timing_cues: TimingCues) -> tuple[Suspect, ...]:
     return (Suspect("unknown", "imu", weight, 100.0 * value, "percent", 100.0 * error),)
 
 
-def _gravity(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+def _gravity(value: float, error: float, weight: float, timing_cues: TimingCues) -> tuple[Suspect, ...]:
     """Blame the sensor, or the declaration: which of the two values is a usual one tells."""
-    sensor, declaration = clues.of_gravity(value, error)
+    sensor, declaration = timing_cues.of_gravity(value, error)
     return (
         Suspect("gravity_magnitude", "imu", sensor * weight, value, "m/s^2", error),
         Suspect("gravity_magnitude", "metadata", 0.95 * declaration * weight, -value, "m/s^2", error),
     )
 
 
-def _slope(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+def _slope(value: float, error: float, weight: float, timing_cues: TimingCues) -> tuple[Suspect, ...]:
     """Blame a world that is not level, or a sensor: rarer than its bias, which level flight cannot tell from them."""
     return (Suspect("frame_convention", "pose", 0.8 * weight), Suspect("frame_convention", "imu", 0.75 * weight))
 
 
-def _lever(value: float, error: float, weight: float, clues: Clues) -> tuple[Suspect, ...]:
+def _lever(value: float, error: float, weight: float, timing_cues: TimingCues) -> tuple[Suspect, ...]:
     """Blame the unit for being off the body's origin, or the poses for being off it the other way."""
     return (
         Suspect("lever_arm", "imu", weight, value, "m", error),
@@ -105,7 +105,7 @@ def _lever(value: float, error: float, weight: float, clues: Clues) -> tuple[Sus
     )
 
 
-_CAUSES: Final[dict[tuple[Kind, str], Callable[[float, float, float, Clues], tuple[Suspect, ...]]]] = {
+_CAUSES: Final[dict[tuple[Kind, str], Callable[[float, float, float, TimingCues], tuple[Suspect, ...]]]] = {
     ("rotation", "time_offset"): _time_offset,
     ("rotation", "clock_rate"): _clock_rate,
     ("rotation", "pose_clock_rate"): _pose_clock_rate,

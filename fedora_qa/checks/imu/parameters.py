@@ -14,7 +14,7 @@ from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.inertial_agreement import Kind, Streams
 from fedora_qa.views.motion_samples import place
-from fedora_qa.views.timing_cues import Clues
+from fedora_qa.views.timing_cues import TimingCues
 
 _DEGREES: Final = float(np.degrees(1.0))
 
@@ -72,7 +72,7 @@ def parameters_measured(
     check: str,
     found: Mapping[str, Fitted],
     shown: Mapping[str, Shown],
-    clues: Clues,
+    timing_cues: TimingCues,
     besides: tuple[Suspect, ...] = (),
 ) -> tuple[Statistic, ...]:
     """State the fitted parameters that are to be shown; ``besides`` are causes that are known to disturb the fit."""
@@ -83,7 +83,7 @@ def parameters_measured(
     measured = []
     for name, one in chosen.items():
         share = abs(one.value) / (sizes[group_of(name)] or 1.0)
-        suspects = (*besides, *suspects_for(kind, name, one, share, clues))
+        suspects = (*besides, *suspects_for(kind, name, one, share, timing_cues))
         measured.append(_measured(check, name, one, shown[group_of(name)], suspects))
     return tuple(measured)
 
@@ -96,7 +96,7 @@ def local_measured(
     fit: InertialFit,
     group: str,
     shown: Shown,
-    clues: Clues,
+    timing_cues: TimingCues,
     besides: tuple[Suspect, ...] = (),
 ) -> tuple[Statistic, ...]:
     """State where a parameter of the group differs most from its value in the whole; nothing of very few stretches."""
@@ -121,7 +121,7 @@ def local_measured(
             f"{shown.factor * found.deviation:+.4g} off its value in the whole sequence.",
             code=f"{check}.local_{group}",
             where=where,
-            suspects=(*besides, *suspects_for(kind, name, there, 1.0, clues)),
+            suspects=(*besides, *suspects_for(kind, name, there, 1.0, timing_cues)),
         ),
     )
 

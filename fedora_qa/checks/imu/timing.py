@@ -24,7 +24,7 @@ from fedora_qa.views.inertial_agreement import (
     streams_of,
 )
 from fedora_qa.views.sample_defects import stamp_defects
-from fedora_qa.views.timing_cues import Clues, clues_of
+from fedora_qa.views.timing_cues import TimingCues, timing_cues_of
 
 _SURE: Final = 6.0
 _CLOSE: Final = 3.0
@@ -83,12 +83,14 @@ class Timing(WindowCheck[Motion]):
         fits = _sound_fits(streams)
         if not fits:
             return Observation(seen, unobservable="IMU and pose cannot be compared: see imu.rotation, imu.translation")
-        clues, of_stamps = clues_of(facts), stamp_defects(facts, "imu", "pose")
-        offset, *rates = (_measured(fits, name, clues, of_stamps) for name in TIMING_SHOWN)
+        timing_cues, of_stamps = timing_cues_of(facts), stamp_defects(facts, "imu", "pose")
+        offset, *rates = (_measured(fits, name, timing_cues, of_stamps) for name in TIMING_SHOWN)
         offset, notices = (offset, ()) if of_stamps else _without_averaging(offset, streams, facts)
         surest = min(fits, key=lambda kind: fits[kind].parameters["time_offset"].standard_error)
         shown = TIMING_SHOWN["time_offset"]
-        local = local_measured(facts, streams, surest, self.name, fits[surest], "time_offset", shown, clues, of_stamps)
+        local = local_measured(
+            facts, streams, surest, self.name, fits[surest], "time_offset", shown, timing_cues, of_stamps
+        )
         return Observation(seen, (offset, *rates, *local), notices)
 
 
@@ -103,7 +105,9 @@ def _sound_fits(streams: Streams) -> dict[Kind, InertialFit]:
     return fits
 
 
-def _measured(fits: dict[Kind, InertialFit], name: str, clues: Clues, besides: tuple[Suspect, ...]) -> Statistic:
+def _measured(
+    fits: dict[Kind, InertialFit], name: str, timing_cues: TimingCues, besides: tuple[Suspect, ...]
+) -> Statistic:
     """Average a parameter over the comparisons, by their errors; the surest one says what else would explain it."""
     found = {kind: fit.parameters[name] for kind, fit in fits.items()}
     information = np.array([one.standard_error**-2 for one in found.values()])
@@ -115,7 +119,7 @@ def _measured(fits: dict[Kind, InertialFit], name: str, clues: Clues, besides: t
         standard_error=float(information.sum() ** -0.5),
         model_error=float(shares @ [one.model_error for one in found.values()]),
     )
-    return parameters_measured(surest, "imu.timing", {name: average}, TIMING_SHOWN, clues, besides)[0]
+    return parameters_measured(surest, "imu.timing", {name: average}, TIMING_SHOWN, timing_cues, besides)[0]
 
 
 def _without_averaging(offset: Statistic, streams: Streams, facts: Facts) -> tuple[Statistic, tuple[Notice, ...]]:

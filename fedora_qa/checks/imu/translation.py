@@ -34,7 +34,7 @@ from fedora_qa.views.inertial_agreement import (
 )
 from fedora_qa.views.motion_samples import place
 from fedora_qa.views.sample_defects import frozen_imu, frozen_poses, pose_defects, stamp_defects
-from fedora_qa.views.timing_cues import clues_of
+from fedora_qa.views.timing_cues import timing_cues_of
 
 
 class Rotation(WindowCheck[Motion]):
@@ -162,10 +162,10 @@ def _agreement(
     )
     residual = _residual(found, kind, unit, factor, defects)
     worst = _worst(facts, streams, found, kind, unit, factor, defects)
-    clues, check = clues_of(facts), f"imu.{kind}"
+    timing_cues, check = timing_cues_of(facts), f"imu.{kind}"
     besides = defects if found.settled and not is_absurd(found) else (*defects, *_other_sequence(1.0))
-    parameters = parameters_measured(kind, check, found.parameters, shown, clues, besides)
-    local = local_measured(facts, streams, kind, check, found, "bias", shown["bias"], clues, defects)
+    parameters = parameters_measured(kind, check, found.parameters, shown, timing_cues, besides)
+    local = local_measured(facts, streams, kind, check, found, "bias", shown["bias"], timing_cues, defects)
     return Observation(
         seen,
         (residual, worst, *parameters, *local),
