@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any, Generic, TypeVar, cast
 
-from fedora_qa.engine.desk import Desk
+from fedora_qa.engine.open_file import OpenFile
 from fedora_qa.engine.progress import Progress
 from fedora_qa.storage.place import Place
 
@@ -82,7 +82,7 @@ class FileTask:
     windows: Sequence[int] = ()
     folder: Path | None = None
 
-    def __call__(self, progress: Progress, desk: Desk | None = None) -> Any:
+    def __call__(self, progress: Progress, open_file: OpenFile | None = None) -> Any:
         """Do it, at the desk of the process where it has one."""
         function = getattr(importlib.import_module("fedora_qa.engine.steps"), self.function)
-        return function(self, desk or Desk(keeps=False), progress)
+        return function(self, open_file or OpenFile(keeps=False), progress)

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from fedora_qa.engine.desk import OPENING_S
 from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.open_file import OPENING_S
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.sequence.sequence import open_sequence
 

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from fedora_qa.engine.desk import Desk
 from fedora_qa.engine.file_task import FileTask, Sealed, Surveyed
 from fedora_qa.engine.finish import finish_open
+from fedora_qa.engine.open_file import OpenFile
 from fedora_qa.engine.options import FileRun
 from fedora_qa.engine.partial_pass import PartialPass, measure_open
 from fedora_qa.engine.progress import Progress
@@ -14,44 +14,44 @@ from fedora_qa.engine.whole import check_whole as whole_run
 from fedora_qa.storage.place import Place
 
 
-def check_whole(task: FileTask, desk: Desk, progress: Progress) -> FileRun:
+def check_whole(task: FileTask, open_file: OpenFile, progress: Progress) -> FileRun:
     """Check a file from beginning to end: arguments are the checks, None for what the options select, and options."""
-    desk.clear()
+    open_file.clear()
     checks, options = task.arguments
     place = _place(task)
-    return whole_run(place, asked_for(checks, options), options, progress, desk.opening(place))
+    return whole_run(place, asked_for(checks, options), options, progress, open_file.opening(place))
 
 
-def survey_file(task: FileTask, desk: Desk, progress: Progress) -> Surveyed | FileRun:
+def survey_file(task: FileTask, open_file: OpenFile, progress: Progress) -> Surveyed | FileRun:
     """Scan the stamps of a file, arguments as above; its whole run where HDF5 refuses to open it."""
-    desk.clear()
+    open_file.clear()
     checks, options = task.arguments
     place = _place(task)
-    found = surveyed_file(place, asked_for(checks, options), options, progress, desk.opening(place))
+    found = surveyed_file(place, asked_for(checks, options), options, progress, open_file.opening(place))
     return found if isinstance(found, FileRun) else Surveyed(found.path, len(found.windows), Sealed.of(found))
 
 
-def measure_windows(task: FileTask, desk: Desk, progress: Progress) -> Sealed[PartialPass]:
+def measure_windows(task: FileTask, open_file: OpenFile, progress: Progress) -> Sealed[PartialPass]:
     """Hand the task's windows to what sees them: the argument is what the windows just before them have shown, or None.
 
     Returns what both have shown.
     """
-    with desk.opened(_surveyed(task)) as (found, file):
-        before = next(desk.take_shown(*filter(None, task.arguments)), None)
+    with open_file.opened(_surveyed(task)) as (found, file):
+        before = next(open_file.take_shown(*filter(None, task.arguments)), None)
         measured = measure_open(found, file, task.windows, progress, before)
         measured = replace(measured, traffic=measured.traffic + file.sequence.traffic)
         sealed = Sealed.of(measured, task.folder)
-        desk.keep_shown(sealed, measured)
+        open_file.keep_shown(sealed, measured)
         return sealed
 
 
-def finish_file(task: FileTask, desk: Desk, progress: Progress) -> FileRun:
+def finish_file(task: FileTask, open_file: OpenFile, progress: Progress) -> FileRun:
     """Judge a file: arguments are what its stretches of windows have shown, in order, and the windows that are lost."""
     parts, lost = task.arguments
-    with desk.opened(_surveyed(task)) as (found, file):
+    with open_file.opened(_surveyed(task)) as (found, file):
         file.ready.forget()  # what all workers have kept is merged in the room that blocks had
-        run = finish_open(found, file, desk.take_shown(*parts), lost, progress)
-    desk.clear()
+        run = finish_open(found, file, open_file.take_shown(*parts), lost, progress)
+    open_file.clear()
     return run
 
 

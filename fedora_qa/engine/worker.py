@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
-from fedora_qa.engine.desk import Desk
 from fedora_qa.engine.file_task import FileTask
+from fedora_qa.engine.open_file import OpenFile
 from fedora_qa.engine.room import keep_unused_memory, return_unused_memory
 
 _PATIENCE_S: Final = 0.25
@@ -57,14 +57,14 @@ def serve(pipe: "Connection[Any, Any]", threads: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the interrupt is the parent's to handle
     _use_threads(threads)
     keep_unused_memory()
-    desk = Desk(keeps=True)
+    open_file = OpenFile(keeps=True)
     while True:
         try:
             if not pipe.poll(_PATIENCE_S):
-                desk.clear()
+                open_file.clear()
                 return_unused_memory()
             pickled = pipe.recv_bytes()
-            pipe.send_bytes(_answer(pickled, pipe, desk))
+            pipe.send_bytes(_answer(pickled, pipe, open_file))
         except (EOFError, ConnectionError):
             return
 
@@ -85,13 +85,13 @@ def _use_threads(threads: int) -> None:
         opencv.setNumThreads(int(os.environ[_OPENCV_THREADS]))
 
 
-def _answer(pickled: bytes, pipe: "Connection[Any, Any]", desk: Desk) -> bytes:
+def _answer(pickled: bytes, pipe: "Connection[Any, Any]", open_file: OpenFile) -> bytes:
     def tell(what: str, done: int, of: int) -> None:
         pipe.send(Told(what, done, of))
 
     try:
         task = pickle.loads(pickled)
-        result = task(tell, desk) if isinstance(task, FileTask) else task(tell)
+        result = task(tell, open_file) if isinstance(task, FileTask) else task(tell)
         return pickle.dumps(Done(result, _peak_mib()), pickle.HIGHEST_PROTOCOL)
     except Exception as error:  # noqa: BLE001 - whoever asked for the result gets it
         return pickle.dumps(Failed(_that_travels(error)))

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from fedora_qa.engine.desk import Desk
 from fedora_qa.engine.file_task import FileTask, Sealed, Surveyed
+from fedora_qa.engine.open_file import OpenFile
 from fedora_qa.engine.options import CheckOptions
 from fedora_qa.engine.progress import quiet
 from tests.support.handmade import write_handmade
@@ -25,8 +25,8 @@ def surveyed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Surveyed:
     return found
 
 
-def measured(surveyed: Surveyed, windows: list[int], before: Any, folder: Path, desk: Desk) -> Sealed[Any]:
-    sealed: Sealed[Any] = FileTask("measure_windows", surveyed, (before,), windows, folder)(quiet, desk)
+def measured(surveyed: Surveyed, windows: list[int], before: Any, folder: Path, open_file: OpenFile) -> Sealed[Any]:
+    sealed: Sealed[Any] = FileTask("measure_windows", surveyed, (before,), windows, folder)(quiet, open_file)
     return sealed
 
 
@@ -37,39 +37,39 @@ def spoil(sealed: Sealed[Any]) -> None:
 
 def test_what_was_put_away_last_is_not_read_back(surveyed: Surveyed, tmp_path: Path) -> None:
     """A worker goes on with what it has; what it leaves in a file is what both stretches have shown."""
-    desk = Desk(keeps=True)
-    first = measured(surveyed, [0], None, tmp_path, desk)
+    open_file = OpenFile(keeps=True)
+    first = measured(surveyed, [0], None, tmp_path, open_file)
     spoil(first)
-    both = measured(surveyed, [1], first, tmp_path, desk)
+    both = measured(surveyed, [1], first, tmp_path, open_file)
     assert both.open().states.states["test.counts"] == [0, 1]
 
 
 def test_it_is_handed_out_once(surveyed: Surveyed, tmp_path: Path) -> None:
     """It is added to: a task that is done again finds what it began with, in the file."""
-    desk = Desk(keeps=True)
-    first = measured(surveyed, [0], None, tmp_path, desk)
+    open_file = OpenFile(keeps=True)
+    first = measured(surveyed, [0], None, tmp_path, open_file)
     for _ in range(2):
-        again = measured(surveyed, [1], first, tmp_path, desk)
+        again = measured(surveyed, [1], first, tmp_path, open_file)
         assert again.open().states.states["test.counts"] == [0, 1]
     spoil(first)
     with pytest.raises(EOFError):
-        measured(surveyed, [1], first, tmp_path, desk)
+        measured(surveyed, [1], first, tmp_path, open_file)
 
 
 def test_nothing_is_kept_of_another_stretch(surveyed: Surveyed, tmp_path: Path) -> None:
     """A worker that begins elsewhere, or has no work, lets go of it."""
-    for let_go in (lambda desk: measured(surveyed, [1], None, tmp_path, desk), Desk.clear):
-        desk = Desk(keeps=True)
-        first = measured(surveyed, [0], None, tmp_path, desk)
-        let_go(desk)
+    for let_go in (lambda open_file: measured(surveyed, [1], None, tmp_path, open_file), OpenFile.clear):
+        open_file = OpenFile(keeps=True)
+        first = measured(surveyed, [0], None, tmp_path, open_file)
+        let_go(open_file)
         spoil(first)
         with pytest.raises(EOFError):
-            measured(surveyed, [1], first, tmp_path, desk)
+            measured(surveyed, [1], first, tmp_path, open_file)
 
 
 def test_a_desk_that_keeps_nothing_reads_it(surveyed: Surveyed, tmp_path: Path) -> None:
     """In a process that is no worker, and where what was shown travels by itself."""
-    first = measured(surveyed, [0], None, tmp_path, Desk(keeps=False))
-    assert measured(surveyed, [1], first, tmp_path, Desk(keeps=True)).open().states.states["test.counts"] == [0, 1]
-    travels = FileTask("measure_windows", surveyed, (None,), [0])(quiet, Desk(keeps=True))
+    first = measured(surveyed, [0], None, tmp_path, OpenFile(keeps=False))
+    assert measured(surveyed, [1], first, tmp_path, OpenFile(keeps=True)).open().states.states["test.counts"] == [0, 1]
+    travels = FileTask("measure_windows", surveyed, (None,), [0])(quiet, OpenFile(keeps=True))
     assert pickle.loads(travels.pickled).states.states["test.counts"] == [0]

@@ -21,7 +21,7 @@ def test_a_process_inside_a_library_is_ended() -> None:
 
 OPENS = f"""
 from pathlib import Path
-from fedora_qa.engine import desk, steps, survey
+from fedora_qa.engine import open_file, steps, survey
 from fedora_qa.engine.file_task import FileTask
 from fedora_qa.engine.options import CheckOptions
 survey.open_sequence = lambda *_, **__: {ENDLESS}

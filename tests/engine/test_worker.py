@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from fedora_qa.engine import worker
-from fedora_qa.engine.desk import Desk
+from fedora_qa.engine.open_file import OpenFile
 from fedora_qa.engine.worker import Done, Told
 from tests.support import tasks
 
@@ -20,7 +20,7 @@ def cleared(monkeypatch: pytest.MonkeyPatch) -> Event:
     """Set when a worker that runs in this process clears its desk."""
     told = Event()
 
-    class Watched(Desk):
+    class Watched(OpenFile):
         def clear(self) -> None:
             super().clear()
             told.set()

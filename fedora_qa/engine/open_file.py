@@ -21,7 +21,7 @@ OPENING_S: Final = 5.0
 themselves are followed for ever (docs/hostile-files.md)."""
 
 
-class Desk:
+class OpenFile:
     """Holds one open file at most, so that neighbouring stretches of windows share what lies between them.
 
     Parameters
