@@ -15,7 +15,7 @@ from fedora_qa.comparison.sampled import sampled_from
 from fedora_qa.comparison.subjects import Given, GivenFile, labels
 from fedora_qa.engine.opening import require_end_of_opening
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.statistics import Measured, measure_file
+from fedora_qa.engine.statistics import FileStatistics, measure_file
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.record.json_io import read_record
@@ -104,7 +104,7 @@ def _measured(
 
 def _counted(
     path: Path, dialect: Dialect | None, memory_bytes: int, allow_external: Sequence[Path], progress: Progress
-) -> Measured:
+) -> FileStatistics:
     require_end_of_opening(path, dialect, allow_external)
     return measure_file(path, dialect, memory_bytes, progress, allow_external)
 
