@@ -17,8 +17,8 @@ from fedora_qa.cli.check import PATH, folders_named, require_hdf5
 from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.terminal import stdout_console, text
-from fedora_qa.engine.fuse import fuse
 from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.time_limit import fuse
 from fedora_qa.errors import UnreadableFileError
 from fedora_qa.layout.describe import DatasetRow, Description, describe
 from fedora_qa.layout.dialect import Dialect, load_dialect

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Final
 
-from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.time_limit import time_limit
 
 if TYPE_CHECKING:  # a worker has a desk before it has loaded what measures
     from fedora_qa.engine.file_task import Sealed, Surveyed
@@ -80,7 +80,7 @@ class OpenFile:
         """End this process where a local file takes for ever to open; only in workers, whose end is noticed."""
         from fedora_qa.storage.place import RemoteFile  # noqa: PLC0415 - loads what measures
 
-        return fuse(OPENING_S) if self._keeps and not isinstance(path, RemoteFile) else nullcontext()
+        return time_limit(OPENING_S) if self._keeps and not isinstance(path, RemoteFile) else nullcontext()
 
     def clear(self) -> None:
         """Close what is open, and forget what has been decoded."""

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from fedora_qa.engine.fuse import fuse
 from fedora_qa.engine.open_file import OPENING_S
+from fedora_qa.engine.time_limit import time_limit
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.sequence.sequence import open_sequence
 
@@ -14,5 +14,5 @@ def require_end_of_opening(path: Path, dialect: Dialect | None = None, allow_ext
 
     Arguments and what it raises are those of ``open_sequence``.
     """
-    with fuse(OPENING_S):
+    with time_limit(OPENING_S):
         open_sequence(path, dialect, allow_external=allow_external).close()

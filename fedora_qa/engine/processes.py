@@ -12,8 +12,8 @@ from typing import Any, Self
 
 from fedora_qa.engine.executors import Result, Task
 from fedora_qa.engine.fork_server import worker_context
-from fedora_qa.engine.fuse import ENDED_BY
 from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.time_limit import ENDED_BY
 from fedora_qa.engine.worker import Done, Failed, Told, serve
 from fedora_qa.errors import EndlessError, WorkerLostError
 

@@ -6,8 +6,8 @@ import sys
 import time
 from pathlib import Path
 
-from fedora_qa.engine.fuse import fuse
 from fedora_qa.engine.progress import Progress
+from fedora_qa.engine.time_limit import fuse
 
 
 def count(to: int, progress: Progress) -> tuple[int, int]:

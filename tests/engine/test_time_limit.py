@@ -7,14 +7,14 @@ import threading
 
 import pytest
 
-from fedora_qa.engine.fuse import fuse
+from fedora_qa.engine.time_limit import time_limit
 
 ENDLESS = "sum(iter(int, 1))"
 """Never returns to the interpreter's loop."""
 
 
 def test_a_process_inside_a_library_is_ended() -> None:
-    program = f"from fedora_qa.engine.fuse import fuse\nwith fuse(0.2):\n    {ENDLESS}"
+    program = f"from fedora_qa.engine.time_limit import time_limit\nwith time_limit(0.2):\n    {ENDLESS}"
     ended = subprocess.run([sys.executable, "-c", program], timeout=60, check=False)
     assert ended.returncode == -signal.SIGPROF
 
@@ -41,7 +41,7 @@ def test_a_worker_that_opens_a_file_for_ever_is_ended(task: str) -> None:
 
 def test_what_ends_in_time_goes_on_without_a_limit() -> None:
     before = signal.getsignal(signal.SIGPROF)
-    with fuse(30.0):
+    with time_limit(30.0):
         assert signal.getitimer(signal.ITIMER_PROF)[0] > 0
     assert signal.getitimer(signal.ITIMER_PROF) == (0.0, 0.0)
     assert signal.getsignal(signal.SIGPROF) == before
@@ -51,7 +51,7 @@ def test_threads_beside_the_main_one_have_none() -> None:
     seen: list[float] = []
 
     def work() -> None:
-        with fuse(30.0):
+        with time_limit(30.0):
             seen.append(signal.getitimer(signal.ITIMER_PROF)[0])
 
     thread = threading.Thread(target=work)

@@ -11,7 +11,7 @@ ENDED_BY: Final = getattr(signal, "SIGPROF", None)
 
 
 @contextmanager
-def fuse(limit_s: float) -> Iterator[None]:
+def time_limit(limit_s: float) -> Iterator[None]:
     """End this process by SIGPROF where the block takes more seconds of processor than that.
 
     A call into C holds the interpreter, so that no handler of ours would run: the signal's own effect is to end the
