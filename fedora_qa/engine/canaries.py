@@ -157,7 +157,7 @@ def _with_fault(run: PlainRun, fault: Fault) -> Prepared:
         return prepare(sequence, run.memory_bytes)
     ready = run.ready
     facts = replace(ready.facts, declared=sequence.declared, layout=sequence.layout)
-    decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.cache_bytes, ready.decoder.room)
+    decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.cache_bytes, ready.decoder.memory_budget)
     return replace(ready, facts=facts, decoder=decoder, images=SharedImages(ready.images.limit_bytes))
 
 

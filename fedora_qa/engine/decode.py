@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.engine.block_memory import LEAST_BYTES, BlockMemory, is_looked_at, lies_in_pages
-from fedora_qa.engine.room import Room
+from fedora_qa.engine.memory_budget import MemoryBudget
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
 from fedora_qa.sequence.scan import BLOCK_ROWS, Scan
@@ -49,12 +49,14 @@ class BlockDecoder:
         What is left for them at the time; all of that where None.
     """
 
-    def __init__(self, sequence: SequenceRows, scan: Scan, cache_bytes: int, room: Room | None = None) -> None:
+    def __init__(
+        self, sequence: SequenceRows, scan: Scan, cache_bytes: int, memory_budget: MemoryBudget | None = None
+    ) -> None:
         self._sequence = sequence
         self._block_first_ns = scan.block_first_ns
         self._event_count = scan.facts.events.count if scan.facts.events else 0
         self.cache_bytes = cache_bytes
-        self.room = room
+        self.memory_budget = memory_budget
         self._memory = BlockMemory()
         self._cached: OrderedDict[tuple[str, int], Block] = OrderedDict()
         self._small_bytes = 0
@@ -69,8 +71,8 @@ class BlockDecoder:
 
     def begin(self, span: Span) -> None:
         """Be told which window is looked at from now on."""
-        if self.room:
-            self.room.begin_window()
+        if self.memory_budget:
+            self.memory_budget.begin_window()
         self._owned |= span.owned
 
     def rows(self, key: str, start: int, stop: int) -> NDArray[Any]:
@@ -119,7 +121,7 @@ class BlockDecoder:
         self.decoded_bytes += block.nbytes
         if block.nbytes < LEAST_BYTES:
             block = np.ascontiguousarray(block)  # compiled loops are made for rows that lie one after another
-            self._make_room(block.nbytes)
+            self._make_space(block.nbytes)
             self._small_bytes += block.nbytes
         elif not lies_in_pages(block):
             block = self._moved(block)
@@ -131,7 +133,7 @@ class BlockDecoder:
         size = prod(shape) * dtype.itemsize
         if size < LEAST_BYTES:
             return np.empty(shape, dtype)
-        self._make_room(size)
+        self._make_space(size)
         return self._memory.array(shape, dtype)
 
     def _moved(self, block: NDArray[Any]) -> NDArray[Any]:
@@ -139,9 +141,13 @@ class BlockDecoder:
         moved[...] = block
         return moved
 
-    def _make_room(self, size: int) -> None:
+    def _make_space(self, size: int) -> None:
         """Drop blocks until another of this size fits, or all that are left are looked at."""
-        most = self.cache_bytes if self.room is None else min(self.cache_bytes, self.room.for_blocks(self.held_bytes))
+        most = (
+            self.cache_bytes
+            if self.memory_budget is None
+            else min(self.cache_bytes, self.memory_budget.for_blocks(self.held_bytes))
+        )
         while self._memory.used_bytes + self._small_bytes + size > most and self._drop_one(size):
             pass
         while self.held_bytes + self._missing(size) > most and self._memory.give_back():

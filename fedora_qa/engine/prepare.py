@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from fedora_qa.engine.decode import BlockDecoder
-from fedora_qa.engine.room import Room
+from fedora_qa.engine.memory_budget import MemoryBudget
 from fedora_qa.engine.windows import cut_windows, window_length_ns
 from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.resolve import Layout
@@ -55,8 +55,8 @@ def prepare(sequence: SequenceRows, memory_bytes: int) -> Prepared:
 def ready_to_measure(sequence: SequenceRows, scanned: Scan, memory_bytes: int) -> Prepared:
     """Cut the windows of an open sequence whose stamps have been scanned."""
     pixels = frame_pixels(sequence.layout)
-    room = Room(memory_bytes, _EXPECTED_BYTES_PER_PIXEL * (pixels or 0))
-    decoder = BlockDecoder(sequence, scanned, _MOST_BYTES, room)
+    memory_budget = MemoryBudget(memory_bytes, _EXPECTED_BYTES_PER_PIXEL * (pixels or 0))
+    decoder = BlockDecoder(sequence, scanned, _MOST_BYTES, memory_budget)
     images = SharedImages(min(int(_IMAGES_SHARE * memory_bytes), _MOST_IMAGES_BYTES))
     return Prepared(scanned, scanned.facts, cut_windows(scanned), decoder, images, pixels)
 

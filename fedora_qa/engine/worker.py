@@ -14,8 +14,8 @@ from multiprocessing.connection import Connection
 from typing import Any, Final
 
 from fedora_qa.engine.file_task import FileTask
+from fedora_qa.engine.memory_budget import keep_unused_memory, return_unused_memory
 from fedora_qa.engine.open_file import OpenFile
-from fedora_qa.engine.room import keep_unused_memory, return_unused_memory
 
 _PATIENCE_S: Final = 0.25
 """How long a process without a task keeps its file open: the next one mostly comes within milliseconds, and what waits

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from fedora_qa.checks import CHECKS
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.engine import decode
+from fedora_qa.engine.memory_budget import keep_unused_memory
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.room import keep_unused_memory
 from fedora_qa.engine.survey import Survey, opened, survey_file
 from fedora_qa.sequence.window import Window
 

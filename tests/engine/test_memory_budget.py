@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from fedora_qa.engine.room import Room, own_bytes, return_unused_memory
+from fedora_qa.engine.memory_budget import MemoryBudget, own_bytes, return_unused_memory
 
 SHARE = 400_000_000
 EXPECTED = 100_000_000
@@ -17,11 +17,11 @@ SLACK = 8_000_000
 measured = pytest.mark.skipif(sys.platform != "linux", reason="what a process holds is known on Linux alone")
 
 
-def _begun(windows: int) -> Room:
-    room = Room(SHARE, EXPECTED)
+def _begun(windows: int) -> MemoryBudget:
+    memory_budget = MemoryBudget(SHARE, EXPECTED)
     for _ in range(windows):
-        room.begin_window()
-    return room
+        memory_budget.begin_window()
+    return memory_budget
 
 
 @pytest.fixture
@@ -48,28 +48,28 @@ def test_later_there_is_room_for_what_was_needed() -> None:
 @pytest.mark.parametrize("windows", [1, 10])
 def test_what_is_held_beside_blocks_is_missing(windows: int, request: pytest.FixtureRequest) -> None:
     """What the process gets beside blocks is taken off, and stays so, as the same is needed in the next window."""
-    room = _begun(windows)
-    room.for_blocks(0)
+    memory_budget = _begun(windows)
+    memory_budget.for_blocks(0)
     pages = request.getfixturevalue("held")
-    assert abs(room.for_blocks(0) - (SHARE - HELD)) < SLACK
+    assert abs(memory_budget.for_blocks(0) - (SHARE - HELD)) < SLACK
     pages.close()
-    assert abs(room.for_blocks(0) - (SHARE - HELD)) < SLACK
+    assert abs(memory_budget.for_blocks(0) - (SHARE - HELD)) < SLACK
 
 
 @measured
 def test_blocks_themselves_are_not_beside_them(request: pytest.FixtureRequest) -> None:
     """What blocks fill is not taken off what they may fill."""
-    room = _begun(10)
+    memory_budget = _begun(10)
     request.getfixturevalue("held")
-    assert room.for_blocks(HELD) > SHARE - SLACK
+    assert memory_budget.for_blocks(HELD) > SHARE - SLACK
 
 
 @measured
 def test_there_is_always_some_room(request: pytest.FixtureRequest) -> None:
     """A share that is spent already leaves a quarter of itself."""
-    room = Room(HELD // 2, 0)
+    memory_budget = MemoryBudget(HELD // 2, 0)
     request.getfixturevalue("held")
-    assert room.for_blocks(0) == HELD // 8
+    assert memory_budget.for_blocks(0) == HELD // 8
 
 
 @measured
@@ -93,7 +93,7 @@ def test_unused_memory_is_returned() -> None:
 USES_IT_TWICE = """
 import resource
 import numpy as np
-from fedora_qa.engine.room import keep_unused_memory
+from fedora_qa.engine.memory_budget import keep_unused_memory
 keep_unused_memory()
 for _ in range(2):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt

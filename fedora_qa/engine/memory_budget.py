@@ -33,7 +33,7 @@ _MOST_UNUSED_BYTES: Final = 256 << 20
 """At the end of the heap: more than any check needs for a moment."""
 
 
-class Room:
+class MemoryBudget:
     """What is left of a share of the memory.
 
     Parameters
