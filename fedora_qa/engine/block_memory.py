@@ -51,7 +51,7 @@ class BlockMemory:
     def __init__(self) -> None:
         self.held_bytes = 0
         self._leased_bytes = 0
-        self._regions: list[_Region] = []
+        self._work_queue: list[_Region] = []
         self._returned: list[_Place] = []
 
     @property
@@ -76,12 +76,12 @@ class BlockMemory:
     def give_back(self) -> bool:
         """Give pages that nobody uses to the system, those of the narrowest gap; return whether there were any."""
         self._take_back()
-        pieces = [(region.held(*free), region, free) for region in self._regions for free in region.free]
+        pieces = [(region.held(*free), region, free) for region in self._work_queue for free in region.free]
         held, region, free = min((one for one in pieces if one[0]), key=lambda one: one[0], default=(0, None, (0, 0)))
         if region is None:
             return False
         if free == (0, len(region.pages)):
-            self._regions.remove(region)
+            self._work_queue.remove(region)
         elif not region.give_back(*free):
             return False
         self.held_bytes -= held
@@ -105,12 +105,12 @@ class BlockMemory:
     def _best(self, size: int) -> "_Place | None":
         """Return the place for which the fewest fresh pages are needed, in the narrowest gap of those."""
         self._take_back()
-        places = (place for region in self._regions for place in region.places(_whole_pages(size)))
+        places = (place for region in self._work_queue for place in region.places(_whole_pages(size)))
         return min(places, key=lambda place: (place.fresh, place.gap), default=None)
 
     def _in_new_region(self, size: int) -> "_Place":
         region = _Region(max(_whole_pages(size), _REGION_BYTES))
-        self._regions.append(region)
+        self._work_queue.append(region)
         return next(region.places(_whole_pages(size)))
 
 

@@ -25,10 +25,10 @@ from fedora_qa.engine.file_work import DIED_TWICE, FileWork, Step
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.partial_pass import PartialPass
 from fedora_qa.engine.plan import FEWEST_WINDOWS
-from fedora_qa.engine.regions import equal_parts
 from fedora_qa.engine.survey import Survey
 from fedora_qa.engine.visiting import visiting_order
 from fedora_qa.engine.windows import WINDOW_NS
+from fedora_qa.engine.work_queue import equal_parts
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.traffic import NO_TRAFFIC, Traffic
 

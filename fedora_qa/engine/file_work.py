@@ -11,7 +11,7 @@ from fedora_qa.engine.executors import Task
 from fedora_qa.engine.file_task import FileTask, Sealed, Surveyed
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.progress import MEASURING, Progress
-from fedora_qa.engine.regions import Regions
+from fedora_qa.engine.work_queue import WorkQueue
 from fedora_qa.storage.place import Place
 
 _OPENED: Final = "being opened"
@@ -84,7 +84,7 @@ class FileWork:
         self._lost: list[int] = []
         self._seen: dict[int, int] = {}
         self._surveyed_as: Surveyed | None = None
-        self._regions = Regions(0, workers)
+        self._work_queue = WorkQueue(0, workers)
         self._options = options
         if workers == 1:
             self._do_in_one()
@@ -95,7 +95,7 @@ class FileWork:
         """Return the next step for a worker, by its number; None where there is none for now."""
         if self.ready:
             return self.ready.popleft()
-        survey, windows = self._surveyed_as, self._regions.take(worker)
+        survey, windows = self._surveyed_as, self._work_queue.take(worker)
         if survey is None or not windows:
             return None
         return self._measuring(survey, windows, when_lost=partial(self._each_alone, survey, windows))
@@ -145,7 +145,7 @@ class FileWork:
             self._finished(survey)
             return
         self.windows = survey.windows
-        self._regions = Regions(survey.windows, self._workers)
+        self._work_queue = WorkQueue(survey.windows, self._workers)
         self._surveyed_as = survey
         self._finish_if_measured(survey)
 

@@ -15,7 +15,7 @@ from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
 from fedora_qa.engine.progress import Tally
-from fedora_qa.engine.regions import Regions
+from fedora_qa.engine.work_queue import WorkQueue
 from fedora_qa.errors import MisuseError
 from tests.support.fake_executors import Loses, Travels
 from tests.support.handmade import write_handmade
@@ -202,7 +202,7 @@ def test_errors_of_a_file_end_the_run(tmp_path: Path) -> None:
 @given(windows=st.integers(0, 3000), workers=st.integers(1, 64), data=st.data())
 def test_regions_hold_every_window_once(windows: int, workers: int, data: st.DataObject) -> None:
     """Whoever asks when, every window is dealt out once, in stretches of neighbours, two thirds of all at most."""
-    regions, dealt = Regions(windows, workers), []
+    regions, dealt = WorkQueue(windows, workers), []
     while stretch := regions.take(data.draw(st.integers(0, workers - 1))):
         assert list(stretch) == list(range(stretch[0], stretch[0] + len(stretch)))
         assert len(stretch) <= min(max(2 * windows // 3, 4), 64)
@@ -212,7 +212,7 @@ def test_regions_hold_every_window_once(windows: int, workers: int, data: st.Dat
 
 def test_workers_stay_in_their_neighbourhoods() -> None:
     """Each goes on where it was, and when it is done takes the far end of what is left of another's."""
-    regions = Regions(40, 2)
+    regions = WorkQueue(40, 2)
     assert [regions.take(0) for _ in range(3)] == [range(13), range(13, 17), range(17, 20)]
     assert regions.take(1) == range(20, 33)
     assert regions.take(0) == range(36, 40)

@@ -14,7 +14,7 @@ _MOST_WINDOWS: Final = 64
 with the next, which takes as long as two windows there; a worker that dies takes one with it."""
 
 
-class Regions:
+class WorkQueue:
     """The windows of a file that nobody measures yet, in neighbourhoods.
 
     Parameters
