@@ -135,7 +135,7 @@ class FileWork:
         self._give_up(_OPENED, ENDLESS)
 
     def _give_up(self, doing: str, end: str) -> None:
-        from fedora_qa.engine.lost import lost_file  # noqa: PLC0415 - loads what measures
+        from fedora_qa.engine.failures import lost_file  # noqa: PLC0415 - loads what measures
         from fedora_qa.engine.run import asked_for  # noqa: PLC0415 - as above
 
         self.run = lost_file(self.path, asked_for(self._checks, self._options), doing, end)

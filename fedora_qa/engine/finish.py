@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fedora_qa.checks.protocol import Observation
 from fedora_qa.diagnosis.diagnose import diagnose
 from fedora_qa.engine.evidence import distributions_of, evidence_of_checks, evidence_of_pass
-from fedora_qa.engine.lost import lost_windows
+from fedora_qa.engine.failures import lost_windows
 from fedora_qa.engine.options import FileRun
 from fedora_qa.engine.outcomes import crossing_streams, results_in_order, verdict_of
 from fedora_qa.engine.partial_pass import STAGE, PartialPass, together
