@@ -18,7 +18,7 @@ from fedora_qa.cli.output_options import allow_external_option
 from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.time_limit import fuse
+from fedora_qa.engine.time_limit import time_limit
 from fedora_qa.errors import UnreadableFileError
 from fedora_qa.layout.describe import DatasetRow, Description, describe
 from fedora_qa.layout.dialect import Dialect, load_dialect
@@ -63,7 +63,7 @@ def _described(
     """Return what a file holds, and where a name is given for one, a draft of its dialect."""
     elsewhere = Elsewhere(allow_external) if allow_external else None
     try:
-        with fuse(LONGEST_S), h5py.File(file.resolve(), "r", locking="best-effort") as opened:
+        with time_limit(LONGEST_S), h5py.File(file.resolve(), "r", locking="best-effort") as opened:
             description = describe(opened, resolve(opened, known, elsewhere))
             return description, draft_dialect(opened, draft_name) if draft_name else ""
     except OSError as error:

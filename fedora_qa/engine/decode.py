@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fedora_qa.engine.block_memory import LEAST_BYTES, BlockMemory, is_looked_at, lies_in_pages
 from fedora_qa.engine.memory_budget import MemoryBudget
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
+from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
 from fedora_qa.sequence.scan import BLOCK_ROWS, Scan
 from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.window import Span
@@ -98,9 +98,9 @@ class BlockDecoder:
         if block < 0:
             return 0
         start, stop = block * BLOCK_ROWS, min((block + 1) * BLOCK_ROWS, self._event_count)
-        stamps = STAMPS_OF["events"]
+        timestamps = TIMESTAMPS_OF["events"]
         rows = range(start, stop)  # to join the blocks of a million of them takes longer than to look at twenty
-        return start + bisect_left(rows, time_ns, key=lambda row: int(self.rows(stamps, row, row + 1)[0]))
+        return start + bisect_left(rows, time_ns, key=lambda row: int(self.rows(timestamps, row, row + 1)[0]))
 
     def _block(self, key: str, number: int, rows: int) -> NDArray[Any]:
         found = self._cached.get((key, number))

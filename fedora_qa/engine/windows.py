@@ -6,7 +6,7 @@ import numpy as np
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
+from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
 from fedora_qa.sequence.scan import Scan
 from fedora_qa.sequence.sequence import SequenceRows
 from fedora_qa.sequence.window import Span
@@ -58,19 +58,19 @@ def cut_windows(scan: Scan) -> tuple[Span, ...]:
 
 def _image_bytes_per_s(sequence: SequenceRows) -> float:
     """Estimate decoded image bytes per second from the median step of each stream's first stamps."""
-    return sum(_stream_bytes_per_s(sequence, stream) for stream in sorted(sequence.layout.streams & set(STAMPS_OF)))
+    return sum(_stream_bytes_per_s(sequence, stream) for stream in sorted(sequence.layout.streams & set(TIMESTAMPS_OF)))
 
 
 def _stream_bytes_per_s(sequence: SequenceRows, stream: str) -> float:
     images = [spec for spec in DATASETS.values() if spec.stream == stream and spec.is_image]
-    rows = sequence.layout.bindings[STAMPS_OF[stream]].rows
+    rows = sequence.layout.bindings[TIMESTAMPS_OF[stream]].rows
     if not images or rows < 2:
         return 0.0
     try:
-        stamps = sequence.rows(STAMPS_OF[stream], 0, min(rows, 1000))
+        timestamps = sequence.rows(TIMESTAMPS_OF[stream], 0, min(rows, 1000))
     except UnreadableRowsError:
         return 0.0
-    step_ns = float(np.median(np.diff(stamps.reshape(len(stamps), -1)[:, 0])))
+    step_ns = float(np.median(np.diff(timestamps.reshape(len(timestamps), -1)[:, 0])))
     if step_ns <= 0:
         return 0.0
     shape = sequence.layout.bindings[images[0].key].shape

@@ -22,7 +22,7 @@ from fedora_qa.evidence.kept import Kept, together
 from fedora_qa.evidence.moments import keep_moments
 from fedora_qa.evidence.options import EvidenceOptions
 from fedora_qa.evidence.timeline import Timeline, stream_counts, timeline_of
-from fedora_qa.layout.canonical import STAMPS_OF
+from fedora_qa.layout.canonical import TIMESTAMPS_OF
 from fedora_qa.record.evidence import MOMENTS, TIMELINE, named
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Span, Window
@@ -155,7 +155,7 @@ class EvidenceCollector:
 def _count_events(state: Seen, window: Window) -> None:
     rows = window.owned("events")
     try:
-        times_ns = window.rows(STAMPS_OF["events"], rows.start, rows.stop)
+        times_ns = window.rows(TIMESTAMPS_OF["events"], rows.start, rows.stop)
         state.pixels = with_events(state.pixels, window)
     except UnreadableRowsError:
         return

@@ -53,7 +53,7 @@ def timeline_of(facts: Facts, spans: Sequence[Span], bins: int) -> Timeline:
     if not usual:
         return Timeline(0, 1, 1)
     low, high = usual[0].start_ns, usual[-1].stop_ns
-    ends = [bound for times in _stamps(facts) for bound in _bounds_within(times, low, high)]
+    ends = [bound for times in _timestamps(facts) for bound in _bounds_within(times, low, high)]
     if facts.events is not None and facts.events.count:
         ends += [at for at in (facts.events.first_ns, facts.events.last_ns) if low <= at < high]
     start_ns, stop_ns = (min(ends), max(ends)) if ends else (low, high)
@@ -84,7 +84,7 @@ def _streams_in(span: Span) -> int:
     return sum(start < stop and not stream.startswith("flow/") for stream, (start, stop) in span.owned.items())
 
 
-def _stamps(facts: Facts) -> list[Int64]:
+def _timestamps(facts: Facts) -> list[Int64]:
     return [clock.times_ns for clock in facts.clocks.values()]
 
 

@@ -5,8 +5,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import Final
 
-from fedora_qa.faults import damage, declarations, events, flow, images, motion
-from fedora_qa.faults import timestamps as stamps
+from fedora_qa.faults import damage, declarations, events, flow, images, motion, timestamps
 from fedora_qa.faults.canary_conditions import Ground
 from fedora_qa.faults.fault import Fault
 
@@ -22,22 +21,22 @@ CANARIES: Final[Mapping[str, Planter]] = MappingProxyType(
         "metadata.units": declarations.wrong_label,
         "metadata.cameras": declarations.stretched_mounting,
         "metadata.profile": declarations.wider_camera,
-        "clocks.order": stamps.exchanged_stamps,
-        "clocks.unit": stamps.in_nanoseconds,
-        "clocks.rate": stamps.wrong_rate,
-        "clocks.gaps": stamps.lost_samples,
-        "clocks.span": stamps.begins_late,
-        "clocks.resolution": stamps.coarse_grid,
-        "index_maps.rgb": partial(stamps.next_event, index_map="rgb_to_event"),
-        "index_maps.depth": partial(stamps.next_event, index_map="depth_to_event"),
+        "clocks.order": timestamps.exchanged_timestamps,
+        "clocks.unit": timestamps.in_nanoseconds,
+        "clocks.rate": timestamps.wrong_rate,
+        "clocks.gaps": timestamps.lost_samples,
+        "clocks.span": timestamps.begins_late,
+        "clocks.resolution": timestamps.coarse_grid,
+        "index_maps.rgb": partial(timestamps.next_event, index_map="rgb_to_event"),
+        "index_maps.depth": partial(timestamps.next_event, index_map="depth_to_event"),
         "event_stream.bounds": events.outside_of_the_sensor,
         "event_stream.duplicates": events.repeated,
-        "event_stream.gaps": stamps.gap_in_events,
+        "event_stream.gaps": timestamps.gap_in_events,
         "event_stream.rates": events.hot_pixel,
         "event_response.orientation": events.inverted_polarity,
         "event_response.model": declarations.other_event_model,
         "event_response.threshold": declarations.smaller_thresholds,
-        "event_response.timing": stamps.late_events,
+        "event_response.timing": timestamps.late_events,
         "event_response.alignment": events.shifted,
         "event_response.frames": images.exchanged_colour,
         "event_response.conservation": events.mirrored,
@@ -62,7 +61,7 @@ CANARIES: Final[Mapping[str, Planter]] = MappingProxyType(
         "pose.noise": declarations.other_pose_noise,
         "imu.rotation": motion.gyro_bias,
         "imu.translation": motion.accel_bias,
-        "imu.timing": stamps.late_imu,
+        "imu.timing": timestamps.late_imu,
         "imu.noise": declarations.other_imu_noise,
     }
 )

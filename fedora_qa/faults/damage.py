@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.faults.canary_conditions import Ground, UnplantableError
 from fedora_qa.faults.fault import Fault, Read, values
-from fedora_qa.layout.binding import INVALID_STAMP_NS
-from fedora_qa.layout.canonical import DATASETS, STAMPS_OF
+from fedora_qa.layout.binding import INVALID_TIMESTAMP_NS
+from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
 
 
 def undecodable(ground: Ground) -> Fault:
     """No row of a dataset decodes; of its stream's stamps all do, so that there are windows to look at."""
-    keys = [key for key in ground.facts.layout.bindings if not DATASETS[key].is_stamps]
+    keys = [key for key in ground.facts.layout.bindings if not DATASETS[key].is_timestamps]
     images = [key for key in keys if DATASETS[key].is_image]
     if not keys:
         raise UnplantableError("the file holds stamps only")
@@ -33,8 +33,8 @@ def not_finite(ground: Ground) -> Fault:
             return Fault(f"a value of each row of {key} is infinite", {key: values(_first_infinite)})
     for stream, clock in ground.facts.clocks.items():
         if len(clock.times_ns):
-            invalid = values(lambda stamps: np.full_like(stamps, INVALID_STAMP_NS))
-            return Fault(f"the stamps of {stream} are NaN", {STAMPS_OF[stream]: invalid})
+            invalid = values(lambda timestamps: np.full_like(timestamps, INVALID_TIMESTAMP_NS))
+            return Fault(f"the stamps of {stream} are NaN", {TIMESTAMPS_OF[stream]: invalid})
     raise UnplantableError("the file holds no stream whose values could be other than finite")
 
 

@@ -40,7 +40,7 @@ class Fault:
     @property
     def moves_time(self) -> bool:
         """Whether stamps or index maps are altered, so that they must be scanned anew."""
-        return any(DATASETS[key].is_stamps or not key.startswith("path/") for key in self.rows)
+        return any(DATASETS[key].is_timestamps or not key.startswith("path/") for key in self.rows)
 
 
 def values(alter: Callable[[NDArray[Any]], NDArray[Any]]) -> Alteration:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.faults.canary_conditions import Ground, UnplantableError
 from fedora_qa.faults.fault import Alteration, Fault, rows_from, values, values_by_row
-from fedora_qa.layout.canonical import STAMPS_OF
+from fedora_qa.layout.canonical import TIMESTAMPS_OF
 
 _THOUSAND = 1_000
 _COARSE_TICKS = 1_000
@@ -15,20 +15,20 @@ _COARSE_TICKS = 1_000
 
 def shifted_ns(later_ns: float) -> Alteration:
     """Return the alteration that makes stamps later by a constant."""
-    return values(lambda stamps: stamps + round(later_ns))
+    return values(lambda timestamps: timestamps + round(later_ns))
 
 
 def later_from(row: int, later_ns: float) -> Alteration:
     """Return the alteration that makes stamps later by a constant from a row on."""
 
-    def alter(stamps: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def alter(timestamps: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
         late = np.where(rows >= row, round(later_ns), 0)
-        return stamps + late.reshape(-1, *(1,) * (stamps.ndim - 1))
+        return timestamps + late.reshape(-1, *(1,) * (timestamps.ndim - 1))
 
     return values_by_row(alter)
 
 
-def exchanged_stamps(ground: Ground) -> Fault:
+def exchanged_timestamps(ground: Ground) -> Fault:
     """Two neighbouring stamps are exchanged; where only events have stamps, they run backwards."""
     counts = {stream: len(clock.times_ns) for stream, clock in ground.facts.clocks.items()}
     stream = next((stream for stream, count in counts.items() if count > 2), None)
@@ -36,7 +36,7 @@ def exchanged_stamps(ground: Ground) -> Fault:
         return _backwards(ground)
     row = ground.row_at_place(stream)
     exchange = rows_from(lambda rows: np.where(rows // 2 == row // 2, rows ^ 1, rows), counts[stream])
-    return Fault(f"stamps {row} and {row ^ 1} of {stream} are exchanged", {STAMPS_OF[stream]: exchange})
+    return Fault(f"stamps {row} and {row ^ 1} of {stream} are exchanged", {TIMESTAMPS_OF[stream]: exchange})
 
 
 def _backwards(ground: Ground) -> Fault:
@@ -44,7 +44,7 @@ def _backwards(ground: Ground) -> Fault:
     if events is None or events.first_ns == events.last_ns:
         raise UnplantableError("no stream has three stamps")
     last_ns = events.last_ns
-    return Fault("the stamps of events run backwards", {STAMPS_OF["events"]: values(lambda t: last_ns - t)})
+    return Fault("the stamps of events run backwards", {TIMESTAMPS_OF["events"]: values(lambda t: last_ns - t)})
 
 
 def in_nanoseconds(ground: Ground) -> Fault:
@@ -53,7 +53,9 @@ def in_nanoseconds(ground: Ground) -> Fault:
     timed = len(streams) + len(ground.facts.flow_streams) + (ground.facts.events is not None)
     if not streams or (timed < 3 and not ground.facts.flow_streams):
         raise UnplantableError("of two streams without flow none is known to be the wrong one")
-    return Fault(f"stamps of {streams[0]} are in nanoseconds", {STAMPS_OF[streams[0]]: values(lambda t: t * _THOUSAND)})
+    return Fault(
+        f"stamps of {streams[0]} are in nanoseconds", {TIMESTAMPS_OF[streams[0]]: values(lambda t: t * _THOUSAND)}
+    )
 
 
 def wrong_rate(ground: Ground) -> Fault:
@@ -65,7 +67,7 @@ def wrong_rate(ground: Ground) -> Fault:
         raise UnplantableError("a single clock is held against nothing")
     factor = 1 + 1e-6 * ground.size(f"{stream}.rate_error")
     said = f"the clock of {stream} is wrong by {1e6 * (factor - 1):.3g} ppm"
-    return Fault(said, {STAMPS_OF[stream]: values(lambda t: np.rint(factor * t).astype(np.int64))})
+    return Fault(said, {TIMESTAMPS_OF[stream]: values(lambda t: np.rint(factor * t).astype(np.int64))})
 
 
 def lost_samples(ground: Ground) -> Fault:
@@ -75,7 +77,7 @@ def lost_samples(ground: Ground) -> Fault:
         raise UnplantableError("no stream has a regular clock")
     row = ground.row_at_place(stream)
     said = f"three samples of {stream} are missing before row {row}"
-    return Fault(said, {STAMPS_OF[stream]: later_from(row, 3 * ground.period_ns(stream))})
+    return Fault(said, {TIMESTAMPS_OF[stream]: later_from(row, 3 * ground.period_ns(stream))})
 
 
 def begins_late(ground: Ground) -> Fault:
@@ -84,7 +86,7 @@ def begins_late(ground: Ground) -> Fault:
     if stream is None:
         raise UnplantableError("fewer than two streams have a regular clock")
     late_ms = ground.size(f"{stream}.begins_late")
-    return Fault(f"{stream} begins {late_ms:.4g} ms late", {STAMPS_OF[stream]: shifted_ns(late_ms * NS_PER_MS)})
+    return Fault(f"{stream} begins {late_ms:.4g} ms late", {TIMESTAMPS_OF[stream]: shifted_ns(late_ms * NS_PER_MS)})
 
 
 def coarse_grid(ground: Ground) -> Fault:
@@ -94,7 +96,7 @@ def coarse_grid(ground: Ground) -> Fault:
         raise UnplantableError("stamps of sampled streams show a coarse grid only where their clock is irregular")
     grid_ns = round(grid_us * NS_PER_US) * _COARSE_TICKS
     said = f"event stamps lie on a grid of {grid_ns / NS_PER_MS:g} ms"
-    return Fault(said, {STAMPS_OF["events"]: values(lambda t: t - t % grid_ns)})
+    return Fault(said, {TIMESTAMPS_OF["events"]: values(lambda t: t - t % grid_ns)})
 
 
 def next_event(ground: Ground, index_map: str) -> Fault:
@@ -105,13 +107,13 @@ def next_event(ground: Ground, index_map: str) -> Fault:
 def late_imu(ground: Ground) -> Fault:
     """The stamps of the IMU are late."""
     late_ms = ground.size("time_offset")
-    return Fault(f"imu {late_ms:.3g} ms late", {STAMPS_OF["imu"]: shifted_ns(late_ms * NS_PER_MS)})
+    return Fault(f"imu {late_ms:.3g} ms late", {TIMESTAMPS_OF["imu"]: shifted_ns(late_ms * NS_PER_MS)})
 
 
 def late_events(ground: Ground) -> Fault:
     """The stamps of events are late."""
     late_ms = ground.size("time_offset")
-    return Fault(f"events {late_ms:.3g} ms late", {STAMPS_OF["events"]: shifted_ns(late_ms * NS_PER_MS)})
+    return Fault(f"events {late_ms:.3g} ms late", {TIMESTAMPS_OF["events"]: shifted_ns(late_ms * NS_PER_MS)})
 
 
 def gap_in_events(ground: Ground) -> Fault:
@@ -121,4 +123,4 @@ def gap_in_events(ground: Ground) -> Fault:
     def alter(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         return times_ns + np.where(times_ns >= ground.place_ns, round(gap_ms * NS_PER_MS), 0)
 
-    return Fault(f"there is no event for {gap_ms:.3g} ms", {STAMPS_OF["events"]: values(alter)})
+    return Fault(f"there is no event for {gap_ms:.3g} ms", {TIMESTAMPS_OF["events"]: values(alter)})

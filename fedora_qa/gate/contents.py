@@ -82,7 +82,7 @@ def _stream_digest(sequence: Sequence, stream: str) -> str | None:
     digest, changes = hashlib.sha256(), False
     try:
         for spec in datasets_of(stream):
-            if spec.is_stamps:
+            if spec.is_timestamps:
                 continue
             digest.update(f"{spec.key} {sequence.layout.bindings[spec.key].shape}".encode())
             first: NDArray[Any] | None = None

@@ -28,10 +28,10 @@ Memory = Callable[[tuple[int, ...], np.dtype[Any]], NDArray[Any]]
 Opened = dict[str, StoredChunks]
 """Datasets of a file that stay open with it, by canonical key: to open one takes longer than to read a few lines."""
 
-FARTHEST_STAMP_NS: Final = 2**61
+FARTHEST_TIMESTAMP_NS: Final = 2**61
 """Instants saturate at about this distance from the origin (73 years), so that the difference of two fits int64."""
 
-INVALID_STAMP_NS: Final = -FARTHEST_STAMP_NS
+INVALID_TIMESTAMP_NS: Final = -FARTHEST_TIMESTAMP_NS
 """The instant of a stamp that is NaN: earlier than every real one, so that it never advances a clock."""
 
 INVALID_POLARITY: Final = 255
@@ -203,7 +203,7 @@ def canonical_rows(
         return _read(file, binding, start, stop, memory, opened)
     raw = raw_rows(file, binding, start, stop, opened)
     if binding.ns_per_unit is not None:
-        return stamps_ns(raw, binding, origin_ns)
+        return timestamps_ns(raw, binding, origin_ns)
     if binding.key == "path/events/p":
         return _polarity(raw, binding.polarity)
     canonical = np.dtype(DATASETS[binding.key].dtype)
@@ -215,7 +215,7 @@ def canonical_rows(
     return values if DATASETS[binding.key].is_image else _infinite_beyond(values)
 
 
-def stamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[np.int64]:
+def timestamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[np.int64]:
     """Turn stored stamps into nanoseconds from an origin.
 
     The origin is subtracted in the stored unit and type before anything is converted: epoch stamps lose nothing.
@@ -225,12 +225,12 @@ def stamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[np
     origin = origin_ns - binding.offset_ns
     if raw.dtype.kind == "f":
         elapsed = (raw.astype(np.float64, copy=False) - origin / unit) * unit
-        farthest = float(FARTHEST_STAMP_NS)
+        farthest = float(FARTHEST_TIMESTAMP_NS)
         elapsed = np.nan_to_num(elapsed, nan=-farthest, posinf=farthest, neginf=-farthest)
         return np.rint(np.clip(elapsed, -farthest, farthest)).astype(np.int64)
     units, rest_ns = divmod(origin, unit)
     units = min(max(units, _INT64.min), _INT64.max)
-    reach = FARTHEST_STAMP_NS // unit
+    reach = FARTHEST_TIMESTAMP_NS // unit
     nearby = np.clip(_int64(raw), max(units - reach, _INT64.min), min(units + reach, _INT64.max))
     nearby -= units
     nearby *= unit
@@ -238,11 +238,11 @@ def stamps_ns(raw: NDArray[Any], binding: Binding, origin_ns: int) -> NDArray[np
     return nearby
 
 
-def instant_ns(stamp: float | int, binding: Binding) -> int | None:
+def instant_ns(timestamp: float | int, binding: Binding) -> int | None:
     """Return one stored stamp as nanoseconds on the file's own clock, exactly; None where it is not finite."""
-    if not np.isfinite(stamp):
+    if not np.isfinite(timestamp):
         return None
-    exact = Fraction(stamp.item() if isinstance(stamp, np.generic) else stamp)
+    exact = Fraction(timestamp.item() if isinstance(timestamp, np.generic) else timestamp)
     return round(exact * _ns_per_unit(binding)) + binding.offset_ns
 
 
@@ -287,7 +287,7 @@ def _integers(raw: NDArray[Any], canonical: np.dtype[Any]) -> NDArray[Any]:
     if raw.dtype == canonical:
         return raw
     if raw.dtype.kind == "f":
-        farthest = float(FARTHEST_STAMP_NS)
+        farthest = float(FARTHEST_TIMESTAMP_NS)
         raw = np.nan_to_num(raw.astype(np.float64), nan=-1.0, posinf=farthest, neginf=-farthest)
         raw = np.rint(np.clip(raw, -farthest, farthest))
     whole, limits = _int64(raw), np.iinfo(canonical)

@@ -51,7 +51,7 @@ class DatasetSpec:
     optional: bool = False
 
     @property
-    def is_stamps(self) -> bool:
+    def is_timestamps(self) -> bool:
         """Whether the values are times on the file's clock."""
         return self.key.endswith(("_ts", "/ts", "/t"))
 
@@ -186,7 +186,9 @@ FLOW_STREAMS: Final = tuple(f"flow/{rate_hz}hz" for rate_hz in FLOW_RATES_HZ)
 STREAMS: Final = ("rgb", "depth", "events", "imu", "pose", *FLOW_STREAMS, "rgb_to_event", "depth_to_event")
 """Every stream that a file can hold, a flow rate each on its own."""
 
-STAMPS_OF: Final[Mapping[str, str]] = MappingProxyType({spec.stream: spec.key for spec in _DATASETS if spec.is_stamps})
+TIMESTAMPS_OF: Final[Mapping[str, str]] = MappingProxyType(
+    {spec.stream: spec.key for spec in _DATASETS if spec.is_timestamps}
+)
 """The dataset that holds the stamps of a stream."""
 
 PROMISED_BY: Final[Mapping[str, str]] = MappingProxyType(

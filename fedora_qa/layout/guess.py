@@ -48,14 +48,14 @@ def guess_places(items: Sequence[Item]) -> tuple[Guess, ...]:
     return tuple(guesses.values())
 
 
-def unit_of_stamps(stamps: NDArray[np.float64], kind: str) -> tuple[str, str]:
+def unit_of_timestamps(timestamps: NDArray[np.float64], kind: str) -> tuple[str, str]:
     """Return the unit in which stamps are plausible, and why: by their magnitude since 1970, else by their step."""
     for unit, ns in NS_PER_TIME_UNIT.items():
-        if _EPOCH_S[0] <= abs(float(stamps[0])) * ns / 1e9 < _EPOCH_S[1] and kind != "events":
-            return unit, f"{stamps[0]:.10g} is a date in {unit}"
-    step = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
+        if _EPOCH_S[0] <= abs(float(timestamps[0])) * ns / 1e9 < _EPOCH_S[1] and kind != "events":
+            return unit, f"{timestamps[0]:.10g} is a date in {unit}"
+    step = float(np.median(np.diff(timestamps))) if len(timestamps) > 1 else 0.0
     if kind == "events":
-        step = float(stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
+        step = float(timestamps[-1] - timestamps[0]) / max(len(timestamps) - 1, 1)
     low, high = _STEP_NS[kind]
     for unit in ("us", "ns", "s", "ms"):
         if low <= step * NS_PER_TIME_UNIT[unit] <= high:
@@ -75,7 +75,7 @@ def _events_in_columns(items: Sequence[Item]) -> Iterator[Guess]:
             continue
         t, p = advancing[0], polarity[0]
         x, y = (i for i in range(4) if i not in {t, p})
-        unit, why = unit_of_stamps(columns[:, t], "events")
+        unit, why = unit_of_timestamps(columns[:, t], "events")
         yield Guess("path/events/x", {"path": item.path, "columns": [x]}, "the first column that is neither t nor p")
         yield Guess("path/events/y", {"path": item.path, "columns": [y]}, "the second such column")
         yield Guess("path/events/t", {"path": item.path, "columns": [t], "time_unit": unit}, f"it never falls; {why}")
@@ -91,7 +91,7 @@ def _events_apart(items: Sequence[Item]) -> Iterator[Guess]:
         y, t, p = siblings["y"], siblings["t"], siblings["p"]
         if y is None or t is None or p is None or len({item.shape for item in (x, y, t, p)}) > 1:
             continue
-        unit, why = unit_of_stamps(t.head.astype(np.float64), "events")
+        unit, why = unit_of_timestamps(t.head.astype(np.float64), "events")
         codes = set(np.unique(p.head.astype(np.float64)))
         yield Guess("path/events/x", {"path": x.path}, "its name, beside y, t and p of equal length")
         yield Guess("path/events/y", {"path": y.path}, "its name")
@@ -103,12 +103,14 @@ def _images(items: Sequence[Item]) -> Iterator[Guess]:
     for item in items:
         rank, kind = len(item.shape), item.dtype
         if kind == np.uint8 and rank == 4 and item.shape[3] == 3:
-            yield from _with_stamps(items, item, Guess("path/rgb", {"path": item.path}, "8-bit images, three channels"))
+            yield from _with_timestamps(
+                items, item, Guess("path/rgb", {"path": item.path}, "8-bit images, three channels")
+            )
         elif kind == np.uint8 and rank == 3:
             grey = Guess("path/rgb", {"path": item.path, "columns": [0, 0, 0]}, "8-bit grey images, read as R = G = B")
-            yield from _with_stamps(items, item, grey)
+            yield from _with_timestamps(items, item, grey)
         elif kind.kind == "f" and rank == 3 and min(item.shape[1:]) > 4:
-            yield from _with_stamps(items, item, _depth(item))
+            yield from _with_timestamps(items, item, _depth(item))
 
 
 def _depth(item: Item) -> Guess:
@@ -126,14 +128,14 @@ def _flow(items: Sequence[Item]) -> Iterator[Guess]:
         candidates = [other for other in items if other.shape == (item.shape[0], 2) and other.dtype.kind in "iuf"]
         if not candidates:
             continue
-        stamps = max(candidates, key=lambda other: _nearness(other, item))
-        lengths = np.diff(stamps.head.astype(np.float64), axis=1)
+        timestamps = max(candidates, key=lambda other: _nearness(other, item))
+        lengths = np.diff(timestamps.head.astype(np.float64), axis=1)
         for unit, rate_hz in ((unit, rate_hz) for unit in ("us", "ns", "s", "ms") for rate_hz in FLOW_RATES_HZ):
             length_s = float(np.median(lengths)) * NS_PER_TIME_UNIT[unit] / NS_PER_S
             if np.isclose(length_s * rate_hz, 1.0, rtol=_SAME_RATE):
-                reason = f"two float components; intervals of {stamps.path} are 1/{rate_hz} s in {unit}"
+                reason = f"two float components; intervals of {timestamps.path} are 1/{rate_hz} s in {unit}"
                 yield Guess(f"path/flow/{rate_hz}hz", {"path": item.path}, reason)
-                fields: dict[str, str | list[int]] = {"path": stamps.path, "time_unit": unit}
+                fields: dict[str, str | list[int]] = {"path": timestamps.path, "time_unit": unit}
                 yield Guess(f"path/flow/{rate_hz}hz_ts", fields, f"two columns, as long as {item.path}")
 
 
@@ -145,37 +147,39 @@ def _samples(items: Sequence[Item]) -> Iterator[Guess]:
             for key, names in _NAMES.items():
                 if any(item.name == name or (len(name) > 1 and item.name.startswith(name)) for name in names):
                     guess = Guess(key, {"path": item.path}, "three columns, and its name")
-                    yield from _with_stamps(items, item, guess)
+                    yield from _with_timestamps(items, item, guess)
         elif item.shape[1] == 4 and np.allclose(np.linalg.norm(item.head, axis=1), 1.0, atol=1e-3):
             reason = "four columns of unit length; that the order is x, y, z, w cannot be told from the values"
             guess = Guess("path/pose/orientation", {"path": item.path, "quaternion": "xyzw"}, reason)
-            yield from _with_stamps(items, item, guess)
+            yield from _with_timestamps(items, item, guess)
 
 
-def _with_stamps(items: Sequence[Item], item: Item, guess: Guess) -> Iterator[Guess]:
+def _with_timestamps(items: Sequence[Item], item: Item, guess: Guess) -> Iterator[Guess]:
     """Yield the guess, and one for the stamps of equal length whose name and place are nearest."""
     yield guess
-    candidates = [other for other in items if _may_be_stamps(other, item.shape[0])]
+    candidates = [other for other in items if _may_be_timestamps(other, item.shape[0])]
     if candidates:
         best = max(candidates, key=lambda other: _nearness(other, item))
         frames = guess.key in {"path/rgb", "path/depth"}
-        unit, why = unit_of_stamps(best.head.astype(np.float64), "frames" if frames else "samples")
+        unit, why = unit_of_timestamps(best.head.astype(np.float64), "frames" if frames else "samples")
         key = f"{guess.key}_ts" if frames else f"{guess.key.rpartition('/')[0]}/ts"
         yield Guess(key, {"path": best.path, "time_unit": unit}, f"as long as {item.path}, never falls; {why}")
 
 
-def _may_be_stamps(item: Item, length: int) -> bool:
+def _may_be_timestamps(item: Item, length: int) -> bool:
     if item.shape != (length,) or item.dtype.kind not in "iuf":
         return False
     head = item.head.astype(np.float64)
     return bool(np.all(np.isfinite(head)) and np.all(np.diff(head) >= 0))
 
 
-def _nearness(stamps: Item, item: Item) -> tuple[int, int, int]:
+def _nearness(timestamps: Item, item: Item) -> tuple[int, int, int]:
     """Order candidates: a name that says time, the common beginning of the paths, the shorter path."""
-    says_time = any(word in stamps.name for word in ("ts", "time", "stamp")) or stamps.name == "t"
-    common = next((i for i, (a, b) in enumerate(zip(stamps.path, item.path, strict=False)) if a != b), len(item.path))
-    return int(says_time), common, -len(stamps.path)
+    says_time = any(word in timestamps.name for word in ("ts", "time", "stamp")) or timestamps.name == "t"
+    common = next(
+        (i for i, (a, b) in enumerate(zip(timestamps.path, item.path, strict=False)) if a != b), len(item.path)
+    )
+    return int(says_time), common, -len(timestamps.path)
 
 
 def _polarity(codes: set[float]) -> dict[str, str | list[int]]:

@@ -16,7 +16,7 @@ def as_stored(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str)
         shape=dataset.shape,
         dtype=dataset.dtype,
         columns=place.columns or _quaternion_columns(spec, place),
-        ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_stamps else None,
+        ns_per_unit=NS_PER_TIME_UNIT[place.time_unit] if spec.is_timestamps else None,
         scale=scale_of(spec.key, place),
         polarity=place.polarity,
         chunk_rows=rows_together(spec.key, dataset.chunks[0]) if dataset.chunks else 0,

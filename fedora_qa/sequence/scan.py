@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.layout.canonical import STAMPS_OF
+from fedora_qa.layout.canonical import TIMESTAMPS_OF
 from fedora_qa.sequence.event_steps import longest_steps
 from fedora_qa.sequence.facts import Clock, EventScan, EventStep, Facts, IndexMap
 from fedora_qa.sequence.sequence import SequenceRows
@@ -58,7 +58,7 @@ class _EventTally:
     """Counts over the blocks of event stamps seen so far."""
 
     cell_ns: int
-    frame_stamps: Mapping[str, Int64]
+    frame_timestamps: Mapping[str, Int64]
     latest: int | None = None
     earliest: int = 0
     count: int = 0
@@ -116,7 +116,7 @@ class _EventTally:
     def _count_before_frames(self, times_ns: Int64, low: int, high: int) -> None:
         """Add, for each frame, the events of this block that are earlier (left) and not later (right)."""
         ordered: Int64 | None = None
-        for name, frames in self.frame_stamps.items():
+        for name, frames in self.frame_timestamps.items():
             left = self.left.setdefault(name, np.zeros(len(frames), np.int64))
             right = self.right.setdefault(name, np.zeros(len(frames), np.int64))
             after = frames > high
@@ -143,18 +143,18 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
     streams = set(sequence.layout.streams)
     absent = dict(sequence.layout.absent)
     clocks: dict[str, Clock] = {}
-    for stream in sorted(streams & set(STAMPS_OF) - {"events"}):
+    for stream in sorted(streams & set(TIMESTAMPS_OF) - {"events"}):
         try:
             clocks[stream] = _read_clock(sequence, stream)
         except UnreadableRowsError as error:
             streams.discard(stream)
             absent[stream] = f"its stamps cannot be read: {error.reason}"
-    frame_stamps = {
+    frame_timestamps = {
         name: clocks[frames].times_ns
         for name, frames in FRAMES_OF_MAP.items()
         if name in streams and frames in clocks and "events" in streams
     }
-    tally = _EventTally(cell_ns, frame_stamps)
+    tally = _EventTally(cell_ns, frame_timestamps)
     if "events" in streams:
         _tally_events(sequence, tally)
     facts = Facts(
@@ -173,9 +173,9 @@ def scan(sequence: SequenceRows, cell_ns: int) -> Scan:
 
 
 def _read_clock(sequence: SequenceRows, stream: str) -> Clock:
-    key = STAMPS_OF[stream]
-    stamps = sequence.rows(key, 0, sequence.layout.bindings[key].rows)
-    starts, ends = (stamps[:, 0], stamps[:, 1]) if stamps.ndim == 2 else (stamps, None)
+    key = TIMESTAMPS_OF[stream]
+    timestamps = sequence.rows(key, 0, sequence.layout.bindings[key].rows)
+    starts, ends = (timestamps[:, 0], timestamps[:, 1]) if timestamps.ndim == 2 else (timestamps, None)
     before = np.maximum.accumulate(starts[:-1]) if len(starts) else starts
     advancing = np.ones(len(starts), dtype=bool)
     advancing[1:] = starts[1:] > before
@@ -183,7 +183,7 @@ def _read_clock(sequence: SequenceRows, stream: str) -> Clock:
 
 
 def _tally_events(sequence: SequenceRows, tally: _EventTally) -> None:
-    key = STAMPS_OF["events"]
+    key = TIMESTAMPS_OF["events"]
     count = sequence.layout.bindings[key].rows
     for start in range(0, count, BLOCK_ROWS):
         stop = min(start + BLOCK_ROWS, count)
@@ -210,7 +210,7 @@ def _event_scan(tally: _EventTally) -> EventScan:
 
 def _index_maps(sequence: SequenceRows, tally: _EventTally) -> dict[str, IndexMap]:
     maps: dict[str, IndexMap] = {}
-    for name, frames in tally.frame_stamps.items():
+    for name, frames in tally.frame_timestamps.items():
         key = f"metadata/{name}"
         try:
             stored = sequence.rows(key, 0, sequence.layout.bindings[key].rows)
@@ -225,7 +225,7 @@ def _index_maps(sequence: SequenceRows, tally: _EventTally) -> dict[str, IndexMa
 def _runs(facts: Facts, tally: _EventTally, cell_ns: int) -> dict[str, Runs]:
     runs = {stream: _runs_of(clock, cell_ns) for stream, clock in facts.clocks.items() if clock.usable}
     if tally.cells:
-        count = facts.sizes[STAMPS_OF["events"]]
+        count = facts.sizes[TIMESTAMPS_OF["events"]]
         runs["events"] = Runs(np.concatenate(tally.cells), np.concatenate(tally.starts), count)
     cells = [run.cells for run in runs.values()]
     everywhere = np.unique(np.concatenate(cells)) if cells else np.zeros(1, np.int64)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableFileError, UnreadableRowsError
 from fedora_qa.layout.binding import Binding, Memory, Opened, canonical_rows, instant_ns, raw_rows
-from fedora_qa.layout.canonical import STAMPS_OF
+from fedora_qa.layout.canonical import TIMESTAMPS_OF
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.layout.links import RefusedError
@@ -183,10 +183,12 @@ class Sequence:
             self._remote.require_sound()
 
     def _find_origin_ns(self) -> int:
-        firsts = [self._first_stamp_ns(STAMPS_OF[stream]) for stream in self.layout.streams if stream in STAMPS_OF]
+        firsts = [
+            self._first_timestamp_ns(TIMESTAMPS_OF[stream]) for stream in self.layout.streams if stream in TIMESTAMPS_OF
+        ]
         return min((first for first in firsts if first is not None), default=0)
 
-    def _first_stamp_ns(self, key: str) -> int | None:
+    def _first_timestamp_ns(self, key: str) -> int | None:
         binding = self.layout.bindings[key]
         try:
             first = self.raw_rows(key, 0, min(1, binding.rows)).ravel()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M
-from fedora_qa.layout.canonical import STAMPS_OF
+from fedora_qa.layout.canonical import TIMESTAMPS_OF
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.shared_images import Image, SharedImages
 
@@ -220,7 +220,7 @@ class Window:
         if after_ns:
             stop = max(stop, self._source.event_index(self.span.stop_ns + after_ns))
         x, y = (self.rows(f"path/events/{name}", start, stop) for name in "xy")
-        times_ns = self.rows(STAMPS_OF["events"], start, stop)
+        times_ns = self.rows(TIMESTAMPS_OF["events"], start, stop)
         p = self.rows("path/events/p", start, stop)
         if len(times_ns) and np.any(np.diff(times_ns) < 0):
             order = np.argsort(times_ns, kind="stable")

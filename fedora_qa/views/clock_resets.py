@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.clocks.unit import unit_factor
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.sequence.facts import EventScan, EventStep
+from fedora_qa.views.timestamp_unit import unit_factor
 
 _BEHIND: Final = 2
 """k events in reverse make k - 1 steps back and as many that lie behind; a clock that is set back leaves many."""
@@ -44,9 +44,9 @@ class SetClock:
     def covers(self, times_ns: NDArray[np.int64]) -> bool:
         """Whether all instants (n,) lie where a map or a count of the right stamps would now be wrong."""
         steps = [self.back] if self.forwards is None else [self.back, self.forwards]
-        stamps = [stamp for step in steps for stamp in (step.before_ns, step.after_ns)]
-        from_ns = min(stamps) if self.forwards is not None else np.iinfo(np.int64).min
-        return bool(len(times_ns) and np.all((times_ns >= from_ns) & (times_ns <= max(stamps))))
+        timestamps = [timestamp for step in steps for timestamp in (step.before_ns, step.after_ns)]
+        from_ns = min(timestamps) if self.forwards is not None else np.iinfo(np.int64).min
+        return bool(len(times_ns) and np.all((times_ns >= from_ns) & (times_ns <= max(timestamps))))
 
     def is_of(self, start_ns: int, stop_ns: int) -> bool:
         """Whether a silence is the step forwards of the part."""

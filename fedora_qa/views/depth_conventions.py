@@ -96,7 +96,7 @@ def _hypotheses(pair: DepthPair) -> Iterator[_Hypothesis]:
     yield from _of_the_values(pair)
     yield from _of_the_grid(pair)
     yield from _of_the_frames(pair)
-    yield from _of_the_stamps(pair)
+    yield from _of_the_timestamps(pair)
     yield from _of_the_pose(pair)
 
 
@@ -175,7 +175,7 @@ def _of_the_frames(pair: DepthPair) -> Iterator[_Hypothesis]:
             yield _Hypothesis(exchanged, _images_of(pair, *rows), _only(pair.model()))
 
 
-def _of_the_stamps(pair: DepthPair) -> Iterator[_Hypothesis]:
+def _of_the_timestamps(pair: DepthPair) -> Iterator[_Hypothesis]:
     """Suppose that depth is stamped too late, or the pose too early."""
     late = (("time_offset", "depth", 1.0, float), ("time_offset", "pose", _LESS_LIKELY, lambda late_ms: -late_ms))
 

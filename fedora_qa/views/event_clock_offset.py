@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.event_stream.bounds import tick_ns
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.events.delays import (
     Step,
@@ -20,6 +19,7 @@ from fedora_qa.estimators.events.delays import (
 from fedora_qa.estimators.events.footprint import LEFT_BY_SHARP
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.event_tick import tick_ns
 from fedora_qa.views.event_tiles import GRID
 from fedora_qa.views.frame_interpolation import KINDS, ReadingFits, ReadingSums, cell_sums, fit_all
 from fedora_qa.views.level_samples import HELD_LEVEL_BIAS

@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.event_stream.bounds import local_tick_ns
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.events.levels import LevelPairs, Shown, level_pairs
@@ -32,6 +31,7 @@ from fedora_qa.views.event_camera import (
     seen_frames,
     why_frames_and_events_do_not_meet,
 )
+from fedora_qa.views.event_tick import local_tick_ns
 from fedora_qa.views.level_samples import FEWEST_PAIRS, LINEAR_LEAST_TICKS, hot_pixels, least_dn
 
 Float64 = NDArray[np.float64]

@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.event_stream.bounds import local_tick_ns
 from fedora_qa.estimators.events.delays import CellSums
 from fedora_qa.estimators.events.frame_interpolation import Readings, Way, read_frames, reading_blocks, reading_weights
 from fedora_qa.estimators.events.frame_interpolation_kernels import FINE
@@ -16,6 +15,7 @@ from fedora_qa.estimators.events.pixels import PixelEvents
 from fedora_qa.estimators.events.threshold_fit import ResponseFit, fit_readings
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import events_on_time, pixel_events, seen_frames, sorted_by_pixel
+from fedora_qa.views.event_tick import local_tick_ns
 from fedora_qa.views.event_tiles import GRID
 from fedora_qa.views.level_samples import FEWEST_PAIRS, usable_pixels
 

@@ -6,7 +6,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.event_stream.bounds import local_tick_ns
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.events.level_kernels import mark_usable
 from fedora_qa.estimators.events.levels import LevelPairs, NormalBlocks, Shown, accumulate, level_pairs, sureness
@@ -23,6 +22,7 @@ from fedora_qa.views.event_camera import (
     seen_frames,
     sorted_by_pixel,
 )
+from fedora_qa.views.event_tick import local_tick_ns
 
 LONGEST_GAP_NS: Final = 20_000_000
 """Events farther apart do not tell a level: between them a pixel may go anywhere within its thresholds."""

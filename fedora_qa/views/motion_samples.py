@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.imu.local_motion import Curve, Orientations, Vectors, noise_level
-from fedora_qa.estimators.imu.samples import STAMP_SIGMA_S, InertialNoise, InertialSamples
+from fedora_qa.estimators.imu.samples import TIMESTAMP_SIGMA_S, InertialNoise, InertialSamples
 from fedora_qa.geometry import so3
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import ImuModel, PoseModel
@@ -199,7 +199,7 @@ def _rotation_step_rad(poses: PoseSamples) -> float:
 
 def _scatter(speeds: Float64, resolution: float) -> float:
     speed = float(np.sqrt(np.mean(np.square(speeds)))) if len(speeds) else 0.0
-    return float(np.hypot(speed * STAMP_SIGMA_S, resolution))
+    return float(np.hypot(speed * TIMESTAMP_SIGMA_S, resolution))
 
 
 def place(facts: Facts, stream: str, start_ns: int, stop_ns: int | None = None) -> Where:

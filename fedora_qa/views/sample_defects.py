@@ -21,7 +21,7 @@ LEAST_EVENNESS: Final = 0.2
 """Curvature of a smooth motion does not change fivefold within a step, nor does the median of noise."""
 
 _NOISIER: Final = 1.2
-_OF_STAMPS: Final = 0.95
+_OF_TIMESTAMPS: Final = 0.95
 """Weight of what the stamps themselves show, exactly."""
 
 
@@ -54,7 +54,7 @@ def frozen_imu(imu: ImuSamples) -> NDArray[np.intp]:
     return unmoved(imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2, roundings=imu_roundings(imu))
 
 
-def stamp_defects(facts: Facts, *streams: str) -> tuple[Suspect, ...]:
+def timestamp_defects(facts: Facts, *streams: str) -> tuple[Suspect, ...]:
     """Name what is wrong with the stamps themselves: all that is computed from these streams is disturbed.
 
     Stamps on a coarse grid, and a part of an exact clock that was moved, show in the stamps alone.
@@ -65,20 +65,20 @@ def stamp_defects(facts: Facts, *streams: str) -> tuple[Suspect, ...]:
 def _defects_of(stream: str, times_ns: NDArray[np.int64]) -> tuple[Suspect, ...]:
     grid_ns = rounding_grid_ns(times_ns, resolution_ns=NS_PER_US)
     if grid_ns:
-        return (Suspect("quantised_time", stream, _OF_STAMPS, grid_ns / NS_PER_MS, "ms"),)
+        return (Suspect("quantised_time", stream, _OF_TIMESTAMPS, grid_ns / NS_PER_MS, "ms"),)
     moved = displaced_part(times_ns, resolution_ns=NS_PER_US)
     if moved is None:
         return ()
     if moved.drift:
-        return (Suspect("clock_rate", stream, _OF_STAMPS, 1e6 * moved.drift, "ppm"),)
-    return (Suspect("time_offset", stream, _OF_STAMPS, moved.offset_ns / NS_PER_MS, "ms"),)
+        return (Suspect("clock_rate", stream, _OF_TIMESTAMPS, 1e6 * moved.drift, "ppm"),)
+    return (Suspect("time_offset", stream, _OF_TIMESTAMPS, moved.offset_ns / NS_PER_MS, "ms"),)
 
 
 def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Suspect, ...]:
     """Name what is wrong with the poses themselves and may show in all that is computed from them."""
-    of_stamps = stamp_defects(facts, "pose")
-    if of_stamps:
-        return of_stamps
+    of_timestamps = timestamp_defects(facts, "pose")
+    if of_timestamps:
+        return of_timestamps
     suspects = []
     found = interpolation_of(poses)
     if found is not None and is_interpolated(found):

@@ -81,25 +81,27 @@ def _shares_in_place(facts: Facts, imu_ns: Int64, pose_ns: Int64) -> Iterator[tu
     yield _on_own_grid(facts, imu_ns), _on_own_grid(facts, pose_ns)
 
 
-def _share_among(times_ns: Int64, stamps_ns: Int64) -> float:
-    within = times_ns[(times_ns >= stamps_ns[0]) & (times_ns <= stamps_ns[-1])]
+def _share_among(times_ns: Int64, timestamps_ns: Int64) -> float:
+    within = times_ns[(times_ns >= timestamps_ns[0]) & (times_ns <= timestamps_ns[-1])]
     if not len(within):
         return 0.0
-    in_order = not np.any(np.diff(stamps_ns) < 0)
-    there = stamps_ns[np.searchsorted(stamps_ns, within)] == within if in_order else np.isin(within, stamps_ns)
+    in_order = not np.any(np.diff(timestamps_ns) < 0)
+    there = (
+        timestamps_ns[np.searchsorted(timestamps_ns, within)] == within if in_order else np.isin(within, timestamps_ns)
+    )
     return float(np.mean(there))
 
 
-def _on_own_grid(facts: Facts, stamps_ns: Int64) -> float:
+def _on_own_grid(facts: Facts, timestamps_ns: Int64) -> float:
     """Return whether the file stamps the stream at multiples of its period."""
-    if len(stamps_ns) < 2:
+    if len(timestamps_ns) < 2:
         return 0.0
-    period_us = float(np.median(np.diff(stamps_ns))) / NS_PER_US
-    return float(period_us > 1 and facts.to_file_us(float(stamps_ns[0])) % period_us == 0)
+    period_us = float(np.median(np.diff(timestamps_ns))) / NS_PER_US
+    return float(period_us > 1 and facts.to_file_us(float(timestamps_ns[0])) % period_us == 0)
 
 
-def _by_chance(stamps_ns: Int64) -> float:
-    return NS_PER_US / max(float(np.median(np.diff(stamps_ns))), NS_PER_US) if len(stamps_ns) > 1 else 1.0
+def _by_chance(timestamps_ns: Int64) -> float:
+    return NS_PER_US / max(float(np.median(np.diff(timestamps_ns))), NS_PER_US) if len(timestamps_ns) > 1 else 1.0
 
 
 def _is_usual(gravity_m_s2: float, within_m_s2: float) -> bool:

@@ -11,7 +11,7 @@ from fedora_generator.camera import colour_camera
 from fedora_generator.depth import depth_mm, in_range
 from fedora_generator.flight import Flight
 from fedora_generator.flow import scene_flow_px
-from fedora_generator.instants import FRAME_RATE_HZ, intervals_us, stamps_us
+from fedora_generator.instants import FRAME_RATE_HZ, intervals_us, timestamps_us
 from fedora_generator.metadata import write_camera, write_depth_range, write_flow
 from fedora_generator.rendered_world import RenderedWorld
 from fedora_generator.scene import Scene
@@ -46,14 +46,14 @@ class FrameRenderer:
     flow: dict[int, FlowRows]
     """By rate in hertz."""
 
-    def render(self, index: int, stamp_us: int) -> None:
+    def render(self, index: int, timestamp_us: int) -> None:
         """Write everything that belongs to frame ``index`` at ``stamp_us``: the flow of intervals that start here."""
         starting = self._flow_from(index)
         needs_depth = self.depth is not None or bool(starting)
         if self.rgb is None and not needs_depth:
             return
-        camera, world = colour_camera(self.scene.camera), self.world.at(stamp_us)
-        T_world_camera = self._pose_at(stamp_us)
+        camera, world = colour_camera(self.scene.camera), self.world.at(timestamp_us)
+        T_world_camera = self._pose_at(timestamp_us)
         if self.rgb is not None:
             self.rgb[index] = as_8_bit(world.rgb_dn(camera, T_world_camera))
         if not needs_depth:
@@ -62,7 +62,7 @@ class FrameRenderer:
         if self.depth is not None:
             self.depth[index] = depth_mm(inverse_depth)
         if starting:
-            self._write_flow(starting, world, inverse_depth, stamp_us)
+            self._write_flow(starting, world, inverse_depth, timestamp_us)
 
     def _write_flow(
         self, starting: list[tuple[FlowRows, int]], world: RenderedWorld, inverse_depth: Floats, start_us: int
@@ -98,17 +98,17 @@ def create_frames(
     file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, streams: frozenset[str]
 ) -> FrameRenderer:
     """Create the datasets and metadata of the image streams among ``streams``."""
-    camera, stamps = colour_camera(scene.camera), stamps_us(duration_us, FRAME_RATE_HZ)
+    camera, timestamps = colour_camera(scene.camera), timestamps_us(duration_us, FRAME_RATE_HZ)
     size = {"H": camera.height, "W": camera.width, "H_rgb": camera.height, "W_rgb": camera.width}
     rgb = depth = None
     if "rgb" in streams:
-        rgb = create_dataset(file, "path/rgb", {"N": len(stamps), **size})
+        rgb = create_dataset(file, "path/rgb", {"N": len(timestamps), **size})
         rgb.attrs["transfer"] = "linear"
-        write_dataset(file, "path/rgb_ts", stamps, N=len(stamps))
+        write_dataset(file, "path/rgb_ts", timestamps, N=len(timestamps))
         write_camera(file, "rgb", camera)
     if "depth" in streams:
-        depth = create_dataset(file, "path/depth", {"D": len(stamps), **size})
-        write_dataset(file, "path/depth_ts", stamps, D=len(stamps))
+        depth = create_dataset(file, "path/depth", {"D": len(timestamps), **size})
+        write_dataset(file, "path/depth_ts", timestamps, D=len(timestamps))
         write_camera(file, "depth", camera)
         write_depth_range(file, scene)
     flow = {}

@@ -14,7 +14,7 @@ from fedora_generator.errors import SceneError
 from fedora_generator.events.stream import EventRecorder
 from fedora_generator.frames import create_frames
 from fedora_generator.inertial_streams import write_imu_stream, write_pose_stream
-from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, pieces, stamps_us, whole_us
+from fedora_generator.instants import FRAME_RATE_HZ, IMU_RATE_HZ, pieces, timestamps_us, whole_us
 from fedora_generator.metadata import write_root
 from fedora_generator.partial_file import partial_file
 from fedora_generator.preflight import RENDERED_STREAMS, require_possible
@@ -121,7 +121,7 @@ def require_free_flight(scene: Scene, duration_us: int) -> None:
 def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: int) -> None:
     event_camera(scene.camera)  # raises where it would have no pixel
     camera, flight = colour_camera(scene.camera), scene.fly()
-    for times_us in pieces(stamps_us(duration_us, IMU_RATE_HZ)):
+    for times_us in pieces(timestamps_us(duration_us, IMU_RATE_HZ)):
         positions_world_m = camera.poses_at(flight, times_us)[:, :3, 3]
         if not np.isfinite(positions_world_m).all():
             raise SceneError(f"Expected a flight through places that are finite, got one of {scene.name} that is not")
@@ -137,7 +137,7 @@ def _require_free_flight(scene: Scene, surroundings: Surroundings, duration_us: 
 def _path_world_m(scene: Scene, duration_us: int) -> NDArray[np.float64]:
     """Positions (n, 3) of the camera at every frame."""
     camera, flight = colour_camera(scene.camera), scene.fly()
-    frames_us = pieces(stamps_us(duration_us, FRAME_RATE_HZ))
+    frames_us = pieces(timestamps_us(duration_us, FRAME_RATE_HZ))
     return np.concatenate([camera.poses_at(flight, times_us)[:, :3, 3] for times_us in frames_us])
 
 
@@ -145,27 +145,27 @@ def _walk(
     file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, request: Request, progress: Progress
 ) -> tuple[int, int, int]:
     """Render frames and events in the order of time; return the numbers of frames, events and rendered event pixels."""
-    stamps = stamps_us(duration_us, FRAME_RATE_HZ)
+    timestamps = timestamps_us(duration_us, FRAME_RATE_HZ)
     frames = create_frames(file, scene, world, duration_us, request.streams)
     recorder = _event_recorder(file, scene, world, duration_us, request) if "events" in request.streams else None
-    for index, stamp_us in enumerate(stamps.tolist()):
+    for index, timestamp_us in enumerate(timestamps.tolist()):
         if recorder is not None:
-            recorder.run_to(stamp_us)
-        frames.render(index, stamp_us)
-        progress(stamp_us)
+            recorder.run_to(timestamp_us)
+        frames.render(index, timestamp_us)
+        progress(timestamp_us)
     if recorder is None:
-        return len(stamps), 0, 0
+        return len(timestamps), 0, 0
     recorder.run_to(duration_us)
     recorder.finish()
-    return len(stamps), recorder.events, recorder.rendered_pixels
+    return len(timestamps), recorder.events, recorder.rendered_pixels
 
 
 def _event_recorder(
     file: h5py.File, scene: Scene, world: RenderedWorld, duration_us: int, request: Request
 ) -> EventRecorder:
-    stamps = stamps_us(duration_us, FRAME_RATE_HZ)
+    timestamps = timestamps_us(duration_us, FRAME_RATE_HZ)
     sizes = {"rgb": "N", "depth": "D"}
-    maps = {f"metadata/{name}_to_event": (size, stamps) for name, size in sizes.items() if name in request.streams}
+    maps = {f"metadata/{name}_to_event": (size, timestamps) for name, size in sizes.items() if name in request.streams}
     return EventRecorder(file, scene, world, request.quality, maps, _seed(scene, _EVENTS_KEY))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_generator.imu import Imu
-from fedora_generator.instants import IMU_RATE_HZ, POSE_RATE_HZ, pieces, stamps_us
+from fedora_generator.instants import IMU_RATE_HZ, POSE_RATE_HZ, pieces, timestamps_us
 from fedora_generator.metadata import write_imu, write_pose
 from fedora_generator.pose import PoseSensor
 from fedora_generator.scene import Scene
@@ -16,10 +16,14 @@ from fedora_qa.layout.create import create_dataset
 
 def write_imu_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.random.SeedSequence) -> None:
     """Write all inertial samples, and what the file says of them."""
-    imu, flight, stamps = Imu(scene.imu, np.random.default_rng(seed)), scene.fly(), stamps_us(duration_us, IMU_RATE_HZ)
+    imu, flight, timestamps = (
+        Imu(scene.imu, np.random.default_rng(seed)),
+        scene.fly(),
+        timestamps_us(duration_us, IMU_RATE_HZ),
+    )
     names = ("angular_velocity", "linear_acceleration", "ts")
-    rates, forces, times = (create_dataset(file, f"path/imu/{name}", {"M": len(stamps)}) for name in names)
-    for rows, times_us in _rows(stamps):
+    rates, forces, times = (create_dataset(file, f"path/imu/{name}", {"M": len(timestamps)}) for name in names)
+    for rows, times_us in _rows(timestamps):
         samples = imu.sample(flight, times_us)
         rates[rows], forces[rows] = samples.angular_velocities_body_rad_s, samples.specific_forces_body_m_s2
         times[rows] = times_us
@@ -28,18 +32,20 @@ def write_imu_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.r
 
 def write_pose_stream(file: h5py.File, scene: Scene, duration_us: int, seed: np.random.SeedSequence) -> None:
     """Write all poses, and what the file says of them."""
-    sensor, stamps = PoseSensor(scene.pose, np.random.default_rng(seed)), stamps_us(duration_us, POSE_RATE_HZ)
+    sensor, timestamps = PoseSensor(scene.pose, np.random.default_rng(seed)), timestamps_us(duration_us, POSE_RATE_HZ)
     flight, names = scene.fly(), ("position", "orientation", "ts")
-    positions, orientations, times = (create_dataset(file, f"path/pose/{name}", {"P": len(stamps)}) for name in names)
-    for rows, times_us in _rows(stamps):
+    positions, orientations, times = (
+        create_dataset(file, f"path/pose/{name}", {"P": len(timestamps)}) for name in names
+    )
+    for rows, times_us in _rows(timestamps):
         samples = sensor.sample(flight, times_us)
         positions[rows], orientations[rows] = samples.positions_world_m, samples.orientations_xyzw
         times[rows] = times_us
     write_pose(file, scene)
 
 
-def _rows(stamps: NDArray[np.int64]) -> Iterator[tuple[slice, NDArray[np.int64]]]:
+def _rows(timestamps: NDArray[np.int64]) -> Iterator[tuple[slice, NDArray[np.int64]]]:
     start = 0
-    for piece in pieces(stamps):
+    for piece in pieces(timestamps):
         yield slice(start, start + len(piece)), piece
         start += len(piece)

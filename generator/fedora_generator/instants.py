@@ -30,7 +30,7 @@ def whole_us(duration_s: float) -> int:
     return duration_us
 
 
-def stamps_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:
+def timestamps_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:
     """Stamps (n,) of a stream, from 0 to the last that fits; both ends are written: n = floor(rate T) + 1."""
     return np.arange(duration_us * rate_hz // US_PER_S + 1, dtype=np.int64) * US_PER_S // rate_hz
 
@@ -42,5 +42,5 @@ def pieces(times_us: NDArray[np.int64]) -> list[NDArray[np.int64]]:
 
 def intervals_us(duration_us: int, rate_hz: int) -> NDArray[np.int64]:
     """Start and end (k, 2) of the abutting intervals of a flow rate."""
-    stamps = stamps_us(duration_us, rate_hz)
-    return np.stack([stamps[:-1], stamps[1:]], axis=-1)
+    timestamps = timestamps_us(duration_us, rate_hz)
+    return np.stack([timestamps[:-1], timestamps[1:]], axis=-1)

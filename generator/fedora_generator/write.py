@@ -62,9 +62,9 @@ class EventColumns:
 class IndexMap:
     """``searchsorted(events_t, stamps, "left")``, computed while the events stream past."""
 
-    def __init__(self, stamps_us: NDArray[np.int64]) -> None:
-        self._stamps_us = stamps_us
-        self._indices = np.empty(len(stamps_us), dtype=np.int64)
+    def __init__(self, timestamps_us: NDArray[np.int64]) -> None:
+        self._timestamps_us = timestamps_us
+        self._indices = np.empty(len(timestamps_us), dtype=np.int64)
         self._resolved = 0
         self._events = 0
 
@@ -72,10 +72,10 @@ class IndexMap:
         """Show the next events (n,), not earlier than those before."""
         if len(times_us) == 0:
             return
-        reached = int(np.searchsorted(self._stamps_us, times_us[-1], side="right"))
+        reached = int(np.searchsorted(self._timestamps_us, times_us[-1], side="right"))
         if reached > self._resolved:
             ready = slice(self._resolved, reached)
-            self._indices[ready] = self._events + np.searchsorted(times_us, self._stamps_us[ready], side="left")
+            self._indices[ready] = self._events + np.searchsorted(times_us, self._timestamps_us[ready], side="left")
             self._resolved = reached
         self._events += len(times_us)
 

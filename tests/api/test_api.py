@@ -16,7 +16,7 @@ from fedora_qa.record.json_io import read_record as read_plain
 from fedora_qa.record.json_io import record_to_json
 from tests.support.handmade import write_handmade
 
-STAMPS = ["clocks.order", "index_maps"]
+TIMESTAMPS = ["clocks.order", "index_maps"]
 
 
 @pytest.fixture
@@ -24,21 +24,21 @@ def unsorted(tmp_path: Path) -> Path:
     """A small file in which two stamps of the IMU are exchanged."""
     path = write_handmade(tmp_path / "<b>bad.h5")
     with h5py.File(path, "r+") as file:
-        stamps = file["path/imu/ts"]
-        assert isinstance(stamps, h5py.Dataset)
-        stamps[20:22] = stamps[20:22][::-1]
+        timestamps = file["path/imu/ts"]
+        assert isinstance(timestamps, h5py.Dataset)
+        timestamps[20:22] = timestamps[20:22][::-1]
     return path
 
 
 @pytest.fixture
 def found(unsorted: Path) -> CheckedRecord:
     """What is found of it."""
-    return fedora_qa.check(unsorted, select=STAMPS)
+    return fedora_qa.check(unsorted, select=TIMESTAMPS)
 
 
 def test_the_same_as_the_command(found: CheckedRecord, unsorted: Path, tmp_path: Path) -> None:
     """Files, options and their digest are those that ``check --json`` writes."""
-    options = [argument for name in STAMPS for argument in ("--select", name)]
+    options = [argument for name in TIMESTAMPS for argument in ("--select", name)]
     assert run(["check", str(unsorted), *options, "--json", str(tmp_path / "out.json")]) == 1
     written = read_plain(tmp_path / "out.json")
     assert found.files == written.files
@@ -69,7 +69,7 @@ def test_frames(found: CheckedRecord) -> None:
 def test_several_files_are_one_record(unsorted: Path, tmp_path: Path) -> None:
     """All files stand in one record, with a row each; the gravest verdict counts."""
     other = write_handmade(tmp_path / "other.h5")
-    both = fedora_qa.check(unsorted, str(other), select=STAMPS, evidence=False)
+    both = fedora_qa.check(unsorted, str(other), select=TIMESTAMPS, evidence=False)
     assert [file.verdict for file in both.files] == ["findings", "clean"]
     assert both.verdict == "findings"
     assert both.arrays == {}

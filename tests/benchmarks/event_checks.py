@@ -74,11 +74,13 @@ def write_sequence(path: Path, threshold: float) -> Path:
     times_us, pixels, p = np.concatenate(found, axis=1).astype(np.int64)
     order = np.argsort(times_us, kind="stable")
     rows, columns = np.divmod(pixels[order], SHAPE[1])
-    stamps = np.arange(0, DURATION_NS + 1, FRAME_NS)
-    frames = np.array([np.rint(np.exp(grating(stamp / NS_PER_S))).clip(0, 255) for stamp in stamps], np.uint8)
+    timestamps = np.arange(0, DURATION_NS + 1, FRAME_NS)
+    frames = np.array(
+        [np.rint(np.exp(grating(timestamp / NS_PER_S))).clip(0, 255) for timestamp in timestamps], np.uint8
+    )
     with h5py.File(path, "w") as file:
         file.attrs.update({"format": "fedora", "format_version": "1.0"})
-        file["path/rgb"], file["path/rgb_ts"] = frames[..., np.newaxis].repeat(3, axis=3), stamps // 1000
+        file["path/rgb"], file["path/rgb_ts"] = frames[..., np.newaxis].repeat(3, axis=3), timestamps // 1000
         file["path/events/x"], file["path/events/y"] = columns.astype(np.uint16), rows.astype(np.uint16)
         file["path/events/t"], file["path/events/p"] = times_us[order], p[order].astype(np.uint8)
         ideal = {"model": "log", "threshold_on": threshold, "threshold_off": threshold, "polarity": "1=brighter"}

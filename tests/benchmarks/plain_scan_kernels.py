@@ -33,8 +33,8 @@ def _scan(
             reference[pixel] += threshold if brighter else -threshold
             offset_ns = math.floor((reference[pixel] - before) / (value - before) * (stop_ns - start_ns) + 0.5)
             offset_ns = min(max(offset_ns, 1), stop_ns - start_ns)
-            stamp_us = (start_ns + offset_ns + 999) // 1000
-            packed[count] = (stamp_us * signal.size + pixel) * 2 + brighter
+            timestamp_us = (start_ns + offset_ns + 999) // 1000
+            packed[count] = (timestamp_us * signal.size + pixel) * 2 + brighter
             count += 1
     return count
 

@@ -65,5 +65,5 @@ def _by_pixel(events: EventBatch, width: int) -> dict[int, tuple[bytes, NDArray[
     pixels = events.y.astype(np.int64) * width + events.x
     order = np.argsort(pixels, kind="stable")  # each pixel's events stay in order of time
     numbers, starts = np.unique(pixels[order], return_index=True)
-    polarities, stamps_us = np.split(events.p[order], starts[1:]), np.split(events.t_us[order], starts[1:])
-    return {number: (p.tobytes(), t) for number, p, t in zip(numbers.tolist(), polarities, stamps_us, strict=True)}
+    polarities, timestamps_us = np.split(events.p[order], starts[1:]), np.split(events.t_us[order], starts[1:])
+    return {number: (p.tobytes(), t) for number, p, t in zip(numbers.tolist(), polarities, timestamps_us, strict=True)}

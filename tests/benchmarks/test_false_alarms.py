@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from fedora_qa.layout.canonical import STAMPS_OF
+from fedora_qa.layout.canonical import TIMESTAMPS_OF
 from fedora_qa.record.types import Measurement, Result
 from tests.benchmarks.false_alarms.calibration import Share, alarms, calibrations
 from tests.benchmarks.false_alarms.checked import Checked, Pull, checked, pulls_of
@@ -37,12 +37,12 @@ def test_a_file_is_checked_once(tmp_path: Path) -> None:
     assert checked(kind, 0, tmp_path) == found
 
 
-def test_stamps_are_moved_to_wall_clock_time(tmp_path: Path) -> None:
+def test_timestamps_are_moved_to_wall_clock_time(tmp_path: Path) -> None:
     """All of them, by the same."""
     kind = Combination(name="x", scene=along("hover", step_s=0.1), duration_s=0.1, streams=INERTIAL, epoch=True)
     kind.write(0, tmp_path / "a.h5")
     with h5py.File(tmp_path / "a.h5") as file:
-        first_us = [file[key][0] for key in (STAMPS_OF["imu"], STAMPS_OF["pose"])]
+        first_us = [file[key][0] for key in (TIMESTAMPS_OF["imu"], TIMESTAMPS_OF["pose"])]
     assert first_us == [EPOCH_US, EPOCH_US]
 
 

@@ -11,7 +11,7 @@ import h5py
 import pytest
 
 from fedora_qa.checks import CHECKS
-from fedora_qa.checks.imu.timing import Timing
+from fedora_qa.checks.imu.timing import ImuTiming
 from fedora_qa.checks.protocol import Check, Observation
 from fedora_qa.cli.main import run
 from fedora_qa.engine import canaries
@@ -163,14 +163,14 @@ def test_deaf_check_makes_the_command_exit_with_3(
 ) -> None:
     """The verdict is incomplete, and says which canary was not seen."""
 
-    def silent(self: Timing, state: Any, facts: Facts) -> Observation:
+    def silent(self: ImuTiming, state: Any, facts: Facts) -> Observation:
         observed = original(self, state, facts)
         return replace(observed, measurements=tuple(replace(m, value=m.expected) for m in observed.measurements))
 
-    original = Timing.conclude
+    original = ImuTiming.conclude
     command = ["check", str(park_day), "--select", "imu.timing", "--select", "clocks.rate"]
     assert run([*command, "--canary"]) == 0
-    monkeypatch.setattr(Timing, "conclude", silent)
+    monkeypatch.setattr(ImuTiming, "conclude", silent)
     assert run(command) == 0
     capsys.readouterr()
     assert run([*command, "--canary"]) == 3
@@ -182,13 +182,13 @@ def test_deaf_check_makes_the_command_exit_with_3(
 def test_check_that_crashes_on_its_canary_shows_where(park_day: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A check that fails itself over the fault is crashed, with the traceback of that failure."""
 
-    def break_on_faults(self: Timing, state: Any, facts: Facts) -> Observation:
+    def break_on_faults(self: ImuTiming, state: Any, facts: Facts) -> Observation:
         if facts.clocks["imu"].times_ns[0]:
             raise ZeroDivisionError("on the canary only")
         return original(self, state, facts)
 
-    original = Timing.conclude
-    monkeypatch.setattr(Timing, "conclude", break_on_faults)
+    original = ImuTiming.conclude
+    monkeypatch.setattr(ImuTiming, "conclude", break_on_faults)
     (result,) = proven(park_day, "imu.timing").results
     assert result.outcome == "crashed"
     assert "on the canary only" in result.traceback
@@ -207,8 +207,8 @@ def test_check_that_failed_on_the_file_needs_no_canary(handmade: Path, tmp_path:
     path = tmp_path / "unsorted.h5"
     path.write_bytes(handmade.read_bytes())
     with h5py.File(path, "r+") as file:
-        stamps = file["path/imu/ts"]
-        stamps[20:22] = stamps[20:22][::-1]
+        timestamps = file["path/imu/ts"]
+        timestamps[20:22] = timestamps[20:22][::-1]
     record = proven(path, "clocks.order")
     assert by_check(record)["clocks.order"].reason == "it failed on the file itself"
     assert record.verdict == "findings"

@@ -120,7 +120,7 @@ def test_no_size_without_a_limit(limit: float | None) -> None:
         Ground(facts, (measured("gap", limit),), 0, multiple=3.0).size("gap")
 
 
-def test_only_stamps_and_index_maps_move_time() -> None:
+def test_only_timestamps_and_index_maps_move_time() -> None:
     """Whatever else is altered, windows stay as they are."""
     moving = {key for key in ("path/events/t", "path/imu/ts", "path/flow/10hz_ts", "metadata/rgb_to_event",
                               "path/events/x", "path/rgb", "path/flow/10hz")

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fedora_qa.checks import CHECKS
-from fedora_qa.checks.clocks.rate import Rate
-from fedora_qa.checks.clocks.resolution import Resolution
+from fedora_qa.checks.clocks.rate import ClocksRate
+from fedora_qa.checks.clocks.resolution import ClocksResolution
 from fedora_qa.checks.protocol import FactsCheck
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts
@@ -19,7 +19,7 @@ from tests.support.facts import FLOW_PERIODS_NS, MS, PERIODS_NS, clock, exact_fa
 CLOCKS = {
     check.name: check
     for check in CHECKS
-    if check.name.startswith("clocks.") and isinstance(check, FactsCheck | Resolution)
+    if check.name.startswith("clocks.") and isinstance(check, FactsCheck | ClocksResolution)
 }
 
 
@@ -39,8 +39,8 @@ def shifted(stream: str, ns: int) -> Facts:
 def scaled(stream: str, factor: float) -> Facts:
     interval = FLOW_PERIODS_NS.get(stream)
     interval = None if interval is None else round(interval * factor)
-    stamps = np.rint(times(stream) * factor / 1000).astype(np.int64) * 1000
-    return with_clock(exact_facts(), stream, clock(stamps, interval))
+    timestamps = np.rint(times(stream) * factor / 1000).astype(np.int64) * 1000
+    return with_clock(exact_facts(), stream, clock(timestamps, interval))
 
 
 def without(stream: str, rows: slice) -> Facts:
@@ -48,20 +48,20 @@ def without(stream: str, rows: slice) -> Facts:
 
 
 def exchanged(stream: str, row: int) -> Facts:
-    stamps = times(stream)
-    stamps[[row, row + 1]] = stamps[[row + 1, row]]
-    return with_clock(exact_facts(), stream, clock(stamps))
+    timestamps = times(stream)
+    timestamps[[row, row + 1]] = timestamps[[row + 1, row]]
+    return with_clock(exact_facts(), stream, clock(timestamps))
 
 
 def repeated(stream: str, row: int) -> Facts:
-    stamps = times(stream)
-    return with_clock(exact_facts(), stream, clock(np.insert(stamps, row, stamps[row])))
+    timestamps = times(stream)
+    return with_clock(exact_facts(), stream, clock(np.insert(timestamps, row, timestamps[row])))
 
 
 def wrapped(stream: str) -> Facts:
-    stamps = times(stream)
-    stamps[len(stamps) // 2 :] -= 2**32 * 1000
-    return with_clock(exact_facts(), stream, clock(stamps))
+    timestamps = times(stream)
+    timestamps[len(timestamps) // 2 :] -= 2**32 * 1000
+    return with_clock(exact_facts(), stream, clock(timestamps))
 
 
 def quantised() -> Facts:
@@ -83,40 +83,40 @@ def wrapped_events() -> Facts:
 
 
 def numbered(stream: str) -> Facts:
-    stamps = times(stream)
-    return with_clock(exact_facts(), stream, clock(1000 * np.arange(len(stamps))))
+    timestamps = times(stream)
+    return with_clock(exact_facts(), stream, clock(1000 * np.arange(len(timestamps))))
 
 
 def set_forward(stream: str, row: int, ns: int) -> Facts:
-    stamps = times(stream)
-    stamps[row:] += ns
-    return with_clock(exact_facts(), stream, clock(stamps))
+    timestamps = times(stream)
+    timestamps[row:] += ns
+    return with_clock(exact_facts(), stream, clock(timestamps))
 
 
 def rounded(stream: str, grid_ns: int, lost: int | None = None) -> Facts:
-    stamps = (times(stream) + grid_ns // 2) // grid_ns * grid_ns
-    return with_clock(exact_facts(), stream, clock(stamps if lost is None else np.delete(stamps, lost)))
+    timestamps = (times(stream) + grid_ns // 2) // grid_ns * grid_ns
+    return with_clock(exact_facts(), stream, clock(timestamps if lost is None else np.delete(timestamps, lost)))
 
 
 def in_single_precision(stream: str) -> Facts:
     origin_us = 100_000_000
-    stamps_us = origin_us + times(stream) // 1000
-    single_us = np.rint((stamps_us / 1e6).astype(np.float32).astype(np.float64) * 1e6).astype(np.int64)
+    timestamps_us = origin_us + times(stream) // 1000
+    single_us = np.rint((timestamps_us / 1e6).astype(np.float32).astype(np.float64) * 1e6).astype(np.int64)
     facts = replace(exact_facts(), origin_us=float(origin_us))
     return with_clock(facts, stream, clock((single_us - origin_us) * 1000))
 
 
 def partly(stream: str, factor: float) -> Facts:
-    stamps = times(stream)
-    part = slice(len(stamps) // 4, 3 * len(stamps) // 4)
-    stamps[part] = np.rint(stamps[part] * factor / 1000).astype(np.int64) * 1000
-    return with_clock(exact_facts(), stream, clock(stamps))
+    timestamps = times(stream)
+    part = slice(len(timestamps) // 4, 3 * len(timestamps) // 4)
+    timestamps[part] = np.rint(timestamps[part] * factor / 1000).astype(np.int64) * 1000
+    return with_clock(exact_facts(), stream, clock(timestamps))
 
 
 def drifting(rate: float) -> Facts:
-    stamps = times("imu")
-    late = np.rint(np.clip(stamps - 500 * MS, 0, 1000 * MS) * rate / 1000).astype(np.int64) * 1000
-    return with_clock(exact_facts(), "imu", clock(stamps + late))
+    timestamps = times("imu")
+    late = np.rint(np.clip(timestamps - 500 * MS, 0, 1000 * MS) * rate / 1000).astype(np.int64) * 1000
+    return with_clock(exact_facts(), "imu", clock(timestamps + late))
 
 
 FAULTS: dict[str, tuple[str, Callable[[], Facts], str, str, float | None]] = {
@@ -212,7 +212,7 @@ def test_few_frames_on_a_grid_above_their_period_are_not_doubled() -> None:
 
 
 @pytest.mark.parametrize("start", [0, 7, 13])
-def test_a_grid_just_above_the_period_repeats_a_stamp_or_two(start: int) -> None:
+def test_a_grid_just_above_the_period_repeats_a_timestamp_or_two(start: int) -> None:
     """Half a second of frames at 50 Hz on a grid of 21 ms: the grid is named, not a doubled frame or another rate."""
     frames = (exact_facts().clocks["rgb"].times_ns[start : start + 25] + 10_500_000) // 21_000_000 * 21_000_000
     coarse = with_clock(exact_facts(), "rgb", clock(frames))
@@ -233,8 +233,8 @@ def test_jitter_is_no_change_of_rate() -> None:
     rng = np.random.default_rng(11)
     scores = []
     for _ in range(300):
-        stamps = np.rint(np.arange(400) * 5000 + rng.normal(0, 40, 400)).astype(np.int64) * 1000
-        measured = Rate().examine(with_clock(exact_facts(), "pose", clock(stamps))).measurements
+        timestamps = np.rint(np.arange(400) * 5000 + rng.normal(0, 40, 400)).astype(np.int64) * 1000
+        measured = ClocksRate().examine(with_clock(exact_facts(), "pose", clock(timestamps))).measurements
         change = next(m for m in measured if m.name == "pose.rate_change")
         assert change.value < change.model_error_bound + 5 * change.standard_error
         scores.append(change.value / change.standard_error)
@@ -257,8 +257,8 @@ def test_samples_lost_at_random_are_counted(lost: list[int]) -> None:
 
 def test_rounding_moves_the_slope_by_no_more_than_is_allowed() -> None:
     """The worst phases of rounding, one half of the stamps early and the other late, stay within the allowance."""
-    stamps = np.arange(2000) * MS + np.where(np.arange(2000) < 1000, -500, 500)
-    observation = Rate().examine(with_clock(exact_facts(), "imu", clock(stamps)))
+    timestamps = np.arange(2000) * MS + np.where(np.arange(2000) < 1000, -500, 500)
+    observation = ClocksRate().examine(with_clock(exact_facts(), "imu", clock(timestamps)))
     error = next(m for m in observation.measurements if m.name == "imu.rate_error")
     assert error.model_error_bound == pytest.approx(error.value, rel=2e-3)
 
@@ -299,7 +299,7 @@ def test_a_part_that_is_late_by_many_samples_is_neither_lost_nor_shuffled(name: 
     assert (suspect.cause, suspect.stream, suspect.magnitude) == ("time_offset", "pose", pytest.approx(90.0))
 
 
-def test_stamps_from_zero_beside_others_of_an_epoch_are_said_to_be() -> None:
+def test_timestamps_from_zero_beside_others_of_an_epoch_are_said_to_be() -> None:
     """A stream that was counted from zero is named as that, with the offset between the clocks."""
     epoch_us = 1_700_000_000_000_000
     facts = replace(exact_facts(), origin_us=0)
@@ -352,14 +352,14 @@ def test_grids_are_seen_without_events() -> None:
 def test_any_rounded_clock_keeps_its_rate(stream: str, rate_hz: float) -> None:
     """Whole-microsecond rounding of a whole rate is no clock error, at any rate."""
     nominal = max(round(rate_hz), 1)
-    stamps = np.rint(1e6 * np.arange(200) / nominal).astype(np.int64) * 1000
-    observation = Rate().examine(with_clock(exact_facts(), stream, clock(stamps)))
-    assert judge({"clocks.rate": observation}, [Rate()], 1e-4)[0].result.outcome == "passed"
+    timestamps = np.rint(1e6 * np.arange(200) / nominal).astype(np.int64) * 1000
+    observation = ClocksRate().examine(with_clock(exact_facts(), stream, clock(timestamps)))
+    assert judge({"clocks.rate": observation}, [ClocksRate()], 1e-4)[0].result.outcome == "passed"
 
 
 @pytest.mark.parametrize("name", CLOCKS)
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_streams_with_hardly_a_stamp_are_no_failure(name: str, count: int) -> None:
+def test_streams_with_hardly_a_timestamp_are_no_failure(name: str, count: int) -> None:
     """A stream of two samples is neither a crash nor an alarm of order, unit, rate or gaps."""
     facts = exact_facts()
     few = {stream: clock(held.times_ns[:count]) for stream, held in facts.clocks.items()}

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.checks.depth.consistency import Consistency
-from fedora_qa.checks.depth.projection import Projection
-from fedora_qa.checks.depth.range import Range
-from fedora_qa.checks.depth.scale import Scale
+from fedora_qa.checks.depth.consistency import DepthConsistency
+from fedora_qa.checks.depth.projection import DepthProjection
+from fedora_qa.checks.depth.range import DepthRange
+from fedora_qa.checks.depth.scale import DepthScale
 from fedora_qa.checks.protocol import Check, Suspect
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
@@ -24,8 +24,8 @@ Depths = NDArray[Any]
 
 NOISE = PoseModel(position_sigma_m=0.005, rotation_sigma_rad=np.radians(0.2))
 RANGE_M = (0.1, 30.0)
-AGREEMENT: tuple[Check[Any], ...] = (Consistency(), Scale(), Projection())
-ALL: tuple[Check[Any], ...] = (Range(), *AGREEMENT)
+AGREEMENT: tuple[Check[Any], ...] = (DepthConsistency(), DepthScale(), DepthProjection())
+ALL: tuple[Check[Any], ...] = (DepthRange(), *AGREEMENT)
 
 
 @cache
@@ -81,7 +81,7 @@ def test_sampled_efforts_pass(check: Check[Any], share: float) -> None:
 @pytest.mark.parametrize("factor", [1e-3, 0.3048, 1.01, 1000.0])
 def test_scale_is_measured(factor: float) -> None:
     """Any wrong unit is found from the path alone, with its factor to a thousandth."""
-    result = judged(Scale(), with_depth(lambda depth: depth * factor))
+    result = judged(DepthScale(), with_depth(lambda depth: depth * factor))
     assert value(result, "scale") == pytest.approx(factor, rel=1e-3)
     assert named(result).cause == "unit_mm_m"
 
@@ -89,7 +89,7 @@ def test_scale_is_measured(factor: float) -> None:
 @pytest.mark.parametrize(("factor", "stream"), [(1e-3, "depth"), (1000.0, "depth")])
 def test_implausible_depths_are_at_fault(factor: float, stream: str) -> None:
     """Depths of millimetres or kilometres are depth's fault."""
-    assert named(judged(Scale(), with_depth(lambda depth: depth * factor))).stream == stream
+    assert named(judged(DepthScale(), with_depth(lambda depth: depth * factor))).stream == stream
 
 
 @pytest.mark.parametrize("factor", [1000.0, 3.2808, 1.02])
@@ -99,7 +99,7 @@ def test_plausible_depths_leave_it_to_the_positions(factor: float) -> None:
     The lever arm stays in metres: its part of the path does not count.
     """
     positions_m = clean().rows_by_key["path/pose/position"]
-    suspects = judged(Scale(), clean().with_rows(path_pose_position=factor * positions_m)).alarms[0].suspects
+    suspects = judged(DepthScale(), clean().with_rows(path_pose_position=factor * positions_m)).alarms[0].suspects
     best = max(suspects, key=lambda suspect: suspect.weight)
     assert (best.cause, best.stream) == ("unit_mm_m", "pose")
     assert best.magnitude == pytest.approx(factor, rel=2e-3)
@@ -108,7 +108,7 @@ def test_plausible_depths_leave_it_to_the_positions(factor: float) -> None:
 def test_ray_lengths_are_told_from_z() -> None:
     """Lengths of rays read as an exponent of 1, and are named."""
     lengths = np.linalg.norm(rays_body(), axis=-1)
-    result = judged(Projection(), with_depth(lambda depth: depth * lengths))
+    result = judged(DepthProjection(), with_depth(lambda depth: depth * lengths))
     assert value(result, "ray_exponent") == pytest.approx(1.0, abs=0.05)
     assert named(result).cause == "depth_ray_not_z"
 
@@ -156,7 +156,7 @@ FAULTS: dict[str, tuple[Callable[[Depths], Depths], str, float | None]] = {
 @pytest.mark.parametrize(("change", "cause", "size"), FAULTS.values(), ids=FAULTS)
 def test_faults_of_depth_are_named(change: Callable[[Depths], Depths], cause: str, size: float | None) -> None:
     """A fault of the frames is found and named first, with its size."""
-    suspect = named(judged(Consistency(), with_depth(change)))
+    suspect = named(judged(DepthConsistency(), with_depth(change)))
     assert (suspect.cause, suspect.stream) == (cause, "depth")
     if size is not None:
         assert suspect.magnitude == pytest.approx(size, rel=0.05)
@@ -168,7 +168,7 @@ def test_faults_of_large_frames_are_named(
 ) -> None:
     """Where every second row and column is looked at, as in large frames, faults are found and named all the same."""
     monkeypatch.setattr(pairs, "_PIXELS", 192 * 144 // 4)
-    suspect = named(judged(Consistency(), with_depth(change), tile_share=0.5))
+    suspect = named(judged(DepthConsistency(), with_depth(change), tile_share=0.5))
     assert (suspect.cause, suspect.stream) == (cause, "depth")
     if size is not None:
         assert suspect.magnitude == pytest.approx(size, rel=0.05)
@@ -182,9 +182,9 @@ def test_large_frames_pass(check: Check[Any], monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("milliseconds", [1.0, 5.0, -20.0])
-def test_late_stamps_are_measured(milliseconds: float) -> None:
+def test_late_timestamps_are_measured(milliseconds: float) -> None:
     """Stamps that are late by a constant are found and measured to a percent."""
-    suspect = named(judged(Consistency(), late(milliseconds)))
+    suspect = named(judged(DepthConsistency(), late(milliseconds)))
     assert suspect.cause == "time_offset"
     assert suspect.stream == "depth"
     assert suspect.magnitude == pytest.approx(milliseconds, rel=0.01)
@@ -192,7 +192,7 @@ def test_late_stamps_are_measured(milliseconds: float) -> None:
 
 def test_frozen_frames_are_placed() -> None:
     """Single bad frames are placed by their rows."""
-    where = judged(Consistency(), with_depth(frozen)).alarms[0].finding.where
+    where = judged(DepthConsistency(), with_depth(frozen)).alarms[0].finding.where
     assert (where.index_start, where.index_stop) == (9, 14)
 
 
@@ -205,7 +205,7 @@ def test_a_bad_corner_is_placed(every_px: int, monkeypatch: pytest.MonkeyPatch) 
         return depth
 
     monkeypatch.setattr(pairs, "_PIXELS", 192 * 144 // every_px**2)
-    result = judged(Consistency(), with_depth(deepen), tile_share=0.5)
+    result = judged(DepthConsistency(), with_depth(deepen), tile_share=0.5)
     alarm = next(one for one in result.alarms if one.finding.code.endswith("tile"))
     left, top, right, bottom = alarm.finding.where.tile or (0, 0, 0, 0)
     assert left >= 130
@@ -221,7 +221,7 @@ def test_a_region_that_is_shifted_is_named() -> None:
         corner[:, :, 3:] = corner[:, :, :-3].copy()
         return depth
 
-    suspect = named(judged(Consistency(), with_depth(shift_corner)))
+    suspect = named(judged(DepthConsistency(), with_depth(shift_corner)))
     assert (suspect.cause, suspect.stream) == ("spatial_offset", "depth")
     assert suspect.magnitude == pytest.approx(3.0, rel=0.1)
 
@@ -232,7 +232,7 @@ def test_noise_that_is_declared_too_small_is_found() -> None:
     With 33 degrees of freedom the noise found has a standard error of 12%: four of them are allowed.
     """
     world = noisy().declaring(pose=PoseModel(NOISE.position_sigma_m / 3, NOISE.rotation_sigma_rad / 3))
-    result = judged(Consistency(), world)
+    result = judged(DepthConsistency(), world)
     alarm = next(one for one in result.alarms if one.finding.code.endswith("pose_correction"))
     suspect = next(one for one in alarm.suspects if one.cause == "noise_misdeclared")
     assert suspect.magnitude == pytest.approx(-67, abs=0.12 * 4 * 33)
@@ -261,24 +261,24 @@ def test_quantised_depth_agrees(check: Check[Any], step_mm: float) -> None:
 
 def test_coarse_steps_are_noted() -> None:
     """Steps of 5 cm are noted with their size; millimetres are not worth a word."""
-    coarse = judged(Range(), with_depth(lambda depth: np.rint(depth / 50) * 50)).result
+    coarse = judged(DepthRange(), with_depth(lambda depth: np.rint(depth / 50) * 50)).result
     assert coarse.outcome == "warned"
     assert "steps of 50 mm" in coarse.reason
-    assert judged(Range(), with_depth(np.rint)).result.outcome == "passed"
+    assert judged(DepthRange(), with_depth(np.rint)).result.outcome == "passed"
 
 
 def test_fine_steps_are_stated() -> None:
     """Depths in whole millimetres pass, and what was inferred says so; float32 depths have no step."""
-    stated = observe(Range(), with_depth(np.rint))
+    stated = observe(DepthRange(), with_depth(np.rint))
     assert stated.inferred["depth_step_mm"] == pytest.approx(1.0, rel=1e-3)
-    assert "depth_step_mm" not in observe(Range(), clean()).inferred
+    assert "depth_step_mm" not in observe(DepthRange(), clean()).inferred
 
 
 def test_depth_cut_off_at_the_end_is_found() -> None:
     """Pixels that pile up on the end of the range are found, and counted."""
     far_mm = float(np.median(clean().rows_by_key["path/depth"]))
     world = with_depth(lambda depth: np.minimum(depth, far_mm)).declaring(depth_range_m=(0.1, far_mm / 1000))
-    result = judged(Range(), world)
+    result = judged(DepthRange(), world)
     assert named(result).cause == "invalid_encoding"
     assert value(result, "on_far_end") == pytest.approx(clean().rows_by_key["path/depth"].size / 2, rel=0.01)
 
@@ -286,7 +286,7 @@ def test_depth_cut_off_at_the_end_is_found() -> None:
 @pytest.mark.parametrize(("factor", "code"), [(1e-3, "nearest"), (1e3, "farthest")])
 def test_ends_beyond_the_range_are_stated(factor: float, code: str) -> None:
     """Depths beyond the declared range are stated, and the unit suspected that would bring them back."""
-    result = judged(Range(), with_depth(lambda depth: depth * factor))
+    result = judged(DepthRange(), with_depth(lambda depth: depth * factor))
     assert result.alarms[0].finding.code == f"depth.range.{code}"
     assert named(result).magnitude == pytest.approx(factor)
 

@@ -144,7 +144,7 @@ def test_steps_of_a_linear_sensor_are_its_tick(path: Path) -> None:
     assert rules(run_check(path, "event_stream.gaps")) == ["silence"]
 
 
-def test_rounded_stamps_of_a_part_are_found(path: Path) -> None:
+def test_rounded_timestamps_of_a_part_are_found(path: Path) -> None:
     """Stamps rounded to 0.3 ms in a third of the columns are a grid of a part, with its step; clean ones are none."""
     log_file().write(path)
     assert run_check(path, "clocks.resolution").outcome == "passed"

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fedora_qa.checks.flow_geometry.endpoint import Endpoint
-from fedora_qa.checks.flow_geometry.validity import Validity
-from fedora_qa.checks.flow_photometric.residual import Residual
+from fedora_qa.checks.flow_geometry.endpoint import FlowGeometryEndpoint
+from fedora_qa.checks.flow_geometry.validity import FlowGeometryValidity
+from fedora_qa.checks.flow_photometric.residual import FlowPhotometricResidual
 from fedora_qa.checks.protocol import Check
 from fedora_qa.sequence.facts import Clock
 from tests.support.flow_world import FlowWorld, judged, make_world
@@ -68,7 +68,9 @@ STRANGE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("check", [Endpoint(), Validity(), Residual()], ids=lambda check: check.name)
+@pytest.mark.parametrize(
+    "check", [FlowGeometryEndpoint(), FlowGeometryValidity(), FlowPhotometricResidual()], ids=lambda check: check.name
+)
 @pytest.mark.parametrize("world", STRANGE.values(), ids=STRANGE)
 def test_strange_file_is_answered(check: Check[Any], world: Any) -> None:
     """An outcome, and a reason where nothing could be seen."""

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.flow_geometry.another_motion import as_noise
-from fedora_qa.checks.flow_geometry.endpoint import Endpoint
+from fedora_qa.checks.flow_geometry.endpoint import FlowGeometryEndpoint
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
@@ -47,10 +47,10 @@ def with_mover(marked: bool) -> FlowWorld:
 @pytest.mark.parametrize("share", [1.0, 0.1])
 def test_what_moves_by_itself_is_left_out_where_it_is_marked(share: float) -> None:
     """A patch with a flow of its own passes under its mask, fails without, and a gain of the rest is still found."""
-    assert judged(Endpoint(), with_mover(marked=True), tile_share=share).result.outcome == "passed"
-    assert judged(Endpoint(), with_mover(marked=False), tile_share=share).result.outcome == "failed"
+    assert judged(FlowGeometryEndpoint(), with_mover(marked=True), tile_share=share).result.outcome == "passed"
+    assert judged(FlowGeometryEndpoint(), with_mover(marked=False), tile_share=share).result.outcome == "failed"
     gain = with_mover(marked=True).with_flow(lambda _, flow: flow * 1.02)
-    suspect = first_suspect(judged(Endpoint(), gain, tile_share=share))
+    suspect = first_suspect(judged(FlowGeometryEndpoint(), gain, tile_share=share))
     assert (suspect.cause, suspect.stream) == ("flow_gain", "flow")
 
 
@@ -69,7 +69,7 @@ def first_suspect(result: Judged) -> Suspect:
 @pytest.mark.parametrize("world", [clean, noisy], ids=["exact pose", "noisy pose"])
 def test_clean_file_passes_to_rounding(world: object) -> None:
     """Nothing but rounding remains, whether the pose is exact or its declared noise has to be corrected."""
-    result = judged(Endpoint(), world())  # type: ignore[operator]
+    result = judged(FlowGeometryEndpoint(), world())  # type: ignore[operator]
     assert result.result.outcome == "passed"
     errors = [m.value for m in result.result.measurements if m.name.endswith("endpoint_error")]
     assert max(errors) < 1e-5
@@ -78,9 +78,9 @@ def test_clean_file_passes_to_rounding(world: object) -> None:
 @pytest.mark.parametrize("share", [0.05, 0.25])
 def test_sampled_efforts_agree(share: float) -> None:
     """A coarser lattice passes the clean file and still finds a gain of 0.1%."""
-    assert judged(Endpoint(), clean(), tile_share=share).result.outcome == "passed"
+    assert judged(FlowGeometryEndpoint(), clean(), tile_share=share).result.outcome == "passed"
     off = clean().with_flow(lambda _, flow: flow * 1.001)
-    suspect = first_suspect(judged(Endpoint(), off, tile_share=share))
+    suspect = first_suspect(judged(FlowGeometryEndpoint(), off, tile_share=share))
     assert suspect.magnitude == pytest.approx(0.1, rel=1e-2)
 
 
@@ -101,7 +101,7 @@ VALUE_FAULTS = {
 @pytest.mark.parametrize(("change", "cause", "magnitude"), VALUE_FAULTS.values(), ids=VALUE_FAULTS)
 def test_fault_of_the_values_is_named(change: object, cause: str, magnitude: float | None) -> None:
     """The first suspect is what was done to the fields, with its size; all rates are off, so it is flow as a whole."""
-    suspect = first_suspect(judged(Endpoint(), clean().with_flow(change)))  # type: ignore[arg-type]
+    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_flow(change)))  # type: ignore[arg-type]
     assert (suspect.cause, suspect.stream) == (cause, "flow")
     if magnitude is not None:
         assert suspect.magnitude == pytest.approx(magnitude, rel=1e-3)
@@ -110,7 +110,7 @@ def test_fault_of_the_values_is_named(change: object, cause: str, magnitude: flo
 def test_one_rate_alone_is_named() -> None:
     """A gain in one rate is that rate's, and the other rates pass."""
     off = clean().with_flow(lambda stream, flow: flow * (1.01 if stream == "flow/25hz" else 1.0))
-    result = judged(Endpoint(), off)
+    result = judged(FlowGeometryEndpoint(), off)
     assert {alarm.finding.where.stream for alarm in result.alarms} == {"flow/25hz"}
     assert first_suspect(result).stream == "flow/25hz"
 
@@ -118,7 +118,7 @@ def test_one_rate_alone_is_named() -> None:
 def test_rate_mixed_up_is_named() -> None:
     """10 Hz fields that hold the 50 Hz ones that begin with them belong to another rate."""
     fast = clean().rows_by_key["path/flow/50hz"][::5]
-    suspect = first_suspect(judged(Endpoint(), clean().with_rows(path_flow_10hz=fast)))
+    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_rows(path_flow_10hz=fast)))
     assert (suspect.cause, suspect.stream) == ("flow_rate_mixed", "flow/10hz")
 
 
@@ -144,7 +144,7 @@ def test_fault_of_the_declared_camera_is_named(
 ) -> None:
     """Wrong intrinsics show whatever the pose's noise; a wrong mounting needs an exact pose."""
     base: FlowWorld = world()  # type: ignore[operator]
-    result = judged(Endpoint(), with_camera(base, K_declared, T))
+    result = judged(FlowGeometryEndpoint(), with_camera(base, K_declared, T))
     if base is noisy() and cause in ("extrinsic_rotation", "lever_arm"):
         assert result.result.outcome == "passed"
         return
@@ -158,7 +158,7 @@ def test_late_poses_are_measured() -> None:
     world = clean()
     late = world.facts.clocks["pose"]
     clocks = {**world.facts.clocks, "pose": replace(late, times_ns=late.times_ns + 2_000_000)}
-    suspect = first_suspect(judged(Endpoint(), replace(world, facts=replace(world.facts, clocks=clocks))))
+    suspect = first_suspect(judged(FlowGeometryEndpoint(), replace(world, facts=replace(world.facts, clocks=clocks))))
     assert (suspect.cause, suspect.stream) == ("time_offset", "pose")
     assert suspect.magnitude == pytest.approx(2.0, rel=0.02)
 
@@ -166,7 +166,7 @@ def test_late_poses_are_measured() -> None:
 def test_mirrored_depth_is_named() -> None:
     """Undoing the fault of the depth makes flow agree, so the depth is suspected and not the flow."""
     mirrored = clean().rows_by_key["path/depth"][:, :, ::-1]
-    suspect = first_suspect(judged(Endpoint(), clean().with_rows(path_depth=mirrored)))
+    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_rows(path_depth=mirrored)))
     assert (suspect.cause, suspect.stream) == ("mirrored", "depth")
 
 
@@ -175,7 +175,7 @@ def test_ray_length_is_told_from_depth() -> None:
     columns, rows = np.meshgrid(np.arange(192), np.arange(144))
     stretch = np.sqrt(1 + ((columns - K[0, 2]) / K[0, 0]) ** 2 + ((rows - K[1, 2]) / K[1, 1]) ** 2)
     depth = (clean().rows_by_key["path/depth"] * stretch).astype(np.float32)
-    suspect = first_suspect(judged(Endpoint(), clean().with_rows(path_depth=depth)))
+    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_rows(path_depth=depth)))
     assert (suspect.cause, suspect.stream) == ("depth_ray_not_z", "depth")
 
 
@@ -189,7 +189,7 @@ POSE_FAULTS = {
 def test_quaternion_convention_is_named(order: list[int], signs: list[int], cause: str) -> None:
     """Undoing another order or direction of the quaternion makes flow agree."""
     orientations = clean().rows_by_key["path/pose/orientation"][:, order] * signs
-    suspect = first_suspect(judged(Endpoint(), clean().with_rows(path_pose_orientation=orientations)))
+    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_rows(path_pose_orientation=orientations)))
     assert (suspect.cause, suspect.stream) == (cause, "pose")
 
 
@@ -197,7 +197,7 @@ def test_single_pixel_is_found_and_placed() -> None:
     """At full density one pixel that is off by 0.01 px in one field is an alarm, at its place."""
     flow = clean().rows_by_key["path/flow/25hz"].copy()
     flow[3, 50, 70, 0] += 0.01
-    result = judged(Endpoint(), clean().with_rows(path_flow_25hz=flow))
+    result = judged(FlowGeometryEndpoint(), clean().with_rows(path_flow_25hz=flow))
     place = next(a.finding.where for a in result.alarms if a.finding.code.endswith("worst_pixel"))
     assert (place.stream, place.index_start, place.frame, place.pixel) == ("flow/25hz", 3, 6, (70, 50))
 
@@ -210,7 +210,7 @@ def test_flow_from_the_noisy_pose_is_named() -> None:
         (make_world((50,)).rows_by_key[key] for key in ("path/pose/position", "path/pose/orientation")),
         strict=True,
     ))  # fmt: skip
-    result = judged(Endpoint(), replace(world, rows_by_key=exact))
+    result = judged(FlowGeometryEndpoint(), replace(world, rows_by_key=exact))
     suspect = first_suspect(result)
     assert (suspect.cause, suspect.stream) == ("flow_from_noisy_pose", "flow")
 
@@ -218,7 +218,7 @@ def test_flow_from_the_noisy_pose_is_named() -> None:
 def test_noise_that_is_larger_than_declared_is_measured() -> None:
     """Twice the declared noise shows in the size of the corrections, not in what remains."""
     world = noisy().declaring(pose=PoseModel(NOISE.position_sigma_m / 2, NOISE.rotation_sigma_rad / 2))
-    result = judged(Endpoint(), world)
+    result = judged(FlowGeometryEndpoint(), world)
     assert {alarm.finding.code for alarm in result.alarms} == {"flow_geometry.endpoint.pose_correction"}
     assert first_suspect(result).cause == "noise_misdeclared"
     assert first_suspect(result).magnitude == pytest.approx(-50, abs=15)
@@ -226,7 +226,7 @@ def test_noise_that_is_larger_than_declared_is_measured() -> None:
 
 def test_what_cannot_be_asked_or_seen_is_said() -> None:
     """A moving scene and a missing camera are not applicable; intervals off the frames are not observable."""
-    check = Endpoint()
+    check = FlowGeometryEndpoint()
     assert "scene" in check.not_applicable(clean().declaring(flow_model="scene").facts)
     assert "depth camera" in check.not_applicable(clean().declaring(cameras={}).facts)
     facts = clean().facts
@@ -241,14 +241,14 @@ def test_what_cannot_be_asked_or_seen_is_said() -> None:
 def test_undeclared_noise_weakens_the_check() -> None:
     """Without declared pose noise any rigid correction is allowed, and a notice says so; a gain is still found."""
     world = clean().declaring(pose=None)
-    assert judged(Endpoint(), world).result.outcome == "warned"
-    assert judged(Endpoint(), world.with_flow(lambda _, flow: flow * 1.05)).result.outcome == "failed"
+    assert judged(FlowGeometryEndpoint(), world).result.outcome == "warned"
+    assert judged(FlowGeometryEndpoint(), world.with_flow(lambda _, flow: flow * 1.05)).result.outcome == "failed"
 
 
 def test_empty_fields_do_not_crash() -> None:
     """Fields without a single value say that they share too few pixels with the depth."""
     empty = clean().with_flow(lambda _, flow: np.full_like(flow, np.nan))
-    assert "too few" in observe(Endpoint(), empty).unobservable
+    assert "too few" in observe(FlowGeometryEndpoint(), empty).unobservable
 
 
 def from_the_middle_on(key: str, change: object) -> FlowWorld:
@@ -270,7 +270,7 @@ PARTS_OF_THE_POSE = {
 @pytest.mark.parametrize(("key", "change", "cause"), PARTS_OF_THE_POSE.values(), ids=PARTS_OF_THE_POSE)
 def test_poses_that_are_wrong_for_a_while_are_named(key: str, change: object, cause: str) -> None:
     """Fields across the fault's edges, whose recomputed flow is garbage, do not make the flow look shifted in time."""
-    result = judged(Endpoint(), from_the_middle_on(key, change))
+    result = judged(FlowGeometryEndpoint(), from_the_middle_on(key, change))
     for alarm in result.alarms:
         assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == (cause, "pose")
         assert not any(suspect.cause == "flow_gain" and suspect.weight > 0.9 for suspect in alarm.suspects)
@@ -278,7 +278,7 @@ def test_poses_that_are_wrong_for_a_while_are_named(key: str, change: object, ca
 
 def test_poses_far_away_for_a_while_are_poses() -> None:
     """Where half a kilometre makes the recomputed flow absurd, poses are named: no exchange of fields, no gain."""
-    result = judged(Endpoint(), from_the_middle_on("path/pose/position", lambda p: p + 500.0))
+    result = judged(FlowGeometryEndpoint(), from_the_middle_on("path/pose/position", lambda p: p + 500.0))
     for alarm in result.alarms:
         first = alarm.suspects[0]
         assert (first.cause, first.stream) == ("teleport", "pose")
@@ -287,7 +287,7 @@ def test_poses_far_away_for_a_while_are_poses() -> None:
 
 def test_flow_of_zeros_is_a_gain() -> None:
     """No flow at all is a gain of -100%."""
-    suspect = first_suspect(judged(Endpoint(), clean().with_flow(lambda _, flow: 0 * flow)))
+    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_flow(lambda _, flow: 0 * flow)))
     assert (suspect.cause, suspect.magnitude) == ("flow_gain", pytest.approx(-100.0))
 
 
@@ -296,7 +296,7 @@ def test_depth_of_another_scene_is_told_by_the_lines_that_flow_keeps_to() -> Non
     rng = np.random.default_rng(3)
     steps_m = rng.uniform(0.5, 2.0, (6, 8)).repeat(24, axis=0).repeat(24, axis=1)
     depth = (clean().rows_by_key["path/depth"] * steps_m).astype(np.float32)
-    suspect = first_suspect(judged(Endpoint(), clean().with_rows(path_depth=depth)))
+    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_rows(path_depth=depth)))
     assert (suspect.cause, suspect.stream) == ("other_sequence", "depth")
 
 
@@ -308,7 +308,9 @@ def test_poses_of_another_flight_are_no_noise() -> None:
     turned = Rotation.from_quat(clean().rows_by_key["path/pose/orientation"]) * Rotation.from_rotvec(
         np.outer(times_s, [0, 0.2, 0])
     )
-    result = judged(Endpoint(), clean().with_rows(path_pose_position=aside, path_pose_orientation=turned.as_quat()))
+    result = judged(
+        FlowGeometryEndpoint(), clean().with_rows(path_pose_position=aside, path_pose_orientation=turned.as_quat())
+    )
     causes = [(one.cause, one.stream) for one in result.alarms[0].suspects]
     assert causes[0][0] == "other_sequence"
     assert ("other_sequence", "pose") in causes

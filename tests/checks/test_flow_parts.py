@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fedora_qa.checks.flow_geometry.endpoint import Endpoint
-from fedora_qa.checks.flow_rates.composition import Composition
+from fedora_qa.checks.flow_geometry.endpoint import FlowGeometryEndpoint
+from fedora_qa.checks.flow_rates.composition import FlowRatesComposition
 from fedora_qa.checks.protocol import Check
 from fedora_qa.sequence.declared import PoseModel
 from tests.support.flow_world import HEIGHT, WIDTH, FlowWorld, judged, make_world
@@ -57,12 +57,12 @@ NOISY_TOO = ("sign", "gain", "interval, the first field kept")
 def test_part_is_held_against_depth_and_pose(name: str, noisy: bool) -> None:
     """The first suspect of the endpoint error is what was done to a quarter of the image."""
     change, cause = FAULTS[name]
-    result = judged(Endpoint(), in_a_quarter(change, noisy), tile_share=0.25)
+    result = judged(FlowGeometryEndpoint(), in_a_quarter(change, noisy), tile_share=0.25)
     first = next(alarm.suspects[0] for alarm in result.alarms if alarm.finding.code.endswith("worst_pixel"))
     assert (first.cause, first.stream) == (cause, "flow")
 
 
-@pytest.mark.parametrize("check", [Endpoint(), Composition()], ids=["geometry", "rates"])
+@pytest.mark.parametrize("check", [FlowGeometryEndpoint(), FlowRatesComposition()], ids=["geometry", "rates"])
 def test_part_of_one_rate_is_named(check: Check[object]) -> None:
     """Backward flow in a quarter of one rate: that rate is suspected by either check."""
     result = judged(check, in_a_quarter(lambda flow: -flow, only="flow/25hz", rates_hz=(25, 50)), tile_share=0.25)
@@ -72,6 +72,6 @@ def test_part_of_one_rate_is_named(check: Check[object]) -> None:
 
 def test_pose_is_not_blamed_for_a_part() -> None:
     """A constant beside the flow of a quarter looks like a turned camera there; what spoils all is not named."""
-    result = judged(Endpoint(), in_a_quarter(lambda flow: flow + np.float32(0.05)), tile_share=0.25)
+    result = judged(FlowGeometryEndpoint(), in_a_quarter(lambda flow: flow + np.float32(0.05)), tile_share=0.25)
     streams = {suspect.stream for alarm in result.alarms for suspect in alarm.suspects}
     assert streams <= {"flow", "flow/25hz", "depth"}

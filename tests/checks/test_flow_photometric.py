@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.checks.flow_photometric.residual import Residual
+from fedora_qa.checks.flow_photometric.residual import FlowPhotometricResidual
 from fedora_qa.judgement.judge import Judged
 from tests.support.flow_world import (
     HEIGHT,
@@ -47,7 +47,7 @@ def with_rgb(world: FlowWorld, rgb: np.ndarray) -> FlowWorld:
 def test_clean_file_passes(without: str) -> None:
     """Residuals lie within a few thousandths of a pixel, with depth and pose and, more weakly, without."""
     world = clean() if without == "nothing" else clean().without(without)
-    result = judged(Residual(), world)
+    result = judged(FlowPhotometricResidual(), world)
     assert result.result.outcome == "passed"
     for rate in ("flow/25hz", "flow/50hz"):
         assert abs(value_of(result, f"{rate} residual_u")) < 0.005
@@ -56,22 +56,22 @@ def test_clean_file_passes(without: str) -> None:
 
 def test_unit_is_inferred_from_the_frames() -> None:
     """The frames say that flow is in px an interval, or px/s, whatever a label says."""
-    assert observe(Residual(), clean()).inferred["flow_unit"] == "px"
+    assert observe(FlowPhotometricResidual(), clean()).inferred["flow_unit"] == "px"
     per_second = clean().with_flow(lambda stream, flow: flow * float(stream.split("/")[1][:-2]))
-    assert observe(Residual(), per_second).inferred["flow_unit"] == "px/s"
+    assert observe(FlowPhotometricResidual(), per_second).inferred["flow_unit"] == "px/s"
 
 
 @pytest.mark.parametrize("percent", [2.0, -5.0, 25.0])
 def test_gain_is_measured(percent: float) -> None:
     """A gain of a few percent is found and its size recovered to a tenth."""
-    result = judged(Residual(), clean().with_flow(lambda _, flow: flow * (1 + percent / 100)))
+    result = judged(FlowPhotometricResidual(), clean().with_flow(lambda _, flow: flow * (1 + percent / 100)))
     assert ("flow_gain", "flow") in causes(result)
     assert value_of(result, "flow/25hz gain") == pytest.approx(percent, rel=0.1, abs=0.2)
 
 
 def test_constant_error_is_measured_with_its_sign() -> None:
     """0.1 px to the right and 0.2 px up is what is reported."""
-    result = judged(Residual(), clean().with_flow(lambda _, flow: flow + np.array([0.1, -0.2])))
+    result = judged(FlowPhotometricResidual(), clean().with_flow(lambda _, flow: flow + np.array([0.1, -0.2])))
     assert value_of(result, "flow/50hz residual_u") == pytest.approx(0.1, abs=0.01)
     assert value_of(result, "flow/50hz residual_v") == pytest.approx(-0.2, abs=0.01)
 
@@ -87,14 +87,14 @@ GROSS = {
 @pytest.mark.parametrize(("change", "cause"), GROSS.values(), ids=GROSS)
 def test_gross_fault_of_flow_is_named(change: object, cause: str) -> None:
     """Faults beyond the capture range are found by tiles that do not match and named by undoing them."""
-    result = judged(Residual(), clean().with_flow(change))  # type: ignore[arg-type]
+    result = judged(FlowPhotometricResidual(), clean().with_flow(change))  # type: ignore[arg-type]
     assert (cause, "flow") in causes(result)
 
 
 def test_mirrored_frames_are_named() -> None:
     """Colour frames turned left to right are the frames' fault, not the flow's."""
     assert ("mirrored", "rgb") in causes(
-        judged(Residual(), with_rgb(clean(), clean().rows_by_key["path/rgb"][:, :, ::-1]))
+        judged(FlowPhotometricResidual(), with_rgb(clean(), clean().rows_by_key["path/rgb"][:, :, ::-1]))
     )
 
 
@@ -102,7 +102,7 @@ def test_frames_out_of_step_are_named() -> None:
     """Frames that show what was seen one frame step, 20 ms, before their stamps."""
     rgb = clean().rows_by_key["path/rgb"]
     late = with_rgb(clean(), np.concatenate([rgb[:1], rgb[:-1]]))
-    result = judged(Residual(), late)
+    result = judged(FlowPhotometricResidual(), late)
     assert ("time_offset", "rgb") in causes(result)
     suspects = [s for alarm in result.alarms for s in alarm.suspects if s.cause == "time_offset" and s.magnitude]
     assert suspects[0].magnitude == pytest.approx(20.0)
@@ -112,7 +112,7 @@ def test_swapped_frames_are_placed() -> None:
     """Two exchanged neighbours spoil the fields about them only; the worst field lies there."""
     rgb = clean().rows_by_key["path/rgb"].copy()
     rgb[[9, 10]] = rgb[[10, 9]]
-    result = judged(Residual(), with_rgb(clean(), rgb))
+    result = judged(FlowPhotometricResidual(), with_rgb(clean(), rgb))
     assert ("swapped_frames", "rgb") in causes(result)
     worst = next(
         a for a in result.alarms if a.finding.code.endswith(".field") and a.finding.where.stream == "flow/50hz"
@@ -125,7 +125,7 @@ def test_local_fault_is_placed(error_px: float, rule: str) -> None:
     """One tile of one field that is off is found, with its tile: within the capture range in px, beyond it at all."""
     flow = clean().rows_by_key["path/flow/50hz"].copy()
     flow[7, 40:72, 48:80] += error_px
-    result = judged(Residual(), clean().with_rows(path_flow_50hz=flow))
+    result = judged(FlowPhotometricResidual(), clean().with_rows(path_flow_50hz=flow))
     places = [a.finding.where for a in result.alarms if a.finding.code == f"flow_photometric.residual.{rule}"]
     assert [(w.stream, w.index_start, w.tile) for w in places] == [("flow/50hz", 7, (48, 40, 80, 72))]
 
@@ -134,13 +134,13 @@ def test_brightness_may_change() -> None:
     """Frames that darken by 3% from one to the next say nothing about flow."""
     rgb = clean().rows_by_key["path/rgb"].astype(float)
     fading = np.rint(rgb * 0.97 ** np.arange(len(rgb))[:, None, None, None]).astype(np.uint8)
-    assert judged(Residual(), with_rgb(clean(), fading)).result.outcome == "passed"
+    assert judged(FlowPhotometricResidual(), with_rgb(clean(), fading)).result.outcome == "passed"
 
 
 def test_frames_without_texture_are_not_observable() -> None:
     """A plain wall can tell nothing, and says so instead of passing."""
     plain = np.full_like(clean().rows_by_key["path/rgb"], 90)
-    result = judged(Residual(), with_rgb(clean(), plain))
+    result = judged(FlowPhotometricResidual(), with_rgb(clean(), plain))
     assert result.result.outcome == "not_observable"
     assert "texture" in result.result.reason
 
@@ -157,8 +157,8 @@ def test_noise_that_would_draw_the_estimate_to_zero_withholds_the_verdict() -> N
         with_noise(make_world((50,), contrast_dn=contrast), 1.0).with_flow(lambda _, flow: flow + np.array([0.3, 0.0]))
         for contrast in (0.5, 6.0)
     ]
-    assert judged(Residual(), pushed[0]).result.outcome == "not_observable"
-    assert value_of(judged(Residual(), pushed[1]), "flow/50hz residual_u") == pytest.approx(0.3, rel=0.1)
+    assert judged(FlowPhotometricResidual(), pushed[0]).result.outcome == "not_observable"
+    assert value_of(judged(FlowPhotometricResidual(), pushed[1]), "flow/50hz residual_u") == pytest.approx(0.3, rel=0.1)
 
 
 def made_with(K_wrong: np.ndarray, roll_deg: float = 0.0) -> FlowWorld:
@@ -193,7 +193,7 @@ MADE_WRONG = {
 def test_template_measures_its_fault(name: str, case: tuple[np.ndarray, float, float, float]) -> None:
     """Flow made with a wrong camera, or a camera that rolls further, is measured in the fault's unit, with its sign."""
     K_wrong, roll_deg, size, within = case
-    result = judged(Residual(), made_with(K_wrong, roll_deg))
+    result = judged(FlowPhotometricResidual(), made_with(K_wrong, roll_deg))
     assert value_of(result, f"flow/25hz {name}") == pytest.approx(size, abs=within)
 
 
@@ -203,7 +203,8 @@ def test_part_of_the_image_is_named() -> None:
     for values in flow.values():
         values[:, HEIGHT // 2 :, WIDTH // 2 :] *= -1
     result = judged(
-        Residual(), clean().with_rows(path_flow_25hz=flow["path/flow/25hz"], path_flow_50hz=flow["path/flow/50hz"])
+        FlowPhotometricResidual(),
+        clean().with_rows(path_flow_25hz=flow["path/flow/25hz"], path_flow_50hz=flow["path/flow/50hz"]),
     )
     assert ("flow_sign", "flow") in causes(result)
 
@@ -216,7 +217,7 @@ def test_frames_of_another_size_are_mapped_through_the_cameras() -> None:
     K_rgb[:2, 2] += 0.5  # the corner stays where it is: x_rgb + 1/2 = 2 (x + 1/2)
     rgb_camera = replace(world.facts.declared.cameras["rgb"], width=384, height=288, K=K_rgb)
     cameras = {**world.facts.declared.cameras, "rgb": rgb_camera}
-    result = judged(Residual(), with_rgb(world, doubled).declaring(cameras=cameras))
+    result = judged(FlowPhotometricResidual(), with_rgb(world, doubled).declaring(cameras=cameras))
     assert result.result.outcome == "passed"
     assert result.result.coverage is not None
     assert result.result.coverage.share == 1.0
@@ -228,7 +229,7 @@ def test_camera_elsewhere_is_not_applicable() -> None:
     T = camera.T_body_camera.copy()
     T[0, 3] += 0.1
     cameras = {**clean().facts.declared.cameras, "rgb": replace(camera, T_body_camera=T)}
-    assert "elsewhere" in Residual().not_applicable(clean().declaring(cameras=cameras).facts)
+    assert "elsewhere" in FlowPhotometricResidual().not_applicable(clean().declaring(cameras=cameras).facts)
 
 
 def test_frames_between_intervals_are_not_observable() -> None:
@@ -236,13 +237,13 @@ def test_frames_between_intervals_are_not_observable() -> None:
     facts = clean().facts
     rgb = facts.clocks["rgb"]
     clocks = {**facts.clocks, "rgb": replace(rgb, times_ns=rgb.times_ns + 7)}
-    observation = observe(Residual(), replace(clean(), facts=replace(facts, clocks=clocks)))
+    observation = observe(FlowPhotometricResidual(), replace(clean(), facts=replace(facts, clocks=clocks)))
     assert "colour frame" in observation.unobservable
 
 
 def test_evidence_is_small_and_titled() -> None:
     """After an alarm the worst field is drawn, by tiles, with a title for each picture."""
-    observation = observe(Residual(), clean().with_flow(lambda _, flow: -flow))
+    observation = observe(FlowPhotometricResidual(), clean().with_flow(lambda _, flow: -flow))
     assert observation.evidence
     assert set(observation.evidence) == set(observation.titles)
     assert all(max(picture.shape) <= 200 for picture in observation.evidence.values())

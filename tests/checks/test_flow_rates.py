@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow_rates.composition import Composition
+from fedora_qa.checks.flow_rates.composition import FlowRatesComposition
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.window import Sampling
@@ -88,7 +88,7 @@ def test_common_intervals() -> None:
 @pytest.mark.parametrize("share", [0.05, 0.25, 1.0])
 def test_clean_file_passes(share: float) -> None:
     """Nothing but interpolation and rounding remains, at any effort."""
-    result = judged(Composition(), clean(), tile_share=share).result
+    result = judged(FlowRatesComposition(), clean(), tile_share=share).result
     assert result.outcome == "passed"
     assert max(one.value or 0.0 for one in result.measurements if one.name.endswith("error")) < 0.01
 
@@ -123,7 +123,7 @@ def test_the_odd_rate_is_named(
     rate_hz: int, change: Callable[[Fields], Fields], cause: str, size: float | None
 ) -> None:
     """Of three rates the one that disagrees with the others is named, with its fault and size."""
-    suspect = best(judged(Composition(), with_rate(rate_hz, change)))
+    suspect = best(judged(FlowRatesComposition(), with_rate(rate_hz, change)))
     assert (suspect.cause, suspect.stream) == (cause, f"flow/{rate_hz}hz")
     if size is not None:
         assert suspect.magnitude == pytest.approx(size, rel=0.03)
@@ -132,7 +132,7 @@ def test_the_odd_rate_is_named(
 def test_fields_of_another_rate_are_recognised() -> None:
     """Fields of 50 Hz under the name of 25 Hz are recognised bit for bit, and not taken for a gain of a half."""
     fast = clean().rows_by_key["path/flow/50hz"]
-    suspect = best(judged(Composition(), with_rate(25, lambda flow: fast[::2][: len(flow)])))
+    suspect = best(judged(FlowRatesComposition(), with_rate(25, lambda flow: fast[::2][: len(flow)])))
     assert (suspect.cause, suspect.stream) == ("flow_rate_mixed", "flow/25hz")
 
 
@@ -144,14 +144,14 @@ def test_faults_of_all_rates_are_faults_of_flow(cause: str) -> None:
         "axes_swapped": lambda flow: flow[..., ::-1],
         "mirrored": lambda flow: flow[:, :, ::-1],
     }
-    suspect = best(judged(Composition(), clean().with_flow(lambda _, flow: changes[cause](flow))))
+    suspect = best(judged(FlowRatesComposition(), clean().with_flow(lambda _, flow: changes[cause](flow))))
     assert (suspect.cause, suspect.stream) == (cause, "flow")
 
 
 def test_two_rates_leave_both_suspected() -> None:
     """Of two rates either may be wrong: both are suspected, and the finding says which pair it is."""
     world = with_rate(50, lambda flow: 1.05 * flow).without("flow/10hz")
-    result = judged(Composition(), world)
+    result = judged(FlowRatesComposition(), world)
     gains = {suspect.stream: suspect.weight for suspect in result.alarms[0].suspects if suspect.cause == "flow_gain"}
     assert gains["flow/25hz"] == pytest.approx(gains["flow/50hz"], rel=0.05)
     assert "flow/25hz" in result.alarms[0].finding.message
@@ -166,7 +166,9 @@ def test_a_bad_corner_is_placed() -> None:
         return flow
 
     alarm = next(
-        one for one in judged(Composition(), with_rate(10, lengthen)).alarms if one.finding.code.endswith("tile")
+        one
+        for one in judged(FlowRatesComposition(), with_rate(10, lengthen)).alarms
+        if one.finding.code.endswith("tile")
     )
     left, top, right, bottom = alarm.finding.where.tile or (0, 0, 0, 0)
     assert 48 <= left < right <= 144
@@ -177,8 +179,8 @@ def test_a_bad_corner_is_placed() -> None:
 def test_one_rate_is_not_applicable() -> None:
     """With one rate there is nothing to compare with."""
     world = clean().without("flow/10hz").without("flow/25hz")
-    assert Composition().not_applicable(world.facts)
-    assert not Composition().not_applicable(clean().facts)
+    assert FlowRatesComposition().not_applicable(world.facts)
+    assert not FlowRatesComposition().not_applicable(clean().facts)
 
 
 def later(world: FlowWorld, stream: str, shift_ns: int) -> FlowWorld:
@@ -192,7 +194,7 @@ def later(world: FlowWorld, stream: str, shift_ns: int) -> FlowWorld:
 def test_rates_that_never_meet_are_not_observable() -> None:
     """Stamps that share no ends leave nothing to compare, and that is said."""
     world = clean().without("flow/10hz")
-    result = judged(Composition(), later(world, "flow/50hz", 3_000_000)).result
+    result = judged(FlowRatesComposition(), later(world, "flow/50hz", 3_000_000)).result
     assert result.outcome == "not_observable"
     assert "common interval" in result.reason
 
@@ -200,6 +202,6 @@ def test_rates_that_never_meet_are_not_observable() -> None:
 @pytest.mark.parametrize("filling", [np.nan, np.inf, 0.0, 1e30])
 def test_worthless_fields_never_raise(filling: float) -> None:
     """Fields without a value, or with impossible ones, are no exception: not observable, or a finding."""
-    result = judged(Composition(), with_rate(50, lambda flow: np.full_like(flow, filling))).result
+    result = judged(FlowRatesComposition(), with_rate(50, lambda flow: np.full_like(flow, filling))).result
     assert result.outcome in {"not_observable", "failed", "passed"}
     assert (result.outcome == "failed") is (filling in {0.0, 1e30}) or not np.isfinite(filling)

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fedora_qa.checks.flow_geometry.validity import Validity
+from fedora_qa.checks.flow_geometry.validity import FlowGeometryValidity
 from fedora_qa.judgement.judge import Alarm, Judged
 from fedora_qa.sequence.facts import Clock, Facts
 from tests.support.facts import MS
@@ -39,7 +39,7 @@ def value_of(result: Judged, name: str) -> float | None:
     return next(m.value for m in result.result.measurements if m.name == name)
 
 
-def with_stamps(world: FlowWorld, change: object) -> FlowWorld:
+def with_timestamps(world: FlowWorld, change: object) -> FlowWorld:
     clocks = {
         name: change(c) if c.ends_ns is not None else c  # type: ignore[operator]
         for name, c in world.facts.clocks.items()
@@ -49,13 +49,13 @@ def with_stamps(world: FlowWorld, change: object) -> FlowWorld:
 
 def test_clean_file_passes() -> None:
     """Holes that flow and depth share are no fault."""
-    assert judged(Validity(), clean()).result.outcome == "passed"
+    assert judged(FlowGeometryValidity(), clean()).result.outcome == "passed"
 
 
 def test_values_in_holes_are_counted_and_placed() -> None:
     """Zeros instead of NaN: 200 pixels a field, the first at its place, the encoding named."""
     filled = clean().with_flow(lambda _, flow: np.nan_to_num(flow))
-    result = judged(Validity(), filled)
+    result = judged(FlowGeometryValidity(), filled)
     assert value_of(result, "values_without_depth") == 200 * 30
     alarm = alarm_of(result, "unfounded")
     assert alarm.finding.where.pixel == (40, 20)
@@ -66,7 +66,7 @@ def test_flow_where_a_depth_was_lost_is_no_encoding() -> None:
     """Values that differ from pixel to pixel were made of a depth: that has lost its own, and flow is as it was."""
     depth = clean().rows_by_key["path/depth"].copy()
     depth[4:6, 60:80, 60:90] = np.nan
-    alarm = alarm_of(judged(Validity(), clean().with_rows(path_depth=depth)), "unfounded")
+    alarm = alarm_of(judged(FlowGeometryValidity(), clean().with_rows(path_depth=depth)), "unfounded")
     assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("nan_in_stream", "depth")
 
 
@@ -79,7 +79,7 @@ def test_missing_values_are_counted() -> None:
             flow[2:4, :5, :7] = np.nan
         return flow
 
-    result = judged(Validity(), clean().with_flow(spoilt))
+    result = judged(FlowGeometryValidity(), clean().with_flow(spoilt))
     assert value_of(result, "missing_values") == 2 * 5 * 7
     alarm = alarm_of(result, "missing")
     assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("nan_in_stream", "flow/25hz")
@@ -88,21 +88,21 @@ def test_missing_values_are_counted() -> None:
 
 def test_infinite_values_are_counted() -> None:
     """Infinity is no way to say that there is no value."""
-    result = judged(Validity(), clean().with_flow(lambda _, flow: np.nan_to_num(flow, nan=np.inf)))
+    result = judged(FlowGeometryValidity(), clean().with_flow(lambda _, flow: np.nan_to_num(flow, nan=np.inf)))
     assert value_of(result, "infinite_values") == 200 * 30
 
 
 def test_points_behind_the_camera_must_have_no_value() -> None:
     """Depth a thousand times too small puts all points behind the moving camera; the depth is suspected."""
     shallow = clean().with_rows(path_depth=clean().rows_by_key["path/depth"] / np.float32(1000))
-    alarm = alarm_of(judged(Validity(), shallow), "unfounded")
+    alarm = alarm_of(judged(FlowGeometryValidity(), shallow), "unfounded")
     assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("unit_mm_m", "depth")
 
 
 def test_without_poses_missing_values_are_left_open() -> None:
     """Only a pose tells whether a point stays before the camera."""
     world = clean().without("pose").with_flow(lambda _, flow: np.full_like(flow, np.nan))
-    assert judged(Validity(), world).result.outcome == "passed"
+    assert judged(FlowGeometryValidity(), world).result.outcome == "passed"
 
 
 def late(c: Clock) -> Clock:
@@ -156,7 +156,7 @@ def exchanged(c: Clock) -> Clock:
     return replace(c, times_ns=c.times_ns[order], ends_ns=c.ends_ns[order], advancing=order >= np.arange(len(order)))
 
 
-STAMP_FAULTS = {
+TIMESTAMP_FAULTS = {
     "quantised": (quantised, "off_frames", "quantised_time", 7.0),
     "half late": (second_half(late), "off_frames", "time_offset", 5.0),
     "half late, where it begins": (second_half(late), "not_abutting", "time_offset", 5.0),
@@ -169,10 +169,10 @@ STAMP_FAULTS = {
 }
 
 
-@pytest.mark.parametrize(("change", "rule", "cause", "size"), STAMP_FAULTS.values(), ids=STAMP_FAULTS)
-def test_fault_of_the_stamps_is_named(change: object, rule: str, cause: str, size: float | None) -> None:
+@pytest.mark.parametrize(("change", "rule", "cause", "size"), TIMESTAMP_FAULTS.values(), ids=TIMESTAMP_FAULTS)
+def test_fault_of_the_timestamps_is_named(change: object, rule: str, cause: str, size: float | None) -> None:
     """Intervals off frames, gaps and wrong lengths are named and sized; what befalls all rates befalls flow."""
-    suspect = alarm_of(judged(Validity(), with_stamps(clean(), change)), rule).suspects[0]
+    suspect = alarm_of(judged(FlowGeometryValidity(), with_timestamps(clean(), change)), rule).suspects[0]
     assert (suspect.cause, suspect.stream) == (cause, "flow/50hz" if cause == "flow_rate_mixed" else "flow")
     if size is not None:
         assert suspect.magnitude == pytest.approx(size, rel=0.02)
@@ -183,7 +183,7 @@ def test_late_depth_is_told_from_late_flow() -> None:
     facts = clean().facts
     depth = facts.clocks["depth"]
     clocks = {**facts.clocks, "depth": replace(depth, times_ns=depth.times_ns + 3 * MS)}
-    result = judged(Validity(), replace(clean(), facts=replace(facts, clocks=clocks)))
+    result = judged(FlowGeometryValidity(), replace(clean(), facts=replace(facts, clocks=clocks)))
     suspect = max(alarm_of(result, "off_frames").suspects, key=lambda one: one.weight)
     assert (suspect.cause, suspect.stream) == ("time_offset", "depth")
     assert suspect.magnitude == pytest.approx(3.0)
@@ -197,5 +197,5 @@ def broken(facts: Facts) -> Facts:
 
 def test_broken_depth_clock_is_not_observable() -> None:
     """Frames that share one stamp cannot be placed."""
-    observation = observe(Validity(), replace(clean(), facts=broken(clean().facts)))
+    observation = observe(FlowGeometryValidity(), replace(clean(), facts=broken(clean().facts)))
     assert "do not advance" in observation.unobservable

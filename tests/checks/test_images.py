@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.checks.images.exposure import Exposure, PairGain, WindowExposure
-from fedora_qa.checks.images.order import Order
-from fedora_qa.checks.images.repeats import Repeats
+from fedora_qa.checks.images.exposure import ImagesExposure, PairGain, WindowExposure
+from fedora_qa.checks.images.order import ImagesOrder
+from fedora_qa.checks.images.repeats import ImagesRepeats
 from fedora_qa.checks.protocol import Check, Suspect
 from fedora_qa.diagnosis.diagnose import diagnose
 from fedora_qa.estimators.images.code_gain import CODES
@@ -23,7 +23,7 @@ from tests.support.flow_world import FlowWorld, judged, make_world
 
 Frames = NDArray[np.uint8]
 world_of = cache(make_world)
-CHECKS = {"repeats": Repeats(), "order": Order(), "exposure": Exposure()}
+CHECKS = {"repeats": ImagesRepeats(), "order": ImagesOrder(), "exposure": ImagesExposure()}
 FRAME = 8
 
 
@@ -87,14 +87,14 @@ def test_one_stream_is_enough_to_tell_that_the_camera_moves(world: FlowWorld, le
     faulty = world.with_rows(path_rgb=frozen(frames_of(world), 2))
     for stream in ("pose",) if left == "flow" else ("flow/25hz", "flow/50hz"):
         faulty = faulty.without(stream)
-    assert first(judged(Repeats(), faulty)) == ("rgb:frozen_frames", 2, FRAME)
+    assert first(judged(ImagesRepeats(), faulty)) == ("rgb:frozen_frames", 2, FRAME)
 
 
 def test_a_frame_that_comes_back_is_a_repeat(world: FlowWorld) -> None:
     """A frame that equals one long before it is found as well."""
     frames = frames_of(world)
     frames[FRAME + 4] = frames[FRAME]
-    assert first(judged(Repeats(), world.with_rows(path_rgb=frames))) == ("rgb:frozen_frames", 1, FRAME + 4)
+    assert first(judged(ImagesRepeats(), world.with_rows(path_rgb=frames))) == ("rgb:frozen_frames", 1, FRAME + 4)
 
 
 def test_a_camera_that_comes_back_may_see_the_same(world: FlowWorld) -> None:
@@ -108,7 +108,7 @@ def test_a_camera_that_comes_back_may_see_the_same(world: FlowWorld) -> None:
         rows[back - 4 : back + 5] = rows[there - 4 : there + 5]
         returned[f"path_pose_{name}"] = rows
     world = world.with_rows(path_rgb=frames, **returned)
-    assert judged(Repeats(), world).result.outcome == "passed"
+    assert judged(ImagesRepeats(), world).result.outcome == "passed"
 
 
 def test_resting_camera_may_repeat_its_frames(world: FlowWorld) -> None:
@@ -119,17 +119,17 @@ def test_resting_camera_may_repeat_its_frames(world: FlowWorld) -> None:
         path_pose_position=np.repeat(pose["path/pose/position"][:1], len(pose["path/pose/position"]), axis=0),
         path_pose_orientation=np.repeat(pose["path/pose/orientation"][:1], len(pose["path/pose/orientation"]), axis=0),
     )
-    repeats = judged(Repeats(), still).result
+    repeats = judged(ImagesRepeats(), still).result
     assert (repeats.outcome, repeats.findings) == ("not_observable", ())
     assert "the camera rests" in repeats.reason
-    assert judged(Order(), still).result.outcome == "not_observable"
-    assert judged(Exposure(), still).result.outcome == "passed"
+    assert judged(ImagesOrder(), still).result.outcome == "not_observable"
+    assert judged(ImagesExposure(), still).result.outcome == "passed"
 
 
 def test_camera_at_rest_whose_frames_differ_repeats_none(world: FlowWorld) -> None:
     """Where all frames differ none is repeated, wherever the camera is."""
     still = world.with_flow(lambda _, flow: np.zeros_like(flow)).without("pose")
-    assert judged(Repeats(), still).result.outcome == "passed"
+    assert judged(ImagesRepeats(), still).result.outcome == "passed"
 
 
 def test_repeats_that_nothing_explains_are_noted(world: FlowWorld) -> None:
@@ -137,7 +137,7 @@ def test_repeats_that_nothing_explains_are_noted(world: FlowWorld) -> None:
     alone = world.with_rows(path_rgb=frozen(frames_of(world), 2))
     for stream in ("pose", "flow/25hz", "flow/50hz"):
         alone = alone.without(stream)
-    result = judged(Repeats(), alone).result
+    result = judged(ImagesRepeats(), alone).result
     assert result.outcome == "warned"
     assert "2 frames repeat" in result.reason
 
@@ -146,19 +146,21 @@ def test_repeats_that_nothing_explains_are_noted(world: FlowWorld) -> None:
 def test_exchanged_frames_are_named_with_their_distance(world: FlowWorld, distance: int) -> None:
     """Neighbours, and frames two apart, are named with place; they are no repeats."""
     faulty = world.with_rows(path_rgb=exchanged(frames_of(world), distance))
-    assert first(judged(Order(), faulty)) == ("rgb:swapped_frames", distance, FRAME)
-    assert judged(Repeats(), faulty).result.outcome == "passed"
+    assert first(judged(ImagesOrder(), faulty)) == ("rgb:swapped_frames", distance, FRAME)
+    assert judged(ImagesRepeats(), faulty).result.outcome == "passed"
 
 
 def test_flow_that_leads_elsewhere_is_not_blamed_on_single_frames(world: FlowWorld) -> None:
     """With the sign of all flow wrong no frame can be told from the rest."""
-    assert judged(Order(), world.with_flow(lambda _, flow: -flow)).result.outcome == "not_observable"
+    assert judged(ImagesOrder(), world.with_flow(lambda _, flow: -flow)).result.outcome == "not_observable"
 
 
 @pytest.mark.parametrize(("percent", "count"), [(1.0, 1), (-5.0, 1), (30.0, 3), (3.0, 20)])
 def test_exposure_jumps_are_sized_and_placed(world: FlowWorld, percent: float, count: int) -> None:
     """One frame or several, up or down: the first changed frame, and by how much, but for what is clipped."""
-    cause, size, frame = first(judged(Exposure(), world.with_rows(path_rgb=exposed(frames_of(world), percent, count))))
+    cause, size, frame = first(
+        judged(ImagesExposure(), world.with_rows(path_rgb=exposed(frames_of(world), percent, count)))
+    )
     assert (cause, frame) == ("rgb:exposure_or_gamma", FRAME)
     assert size == pytest.approx(percent, rel=0.1, abs=0.02)
 
@@ -167,7 +169,7 @@ def test_exposure_jumps_are_sized_and_placed(world: FlowWorld, percent: float, c
 def test_a_gain_of_all_frames_betrays_itself_where_it_came_after_rounding(world: FlowWorld, percent: float) -> None:
     """No frame differs from its neighbours, but the codes that rounded values cannot reach are missing in all."""
     every = np.rint(frames_of(world) * (1 + percent / 100)).astype(np.uint8)
-    result = judged(Exposure(), world.with_rows(path_rgb=every))
+    result = judged(ImagesExposure(), world.with_rows(path_rgb=every))
     assert [alarm.finding.code for alarm in result.alarms] == ["images.exposure.rounded_before"]
     suspect = result.alarms[0].suspects[0]
     assert (suspect.cause, suspect.stream) == ("exposure_or_gamma", "rgb")
@@ -179,7 +181,7 @@ def test_slow_light_is_no_jump(world: FlowWorld) -> None:
     frames = frames_of(world)
     grown = frames * 1.005 ** np.arange(len(frames))[:, None, None, None]
     slow = world.with_rows(path_rgb=np.rint(np.clip(grown, 0, 255)).astype(np.uint8))
-    assert judged(Exposure(), slow).result.outcome == "passed"
+    assert judged(ImagesExposure(), slow).result.outcome == "passed"
 
 
 @pytest.mark.parametrize("value", [0, 255])
@@ -188,26 +190,26 @@ def test_blank_frame_is_counted(world: FlowWorld, value: int) -> None:
     frames = frames_of(world)
     frames[FRAME] = value
     faulty = world.with_rows(path_rgb=frames)
-    result = judged(Exposure(), faulty)
+    result = judged(ImagesExposure(), faulty)
     assert result.result.measurements[0].value == 1
     assert result.alarms[0].finding.where.frame == FRAME
-    assert judged(Order(), faulty).result.outcome == "passed"
-    assert judged(Repeats(), faulty).result.outcome == "passed"
+    assert judged(ImagesOrder(), faulty).result.outcome == "passed"
+    assert judged(ImagesRepeats(), faulty).result.outcome == "passed"
 
 
 def test_only_blank_frames_tell_nothing(world: FlowWorld) -> None:
     """A grey wall is legal: nothing can be told of its frames."""
     blank = world.with_rows(path_rgb=np.full_like(frames_of(world), 128))
-    assert judged(Exposure(), blank).result.outcome == "not_observable"
-    assert judged(Order(), blank).result.outcome == "not_observable"
-    assert judged(Repeats(), blank).result.outcome == "not_observable"
+    assert judged(ImagesExposure(), blank).result.outcome == "not_observable"
+    assert judged(ImagesOrder(), blank).result.outcome == "not_observable"
+    assert judged(ImagesRepeats(), blank).result.outcome == "not_observable"
 
 
 def test_overexposed_files_are_noted(world: FlowWorld) -> None:
     """A file with half of its pixels at 255 is warned about."""
     frames = frames_of(world)
     frames[:, :, : frames.shape[2] // 2] = 255
-    result = judged(Exposure(), world.with_rows(path_rgb=frames)).result
+    result = judged(ImagesExposure(), world.with_rows(path_rgb=frames)).result
     assert result.outcome == "warned"
     assert "at 255" in result.reason
 
@@ -215,7 +217,7 @@ def test_overexposed_files_are_noted(world: FlowWorld) -> None:
 def test_exposure_needs_no_flow(world: FlowWorld) -> None:
     """Without flow a jump of 30% is still found, in its frame."""
     faulty = world.with_rows(path_rgb=exposed(frames_of(world), 30.0)).without("flow/25hz").without("flow/50hz")
-    assert first(judged(Exposure(), faulty))[::2] == ("rgb:exposure_or_gamma", FRAME)
+    assert first(judged(ImagesExposure(), faulty))[::2] == ("rgb:exposure_or_gamma", FRAME)
 
 
 @pytest.mark.parametrize("name", CHECKS)
@@ -255,15 +257,15 @@ def test_frames_on_another_grid_than_the_flow(world: FlowWorld) -> None:
     for check in CHECKS.values():
         assert judged(check, coarse).result.outcome == "passed"
     faulty = coarse.with_rows(path_rgb=exchanged(frames_of(coarse), 1))
-    assert first(judged(Order(), faulty))[0] == "rgb:swapped_frames"
+    assert first(judged(ImagesOrder(), faulty))[0] == "rgb:swapped_frames"
 
 
 def test_a_jump_of_brightness_with_wrong_weights_is_of_exchanged_channels() -> None:
     """Exchanged channels change luma and the weights that events give them; a jump alone is one of the exposure."""
     gains = tuple(PairGain(i, i + 1, -0.08 if i == 10 else 0.0, 1e-3) for i in range(25))
     window = WindowExposure(gains, (), 0.0, range(26), np.zeros(CODES, np.int64))
-    jumped = {"images.exposure": Exposure().conclude([window], exact_facts())}
-    jump = judge(jumped, [Exposure()], 1e-4)[0].alarms[0]
+    jumped = {"images.exposure": ImagesExposure().conclude([window], exact_facts())}
+    jump = judge(jumped, [ImagesExposure()], 1e-4)[0].alarms[0]
     order = Alarm(
         Finding("F9", "images.channels.order", "error", "off", Where(stream="rgb")),
         (Suspect("channel_order", "rgb", 0.95), Suspect("exposure_or_gamma", "rgb", 0.4)),

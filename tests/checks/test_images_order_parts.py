@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.checks.images.order import Order
+from fedora_qa.checks.images.order import ImagesOrder
 from fedora_qa.checks.images.order_causes import Interval, exceeds_limit, order_suspects
 from fedora_qa.judgement.judge import Judged
 from tests.support.flow_world import HEIGHT, WIDTH, FlowWorld, judged, make_world, observe
@@ -52,7 +52,7 @@ def with_part_of(world: FlowWorld, rows: dict[int, int]) -> FlowWorld:
 )
 def test_a_part_of_a_frame_out_of_its_place_is_named(rows: dict[int, int], cause: str) -> None:
     """A middle quarter that stands still, or is that of the next frame, is found by its own motion."""
-    assert first(judged(Order(), with_part_of(world_of((50,)), rows)), "images.order.part") == cause
+    assert first(judged(ImagesOrder(), with_part_of(world_of((50,)), rows)), "images.order.part") == cause
 
 
 @pytest.mark.parametrize(
@@ -67,15 +67,15 @@ def test_the_middles_of_parts_tell(
 ) -> None:
     """In frames that are large, of whose parts the middle is looked at, the same is found."""
     make_large(monkeypatch)
-    assert first(judged(Order(), with_part_of(world_of((50,)), rows), tile_share=0.25), code) == cause
+    assert first(judged(ImagesOrder(), with_part_of(world_of((50,)), rows), tile_share=0.25), code) == cause
 
 
 def test_large_frames_in_order_pass(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is looked at of large frames in order raises no alarm, and the share is that of all pixels."""
-    whole = observe(Order(), world_of((50,))).measurements[0]
+    whole = observe(ImagesOrder(), world_of((50,))).measurements[0]
     make_large(monkeypatch)
-    assert not judged(Order(), world_of((50,)), tile_share=0.25).alarms
-    assert observe(Order(), world_of((50,)), tile_share=0.25).measurements[0].value == pytest.approx(
+    assert not judged(ImagesOrder(), world_of((50,)), tile_share=0.25).alarms
+    assert observe(ImagesOrder(), world_of((50,)), tile_share=0.25).measurements[0].value == pytest.approx(
         whole.value, abs=0.1
     )
 
@@ -85,7 +85,7 @@ def test_frames_moved_for_a_while_are_not_frozen() -> None:
     world = world_of((50,))
     frames = np.asarray(world.rows_by_key["path/rgb"]).copy()
     frames[5:14] = np.roll(frames[5:14], 3, axis=2)
-    assert first(judged(Order(), world.with_rows(path_rgb=frames)), "images.order.share") == "rgb:spatial_offset"
+    assert first(judged(ImagesOrder(), world.with_rows(path_rgb=frames)), "images.order.share") == "rgb:spatial_offset"
 
 
 def intervals(*shares: float) -> list[Interval]:

@@ -51,11 +51,11 @@ def forces(change: Callable[[np.ndarray], np.ndarray]) -> Change:
     return lambda f: f.altered(specific_forces_body_m_s2=change(f.samples.specific_forces_body_m_s2))
 
 
-def imu_stamps(change: Callable[[np.ndarray], np.ndarray]) -> Change:
+def imu_timestamps(change: Callable[[np.ndarray], np.ndarray]) -> Change:
     return lambda f: f.altered(imu_times_s=change(f.samples.imu_times_s))
 
 
-def pose_stamps(change: Callable[[np.ndarray], np.ndarray]) -> Change:
+def pose_timestamps(change: Callable[[np.ndarray], np.ndarray]) -> Change:
     return lambda f: f.altered(pose_times_s=change(f.samples.pose_times_s))
 
 
@@ -131,10 +131,15 @@ def test_perfect_rest_is_never_a_failure(path: Path) -> None:
 
 
 SMALL = {
-    "imu late": (imu_stamps(lambda t: t + 0.001), "imu.timing", "time_offset", ("time_offset", "imu", 1.0)),
-    "imu early": (imu_stamps(lambda t: t - 0.007), "imu.timing", "time_offset", ("time_offset", "imu", -7.0)),
-    "imu fast": (imu_stamps(lambda t: t * 1.0005), "imu.timing", "clock_rate", ("clock_rate", "imu", 500.0)),
-    "poses slow": (pose_stamps(lambda t: t * 0.999), "imu.timing", "pose_clock_rate", ("clock_rate", "pose", -1000.0)),
+    "imu late": (imu_timestamps(lambda t: t + 0.001), "imu.timing", "time_offset", ("time_offset", "imu", 1.0)),
+    "imu early": (imu_timestamps(lambda t: t - 0.007), "imu.timing", "time_offset", ("time_offset", "imu", -7.0)),
+    "imu fast": (imu_timestamps(lambda t: t * 1.0005), "imu.timing", "clock_rate", ("clock_rate", "imu", 500.0)),
+    "poses slow": (
+        pose_timestamps(lambda t: t * 0.999),
+        "imu.timing",
+        "pose_clock_rate",
+        ("clock_rate", "pose", -1000.0),
+    ),
     "gyro bias": (rates(lambda w: w + np.array([0.0, 0.0, -0.01])), "imu.rotation", "bias",
                   ("gyro_bias", "imu", -0.01)),
     "accel bias": (forces(lambda f: f + np.array([0.0, 0.05, 0.0])), "imu.translation", "bias",
@@ -193,9 +198,9 @@ def test_north_east_down_poses_are_told_from_a_turned_sensor(path: Path) -> None
     assert (diagnosis.cause, diagnosis.stream) == ("frame_convention", "pose")
 
 
-def test_an_offset_is_told_no_more_surely_than_stamps_are_rounded(path: Path) -> None:
+def test_an_offset_is_told_no_more_surely_than_timestamps_are_rounded(path: Path) -> None:
     """An IMU that is 3.4 us late is stamped 3 us late: what is told is off by a part of a microsecond, and says so."""
-    imu_stamps(lambda t: t + 3.4e-6)(MotionFile()).write(path)
+    imu_timestamps(lambda t: t + 3.4e-6)(MotionFile()).write(path)
     diagnosis = check_file(path, CheckOptions(select=("imu.timing",), evidence=None)).record.diagnoses[0]
     assert (diagnosis.cause, diagnosis.stream) == ("time_offset", "imu")
     assert diagnosis.magnitude is not None
@@ -314,7 +319,7 @@ def test_values_that_are_no_numbers_leave_the_rest_to_be_checked(path: Path) -> 
     assert outcomes(path) == dict.fromkeys(CHECKS, "passed")
 
 
-def test_lost_samples_with_their_stamps_are_bridged_by_nothing(path: Path) -> None:
+def test_lost_samples_with_their_timestamps_are_bridged_by_nothing(path: Path) -> None:
     """A gap in the IMU's stamps is another check's finding: intervals across it are left out here."""
     s, kept = sample_motion(), np.r_[0:800, 830:2001]
     MotionFile().altered(
@@ -351,6 +356,6 @@ def test_without_declarations_exact_samples_are_held_to_the_defaults(path: Path)
 
 def test_streams_that_do_not_overlap_are_not_compared(path: Path) -> None:
     """An IMU stamped minutes later shares no instant with the poses."""
-    result = run_check(imu_stamps(lambda t: t + 300.0)(MotionFile()).write(path), "imu.rotation")
+    result = run_check(imu_timestamps(lambda t: t + 300.0)(MotionFile()).write(path), "imu.rotation")
     assert result.outcome == "not_observable"
     assert "overlap" in result.reason

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.checks.index_maps.index_maps import Depth, Rgb
+from fedora_qa.checks.index_maps.depth import IndexMapsDepth
+from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts
 from tests.support.facts import exact_facts, with_map
@@ -14,7 +15,7 @@ CLEAN = exact_facts()
 LEFT = CLEAN.index_maps["rgb_to_event"].expected_left
 RIGHT = CLEAN.index_maps["rgb_to_event"].expected_right
 EVENTS_PER_MS = 1000
-CHECKS = {"rgb_to_event": Rgb(), "depth_to_event": Depth()}
+CHECKS = {"rgb_to_event": IndexMapsRgb(), "depth_to_event": IndexMapsDepth()}
 
 
 def judged(name: str, facts: Facts) -> Judged:

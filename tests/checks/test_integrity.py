@@ -91,7 +91,7 @@ def test_damaged_chunks_are_counted_and_located(
 
 
 @pytest.mark.parametrize("key", ["path/imu/ts", "path/depth_ts", "path/events/t"])
-def test_damaged_stamps_are_found(path: Path, key: str) -> None:
+def test_damaged_timestamps_are_found(path: Path, key: str) -> None:
     """A stream whose stamps cannot be read has no place in time, and is found all the same."""
     damage(path, key, [0])
     result = run_check(path, "integrity.readable")
@@ -99,7 +99,7 @@ def test_damaged_stamps_are_found(path: Path, key: str) -> None:
     assert {finding.where.stream for finding in result.findings} == {key.split("/")[1].removesuffix("_ts")}
 
 
-def test_every_stamp_damaged(tmp_path: Path) -> None:
+def test_every_timestamp_damaged(tmp_path: Path) -> None:
     """A file without one readable stamp has no windows at all; that is a finding, not silence."""
     path = tmp_path / "pose.h5"
     with h5py.File(write_handmade(path), "r+") as file:

@@ -103,13 +103,13 @@ def test_depth_without_any_value_is_noted(path: Path) -> None:
     assert run_check(path, "integrity.finite").outcome == "warned"
 
 
-def test_nan_stamps(path: Path) -> None:
+def test_nan_timestamps(path: Path) -> None:
     """A stamp that is NaN is found although it has no place in time."""
     with h5py.File(path, "r+") as file:
-        stamps = file["path/imu/ts"][()].astype(np.float64)
-        stamps[[3, 50]] = np.nan
+        timestamps = file["path/imu/ts"][()].astype(np.float64)
+        timestamps[[3, 50]] = np.nan
         del file["path/imu/ts"]
-        file["path/imu/ts"] = stamps
+        file["path/imu/ts"] = timestamps
     result = run_check(path, "integrity.finite")
     assert rules(result) == ["stamps_not_finite"]
     assert result.findings[0].where.index_start == 3

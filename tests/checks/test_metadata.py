@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.causes import allowed
-from fedora_qa.checks.metadata.declarations import label_agrees
+from fedora_qa.checks.metadata.units import label_agrees
 from fedora_qa.layout.binding import Binding
 from tests.support.checked import diagnoses_of, rules, run_check
 from tests.support.foreign import write_mvsec, write_purdue_lab

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.checks.metadata.cameras import Cameras
+from fedora_qa.checks.metadata.cameras import MetadataCameras
 from fedora_qa.judgement.judge import exceeds_limit
 from fedora_qa.judgement.tolerances import tolerance_for
 from fedora_qa.layout.resolve import Layout
@@ -147,6 +147,6 @@ def test_no_possible_camera_fails(
             events=None,
             index_maps={},
         )
-        observed = Cameras().examine(facts)
+        observed = MetadataCameras().examine(facts)
         broken = [m.name for m in observed.measurements if exceeds_limit(m, tolerance_for(1, 1e-4))]
         assert not broken

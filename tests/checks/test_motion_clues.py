@@ -35,7 +35,7 @@ def test_the_clock_that_left_the_frames_is_the_late_one(stream: str, offset_ns: 
 
 
 @pytest.mark.parametrize("stream", ["imu", "pose"])
-def test_without_frames_the_grid_of_stamps_tells(stream: str) -> None:
+def test_without_frames_the_grid_of_timestamps_tells(stream: str) -> None:
     """With IMU and pose alone, the stream whose stamps are multiples of its period stayed."""
     facts = exact_facts()
     alone = replace(facts, clocks={name: facts.clocks[name] for name in ("imu", "pose")})
@@ -85,7 +85,7 @@ def test_another_sequence_never_passes_in_noise(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("grid_s", [0.0007, 0.002, 0.0021])
-def test_rounded_stamps_of_the_poses_are_named(tmp_path: Path, grid_s: float) -> None:
+def test_rounded_timestamps_of_the_poses_are_named(tmp_path: Path, grid_s: float) -> None:
     """Stamps on a coarse grid look like straight lines, noise and drift; one cause explains them all, with its size."""
     file = MotionFile().altered(pose_times_s=np.rint(sample_motion().pose_times_s / grid_s) * grid_s)
     file.write(tmp_path / "motion.h5")

@@ -91,7 +91,7 @@ def test_a_gross_fault_of_a_part_is_named_and_located(
 
 
 @pytest.mark.parametrize("stream", ["imu", "pose"])
-def test_stamps_of_a_part_that_are_late_are_named_to_size(tmp_path: Path, stream: str) -> None:
+def test_timestamps_of_a_part_that_are_late_are_named_to_size(tmp_path: Path, stream: str) -> None:
     """A third of a millisecond in the middle disturbs every fit; the stamps themselves show it, exactly."""
     times_s = getattr(sample_motion(), f"{stream}_times_s").copy()
     times_s[(times_s >= START_S) & (times_s < STOP_S)] += 300e-6

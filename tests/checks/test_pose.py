@@ -206,7 +206,7 @@ def test_a_handful_of_poses_shows_nothing_and_breaks_nothing(path: Path, count: 
     assert run_check(path, "pose.orientation").outcome == ("passed" if count else "not_observable")
 
 
-def test_stamps_that_do_not_advance_are_said(path: Path) -> None:
+def test_timestamps_that_do_not_advance_are_said(path: Path) -> None:
     """Without a usable clock there is no motion to judge."""
     file = MotionFile().altered(pose_times_s=np.zeros(401))
     result = run_check(file.write(path), "pose.continuity")

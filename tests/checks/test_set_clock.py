@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fedora_qa.checks.clocks.stamps import Order
+from fedora_qa.checks.clocks.order import ClocksOrder
 from fedora_qa.checks.event_response.timing_causes import Shapes, with_steps
-from fedora_qa.checks.index_maps.index_maps import Rgb
+from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
 from fedora_qa.estimators.events.delays import Step
 from fedora_qa.judgement.judge import judge
 from fedora_qa.sequence.event_steps import KEPT, longest_steps
@@ -134,7 +134,7 @@ def test_order_and_maps_suspect_the_clock_first() -> None:
     inside = int(np.searchsorted(facts.clocks["rgb"].times_ns, RIGHT_NS[PART][100]))
     stored[inside] += 40
     facts = with_map(facts, "rgb_to_event", stored)
-    checks = (Order(), Rgb())
+    checks = (ClocksOrder(), IndexMapsRgb())
     for one in judge({check.name: check.examine(facts) for check in checks}, checks, 1e-4):
         assert one.alarms[0].suspects[0].cause == "time_offset"
 

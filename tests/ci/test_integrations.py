@@ -129,9 +129,9 @@ def test_the_action_lets_a_clean_release_pass(release: Path) -> None:
 def test_the_action_fails_with_the_gate(release: Path) -> None:
     """A finding fails the step, and the summary shows it."""
     with h5py.File(release / "b.h5", "r+") as file:
-        stamps = file["path/imu/ts"]
-        assert isinstance(stamps, h5py.Dataset)
-        stamps[20:22] = stamps[20:22][::-1]
+        timestamps = file["path/imu/ts"]
+        assert isinstance(timestamps, h5py.Dataset)
+        timestamps[20:22] = timestamps[20:22][::-1]
     write_checksums(release, "a.h5", "b.h5")
     code, outputs, summary = gated(release.parent, path=release.name)
     assert (code, outputs["exit-code"]) == (1, "1")
@@ -152,7 +152,7 @@ def test_the_hook_checks_what_it_is_given(tmp_path: Path) -> None:
     path = write_handmade(tmp_path / "a.h5")
     assert python_m("fedora_qa", *arguments, "--select", "clocks.order", path).returncode == 0
     with h5py.File(path, "r+") as file:
-        stamps = file["path/imu/ts"]
-        assert isinstance(stamps, h5py.Dataset)
-        stamps[20:22] = stamps[20:22][::-1]
+        timestamps = file["path/imu/ts"]
+        assert isinstance(timestamps, h5py.Dataset)
+        timestamps[20:22] = timestamps[20:22][::-1]
     assert python_m("fedora_qa", *arguments, "--select", "clocks.order", path).returncode == 1

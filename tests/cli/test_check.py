@@ -17,7 +17,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from tests.cli.conftest import Command
 
-STAMPS = ("--select", "clocks", "--select", "index_maps")
+TIMESTAMPS = ("--select", "clocks", "--select", "index_maps")
 
 
 class Answers(Check[None]):
@@ -83,14 +83,14 @@ def test_checks(monkeypatch: pytest.MonkeyPatch) -> None:
 def damage_clock(path: Path) -> None:
     """Exchange two stamps of the IMU."""
     with h5py.File(path, "r+") as file:
-        stamps: Any = file["path/imu/ts"]
-        stamps[20:22] = stamps[20:22][::-1]
+        timestamps: Any = file["path/imu/ts"]
+        timestamps[20:22] = timestamps[20:22][::-1]
 
 
 def test_clean_file(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
     """A clean file exits with 0; the summary goes to stdout, nothing to stderr, and the input is not touched."""
     before = sequence.read_bytes()
-    done = fedora_qa("check", *STAMPS, sequence)
+    done = fedora_qa("check", *TIMESTAMPS, sequence)
     assert done.code == 0
     assert done.out.startswith(" CLEAN ")
     assert done.err == ""
@@ -102,7 +102,7 @@ def test_findings(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
     """A fault exits with 1, and record, markdown and terminal name the check, the stream and the cause."""
     damage_clock(sequence)
     json_path, markdown_path = tmp_path / "out.json", tmp_path / "out.md"
-    done = fedora_qa("check", *STAMPS, sequence, "--json", json_path, "--markdown", markdown_path)
+    done = fedora_qa("check", *TIMESTAMPS, sequence, "--json", json_path, "--markdown", markdown_path)
     assert done.code == 1
     file = read_record(json_path).files[0]
     assert file.verdict == "findings"
@@ -115,7 +115,7 @@ def test_findings(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
 
 def test_no_colour_when_piped(fedora_qa: Command, sequence: Path) -> None:
     """What is piped holds no escape sequence."""
-    assert "\x1b" not in fedora_qa("check", *STAMPS, sequence).out
+    assert "\x1b" not in fedora_qa("check", *TIMESTAMPS, sequence).out
 
 
 def test_warnings_count_when_asked(fedora_qa: Command, sequence: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -180,7 +180,7 @@ def test_incomplete_comes_before_findings(fedora_qa: Command, sequence: Path, mo
     """With a finding and a crash the exit code is 3."""
     monkeypatch.setattr("fedora_qa.engine.run.CHECKS", (*CHECKS, Crashes()))
     damage_clock(sequence)
-    assert fedora_qa("check", *STAMPS, "--select", "test", sequence).code == 3
+    assert fedora_qa("check", *TIMESTAMPS, "--select", "test", sequence).code == 3
 
 
 def test_truncated_file(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
@@ -246,7 +246,7 @@ def test_record_tells_the_run(fedora_qa: Command, sequence: Path, tmp_path: Path
     """The record says which tool, which options, which machine, how long; equal options have one digest."""
     digests = []
     for effort in ("full", "full", "quick"):
-        fedora_qa("check", *STAMPS, sequence, "--effort", effort, "--json", tmp_path / "out.json")
+        fedora_qa("check", *TIMESTAMPS, sequence, "--effort", effort, "--json", tmp_path / "out.json")
         record = read_record(tmp_path / "out.json")
         digests.append(record.config_digest)
     assert digests[0] == digests[1] != digests[2]
@@ -265,7 +265,7 @@ def test_same_file_same_record(fedora_qa: Command, sequence: Path, tmp_path: Pat
     damage_clock(sequence)
     files = []
     for _ in range(2):
-        fedora_qa("check", *STAMPS, sequence, "--json", tmp_path / "out.json")
+        fedora_qa("check", *TIMESTAMPS, sequence, "--json", tmp_path / "out.json")
         files.append(read_record(tmp_path / "out.json").files)
     assert files[0] == files[1]
 

@@ -40,8 +40,8 @@ expires = 2099-12-31
 def damage_clock(path: Path) -> None:
     """Exchange two stamps of the IMU."""
     with h5py.File(path, "r+") as file:
-        stamps: Any = file["path/imu/ts"]
-        stamps[20:22] = stamps[20:22][::-1]
+        timestamps: Any = file["path/imu/ts"]
+        timestamps[20:22] = timestamps[20:22][::-1]
 
 
 @pytest.fixture

@@ -10,13 +10,13 @@ from fedora_qa.cli.arrays import arrays_beside, read_arrays, write_arrays
 from fedora_qa.errors import MisuseError
 from tests.cli.conftest import Command
 
-STAMPS = ("--select", "clocks")
+TIMESTAMPS = ("--select", "clocks")
 
 
 def test_report_is_drawn_again_from_the_record(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
     """``check --html`` and ``report --html`` draw the same document, with pictures inside it."""
     record, drawn, again = tmp_path / "out.json", tmp_path / "drawn.html", tmp_path / "again.html"
-    assert fedora_qa("check", *STAMPS, sequence, "--json", record, "--html", drawn).code == 0
+    assert fedora_qa("check", *TIMESTAMPS, sequence, "--json", record, "--html", drawn).code == 0
     assert fedora_qa("report", record, "--html", again).code == 0
     text = drawn.read_text(encoding="utf-8")
     assert text == again.read_text(encoding="utf-8")
@@ -25,7 +25,7 @@ def test_report_is_drawn_again_from_the_record(fedora_qa: Command, sequence: Pat
 
 def test_report_needs_no_record(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
     """Without ``--json`` the report has its pictures all the same, and nothing else is written."""
-    fedora_qa("check", *STAMPS, sequence, "--html", tmp_path / "out.html")
+    fedora_qa("check", *TIMESTAMPS, sequence, "--html", tmp_path / "out.html")
     assert "data:image/" in (tmp_path / "out.html").read_text(encoding="utf-8")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.html", "seq.h5"]
 
@@ -34,7 +34,7 @@ def test_report_needs_no_record(fedora_qa: Command, sequence: Path, tmp_path: Pa
 def test_lost_pictures_are_told(damage: str, fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
     """Where the arrays are missing or damaged, that is said, and the report is drawn without pictures."""
     record = tmp_path / "out.json"
-    fedora_qa("check", *STAMPS, sequence, "--json", record)
+    fedora_qa("check", *TIMESTAMPS, sequence, "--json", record)
     arrays = arrays_beside(record)
     if damage == "missing":
         arrays.unlink()
@@ -58,7 +58,7 @@ def test_missing_extra_is_one_sentence(
     """Where what draws reports is not installed, that is misuse, found before any work."""
     monkeypatch.setitem(sys.modules, "fedora_reports.html", None)
     monkeypatch.delattr("fedora_reports.html", raising=False)
-    done = fedora_qa("check", *STAMPS, sequence, "--html", tmp_path / "out.html", "--json", tmp_path / "out.json")
+    done = fedora_qa("check", *TIMESTAMPS, sequence, "--html", tmp_path / "out.html", "--json", tmp_path / "out.json")
     assert done.code == 2
     assert "pip install 'fedora-qa[reports]'" in done.err
     assert not done.out
@@ -68,7 +68,7 @@ def test_missing_extra_is_one_sentence(
 def test_report_does_not_overwrite_what_it_reads(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
     """The record and its arrays are refused as outputs."""
     record = tmp_path / "out.json"
-    fedora_qa("check", *STAMPS, sequence, "--json", record)
+    fedora_qa("check", *TIMESTAMPS, sequence, "--json", record)
     for target in (record, arrays_beside(record)):
         before = target.read_bytes()
         assert fedora_qa("report", record, "--html", target).code == 2

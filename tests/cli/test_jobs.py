@@ -29,8 +29,8 @@ def two(sequence: Path, tmp_path: Path) -> tuple[Path, Path]:
     """A clean file, and one of whose IMU two stamps are exchanged."""
     other = Path(shutil.copy(sequence, tmp_path / "other.h5"))
     with h5py.File(other, "r+") as file:
-        stamps: Any = file["path/imu/ts"]
-        stamps[20:22] = stamps[20:22][::-1]
+        timestamps: Any = file["path/imu/ts"]
+        timestamps[20:22] = timestamps[20:22][::-1]
     return sequence, other
 
 

@@ -17,12 +17,14 @@ from fedora_qa.cli.progress import progress_bar
 from tests.cli.conftest import Command
 from tests.support.graphics import without_opengl
 
-STAMPS = ("--select", "clocks")
+TIMESTAMPS = ("--select", "clocks")
 
 
 def test_report_shows_what_check_showed(fedora_qa: Command, sequence: Path, tmp_path: Path) -> None:
     """A record renders again without the data: the same terminal text and the same markdown."""
-    checked = fedora_qa("check", *STAMPS, sequence, "--json", tmp_path / "out.json", "--markdown", tmp_path / "one.md")
+    checked = fedora_qa(
+        "check", *TIMESTAMPS, sequence, "--json", tmp_path / "out.json", "--markdown", tmp_path / "one.md"
+    )
     sequence.unlink()
     reported = fedora_qa("report", tmp_path / "out.json", "--markdown", tmp_path / "two.md")
     assert reported.code == 0

@@ -14,7 +14,7 @@ from fedora_qa.record.power_json import POWER
 from tests.cli.conftest import Command
 from tests.support.handmade import write_handmade
 
-STAMPS = ("--select", "clocks")
+TIMESTAMPS = ("--select", "clocks")
 
 
 @pytest.fixture
@@ -48,7 +48,7 @@ def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -
         "--svg",
         tmp_path / "p.svg",
     )
-    done = fedora_qa("power", corpus, *STAMPS, *outputs)
+    done = fedora_qa("power", corpus, *TIMESTAMPS, *outputs)
     assert (done.code, done.err) == (0, "")
     assert "imu:unsorted" in done.out
     assert "3 of 3 (100.0%)" in done.out
@@ -74,12 +74,12 @@ def test_several_corpora_are_one_study(fedora_qa: Command, corpus: Path, tmp_pat
     other.mkdir()
     shutil.copy(corpus / "day.h5", other / "night.h5")
     (other / "manifest.json").write_text('{"corpus_version": 1, "items": [{"file": "night.h5"}]}')
-    done = fedora_qa("power", corpus, other, *STAMPS, "--json", tmp_path / "p.json")
+    done = fedora_qa("power", corpus, other, *TIMESTAMPS, "--json", tmp_path / "p.json")
     document = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
     assert (done.code, document["files"], document["clean"], document["corpus"]) == (0, 6, 3, "corpus, other")
     assert (tmp_path / "other.power" / "night.h5.json").is_file()
     shutil.copytree(corpus, tmp_path / "same")
-    refused = fedora_qa("power", corpus, tmp_path / "same", *STAMPS)
+    refused = fedora_qa("power", corpus, tmp_path / "same", *TIMESTAMPS)
     assert refused.code == 2
     assert "Expected corpora whose files have different names, got day.h5 in both" in refused.err
 
@@ -99,17 +99,17 @@ def test_goes_on_where_it_was(
 
     with monkeypatch.context() as patch:
         patch.setattr(study, "check_file", check_two)
-        assert fedora_qa("power", corpus, *STAMPS, "--state", tmp_path / "kept").code == 130
+        assert fedora_qa("power", corpus, *TIMESTAMPS, "--state", tmp_path / "kept").code == 130
     assert len(list((tmp_path / "kept" / "corpus.power").iterdir())) == 2
     monkeypatch.setattr(study, "check_file", lambda path, *more: (seen.append(path.name), checked(path, *more))[1])
-    assert fedora_qa("power", corpus, *STAMPS, "--state", tmp_path / "kept").code == 0
+    assert fedora_qa("power", corpus, *TIMESTAMPS, "--state", tmp_path / "kept").code == 0
     assert seen == ["day.h5", "again.h5", "2.h5", "4.h5", "9.h5"]
 
 
 def test_several_processes_find_the_same(fedora_qa: Command, corpus: Path, tmp_path: Path) -> None:
     """Two processes give the tables that one gives."""
-    one = fedora_qa("power", corpus, *STAMPS, "--state", tmp_path / "one")
-    two = fedora_qa("power", corpus, *STAMPS, "--state", tmp_path / "two", "--jobs", "2")
+    one = fedora_qa("power", corpus, *TIMESTAMPS, "--state", tmp_path / "one")
+    two = fedora_qa("power", corpus, *TIMESTAMPS, "--state", tmp_path / "two", "--jobs", "2")
     assert (one.out, one.code) == (two.out, two.code)
 
 
@@ -134,7 +134,7 @@ def test_a_crashed_check_is_told(fedora_qa: Command, corpus: Path, monkeypatch: 
     def crash(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("fedora_qa.checks.clocks.stamps.Order.examine", crash, raising=False)
+    monkeypatch.setattr("fedora_qa.checks.clocks.timestamps.Order.examine", crash, raising=False)
     done = fedora_qa("power", corpus, "--select", "clocks.order")
     assert done.code == 3
     assert "A check crashed in 5 files" in done.out

@@ -65,20 +65,20 @@ def test_checks_keep_arrays_under_their_own_name(park_day: Path) -> None:
     assert (lengths >= 0).all()
 
 
-def damage_stamps(path: Path) -> None:
+def damage_timestamps(path: Path) -> None:
     """Let every clock of images stand still and the motion's run backwards."""
     with h5py.File(path, "r+") as file:
         for name in ("rgb_ts", "depth_ts", "flow/10hz_ts", "flow/25hz_ts", "flow/50hz_ts"):
             file[f"path/{name}"][...] = 7
         for name in ("imu/ts", "pose/ts", "events/t"):
-            stamps = file[f"path/{name}"]
-            stamps[...] = stamps[...][::-1]
+            timestamps = file[f"path/{name}"]
+            timestamps[...] = timestamps[...][::-1]
 
 
 def test_broken_clocks_break_nothing(tmp_path: Path) -> None:
     """Stamps that say nothing leave a record with evidence and without a crash."""
     path = write_handmade(tmp_path / "broken.h5")
-    damage_stamps(path)
+    damage_timestamps(path)
     run = check_file(path, CheckOptions(select=FAST))
     check_evidence(run)
     assert run.record.verdict == "findings"

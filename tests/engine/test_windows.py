@@ -22,7 +22,7 @@ def cut(path: Path) -> tuple[Scan, tuple[Span, ...]]:
         return scanned, cut_windows(scanned)
 
 
-BROKEN_STAMPS = {
+BROKEN_TIMESTAMPS = {
     "all equal": lambda t: np.full_like(t, t[0]),
     "backwards": lambda t: t[::-1],
     "random": lambda t: np.random.default_rng(5).permutation(t),
@@ -34,15 +34,15 @@ BROKEN_STAMPS = {
 }
 
 
-@pytest.mark.parametrize("stamps", BROKEN_STAMPS)
+@pytest.mark.parametrize("timestamps", BROKEN_TIMESTAMPS)
 @pytest.mark.parametrize("stream", ["imu/ts", "events/t", "rgb_ts"])
-def test_broken_clocks_do_not_break_the_windows(stream: str, stamps: str, park_day: Path, tmp_path: Path) -> None:
+def test_broken_clocks_do_not_break_the_windows(stream: str, timestamps: str, park_day: Path, tmp_path: Path) -> None:
     """Every row is owned once, in order, and the number of windows stays in proportion to the stamps."""
     path = tmp_path / "broken.h5"
     shutil.copy(park_day, path)
     with h5py.File(path, "r+") as file:
         stored = file[f"path/{stream}"]
-        stored[...] = BROKEN_STAMPS[stamps](stored[...])
+        stored[...] = BROKEN_TIMESTAMPS[timestamps](stored[...])
     scanned, spans = cut(path)
     assert len(spans) <= sum(runs.count for runs in scanned.runs.values())
     for name, runs in scanned.runs.items():

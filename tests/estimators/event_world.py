@@ -113,8 +113,8 @@ def log_events(
                 break
             reference[hit] += np.where(up[hit], on, -off)
             share = (reference[hit] - signal[hit]) / (following[hit] - signal[hit])
-            stamps = np.ceil((start_ns + share * STEP_NS) / 1000) * 1000
-            found.append(np.stack([stamps, hit, up[hit]]))
+            timestamps = np.ceil((start_ns + share * STEP_NS) / 1000) * 1000
+            found.append(np.stack([timestamps, hit, up[hit]]))
         signal = following
     return _stream(found, shape[1])
 
@@ -139,9 +139,9 @@ def linear_events(
 
 
 def _stream(found: list[Floats], width: int) -> Stream:
-    stamps, pixels, brighter = np.concatenate(found, axis=1).astype(np.int64)
-    order = np.lexsort((brighter, pixels, stamps))
-    stamps, pixels, brighter = stamps[order], pixels[order], brighter[order]
+    timestamps, pixels, brighter = np.concatenate(found, axis=1).astype(np.int64)
+    order = np.lexsort((brighter, pixels, timestamps))
+    timestamps, pixels, brighter = timestamps[order], pixels[order], brighter[order]
     return Stream(
-        (pixels % width).astype(np.uint16), (pixels // width).astype(np.uint16), stamps, brighter.astype(np.uint8)
+        (pixels % width).astype(np.uint16), (pixels // width).astype(np.uint16), timestamps, brighter.astype(np.uint8)
     )

@@ -68,7 +68,7 @@ def test_pixels_are_followed_one_by_one(events: Stream) -> None:
 
 @given(streams())
 @settings(deadline=None)
-def test_repeats_are_events_of_a_pixel_at_one_stamp(events: Stream) -> None:
+def test_repeats_are_events_of_a_pixel_at_one_timestamp(events: Stream) -> None:
     """The number of repeats is events less different (pixel, stamp); the first one is the first seen again."""
     places = list(zip(events.x.tolist(), events.y.tolist(), events.times_ns.tolist(), strict=True))
     repeats, first, _, _ = find_repeats(events.x, events.y, events.times_ns, events.p, SHAPE)
@@ -103,14 +103,14 @@ def test_bursts_are_pixels_with_close_events(events: Stream, least_gap_ns: int) 
         assert marked[row, column] == bool(np.any(gaps < least_gap_ns))
 
 
-@pytest.mark.parametrize("stamp_ns", [20_000, 20_001])
-def test_an_event_at_a_frame_belongs_before_it(stamp_ns: int) -> None:
+@pytest.mark.parametrize("timestamp_ns", [20_000, 20_001])
+def test_an_event_at_a_frame_belongs_before_it(timestamp_ns: int) -> None:
     """The stamp is the first tick not before the crossing: at the frame's own time the level was reached already."""
     counts = np.zeros((2, 2, 1, 1), np.int32)
     zero = np.zeros(1, np.uint16)
     frames_ns = np.array([0, 20_000, 40_000])
-    count_between_frames(zero, zero, np.array([stamp_ns]), np.ones(1, np.uint8), frames_ns, counts)
-    assert counts[:, 1, 0, 0].tolist() == ([1, 0] if stamp_ns == 20_000 else [0, 1])
+    count_between_frames(zero, zero, np.array([timestamp_ns]), np.ones(1, np.uint8), frames_ns, counts)
+    assert counts[:, 1, 0, 0].tolist() == ([1, 0] if timestamp_ns == 20_000 else [0, 1])
 
 
 def signals(levels: np.ndarray, lit: np.ndarray) -> Callable[[int], tuple[np.ndarray, np.ndarray]]:
@@ -218,7 +218,7 @@ def test_events_are_sorted_by_pixel(events: Stream, height: int) -> None:
     found = by_pixel(events.x, y, events.times_ns, events.p, shape)
     pixels = y.astype(np.int64) * shape[1] + events.x
     order = np.argsort(pixels, kind="stable")
-    assert np.array_equal(found.stamped, 2 * events.times_ns[order] + events.p[order])
+    assert np.array_equal(found.timestamped, 2 * events.times_ns[order] + events.p[order])
     assert np.array_equal(found.starts, np.searchsorted(pixels[order], np.arange(height * shape[1] + 1)))
     within = (events.times_ns > 5_000) & (events.times_ns <= 20_000)
     assert found.later_than(5_000, 20_000) == np.count_nonzero(within)
@@ -239,10 +239,10 @@ def test_events_beyond_the_sensor_are_surveyed(events: Stream) -> None:
 
 @given(streams(), st.integers(0, 30), st.integers(1, 6))
 @settings(deadline=None)
-def test_silences_are_the_longest_distances_of_stamps(events: Stream, start: int, wanted: int) -> None:
+def test_silences_are_the_longest_distances_of_timestamps(events: Stream, start: int, wanted: int) -> None:
     """Longest first, of equal ones the earlier, of those that end in the window."""
-    stamps = np.unique(events.times_ns)
-    ends, lengths = stamps[1:], np.diff(stamps)
+    timestamps = np.unique(events.times_ns)
+    ends, lengths = timestamps[1:], np.diff(timestamps)
     own = (ends >= start * 1000) & (ends < 25_000)
     order = np.argsort(-lengths[own], kind="stable")[:wanted]
     found_lengths, found_ends = np.zeros((2, wanted), np.int64)
@@ -254,7 +254,7 @@ def test_silences_are_the_longest_distances_of_stamps(events: Stream, start: int
 
 @given(streams(), st.integers(1, 4), st.sampled_from([0.0, 0.3, 0.5, 0.9]))
 @settings(deadline=None)
-def test_stamps_are_crowded_where_most_events_share_theirs(events: Stream, crowd: int, share: float) -> None:
+def test_timestamps_are_crowded_where_most_events_share_theirs(events: Stream, crowd: int, share: float) -> None:
     """So many stamps have so many events, and these are a share of all."""
     counts = np.unique(events.times_ns, return_counts=True)[1]
     crowds = counts[counts >= crowd]

@@ -153,7 +153,7 @@ def test_corners_are_told_by_the_parabolas_on_both_sides() -> None:
     found, of, everywhere = np.empty((8, READ)), np.empty(8, np.int64), np.ones(levels.shape, np.bool_)
     seconds = (frames_ns - frames_ns[0]) * 1e-9
     images = frames_ns, seconds, inverse_distances(seconds), levels, levels, everywhere
-    assert read_at_events(events.starts, events.stamped, *images, np.nan, 1, 0.0, of, found) == 8
+    assert read_at_events(events.starts, events.timestamped, *images, np.nan, 1, 0.0, of, found) == 8
     for pixel, time_ns, first in zip(pixels, times_ns, firsts, strict=True):
         curve, time = levels[:, pixel // 3, pixel % 3], (time_ns - frames_ns[0]) * 1e-9
         ends = (slice(first, first + 3), slice(first + 1, first + 4))

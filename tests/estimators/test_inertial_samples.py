@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.imu.samples import Rows, blocks_of, covered, every_second, smoothed, stamp_scatter
+from fedora_qa.estimators.imu.samples import Rows, blocks_of, covered, every_second, smoothed, timestamp_scatter
 from tests.support.motion_world import sample_motion
 
 
@@ -53,7 +53,7 @@ def test_samples_between_two_instants_include_both() -> None:
 
 def test_a_sample_that_does_not_move_is_scattered_like_the_rest() -> None:
     """Rounded stamps scatter by 0.29 us times the speed, never less than at the rms speed."""
-    scatter = stamp_scatter(np.array([0.0, 3.0, 4.0, 0.0]))
+    scatter = timestamp_scatter(np.array([0.0, 3.0, 4.0, 0.0]))
     np.testing.assert_allclose(scatter * 1e6 * np.sqrt(12), [2.5, 3.0, 4.0, 2.5])
 
 
@@ -74,7 +74,7 @@ def test_every_second_keeps_both_ends(count: int) -> None:
     assert np.all(np.diff(chosen)[:-1] == 2)
 
 
-def test_no_more_stretches_than_rows_however_far_a_stamp_lies() -> None:
+def test_no_more_stretches_than_rows_however_far_a_timestamp_lies() -> None:
     """One absurd stamp would ask for billions of stretches of five seconds."""
     stretches = blocks_of(np.array([0.0, 0.1, 1e12]), 0.5)
     assert [index for one in stretches for index in range(one.start, one.stop)] == [0, 1, 2]

@@ -32,13 +32,13 @@ def test_period_error_is_honest() -> None:
     rng = np.random.default_rng(3)
     scores = []
     for _ in range(400):
-        stamps = np.rint(1e6 * np.arange(200) + rng.normal(0, 5e4, 200)).astype(np.int64)
-        fit = fit_regular_clock(stamps)
+        timestamps = np.rint(1e6 * np.arange(200) + rng.normal(0, 5e4, 200)).astype(np.int64)
+        fit = fit_regular_clock(timestamps)
         assert fit is not None
         scores.append((fit.period_ns - 1e6) / fit.period_error_ns)
     assert np.std(scores) == pytest.approx(1.0, abs=0.15)
 
 
-def test_too_few_stamps_say_nothing() -> None:
+def test_too_few_timestamps_say_nothing() -> None:
     """Two stamps fit every clock."""
     assert fit_regular_clock(np.array([0, 5])) is None

@@ -6,43 +6,43 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom, norm
 
-from fedora_qa.estimators.clocks.combs import STEPS, _hits_by_stamp, _hits_by_tick, comb_counts
+from fedora_qa.estimators.clocks.combs import STEPS, _hits_by_tick, _hits_by_timestamp, comb_counts
 
 WINDOW_US = 200_000
 
 
-def random_stamps(seed: int, count: int, first_us: int = 0) -> np.ndarray:
+def random_timestamps(seed: int, count: int, first_us: int = 0) -> np.ndarray:
     return np.sort(np.random.default_rng(seed).integers(first_us, first_us + WINDOW_US, count))
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([200, 5000, 60_000]), st.integers(0, 2**53))
 @settings(max_examples=20, deadline=None)
-def test_stamps_without_a_grid_keep_to_chance(seed: int, count: int, first_us: int) -> None:
+def test_timestamps_without_a_grid_keep_to_chance(seed: int, count: int, first_us: int) -> None:
     """At no density, and at no epoch, does any of 2000 combs stand out by seven deviations."""
-    assert comb_counts(random_stamps(seed, count, first_us)).deviates().max() < 7.0
+    assert comb_counts(random_timestamps(seed, count, first_us)).deviates().max() < 7.0
 
 
 @pytest.mark.parametrize("step", [7, 100, 300, 1000])
 def test_a_grid_of_a_quarter_is_seen(step: int) -> None:
     """A quarter of the stamps, rounded, stands out by more than twenty deviations at its own step."""
-    stamps = random_stamps(3, 8000, 5_000_000_123)
-    stamps[::4] = stamps[::4] // step * step
-    assert comb_counts(np.sort(stamps)).deviates()[STEPS.index(step)] > 20
+    timestamps = random_timestamps(3, 8000, 5_000_000_123)
+    timestamps[::4] = timestamps[::4] // step * step
+    assert comb_counts(np.sort(timestamps)).deviates()[STEPS.index(step)] > 20
 
 
 def test_float32_seconds_are_seen() -> None:
     """Seconds that went through float32 at 100 s lie on steps of 2^-17 s."""
-    seconds = (random_stamps(4, 8000, 100_000_000) * 1e-6).astype(np.float32).astype(np.float64)
-    stamps = np.rint(seconds * 1e6).astype(np.int64)
-    assert comb_counts(stamps).deviates()[STEPS.index(1e6 * 2.0**-17)] > 20
+    seconds = (random_timestamps(4, 8000, 100_000_000) * 1e-6).astype(np.float32).astype(np.float64)
+    timestamps = np.rint(seconds * 1e6).astype(np.int64)
+    assert comb_counts(timestamps).deviates()[STEPS.index(1e6 * 2.0**-17)] > 20
 
 
 def test_events_of_one_tick_count_once() -> None:
     """Thousand events at one stamp are one occupied tick; without stamps there is nothing."""
-    stamps = random_stamps(5, 500)
-    crowded = np.sort(np.concatenate([stamps, np.full(1000, stamps[10])]))
-    assert np.array_equal(comb_counts(crowded).hits, comb_counts(stamps).hits)
-    assert comb_counts(stamps[:0]).deviates().max() == 0
+    timestamps = random_timestamps(5, 500)
+    crowded = np.sort(np.concatenate([timestamps, np.full(1000, timestamps[10])]))
+    assert np.array_equal(comb_counts(crowded).hits, comb_counts(timestamps).hits)
+    assert comb_counts(timestamps[:0]).deviates().max() == 0
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 40]), st.sampled_from([1, 2000, 10**6]), st.integers(0, 2**52))
@@ -50,12 +50,12 @@ def test_events_of_one_tick_count_once() -> None:
 def test_far_apart_counts_as_close_together(seed: int, count: int, length_us: int, first_us: int) -> None:
     """Counting at every stamp gives what counting at every tick gives."""
     random = np.random.default_rng(seed)
-    stamps = np.unique(np.append(random.integers(first_us, first_us + length_us, count), first_us // 2000 * 2000))
-    assert np.array_equal(_hits_by_stamp(stamps), _hits_by_tick(stamps))
-    assert np.all(comb_counts(stamps).hits <= comb_counts(stamps).teeth)
+    timestamps = np.unique(np.append(random.integers(first_us, first_us + length_us, count), first_us // 2000 * 2000))
+    assert np.array_equal(_hits_by_timestamp(timestamps), _hits_by_tick(timestamps))
+    assert np.all(comb_counts(timestamps).hits <= comb_counts(timestamps).teeth)
 
 
-def test_years_between_stamps_cost_nothing() -> None:
+def test_years_between_timestamps_cost_nothing() -> None:
     """No tick is looked at of thirty-six thousand years; teeth are the multiples in between, by exact division."""
     counts = comb_counts(np.array([-7, 2**60]))
     assert counts.ticks == 2**60 + 8
@@ -67,7 +67,7 @@ def test_years_between_stamps_cost_nothing() -> None:
 @pytest.mark.parametrize("count", [1, 30, 300, 3000])
 def test_deviates_are_those_of_the_binomial_distribution(count: int) -> None:
     """Of every comb, also of those that are met so seldom that it is not asked."""
-    counts = comb_counts(random_stamps(3, count, 1))
+    counts = comb_counts(random_timestamps(3, count, 1))
     chances = binom.sf(counts.hits - 1, counts.teeth, counts.occupied / counts.ticks)
     expected = np.maximum(norm.isf(chances), 0.0)
     found = counts.deviates()

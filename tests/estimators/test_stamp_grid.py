@@ -27,6 +27,6 @@ def test_whole_microseconds_are_not_taken_for_it(origin_us: int, seed: int) -> N
     assert single_precision_spacing_us(times_us) == 0.0
 
 
-def test_early_stamps_tell_nothing() -> None:
+def test_early_timestamps_tell_nothing() -> None:
     """Below 16 s single precision is as fine as a microsecond."""
     assert single_precision_spacing_us(np.arange(0.0, 15e6, 1e5)) == 0.0

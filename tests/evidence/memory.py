@@ -40,13 +40,13 @@ class Memory:
     @property
     def spans(self) -> tuple[Span, ...]:
         """Windows of a fifth of a second."""
-        stamps = {name: one.times_ns for name, one in self.facts.clocks.items()}
-        stamps["events"] = self.columns["path/events/t"]
-        last_ns = max(int(times[-1]) for times in stamps.values() if len(times))
+        timestamps = {name: one.times_ns for name, one in self.facts.clocks.items()}
+        timestamps["events"] = self.columns["path/events/t"]
+        last_ns = max(int(times[-1]) for times in timestamps.values() if len(times))
         spans = []
         for number, start_ns in enumerate(range(0, last_ns + 1, WINDOW_NS)):
             bounds = [start_ns, start_ns + WINDOW_NS]
-            owned = {name: tuple(np.searchsorted(times, bounds).tolist()) for name, times in stamps.items()}
+            owned = {name: tuple(np.searchsorted(times, bounds).tolist()) for name, times in timestamps.items()}
             kept = {name: rows for name, rows in owned.items() if rows[0] < rows[1]}
             spans.append(Span(number, start_ns, start_ns + WINDOW_NS, kept))
         return tuple(spans)

@@ -17,12 +17,12 @@ WINDOW_NS = 200 * MS
 
 def spans_of(facts: Facts) -> list[Span]:
     """Windows of a fifth of a second in which streams own the rows whose stamps lie there."""
-    stamps = {name: np.maximum.accumulate(one.times_ns) for name, one in facts.clocks.items()}
-    cells = np.unique(np.concatenate(list(stamps.values())) // WINDOW_NS)
+    timestamps = {name: np.maximum.accumulate(one.times_ns) for name, one in facts.clocks.items()}
+    cells = np.unique(np.concatenate(list(timestamps.values())) // WINDOW_NS)
     spans = []
     for number, cell in enumerate(cells):
         bounds = [int(cell) * WINDOW_NS, (int(cell) + 1) * WINDOW_NS]
-        owned = {name: tuple(np.searchsorted(times, bounds).tolist()) for name, times in stamps.items()}
+        owned = {name: tuple(np.searchsorted(times, bounds).tolist()) for name, times in timestamps.items()}
         spans.append(Span(number, *bounds, {name: rows for name, rows in owned.items() if rows[0] < rows[1]}))
     return spans
 
@@ -55,7 +55,7 @@ def test_one_stream_elsewhere_does_not_squeeze_the_others(shift_ns: int) -> None
     assert not stream_counts(timeline, facts, [], {})["imu"].any()
 
 
-def test_a_lone_stamp_in_the_future_is_left_out() -> None:
+def test_a_lone_timestamp_in_the_future_is_left_out() -> None:
     """One jump to the far future and back costs one sample."""
     facts = exact_facts()
     times_ns = facts.clocks["rgb"].times_ns.copy()

@@ -21,7 +21,7 @@ from tests.support.foreign import write_purdue_lab
 
 MS = 1_000_000
 MIDDLE = Piece(320 * MS, 680 * MS)
-STAMPS = ("integrity", "metadata", "clocks", "index_maps", "event_stream")
+TIMESTAMPS = ("integrity", "metadata", "clocks", "index_maps", "event_stream")
 
 Kept = dict[str, Rows]
 
@@ -55,9 +55,9 @@ def test_rows_of_its_time(park_day: Path, tmp_path: Path) -> None:
             rows = kept[next(stream for stream in sorted(kept, key=len, reverse=True) if f"path/{stream}" in path)]
             assert np.array_equal(values(piece, path), values(whole, path)[rows.start : rows.stop], equal_nan=True)
         for path in ("path/rgb_ts", "path/events/t", "path/imu/ts", "path/pose/ts", "path/flow/10hz_ts"):
-            stamps = values(piece, path)
-            assert len(stamps)
-            assert 320_000 <= stamps.min() <= stamps.max() <= 680_000
+            timestamps = values(piece, path)
+            assert len(timestamps)
+            assert 320_000 <= timestamps.min() <= timestamps.max() <= 680_000
         frames, events = values(piece, "path/rgb_ts"), values(piece, "path/events/t")
         assert values(piece, "metadata/rgb_to_event").tolist() == [int(np.sum(events < frame)) for frame in frames]
 
@@ -65,7 +65,7 @@ def test_rows_of_its_time(park_day: Path, tmp_path: Path) -> None:
 def test_a_piece_of_a_clean_file_is_clean(park_day: Path, tmp_path: Path) -> None:
     """Cutting plants nothing: what is asked of stamps, maps and declarations is in order in a piece too."""
     cut(park_day, tmp_path / "piece.h5")
-    record = check_file(tmp_path / "piece.h5", CheckOptions(select=STAMPS, evidence=None)).record
+    record = check_file(tmp_path / "piece.h5", CheckOptions(select=TIMESTAMPS, evidence=None)).record
     assert [result.check for result in record.results if result.outcome in {"failed", "warned", "crashed"}] == []
 
 

@@ -34,9 +34,9 @@ def hour_of_all_streams(path: Path) -> Path:
         imu_us, pose_us, events_us = (np.arange(0, HOUR_US + 1, step) for step in (1000, 5000, 1000))
         _replace(file, "path/rgb", np.full((len(frames_us), 2, 2, 3), 128, np.uint8))
         _replace(file, "path/depth", np.full((len(frames_us), 2, 2), 5000, np.float32))
-        for stamps in ("rgb", "depth"):
-            _replace(file, f"path/{stamps}_ts", frames_us)
-            _replace(file, f"metadata/{stamps}_to_event", frames_us // 1000)
+        for timestamps in ("rgb", "depth"):
+            _replace(file, f"path/{timestamps}_ts", frames_us)
+            _replace(file, f"metadata/{timestamps}_to_event", frames_us // 1000)
         _replace(file, "path/imu/ts", imu_us)
         _replace(file, "path/imu/angular_velocity", np.zeros((len(imu_us), 3)))
         _replace(file, "path/imu/linear_acceleration", np.tile([0.0, 0.0, 9.81], (len(imu_us), 1)))
@@ -65,11 +65,11 @@ def more_events_than_int32_counts(path: Path) -> Path:
             )
             stored.attrs.update(attributes)
             for start in range(0, EVENTS, ROWS):
-                stored[start : start + ROWS] = np.full(ROWS, stamp_us(start) if name == "t" else 0, dtype)
+                stored[start : start + ROWS] = np.full(ROWS, timestamp_us(start) if name == "t" else 0, dtype)
     return path
 
 
-def stamp_us(row: int) -> int:
+def timestamp_us(row: int) -> int:
     """Return the stamp of an event of ``more_events_than_int32_counts``."""
     return row // ROWS * (HOUR_US * ROWS // EVENTS)
 

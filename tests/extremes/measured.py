@@ -23,7 +23,7 @@ from fedora_qa.geometry import so3
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.motion import interpolate_poses
 from fedora_qa.geometry.rigid_flow import rigid_flow, rounding_px
-from fedora_qa.layout.binding import FARTHEST_STAMP_NS, Binding, stamps_ns
+from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS, Binding, timestamps_ns
 from fedora_qa.statistics.moments import Moments
 from fedora_qa.statistics.trajectory import translation
 
@@ -124,24 +124,24 @@ def single_precision_flow(degrees: float, depth_m: float) -> float:
     return float((np.abs(exact.astype(np.float32) - found) / bound).max())
 
 
-def stamps(kind: str, origin_us: int) -> float:
+def timestamps(kind: str, origin_us: int) -> float:
     """Stamps of a type in microseconds from an origin against fractions, ns; longdouble checks the whole numbers."""
     stored = np.array([origin_us, origin_us + 1, origin_us + 999_999]).astype(kind)
     binding = Binding("path/imu/ts", "ts", 3, (3,), stored.dtype, ns_per_unit=1000)
     origin_ns = origin_us * 1000
-    found = stamps_ns(stored, binding, origin_ns)
+    found = timestamps_ns(stored, binding, origin_ns)
     exact = [Fraction(value.item()) * 1000 - origin_ns for value in stored]
     wide = (stored.astype(np.longdouble) - np.longdouble(origin_us)) * 1000
     assert np.finfo(np.longdouble).nmant < 63 or np.array_equal(wide.astype(np.int64), [round(v) for v in exact])
     return float(max(abs(int(a) - b) for a, b in zip(found, exact, strict=True)))
 
 
-def saturated_stamps() -> float:
+def saturated_timestamps() -> float:
     """Stamps of the ends of int64 and uint64 saturate at 73 years, so that differences fit; ns beyond that."""
     ends = [np.array([-(2**63), 2**63 - 1]), np.array([0, 2**64 - 1], np.uint64)]
     binding = Binding("path/imu/ts", "ts", 2, (2,), np.dtype("i8"), ns_per_unit=1000)
-    found = np.concatenate([stamps_ns(one, binding, 0) for one in ends])
-    return float(max(0, np.abs(found.astype(object)).max() - FARTHEST_STAMP_NS))
+    found = np.concatenate([timestamps_ns(one, binding, 0) for one in ends])
+    return float(max(0, np.abs(found.astype(object)).max() - FARTHEST_TIMESTAMP_NS))
 
 
 def an_hour_of_clock(rate_hz: float) -> float:
@@ -224,11 +224,11 @@ CASES: Final = (
     *(Case(f"flow stored in float32, {degrees} degrees, depth {depth:g} m", "its rounding bound", "of the bound", 1.0,
            lambda d=degrees, m=depth: single_precision_flow(d, m))
       for degrees in (5, 60, 170) for depth in (0.1, 30.0)),
-    *(Case(f"int64 stamps from {name}", "fractions, longdouble", "ns", 0.0, lambda o=origin: stamps("i8", o))
+    *(Case(f"int64 stamps from {name}", "fractions, longdouble", "ns", 0.0, lambda o=origin: timestamps("i8", o))
       for name, origin in {"-1e15 us": -(10**15), "0": 0, "2^53 us": 2**53, "2^62 us": 2**62}.items()),
-    Case("uint64 stamps from 2^63 us on", "the rule: 73 years, then no farther", "ns beyond", 1000.0, saturated_stamps),
-    Case("float64 stamps from 2^53 us", "fractions of what is stored", "ns", 0.0, lambda: stamps("f8", 2**53)),
-    Case("float32 stamps from 2^24 us", "fractions of what is stored", "ns", 0.0, lambda: stamps("f4", 2**24)),
+    Case("uint64 from 2^63 us on", "the rule: 73 years, then no farther", "ns beyond", 1000.0, saturated_timestamps),
+    Case("float64 stamps from 2^53 us", "fractions of what is stored", "ns", 0.0, lambda: timestamps("f8", 2**53)),
+    Case("float32 stamps from 2^24 us", "fractions of what is stored", "ns", 0.0, lambda: timestamps("f4", 2**24)),
     *(Case(f"an hour of a clock of {rate:g} Hz, rounded to 1 us", "closed form", "of the period", 1e-12,
            lambda r=rate: an_hour_of_clock(r)) for rate in (30.0, 200.0, 1000.0)),
     Case("distance on a circle of 10 m at 20 m/s, 60 s", "closed form", "of the distance", 1e-6,

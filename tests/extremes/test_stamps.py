@@ -77,13 +77,13 @@ def test_no_origin_changes_a_measurement(
     assert far.diagnoses[0].magnitude == from_zero.diagnoses[0].magnitude
 
 
-def test_float64_stamps_beyond_2_53_are_said_to_be_coarse(half_second: Path, tmp_path: Path) -> None:
+def test_float64_timestamps_beyond_2_53_are_said_to_be_coarse(half_second: Path, tmp_path: Path) -> None:
     """Right: stamps that went through float64 microseconds above 2^53 have lost their last bit; never a crash."""
 
     def through_float64(file: h5py.File) -> None:
         shifted_by(2**53 + 1)(file)
-        stamps = file["path/events/t"]
-        stamps[...] = stamps[...].astype(np.float64).astype(np.int64)
+        timestamps = file["path/events/t"]
+        timestamps[...] = timestamps[...].astype(np.float64).astype(np.int64)
 
     record = record_of(edited(half_second, tmp_path / "coarse.h5", through_float64))
     assert "crashed" not in outcomes(record).values()

@@ -47,7 +47,7 @@ def test_what_never_changes_has_no_digest(moving: Path) -> None:
     assert set(contents(moving).digests) == {"events", "pose"}
 
 
-def test_later_stamps_make_no_other_stream(moving: Path) -> None:
+def test_later_timestamps_make_no_other_stream(moving: Path) -> None:
     """A copy whose clock starts elsewhere has the same content."""
     late = edited(moving, "late.h5", "path/events/t", lambda t: t + 5)
     assert contents(late).digests == contents(moving).digests

@@ -54,9 +54,9 @@ def test_a_flight_with_an_end_is_written_to_its_end(tmp_path: Path, monkeypatch:
         target = tmp_path / f"{scene}.h5"
         assert run(monkeypatch, "sequence", scene, "-o", str(target), "--start", start, "--streams", "imu") == 0
         with h5py.File(target) as file:
-            stamps_us = file["path/imu/ts"][:]
-        assert stamps_us[0] == 0
-        assert stamps_us[-1] == pytest.approx(1e6 * seconds, abs=2000)
+            timestamps_us = file["path/imu/ts"][:]
+        assert timestamps_us[0] == 0
+        assert timestamps_us[-1] == pytest.approx(1e6 * seconds, abs=2000)
 
 
 def test_force_replaces_a_file(

@@ -97,7 +97,7 @@ def test_references_and_crossings_are_those_of_a_plain_loop(seed: int, height: i
                 brighter = value > levels[row, column]
                 levels[row, column] += on[line, column] if brighter else -off[line, column]
                 expected.append((row << layout.column_bits | column) << 1 | int(brighter))
-        assert (keys & ((1 << layout.stamp_shift) - 1)).tolist() == expected
+        assert (keys & ((1 << layout.timestamp_shift) - 1)).tolist() == expected
         assert comparator.reference.tobytes() == levels.tobytes()
 
 
@@ -114,7 +114,7 @@ def test_references_and_steps_are_those_of_a_plain_comparison(seed: int, height:
         brighter, darker = signal > levels + on, signal < levels - off
         rows, columns = np.nonzero(brighter | darker)
         places = (rows << layout.column_bits | columns) << 1 | brighter[rows, columns]
-        assert keys.tolist() == ((step * 1_000 << layout.stamp_shift) | places).tolist()
+        assert keys.tolist() == ((step * 1_000 << layout.timestamp_shift) | places).tolist()
         levels[rows, columns] = signal[rows, columns]
         assert comparator.reference.tobytes() == levels.tobytes()
 

@@ -17,14 +17,14 @@ movies = st.integers(0, 2**32 - 1).map(
 )
 
 
-def test_ramp_is_stamped_where_it_crosses() -> None:
+def test_ramp_is_timestamped_where_it_crosses() -> None:
     """A straight line in L from 0 to 1 in one step of 1 s crosses 0.3, 0.6, 0.9 at those times, rounded up to us."""
     ramp = sensor_for(np.ones((1, 1)), threshold_on=0.3)
     events = play(ramp, [0, 1_000 * MS], pixel(0.0, 1.0))
     assert as_rows(events) == [(300_000, 0, 0, 1), (600_000, 0, 0, 1), (900_000, 0, 0, 1)]
 
 
-def test_stamp_is_the_first_microsecond_not_before_the_crossing() -> None:
+def test_timestamp_is_the_first_microsecond_not_before_the_crossing() -> None:
     """A crossing at 1/3 of 10 us is stamped 4 us, not 3."""
     events = play(sensor_for(np.ones((1, 1))), [0, 10_000], pixel(0.0, 0.6))
     assert events.t_us.tolist() == [4, 7]

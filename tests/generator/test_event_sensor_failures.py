@@ -100,7 +100,7 @@ def test_epoch_times_lose_nothing(origin_us: int, model: Changes) -> None:
     assert len(from_zero) > 10
 
 
-def test_stamps_are_interpolated_not_those_of_the_samples() -> None:
+def test_timestamps_are_interpolated_not_those_of_the_samples() -> None:
     """At 1000 samples/s a 10 Hz sinusoid is stamped within 30 us RMS of its closed-form crossings, not 600 us."""
     times_ns = np.arange(0, 25 * MS + 1, MS)
     events = play(sensor_for(np.ones((1, 1))), times_ns.tolist(), pixel(*1.07 * np.sin(20 * np.pi * times_ns * 1e-9)))
@@ -120,13 +120,13 @@ def test_timing_error_falls_with_the_square_of_the_step() -> None:
     for step_us in (2_000, 20):
         times_us = np.arange(0, 24_001, step_us)
         movie_dn = pixel(*1.07 * np.sin(20 * np.pi * times_us * 1e-6))
-        stamps_ns = play(sensor_for(np.ones((1, 1))), (times_us * 1_000 * 1_000).tolist(), movie_dn).t_us
-        errors_ns.append(np.sqrt(np.mean((stamps_ns - crossings_ns) ** 2)))
+        timestamps_ns = play(sensor_for(np.ones((1, 1))), (times_us * 1_000 * 1_000).tolist(), movie_dn).t_us
+        errors_ns.append(np.sqrt(np.mean((timestamps_ns - crossings_ns) ** 2)))
     assert errors_ns[0] / errors_ns[1] > 3_000
     assert errors_ns[1] < 30
 
 
-def test_stamps_of_the_linear_model_are_those_of_its_images() -> None:
+def test_timestamps_of_the_linear_model_are_those_of_its_images() -> None:
     """It knows nothing between images: every stamp is the time of one, rounded up to the microsecond it stands for."""
     movie_dn = np.exp(np.random.default_rng(7).normal(4, 0.5, (6, 4, 4)))
     times_ns = [k * 777_000 for k in range(6)]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fedora_generator.faults import FAULTS, FaultError, knows_region, knows_time, plant_fault
 from fedora_generator.faults.cli import fault as fault_command
-from fedora_qa.layout.canonical import FLOW_STREAMS, STAMPS_OF, datasets_of
+from fedora_qa.layout.canonical import FLOW_STREAMS, TIMESTAMPS_OF, datasets_of
 from tests.generator.tiny_sequence import HEIGHT, WIDTH, declare_noise, write_tiny_sequence
 
 IN_TIME = [pair for pair in FAULTS if knows_time(*pair)]
@@ -52,8 +52,8 @@ def parts(stream: str) -> tuple[str, ...]:
 
 
 def starts_us(path: Path, stream: str) -> NDArray[np.int64]:
-    stamps = read(path, STAMPS_OF[stream.removesuffix("_to_event")]) - 3_000_000
-    return stamps[:, 0] if stamps.ndim == 2 else stamps
+    timestamps = read(path, TIMESTAMPS_OF[stream.removesuffix("_to_event")]) - 3_000_000
+    return timestamps[:, 0] if timestamps.ndim == 2 else timestamps
 
 
 def events(path: Path) -> NDArray[np.int64]:
@@ -96,7 +96,7 @@ def test_images_change_within_the_region_alone(
     with planted(clean, cause, stream, region=region) as local, planted(clean, cause, stream) as whole:
         for spec in (spec for part in parts(stream) for spec in datasets_of(part)):
             expected = read(clean, spec.key)
-            if not spec.is_stamps:
+            if not spec.is_timestamps:
                 expected[:, top:bottom, left:right] = read(whole, spec.key)[:, top:bottom, left:right]
             np.testing.assert_array_equal(read(local, spec.key), expected)
 

@@ -87,14 +87,14 @@ def test_the_index_maps_are_searchsorted(generated: Path) -> None:
 def test_flow_abuts_and_is_valid_where_depth_is(generated: Path) -> None:
     """Intervals start and end on frame stamps; NaN is the depth's at the start."""
     with h5py.File(generated) as file:
-        stamps = file["path/depth_ts"][:]
+        timestamps = file["path/depth_ts"][:]
         for rate_hz in (10, 25, 50):
             intervals = file[f"path/flow/{rate_hz}hz_ts"][:]
-            assert np.isin(intervals, stamps).all()
+            assert np.isin(intervals, timestamps).all()
             np.testing.assert_array_equal(np.diff(intervals, axis=1), 1_000_000 // rate_hz)
             np.testing.assert_array_equal(intervals[1:, 0], intervals[:-1, 1])
             for k, start in enumerate(intervals[:, 0]):
-                depth_mm = file["path/depth"][np.searchsorted(stamps, start)]
+                depth_mm = file["path/depth"][np.searchsorted(timestamps, start)]
                 flow = file[f"path/flow/{rate_hz}hz"][k]
                 np.testing.assert_array_equal(np.isnan(flow), np.repeat(np.isnan(depth_mm)[..., None], 2, axis=-1))
 

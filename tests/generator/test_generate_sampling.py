@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from fedora_generator.camera import event_camera
 from fedora_generator.events.batch import EventBatch
 from fedora_generator.flight import Flight
-from fedora_generator.instants import intervals_us, stamps_us
+from fedora_generator.instants import intervals_us, timestamps_us
 from fedora_generator.render import ExactWorld
 from fedora_generator.sampling import MOTION_BOUND_PX, FixedSteps, MotionSteps
 from fedora_generator.scene import load_scene
@@ -65,11 +65,11 @@ def test_fixed_steps_lie_on_one_grid(start_us: int, length_us: int, step_us: int
     assert grid is None or times[:-1] == grid
 
 
-def test_stamps_of_the_paper_rates() -> None:
+def test_timestamps_of_the_paper_rates() -> None:
     """2 s: 101 frames, 2001 IMU samples, 401 poses, 20 abutting intervals at 10 Hz, both ends included."""
     for rate_hz, count in ((50, 101), (1000, 2001), (200, 401)):
-        stamps = stamps_us(2_000_000, rate_hz)
-        assert (len(stamps), stamps[0], stamps[-1]) == (count, 0, 2_000_000)
+        timestamps = timestamps_us(2_000_000, rate_hz)
+        assert (len(timestamps), timestamps[0], timestamps[-1]) == (count, 0, 2_000_000)
     intervals = intervals_us(2_000_000, 10)
     assert intervals.shape == (20, 2)
     np.testing.assert_array_equal(intervals[1:, 0], intervals[:-1, 1])

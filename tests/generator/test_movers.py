@@ -210,9 +210,9 @@ def test_the_file_says_what_moves(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "s.h5") as file:
         assert file["metadata/flow"].attrs["model"] == "scene"
         for rate_hz in (10, 25, 50):
-            masks, stamps = file[f"path/flow/{rate_hz}hz_moving"], file[f"path/flow/{rate_hz}hz_ts"]
+            masks, timestamps = file[f"path/flow/{rate_hz}hz_moving"], file[f"path/flow/{rate_hz}hz_ts"]
             assert masks.dtype == np.uint8
-            for mask, (start_us, _) in zip(masks[:], stamps[:].tolist(), strict=True):
+            for mask, (start_us, _) in zip(masks[:], timestamps[:].tolist(), strict=True):
                 expected = ExactWorld.of(scene.world, scene.light).at(start_us).bodies_seen(camera, T)
                 np.testing.assert_array_equal(mask, expected)
             flow = file[f"path/flow/{rate_hz}hz"][0]

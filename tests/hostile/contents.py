@@ -9,16 +9,16 @@ import numpy as np
 from tests.hostile.storage import EVENTS, paths, replace
 
 ESCAPES: Final = "\x1b]0;owned\x07\x1b[2J\x1b[31m\u202ecod.exe\u200b\r\n::error::owned\n<script>alert(1)</script>"
-STAMPS: Final = ("path/rgb_ts", "path/depth_ts", "path/events/t", "path/imu/ts", "path/pose/ts")
+TIMESTAMPS: Final = ("path/rgb_ts", "path/depth_ts", "path/events/t", "path/imu/ts", "path/pose/ts")
 
 Edit = Callable[[h5py.File], None]
 
 
-def stamps_as(dtype: str) -> Edit:
+def timestamps_as(dtype: str) -> Edit:
     """All stamps in another type."""
 
     def edit(file: h5py.File) -> None:
-        for path in STAMPS:
+        for path in TIMESTAMPS:
             replace(file, path, data=file[path][:].astype(dtype))
 
     edit.__doc__ = f"Stamps as {dtype}."
@@ -59,7 +59,7 @@ def compound_events(file: h5py.File) -> None:
     file["path/events"] = rows
 
 
-def compound_stamps(file: h5py.File) -> None:
+def compound_timestamps(file: h5py.File) -> None:
     """Stamps as records, one of which holds text of any length."""
     replace(file, "path/imu/ts", shape=(101,), dtype=np.dtype([("s", "i8"), ("t", h5py.string_dtype())]))
 
@@ -162,7 +162,7 @@ def numbers_of_nothing(file: h5py.File) -> None:
         file[f"metadata/cameras/{name}"].attrs["K"] = np.zeros((3, 3))
 
 
-def stamps_apart(file: h5py.File) -> None:
+def timestamps_apart(file: h5py.File) -> None:
     """A hundred thousand events, a second apart each."""
     count = 100_000
     for path in EVENTS:
@@ -172,9 +172,9 @@ def stamps_apart(file: h5py.File) -> None:
         file[f"metadata/{name}_to_event"][:] = 1
 
 
-def stamps_at_the_ends(file: h5py.File) -> None:
+def timestamps_at_the_ends(file: h5py.File) -> None:
     """Stamps from the least to the greatest that there is."""
-    for path in STAMPS:
+    for path in TIMESTAMPS:
         limits = np.iinfo(np.int64)
         count = len(file[path])
         file[path][:] = np.linspace(float(limits.min), float(limits.max - 1024), count).astype(np.int64)

@@ -29,7 +29,7 @@ def test_images_are_decoded_one_by_one() -> None:
     assert rows_together("path/rgb", 1) == 1
 
 
-def test_stamps_far_apart_join_their_windows(attacked: Attacked, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_timestamps_far_apart_join_their_windows(attacked: Attacked, monkeypatch: pytest.MonkeyPatch) -> None:
     """A thousand events a second apart take no more cells than are allowed, lose no row, and keep their order."""
     monkeypatch.setattr(scanning, "MOST_CELLS", 64)
 

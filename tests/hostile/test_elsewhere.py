@@ -249,9 +249,9 @@ def test_a_piece_holds_what_was_read_elsewhere(folder: Path, way: str, capsys: p
         make, there, _ = WAYS[way]
         path, key = make(folder, there), KEY
     with h5py.File(path, "r+") as file:
-        stamps = file["path/rgb_ts"][:]
-        stamps[3] = stamps[1]
-        file["path/rgb_ts"][:] = stamps
+        timestamps = file["path/rgb_ts"][:]
+        timestamps[3] = timestamps[1]
+        file["path/rgb_ts"][:] = timestamps
     (folder / "away").mkdir()
     piece = folder / "away" / "piece.h5"
     with open_sequence(path, allow_external=[folder / "inside"]) as sequence:

@@ -48,7 +48,7 @@ LINKS: Final = {
 }
 CONTENTS: Final = {
     contents.compound_events: f"{LAYOUT}.missing_stream",
-    contents.compound_stamps: f"{LAYOUT}.wrong_dtype",
+    contents.compound_timestamps: f"{LAYOUT}.wrong_dtype",
     contents.ragged: f"{LAYOUT}.wrong_dtype",
     contents.texts: f"{LAYOUT}.wrong_dtype",
     contents.types_without_like: f"{LAYOUT}.unreadable",
@@ -58,14 +58,14 @@ CONTENTS: Final = {
     contents.cameras_without_bounds: "metadata.complete.malformed",
     contents.numbers_without_bounds: "metadata.complete.malformed",
     contents.numbers_of_nothing: "metadata.complete.malformed",
-    contents.stamps_at_the_ends: "clocks.order",
+    contents.timestamps_at_the_ends: "clocks.order",
     contents.index_maps_out_of_bounds: "index_maps.depth",
     contents.one_text_many_times: "metadata.complete.malformed",
     contents.long_texts: "metadata.complete.malformed",
     contents.wrong_attributes: "metadata.complete.malformed",
     contents.hostile_names: f"{LAYOUT}.dangling_link",
 }
-STAMPS: Final = {
+TIMESTAMPS: Final = {
     "f2": "clocks",
     ">f4": LAYOUT,
     "i1": "clocks",
@@ -83,7 +83,7 @@ PATCHED: Final = {
     patched.names_of_a_flow_damaged: f"{LAYOUT}.unreadable",
 }
 HARMLESS: Final = (storage.a_chunk_for_each_value, links.hard_link_cycle, links.deep_groups, links.many_datasets,
-                   contents.names_that_are_not_text, contents.stamps_as(">i8"))  # fmt: skip
+                   contents.names_that_are_not_text, contents.timestamps_as(">i8"))  # fmt: skip
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -127,10 +127,12 @@ def test_an_attack_is_a_finding(edit: Edit, code: str, attacked: Attacked, capsy
     assert any(found.startswith(code) for found in codes(record)), codes(record)
 
 
-@pytest.mark.parametrize(("dtype", "subject"), STAMPS.items(), ids=STAMPS)
-def test_stamps_of_odd_types(dtype: str, subject: str, attacked: Attacked, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(("dtype", "subject"), TIMESTAMPS.items(), ids=TIMESTAMPS)
+def test_timestamps_of_odd_types(
+    dtype: str, subject: str, attacked: Attacked, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A type that cannot hold stamps is named, or what it made of them."""
-    record = checked(attacked(contents.stamps_as(dtype)), capsys)
+    record = checked(attacked(contents.timestamps_as(dtype)), capsys)
     assert record["verdict"] == "findings"
     assert any(found.startswith(subject) for found in codes(record)), codes(record)
 

@@ -51,7 +51,7 @@ def no_events(file: h5py.File) -> None:
         file[f"metadata/{name}"][:] = 0
 
 
-def fractional_stamps(file: h5py.File) -> None:
+def fractional_timestamps(file: h5py.File) -> None:
     replace_dataset(file, "path/imu/ts", file["path/imu/ts"][:] + 0.25)
 
 
@@ -91,7 +91,7 @@ BROKEN: dict[str, tuple[Mutation, int, str]] = {
     "a wrong shape": (edited(quaternions_of_three), 1, "pose wrong_shape"),
     "a NaN in the IMU": (edited(nan_in_gyro), 1, "imu nan_in_stream"),
     "zero events": (edited(no_events), 1, "events dropped_samples"),
-    "fractional microseconds": (edited(fractional_stamps), 1, "imu wrong_dtype"),
+    "fractional microseconds": (edited(fractional_timestamps), 1, "imu wrong_dtype"),
 }
 
 
@@ -125,7 +125,7 @@ def shift_to_epoch(file: h5py.File) -> None:
     file.visititems(shift)
 
 
-def test_epoch_stamps_are_as_good_as_any(park_day: Path, tmp_path: Path) -> None:
+def test_epoch_timestamps_are_as_good_as_any(park_day: Path, tmp_path: Path) -> None:
     """Any int64 origin is legal: the same outcomes, to the last finding."""
     shifted, records = tmp_path / "epoch.h5", []
     edited(shift_to_epoch)(park_day, shifted)

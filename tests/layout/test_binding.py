@@ -12,20 +12,20 @@ from hypothesis import strategies as st
 
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import (
-    FARTHEST_STAMP_NS,
+    FARTHEST_TIMESTAMP_NS,
     INVALID_POLARITY,
-    INVALID_STAMP_NS,
+    INVALID_TIMESTAMP_NS,
     Binding,
     canonical_rows,
     instant_ns,
     raw_rows,
-    stamps_ns,
+    timestamps_ns,
 )
 
 EPOCH_US = 1_753_000_000_000_000
 
 
-def stamps_binding(ns_per_unit: int = 1000, offset_ns: int = 0) -> Binding:
+def timestamps_binding(ns_per_unit: int = 1000, offset_ns: int = 0) -> Binding:
     return Binding("path/imu/ts", "ts", 0, (0,), np.dtype(np.int64), ns_per_unit=ns_per_unit, offset_ns=offset_ns)
 
 
@@ -45,73 +45,73 @@ def file() -> Any:
 )
 def test_whole_microseconds_are_exact_at_any_origin(origin_us: int, elapsed_us: list[int]) -> None:
     """Stamps anywhere in int64 come out as the exact number of nanoseconds from the origin."""
-    stamps = np.array([origin_us + elapsed for elapsed in elapsed_us], dtype=np.int64)
+    timestamps = np.array([origin_us + elapsed for elapsed in elapsed_us], dtype=np.int64)
     expected = [elapsed * 1000 for elapsed in elapsed_us]
-    assert stamps_ns(stamps, stamps_binding(), origin_us * 1000).tolist() == expected
+    assert timestamps_ns(timestamps, timestamps_binding(), origin_us * 1000).tolist() == expected
 
 
 @given(
-    stamps=st.lists(st.integers(-(2**63), 2**63 - 1), min_size=1, max_size=20),
+    timestamps=st.lists(st.integers(-(2**63), 2**63 - 1), min_size=1, max_size=20),
     origin_ns=st.integers(-(2**75), 2**75),
     unit=st.sampled_from([1, 1000, 10**6, 10**9]),
 )
-def test_stamps_never_wrap(stamps: list[int], origin_ns: int, unit: int) -> None:
+def test_timestamps_never_wrap(timestamps: list[int], origin_ns: int, unit: int) -> None:
     """Whatever the stamps and the origin, an instant is exact or saturates on its own side; differences fit int64."""
-    times = stamps_ns(np.array(stamps, dtype=np.int64), stamps_binding(unit), origin_ns).tolist()
-    for stamp, time in zip(stamps, times, strict=True):
-        exact = stamp * unit - origin_ns
-        if abs(exact) < FARTHEST_STAMP_NS - 2 * unit and abs(origin_ns // unit) < 2**63:
+    times = timestamps_ns(np.array(timestamps, dtype=np.int64), timestamps_binding(unit), origin_ns).tolist()
+    for timestamp, time in zip(timestamps, times, strict=True):
+        exact = timestamp * unit - origin_ns
+        if abs(exact) < FARTHEST_TIMESTAMP_NS - 2 * unit and abs(origin_ns // unit) < 2**63:
             assert time == exact
         else:
             assert time * exact >= 0 or abs(exact) < 2 * unit
     assert max(times) - min(times) < 2**63
 
 
-def test_stamps_beyond_int64_saturate() -> None:
+def test_timestamps_beyond_int64_saturate() -> None:
     """Unsigned 64-bit stamps do not become negative."""
-    times = stamps_ns(np.array([5, 2**64 - 1], dtype=np.uint64), stamps_binding(), 0)
-    assert stamps_ns(np.array([5, 2**32 - 1], dtype=np.uint32), stamps_binding(), 0)[1] == (2**32 - 1) * 1000
+    times = timestamps_ns(np.array([5, 2**64 - 1], dtype=np.uint64), timestamps_binding(), 0)
+    assert timestamps_ns(np.array([5, 2**32 - 1], dtype=np.uint32), timestamps_binding(), 0)[1] == (2**32 - 1) * 1000
     assert times[0] == 5000
-    assert times[1] >= FARTHEST_STAMP_NS - 1000
+    assert times[1] >= FARTHEST_TIMESTAMP_NS - 1000
 
 
 def test_fractional_microseconds_survive() -> None:
     """Float64 microseconds keep their quarter of a microsecond a century after 1970's start."""
-    stamps = EPOCH_US + np.array([0.0, 0.25, 1.5, 20_000.75])
-    times = stamps_ns(stamps, stamps_binding(), EPOCH_US * 1000)
+    timestamps = EPOCH_US + np.array([0.0, 0.25, 1.5, 20_000.75])
+    times = timestamps_ns(timestamps, timestamps_binding(), EPOCH_US * 1000)
     assert times.tolist() == [0, 250, 1500, 20_000_750]
 
 
 def test_float_seconds_are_as_exact_as_they_are_stored() -> None:
     """Seconds since the epoch come out within half a step of their own float64 resolution (0.24 us)."""
-    stamps = np.array([1_500_000_000.0, 1_500_000_000.005, 1_500_000_001.0])
-    exact = [round((Fraction(stamp) - 1_500_000_000) * 10**9) for stamp in stamps]
-    assert stamps_ns(stamps, stamps_binding(10**9), 1_500_000_000 * 10**9).tolist() == exact
+    timestamps = np.array([1_500_000_000.0, 1_500_000_000.005, 1_500_000_001.0])
+    exact = [round((Fraction(timestamp) - 1_500_000_000) * 10**9) for timestamp in timestamps]
+    assert timestamps_ns(timestamps, timestamps_binding(10**9), 1_500_000_000 * 10**9).tolist() == exact
 
 
-def test_nan_and_infinite_stamps_are_placed_at_the_ends() -> None:
+def test_nan_and_infinite_timestamps_are_placed_at_the_ends() -> None:
     """NaN becomes the sentinel, infinity saturates, and no warning is raised."""
-    times = stamps_ns(np.array([np.nan, np.inf, -np.inf, 1.0]), stamps_binding(), 0)
-    assert times.tolist() == [INVALID_STAMP_NS, FARTHEST_STAMP_NS, -FARTHEST_STAMP_NS, 1000]
+    times = timestamps_ns(np.array([np.nan, np.inf, -np.inf, 1.0]), timestamps_binding(), 0)
+    assert times.tolist() == [INVALID_TIMESTAMP_NS, FARTHEST_TIMESTAMP_NS, -FARTHEST_TIMESTAMP_NS, 1000]
 
 
 def test_offset_is_added() -> None:
     """A dialect's offset moves every stamp, and the file's clock with it."""
-    binding = stamps_binding(offset_ns=7_000)
-    assert stamps_ns(np.array([3]), binding, 0).tolist() == [10_000]
+    binding = timestamps_binding(offset_ns=7_000)
+    assert timestamps_ns(np.array([3]), binding, 0).tolist() == [10_000]
     assert instant_ns(np.int64(3), binding) == 10_000
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False, width=64), st.sampled_from([1, 1000, 10**9]))
-def test_instant_is_the_exact_stamp(stamp: float, unit: int) -> None:
+def test_instant_is_the_exact_timestamp(timestamp: float, unit: int) -> None:
     """One stamp becomes nanoseconds in exact arithmetic, rounded once."""
-    assert instant_ns(stamp, stamps_binding(unit)) == round(Fraction(stamp) * unit)
+    assert instant_ns(timestamp, timestamps_binding(unit)) == round(Fraction(timestamp) * unit)
 
 
 def test_instant_of_no_number_is_none() -> None:
     """NaN and infinity are no instants."""
-    assert instant_ns(float("nan"), stamps_binding()) is None
-    assert instant_ns(float("inf"), stamps_binding()) is None
+    assert instant_ns(float("nan"), timestamps_binding()) is None
+    assert instant_ns(float("inf"), timestamps_binding()) is None
 
 
 def test_instant_of_values_is_refused() -> None:

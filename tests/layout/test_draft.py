@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fedora_qa.layout.binding import canonical_rows
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.layout.draft import draft_dialect
-from fedora_qa.layout.guess import unit_of_stamps
+from fedora_qa.layout.guess import unit_of_timestamps
 from fedora_qa.layout.resolve import resolve
 from tests.support.foreign import write_mvsec, write_purdue_lab
 from tests.support.handmade import write_handmade
@@ -105,5 +105,5 @@ def test_any_name_survives(name: str) -> None:
 def test_unit_of_frames(unit: str, origin_s: float) -> None:
     """The unit of frame stamps is told from their date, or from their step."""
     per_s = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[unit]
-    stamps = (origin_s + np.arange(5) * 0.02) * per_s
-    assert unit_of_stamps(stamps, "frames")[0] == unit
+    timestamps = (origin_s + np.arange(5) * 0.02) * per_s
+    assert unit_of_timestamps(timestamps, "frames")[0] == unit

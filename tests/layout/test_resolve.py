@@ -80,8 +80,8 @@ def test_declared_flow_is_promised(file: h5py.File) -> None:
     assert only_problem(resolve(file)) == ("missing_stream", "missing_stream", "flow", "")
 
 
-@pytest.mark.parametrize("key", [key for key, spec in DATASETS.items() if spec.is_stamps])
-def test_stream_without_stamps_is_broken(file: h5py.File, key: str) -> None:
+@pytest.mark.parametrize("key", [key for key, spec in DATASETS.items() if spec.is_timestamps])
+def test_stream_without_timestamps_is_broken(file: h5py.File, key: str) -> None:
     """A stream whose stamps are missing cannot be used, and the missing dataset is named."""
     del file[key]
     layout = resolve(file)
@@ -116,7 +116,7 @@ def empty_images(file: h5py.File) -> None:
     replace(file, "path/rgb", np.zeros((6, 0, 36, 3), dtype=np.uint8))
 
 
-def scalar_stamps(file: h5py.File) -> None:
+def scalar_timestamps(file: h5py.File) -> None:
     del file["path/imu/ts"]
     file["path/imu/ts"] = 7
 
@@ -134,7 +134,7 @@ def long_map(file: h5py.File) -> None:
         (flow_of_another_size, "flow/50hz", "path/flow/50hz"),
         (group_for_dataset, "depth", "path/depth"),
         (empty_images, "rgb", "path/rgb"),
-        (scalar_stamps, "imu", "path/imu/ts"),
+        (scalar_timestamps, "imu", "path/imu/ts"),
         (long_map, "rgb_to_event", "metadata/rgb_to_event"),
     ],
     ids=lambda value: value.__name__ if callable(value) else "",

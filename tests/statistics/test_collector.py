@@ -66,11 +66,11 @@ def flight(seconds: int = 1) -> tuple[Facts, dict[str, NDArray[Any]]]:
 
 def windows(facts: Facts, source: Rows) -> list[Window]:
     last_ns = max(int(one.times_ns[-1]) for one in facts.clocks.values())
-    stamps = {name: one.times_ns for name, one in facts.clocks.items()} | {"events": source.arrays["path/events/t"]}
+    timestamps = {name: one.times_ns for name, one in facts.clocks.items()} | {"events": source.arrays["path/events/t"]}
     cut = []
     for index, start_ns in enumerate(range(0, last_ns + 1, WINDOW_NS)):
         stop_ns = start_ns + WINDOW_NS
-        owned = {name: tuple(np.searchsorted(t, [start_ns, stop_ns]).tolist()) for name, t in stamps.items()}
+        owned = {name: tuple(np.searchsorted(t, [start_ns, stop_ns]).tolist()) for name, t in timestamps.items()}
         cut.append(Window(Span(index, start_ns, stop_ns, owned), facts, source, Sampling()))
     return cut
 

@@ -56,13 +56,13 @@ class OutlineWorld:
     def write(self, path: Path, *, colour_mirrored: bool = False) -> Path:
         """Write depth and colour frames with their cameras."""
         frames = [self.frame(i) for i in range(FRAMES)]
-        stamps = PERIOD_US * np.arange(FRAMES)
+        timestamps = PERIOD_US * np.arange(FRAMES)
         rgb = np.rint(np.clip([luma for _, luma in frames], 0, 255)).astype(np.uint8)
         with h5py.File(path, "w") as file:
             file.attrs.update({"format": "fedora", "format_version": "1.0"})
             file["path/depth"] = (1000 * np.array([depth_m for depth_m, _ in frames])).astype(np.float32)
             file["path/rgb"] = (rgb[:, :, ::-1] if colour_mirrored else rgb)[..., np.newaxis].repeat(3, axis=3)
-            file["path/depth_ts"], file["path/rgb_ts"] = stamps, stamps
+            file["path/depth_ts"], file["path/rgb_ts"] = timestamps, timestamps
             file["metadata/depth_range"] = np.array([0.1, 30.0])
             for name, baseline_m in (("depth", 0.0), ("rgb", self.baseline_m)):
                 T_body_camera = np.eye(4)

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from fedora_qa.engine.progress import Progress
-from fedora_qa.engine.time_limit import fuse
+from fedora_qa.engine.time_limit import time_limit
 
 
 def count(to: int, progress: Progress) -> tuple[int, int]:
@@ -28,8 +28,8 @@ def leave(progress: Progress) -> None:
 
 
 def burn(progress: Progress) -> None:
-    """Never end, with a fuse."""
-    with fuse(0.05):
+    """Never end, with a limit of processor time."""
+    with time_limit(0.05):
         while True:
             pass
 

@@ -21,7 +21,7 @@ from fedora_qa.views.depth_edges import (
 _WHERE: Final = Where(stream="depth")
 
 
-class Depth(WindowCheck[DepthEdges]):
+class AlignmentDepth(WindowCheck[DepthEdges]):
     """Do steps of depth lie where colour frames have edges?
 
     The shift of edges in colour frames against the steps of depth, in px to the right and down; and how much better

@@ -67,7 +67,7 @@ class Registration:
     edges: DepthEdges | None
 
 
-class Events(WindowCheck[Registration]):
+class AlignmentEvents(WindowCheck[Registration]):
     """Do events lie at the pixels where frames change, whatever their polarity, thresholds and sensor model?
 
     The shift of events against colour frames, in px of the event camera, to the right and down.

@@ -43,8 +43,8 @@ def comb_of(window: Window) -> Comb | None:
     tick_us = declared_tick_us(facts)
     times_ns = window.events(0, 0).times_ns
     within = times_ns[slice(*np.searchsorted(times_ns, [span.start_ns, span.stop_ns]))]
-    stamps = within // NS_PER_US + round(facts.origin_us)
-    counts = comb_counts(stamps if tick_us == 1 else stamps // tick_us)
+    timestamps = within // NS_PER_US + round(facts.origin_us)
+    counts = comb_counts(timestamps if tick_us == 1 else timestamps // tick_us)
     deviates = counts.deviates()
     if not deviates.max() > 0:
         return None

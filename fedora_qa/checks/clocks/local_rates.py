@@ -19,7 +19,7 @@ WORST_ROUNDING: Final = 1.5
 (g/2) sum |n - m| / sum (n - m)^2 = (g/2) (N^2/4) / (N^3/12) = 3/2 g/N per sample."""
 
 _STRETCHES: Final = 4
-_FEWEST_STAMPS: Final = 12
+_FEWEST_TIMESTAMPS: Final = 12
 """Of a stretch: the scatter pooled over two of them then has twenty degrees of freedom."""
 
 _WANDER_PPM: Final = 10.0
@@ -83,7 +83,7 @@ def rate_change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float)
 def _stretches(times_ns: NDArray[np.int64], fit: RegularClock, nominal_ns: float) -> list[_Stretch]:
     """Fit each quarter that is long enough and without a jump of the clock."""
     edges = np.linspace(0, len(times_ns), _STRETCHES + 1).astype(int).tolist()
-    if len(times_ns) < _STRETCHES * _FEWEST_STAMPS:
+    if len(times_ns) < _STRETCHES * _FEWEST_TIMESTAMPS:
         return []
     return [
         _fit(times_ns, first, stop - 1, fit, nominal_ns)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.clocks.local_rates import WORST_ROUNDING, rate_change
-from fedora_qa.checks.clocks.streams import all_stamps, fits_of
+from fedora_qa.checks.clocks.streams import all_timestamps, fits_of
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import RegularClock, has_odd_grid_above_period
@@ -23,7 +23,7 @@ _LEAST_GRID_NS: Final = 10 * NS_PER_US
 """Steps of a clock that drifts differ by its resolution; only by chance have they a larger divisor."""
 
 
-class Rate(FactsCheck):
+class ClocksRate(FactsCheck):
     """Does every stream run at its nominal rate?
 
     The error of each stream's period, in ppm of the nominal one.
@@ -64,7 +64,7 @@ class Rate(FactsCheck):
         """Measure each stream's rate error in ppm."""
         fits = dict(fits_of(facts))
         if not fits:
-            return Observation(all_stamps(facts), unobservable="no stream has three stamps in order")
+            return Observation(all_timestamps(facts), unobservable="no stream has three stamps in order")
         measured = {stream: self._error(facts, stream, fit) for stream, fit in fits.items()}
         exact = [
             m for m in measured.values() if m is not None and abs(m.value) <= m.model_error_bound + 3 * m.standard_error
@@ -76,7 +76,7 @@ class Rate(FactsCheck):
         )
         held = {stream for stream in fits if exact or stream.startswith("flow/")}
         return Observation(
-            all_stamps(facts),
+            all_timestamps(facts),
             tuple(m for m in changes if m is not None)
             + tuple(m for stream, m in measured.items() if m is not None and stream in held),
             tuple(self._odd(stream, fit) for stream, fit in fits.items() if stream not in held),

@@ -19,7 +19,7 @@ from fedora_qa.sequence.window import Window
 _ENOUGH_EVENTS: Final = 1000
 
 
-class Resolution(WindowCheck[Comb]):
+class ClocksResolution(WindowCheck[Comb]):
     """Do stamps have the resolution that the file declares?
 
     The grid on which all stamps of a stream lie: the greatest common divisor of the steps between them, in us; and of

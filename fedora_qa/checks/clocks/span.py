@@ -6,16 +6,17 @@ from dataclasses import replace
 import numpy as np
 
 from fedora_qa.causes import stream_family
-from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, fits_of, placed_streams
-from fedora_qa.checks.clocks.unit import suspect_of_part, unit_factor
+from fedora_qa.checks.clocks.streams import all_timestamps, extent_ns, fits_of, placed_streams
+from fedora_qa.checks.clocks.unit import suspect_of_part
 from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.estimators.clocks.regular_clock import RegularClock
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.timestamp_unit import unit_factor
 
 
-class Span(FactsCheck):
+class ClocksSpan(FactsCheck):
     """Do the streams begin and end together?
 
     How much later each sampled stream begins, and how much earlier it ends, than the median stream; and how many of its
@@ -71,7 +72,7 @@ class Span(FactsCheck):
         measured = _of_all_rates(measured, facts.flow_streams)
         failed = {one.where.stream for one in measured if abs(one.value) > one.model_error_bound}
         notices = [notice for stream, notice in _incomplete(fits, ends, begin, finish) if stream not in failed]
-        return Observation(all_stamps(facts), tuple(measured), tuple(notices))
+        return Observation(all_timestamps(facts), tuple(measured), tuple(notices))
 
 
 def _one(

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.clocks.regular_clock import FEWEST_STAMPS, RegularClock, fit_regular_clock
+from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS, RegularClock, fit_regular_clock
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Clock, EventScan, Facts
 
@@ -29,7 +29,7 @@ def placed_streams(facts: Facts) -> list[str]:
     return [
         stream
         for stream, clock in clocks_of(facts)
-        if clock.usable and np.count_nonzero(clock.advancing) >= FEWEST_STAMPS
+        if clock.usable and np.count_nonzero(clock.advancing) >= FEWEST_TIMESTAMPS
     ]
 
 
@@ -45,7 +45,7 @@ def file_us(facts: Facts, times_ns: NDArray[np.int64], row: int | None) -> float
     return None if row is None or row >= len(times_ns) else facts.to_file_us(float(times_ns[row]))
 
 
-def all_stamps(facts: Facts) -> Coverage:
+def all_timestamps(facts: Facts) -> Coverage:
     """Return the coverage of checks that look at every stamp of the file."""
     count = sum(len(clock.times_ns) for clock in facts.clocks.values())
     count += facts.events.count if facts.events else 0

@@ -1,33 +1,22 @@
-"""The unit of the stamps, told from how long each stream lasts."""
+"""The unit of the timestamps."""
 
 from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.clocks.streams import all_stamps, extent_ns, file_us, placed_streams
+from fedora_qa.checks.clocks.streams import all_timestamps, extent_ns, file_us, placed_streams
 from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic, Suspect
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
-
-_UNIT_FACTORS: Final = {
-    1e-6: "are in seconds",
-    1e-3: "are in milliseconds",
-    1.0: "agree with the other streams",
-    32.0: "are wall-clock time of a simulation that ran 32 times slower",
-    1e3: "are in nanoseconds",
-}
-"""What the ratio of a stream's duration to that of the others tells, the mistakes that real files hold."""
-
-_UNIT_WITHIN: Final = 0.2
-"""A duration farther than this from every factor is a matter of streams that end early (clocks.span)."""
+from fedora_qa.views.timestamp_unit import UNIT_FACTORS, UNIT_WITHIN, unit_factor
 
 _FEWEST_STEPS: Final = 3
 """Steps of a part of the stream that must agree in another unit: a single long one is a gap."""
 
 
-class Unit(FactsCheck):
+class ClocksUnit(FactsCheck):
     """Are all stamps in microseconds of one clock?
 
     The factor by which each stream's stamps are too large, told from how long the stream lasts.
@@ -68,11 +57,11 @@ class Unit(FactsCheck):
         durations = dict(_durations_ns(facts))
         reference = _reference_duration_ns(facts, durations)
         if reference is None:
-            return Observation(all_stamps(facts), unobservable="no two streams have a duration to be compared")
+            return Observation(all_timestamps(facts), unobservable="no two streams have a duration to be compared")
         measured = [self._factor(facts, stream, length / reference) for stream, length in durations.items()]
         whole = {one.where.stream for one in measured if one.value == 1.0}
         parts = (self._part(facts, stream) for stream in facts.clocks if stream in whole)
-        return Observation(all_stamps(facts), (*measured, *(one for one in parts if one is not None)))
+        return Observation(all_timestamps(facts), (*measured, *(one for one in parts if one is not None)))
 
     def _factor(self, facts: Facts, stream: str, ratio: float) -> Statistic:
         counts = ratio < 1 / 2 and _counts_samples(facts, stream)
@@ -85,7 +74,7 @@ class Unit(FactsCheck):
             standard_error=0.0,
             resolution=31.0,
             statement=f"The stamps of {stream} span {ratio:.6g} times as long as the other streams: "
-            f"they {'are numbers of samples, not times' if counts else _UNIT_FACTORS[factor]}.",
+            f"they {'are numbers of samples, not times' if counts else UNIT_FACTORS[factor]}.",
             code="clocks.unit.factor",
             where=Where(stream=stream),
             severity="critical",
@@ -105,7 +94,7 @@ class Unit(FactsCheck):
             expected=1.0,
             standard_error=0.0,
             resolution=31.0,
-            statement=f"From row {first} to {last} the stamps of {stream} {_UNIT_FACTORS[factor]}: the steps between "
+            statement=f"From row {first} to {last} the stamps of {stream} {UNIT_FACTORS[factor]}: the steps between "
             f"them are {factor:g} times as long as elsewhere.",
             code="clocks.unit.part",
             where=Where(stream, file_us(facts, times_ns, first), None, index_start=first, index_stop=last + 1),
@@ -131,18 +120,13 @@ def _part_in_another_unit(facts: Facts, stream: str) -> tuple[float, int, int] |
         return None
     with np.errstate(over="ignore"):
         ratios = np.diff(times_ns) / (reference_ns / (len(times_ns) - 1))
-    for factor in _UNIT_FACTORS:
-        like = np.flatnonzero(np.abs(ratios / factor - 1) <= _UNIT_WITHIN)
+    for factor in UNIT_FACTORS:
+        like = np.flatnonzero(np.abs(ratios / factor - 1) <= UNIT_WITHIN)
         runs = np.split(like, np.flatnonzero(np.diff(like) > 1) + 1)
         longest = max(runs, key=len)
         if factor != 1.0 and len(longest) >= _FEWEST_STEPS:
             return factor, int(longest[0]), int(longest[-1]) + 1
     return None
-
-
-def unit_factor(ratio: float) -> float:
-    """Return the known factor that a ratio of durations is near to; 1 where there is none."""
-    return next((known for known in _UNIT_FACTORS if abs(ratio / known - 1) <= _UNIT_WITHIN), 1.0)
 
 
 def _counts_samples(facts: Facts, stream: str) -> bool:

@@ -46,7 +46,7 @@ class WindowAgreement:
     weighed: tuple[Weighed, ...] = ()
 
 
-class Consistency(WindowCheck[WindowAgreement]):
+class DepthConsistency(WindowCheck[WindowAgreement]):
     """Does each depth frame, carried by the camera's motion, agree with the next?
 
     The median deviation of the worst pair of frames, and of the worst of 48 tiles of any pair, in percent of the

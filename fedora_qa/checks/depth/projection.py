@@ -13,7 +13,7 @@ _MATTERS: Final = 0.5
 """Depths are z or lengths of rays: half of the way tells them apart."""
 
 
-class Projection(FittedParameter):
+class DepthProjection(FittedParameter):
     """Is depth measured along the optical axis, or along each pixel's ray?
 
     The exponent c with which depths are ``z |m|^c``, m = (x/z, y/z, 1): 0 for z, 1 for the length of the ray.

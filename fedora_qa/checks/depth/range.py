@@ -51,7 +51,7 @@ class WindowRange:
     step: DepthStep | None
 
 
-class Range(WindowCheck[WindowRange]):
+class DepthRange(WindowCheck[WindowRange]):
     """Do depths keep to the declared range without being cut off at it?
 
     The nearest and the farthest valid depth of all frames against ``depth_range``, the pixels that lie exactly on

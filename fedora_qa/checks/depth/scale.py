@@ -24,7 +24,7 @@ _MATTERS: Final = 0.5
 """Metres, millimetres, feet, yards: units differ by more, but for the last of them."""
 
 
-class Scale(FittedParameter):
+class DepthScale(FittedParameter):
     """Are depths in the unit that makes them fit the camera's path?
 
     The factor by which the stored depths are too large beside the positions.

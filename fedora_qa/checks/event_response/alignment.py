@@ -90,7 +90,7 @@ class Correlations:
     stop_ns: int
 
 
-class Alignment(WindowCheck[Correlations]):
+class EventResponseAlignment(WindowCheck[Correlations]):
     """Do events lie at the pixels where the frames change?
 
     The shift of events against frames, to the right and down, in px of the event camera (positive: events lie too far

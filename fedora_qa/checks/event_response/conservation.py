@@ -32,7 +32,7 @@ class Followed:
     trials: list[Trial] = field(default_factory=list)
 
 
-class Conservation(Check[Followed]):
+class EventResponseConservation(Check[Followed]):
     """Do events add up to what the frames show, in every pixel?
 
     The share of pixels whose events contradict the frames, in the worst two seconds, and the same in the worst tile of

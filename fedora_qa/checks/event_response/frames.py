@@ -38,7 +38,7 @@ class IntervalMoments:
     sums: Float64
 
 
-class Frames(WindowCheck[IntervalMoments]):
+class EventResponseFrames(WindowCheck[IntervalMoments]):
     """Does each frame show what the events since the frame before it say?
 
     The change of the signal between two successive frames over what the events in between say, relative to the usual

@@ -50,7 +50,7 @@ class Agreement:
     stop_ns: int
 
 
-class Orientation(WindowCheck[Agreement]):
+class EventResponseOrientation(WindowCheck[Agreement]):
     """Do events and frames agree in axes, direction and sign?
 
     The correlation of what frames and events say has changed, as declared and under the eight symmetries of the square

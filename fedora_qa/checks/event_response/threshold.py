@@ -1,4 +1,4 @@
-"""Events against log intensity: thresholds and sensor model."""
+"""Contrast thresholds of the event sensor."""
 
 from collections.abc import Sequence
 from math import hypot
@@ -11,7 +11,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import why_frames_and_events_do_not_meet
 from fedora_qa.views.level_samples import WeighedSums, weighed_sums
-from fedora_qa.views.threshold_fit import CAPTURE_RANGE_S, Answer, LevelCheck, answer, level_coverage, surer
+from fedora_qa.views.threshold_fit import CAPTURE_RANGE_S, Answer, answer, level_coverage, surer
 
 EVENTS: Final = Where(stream="events")
 
@@ -23,7 +23,7 @@ DOMAIN_PREFERRED: Final = 3.0
 """Standard errors by which the other domain must fit better to be suspected (after an alarm only)."""
 
 
-class Threshold(WindowCheck[WeighedSums]):
+class EventResponseThreshold(WindowCheck[WeighedSums]):
     """Do events step by the declared thresholds?
 
     C+ and C- are estimated apart, in percent of what is declared: in nat for the log model, in DN for the linear one.
@@ -112,66 +112,6 @@ class Threshold(WindowCheck[WeighedSums]):
             code="event_response.threshold.size",
             where=EVENTS,
             suspects=_threshold_suspects(found, expected, fitted, hypot(error, bound)),
-        )
-
-
-class Model(LevelCheck):
-    """Do events follow the declared sensor model, of log intensity or of grey values?
-
-    The logarithm of the ratio of two residuals, in thresholds: of the declared domain over the other one. Negative
-    values favour what is declared.
-
-    Why it matters
-    --------------
-    A sensor of the linear model fires by contrast in bright places and hardly in dark ones; methods that integrate
-    events in the log domain fail on it silently. The simulated DVS plugin is linear, most data sheets mean log.
-
-    How
-    ---
-    The same bracketed level samples as in event_response.threshold are regressed in L and in luma. The domain in
-    which events step by one constant leaves the smaller residual in units of its threshold. The comparison is made in
-    every quarter of the image and window, and averaged.
-
-    Noise model
-    -----------
-    The standard error is the spread between these blocks over the root of their number. There is no allowance: errors
-    of frames and of levels between events are the same in both domains, and an honest file lies far below zero.
-
-    Cannot see
-    ----------
-    A scene of one brightness, where both domains are proportional: not_observable beyond a ratio of e. Finer
-    differences of models: the number of events a step shows in event_response.threshold as an overshooting step.
-
-    Sources
-    -------
-    First principles (event_fit). The linear model is that of the simulated DVS plugin, the log model that of the
-    dynamic vision sensor (Lichtsteiner, Posch and Delbruck 2008).
-    """
-
-    name = "event_response.model"
-
-    def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
-        """State how much better the other domain fits."""
-        value, error = found.preference
-        other = "linear" if declared.model == "log" else "log"
-        ours, theirs = found.fit.relative_sigma, found.other.relative_sigma if found.other else float("inf")
-        return (
-            Statistic(
-                name="log_residual_ratio",
-                value=value,
-                unit="1",
-                standard_error=error,
-                side="upper",
-                material=1.0,
-                statement=f"Events follow the {other} model: its residual is {theirs:.3g} thresholds, that of the "
-                f"declared {declared.model} model {ours:.3g}.",
-                code="event_response.model.domain",
-                where=EVENTS,
-                suspects=(
-                    Suspect("event_model_misdeclared", "events", 0.95),
-                    Suspect("exposure_or_gamma", "rgb", 0.3),
-                ),
-            ),
         )
 
 

@@ -65,7 +65,7 @@ class TimingSums:
 Seen = TimingSums | Searched
 
 
-class Timing(WindowCheck[Seen]):
+class EventResponseTiming(WindowCheck[Seen]):
     """Are events and frames stamped by one clock?
 
     The time by which events are stamped late against the colour frames (negative: early) is estimated in ms, with its

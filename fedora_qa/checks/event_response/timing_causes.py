@@ -74,9 +74,9 @@ def whose_offset(offset_ms: float, facts: Facts) -> tuple[float, float]:
     if len(common_ns) < 2 or not len(frames_ns):
         return _EITHER
     near_ns = abs(offset_ms) * 1e6 / 4
-    as_stamped = _median_distance(frames_ns, common_ns) < near_ns
+    as_timestamped = _median_distance(frames_ns, common_ns) < near_ns
     moved_back = _median_distance(frames_ns + round(1e6 * offset_ms), common_ns) < near_ns
-    if as_stamped == moved_back:
+    if as_timestamped == moved_back:
         return _EITHER
     return _EITHER[::-1] if moved_back else (_EITHER[0], _EITHER[1] / 2)
 

@@ -1,66 +1,18 @@
-"""The event stream by itself: places."""
+"""Events within the bounds of the sensor."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
+from fedora_qa.checks.event_stream.event_rows import NO_EVENTS, event_at, event_coverage, where_of, why_no_sensor
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
-from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.events.row_kernels import survey_columns
-from fedora_qa.estimators.events.timestamp_kernels import are_crowded
-from fedora_qa.record.types import Coverage, Where
+from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.sequence.window import Events, Window
+from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import all_events, all_on_sensor, own, sensor_shape
-
-_CROWD: Final = 8
-"""Events at one stamp, and such stamps in a window, from which on they are no coincidence."""
-
-_MOST_CROWDED: Final = 0.9
-"""Share of the events that lie at such stamps, where stamps have a tick of their own."""
-
-NO_EVENTS: Final = "there are no events"
-
-
-def event_coverage(facts: Facts, seen: int) -> Coverage:
-    """Return how many of the file's events were seen."""
-    return Coverage(seen, facts.events.count if facts.events is not None else 0, "events")
-
-
-def why_no_sensor(facts: Facts) -> str:
-    """Say that the event camera is not declared; empty where it is."""
-    return "" if "events" in facts.declared.cameras else "the size of the event camera is not declared"
-
-
-def tick_ns(facts: Facts) -> int:
-    """Return the step of the event stamps: the grid on which all of them lie, a microsecond at least."""
-    declared = facts.declared.events
-    packet_ns = declared.packet_interval_us * NS_PER_US if declared is not None else 0
-    grid_ns = facts.events.grid_ns if facts.events is not None else 0
-    return max(NS_PER_US, packet_ns, grid_ns)
-
-
-def local_tick_ns(window: Window) -> int:
-    """Return the step of the event stamps in a window, though a few events lie off the grid.
-
-    Where nine events of ten share their stamp with many others, the usual distance of those stamps is the tick.
-    """
-    return window.once("local_tick_ns", lambda: max(tick_ns(window.facts), _crowded_step_ns(all_events(window))))
-
-
-def _crowded_step_ns(events: Events) -> int:
-    times_ns = events.times_ns
-    if not are_crowded(times_ns, _CROWD, _MOST_CROWDED):
-        return 0
-    first = np.flatnonzero(np.diff(times_ns, prepend=times_ns[:1] - 1))
-    counts = np.diff(first, append=len(times_ns))
-    crowded = counts >= max(_CROWD, 0.1 * float(counts.max(initial=0)))
-    if np.count_nonzero(crowded) < _CROWD or counts[crowded].sum() < _MOST_CROWDED * len(times_ns):
-        return 0
-    return int(np.median(np.diff(times_ns[first[crowded]])))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +31,7 @@ class BoundsCount:
     polarities: tuple[int, int]
 
 
-class Bounds(WindowCheck[BoundsCount]):
+class EventStreamBounds(WindowCheck[BoundsCount]):
     """Does every event lie on the sensor, with a polarity of 0 or 1?
 
     The number of events beyond the declared width and height, and of those with a polarity of neither code.
@@ -187,18 +139,3 @@ class Bounds(WindowCheck[BoundsCount]):
             return ()
         said = "brighter" if on else "darker"
         return (Notice("event_stream.bounds.one_polarity", f"every event is {said}", Where(stream="events")),)
-
-
-def event_at(events: Events, i: int, first_row: int) -> tuple[int, int, int, int, int]:
-    """Return row, stamp (ns), x, y and p of one event."""
-    return first_row + i, int(events.times_ns[i]), int(events.x[i]), int(events.y[i]), int(events.p[i])
-
-
-def where_of(facts: Facts, first: tuple[int, int, int, int, int] | None) -> Where:
-    """Place a finding at an event; the row is known where events are in order."""
-    if first is None:
-        return Where(stream="events")
-    row, time_ns, x, y, _ = first
-    in_order = facts.events is not None and not facts.events.decreases
-    start_us = facts.to_file_us(time_ns)
-    return Where(stream="events", start_us=start_us, index_start=row if in_order else None, pixel=(x, y))

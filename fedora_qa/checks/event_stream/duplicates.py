@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.event_stream.bounds import NO_EVENTS, event_at, event_coverage, tick_ns, where_of, why_no_sensor
+from fedora_qa.checks.event_stream.event_rows import NO_EVENTS, event_at, event_coverage, where_of, why_no_sensor
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
@@ -15,6 +15,7 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import own, sensor_events, sensor_shape
+from fedora_qa.views.event_tick import tick_ns
 
 _BY_CHANCE: Final = 3
 """Repeats that a hot pixel may make: of 200 Hz among a thousand other events, 0.2 share their microsecond with it."""
@@ -33,7 +34,7 @@ class RepeatCount:
     first_doubled: tuple[int, int, int, int, int] | None
 
 
-class Repeats(WindowCheck[RepeatCount]):
+class EventStreamDuplicates(WindowCheck[RepeatCount]):
     """Does every event occur once?
 
     The number of events with pixel and stamp of another, and of ticks in which all events occur an even number of

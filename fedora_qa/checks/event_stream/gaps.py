@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.event_stream.bounds import event_coverage, local_tick_ns, tick_ns
+from fedora_qa.checks.event_stream.event_rows import event_coverage
 from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.estimators.events.gaps import Silence, strangest_silence
 from fedora_qa.record.types import Where
@@ -15,6 +15,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.clock_resets import set_clock
 from fedora_qa.views.event_camera import all_events, own
+from fedora_qa.views.event_tick import local_tick_ns, tick_ns
 
 _SIGMA_INTERVALS: Final = 3.5
 """Standard error of a silence in mean intervals between events, where every tick holds one: a silence of w intervals is
@@ -30,7 +31,7 @@ class SilenceCount:
     strangest: Silence | None
 
 
-class Gaps(WindowCheck[SilenceCount]):
+class EventStreamGaps(WindowCheck[SilenceCount]):
     """Does the stream of all pixels together fall silent where its neighbourhood does not?
 
     The length, in ms, of the silence that its own neighbourhood makes least probable.

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.event_stream.bounds import event_coverage, why_no_sensor
+from fedora_qa.checks.event_stream.event_rows import event_coverage, why_no_sensor
 from fedora_qa.checks.event_stream.moved_hot_pixels import suspects_of_moved
 from fedora_qa.checks.protocol import Check, Observation, Statistic, Suspect
 from fedora_qa.conventions import NS_PER_S
@@ -17,7 +17,7 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import own, sensor_events, sensor_shape
 
 
-class Rates(Check[Tally]):
+class EventStreamRates(Check[Tally]):
     """Does any pixel fire without cause?
 
     The excess of the loudest pixel over its neighbourhood, in events a second, and the rate of declared hot pixels.

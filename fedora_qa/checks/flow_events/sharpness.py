@@ -80,7 +80,7 @@ class RateSharpness:
         return ((one.way_px, one.way_rad) for one in self.fields)
 
 
-class Sharpness(WindowCheck[tuple[FieldSharpness, ...]]):
+class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
     """Does the stored flow carry the events of an edge onto one line?
 
     The gain of each rate of flow in percent, that is by how much the stored flow is too large, and by how much sharper

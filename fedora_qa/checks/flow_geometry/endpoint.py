@@ -42,7 +42,7 @@ class WindowErrors:
     weighed: tuple[Weighed, ...] = ()
 
 
-class Endpoint(WindowCheck[WindowErrors]):
+class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
     """Is the stored flow what depth, intrinsics and the camera's motion give?
 
     On a lattice of pixels the flow is recomputed from the depth at the interval's start and the relative pose, and

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.causes import CAUSES, stream_family
-from fedora_qa.checks.flow_geometry.timestamp_patterns import offsets_from_nearest, stamp_patterns
+from fedora_qa.checks.flow_geometry.timestamp_patterns import offsets_from_nearest, timestamp_patterns
 from fedora_qa.checks.protocol import Statistic, Suspect
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.record.types import Where
@@ -19,7 +19,7 @@ _MISSING: Final = 0.75
 """Share of the frame step beyond which the nearest frame is another one: stamps within a step are half of it off."""
 
 
-def stamp_measurements(facts: Facts) -> list[Statistic]:
+def timestamp_measurements(facts: Facts) -> list[Statistic]:
     """Count, for each rate, interval ends that lie on no depth frame, gaps, and lengths that are not the rate's."""
     measured = [one for stream in facts.flow_streams for one in _of_stream(facts, stream)]
     spread = {
@@ -113,7 +113,7 @@ def _suspects_off_frames(facts: Facts, stream: str, clock: Clock, off: NDArray[n
 def _of_patterns(stream: str, instants_ns: Int64, frames_ns: Int64, weight: float) -> tuple[Suspect, ...]:
     return tuple(
         Suspect(pattern.cause, stream, weight * pattern.weight, pattern.magnitude, CAUSES[pattern.cause].unit)
-        for pattern in stamp_patterns(instants_ns, frames_ns)
+        for pattern in timestamp_patterns(instants_ns, frames_ns)
         if pattern.weight > 0
     )
 

@@ -26,7 +26,7 @@ _SAME_UNIT: Final = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class StampPattern:
+class TimestampPattern:
     """A cause, its size in the cause's unit, and the share of the offsets that it explains, 0 to 1."""
 
     cause: str
@@ -34,7 +34,7 @@ class StampPattern:
     weight: float
 
 
-def stamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[StampPattern, ...]:
+def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampPattern, ...]:
     """Return the ways in which instants (n,) may have left the frames (m,), n and m at least 1, best first.
 
     Offsets are seen modulo the frame step. Magnitudes are those of the instants: positive where they are too late.
@@ -51,11 +51,11 @@ def stamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[StampPattern, 
         left_ns = np.abs(left_ns)
         left_ns = np.minimum(left_ns % step_ns, -left_ns % step_ns) if np.isfinite(step_ns) else left_ns
         left = _typical(np.maximum(left_ns - _ROUNDING_NS, 0.0))
-        patterns.append(StampPattern(cause, magnitude, max(1.0 - left / before, 0.0) if before > 0 else 0.0))
+        patterns.append(TimestampPattern(cause, magnitude, max(1.0 - left / before, 0.0) if before > 0 else 0.0))
     return tuple(sorted(patterns, key=lambda pattern: -round(pattern.weight, 2)))
 
 
-def _another_unit(instants_ns: Int64, frame_step_ns: float) -> tuple[StampPattern, ...]:
+def _another_unit(instants_ns: Int64, frame_step_ns: float) -> tuple[TimestampPattern, ...]:
     """Return another unit of time where instants that lie beyond all frames step by a thousand times as much, or less.
 
     Anything else that far away is no offset: these are seen modulo the frame step.
@@ -63,7 +63,7 @@ def _another_unit(instants_ns: Int64, frame_step_ns: float) -> tuple[StampPatter
     steps_ns = np.diff(np.unique(instants_ns))
     ratio = float(np.median(steps_ns)) / frame_step_ns if len(steps_ns) else 0.0
     unit = next((unit for unit in _UNITS if abs(ratio / unit - 1) < _SAME_UNIT), None)
-    return () if unit is None else (StampPattern("time_unit", unit, 1.0),)
+    return () if unit is None else (TimestampPattern("time_unit", unit, 1.0),)
 
 
 def offsets_from_nearest(frames_ns: Int64, instants_ns: Int64) -> Float64:

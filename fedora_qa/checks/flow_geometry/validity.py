@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow_geometry.interval_timestamps import stamp_measurements
+from fedora_qa.checks.flow_geometry.interval_timestamps import timestamp_measurements
 from fedora_qa.checks.protocol import ANY_CAUSE, Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.estimators.flow.validity_kernels import compare_patterns, depth_range_m
 from fedora_qa.geometry.camera import RigidMotion
@@ -56,7 +56,7 @@ class FieldPattern:
     pixel: tuple[int, int] | None
 
 
-class Validity(WindowCheck[tuple[FieldPattern, ...]]):
+class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
     """Has flow values exactly where it must, over intervals from frame to frame?
 
     Counted are pixels that have a flow and no depth, or a depth and no flow, infinite values, and intervals that
@@ -114,7 +114,7 @@ class Validity(WindowCheck[tuple[FieldPattern, ...]]):
         coverage = Coverage(len(patterns), total, "flow fields")
         if not facts.clocks["depth"].usable:
             return Observation(coverage, unobservable="the stamps of depth do not advance")
-        return Observation(coverage, (*_pixel_measurements(patterns, facts), *stamp_measurements(facts)))
+        return Observation(coverage, (*_pixel_measurements(patterns, facts), *timestamp_measurements(facts)))
 
 
 def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame: int) -> FieldPattern | None:

@@ -33,7 +33,7 @@ class WindowResiduals:
     maps: Mapping[str, tuple[NDArray[Any], str]] = field(default_factory=dict)
 
 
-class Residual(WindowCheck[WindowResiduals]):
+class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
     """Does the stored flow carry each frame onto the next?
 
     The frame at the end of a field's interval is warped back by the stored flow. How far it still lies from the frame

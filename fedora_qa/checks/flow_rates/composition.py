@@ -30,7 +30,7 @@ class WindowComposition:
     weighed: tuple[Weighed, ...] = ()
 
 
-class Composition(WindowCheck[WindowComposition]):
+class FlowRatesComposition(WindowCheck[WindowComposition]):
     """Do the fields of a faster rate compose to those of a slower one?
 
     Each pixel is followed along the fields of either rate, from the start of an interval that both cover to its end:

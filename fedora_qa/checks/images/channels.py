@@ -19,7 +19,7 @@ EXCHANGED: Final = "BGR"
 """The usual wrong order, and the hardest to tell: red and blue have the nearest weights."""
 
 
-class Channels(ColourCheck):
+class ImagesChannels(ColourCheck):
     """Are the channels of the frames R, G and B, in this order?
 
     How far the weights that events give to the three channels lie on the way from R, G, B to each of the five wrong

@@ -70,7 +70,7 @@ class WindowExposure:
     codes: NDArray[np.int64]
 
 
-class Exposure(WindowCheck[WindowExposure]):
+class ImagesExposure(WindowCheck[WindowExposure]):
     """Is the exposure the same in all frames?
 
     The largest jump of brightness from one frame to the next, at the same points; the frames of one value throughout;

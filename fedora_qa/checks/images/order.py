@@ -65,7 +65,7 @@ def _shares(before: Float32, after: Float32, flow_px: Float32, *, large: bool) -
     return motion_share(before, after, flow_px), shares_of_parts(before, after, flow_px)
 
 
-class Order(WindowCheck[tuple[Share, ...]]):
+class ImagesOrder(WindowCheck[tuple[Share, ...]]):
     """Does each frame lie where the flow carries the frame before it?
 
     One number a pair of frames: the share of the flow by which the second lies away from the first. It is 1 in an

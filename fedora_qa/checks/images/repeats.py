@@ -47,7 +47,7 @@ class FrameDigest:
     view: View | None
 
 
-class Repeats(WindowCheck[tuple[FrameDigest, ...]]):
+class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
     """Is each frame a picture of its own?
 
     The frames that repeat an earlier one bit for bit although the image must have changed in between.

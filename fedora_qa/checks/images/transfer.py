@@ -27,7 +27,7 @@ EXPONENTS_OF_DISPLAYS: Final = (1.7, 2.6)
 """What sRGB (2.4 at white, 1 in the dark, 2.2 on the whole) and gamma 2.2 look like."""
 
 
-class Transfer(ColourCheck):
+class ImagesTransfer(ColourCheck):
     """Are the values of the frames linear in radiance, once the declared transfer is undone?
 
     The exponent by which the values would have to be taken to be what events see: 1, or about 2.2 where codes for a

@@ -10,21 +10,21 @@ from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.imu.local_motion import Vectors, noise_level
-from fedora_qa.estimators.imu.samples import STAMP_SIGMA_S
+from fedora_qa.estimators.imu.samples import TIMESTAMP_SIGMA_S
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, Window
 from fedora_qa.views.motion_samples import NOISE_ORDER, imu_roundings, join_imu, owned_imu, place, why_unusable
 from fedora_qa.views.noise_level import noise_against_declared
-from fedora_qa.views.sample_defects import frozen_imu, stamp_defects
+from fedora_qa.views.sample_defects import frozen_imu, timestamp_defects
 
 Float64 = NDArray[np.float64]
 
 _DEGREES: Final = float(np.degrees(1.0))
 
 
-class Noise(WindowCheck[ImuSamples]):
+class ImuNoise(WindowCheck[ImuSamples]):
     """Is the noise of the IMU what is declared?
 
     The standard deviation of white noise of gyro and accelerometer, as a ratio to ``density * sqrt(rate)``, or itself
@@ -77,7 +77,7 @@ class Noise(WindowCheck[ImuSamples]):
         model = facts.declared.imu or ImuModel()
         root_rate = float(np.sqrt(NS_PER_S / np.median(np.diff(imu.times_ns))))
         gyro_rounding, accel_rounding = imu_roundings(imu)
-        of_stamps = stamp_defects(facts, "imu")
+        of_timestamps = timestamp_defects(facts, "imu")
         rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
         gyro_noise = noise_against_declared(
             "gyro",
@@ -88,7 +88,7 @@ class Noise(WindowCheck[ImuSamples]):
             "imu.noise",
             "imu",
             units={"unit_deg_rad": _DEGREES},
-            besides=of_stamps,
+            besides=of_timestamps,
         )
         accel_noise = noise_against_declared(
             "accelerometer",
@@ -99,7 +99,7 @@ class Noise(WindowCheck[ImuSamples]):
             "imu.noise",
             "imu",
             units={},
-            besides=of_stamps,
+            besides=of_timestamps,
         )
         return Observation(seen, (gyro_noise, accel_noise, _stops(facts, imu)))
 
@@ -107,7 +107,7 @@ class Noise(WindowCheck[ImuSamples]):
 def _floor(times_ns: NDArray[np.int64], values: Float64, rounding: float) -> float:
     """Return the scatter of exact samples: stored digits, and stamps rounded to a microsecond."""
     changes = np.linalg.norm(np.diff(values, axis=0), axis=1) / (np.diff(times_ns) / NS_PER_S)
-    return float(np.hypot(np.sqrt(np.mean(np.square(changes))) * STAMP_SIGMA_S, rounding))
+    return float(np.hypot(np.sqrt(np.mean(np.square(changes))) * TIMESTAMP_SIGMA_S, rounding))
 
 
 def _stops(facts: Facts, imu: ImuSamples) -> Statistic:

@@ -23,7 +23,7 @@ from fedora_qa.views.inertial_agreement import (
     motion_of,
     streams_of,
 )
-from fedora_qa.views.sample_defects import stamp_defects
+from fedora_qa.views.sample_defects import timestamp_defects
 from fedora_qa.views.timing_cues import TimingCues, timing_cues_of
 
 _SURE: Final = 6.0
@@ -31,7 +31,7 @@ _CLOSE: Final = 3.0
 _MS_PER_S: Final = 1e3
 
 
-class Timing(WindowCheck[Motion]):
+class ImuTiming(WindowCheck[Motion]):
     """Do IMU and poses run on one clock?
 
     How late the IMU's stamps are against those of the poses at the first sample (ms), by how much each of the two
@@ -83,13 +83,13 @@ class Timing(WindowCheck[Motion]):
         fits = _sound_fits(streams)
         if not fits:
             return Observation(seen, unobservable="IMU and pose cannot be compared: see imu.rotation, imu.translation")
-        timing_cues, of_stamps = timing_cues_of(facts), stamp_defects(facts, "imu", "pose")
-        offset, *rates = (_measured(fits, name, timing_cues, of_stamps) for name in TIMING_SHOWN)
-        offset, notices = (offset, ()) if of_stamps else _without_averaging(offset, streams, facts)
+        timing_cues, of_timestamps = timing_cues_of(facts), timestamp_defects(facts, "imu", "pose")
+        offset, *rates = (_measured(fits, name, timing_cues, of_timestamps) for name in TIMING_SHOWN)
+        offset, notices = (offset, ()) if of_timestamps else _without_averaging(offset, streams, facts)
         surest = min(fits, key=lambda kind: fits[kind].parameters["time_offset"].standard_error)
         shown = TIMING_SHOWN["time_offset"]
         local = local_measured(
-            facts, streams, surest, self.name, fits[surest], "time_offset", shown, timing_cues, of_stamps
+            facts, streams, surest, self.name, fits[surest], "time_offset", shown, timing_cues, of_timestamps
         )
         return Observation(seen, (offset, *rates, *local), notices)
 

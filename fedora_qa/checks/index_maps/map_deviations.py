@@ -85,7 +85,7 @@ def _candidates(found: WrongMap) -> Iterator[tuple[str, Int64, tuple[Suspect, ..
     yield f"they are off by {shift:+d}", left + shift, tuple(_suspects_of_shift(found, shift))
     if found.other is not None and not np.array_equal(found.other, left):
         mixed = Suspect("index_off_by_one", found.stream, 0.6)
-        yield "they are those of the other camera", found.other, (*_suspects_of_stamps(found), mixed)
+        yield "they are those of the other camera", found.other, (*_suspects_of_timestamps(found), mixed)
     for frames in _NEIGHBOURS:
         rows = np.clip(np.arange(len(left)) + frames, 0, len(left) - 1)
         period_ms = 1e3 * float(np.median(np.diff(found.frame_times_ns))) / NS_PER_S if len(left) > 1 else 0.0
@@ -152,11 +152,11 @@ def _drift(found: WrongMap, times_s: Float64, shifts_ms: Float64) -> tuple[str, 
 def _unnamed(found: WrongMap) -> tuple[str, tuple[Suspect, ...]]:
     """Where no rule gives the entries, whatever changed the stamps afterwards is suspected."""
     of_events = tuple(Suspect(cause, "events", 0.3) for cause in ("unsorted", "dropped_samples", "duplicated_samples"))
-    suspects = (*_suspects_of_stamps(found), *of_events, Suspect("index_off_by_one", found.stream, 0.2))
+    suspects = (*_suspects_of_timestamps(found), *of_events, Suspect("index_off_by_one", found.stream, 0.2))
     return "no known deviation", suspects
 
 
-def _suspects_of_stamps(found: WrongMap) -> Iterator[Suspect]:
+def _suspects_of_timestamps(found: WrongMap) -> Iterator[Suspect]:
     """Suspect that a map was made before the stamps of its frames, or of events, were changed."""
     left = found.index_map.expected_left
     if len(left) > 2 and len(np.unique(left[1:-1])) == 1:

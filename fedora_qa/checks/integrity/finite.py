@@ -14,7 +14,7 @@ from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, W
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.images.value_tallies import Tally, add_up, tally_depth, tally_flow, tally_samples
-from fedora_qa.layout.binding import INVALID_STAMP_NS
+from fedora_qa.layout.binding import INVALID_TIMESTAMP_NS
 from fedora_qa.layout.canonical import DATASETS, STREAMS
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -31,7 +31,7 @@ _FULL: Final = 0.5
 leave it, and come back, within an interval of frames."""
 
 
-class Finite(WindowCheck[tuple[Tally, ...]]):
+class IntegrityFinite(WindowCheck[tuple[Tally, ...]]):
     """Are all values finite where they must be, and invalid pixels NaN?
 
     The values that no honest file holds, counted for each dataset, and the images that hold nothing among full ones.
@@ -81,7 +81,7 @@ class Finite(WindowCheck[tuple[Tally, ...]]):
         """Add up, in the order of time."""
         totals = add_up(tally for window in state for tally in window)
         measured = [m for total in totals for m in _measured(total, facts)]
-        measured += [_stamps(facts, stream) for stream in sorted(facts.clocks)]
+        measured += [_timestamps(facts, stream) for stream in sorted(facts.clocks)]
         seen = sum(total.values for total in totals)
         return Observation(
             Coverage(seen, max(seen, _of(facts)), "values"),
@@ -202,11 +202,11 @@ def _outside_suspects(total: Tally) -> tuple[Suspect, ...]:
     return (Suspect("invalid_encoding", "depth", 0.5), Suspect("unit_mm_m", "depth", 0.3))
 
 
-def _stamps(facts: Facts, stream: str) -> Statistic:
+def _timestamps(facts: Facts, stream: str) -> Statistic:
     clock = facts.clocks[stream]
-    bad = clock.times_ns == INVALID_STAMP_NS
+    bad = clock.times_ns == INVALID_TIMESTAMP_NS
     if clock.ends_ns is not None:
-        bad = bad | (clock.ends_ns == INVALID_STAMP_NS)
+        bad = bad | (clock.ends_ns == INVALID_TIMESTAMP_NS)
     count = int(np.count_nonzero(bad))
     said = f"{count} stamps of {stream} are NaN; these samples have no place in time"
     where = Where(stream=stream, index_start=int(np.argmax(bad)) if count else None)
@@ -244,7 +244,7 @@ def _where(facts: Facts, total: Tally) -> Where:
 
 def _file_us(facts: Facts, stream: str, row: int) -> float | None:
     time_ns = int(facts.clocks[stream].times_ns[row])
-    return None if time_ns == INVALID_STAMP_NS else facts.to_file_us(time_ns)
+    return None if time_ns == INVALID_TIMESTAMP_NS else facts.to_file_us(time_ns)
 
 
 def _of(facts: Facts) -> int:

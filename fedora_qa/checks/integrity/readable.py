@@ -1,4 +1,4 @@
-"""The file itself: is everything where the layout says, and does every stored byte decode?"""
+"""Does every stored byte decode?"""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -7,69 +7,13 @@ from math import ceil, prod
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.families import over_all_rates
-from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding
-from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS, STAMPS_OF
-from fedora_qa.layout.resolve import LayoutProblem
+from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS, TIMESTAMPS_OF
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-
-
-class LayoutHolds(FactsCheck):
-    """Is everything that the file promises there, in the right shape and type?
-
-    The problems that opening the file met, one finding each.
-
-    Why it matters
-    --------------
-    Loaders index what they expect. A stream that is missing, transposed or one row short is a crash on another
-    machine at best, and a silent misalignment of rows at worst.
-
-    How
-    ---
-    Every dataset of the layout is looked for where the file's dialect puts it. Counted as broken: a stream that the
-    metadata declare and that is absent or only partly there, shapes that contradict the layout or each other, types
-    that differ from it, links that leave the file or dangle, chunks that were never written.
-
-    Noise model
-    -----------
-    None: a dataset is as promised or not. Nothing is sampled.
-
-    Cannot see
-    ----------
-    Values: they are not looked at. A stream that the file neither holds nor declares is absent and no fault, unless a
-    profile or a policy promises it. Layouts that no dialect describes: see ``fedora-qa layout``.
-
-    Sources
-    -------
-    The canonical layout, version 1.0; for files of other makers the dialect that was recognised.
-    """
-
-    name = "integrity.layout"
-
-    def examine(self, facts: Facts) -> Observation:
-        """State one finding a problem."""
-        problems = facts.layout.problems
-        broken = {problem.key for problem in problems if problem.key} - set(facts.layout.bindings)
-        coverage = Coverage(len(facts.layout.bindings), len(facts.layout.bindings) + len(broken), "datasets")
-        if not problems:
-            return Observation(coverage, (no_faults("layout_problems", "problems", self.name),))
-        rates = {problem.stream for problem in problems if problem.stream in FLOW_STREAMS} | set(facts.flow_streams)
-        return Observation(coverage, over_all_rates((self._measured(problem) for problem in problems), rates))
-
-    def _measured(self, problem: LayoutProblem) -> Statistic:
-        return count_of_faults(
-            name=f"{problem.key or problem.stream}.{problem.code.rsplit('.', 1)[1]}",
-            value=1,
-            unit="problems",
-            statement=problem.message,
-            code=problem.code,
-            where=Where(stream=problem.stream),
-            severity="critical",
-            suspects=(Suspect(problem.cause, problem.stream, 1.0, problem.magnitude),),
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +35,7 @@ class ReadSummary:
     damaged: tuple[Damage, ...]
 
 
-class Readable(WindowCheck[ReadSummary]):
+class IntegrityReadable(WindowCheck[ReadSummary]):
     """Does every stored chunk decode, and do the checksums hold?
 
     The chunks that cannot be decoded, counted for each stream.
@@ -238,7 +182,7 @@ def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator
 
 def _damage_in_scan(facts: Facts, damaged: Sequence[Damage]) -> Iterator[Damage]:
     """Yield the blocks of event stamps that the scan could not decode and that therefore no window owns."""
-    key = STAMPS_OF["events"]
+    key = TIMESTAMPS_OF["events"]
     known = [one for one in damaged if one.key == key]
     for start, stop in facts.events.unreadable if facts.events else ():
         if not any(one.start < stop and start < one.stop for one in known):

@@ -24,7 +24,7 @@ _PRINCIPAL_POINTS: Final = {0.5: "W/2, H/2", 1.0: "(W+1)/2, (H+1)/2"}
 """Conventions other than (W-1)/2, by the distance from it, px: integer coordinates are then not pixel centres."""
 
 
-class Cameras(FactsCheck):
+class MetadataCameras(FactsCheck):
     """Are the declared cameras possible, and do they fit the images?
 
     For each camera the departures of K from its form and of T_body_camera from a rigid motion, the size against that

@@ -23,7 +23,7 @@ _THRESHOLD_DN: Final = 30.0
 _LEAST_PACKET_US: Final = 200
 
 
-class Profile(FactsCheck):
+class MetadataProfile(FactsCheck):
     """Does the file keep the profile that it promises?
 
     Each number of the file against the paper's; asked only of files with ``profile="fedora-paper"``.

@@ -32,7 +32,7 @@ from fedora_qa.views.motion_samples import (
     why_unusable,
 )
 from fedora_qa.views.pose_conventions import orientation_readings, position_readings
-from fedora_qa.views.sample_defects import LEAST_EVENNESS, frozen_poses, interpolation_of, rate_hz, stamp_defects
+from fedora_qa.views.sample_defects import LEAST_EVENNESS, frozen_poses, interpolation_of, rate_hz, timestamp_defects
 
 _STEP_FILTERS: Final = ((4, 5), (6, 7), (8, 5), (12, 5), (24, 5), (12, 3), (24, 3))
 """Half width and degree of the filters that look for jumps: short ones for exact poses, long ones for noisy."""
@@ -40,7 +40,7 @@ _STEP_FILTERS: Final = ((4, 5), (6, 7), (8, 5), (12, 5), (24, 5), (12, 3), (24, 
 _FEWEST_POSES: Final = 24
 
 
-class Continuity(WindowCheck[PoseSamples]):
+class PoseContinuity(WindowCheck[PoseSamples]):
     """Does the pose move as a body moves, without jumps, stops or straight lines?
 
     The largest jump of position (m) and orientation (deg) between two poses, the number of frozen poses, and how evenly
@@ -92,7 +92,7 @@ class Continuity(WindowCheck[PoseSamples]):
         unusable = why_unusable(facts, "pose")
         if unusable or len(poses.times_ns) < _FEWEST_POSES:
             return Observation(seen, unobservable=unusable or f"fewer than {_FEWEST_POSES} poses")
-        still, of_stamps = frozen_poses(poses), stamp_defects(facts, "pose")
+        still, of_timestamps = frozen_poses(poses), timestamp_defects(facts, "pose")
         model = facts.declared.pose or PoseModel()
         positions, rotations = Vectors(poses.positions_world_m), Orientations(poses.orientations_xyzw)
         position = _steps(poses, positions, max(model.position_sigma_m, position_floor_m(poses)))
@@ -100,10 +100,10 @@ class Continuity(WindowCheck[PoseSamples]):
         return Observation(
             seen,
             (
-                *_jump(facts, poses, still, of_stamps, position, "position", "m", 1.0, 0.1),
-                *_jump(facts, poses, still, of_stamps, rotation, "rotation", "deg", float(np.degrees(1)), 2.0),
+                *_jump(facts, poses, still, of_timestamps, position, "position", "m", 1.0, 0.1),
+                *_jump(facts, poses, still, of_timestamps, rotation, "rotation", "deg", float(np.degrees(1)), 2.0),
                 _stops(facts, poses, still),
-                *_lines(facts, poses, of_stamps),
+                *_lines(facts, poses, of_timestamps),
             ),
         )
 
@@ -123,7 +123,7 @@ def _jump(
     facts: Facts,
     poses: PoseSamples,
     still: NDArray[np.intp],
-    of_stamps: tuple[Suspect, ...],
+    of_timestamps: tuple[Suspect, ...],
     found: tuple[Steps, float],
     name: str,
     unit: str,
@@ -157,7 +157,7 @@ def _jump(
             code=f"pose.continuity.{name}",
             where=place(facts, "pose", int(poses.times_ns[before]), after_ns),
             suspects=(
-                *of_stamps,
+                *of_timestamps,
                 *readings,
                 Suspect("frozen_frames", "pose", 0.9 if frozen else 0.2),
                 Suspect("teleport", "pose", 0.3 if frozen else teleport, size if unit == "m" else None, "m",
@@ -180,7 +180,7 @@ def _stops(facts: Facts, poses: PoseSamples, still: NDArray[np.intp]) -> Statist
     )
 
 
-def _lines(facts: Facts, poses: PoseSamples, of_stamps: tuple[Suspect, ...]) -> tuple[Statistic, ...]:
+def _lines(facts: Facts, poses: PoseSamples, of_timestamps: tuple[Suspect, ...]) -> tuple[Statistic, ...]:
     found = interpolation_of(poses)
     if found is None:
         return ()
@@ -199,6 +199,9 @@ def _lines(facts: Facts, poses: PoseSamples, of_stamps: tuple[Suspect, ...]) -> 
             f"from {lower_hz:.4g} to {own_hz:.4g} Hz.",
             code="pose.continuity.interpolated",
             where=place(facts, "pose", int(poses.times_ns[0]), int(poses.times_ns[-1])),
-            suspects=(*of_stamps, Suspect("interpolated_pose", "pose", 0.3 if of_stamps else 0.95, lower_hz, "Hz")),
+            suspects=(
+                *of_timestamps,
+                Suspect("interpolated_pose", "pose", 0.3 if of_timestamps else 0.95, lower_hz, "Hz"),
+            ),
         ),
     )

@@ -30,10 +30,10 @@ STEPS: Final = (*map(float, range(FINEST, COARSEST + 1)), *FLOAT32_STEPS_US)
 _WHOLE: Final = np.arange(FINEST, COARSEST + 1)
 
 
-_TICKS_PER_STAMP: Final = 500
+_TICKS_PER_TIMESTAMP: Final = 500
 """All combs look at a tick some eight times, 10 ns, and at a stamp 2000 times, 7 us: here both take as long, about."""
 
-_STAMPS_TOGETHER: Final = 1 << 12
+_TIMESTAMPS_TOGETHER: Final = 1 << 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,18 +56,18 @@ class CombCounts:
         return deviates
 
 
-def comb_counts(stamps: Int64) -> CombCounts:
+def comb_counts(timestamps: Int64) -> CombCounts:
     """Count the occupied ticks under every comb through 0; ``stamps`` are whole ticks, sorted.
 
     Looks at every tick of the stretch where it is crowded, at every stamp where it is not: stamps may be years apart.
     """
-    if not len(stamps):
+    if not len(timestamps):
         none = np.zeros(len(STEPS), np.int64)
         return CombCounts(0, 0, none, none)
-    ticks = int(stamps[-1]) - int(stamps[0]) + 1
-    occupied = stamps[np.diff(stamps, prepend=stamps[0] - 1) > 0]
-    count = _hits_by_tick if ticks < len(occupied) * _TICKS_PER_STAMP else _hits_by_stamp
-    teeth = _teeth(int(stamps[0]), int(stamps[-1]))
+    ticks = int(timestamps[-1]) - int(timestamps[0]) + 1
+    occupied = timestamps[np.diff(timestamps, prepend=timestamps[0] - 1) > 0]
+    count = _hits_by_tick if ticks < len(occupied) * _TICKS_PER_TIMESTAMP else _hits_by_timestamp
+    teeth = _teeth(int(timestamps[0]), int(timestamps[-1]))
     return CombCounts(len(occupied), ticks, np.minimum(count(occupied), teeth), teeth)  # beyond 2^53 teeth merge
 
 
@@ -96,12 +96,14 @@ def _hits_by_tick(occupied: Int64) -> Int64:
     return hits
 
 
-def _hits_by_stamp(occupied: Int64) -> Int64:
+def _hits_by_timestamp(occupied: Int64) -> Int64:
     """Count the same: of a tick that a tooth rounds to it is the nearest tooth."""
     first, last = int(occupied[0]), int(occupied[-1])
     hits = np.zeros(len(STEPS), np.int64)
-    for start in range(0, len(occupied), _STAMPS_TOGETHER):
-        hits[: len(_WHOLE)] += np.count_nonzero(occupied[start : start + _STAMPS_TOGETHER, None] % _WHOLE == 0, axis=0)
+    for start in range(0, len(occupied), _TIMESTAMPS_TOGETHER):
+        hits[: len(_WHOLE)] += np.count_nonzero(
+            occupied[start : start + _TIMESTAMPS_TOGETHER, None] % _WHOLE == 0, axis=0
+        )
     for i, step in enumerate(FLOAT32_STEPS_US, len(_WHOLE)):
         begin, upto = _numbers(first, last, step)
         numbers = np.rint(occupied / step)

@@ -11,7 +11,7 @@ from fedora_qa.conventions import NS_PER_S
 Int64 = NDArray[np.int64]
 Float64 = NDArray[np.float64]
 
-FEWEST_STAMPS: Final = 3
+FEWEST_TIMESTAMPS: Final = 3
 """Two show a step, but not whether it is kept."""
 
 _ROUNDED_NS: Final = 1_000.0
@@ -81,7 +81,7 @@ def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
     Double steps that are spread evenly are no gaps but a clock that was rounded to a coarse grid. Jumps of an
     otherwise exact clock are taken out before the period is fitted.
     """
-    if len(times_ns) < FEWEST_STAMPS:
+    if len(times_ns) < FEWEST_TIMESTAMPS:
         return None
     steps = np.diff(times_ns)
     tick_ns = int(np.gcd.reduce(steps))

@@ -126,7 +126,7 @@ def read_frames(
     seconds = (frame_times_ns - frame_times_ns[0]) * 1e-9
     count = read_at_events(
         events.starts,
-        events.stamped,
+        events.timestamped,
         frame_times_ns,
         seconds,
         inverse_distances(seconds),

@@ -24,7 +24,7 @@ READ = 9
 @njit(cache=True)
 def read_at_events(
     starts: Int32,
-    stamped: Int64,
+    timestamped: Int64,
     frame_times: Int64,
     seconds: Float64,
     inverses: Float64,
@@ -68,13 +68,13 @@ def read_at_events(
                 usable_at[k, frame] = usable[frame, row, chosen[k]]
         for k in range(count):
             at = row * width + chosen[k]
-            begin, stop = _between(stamped, starts[at], starts[at + 1], frame_times[0], frame_times[n - 1])
+            begin, stop = _between(timestamped, starts[at], starts[at + 1], frame_times[0], frame_times[n - 1])
             if stop - begin < 2:
                 continue
             frame, known_from, known = 0, -1, False
             on, off, beyond, even_beyond = 0.0, 0.0, 0.0, 0.0
             for i in range(begin, stop):
-                t, sign = stamped[i] >> 1, 1.0 if stamped[i] & 1 else -1.0
+                t, sign = timestamped[i] >> 1, 1.0 if timestamped[i] & 1 else -1.0
                 while frame_times[frame + 1] < t:
                     frame += 1
                 on, off = on + max(sign, 0.0), off + min(sign, 0.0)
@@ -133,11 +133,11 @@ def _gather(image: NDArray[np.floating], chosen: Int64, count: int, log_eps: flo
 
 
 @njit(cache=True)
-def _between(stamped: Int64, begin: int, stop: int, after: int, until: int) -> tuple[int, int]:
+def _between(timestamped: Int64, begin: int, stop: int, after: int, until: int) -> tuple[int, int]:
     """Return which events of a pixel are later than an instant, and not later than another."""
-    while begin < stop and stamped[begin] >> 1 <= after:
+    while begin < stop and timestamped[begin] >> 1 <= after:
         begin += 1
-    while begin < stop and stamped[stop - 1] >> 1 > until:
+    while begin < stop and timestamped[stop - 1] >> 1 > until:
         stop -= 1
     return begin, stop
 

@@ -19,7 +19,7 @@ _FEWEST = 4
 @njit(cache=True)
 def sample_levels(
     starts: Int32,
-    stamped: Int64,
+    timestamped: Int64,
     frame_times: Int64,
     light: Float32,
     other_light: Float32,
@@ -59,20 +59,20 @@ def sample_levels(
             if concealed > 0 and hidden[concealed - 1] == at:
                 continue
             frame, known, sampled = 0, False, 0
-            on = (stamped[begin] & 1) + (stamped[begin + 1] & 1) + (stamped[begin + 2] & 1)
+            on = (timestamped[begin] & 1) + (timestamped[begin + 1] & 1) + (timestamped[begin + 2] & 1)
             level_on, level_off, slope, gap_s, more_on, more_off = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for i in range(begin + 3, stop):
-                one, other = stamped[i - 2], stamped[i - 1]
+                one, other = timestamped[i - 2], timestamped[i - 1]
                 brighter = other & 1
-                t1, t2, t3 = one >> 1, other >> 1, stamped[i] >> 1
-                on_before, off_before, on = on, i - begin - on, on + (stamped[i] & 1)
+                t1, t2, t3 = one >> 1, other >> 1, timestamped[i] >> 1
+                on_before, off_before, on = on, i - begin - on, on + (timestamped[i] & 1)
                 if t3 - t2 < least_gap:
                     known = False
                     continue
                 gap = t2 - t1
                 if one & 1 != brighter or gap <= 0 or gap > longest_gap:
                     continue
-                t0 = stamped[i - 3] >> 1
+                t0 = timestamped[i - 3] >> 1
                 if not (gap <= 3 * (t1 - t0) <= 9 * gap and gap <= 3 * (t3 - t2) <= 9 * gap):
                     continue
                 while frame < len(frame_times) and frame_times[frame] < t2:
@@ -81,7 +81,7 @@ def sample_levels(
                     continue
                 if _dark(light[frame - 1], other_light[frame - 1], error[frame - 1], least_light, row, column):
                     continue
-                step = 1.0 if stamped[i] & 1 == brighter else -(off_over_on if brighter else 1.0 / off_over_on)
+                step = 1.0 if timestamped[i] & 1 == brighter else -(off_over_on if brighter else 1.0 / off_over_on)
                 since = frame_times[0]
                 share, rate = _between(
                     (t0 - since) * 1e-9,

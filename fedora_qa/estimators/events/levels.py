@@ -134,7 +134,7 @@ def level_pairs(
     places, regressors = np.empty((len(events), 3), np.int32), np.empty((len(events), _PARAMETERS + 3))
     count = sample_levels(
         events.starts,
-        events.stamped,
+        events.timestamped,
         frame_times_ns,
         shown.light,
         shown.other_light,

@@ -12,7 +12,7 @@ Polarities = NDArray[np.uint8]
 
 @njit(cache=True)
 def sort_by_pixel(
-    x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[int, int], starts: Int32, stamped: Int64
+    x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[int, int], starts: Int32, timestamped: Int64
 ) -> None:
     """Write 2 t + p of each event to ``stamped`` (m,), by pixel, and to ``starts`` (h * w + 1,) where each begins.
 
@@ -30,7 +30,7 @@ def sort_by_pixel(
         before += count
     for i in range(len(t)):
         pixel_of_event = np.uint64(y[i]) * row_px + np.uint64(x[i])
-        stamped[np.uint64(starts[pixel_of_event])] = 2 * t[i] + p[i]
+        timestamped[np.uint64(starts[pixel_of_event])] = 2 * t[i] + p[i]
         starts[pixel_of_event] += 1
     # Each has moved on to where the next begins.
     for pixel in range(height * width, 0, -1):
@@ -39,9 +39,9 @@ def sort_by_pixel(
 
 
 @njit(cache=True)
-def count_within(stamped: Int64, after: int, until: int) -> int:
+def count_within(timestamped: Int64, after: int, until: int) -> int:
     """Return how many of sorted events are later than ``after`` and not later than ``until``."""
     count, least, most = 0, 2 * after + 1, 2 * until + 1
-    for i in range(len(stamped)):
-        count += (stamped[i] > least) & (stamped[i] <= most)
+    for i in range(len(timestamped)):
+        count += (timestamped[i] > least) & (timestamped[i] <= most)
     return count

@@ -23,20 +23,20 @@ class PixelEvents:
     """
 
     starts: NDArray[np.int32]
-    stamped: Int64
+    timestamped: Int64
 
     def __len__(self) -> int:
-        return len(self.stamped)
+        return len(self.timestamped)
 
     def later_than(self, after_ns: int, until_ns: int) -> int:
         """Return the number of events in (after, until]."""
-        return int(count_within(self.stamped, after_ns, until_ns))
+        return int(count_within(self.timestamped, after_ns, until_ns))
 
 
 def by_pixel(
     x: NDArray[np.uint16], y: NDArray[np.uint16], times_ns: Int64, p: NDArray[np.uint8], shape: tuple[int, int]
 ) -> PixelEvents:
     """Return the events, sorted by time and all on a sensor (rows, columns), by pixel."""
-    starts, stamped = np.empty(shape[0] * shape[1] + 1, np.int32), np.empty(len(times_ns), np.int64)
-    sort_by_pixel(x, y, times_ns, p, shape, starts, stamped)
-    return PixelEvents(starts, stamped)
+    starts, timestamped = np.empty(shape[0] * shape[1] + 1, np.int32), np.empty(len(times_ns), np.int64)
+    sort_by_pixel(x, y, times_ns, p, shape, starts, timestamped)
+    return PixelEvents(starts, timestamped)

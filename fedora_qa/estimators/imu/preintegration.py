@@ -22,7 +22,7 @@ from fedora_qa.estimators.imu.samples import (
     covered,
     every_second,
     smoothed,
-    stamp_scatter,
+    timestamp_scatter,
 )
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.motion import WIDEST_GAP_STEPS
@@ -184,7 +184,7 @@ def _covariance(times_s: Float64, by_pose: Float64, noise: InertialNoise, poses:
     rates = np.linalg.norm(so3.log_quaternion(by_pose), axis=-1) / steps_s
     rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
     variances = (
-        noise.rotation_sigma_rad**2 + stamp_scatter(rates) ** 2 + noise.rotation_rounding_rad**2 + _ROUNDING_RAD**2
+        noise.rotation_sigma_rad**2 + timestamp_scatter(rates) ** 2 + noise.rotation_rounding_rad**2 + _ROUNDING_RAD**2
     )
     own = variances[poses] + variances[poses + 1] + noise.gyro_density**2 * steps_s[poses]
     shared = np.zeros(len(poses))

@@ -12,7 +12,7 @@ from fedora_qa.conventions import STANDARD_GRAVITY_M_S2
 
 Float64 = NDArray[np.float64]
 
-STAMP_SIGMA_S: Final = 1e-6 / np.sqrt(12)
+TIMESTAMP_SIGMA_S: Final = 1e-6 / np.sqrt(12)
 """Stamps are whole microseconds: the instant meant is uniform within half a microsecond."""
 
 _SMOOTHING_S: Final = 0.02
@@ -207,13 +207,13 @@ def blocks_of(times_s: Float64, shortest_s: float) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in pairwise(bounds)]
 
 
-def stamp_scatter(speeds: Float64) -> Float64:
+def timestamp_scatter(speeds: Float64) -> Float64:
     """Return how far rounded stamps move samples of a motion at ``speeds`` (n,): never less than at its rms speed.
 
     The floor keeps samples that do not move, frozen ones too, from outweighing all others.
     """
     rms = float(np.sqrt(np.mean(np.square(speeds)))) if len(speeds) else 0.0
-    scatter: Float64 = np.maximum(speeds, rms) * STAMP_SIGMA_S
+    scatter: Float64 = np.maximum(speeds, rms) * TIMESTAMP_SIGMA_S
     return scatter
 
 

@@ -23,7 +23,7 @@ from fedora_qa.estimators.imu.samples import (
     covered,
     every_second,
     smoothed,
-    stamp_scatter,
+    timestamp_scatter,
 )
 from fedora_qa.estimators.imu.spline_integrals import integrated_twice
 from fedora_qa.geometry import so3
@@ -200,7 +200,9 @@ def _covariance(
     steps_s = np.diff(times_s)
     speeds = np.linalg.norm(np.gradient(positions_m, times_s, axis=0), axis=-1)
     rounding_m = _ROUNDING * np.spacing(np.maximum(np.abs(positions_m).max(axis=-1), 1e-3))
-    variances = noise.position_sigma_m**2 + stamp_scatter(speeds) ** 2 + rounding_m**2 + noise.position_rounding_m**2
+    variances = (
+        noise.position_sigma_m**2 + timestamp_scatter(speeds) ** 2 + rounding_m**2 + noise.position_rounding_m**2
+    )
     density_squared = (noise.accel_density**2 + turned_squared * float(np.median(steps_s)))[:, None]
     before, after = 1 / steps_s[poses - 1], 1 / steps_s[poses]
     middle = -(before + after)

@@ -67,7 +67,7 @@ class Clock(NamedTuple):
     span_ns: int
     tick_ns: int
     column_bits: int
-    stamp_shift: int
+    timestamp_shift: int
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
@@ -262,7 +262,7 @@ def _fire(
         start = _crossing(stage, sensor, care, x, y, level, start, before, stop, after)
         before = level
         place = y << clock.column_bits | x
-        keys[count] = _stamp(clock, start) << clock.stamp_shift | place << 1 | rising
+        keys[count] = _timestamp(clock, start) << clock.timestamp_shift | place << 1 | rising
         count += 1
         sensor.reference[y, x] = level
         level += threshold
@@ -311,7 +311,7 @@ def _crossing(
 
 
 @njit(cache=True, error_model="numpy")
-def _stamp(clock: Clock, share: float) -> int:
+def _timestamp(clock: Clock, share: float) -> int:
     """First tick not before a crossing. It lies after the start of the path, where its level was not yet reached."""
     offset_ns = min(max(math.floor(share * clock.span_ns + 0.5), 1), clock.span_ns)
     return (clock.start_ns + offset_ns + clock.tick_ns - 1) // clock.tick_ns

@@ -63,7 +63,7 @@ class Follower:
         sensor = Sensor(*levels, pixels.log_eps_dn, pixels.leak_per_s, start_ns / NS_PER_S)
         care = Care(self.fidelity.caution, self.fidelity.tolerance_us / US_PER_S)
         span_ns = path.stop_ns - path.start_ns
-        clock = Clock(start_ns, span_ns, self.tick_ns, layout.column_bits, layout.stamp_shift)
+        clock = Clock(start_ns, span_ns, self.tick_ns, layout.column_bits, layout.timestamp_shift)
         scratch = scratch_for(
             threads=numba.get_num_threads(),
             faces=int(np.diff(plan.face_starts).max()),

@@ -31,7 +31,7 @@ class EventBatch:
 def decode(keys: Keys, layout: KeyLayout, start_us: int) -> EventBatch:
     """Events of sorted keys, whose stamps count from ``start_us``."""
     batch = _room_for_events(keys.size)
-    bits = (layout.column_bits, layout.stamp_shift)
+    bits = (layout.column_bits, layout.timestamp_shift)
     key_kernels.decode_keys(keys, *bits, start_us, batch.x, batch.y, batch.t_us, batch.p)
     return batch
 
@@ -44,8 +44,8 @@ def sort_and_decode(
     ``spare`` has room for as many keys; both are overwritten.
     """
     batch = _room_for_events(keys.size)
-    stamps = (layout.column_bits, layout.stamp_shift, first_us, last_us, start_us)
-    key_kernels.sort_and_decode_keys(keys, *stamps, spare, batch.x, batch.y, batch.t_us, batch.p)
+    timestamps = (layout.column_bits, layout.timestamp_shift, first_us, last_us, start_us)
+    key_kernels.sort_and_decode_keys(keys, *timestamps, spare, batch.x, batch.y, batch.t_us, batch.p)
     return batch
 
 

@@ -70,7 +70,7 @@ class Comparator:
         SignalNotFiniteError
             There is no telling which levels were reached.
         """
-        bits = (self._layout.column_bits, self._layout.stamp_shift)
+        bits = (self._layout.column_bits, self._layout.timestamp_shift)
         interval = (previous, signal, *self._levels(), start_ns, stop_ns, *bits)
         row, count = kernels.emit_crossings(*interval, self._room, self._shares, 0, 0)
         while 0 <= row < self._layout.height:
@@ -89,9 +89,9 @@ class Comparator:
             There is no telling how far a pixel is.
         """
         keys = np.empty(signal.size, np.int64)
-        bits = (self._layout.column_bits, self._layout.stamp_shift)
-        stamp_us = _stamp_us(stop_ns)
-        count = kernels.emit_steps(signal, *self._levels(), stamp_us, *bits, keys)
+        bits = (self._layout.column_bits, self._layout.timestamp_shift)
+        timestamp_us = _timestamp_us(stop_ns)
+        count = kernels.emit_steps(signal, *self._levels(), timestamp_us, *bits, keys)
         _require_finite(count)
         return keys[:count]
 
@@ -105,7 +105,7 @@ class Comparator:
         return self.reference, self._middle, self._near, self._largest, *self._thresholds
 
 
-def _stamp_us(time_ns: int) -> int:
+def _timestamp_us(time_ns: int) -> int:
     """First whole microsecond not before a time."""
     return -(-time_ns // NS_PER_US)
 

@@ -47,7 +47,7 @@ def emit_crossings(
     start_ns: int,
     stop_ns: int,
     column_bits: int,
-    stamp_shift: int,
+    timestamp_shift: int,
     keys: Keys,
     shares: Floats,
     first_row: int,
@@ -95,7 +95,7 @@ def emit_crossings(
             reference[row, column], middle[row, column] = level, middle_of(level, on, off, largest)
             if is_full:
                 break
-        _stamp(keys[first_key:count], shares[first_key:count], start_ns, stop_ns, stamp_shift)
+        _timestamp(keys[first_key:count], shares[first_key:count], start_ns, stop_ns, timestamp_shift)
         if is_full:
             return band - _BAND, count
     return height, count
@@ -110,9 +110,9 @@ def emit_steps(
     largest: float,
     threshold_on: Floats,
     threshold_off: Floats,
-    stamp_us: int,
+    timestamp_us: int,
     column_bits: int,
-    stamp_shift: int,
+    timestamp_shift: int,
     keys: Keys,
 ) -> int:
     """One event a pixel whose value differs from the reference by strictly more than the threshold.
@@ -135,14 +135,14 @@ def emit_steps(
                 return NOT_FINITE
             rising = value > level + on
             if rising or value < level - off:
-                keys[count] = stamp_us << stamp_shift | (row << column_bits | np.int64(column)) << 1 | rising
+                keys[count] = timestamp_us << timestamp_shift | (row << column_bits | np.int64(column)) << 1 | rising
                 count += 1
                 reference[row, column], middle[row, column] = value, middle_of(value, on, off, largest)
     return count
 
 
 @njit(cache=True)
-def _stamp(keys: Keys, shares: Floats, start_ns: int, stop_ns: int, stamp_shift: int) -> None:
+def _timestamp(keys: Keys, shares: Floats, start_ns: int, stop_ns: int, timestamp_shift: int) -> None:
     """Put into keys the first whole microsecond not before the crossing, which lies at a share of the interval.
 
     In float64, of which a processor rounds several at once, and without error for intervals up to 52 days.
@@ -151,4 +151,4 @@ def _stamp(keys: Keys, shares: Floats, start_ns: int, stop_ns: int, stamp_shift:
     for index in range(keys.size):
         offset_ns = np.floor(shares[index] * span_ns + 0.5)
         offset_ns = min(max(offset_ns, 1.0), span_ns)  # the level was not yet reached at the previous sample
-        keys[index] |= (start_us + np.int64(np.ceil((after_us_ns + offset_ns) / NS_PER_US))) << stamp_shift
+        keys[index] |= (start_us + np.int64(np.ceil((after_us_ns + offset_ns) / NS_PER_US))) << timestamp_shift

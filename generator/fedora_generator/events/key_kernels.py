@@ -13,14 +13,14 @@ _DIGIT_BITS: Final = 11
 
 
 @njit(cache=True)
-def sort_by_stamp(keys: Keys, stamp_shift: int, first_us: int, last_us: int, spare: Keys) -> Keys:
+def sort_by_timestamp(keys: Keys, timestamp_shift: int, first_us: int, last_us: int, spare: Keys) -> Keys:
     """Return the keys, stamps in [first, last], in order of their stamps; equal stamps keep theirs.
 
     Radix sort on the digits of the stamp: with raster order going in, (t, y, x, p) comes out. It goes to and fro
     between ``keys`` and ``spare``, which is no shorter, and returns the one that it ends in.
     """
     starts = np.empty((1 << _DIGIT_BITS) + 1, np.int64)
-    base, shift, span = first_us << stamp_shift, stamp_shift, last_us - first_us
+    base, shift, span = first_us << timestamp_shift, timestamp_shift, last_us - first_us
     while True:
         starts[:] = 0
         for key in keys:
@@ -45,37 +45,37 @@ def _digit(key: int, shift: int) -> int:
 
 
 @njit(cache=True)
-def drop_refractory(keys: Keys, stamp_shift: int, refractory_us: int, last_us: NDArray[np.int64]) -> int:
+def drop_refractory(keys: Keys, timestamp_shift: int, refractory_us: int, last_us: NDArray[np.int64]) -> int:
     """Keep in place the keys (sorted) that come ``refractory_us`` or more after their pixel's last; return how many.
 
     ``last_us`` is indexed by place.
     """
     kept = 0
-    places = (1 << (stamp_shift - 1)) - 1
+    places = (1 << (timestamp_shift - 1)) - 1
     for key in keys:
         place = (key >> 1) & places
-        stamp_us = key >> stamp_shift
-        if stamp_us - last_us[place] >= refractory_us:
-            last_us[place] = stamp_us
+        timestamp_us = key >> timestamp_shift
+        if timestamp_us - last_us[place] >= refractory_us:
+            last_us[place] = timestamp_us
             keys[kept] = key
             kept += 1
     return kept
 
 
 @njit(cache=True)
-def align_to_packets(keys: Keys, stamp_shift: int, packet_us: int) -> None:
+def align_to_packets(keys: Keys, timestamp_shift: int, packet_us: int) -> None:
     """Move every stamp up, in place, to the first multiple of ``packet_us`` not before it."""
-    below_stamp = (1 << stamp_shift) - 1
+    below_timestamp = (1 << timestamp_shift) - 1
     for index in range(keys.size):
-        packet = ((keys[index] >> stamp_shift) + packet_us - 1) // packet_us
-        keys[index] = (packet * packet_us) << stamp_shift | (keys[index] & below_stamp)
+        packet = ((keys[index] >> timestamp_shift) + packet_us - 1) // packet_us
+        keys[index] = (packet * packet_us) << timestamp_shift | (keys[index] & below_timestamp)
 
 
 @njit(cache=True)
 def decode_keys(
     keys: Keys,
     column_bits: int,
-    stamp_shift: int,
+    timestamp_shift: int,
     start_us: int,
     x: NDArray[np.uint16],
     y: NDArray[np.uint16],
@@ -83,20 +83,20 @@ def decode_keys(
     p: NDArray[np.uint8],
 ) -> None:
     """Take the keys apart into columns; ``start_us`` is added to the stamps."""
-    columns, places = (1 << column_bits) - 1, (1 << (stamp_shift - 1)) - 1
+    columns, places = (1 << column_bits) - 1, (1 << (timestamp_shift - 1)) - 1
     for index in range(keys.size):
         key = keys[index]
         place = (key >> 1) & places
         p[index] = key & 1
         x[index], y[index] = place & columns, place >> column_bits
-        t_us[index] = start_us + (key >> stamp_shift)
+        t_us[index] = start_us + (key >> timestamp_shift)
 
 
 @njit(cache=True)
 def sort_and_decode_keys(
     keys: Keys,
     column_bits: int,
-    stamp_shift: int,
+    timestamp_shift: int,
     first_us: int,
     last_us: int,
     start_us: int,
@@ -111,5 +111,12 @@ def sort_and_decode_keys(
     Both in one call, as a call that finds the caches cold costs 10 us, as much as 500 events.
     """
     decode_keys(
-        sort_by_stamp(keys, stamp_shift, first_us, last_us, spare), column_bits, stamp_shift, start_us, x, y, t_us, p
+        sort_by_timestamp(keys, timestamp_shift, first_us, last_us, spare),
+        column_bits,
+        timestamp_shift,
+        start_us,
+        x,
+        y,
+        t_us,
+        p,
     )

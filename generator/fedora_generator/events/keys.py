@@ -24,13 +24,13 @@ class KeyLayout:
     width: int
     column_bits: int = field(init=False)
     """Bits of a column, the lowest of a place"""
-    stamp_shift: int = field(init=False)
+    timestamp_shift: int = field(init=False)
     """Bits below the stamp"""
 
     def __post_init__(self) -> None:
         column_bits = (self.width - 1).bit_length()
         object.__setattr__(self, "column_bits", column_bits)
-        object.__setattr__(self, "stamp_shift", (self.height - 1).bit_length() + column_bits + POLARITY_BITS)
+        object.__setattr__(self, "timestamp_shift", (self.height - 1).bit_length() + column_bits + POLARITY_BITS)
 
     @property
     def places(self) -> int:
@@ -42,10 +42,10 @@ class KeyLayout:
         rows, columns = np.divmod(pixels, self.width)
         return (rows << self.column_bits) | columns
 
-    def first_key_after(self, stamp_us: int) -> int:
+    def first_key_after(self, timestamp_us: int) -> int:
         """Least key whose stamp is later than ``stamp_us``."""
-        return (stamp_us + 1) << self.stamp_shift
+        return (timestamp_us + 1) << self.timestamp_shift
 
-    def restamp(self, keys: NDArray[np.int64], stamp_us: int) -> NDArray[np.int64]:
+    def restamp(self, keys: NDArray[np.int64], timestamp_us: int) -> NDArray[np.int64]:
         """Return the keys with all stamps equal to ``stamp_us``."""
-        return (keys & ((1 << self.stamp_shift) - 1)) | (stamp_us << self.stamp_shift)
+        return (keys & ((1 << self.timestamp_shift) - 1)) | (timestamp_us << self.timestamp_shift)

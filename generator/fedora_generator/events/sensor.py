@@ -114,7 +114,7 @@ class EventSensor:
             spare = self._comparator.spare(keys.size)
             return sort_and_decode(keys, self._layout, first_us, last_us, self._start_ns // NS_PER_US, spare)
         spare = np.empty(keys.size, np.int64)  # effects may keep what they are given
-        keys = key_kernels.sort_by_stamp(keys.copy(), self._layout.stamp_shift, first_us, last_us, spare)
+        keys = key_kernels.sort_by_timestamp(keys.copy(), self._layout.timestamp_shift, first_us, last_us, spare)
         return self._decode(self._with_effects(keys, last_us))
 
     def follow(self, t_ns: int, source: CrossingSource) -> EventBatch:
@@ -212,12 +212,12 @@ class EventSensor:
             keys = np.sort(np.concatenate([keys, *(source.take_until(stop_us) for source in self._spurious)]))
         if self._options.refractory_us:
             kept = key_kernels.drop_refractory(
-                keys, self._layout.stamp_shift, self._options.refractory_us, self._last_us
+                keys, self._layout.timestamp_shift, self._options.refractory_us, self._last_us
             )
             keys = keys[:kept]
         if not self._options.packet_interval_us:
             return keys
-        key_kernels.align_to_packets(keys, self._layout.stamp_shift, self._options.packet_interval_us)
+        key_kernels.align_to_packets(keys, self._layout.timestamp_shift, self._options.packet_interval_us)
         keys = np.sort(np.concatenate([self._pending, keys]))
         split = int(np.searchsorted(keys, self._layout.first_key_after(stop_us)))
         self._pending = keys[split:]

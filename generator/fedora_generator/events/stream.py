@@ -47,7 +47,7 @@ class EventRecorder:
         self._sampling = self._sampling_of(scene, quality)
         self._sensor = EventSensor(scene.events, self._camera.height, self._camera.width, seed)
         self._columns = EventColumns(file)
-        self._maps = {key: (size, IndexMap(stamps)) for key, (size, stamps) in maps.items()}
+        self._maps = {key: (size, IndexMap(timestamps)) for key, (size, timestamps) in maps.items()}
         self._now_us = 0
         self._images = 1
         write_camera(file, "events", self._camera)

@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 
 from fedora_generator.faults.fault import Fault, FaultError
-from fedora_generator.faults.rows import Array, edit, stamps_in, streams_in, window_of
+from fedora_generator.faults.rows import Array, edit, streams_in, timestamps_in, window_of
 
 US_PER_MS = 1_000
 
@@ -13,20 +13,22 @@ def time_offset(file: h5py.File, fault: Fault) -> None:
     """Make stamps late by a constant, rounded to a microsecond."""
     offset_us = round(fault.magnitude_in("ms") * US_PER_MS)
     for stream in streams_in(file, fault.stream):
-        edit(stamps_in(file, stream), window_of(file, stream, fault), lambda stamps_us: stamps_us + offset_us)
+        edit(
+            timestamps_in(file, stream), window_of(file, stream, fault), lambda timestamps_us: timestamps_us + offset_us
+        )
 
 
 def clock_rate(file: h5py.File, fault: Fault) -> None:
     """Let the clock run fast from the first stamp of the window on: ``t' = t + (t - t_first) * rate``."""
     rate = fault.magnitude_in("1")
     for stream in streams_in(file, fault.stream):
-        stamps, window = stamps_in(file, stream), window_of(file, stream, fault)
-        first_us = int(np.min(stamps[window.start]))
+        timestamps, window = timestamps_in(file, stream), window_of(file, stream, fault)
+        first_us = int(np.min(timestamps[window.start]))
 
-        def stretch(stamps_us: Array, first_us: int = first_us) -> Array:
-            return stamps_us + np.rint((stamps_us - first_us) * rate).astype(np.int64)
+        def stretch(timestamps_us: Array, first_us: int = first_us) -> Array:
+            return timestamps_us + np.rint((timestamps_us - first_us) * rate).astype(np.int64)
 
-        edit(stamps, window, stretch)
+        edit(timestamps, window, stretch)
 
 
 def quantised_time(file: h5py.File, fault: Fault) -> None:
@@ -39,9 +41,9 @@ def quantised_time(file: h5py.File, fault: Fault) -> None:
         raise FaultError(f"Expected a grid of at least 0.002 ms, got {fault.magnitude:g} {fault.unit}")
     for stream in streams_in(file, fault.stream):
         edit(
-            stamps_in(file, stream),
+            timestamps_in(file, stream),
             window_of(file, stream, fault),
-            lambda stamps_us: (stamps_us + grid_us // 2) // grid_us * grid_us,
+            lambda timestamps_us: (timestamps_us + grid_us // 2) // grid_us * grid_us,
         )
 
 
@@ -51,10 +53,10 @@ def time_unit(file: h5py.File, fault: Fault) -> None:
     if factor <= 0 or factor == 1:
         raise FaultError(f"Expected a positive factor other than 1, such as 1000 or 0.001, got {factor:g}")
 
-    def convert(stamps_us: Array) -> Array:
+    def convert(timestamps_us: Array) -> Array:
         if factor.is_integer():
-            return stamps_us * int(factor)
-        return np.rint(stamps_us * factor).astype(np.int64)
+            return timestamps_us * int(factor)
+        return np.rint(timestamps_us * factor).astype(np.int64)
 
     for stream in streams_in(file, fault.stream):
-        edit(stamps_in(file, stream), window_of(file, stream, fault), convert)
+        edit(timestamps_in(file, stream), window_of(file, stream, fault), convert)

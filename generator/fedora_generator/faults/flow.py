@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 
 from fedora_generator.faults.fault import Fault, FaultError
-from fedora_generator.faults.rows import edit_values, stamps_in, streams_in, window_of
+from fedora_generator.faults.rows import edit_values, streams_in, timestamps_in, window_of
 from fedora_qa.conventions import US_PER_S
 from fedora_qa.layout.canonical import FLOW_STREAMS
 
@@ -38,9 +38,9 @@ def flow_unit(file: h5py.File, fault: Fault) -> None:
     """Write px/s, or px s (the paper's equation) where the magnitude is negative: values too large, or too small."""
     power = 1 if fault.magnitude_in("1") > 0 else -1
     for stream in streams_in(file, fault.stream):
-        stamps_us = stamps_in(file, stream)
+        timestamps_us = timestamps_in(file, stream)
         for row in _rows(file, stream, fault):
-            interval_s = float(stamps_us[row, 1] - stamps_us[row, 0]) / US_PER_S
+            interval_s = float(timestamps_us[row, 1] - timestamps_us[row, 0]) / US_PER_S
             file[f"path/{stream}"][row] = file[f"path/{stream}"][row] * np.float32(interval_s**-power)
 
 
@@ -55,7 +55,7 @@ def flow_rate_mixed(file: h5py.File, fault: Fault) -> None:
         raise FaultError(f"Expected flow at two rates or more, got {', '.join(present) or 'none'}")
     for stream in receivers:
         donor = next(each for each in present if each != stream)
-        starts_us, donor_starts_us = (stamps_in(file, each)[:, 0] for each in (stream, donor))
+        starts_us, donor_starts_us = (timestamps_in(file, each)[:, 0] for each in (stream, donor))
         nearest = np.searchsorted(donor_starts_us, starts_us, side="right") - 1
         for row in _rows(file, stream, fault):
             file[f"path/{stream}"][row] = file[f"path/{donor}"][max(int(nearest[row]), 0)]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_generator.faults.metadata import MatrixChange, group_in, longer_focal, rolled, shifted_centre
-from fedora_generator.faults.rows import stamps_in, streams_in, window_of
+from fedora_generator.faults.rows import streams_in, timestamps_in, window_of
 from fedora_generator.faults.trajectory import body_poses_at
 from fedora_generator.flow import flow_px
 from fedora_qa.conventions import MM_PER_M
@@ -69,10 +69,10 @@ def _declared_camera(file: h5py.File) -> tuple[Floats, Floats]:
 
 def _intervals(file: h5py.File, fault: Fault) -> Iterator[tuple[h5py.Dataset, int, MakeFlow]]:
     """Every interval that the fault touches: its dataset, its row, and how to make its flow."""
-    depth_us = stamps_in(file, "depth")[...]
+    depth_us = timestamps_in(file, "depth")[...]
     for stream in streams_in(file, fault.stream):
         fields, window = file[f"path/{stream}"], window_of(file, stream, fault)
-        intervals_us = stamps_in(file, stream)[window]
+        intervals_us = timestamps_in(file, stream)[window]
         poses = body_poses_at(file, intervals_us.ravel()).reshape(-1, 2, 4, 4)
         frames = np.searchsorted(depth_us, intervals_us[:, 0])
         if np.any(frames == len(depth_us)) or np.any(depth_us[frames] != intervals_us[:, 0]):

@@ -12,7 +12,7 @@ from fedora_generator.faults.rows import edit, edit_values, window_of
 from fedora_generator.faults.trajectory import attitudes_at
 from fedora_qa.conventions import US_PER_S
 
-GYRO, ACCEL, STAMPS = "path/imu/angular_velocity", "path/imu/linear_acceleration", "path/imu/ts"
+GYRO, ACCEL, TIMESTAMPS = "path/imu/angular_velocity", "path/imu/linear_acceleration", "path/imu/ts"
 METADATA: Final = "metadata/imu"
 
 _SWAPPED: Final = [1, 0, 2]
@@ -69,11 +69,11 @@ def gravity_magnitude(file: h5py.File, fault: Fault) -> None:
 def lever_arm(file: h5py.File, fault: Fault) -> None:
     """Mount the unit off the body's origin, forward by the magnitude: f + w' x r + w x (w x r)."""
     window = window_of(file, "imu", fault)
-    stamps_us, rates = file[STAMPS][window], file[GYRO][window]
+    timestamps_us, rates = file[TIMESTAMPS][window], file[GYRO][window]
     if len(rates) < _DERIVATIVE_SAMPLES:
         raise FaultError(f"Expected at least {_DERIVATIVE_SAMPLES} IMU samples, got {len(rates)}")
     arm_body_m = fault.magnitude_in("m") * _X
-    step_s = (stamps_us[-1] - stamps_us[0]) / (len(stamps_us) - 1) / US_PER_S
+    step_s = (timestamps_us[-1] - timestamps_us[0]) / (len(timestamps_us) - 1) / US_PER_S
     rates_of_rates = savgol_filter(rates, _DERIVATIVE_SAMPLES, 3, deriv=1, delta=step_s, axis=0)
     felt = np.cross(rates_of_rates, arm_body_m) + np.cross(rates, np.cross(rates, arm_body_m))
     file[ACCEL][window] = file[ACCEL][window] + felt
@@ -92,5 +92,5 @@ def _declared_gravity(file: h5py.File) -> float:
 
 def _add_gravity(file: h5py.File, fault: Fault, upward_m_s2: float) -> None:
     window = window_of(file, "imu", fault)
-    up_body = attitudes_at(file, file[STAMPS][window]).inv().apply([0.0, 0.0, 1.0])
+    up_body = attitudes_at(file, file[TIMESTAMPS][window]).inv().apply([0.0, 0.0, 1.0])
     file[ACCEL][window] = file[ACCEL][window] + upward_m_s2 * up_body

@@ -12,7 +12,7 @@ from fedora_generator.faults.rows import edit, window_of
 from fedora_generator.rotations import multiply_quaternions
 from fedora_qa.conventions import US_PER_S
 
-POSITION, ORIENTATION, STAMPS = "path/pose/position", "path/pose/orientation", "path/pose/ts"
+POSITION, ORIENTATION, TIMESTAMPS = "path/pose/position", "path/pose/orientation", "path/pose/ts"
 METADATA: Final = "metadata/pose"
 
 _X: Final = np.array([1.0, 0.0, 0.0])
@@ -76,7 +76,7 @@ def lever_arm(file: h5py.File, fault: Fault) -> None:
 def interpolated_pose(file: h5py.File, fault: Fault) -> None:
     """Keep the poses of the lower rate given and interpolate the others, linearly and on the shortest arc."""
     window = window_of(file, "pose", fault)
-    times_s = (file[STAMPS][window] - file[STAMPS][window.start]) / US_PER_S
+    times_s = (file[TIMESTAMPS][window] - file[TIMESTAMPS][window.start]) / US_PER_S
     stride = round((len(times_s) - 1) / times_s[-1] / fault.magnitude_in("Hz")) if len(times_s) > 2 else 0
     if not 2 <= stride < len(times_s):
         raise FaultError(f"Expected a rate below the stream's own and above 1 / duration, got {fault.magnitude:g} Hz")

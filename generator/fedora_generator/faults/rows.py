@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_generator.faults.fault import Fault, FaultError
 from fedora_qa.conventions import US_PER_S
-from fedora_qa.layout.canonical import FLOW_STREAMS, STAMPS_OF, companions_of, datasets_of
+from fedora_qa.layout.canonical import FLOW_STREAMS, TIMESTAMPS_OF, companions_of, datasets_of
 
 Array = NDArray[Any]
 
@@ -34,12 +34,12 @@ def datasets_in(file: h5py.File, stream: str) -> dict[str, h5py.Dataset]:
 
 def values_in(file: h5py.File, stream: str) -> list[h5py.Dataset]:
     """Return the datasets of one stream that are not its stamps."""
-    return [file[spec.key] for spec in datasets_of(stream) if spec.key in file and not spec.is_stamps]
+    return [file[spec.key] for spec in datasets_of(stream) if spec.key in file and not spec.is_timestamps]
 
 
-def stamps_in(file: h5py.File, stream: str) -> h5py.Dataset:
+def timestamps_in(file: h5py.File, stream: str) -> h5py.Dataset:
     """Return the stamps of one stream, (n,) or for flow (n, 2)."""
-    key = STAMPS_OF.get(stream)
+    key = TIMESTAMPS_OF.get(stream)
     if key is None or key not in file:
         raise FaultError(f"Expected a stream with stamps, got {stream}; name a stream that the file holds")
     return file[key]
@@ -72,15 +72,15 @@ def edit_values(file: h5py.File, fault: Fault, change: Callable[[Array], Array])
 
 def origin_us(file: h5py.File) -> int:
     """Return the earliest first stamp of the file."""
-    firsts = [int(np.min(file[key][:1])) for key in STAMPS_OF.values() if key in file and len(file[key])]
+    firsts = [int(np.min(file[key][:1])) for key in TIMESTAMPS_OF.values() if key in file and len(file[key])]
     return min(firsts, default=0)
 
 
-def rows_before(stamps: h5py.Dataset, times_us: NDArray[np.int64]) -> NDArray[np.int64]:
+def rows_before(timestamps: h5py.Dataset, times_us: NDArray[np.int64]) -> NDArray[np.int64]:
     """Count the rows (m,) stamped before each of ``times_us`` (m,), which in a sorted stream is their index."""
     counts = np.zeros(len(times_us), np.int64)
-    for block in blocks(stamps):
-        counts += np.searchsorted(_starts(stamps[block]), times_us, side="left")
+    for block in blocks(timestamps):
+        counts += np.searchsorted(_starts(timestamps[block]), times_us, side="left")
     return counts
 
 
@@ -96,11 +96,11 @@ def window_of(file: h5py.File, stream: str, fault: Fault) -> slice:
     """Return the rows of a stream that lie in the fault's interval."""
     if fault.start_s is None and fault.stop_s is None:
         return slice(0, length_of(file, stream))
-    stamps = stamps_in(file, stream)
+    timestamps = timestamps_in(file, stream)
     limits_us = [origin_us(file) + round(each * US_PER_S) for each in (fault.start_s, fault.stop_s) if each is not None]
-    rows = [int(row) for row in rows_before(stamps, np.array(limits_us, np.int64))]
+    rows = [int(row) for row in rows_before(timestamps, np.array(limits_us, np.int64))]
     start = rows[0] if fault.start_s is not None else 0
-    stop = rows[-1] if fault.stop_s is not None else len(stamps)
+    stop = rows[-1] if fault.stop_s is not None else len(timestamps)
     if start >= stop:
         raise FaultError(f"Expected rows of {stream} between {fault.start_s} and {fault.stop_s} s, got none")
     return slice(start, stop)
@@ -167,8 +167,8 @@ def insert_rows(dataset: h5py.Dataset, before: NDArray[np.int64], values: Array)
         pending = first
 
 
-def _starts(stamps_us: Array) -> NDArray[np.int64]:
-    return stamps_us[:, 0] if stamps_us.ndim == 2 else stamps_us
+def _starts(timestamps_us: Array) -> NDArray[np.int64]:
+    return timestamps_us[:, 0] if timestamps_us.ndim == 2 else timestamps_us
 
 
 def _inside(block: slice, rows: slice) -> NDArray[np.bool_]:

@@ -12,8 +12,8 @@ from fedora_generator.faults.rows import (
     place_of,
     require_before_stop,
     rows_before,
-    stamps_in,
     streams_in,
+    timestamps_in,
     values_in,
 )
 
@@ -36,9 +36,9 @@ def unsorted(file: h5py.File, fault: Fault) -> None:
     """Write the given number of consecutive samples in reverse."""
     count = max(2, fault.positive_count())
     for stream in streams_in(file, fault.stream):
-        stamps = stamps_in(file, stream)
+        timestamps = timestamps_in(file, stream)
         rows = place_of(file, stream, fault, count)
-        while rows.stop < len(stamps) and np.all(stamps[rows.stop - 1] == stamps[rows.start]):
+        while rows.stop < len(timestamps) and np.all(timestamps[rows.stop - 1] == timestamps[rows.start]):
             rows = slice(rows.start, rows.stop + 1)  # samples of one stamp have no order in time to break
         require_before_stop(file, stream, fault, rows.stop)
         for dataset in datasets_in(file, stream).values():
@@ -79,14 +79,14 @@ def _freeze(dataset: h5py.Dataset, rows: slice) -> None:
 def _affected(file: h5py.File, stream: str, fault: Fault) -> slice:
     if not fault.is_duration:
         return place_of(file, stream, fault, fault.positive_count())
-    stamps = stamps_in(file, stream)
+    timestamps = timestamps_in(file, stream)
     first = place_of(file, stream, fault, 1).start
-    stop_us = int(np.min(stamps[first])) + round(fault.magnitude_in("us"))
-    stop = int(rows_before(stamps, np.array([stop_us], np.int64))[0])
-    if not first < stop < len(stamps):
+    stop_us = int(np.min(timestamps[first])) + round(fault.magnitude_in("us"))
+    stop = int(rows_before(timestamps, np.array([stop_us], np.int64))[0])
+    if not first < stop < len(timestamps):
         raise FaultError(
             f"Expected {fault.magnitude:g} {fault.unit} of {stream} within the sequence, got rows {first} to {stop} "
-            f"of {len(stamps)}; choose another magnitude or start"
+            f"of {len(timestamps)}; choose another magnitude or start"
         )
     require_before_stop(file, stream, fault, stop)
     return slice(first, stop)

@@ -20,7 +20,7 @@ _OTHER_TYPE: Final = {
     "float32": "float64",
 }
 _DAMAGED_BYTES: Final = 16
-_EVENT_STAMPS: Final = "path/events/t"
+_EVENT_TIMESTAMPS: Final = "path/events/t"
 
 
 def truncated(file: h5py.File, fault: Fault) -> None:
@@ -84,7 +84,7 @@ def wrong_dtype(file: h5py.File, fault: Fault) -> None:
             camera.attrs["width"] = str(camera.attrs["width"])
         return
     for stream in streams_in(file, fault.stream):
-        dataset = file[_EVENT_STAMPS] if stream == "events" else _first_values(file, stream)
+        dataset = file[_EVENT_TIMESTAMPS] if stream == "events" else _first_values(file, stream)
         _store_again(file, dataset, dataset.shape, np.dtype(_OTHER_TYPE[dataset.dtype.name]))
 
 

@@ -11,19 +11,19 @@ from fedora_qa.conventions import US_PER_S
 
 Floats = NDArray[np.float64]
 
-_POSITION, _ORIENTATION, _STAMPS = "path/pose/position", "path/pose/orientation", "path/pose/ts"
+_POSITION, _ORIENTATION, _TIMESTAMPS = "path/pose/position", "path/pose/orientation", "path/pose/ts"
 
 
 def attitudes_at(file: h5py.File, times_us: NDArray[np.int64]) -> Rotation:
     """Body-to-world rotations (n), exact at the stream's stamps, a cubic spline between, held still outside."""
-    pose_us = _pose_stamps(file)
+    pose_us = _pose_timestamps(file)
     spline = CubicSpline((pose_us - pose_us[0]) / US_PER_S, _without_jumps(file[_ORIENTATION][...]))
     return Rotation.from_quat(spline((np.clip(times_us, pose_us[0], pose_us[-1]) - pose_us[0]) / US_PER_S))
 
 
 def body_poses_at(file: h5py.File, times_us: NDArray[np.int64]) -> Floats:
     """``T_world_body`` (n, 4, 4), positions linear between the stream's stamps."""
-    pose_us = _pose_stamps(file)
+    pose_us = _pose_timestamps(file)
     T_world_body = np.tile(np.eye(4), (len(times_us), 1, 1))
     T_world_body[:, :3, :3] = attitudes_at(file, times_us).as_matrix()
     for axis, positions_m in enumerate(file[_POSITION][...].T):
@@ -38,8 +38,8 @@ def _without_jumps(orientations_xyzw: Floats) -> Floats:
     return orientations_xyzw * signs[:, None]
 
 
-def _pose_stamps(file: h5py.File) -> NDArray[np.int64]:
-    if _STAMPS not in file or len(file[_STAMPS]) < 2:
+def _pose_timestamps(file: h5py.File) -> NDArray[np.int64]:
+    if _TIMESTAMPS not in file or len(file[_TIMESTAMPS]) < 2:
         raise FaultError("Expected at least two poses, which this fault is computed from, got fewer")
-    stamps_us: NDArray[np.int64] = file[_STAMPS][...]
-    return stamps_us
+    timestamps_us: NDArray[np.int64] = file[_TIMESTAMPS][...]
+    return timestamps_us

@@ -161,5 +161,5 @@ COMBINATIONS: Final = (
 def _move_to_epoch(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         for key, spec in DATASETS.items():
-            if spec.is_stamps and key in file:
+            if spec.is_timestamps and key in file:
                 file[key][...] = file[key][...] + EPOCH_US

@@ -1,0 +1,64 @@
+"""Is every dataset where the layout says, in the declared type and shape?"""
+
+from fedora_qa.checks.exact import count_of_faults, no_faults
+from fedora_qa.checks.families import over_all_rates
+from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic, Suspect
+from fedora_qa.layout.canonical import FLOW_STREAMS
+from fedora_qa.layout.resolve import LayoutProblem
+from fedora_qa.record.types import Coverage, Where
+from fedora_qa.sequence.facts import Facts
+
+
+class IntegrityLayout(FactsCheck):
+    """Is everything that the file promises there, in the right shape and type?
+
+    The problems that opening the file met, one finding each.
+
+    Why it matters
+    --------------
+    Loaders index what they expect. A stream that is missing, transposed or one row short is a crash on another
+    machine at best, and a silent misalignment of rows at worst.
+
+    How
+    ---
+    Every dataset of the layout is looked for where the file's dialect puts it. Counted as broken: a stream that the
+    metadata declare and that is absent or only partly there, shapes that contradict the layout or each other, types
+    that differ from it, links that leave the file or dangle, chunks that were never written.
+
+    Noise model
+    -----------
+    None: a dataset is as promised or not. Nothing is sampled.
+
+    Cannot see
+    ----------
+    Values: they are not looked at. A stream that the file neither holds nor declares is absent and no fault, unless a
+    profile or a policy promises it. Layouts that no dialect describes: see ``fedora-qa layout``.
+
+    Sources
+    -------
+    The canonical layout, version 1.0; for files of other makers the dialect that was recognised.
+    """
+
+    name = "integrity.layout"
+
+    def examine(self, facts: Facts) -> Observation:
+        """State one finding a problem."""
+        problems = facts.layout.problems
+        broken = {problem.key for problem in problems if problem.key} - set(facts.layout.bindings)
+        coverage = Coverage(len(facts.layout.bindings), len(facts.layout.bindings) + len(broken), "datasets")
+        if not problems:
+            return Observation(coverage, (no_faults("layout_problems", "problems", self.name),))
+        rates = {problem.stream for problem in problems if problem.stream in FLOW_STREAMS} | set(facts.flow_streams)
+        return Observation(coverage, over_all_rates((self._measured(problem) for problem in problems), rates))
+
+    def _measured(self, problem: LayoutProblem) -> Statistic:
+        return count_of_faults(
+            name=f"{problem.key or problem.stream}.{problem.code.rsplit('.', 1)[1]}",
+            value=1,
+            unit="problems",
+            statement=problem.message,
+            code=problem.code,
+            where=Where(stream=problem.stream),
+            severity="critical",
+            suspects=(Suspect(problem.cause, problem.stream, 1.0, problem.magnitude),),
+        )

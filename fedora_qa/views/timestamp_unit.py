@@ -1,0 +1,20 @@
+"""The units that timestamps are written in by mistake, as factors of a duration."""
+
+from typing import Final
+
+UNIT_FACTORS: Final = {
+    1e-6: "are in seconds",
+    1e-3: "are in milliseconds",
+    1.0: "agree with the other streams",
+    32.0: "are wall-clock time of a simulation that ran 32 times slower",
+    1e3: "are in nanoseconds",
+}
+"""What the ratio of a stream's duration to that of the others tells, the mistakes that real files hold."""
+
+UNIT_WITHIN: Final = 0.2
+"""A duration farther than this from every factor is a matter of streams that end early (clocks.span)."""
+
+
+def unit_factor(ratio: float) -> float:
+    """Return the known factor that a ratio of durations is near to; 1 where there is none."""
+    return next((known for known in UNIT_FACTORS if abs(ratio / known - 1) <= UNIT_WITHIN), 1.0)
