@@ -11,6 +11,7 @@ from typing import Any, Final, Generic, Literal, TypeVar
 
 from numpy.typing import NDArray
 
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Severity, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -64,6 +65,8 @@ class Statistic:
         The largest deviation that may go unseen for the measurement still to be of use; None: any.
     tests
         How many independent comparisons the value is the worst of.
+    features
+        What the deviation looks like, for diagnosis.
     suspects
         Causes that would explain a deviation, most probable first.
     """
@@ -82,6 +85,7 @@ class Statistic:
     material: float | None = None
     tests: int = 1
     severity: Severity = "error"
+    features: tuple[Feature, ...] = ()
     suspects: tuple[Suspect, ...] = ()
 
 

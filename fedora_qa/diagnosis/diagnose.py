@@ -1,6 +1,6 @@
 """Name the causes behind a file's findings: the fewest that explain them all.
 
-Each alarm brings suspects, causes that would explain it, weighted by how well. A cause that explains several alarms is
+Each alarm has hypotheses: causes that would explain it, with their support. A cause that explains several alarms is
 preferred over several causes (Occam), so causes are taken greedily by the weight they explain that no cause before
 them has explained: the classical approximation of a smallest weighted cover (Chvatal, "A greedy heuristic for the
 set-covering problem", 1979). Checks are the witnesses: one that states a disagreement for each rate of flow, as a mean
@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 from math import exp, log
 
 from fedora_qa.causes import CAUSES, stream_family
-from fedora_qa.checks.protocol import ANY_CAUSE, Suspect
+from fedora_qa.diagnosis.hypotheses import propose
+from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.record.types import Diagnosis, Where
+from fedora_qa.sequence.facts import Facts
 
 _UNKNOWN = "unknown"
 """No cause at all: it explains nothing, and stands where nothing else does."""
@@ -46,116 +48,109 @@ fit mostly means that another cause takes part."""
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
+    """A cause in a stream, and its best hypothesis for each finding that it would explain, by the finding's id."""
+
     cause: str
     stream: str
-    evidence: Mapping[str, Suspect]
-    """The best suspect for each finding that the cause would explain, by the finding's id."""
+    evidence: Mapping[str, Hypothesis]
 
 
-def diagnose(alarms: Sequence[Alarm]) -> tuple[Diagnosis, ...]:
-    """Return the probable causes of the alarms, that which most checks bear out first.
+def diagnose(alarms: Sequence[Alarm], facts: Facts) -> tuple[Diagnosis, ...]:
+    """Return the probable causes of the alarms of one file, the best supported first."""
+    return conclude(alarms, propose(alarms, facts))
 
-    Alarms without a suspect become ``unknown``, one for each stream (all rates of flow are one).
+
+def conclude(alarms: Sequence[Alarm], hypotheses: Mapping[str, Sequence[Hypothesis]]) -> tuple[Diagnosis, ...]:
+    """Choose the fewest causes that explain all alarms.
+
+    Alarms without a hypothesis become ``unknown``, one diagnosis for each stream (all rates of flow are one).
+
+    Parameters
+    ----------
+    hypotheses
+        By the id of the finding that they would explain.
     """
     places = {alarm.finding.id: alarm.finding.where for alarm in alarms}
     checks = {alarm.finding.id: alarm.finding.code.rpartition(".")[0] for alarm in alarms}
-    candidates = _candidates(alarms)
+    findings_of_check = Counter(checks.values())
+    candidates = _candidates(hypotheses)
     unexplained = {alarm.finding.id: 1.0 for alarm in alarms}
-    chosen: list[tuple[_Candidate, float]] = []
-    while telling := [one for one in candidates if _gain(one, unexplained) >= _ENOUGH]:
-        best = max(telling, key=lambda one: (_borne_out(one, unexplained, checks), len(one.evidence)))
-        chosen.append((best, _confidence(best, candidates, unexplained, checks)))
-        for finding, suspect in best.evidence.items():
-            unexplained[finding] = min(unexplained[finding], 1.0 - suspect.weight)
-        explained = {finding for candidate, _ in chosen for finding in candidate.evidence}
-        candidates = [c for c in candidates if not set(c.evidence) <= explained]
-    explained = {finding for candidate, _ in chosen for finding in candidate.evidence}
-    rest = [alarm for alarm in alarms if alarm.finding.id not in explained]
-    diagnoses = [_as_diagnosis(f"D{i}", candidate, share, places) for i, (candidate, share) in enumerate(chosen, 1)]
-    for family in dict.fromkeys(_family(alarm) for alarm in rest):
-        of_family = [alarm for alarm in rest if _family(alarm) == family]
-        diagnoses.append(_unknown(f"D{len(diagnoses) + 1}", of_family))
+
+    def gain(candidate: _Candidate) -> float:
+        return sum(_new_support(candidate, finding, unexplained) for finding in candidate.evidence)
+
+    def gain_per_check(candidate: _Candidate) -> float:
+        """Average over the findings of each check, sum over the checks: one check is one witness."""
+        evidence = candidate.evidence
+        return sum(_new_support(candidate, f, unexplained) / findings_of_check[checks[f]] for f in evidence)
+
+    diagnoses: list[Diagnosis] = []
+    explained: set[str] = set()
+    while supported := [candidate for candidate in candidates if gain(candidate) >= _ENOUGH]:
+        best = max(supported, key=lambda candidate: (gain_per_check(candidate), len(candidate.evidence)))
+        rivals = [rival for rival in candidates if rival is not best and set(rival.evidence) & set(best.evidence)]
+        confidence = share_of_first(_plausibilities([best, *rivals], unexplained, checks))
+        diagnoses.append(_as_diagnosis(f"D{len(diagnoses) + 1}", best, confidence, places))
+        for finding, hypothesis in best.evidence.items():
+            unexplained[finding] = min(unexplained[finding], 1.0 - hypothesis.support)
+        explained |= set(best.evidence)
+        candidates = [candidate for candidate in candidates if not set(candidate.evidence) <= explained]
+    without_cause: dict[str, list[Alarm]] = defaultdict(list)
+    for alarm in alarms:
+        if alarm.finding.id not in explained:
+            without_cause[stream_family(alarm.finding.where.stream or _UNKNOWN)].append(alarm)
+    for family, of_family in without_cause.items():
+        diagnoses.append(_unknown(f"D{len(diagnoses) + 1}", family, of_family))
     return tuple(diagnoses)
 
 
-def _family(alarm: Alarm) -> str:
-    return stream_family(alarm.finding.where.stream or _UNKNOWN)
-
-
-def _candidates(alarms: Sequence[Alarm]) -> list[_Candidate]:
-    """Gather suspects by cause and stream. A fault of all flow also explains what was seen of one of its rates.
-
-    A size of the other sign contradicts: those that agree are one candidate, the others none. What any fault of a
-    stream would explain is explained by those that some check names in earnest.
-    """
-    evidence: dict[tuple[str, str], dict[str, Suspect]] = defaultdict(dict)
-    for alarm in alarms:
-        for suspect in alarm.suspects:
-            if suspect.cause in (_UNKNOWN, ANY_CAUSE):
-                continue
-            known = evidence[suspect.cause, suspect.stream]
-            if alarm.finding.id not in known or _fit(known[alarm.finding.id]) < _fit(suspect):
-                known[alarm.finding.id] = suspect
+def _candidates(hypotheses: Mapping[str, Sequence[Hypothesis]]) -> list[_Candidate]:
+    """Gather hypotheses by cause and stream."""
+    evidence: dict[tuple[str, str], dict[str, Hypothesis]] = defaultdict(dict)
+    for finding, of_finding in hypotheses.items():
+        for hypothesis in of_finding:
+            if hypothesis.cause not in (_UNKNOWN, ANY_CAUSE):
+                best = evidence[hypothesis.cause, hypothesis.stream]
+                if finding not in best or _fit(best[finding]) < _fit(hypothesis):
+                    best[finding] = hypothesis
+    # A fault of all rates of flow also explains the findings of one rate.
     for cause, stream in list(evidence):
         if stream == stream_family(stream):
-            for (other_cause, other), suspects in list(evidence.items()):
+            for (other_cause, other), of_other in list(evidence.items()):
                 if other_cause == cause and other != stream and stream_family(other) == stream:
-                    for finding, suspect in suspects.items():
-                        evidence[cause, stream].setdefault(finding, suspect)
-    for alarm in alarms:
-        for suspect in alarm.suspects:
-            if suspect.cause == ANY_CAUSE:
-                _join(evidence, alarm.finding.id, suspect)
-    return [_Candidate(cause, stream, _of_one_sign(found)) for (cause, stream), found in evidence.items()]
+                    for finding, hypothesis in of_other.items():
+                        evidence[cause, stream].setdefault(finding, hypothesis)
+    # A finding that any fault of a stream would explain is explained by each cause that some check supports well.
+    for finding, of_finding in hypotheses.items():
+        for any_cause in of_finding:
+            if any_cause.cause != ANY_CAUSE:
+                continue
+            for (cause, stream), of_cause in evidence.items():
+                if stream != any_cause.stream or max(h.support for h in of_cause.values()) < _IN_EARNEST:
+                    continue
+                own = of_cause.get(finding, Hypothesis(cause, stream, 0.0))
+                if own.support < any_cause.support:
+                    of_cause[finding] = replace(own, support=any_cause.support)
+    return [_Candidate(cause, stream, _of_one_sign(of_cause)) for (cause, stream), of_cause in evidence.items()]
 
 
-def _of_one_sign(evidence: Mapping[str, Suspect]) -> dict[str, Suspect]:
-    """Leave out the suspects whose size has another sign than those of more weight: one fault is late or early."""
-    signs = {finding: (suspect.magnitude or 0.0) > 0 for finding, suspect in evidence.items() if suspect.magnitude}
-    weights = {
-        sign: sum(evidence[finding].weight for finding in signs if signs[finding] is sign) for sign in (True, False)
-    }
-    kept = weights[True] >= weights[False]
-    return {finding: suspect for finding, suspect in evidence.items() if signs.get(finding, kept) is kept}
+def _of_one_sign(evidence: Mapping[str, Hypothesis]) -> dict[str, Hypothesis]:
+    """Leave out hypotheses whose size has the sign with less support: one fault is late or early, not both."""
+    signs = {finding: (h.magnitude or 0.0) > 0 for finding, h in evidence.items() if h.magnitude}
+    support = {sign: sum(evidence[f].support for f in signs if signs[f] is sign) for sign in (True, False)}
+    sign = support[True] >= support[False]
+    return {finding: h for finding, h in evidence.items() if signs.get(finding, sign) is sign}
 
 
-def _join(evidence: Mapping[tuple[str, str], dict[str, Suspect]], finding: str, of_any: Suspect) -> None:
-    """Let the causes of a stream explain a finding that any of them would explain, with their own size if they have."""
-    for (cause, stream), known in evidence.items():
-        if stream != of_any.stream or max(one.weight for one in known.values()) < _IN_EARNEST:
-            continue
-        own = known.get(finding, Suspect(cause, stream, 0.0))
-        if own.weight < of_any.weight:
-            known[finding] = replace(own, weight=of_any.weight)
+def _fit(hypothesis: Hypothesis) -> tuple[float, bool]:
+    """Order hypotheses of one finding and cause by support, to a hundredth, then by whether their size has an error."""
+    return round(hypothesis.support, 2), hypothesis.standard_error is not None
 
 
-def _fit(suspect: Suspect) -> tuple[float, bool]:
-    """Order suspects of one finding and cause by weight, to a hundredth, then by whether their size has an error."""
-    return round(suspect.weight, 2), suspect.standard_error is not None
-
-
-def _gain(candidate: _Candidate, unexplained: Mapping[str, float]) -> float:
-    """Weight that the candidate explains and nothing chosen before it did."""
-    return sum(_new_weight(candidate, finding, unexplained) for finding in candidate.evidence)
-
-
-def _borne_out(candidate: _Candidate, unexplained: Mapping[str, float], checks: Mapping[str, str]) -> float:
-    """Weight that the candidate newly explains of each check's findings in the mean, summed over the checks."""
-    counts = Counter(checks.values())
-    return sum(_new_weight(candidate, finding, unexplained) / counts[checks[finding]] for finding in candidate.evidence)
-
-
-def _new_weight(candidate: _Candidate, finding: str, unexplained: Mapping[str, float]) -> float:
-    suspect = candidate.evidence.get(finding)
-    return 0.0 if suspect is None else min(suspect.weight, unexplained[finding])
-
-
-def _confidence(
-    best: _Candidate, candidates: Sequence[_Candidate], unexplained: Mapping[str, float], checks: Mapping[str, str]
-) -> float:
-    """Return the candidate's share of probability among all rivals that would explain any of the same findings."""
-    rivals = [candidate for candidate in candidates if set(candidate.evidence) & set(best.evidence)]
-    return share_of_first(_plausibilities([best, *(one for one in rivals if one is not best)], unexplained, checks))
+def _new_support(candidate: _Candidate, finding: str, unexplained: Mapping[str, float]) -> float:
+    """Return the support for a finding that no cause chosen before has given."""
+    hypothesis = candidate.evidence.get(finding)
+    return 0.0 if hypothesis is None else min(hypothesis.support, unexplained[finding])
 
 
 def share_of_first(plausibilities: Sequence[float], sharpness: float = SHARPNESS) -> float:
@@ -164,7 +159,7 @@ def share_of_first(plausibilities: Sequence[float], sharpness: float = SHARPNESS
     It is below 1 where there is no rival at all: by ``UNTHOUGHT``.
     """
     most = max(plausibilities)
-    shares = [exp(sharpness * (one - most)) for one in plausibilities]
+    shares = [exp(sharpness * (plausibility - most)) for plausibility in plausibilities]
     return (1.0 - UNTHOUGHT) * shares[0] / sum(shares)
 
 
@@ -182,22 +177,22 @@ def _plausibilities(
             of_check[checks[finding]].append(finding)
 
     def weight(rival: _Candidate, findings: Sequence[str]) -> float:
-        mean = sum(_new_weight(rival, finding, unexplained) for finding in findings) / len(findings)
+        mean = sum(_new_support(rival, finding, unexplained) for finding in findings) / len(findings)
         return max(mean, _UNFORESEEN)
 
     return [sum(log(weight(rival, findings)) for findings in of_check.values()) for rival in rivals]
 
 
 def _as_diagnosis(name: str, candidate: _Candidate, share: float, places: Mapping[str, Where]) -> Diagnosis:
-    fair = _FAIR_FIT * max(suspect.weight for suspect in candidate.evidence.values())
-    finding, suspect = min(candidate.evidence.items(), key=lambda item: _precision(item[1], fair))
+    fair = _FAIR_FIT * max(hypothesis.support for hypothesis in candidate.evidence.values())
+    finding, hypothesis = min(candidate.evidence.items(), key=lambda item: _precision(item[1], fair))
     return Diagnosis(
         id=name,
         cause=candidate.cause,
         stream=candidate.stream,
-        magnitude=suspect.magnitude,
-        unit=suspect.unit or CAUSES[candidate.cause].unit,
-        standard_error=suspect.standard_error,
+        magnitude=hypothesis.magnitude,
+        unit=hypothesis.unit or CAUSES[candidate.cause].unit,
+        standard_error=hypothesis.standard_error,
         confidence=share,
         where=places[finding],
         remedy=CAUSES[candidate.cause].remedy,
@@ -205,19 +200,19 @@ def _as_diagnosis(name: str, candidate: _Candidate, share: float, places: Mappin
     )
 
 
-def _precision(suspect: Suspect, fair: float) -> tuple[bool, bool, bool, float, float]:
-    """Order suspects by how much they tell of the size: a magnitude, an error, a fair fit, the smaller error."""
-    error = suspect.standard_error
-    return (suspect.magnitude is None, error is None, suspect.weight < fair, error or 0.0, -suspect.weight)
+def _precision(hypothesis: Hypothesis, fair: float) -> tuple[bool, bool, bool, float, float]:
+    """Order hypotheses by how much they tell of the size: a magnitude, an error, a fair fit, the smaller error."""
+    error = hypothesis.standard_error
+    return (hypothesis.magnitude is None, error is None, hypothesis.support < fair, error or 0.0, -hypothesis.support)
 
 
-def _unknown(name: str, alarms: Sequence[Alarm]) -> Diagnosis:
+def _unknown(name: str, family: str, alarms: Sequence[Alarm]) -> Diagnosis:
     where = alarms[0].finding.where
     streams = {alarm.finding.where.stream for alarm in alarms}
     return Diagnosis(
         id=name,
         cause=_UNKNOWN,
-        stream=_family(alarms[0]) if len(streams) > 1 else where.stream or _UNKNOWN,
+        stream=family if len(streams) > 1 else where.stream or _UNKNOWN,
         magnitude=None,
         unit="",
         standard_error=None,

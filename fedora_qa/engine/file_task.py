@@ -83,6 +83,6 @@ class FileTask:
     folder: Path | None = None
 
     def __call__(self, progress: Progress, open_file: OpenFile | None = None) -> Any:
-        """Do it, at the desk of the process where it has one."""
+        """Do it, with the open file of the process where it has one."""
         function = getattr(importlib.import_module("fedora_qa.engine.steps"), self.function)
         return function(self, open_file or OpenFile(keeps=False), progress)

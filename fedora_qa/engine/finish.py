@@ -47,7 +47,7 @@ def finish_open(
         observations = conclude(asked, states, facts)
         judged = judge(observations, asked, options.false_alarm_rate)
         alarms = [alarm for one in judged for alarm in one.alarms]
-        diagnoses = diagnose(alarms)
+        diagnoses = diagnose(alarms, facts)
     with watch.stage("statistics"):
         collector = file.statistics
         tables = attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from fedora_qa.engine.time_limit import time_limit
 
-if TYPE_CHECKING:  # a worker has a desk before it has loaded what measures
+if TYPE_CHECKING:  # a worker has an open file before it has loaded what measures
     from fedora_qa.engine.file_task import Sealed, Surveyed
     from fedora_qa.engine.partial_pass import PartialPass
     from fedora_qa.engine.survey import OpenSurvey, Survey

@@ -1,4 +1,4 @@
-"""Does a file open at all? Asked by processes that open it elsewhere than at a desk, before they do."""
+"""Does a file open at all? Asked by processes that open it elsewhere, before they do."""
 
 from collections.abc import Iterable
 from pathlib import Path

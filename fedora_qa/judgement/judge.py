@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any, Final
 
-from fedora_qa.checks.protocol import Check, Observation, Statistic, Suspect
+from fedora_qa.checks.protocol import Check, Observation, Statistic
 from fedora_qa.judgement.tolerances import Tolerance, tolerance_for
 from fedora_qa.record.types import Coverage, Finding, Measurement, Outcome, Result
 from fedora_qa.record.wording import with_unit
@@ -16,10 +16,10 @@ _TOLD: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """A finding together with the causes that would explain it."""
+    """A finding together with the statistic that exceeds its limit."""
 
     finding: Finding
-    suspects: tuple[Suspect, ...]
+    statistic: Statistic
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +52,7 @@ def _comparisons(observation: Observation) -> int:
 def _judge_one(check: Check[Any], observation: Observation, tolerance: Tolerance, first_id: int) -> Judged:
     broken = [measured for measured in observation.measurements if exceeds_limit(measured, tolerance)]
     alarms = tuple(
-        Alarm(Finding(f"F{first_id + i}", m.code, m.severity, m.statement, m.where), m.suspects)
-        for i, m in enumerate(broken)
+        Alarm(Finding(f"F{first_id + i}", m.code, m.severity, m.statement, m.where), m) for i, m in enumerate(broken)
     )
     notices = tuple(
         Finding(f"F{first_id + len(broken) + i}", notice.code, "warning", notice.message, notice.where)

@@ -54,7 +54,7 @@ def late(milliseconds: float) -> FlowWorld:
 
 def named(result: Judged) -> Suspect:
     assert result.result.outcome == "failed", result.result
-    return result.alarms[0].suspects[0]
+    return result.alarms[0].statistic.suspects[0]
 
 
 def value(result: Judged, name: str) -> float:
@@ -99,7 +99,9 @@ def test_plausible_depths_leave_it_to_the_positions(factor: float) -> None:
     The lever arm stays in metres: its part of the path does not count.
     """
     positions_m = clean().rows_by_key["path/pose/position"]
-    suspects = judged(DepthScale(), clean().with_rows(path_pose_position=factor * positions_m)).alarms[0].suspects
+    suspects = (
+        judged(DepthScale(), clean().with_rows(path_pose_position=factor * positions_m)).alarms[0].statistic.suspects
+    )
     best = max(suspects, key=lambda suspect: suspect.weight)
     assert (best.cause, best.stream) == ("unit_mm_m", "pose")
     assert best.magnitude == pytest.approx(factor, rel=2e-3)
@@ -234,7 +236,7 @@ def test_noise_that_is_declared_too_small_is_found() -> None:
     world = noisy().declaring(pose=PoseModel(NOISE.position_sigma_m / 3, NOISE.rotation_sigma_rad / 3))
     result = judged(DepthConsistency(), world)
     alarm = next(one for one in result.alarms if one.finding.code.endswith("pose_correction"))
-    suspect = next(one for one in alarm.suspects if one.cause == "noise_misdeclared")
+    suspect = next(one for one in alarm.statistic.suspects if one.cause == "noise_misdeclared")
     assert suspect.magnitude == pytest.approx(-67, abs=0.12 * 4 * 33)
 
 

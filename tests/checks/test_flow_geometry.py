@@ -63,7 +63,7 @@ def with_camera(world: FlowWorld, K_declared: np.ndarray = K, T: np.ndarray = T_
 
 def first_suspect(result: Judged) -> Suspect:
     assert result.result.outcome == "failed"
-    return result.alarms[0].suspects[0]
+    return result.alarms[0].statistic.suspects[0]
 
 
 @pytest.mark.parametrize("world", [clean, noisy], ids=["exact pose", "noisy pose"])
@@ -272,15 +272,15 @@ def test_poses_that_are_wrong_for_a_while_are_named(key: str, change: object, ca
     """Fields across the fault's edges, whose recomputed flow is garbage, do not make the flow look shifted in time."""
     result = judged(FlowGeometryEndpoint(), from_the_middle_on(key, change))
     for alarm in result.alarms:
-        assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == (cause, "pose")
-        assert not any(suspect.cause == "flow_gain" and suspect.weight > 0.9 for suspect in alarm.suspects)
+        assert (alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) == (cause, "pose")
+        assert not any(suspect.cause == "flow_gain" and suspect.weight > 0.9 for suspect in alarm.statistic.suspects)
 
 
 def test_poses_far_away_for_a_while_are_poses() -> None:
     """Where half a kilometre makes the recomputed flow absurd, poses are named: no exchange of fields, no gain."""
     result = judged(FlowGeometryEndpoint(), from_the_middle_on("path/pose/position", lambda p: p + 500.0))
     for alarm in result.alarms:
-        first = alarm.suspects[0]
+        first = alarm.statistic.suspects[0]
         assert (first.cause, first.stream) == ("teleport", "pose")
         assert first.magnitude == pytest.approx(500.0 * np.sqrt(3), rel=0.01)
 
@@ -311,7 +311,7 @@ def test_poses_of_another_flight_are_no_noise() -> None:
     result = judged(
         FlowGeometryEndpoint(), clean().with_rows(path_pose_position=aside, path_pose_orientation=turned.as_quat())
     )
-    causes = [(one.cause, one.stream) for one in result.alarms[0].suspects]
+    causes = [(one.cause, one.stream) for one in result.alarms[0].statistic.suspects]
     assert causes[0][0] == "other_sequence"
     assert ("other_sequence", "pose") in causes
     assert ("noise_misdeclared", "pose") not in causes

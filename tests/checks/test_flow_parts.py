@@ -58,7 +58,7 @@ def test_part_is_held_against_depth_and_pose(name: str, noisy: bool) -> None:
     """The first suspect of the endpoint error is what was done to a quarter of the image."""
     change, cause = FAULTS[name]
     result = judged(FlowGeometryEndpoint(), in_a_quarter(change, noisy), tile_share=0.25)
-    first = next(alarm.suspects[0] for alarm in result.alarms if alarm.finding.code.endswith("worst_pixel"))
+    first = next(alarm.statistic.suspects[0] for alarm in result.alarms if alarm.finding.code.endswith("worst_pixel"))
     assert (first.cause, first.stream) == (cause, "flow")
 
 
@@ -66,12 +66,17 @@ def test_part_is_held_against_depth_and_pose(name: str, noisy: bool) -> None:
 def test_part_of_one_rate_is_named(check: Check[object]) -> None:
     """Backward flow in a quarter of one rate: that rate is suspected by either check."""
     result = judged(check, in_a_quarter(lambda flow: -flow, only="flow/25hz", rates_hz=(25, 50)), tile_share=0.25)
-    named = {s.stream for alarm in result.alarms for s in alarm.suspects if s.cause == "flow_sign" and s.weight > 0.3}
+    named = {
+        s.stream
+        for alarm in result.alarms
+        for s in alarm.statistic.suspects
+        if s.cause == "flow_sign" and s.weight > 0.3
+    }
     assert "flow/25hz" in named
 
 
 def test_pose_is_not_blamed_for_a_part() -> None:
     """A constant beside the flow of a quarter looks like a turned camera there; what spoils all is not named."""
     result = judged(FlowGeometryEndpoint(), in_a_quarter(lambda flow: flow + np.float32(0.05)), tile_share=0.25)
-    streams = {suspect.stream for alarm in result.alarms for suspect in alarm.suspects}
+    streams = {suspect.stream for alarm in result.alarms for suspect in alarm.statistic.suspects}
     assert streams <= {"flow", "flow/25hz", "depth"}

@@ -32,7 +32,7 @@ def clean() -> FlowWorld:
 def causes(result: Judged) -> set[tuple[str, str]]:
     """The first suspect of every alarm."""
     assert result.result.outcome == "failed"
-    return {(alarm.suspects[0].cause, alarm.suspects[0].stream) for alarm in result.alarms}
+    return {(alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) for alarm in result.alarms}
 
 
 def value_of(result: Judged, name: str) -> float:
@@ -104,7 +104,9 @@ def test_frames_out_of_step_are_named() -> None:
     late = with_rgb(clean(), np.concatenate([rgb[:1], rgb[:-1]]))
     result = judged(FlowPhotometricResidual(), late)
     assert ("time_offset", "rgb") in causes(result)
-    suspects = [s for alarm in result.alarms for s in alarm.suspects if s.cause == "time_offset" and s.magnitude]
+    suspects = [
+        s for alarm in result.alarms for s in alarm.statistic.suspects if s.cause == "time_offset" and s.magnitude
+    ]
     assert suspects[0].magnitude == pytest.approx(20.0)
 
 

@@ -34,7 +34,7 @@ def best(result: Judged) -> Suspect:
     """The suspect that explains most, over all alarms."""
     assert result.result.outcome == "failed", result.result
     weights: dict[tuple[str, str], float] = {}
-    suspects = [suspect for alarm in result.alarms for suspect in alarm.suspects]
+    suspects = [suspect for alarm in result.alarms for suspect in alarm.statistic.suspects]
     for suspect in suspects:
         key = suspect.cause, suspect.stream
         weights[key] = weights.get(key, 0.0) + suspect.weight
@@ -152,7 +152,11 @@ def test_two_rates_leave_both_suspected() -> None:
     """Of two rates either may be wrong: both are suspected, and the finding says which pair it is."""
     world = with_rate(50, lambda flow: 1.05 * flow).without("flow/10hz")
     result = judged(FlowRatesComposition(), world)
-    gains = {suspect.stream: suspect.weight for suspect in result.alarms[0].suspects if suspect.cause == "flow_gain"}
+    gains = {
+        suspect.stream: suspect.weight
+        for suspect in result.alarms[0].statistic.suspects
+        if suspect.cause == "flow_gain"
+    }
     assert gains["flow/25hz"] == pytest.approx(gains["flow/50hz"], rel=0.05)
     assert "flow/25hz" in result.alarms[0].finding.message
     assert "flow/50hz" in result.alarms[0].finding.message

@@ -59,7 +59,7 @@ def test_values_in_holes_are_counted_and_placed() -> None:
     assert value_of(result, "values_without_depth") == 200 * 30
     alarm = alarm_of(result, "unfounded")
     assert alarm.finding.where.pixel == (40, 20)
-    assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("invalid_encoding", "flow")
+    assert (alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) == ("invalid_encoding", "flow")
 
 
 def test_flow_where_a_depth_was_lost_is_no_encoding() -> None:
@@ -67,7 +67,7 @@ def test_flow_where_a_depth_was_lost_is_no_encoding() -> None:
     depth = clean().rows_by_key["path/depth"].copy()
     depth[4:6, 60:80, 60:90] = np.nan
     alarm = alarm_of(judged(FlowGeometryValidity(), clean().with_rows(path_depth=depth)), "unfounded")
-    assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("nan_in_stream", "depth")
+    assert (alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) == ("nan_in_stream", "depth")
 
 
 def test_missing_values_are_counted() -> None:
@@ -82,7 +82,7 @@ def test_missing_values_are_counted() -> None:
     result = judged(FlowGeometryValidity(), clean().with_flow(spoilt))
     assert value_of(result, "missing_values") == 2 * 5 * 7
     alarm = alarm_of(result, "missing")
-    assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("nan_in_stream", "flow/25hz")
+    assert (alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) == ("nan_in_stream", "flow/25hz")
     assert (alarm.finding.where.index_start, alarm.finding.where.index_stop) == (2, 4)
 
 
@@ -96,7 +96,7 @@ def test_points_behind_the_camera_must_have_no_value() -> None:
     """Depth a thousand times too small puts all points behind the moving camera; the depth is suspected."""
     shallow = clean().with_rows(path_depth=clean().rows_by_key["path/depth"] / np.float32(1000))
     alarm = alarm_of(judged(FlowGeometryValidity(), shallow), "unfounded")
-    assert (alarm.suspects[0].cause, alarm.suspects[0].stream) == ("unit_mm_m", "depth")
+    assert (alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) == ("unit_mm_m", "depth")
 
 
 def test_without_poses_missing_values_are_left_open() -> None:
@@ -172,7 +172,7 @@ TIMESTAMP_FAULTS = {
 @pytest.mark.parametrize(("change", "rule", "cause", "size"), TIMESTAMP_FAULTS.values(), ids=TIMESTAMP_FAULTS)
 def test_fault_of_the_timestamps_is_named(change: object, rule: str, cause: str, size: float | None) -> None:
     """Intervals off frames, gaps and wrong lengths are named and sized; what befalls all rates befalls flow."""
-    suspect = alarm_of(judged(FlowGeometryValidity(), with_timestamps(clean(), change)), rule).suspects[0]
+    suspect = alarm_of(judged(FlowGeometryValidity(), with_timestamps(clean(), change)), rule).statistic.suspects[0]
     assert (suspect.cause, suspect.stream) == (cause, "flow/50hz" if cause == "flow_rate_mixed" else "flow")
     if size is not None:
         assert suspect.magnitude == pytest.approx(size, rel=0.02)
@@ -184,7 +184,7 @@ def test_late_depth_is_told_from_late_flow() -> None:
     depth = facts.clocks["depth"]
     clocks = {**facts.clocks, "depth": replace(depth, times_ns=depth.times_ns + 3 * MS)}
     result = judged(FlowGeometryValidity(), replace(clean(), facts=replace(facts, clocks=clocks)))
-    suspect = max(alarm_of(result, "off_frames").suspects, key=lambda one: one.weight)
+    suspect = max(alarm_of(result, "off_frames").statistic.suspects, key=lambda one: one.weight)
     assert (suspect.cause, suspect.stream) == ("time_offset", "depth")
     assert suspect.magnitude == pytest.approx(3.0)
 

@@ -14,7 +14,7 @@ from fedora_qa.checks.images.repeats import ImagesRepeats
 from fedora_qa.checks.protocol import Check, Suspect
 from fedora_qa.diagnosis.diagnose import diagnose
 from fedora_qa.estimators.images.code_gain import CODES
-from fedora_qa.judgement.judge import Alarm, Judged, judge
+from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.record.types import Finding, Where
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.window import Sampling
@@ -55,7 +55,7 @@ def exposed(frames: Frames, percent: float, count: int = 1) -> Frames:
 def first(result: Judged) -> tuple[str, float | None, int | None]:
     """Cause, size and frame of the first alarm's first suspect."""
     alarm = result.alarms[0]
-    suspect = max(alarm.suspects, key=lambda one: one.weight)
+    suspect = max(alarm.statistic.suspects, key=lambda one: one.weight)
     return f"{suspect.stream}:{suspect.cause}", suspect.magnitude, alarm.finding.where.frame
 
 
@@ -171,7 +171,7 @@ def test_a_gain_of_all_frames_betrays_itself_where_it_came_after_rounding(world:
     every = np.rint(frames_of(world) * (1 + percent / 100)).astype(np.uint8)
     result = judged(ImagesExposure(), world.with_rows(path_rgb=every))
     assert [alarm.finding.code for alarm in result.alarms] == ["images.exposure.rounded_before"]
-    suspect = result.alarms[0].suspects[0]
+    suspect = result.alarms[0].statistic.suspects[0]
     assert (suspect.cause, suspect.stream) == ("exposure_or_gamma", "rgb")
     assert suspect.magnitude == pytest.approx(percent, abs=0.1)
 
@@ -266,9 +266,12 @@ def test_a_jump_of_brightness_with_wrong_weights_is_of_exchanged_channels() -> N
     window = WindowExposure(gains, (), 0.0, range(26), np.zeros(CODES, np.int64))
     jumped = {"images.exposure": ImagesExposure().conclude([window], exact_facts())}
     jump = judge(jumped, [ImagesExposure()], 1e-4)[0].alarms[0]
-    order = Alarm(
-        Finding("F9", "images.channels.order", "error", "off", Where(stream="rgb")),
-        (Suspect("channel_order", "rgb", 0.95), Suspect("exposure_or_gamma", "rgb", 0.4)),
+    order = replace(
+        jump,
+        finding=Finding("F9", "images.channels.order", "error", "off", Where(stream="rgb")),
+        statistic=replace(
+            jump.statistic, suspects=(Suspect("channel_order", "rgb", 0.95), Suspect("exposure_or_gamma", "rgb", 0.4))
+        ),
     )
-    assert diagnose([jump])[0].cause == "exposure_or_gamma"
-    assert [one.cause for one in diagnose([jump, order])] == ["channel_order"]
+    assert diagnose([jump], exact_facts())[0].cause == "exposure_or_gamma"
+    assert [diagnosis.cause for diagnosis in diagnose([jump, order], exact_facts())] == ["channel_order"]

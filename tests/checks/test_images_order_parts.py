@@ -23,7 +23,7 @@ def part(frames: NDArray[np.uint8]) -> tuple[slice, slice]:
 
 def first(result: Judged, code: str) -> str:
     alarm = next(one for one in result.alarms if one.finding.code == code)
-    suspect = max(alarm.suspects, key=lambda one: one.weight)
+    suspect = max(alarm.statistic.suspects, key=lambda one: one.weight)
     return f"{suspect.stream}:{suspect.cause}"
 
 

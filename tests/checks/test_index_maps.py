@@ -51,9 +51,9 @@ def test_exact_map_passes(name: str) -> None:
 def test_deviation_is_named(name: str, stored: np.ndarray, cause: str, magnitude: float | None) -> None:
     """The check fails and its first suspect is what was planted."""
     alarm = judged(name, with_map(CLEAN, name, stored)).alarms[0]
-    assert alarm.suspects[0].cause == cause
+    assert alarm.statistic.suspects[0].cause == cause
     if magnitude is not None:
-        assert alarm.suspects[0].magnitude == pytest.approx(magnitude, rel=0.01)
+        assert alarm.statistic.suspects[0].magnitude == pytest.approx(magnitude, rel=0.01)
     assert alarm.finding.where.stream == name
 
 
@@ -61,7 +61,7 @@ def test_deviation_is_named(name: str, stored: np.ndarray, cause: str, magnitude
 def test_right_side_is_told_from_off_by_one(name: str) -> None:
     """Where every other frame shares its stamp with an event, only those entries point behind it."""
     alarm = judged(name, with_map(CLEAN, name, RIGHT)).alarms[0]
-    assert alarm.suspects[0].cause == "index_side"
+    assert alarm.statistic.suspects[0].cause == "index_side"
 
 
 def test_one_wrong_entry_is_found_and_placed() -> None:

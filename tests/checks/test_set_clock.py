@@ -136,7 +136,7 @@ def test_order_and_maps_suspect_the_clock_first() -> None:
     facts = with_map(facts, "rgb_to_event", stored)
     checks = (ClocksOrder(), IndexMapsRgb())
     for one in judge({check.name: check.examine(facts) for check in checks}, checks, 1e-4):
-        assert one.alarms[0].suspects[0].cause == "time_offset"
+        assert one.alarms[0].statistic.suspects[0].cause == "time_offset"
 
 
 def local(chosen: list[bool]) -> Local:

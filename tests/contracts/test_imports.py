@@ -16,6 +16,7 @@ VIOLATIONS = {
     "mathematics-without-files": ("fedora_qa/estimators/planted.py", "import h5py"),
     "record-without-arrays": ("fedora_qa/record/planted.py", "import numpy"),
     "layers": ("fedora_qa/checks/planted.py", "import fedora_qa.engine"),
+    "independent-subjects": ("fedora_qa/checks/depth/planted.py", "import fedora_qa.checks.images.order"),
     "no-graphics": ("fedora_qa/sequence/planted.py", "import pyvista"),
 }
 

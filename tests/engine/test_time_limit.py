@@ -25,9 +25,9 @@ from fedora_qa.engine import open_file, steps, survey
 from fedora_qa.engine.file_task import FileTask
 from fedora_qa.engine.options import CheckOptions
 survey.open_sequence = lambda *_, **__: {ENDLESS}
-desk.OPENING_S = 0.2
+open_file.OPENING_S = 0.2
 task = FileTask("TASK", Path("seq.h5"), ((), CheckOptions()))
-steps.TASK(task, desk.Desk(keeps=True), lambda *_: None)
+steps.TASK(task, open_file.OpenFile(keeps=True), lambda *_: None)
 """
 
 

@@ -17,7 +17,7 @@ from tests.support import tasks
 
 @pytest.fixture
 def cleared(monkeypatch: pytest.MonkeyPatch) -> Event:
-    """Set when a worker that runs in this process clears its desk."""
+    """Set when a worker that runs in this process clears its open file."""
     told = Event()
 
     class Watched(OpenFile):
@@ -25,7 +25,7 @@ def cleared(monkeypatch: pytest.MonkeyPatch) -> Event:
             super().clear()
             told.set()
 
-    monkeypatch.setattr(worker, "Desk", Watched)
+    monkeypatch.setattr(worker, "OpenFile", Watched)
     monkeypatch.setattr("signal.signal", lambda *_: None)  # as this process is no worker
     return told
 
@@ -39,7 +39,7 @@ def _count(pipe: "Connection[Any, Any]") -> int:
     return int(count)
 
 
-def test_a_worker_that_waits_clears_its_desk(cleared: Event, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_that_waits_clears_its_open_file(cleared: Event, monkeypatch: pytest.MonkeyPatch) -> None:
     """After a short while without a task the file is closed, and what comes then is done as ever."""
     monkeypatch.setattr(worker, "_PATIENCE_S", 0.01)
 
@@ -54,7 +54,7 @@ def test_a_worker_that_waits_clears_its_desk(cleared: Event, monkeypatch: pytest
         assert asked.result() == (True, 1)
 
 
-def test_a_worker_at_work_keeps_its_desk(cleared: Event, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_at_work_keeps_its_open_file(cleared: Event, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between tasks that follow each other nothing is closed."""
     monkeypatch.setattr(worker, "_PATIENCE_S", 60)
 

@@ -36,7 +36,7 @@ def test_false_alarms_of_honest_files_keep_the_rate() -> None:
 MODEL_ERROR_BOUNDS = [0.0, 0.1, 1.0, 30.0]
 
 
-@pytest.mark.parametrize("allowance", MODEL_ERROR_BOUNDS)
+@pytest.mark.parametrize("model_error_bound", MODEL_ERROR_BOUNDS)
 @pytest.mark.parametrize("model_error", [-1.0, 0.0, 1.0], ids=["hides", "absent", "feigns"])
 def test_least_detectable_is_seen_with_the_stated_power(model_error_bound: float, model_error: float) -> None:
     """A fault of the stated size is seen in 95% of files or more, whichever way the model errs, in either direction."""

@@ -67,7 +67,7 @@ def test_nothing_is_kept_of_another_stretch(surveyed: Surveyed, tmp_path: Path) 
             measured(surveyed, [1], first, tmp_path, open_file)
 
 
-def test_a_desk_that_keeps_nothing_reads_it(surveyed: Surveyed, tmp_path: Path) -> None:
+def test_an_open_file_that_keeps_nothing_reads_it(surveyed: Surveyed, tmp_path: Path) -> None:
     """In a process that is no worker, and where what was shown travels by itself."""
     first = measured(surveyed, [0], None, tmp_path, OpenFile(keeps=False))
     assert measured(surveyed, [1], first, tmp_path, OpenFile(keeps=True)).open().states.states["test.counts"] == [0, 1]

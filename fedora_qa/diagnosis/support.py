@@ -1,0 +1,41 @@
+"""The support that a hypothesis has from a rule alone: the hand-set numbers of diagnosis, each with its reason."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from types import MappingProxyType
+from typing import Final
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """A number between 0 and 1, and why it is not another."""
+
+    value: float
+    reason: str
+
+
+def _read_table() -> Mapping[str, Support]:
+    text = resources.files("fedora_qa.diagnosis").joinpath("support.toml").read_text(encoding="utf-8")
+    rows = {
+        f"{subject}.{name}": Support(float(value), reason)
+        for subject, section in tomllib.loads(text).items()
+        for name, (value, reason) in section.items()
+    }
+    return MappingProxyType(rows)
+
+
+SUPPORT: Final = _read_table()
+"""By ``<subject>.<name>``: the sections and keys of support.toml."""
+
+
+def support(name: str) -> float:
+    """Return the number of a row of the table.
+
+    Raises
+    ------
+    KeyError
+        The table has no such row.
+    """
+    return SUPPORT[name].value
