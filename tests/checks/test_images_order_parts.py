@@ -29,8 +29,8 @@ def first(result: Judged, code: str) -> str:
 
 def make_large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take frames for ones of four times as many pixels as usual."""
-    for user in ("large_frames", "images.order_parts"):
-        monkeypatch.setattr(f"fedora_qa.checks.{user}.USUAL_PIXELS", WIDTH * HEIGHT // 4)
+    for user in ("views.large_frames", "checks.images.order_parts"):
+        monkeypatch.setattr(f"fedora_qa.{user}.USUAL_PIXELS", WIDTH * HEIGHT // 4)
 
 
 def with_part_of(world: FlowWorld, rows: dict[int, int]) -> FlowWorld:
