@@ -34,6 +34,14 @@ NOT_HDF5: Final = ("broken/a_text_file.h5", "broken/no_such_path.h5", "broken/a_
 
 
 @dataclass(frozen=True, slots=True)
+class Run:
+    """One command: the files that it checks, and its options."""
+
+    files: tuple[Path, ...]
+    options: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Code:
     """The code of one commit: how to run it, and where its records go."""
 
@@ -41,9 +49,22 @@ class Code:
     path: tuple[Path, ...]
     records: Path
 
+    @property
+    def compiled(self) -> Path:
+        """Where its compiled loops are kept.
+
+        A loop that may reassociate sums is compiled otherwise, in the last bits, where a loop that it calls was kept
+        from an earlier run. So both codes begin with nothing compiled, and check the same files in the same order.
+        """
+        return self.records.with_name("compiled")
+
     def check(self, arguments: Sequence[str]) -> subprocess.CompletedProcess[str]:
         """Run ``fedora-qa check``."""
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, self.path)), "OMP_NUM_THREADS": "1"}
+        environment = os.environ | {
+            "PYTHONPATH": os.pathsep.join(map(str, self.path)),
+            "NUMBA_CACHE_DIR": str(self.compiled),
+            "OMP_NUM_THREADS": "1",
+        }
         command = [str(self.python), "-P", "-m", "fedora_qa", "check", *arguments]
         return subprocess.run(command, env=environment, cwd=FOLDER, capture_output=True, text=True, check=False)
 
@@ -60,17 +81,20 @@ def main(base: str, jobs: int, every: int, canaries: bool) -> None:
     files_folder = FOLDER / "files"
     make_corpus(files_folder, lambda text: click.echo(text, err=True))
     files = [path.relative_to(FOLDER) for path in corpus_files(files_folder, every)]
-    runs: list[tuple[tuple[Path, ...], tuple[str, ...]]] = []
-    for kind in sorted({path.parts[1] for path in files}):
+    runs: list[Run] = []
+    for kind in ("clean", "large", "faults", "broken", "hostile"):
         of_kind = [path for path in files if path.parts[1] == kind and str(Path(*path.parts[1:])) not in NOT_HDF5]
-        runs += [(tuple(of_kind[first : first + BATCH]), ()) for first in range(0, len(of_kind), BATCH)]
-    runs += [((Path("files") / path,), ()) for path in NOT_HDF5]
+        # Clean and large files come first, in one process, so that all loops are compiled in one order.
+        options = ("--jobs", "1" if kind in {"clean", "large"} else str(jobs))
+        runs += [Run(tuple(of_kind[first : first + BATCH]), options) for first in range(0, len(of_kind), BATCH)]
+    runs += [Run((Path("files") / path,), ()) for path in NOT_HDF5]
     if canaries:
         clean = tuple(Path("files", "clean", f"{name}.h5") for name in ("park-day", "park-noisy", "racetrack"))
-        runs.append((clean, ("--canary",)))
+        runs.append(Run(clean, ("--canary", "--jobs", str(jobs))))
     here = Code(Path(sys.executable), (ROOT, ROOT / "generator", ROOT / "reports"), FOLDER / "records")
     shutil.rmtree(here.records, ignore_errors=True)
-    comparison = compare_codes(base_code(base), here, runs, jobs)
+    shutil.rmtree(here.compiled, ignore_errors=True)
+    comparison = compare_codes(base_code(base), here, runs)
     click.echo(report(comparison, base))
     sys.exit(0 if comparison.same else 1)
 
@@ -96,42 +120,41 @@ def _git(*arguments: str) -> bytes:
     return subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, check=True).stdout
 
 
-def compare_codes(
-    base: Code, here: Code, runs: Iterable[tuple[tuple[Path, ...], tuple[str, ...]]], jobs: int
-) -> Comparison:
+def compare_codes(base: Code, here: Code, runs: Iterable[Run]) -> Comparison:
     """Check the files of every run with both codes and compare what they say."""
     comparison = Comparison()
-    for files, options in runs:
-        click.echo(f"checking {files[0]} and {len(files) - 1} more {' '.join(options)}", err=True)
-        before, after = (checked(code, files, options, jobs) for code in (base, here))
-        label = f"{files[0]} ... {' '.join(options)}"
+    for run in runs:
+        label = f"{run.files[0]} and {len(run.files) - 1} more {' '.join(run.options)}"
+        click.echo(f"checking {label}", err=True)
+        before, after = check_with(base, run), check_with(here, run)
         changes = [*compare_values("exit_code", before["exit_code"], after["exit_code"])]
         changes += compare_values("message", before["message"], after["message"])
         if changes:
             comparison.add(f"command {label}", iter(changes))
-        for path, old, new in zip(files, before["files"], after["files"], strict=True):
+        for path, old, new in zip(run.files, before["files"], after["files"], strict=True):
             arrays = (load_arrays(before, old), load_arrays(after, new))
             file_changes = [*compare_values("file", old, new), *compare_arrays(*arrays)]
-            comparison.add(f"{path} {' '.join(options)}".strip(), iter(file_changes))
+            comparison.add(f"{path} {' '.join(run.options)}", iter(file_changes))
     return comparison
 
 
-def checked(code: Code, files: Sequence[Path], options: Sequence[str], jobs: int) -> dict[str, Any]:
-    """Return what a code says of some files; kept beside its records."""
-    name = "_".join([*files[0].with_suffix("").parts[1:], str(len(files)), *options]).replace("-", "")
+def check_with(code: Code, run: Run) -> dict[str, Any]:
+    """Return the exit code, the message and the records of the files of a run; they are kept beside the record."""
+    name = "_".join([*run.files[0].with_suffix("").parts[1:], str(len(run.files)), *run.options]).replace("-", "")
     target = code.records / f"{name}.json"
     summary = target.with_suffix(".summary.json")
     if not summary.exists():
         target.parent.mkdir(parents=True, exist_ok=True)
-        done = code.check([*map(str, files), "--json", str(target), "--jobs", str(jobs), *options])
-        record = json.loads(target.read_text()) if target.exists() else {"files": []}
-        message = "" if target.exists() else done.stderr
+        done = code.check([*map(str, run.files), "--json", str(target), *run.options])
         if done.returncode not in {0, 1, 2, 3} or (not target.exists() and done.returncode != 2):
             raise click.ClickException(f"{code.python} ended with {done.returncode}: {done.stderr[-2000:]}")
+        record = json.loads(target.read_text()) if target.exists() else {"files": [{} for _ in run.files]}
+        message = "" if target.exists() else done.stderr
         document = {"exit_code": done.returncode, "message": message, "files": record["files"], "record": str(target)}
         summary.write_text(json.dumps(document), encoding="utf-8")
     document = json.loads(summary.read_text())
-    return document if document["files"] else document | {"files": [{} for _ in files]}
+    assert isinstance(document, dict)
+    return document
 
 
 def load_arrays(document: Mapping[str, Any], file: Mapping[str, Any]) -> dict[str, np.ndarray]:
