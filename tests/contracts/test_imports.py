@@ -14,6 +14,7 @@ VIOLATIONS = {
     "generator-names-only": ("generator/fedora_generator/planted.py", "import fedora_qa.geometry"),
     "reports-read-records": ("reports/fedora_reports/planted.py", "import fedora_qa.sequence"),
     "mathematics-without-files": ("fedora_qa/estimators/planted.py", "import h5py"),
+    "measurements-name-no-cause": ("fedora_qa/estimators/planted.py", "import fedora_qa.causes"),
     "record-without-arrays": ("fedora_qa/record/planted.py", "import numpy"),
     "layers": ("fedora_qa/checks/planted.py", "import fedora_qa.engine"),
     "independent-subjects": ("fedora_qa/checks/depth/planted.py", "import fedora_qa.checks.images.order"),

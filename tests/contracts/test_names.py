@@ -1,0 +1,67 @@
+"""Names use the words of GLOSSARY.md: no pronouns, participles or metaphors."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("fedora_qa", "generator/fedora_generator", "reports/fedora_reports")
+
+NO_NAMES = frozenset(
+    "one found told seen known shown mended undone telling untold surer lateness desk fuse stamp stamps".split()
+)
+NO_CLASSES = frozenset("Told Shown Mended Held Seen Found Sealed Surveyed Known Desk Lateness Answer Clues".split())
+
+NOT_RENAMED_YET: tuple[str, ...] = ()
+"""Folders and files whose names are still of the first edition."""
+
+
+def banned_names(source: str) -> list[str]:
+    """Return the banned names that a module gives to variables, arguments and classes, in order."""
+    banned = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in NO_NAMES:
+            banned.append(node.id)
+        elif isinstance(node, ast.arg) and node.arg in NO_NAMES:
+            banned.append(node.arg)
+        elif isinstance(node, ast.ClassDef) and node.name.lstrip("_") in NO_CLASSES:
+            banned.append(node.name)
+    return banned
+
+
+def modules() -> list[str]:
+    paths = [path.relative_to(ROOT) for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    return sorted(str(path) for path in paths if not str(path).startswith(NOT_RENAMED_YET))
+
+
+@pytest.mark.parametrize("path", modules())
+def test_names_say_what_they_are(path: str) -> None:
+    """No variable, argument or class of the module has a banned name."""
+    assert banned_names((ROOT / path).read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    "source", ["one = 1", "for found in (): pass", "def f(told): pass", "f = lambda seen: 0", "class _Shown: pass"]
+)
+def test_a_banned_name_is_found(source: str) -> None:
+    """The test above can fail."""
+    assert banned_names(source)
+
+
+def test_classes_have_unique_names() -> None:
+    """No two classes of a package have one name, apart from those of folders that are not renamed yet."""
+    for package in PACKAGES:
+        places: dict[str, list[str]] = {}
+        for path in sorted((ROOT / package).rglob("*.py")):
+            if str(path.relative_to(ROOT)).startswith(NOT_RENAMED_YET):
+                continue
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ClassDef):
+                    places.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+        assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
+def test_what_is_not_renamed_yet_exists() -> None:
+    """The list holds no folder that is gone."""
+    assert all((ROOT / path).exists() for path in NOT_RENAMED_YET)
