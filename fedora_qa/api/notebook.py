@@ -32,9 +32,9 @@ def _file(file: FileRecord) -> Iterator[str]:
     if file.diagnoses:
         causes = (f"<li>{_text(f'{cause_sentence(cause)}. {cause.remedy}')}</li>" for cause in file.diagnoses)
         yield f"<ul>{''.join(causes)}</ul>"
-    found = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in findings_of(file)]
-    if found:
-        rows = (_row("td", cells) for cells in found)
+    finding_rows = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in findings_of(file)]
+    if finding_rows:
+        rows = (_row("td", cells) for cells in finding_rows)
         yield f"<table>{_row('th', ('id', 'severity', 'rule', 'finding', 'where'))}{''.join(rows)}</table>"
 
 

@@ -34,8 +34,8 @@ class BudgetParam(click.ParamType):  # type: ignore[type-arg]  # generic only fr
 
 def parse_budget(text: str) -> Budget:
     """Return an amount of time such as ``60s``, ``5m`` or ``0.5h``; raises ``MisuseError``."""
-    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([smh])\s*", text.lower())
-    seconds = float(found[1]) * _SECONDS_PER_UNIT[found[2]] if found else 0.0
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([smh])\s*", text.lower())
+    seconds = float(match[1]) * _SECONDS_PER_UNIT[match[2]] if match else 0.0
     if seconds <= 0:
         raise MisuseError(f"Expected a time with a unit, such as 60s, 5m or 0.5h, got {text!r}")
     return Budget(text.strip(), seconds)

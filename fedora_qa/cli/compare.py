@@ -64,55 +64,55 @@ def compare(
     """
     if len(given) < 2:
         raise MisuseError(f"Expected two or more things to compare, got {len(given)}")
-    known = load_dialect(dialect) if dialect else None
+    dialect_read = load_dialect(dialect) if dialect else None
     memory_bytes = parse_bytes(memory)
-    sources = sources_of(given, known)
+    sources = sources_of(given, dialect_read)
     read = [path for source in sources for path in source.paths]
     Outputs(json_path, markdown_path, html_path).require_writable([*read, *map(arrays_beside, read)])
-    found = compare_subjects(
-        read_sources(sources, known, memory_bytes, folders_named(allow_external)), design, false_alarm_rate
+    comparison = compare_subjects(
+        read_sources(sources, dialect_read, memory_bytes, folders_named(allow_external)), design, false_alarm_rate
     )
     if json_path:
-        write_text(json_path, comparison_to_json(found))
+        write_text(json_path, comparison_to_json(comparison))
     if markdown_path:
-        write_text(markdown_path, comparison_to_markdown(found))
+        write_text(markdown_path, comparison_to_markdown(comparison))
     if html_path:
-        _write_html(html_path, found)
-    _show(found)
+        _write_html(html_path, comparison)
+    _show(comparison)
     return 0
 
 
-def _write_html(target: Path, found: Comparison) -> None:
+def _write_html(target: Path, comparison: Comparison) -> None:
     from fedora_reports.comparison import render_comparison  # noqa: PLC0415 - an extra
 
-    write_text(target, render_comparison(found))
+    write_text(target, render_comparison(comparison))
 
 
-def _show(found: Comparison) -> None:
+def _show(comparison: Comparison) -> None:
     console = stdout_console()
-    for one in paper_tables(found):
-        _show_table(one)
-    for pair in pair_tables(found):
+    for table in paper_tables(comparison):
+        _show_table(table)
+    for pair in pair_tables(comparison):
         console.print(text(pair.title, "bold underline"))
         console.print(text(pair.summary))
         console.print()
-        for one in pair.tables:
-            _show_table(one)
-    for note in found.notes:
+        for table in pair.tables:
+            _show_table(table)
+    for note in comparison.notes:
         console.print(text(note, "yellow"))
-    console.print(text(headline(found), "bold"))
-    console.print(text(how_it_is_told(found), "dim"))
+    console.print(text(headline(comparison), "bold"))
+    console.print(text(how_it_is_told(comparison), "dim"))
 
 
-def _show_table(one: TextTable) -> None:
+def _show_table(source: TextTable) -> None:
     console = stdout_console()
-    shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for place, head in enumerate(one.head):
-        shown.add_column(head, justify="left" if place < one.words or head == SOURCE else "right", overflow="fold")
-    for row in one.rows:
-        shown.add_row(*(text(cell) for cell in row))
-    console.print(Text(one.title, style="bold"))
-    console.print(shown)
-    if one.note:
-        console.print(text(one.note, "dim"))
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for place, head in enumerate(source.head):
+        table.add_column(head, justify="left" if place < source.words or head == SOURCE else "right", overflow="fold")
+    for row in source.rows:
+        table.add_row(*(text(cell) for cell in row))
+    console.print(Text(source.title, style="bold"))
+    console.print(table)
+    if source.note:
+        console.print(text(source.note, "dim"))
     console.print()

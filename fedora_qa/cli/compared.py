@@ -75,9 +75,9 @@ def read_sources(
 def _source(path: Path) -> Source:
     if not path.is_dir():
         return Source(path, (path,), path.suffix.lower() == _RECORD)
-    inside = sorted(one for one in path.iterdir() if one.is_file())
-    sequences = tuple(one for one in inside if one.suffix.lower() in _SEQUENCES)
-    records = tuple(one for one in inside if one.suffix.lower() == _RECORD and arrays_beside(one).is_file())
+    inside = sorted(entry for entry in path.iterdir() if entry.is_file())
+    sequences = tuple(entry for entry in inside if entry.suffix.lower() in _SEQUENCES)
+    records = tuple(entry for entry in inside if entry.suffix.lower() == _RECORD and arrays_beside(entry).is_file())
     if not sequences and not records:
         raise MisuseError(f"Expected sequences (.h5) or records with their arrays in {path}, got neither")
     return Source(path, sequences or records, not sequences)
@@ -97,9 +97,9 @@ def _measured(
 ) -> Iterator[GivenFile]:
     for path in paths:
         with progress_bar(path.name) as report:
-            found = apart(partial(_counted, path, dialect, memory_bytes, allow_external), path, report)
-        statistics = {name: _finite(group) for name, group in found.statistics.items()}
-        yield GivenFile(str(path), statistics, sampled_from(found.arrays))
+            counted = apart(partial(_counted, path, dialect, memory_bytes, allow_external), path, report)
+        statistics = {name: _finite(group) for name, group in counted.statistics.items()}
+        yield GivenFile(str(path), statistics, sampled_from(counted.arrays))
 
 
 def _counted(

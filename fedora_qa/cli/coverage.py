@@ -28,8 +28,8 @@ def _required_of(check: str, required: Mapping[str, float]) -> float:
 
 
 def _held(result: Result, required: float) -> Result:
-    seen = result.coverage.share if result.coverage else 0.0
-    if seen >= required:
+    share = result.coverage.share if result.coverage else 0.0
+    if share >= required:
         return result
-    short = f"saw {seen:.3g} of its stream {SHORT_OF_COVERAGE} {required:.3g}"
+    short = f"saw {share:.3g} of its stream {SHORT_OF_COVERAGE} {required:.3g}"
     return replace(result, reason="; ".join(filter(None, (result.reason, short))))

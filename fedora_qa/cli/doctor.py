@@ -45,10 +45,10 @@ def doctor() -> int:
     for column in ("what", "state"):
         table.add_column(column, no_wrap=True)
     table.add_column("detail", overflow="fold")
-    for one in symptoms:
-        table.add_row(one.what, Text(one.state, style=_STYLES[one.state]), text(one.detail))
+    for symptom in symptoms:
+        table.add_row(symptom.what, Text(symptom.state, style=_STYLES[symptom.state]), text(symptom.detail))
     console.print(table)
-    healthy = all(one.state == "ok" for one in symptoms if one.needed)
+    healthy = all(symptom.state == "ok" for symptom in symptoms if symptom.needed)
     console.print(Text("Checks can run." if healthy else "Checks cannot run: see what is broken or missing above."))
     return CLEAN if healthy else INCOMPLETE
 
@@ -58,8 +58,8 @@ def examine() -> Iterator[Symptom]:
     facts = host_facts()
     yield Symptom("fedora-qa", "ok", f"{__version__}, Python {facts['python']}, {facts['system']} {facts['machine']}")
     for name in PACKAGES:
-        found = package_version(name)
-        yield Symptom(name, "ok" if found else "missing", found or f"install it: pip install {name}")
+        version = package_version(name)
+        yield Symptom(name, "ok" if version else "missing", version or f"install it: pip install {name}")
     yield _blosc()
     yield _remap()
     yield Symptom("cores", "ok", f"{usable_cores()} usable")
@@ -112,6 +112,6 @@ def _drawn(what: str, trial: Trial, without: str) -> Symptom:
 
 
 def _browser() -> Symptom:
-    found = next(filter(None, map(shutil.which, _BROWSERS)), None)
-    detail = found or "only the tests of this project need it: apt install chromium"
-    return Symptom("Chromium", "ok" if found else "missing", detail, needed=False)
+    path = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    detail = path or "only the tests of this project need it: apt install chromium"
+    return Symptom("Chromium", "ok" if path else "missing", detail, needed=False)

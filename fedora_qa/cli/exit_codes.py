@@ -24,8 +24,8 @@ def exit_code(files: Iterable[FileRecord], fail_on: Literal["failed", "warned"])
     if any(_is_incomplete(file) for file in files):
         return INCOMPLETE
     grave = {"failed"} if fail_on == "failed" else {"failed", "warned"}
-    found = any(result.outcome in grave for file in files for result in file.results)
-    return FINDINGS if found else CLEAN
+    has_grave = any(result.outcome in grave for file in files for result in file.results)
+    return FINDINGS if has_grave else CLEAN
 
 
 def _is_incomplete(file: FileRecord) -> bool:

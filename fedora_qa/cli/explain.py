@@ -36,11 +36,11 @@ def checks() -> int:
 @click.argument("name", metavar="CHECK", shell_complete=complete_check)
 def explain(name: str) -> int:
     """Say what CHECK, or every check of a subject, measures, how, and what it cannot see."""
-    found = [check for check in CHECKS if name in {check.name, check.name.split(".")[0]}]
-    if not found:
+    checks = [check for check in CHECKS if name in {check.name, check.name.split(".")[0]}]
+    if not checks:
         raise MisuseError(f"Expected a check or subject, got {name!r}; `fedora-qa checks` lists them")
     console = stdout_console()
-    for check in found:
+    for check in checks:
         console.print(Text(check.name, style="bold"))
         console.print(Text(f"needs: {', '.join(check.needs) or 'no stream'}", style="dim"))
         console.print(_explained(check))

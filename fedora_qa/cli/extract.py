@@ -72,8 +72,8 @@ def extract(
     record = read_record(record_path) if record_path else None
     options = check_options(settings_from(config, _as_recorded(given, record)))
     require_hdf5([file])
-    known = _known(file, record, record_path) if record and record_path else _checked(file, options)
-    wanted = _wanted(finding, known)
+    file_record = _known(file, record, record_path) if record and record_path else _checked(file, options)
+    wanted = _wanted(finding, file_record)
     with progress_bar(file.name) as bar:
         extracted = _extracted(file, output, wanted, options, longest_s, bar)
     for line in _lines(file, output, finding, wanted, extracted):
@@ -126,20 +126,20 @@ def _cut(
 def _known(file: Path, record: Record, record_path: Path) -> FileRecord:
     """Return what a record says of a file, which it knows by its content; raises ``MisuseError`` where it is none."""
     digest = file_digest(file)
-    for known in record.files:
-        if (known.sha256, known.digest_kind) == (digest.sha256, digest.kind):
-            return known
-    paths = ", ".join(known.path for known in record.files)
+    for file_record in record.files:
+        if (file_record.sha256, file_record.digest_kind) == (digest.sha256, digest.kind):
+            return file_record
+    paths = ", ".join(file_record.path for file_record in record.files)
     raise MisuseError(f"Expected a record of {file} as it is, got {record_path}, of other content ({paths})")
 
 
-def _wanted(finding: str, known: FileRecord) -> Wanted:
+def _wanted(finding: str, file_record: FileRecord) -> Wanted:
     """Return the finding of this id; raises ``MisuseError`` where there is none."""
-    found = {each.id: Wanted(result.check, each) for result in known.results for each in result.findings}
-    if finding not in found:
-        told = ", ".join(found) if found else "no findings"
-        raise MisuseError(f"Expected a finding of {known.path} ({told}), got {finding!r}")
-    wanted = found[finding]
+    findings = {each.id: Wanted(result.check, each) for result in file_record.results for each in result.findings}
+    if finding not in findings:
+        available = ", ".join(findings) if findings else "no findings"
+        raise MisuseError(f"Expected a finding of {file_record.path} ({available}), got {finding!r}")
+    wanted = findings[finding]
     if wanted.check.startswith("release."):
         raise MisuseError(f"Expected a finding about a sequence, got {finding}, which is about the release")
     return wanted

@@ -66,7 +66,7 @@ def checked(files: Sequence[Place], request: Request, executor: Executor) -> lis
     missing = [path for path in files if path not in runs]
     versions = {path: version_before(path) for path in missing}
     try:
-        with executor, files_progress(known=len(runs)) as report:
+        with executor, files_progress(file_count=len(runs)) as report:
             for path, run in check_files(missing, request.options, executor, report, request.began):
                 record = hold_to_version(run.record, path, versions[path])
                 runs[path] = replace(run, record=hold_to_coverage(record, required))

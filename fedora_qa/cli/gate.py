@@ -67,13 +67,13 @@ def gate(
     runs = checked(paths, Request(settings, options, started), executor)
     facts = {"jobs": jobs, "peak_worker_memory_mib": executor.peak_memory_mib}
     with executor_for(settings) as readers:
-        known, files = contents_of(policy, release, [run.record for run in runs], readers)
+        contents, files = contents_of(policy, release, [run.record for run in runs], readers)
     runs = [replace(run, record=file) for run, file in zip(runs, files, strict=True)]
     runs.append(FileRun(release_record(release, files)))
     record = record_of(runs, settings, started, facts)
     asks_for_digests = certificate or policy.documents.checksums
     digests = whole_digests(release, files) if asks_for_digests else {}
-    rulings = rulings_of(policy, release, files, known, digests)
+    rulings = rulings_of(policy, release, files, contents, digests)
     record = judged(record, release, rulings, Judgement(policy, baseline, now.date()))
     outputs.write(record, gathered_arrays(runs))
     say_record(record, github=outputs.github)

@@ -36,6 +36,6 @@ def write_html(target: Path, record: Record, arrays: Mapping[str, NDArray[Any]])
     from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
     from fedora_reports.worth import Found, PassWorth  # noqa: PLC0415 - an extra
 
-    found, whence = all_worth()
-    worth = PassWorth(tuple(Found(one.cause, one.check, one.words, one.best) for one in found), whence)
+    detectable, whence = all_worth()
+    worth = PassWorth(tuple(Found(row.cause, row.check, row.words, row.best) for row in detectable), whence)
     write_text(target, render_html(record, arrays, worth))

@@ -107,5 +107,5 @@ def kept_folder(folder: Path, settings: CheckConfig, options: CheckOptions) -> K
 
 
 def _decoded_bytes(record: Record) -> int:
-    found = record.run.host.get("decoded_bytes")
-    return found if isinstance(found, int) else 0
+    stated = record.run.host.get("decoded_bytes")
+    return stated if isinstance(stated, int) else 0

@@ -43,11 +43,12 @@ _WIDE = 110
 @allow_external_option
 def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_external: tuple[str, ...]) -> int:
     """Say where FILE keeps each stream, what is absent and why, and what was inferred."""
-    known = load_dialect(dialect) if dialect else None
+    dialect_read = load_dialect(dialect) if dialect else None
     Outputs(own=(draft_path,)).require_writable([file])
     require_hdf5([file])
     description, draft = lightly_apart(
-        partial(_described, file, known, draft_path.stem if draft_path else "", folders_named(allow_external)), file
+        partial(_described, file, dialect_read, draft_path.stem if draft_path else "", folders_named(allow_external)),
+        file,
     )
     if draft_path:
         write_text(draft_path, draft)
@@ -58,13 +59,13 @@ def layout(file: Path, dialect: str | None, draft_path: Path | None, allow_exter
 
 
 def _described(
-    file: Path, known: Dialect | None, draft_name: str, allow_external: tuple[Path, ...], _: Progress
+    file: Path, dialect: Dialect | None, draft_name: str, allow_external: tuple[Path, ...], _: Progress
 ) -> tuple[Description, str]:
     """Return what a file holds, and where a name is given for one, a draft of its dialect."""
     elsewhere = Elsewhere(allow_external) if allow_external else None
     try:
         with time_limit(LONGEST_S), h5py.File(file.resolve(), "r", locking="best-effort") as opened:
-            description = describe(opened, resolve(opened, known, elsewhere))
+            description = describe(opened, resolve(opened, dialect, elsewhere))
             return description, draft_dialect(opened, draft_name) if draft_name else ""
     except OSError as error:
         raise UnreadableFileError(f"Expected a complete HDF5 file, got: {str(error).splitlines()[0]}") from None

@@ -72,9 +72,9 @@ class LazyGroup(click.Group):
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Return the commands and options that begin so, without importing any command."""
-        found = [CompletionItem(name, help=meaning) for name, (_, meaning) in COMMANDS.items()]
+        commands = [CompletionItem(name, help=meaning) for name, (_, meaning) in COMMANDS.items()]
         options = click.Command.shell_complete(self, ctx, incomplete)
-        return [*(item for item in found if item.value.startswith(incomplete)), *options]
+        return [*(item for item in commands if item.value.startswith(incomplete)), *options]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write what each command does, without importing any."""

@@ -73,20 +73,20 @@ def power(
         kept = State(_made(state_folder(corpus, state)), corpus, measured_with(settings.digest))
         with progress_bar(corpus.name) as report:
             trials += run_study(manifest, kept, options, jobs, report)
-    found = power_of(trials, Origin(", ".join(corpus.resolve().name for corpus in corpora), started, settings))
+    measured_power = power_of(trials, Origin(", ".join(corpus.resolve().name for corpus in corpora), started, settings))
     if json_path:
-        write_text(json_path, power_to_json(found))
+        write_text(json_path, power_to_json(measured_power))
     if publish:
-        write_worth(worth_of(found), publish)
+        write_worth(worth_of(measured_power), publish)
     if markdown_path:
         drawing = svg_path.name if svg_path and svg_path.parent.resolve() == markdown_path.parent.resolve() else ""
-        write_text(markdown_path, power_to_markdown(found, drawing))
+        write_text(markdown_path, power_to_markdown(measured_power, drawing))
     if html_path:
-        _write_html(html_path, found)
+        _write_html(html_path, measured_power)
     if svg_path:
-        _write_drawing(svg_path, found)
-    _show(found)
-    return INCOMPLETE if found.crashed else CLEAN
+        _write_drawing(svg_path, measured_power)
+    _show(measured_power)
+    return INCOMPLETE if measured_power.crashed else CLEAN
 
 
 def _made(folder: Path) -> Path:
@@ -102,38 +102,38 @@ def _made(folder: Path) -> Path:
     return folder
 
 
-def _write_html(target: Path, found: Power) -> None:
+def _write_html(target: Path, power: Power) -> None:
     from fedora_reports.power import render_power  # noqa: PLC0415 - an extra
 
-    write_text(target, render_power(found))
+    write_text(target, render_power(power))
 
 
-def _write_drawing(target: Path, found: Power) -> None:
+def _write_drawing(target: Path, power: Power) -> None:
     from fedora_reports.power_drawing import draw_power  # noqa: PLC0415 - an extra
 
-    write_text(target, draw_power(found))
+    write_text(target, draw_power(power))
 
 
-def _show(found: Power) -> None:
+def _show(power: Power) -> None:
     console = stdout_console()
-    console.print(text(headline(found), "bold"))
-    if found.crashed:
+    console.print(text(headline(power), "bold"))
+    if power.crashed:
         console.print(
-            text(f"A check crashed in {len(found.crashed)} files: {', '.join(found.crashed[:3])}", "bold magenta")
+            text(f"A check crashed in {len(power.crashed)} files: {', '.join(power.crashed[:3])}", "bold magenta")
         )
     console.print()
-    for one in tables_of(found):
-        console.print(Text(one.title, style="bold"))
-        console.print(_table(one))
-        if one.note:
-            console.print(text(one.note, "dim"))
+    for table in tables_of(power):
+        console.print(Text(table.title, style="bold"))
+        console.print(_table(table))
+        if table.note:
+            console.print(text(table.note, "dim"))
         console.print()
 
 
-def _table(one: PowerTable) -> Table:
-    shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for number, head in enumerate(one.head):
-        shown.add_column(head, justify="left" if number < one.words else "right", overflow="fold")
-    for row in one.rows:
-        shown.add_row(*(text(cell) for cell in row))
-    return shown
+def _table(source: PowerTable) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for number, head in enumerate(source.head):
+        table.add_column(head, justify="left" if number < source.words else "right", overflow="fold")
+    for row in source.rows:
+        table.add_row(*(text(cell) for cell in row))
+    return table

@@ -39,7 +39,7 @@ def progress_bar(title: str) -> Iterator[Report]:
 
 
 @contextmanager
-def files_progress(known: int) -> Iterator[FilesReport]:
+def files_progress(file_count: int) -> Iterator[FilesReport]:
     """Yield a function that shows how far a run over files has come, and how long it will take at the rate so far.
 
     Parameters
@@ -57,29 +57,29 @@ def files_progress(known: int) -> Iterator[FilesReport]:
                 description=printable(tally.doing),
                 completed=tally.bytes_done,
                 total=tally.bytes,
-                counts=counts_words(tally, known),
+                counts=counts_words(tally, file_count),
             )
 
         yield report
 
 
-def counts_words(tally: Tally, known: int) -> str:
+def counts_words(tally: Tally, file_count: int) -> str:
     """Say how many files and windows are done; windows of files that nobody has read yet are not known."""
-    files = f"files {tally.files_done + known}/{tally.files + known}"
+    files = f"files {tally.files_done + file_count}/{tally.files + file_count}"
     return f"{files}, windows {tally.windows_done}/{tally.windows}" if tally.windows else files
 
 
 def _bar(*columns: ProgressColumn) -> Progress:
     """Return a bar on stderr; the rate is taken over the whole run, as steps are few and long."""
     console = stderr_console()
-    shown = console.is_terminal
+    is_visible = console.is_terminal
     return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f}%"),
         *columns,
-        console=console if shown else Console(quiet=True),  # rich 13.7 ends what it hides with a line
+        console=console if is_visible else Console(quiet=True),  # rich 13.7 ends what it hides with a line
         transient=True,
-        disable=not shown,
+        disable=not is_visible,
         speed_estimate_period=_WHOLE_RUN_S,
     )

@@ -43,15 +43,15 @@ def stats(
     markdown_path: Path | None,
 ) -> int:
     """Print what FILES are like: duration, distance, greatest speeds, event rate, flow, depth, brightness."""
-    known = load_dialect(dialect) if dialect else None
+    dialect_read = load_dialect(dialect) if dialect else None
     memory_bytes = parse_bytes(memory)
     Outputs(json_path, markdown_path).require_writable(files)
     require_hdf5(files)
     folders = folders_named(allow_external)
-    found = {str(path): _statistics_of(path, known, memory_bytes, folders) for path in files}
-    tables = tables_of(found)
+    by_file = {str(path): _statistics_of(path, dialect_read, memory_bytes, folders) for path in files}
+    tables = tables_of(by_file)
     if json_path:
-        write_text(json_path, _as_json(found))
+        write_text(json_path, _as_json(by_file))
     if markdown_path:
         write_text(markdown_path, _as_markdown(tables))
     _show(tables)
@@ -72,27 +72,27 @@ def _counted(
     return collect_statistics(path, dialect, memory_bytes, progress, allow_external)
 
 
-def _as_json(found: Mapping[str, Statistics]) -> str:
+def _as_json(by_file: Mapping[str, Statistics]) -> str:
     tool = {"name": "fedora-qa", "version": __version__}
-    files = [{"path": path, "statistics": statistics} for path, statistics in found.items()]
+    files = [{"path": path, "statistics": statistics} for path, statistics in by_file.items()]
     return json.dumps({"tool": tool, "files": files}, indent=1, allow_nan=False) + "\n"
 
 
 def _as_markdown(tables: Sequence[StatsTable]) -> str:
-    sections = [f"## {one.title}\n\n{table(one.head, one.rows)}" for one in tables]
+    sections = [f"## {source.title}\n\n{table(source.head, source.rows)}" for source in tables]
     return "\n\n".join([*sections, escape(NOTES)]) + "\n"
 
 
 def _show(tables: Sequence[StatsTable]) -> None:
     console = stdout_console()
-    for one in tables:
-        shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-        shown.add_column(one.head[0], overflow="fold")
-        for head in one.head[1:]:
-            shown.add_column(head, justify="right", overflow="fold")
-        for row in one.rows:
-            shown.add_row(*(text(cell) for cell in row))
-        console.print(Text(one.title, style="bold"))
-        console.print(shown)
+    for source in tables:
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        table.add_column(source.head[0], overflow="fold")
+        for head in source.head[1:]:
+            table.add_column(head, justify="right", overflow="fold")
+        for row in source.rows:
+            table.add_row(*(text(cell) for cell in row))
+        console.print(Text(source.title, style="bold"))
+        console.print(table)
         console.print()
     console.print(text(NOTES, "dim"))

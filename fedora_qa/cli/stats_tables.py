@@ -30,24 +30,24 @@ class StatsTable:
     rows: tuple[tuple[str, ...], ...]
 
 
-def tables_of(found: Mapping[str, Statistics]) -> tuple[StatsTable, ...]:
+def tables_of(by_file: Mapping[str, Statistics]) -> tuple[StatsTable, ...]:
     """Return the sequence table, the flow table, and tables of light, depth and rates, for files by path."""
-    named = {_short(path, found): statistics for path, statistics in found.items()}
+    named = {_short(path, by_file): statistics for path, statistics in by_file.items()}
     tables = (_sequences(named), _flow(named), _images(named), _rates(named))
     return tuple(table for table in tables if table.rows)
 
 
-def _short(path: str, found: Mapping[str, Statistics]) -> str:
+def _short(path: str, by_file: Mapping[str, Statistics]) -> str:
     """Return the file's name where that is enough to tell it from the others, else its path."""
-    names = [PurePath(other).name for other in found]
+    names = [PurePath(other).name for other in by_file]
     name = PurePath(path).name
     return name if names.count(name) == 1 else path
 
 
-def _sequences(found: Mapping[str, Statistics]) -> StatsTable:
+def _sequences(by_file: Mapping[str, Statistics]) -> StatsTable:
     head = ("sequence", "T [s]", "D [m]", "v max [m/s]", "w max [rad/s]", "events", "MER [M/s]", "brighter [%]")
     rows = []
-    for name, statistics in found.items():
+    for name, statistics in by_file.items():
         sequence, motion, events = (statistics.get(group, {}) for group in ("sequence", "motion", "events"))
         rows.append(
             (
@@ -64,9 +64,9 @@ def _sequences(found: Mapping[str, Statistics]) -> StatsTable:
     return StatsTable("Sequences", head, tuple(rows))
 
 
-def _flow(found: Mapping[str, Statistics]) -> StatsTable:
+def _flow(by_file: Mapping[str, Statistics]) -> StatsTable:
     rows = []
-    for name, statistics in found.items():
+    for name, statistics in by_file.items():
         for group, flow in statistics.items():
             if group.startswith("flow/"):
                 cells = (_value(flow, key) for key in ("mean_px", "variance_px2", "max_px"))
@@ -76,10 +76,10 @@ def _flow(found: Mapping[str, Statistics]) -> StatsTable:
     )
 
 
-def _images(found: Mapping[str, Statistics]) -> StatsTable:
+def _images(by_file: Mapping[str, Statistics]) -> StatsTable:
     head = ("sequence", "depth [m]", "mean depth [m]", "mean disparity [1/m]", "valid [%]", "brightness [DN]")
     rows = []
-    for name, statistics in found.items():
+    for name, statistics in by_file.items():
         depth, rgb = statistics.get("depth", {}), statistics.get("rgb", {})
         if depth or rgb:
             spread = f"{_value(depth, 'min_m')} to {_value(depth, 'max_m')}" if depth else _ABSENT
@@ -89,10 +89,10 @@ def _images(found: Mapping[str, Statistics]) -> StatsTable:
     return StatsTable("Depth and light", head, tuple(rows))
 
 
-def _rates(found: Mapping[str, Statistics]) -> StatsTable:
-    streams = list(dict.fromkeys(key for statistics in found.values() for key in statistics.get("rates", {})))
+def _rates(by_file: Mapping[str, Statistics]) -> StatsTable:
+    streams = list(dict.fromkeys(key for statistics in by_file.values() for key in statistics.get("rates", {})))
     head = ("sequence", *(f"{stream.removesuffix('_hz')} [Hz]" for stream in streams))
-    rows = [(name, *(_value(stats.get("rates", {}), key) for key in streams)) for name, stats in found.items()]
+    rows = [(name, *(_value(stats.get("rates", {}), key) for key in streams)) for name, stats in by_file.items()]
     return StatsTable("Rates", head, tuple(rows) if streams else ())
 
 

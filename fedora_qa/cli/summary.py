@@ -71,12 +71,14 @@ def _file(file: FileRecord, width: int) -> Iterator[RenderableType]:
     yield Text()
     if file.diagnoses:
         yield from _section("Probable causes", [_diagnosis(diagnosis, file) for diagnosis in file.diagnoses])
-    found = findings_of(file)
-    if found:
-        shown = [_finding(result, finding) for result, finding in found[:_FINDINGS_SHOWN]]
-        if len(found) > _FINDINGS_SHOWN:
-            shown.append(Text(f"... and {len(found) - _FINDINGS_SHOWN} more: write them all with --json", style="dim"))
-        yield from _section("Findings", shown)
+    findings = findings_of(file)
+    if findings:
+        lines_of_findings = [_finding(result, finding) for result, finding in findings[:_FINDINGS_SHOWN]]
+        if len(findings) > _FINDINGS_SHOWN:
+            lines_of_findings.append(
+                Text(f"... and {len(findings) - _FINDINGS_SHOWN} more: write them all with --json", style="dim")
+            )
+        yield from _section("Findings", lines_of_findings)
     if file.results:
         yield Text("Checks", style="bold")
         yield _checks_table(file.results) if width >= _WIDE else _checks_list(file.results)

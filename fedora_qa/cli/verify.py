@@ -21,10 +21,10 @@ def verify(certificate_path: Path, folder: Path) -> int:
     Exit codes: 0 the same; 1 something was changed, added or removed, or a waiver has expired; 2 misuse.
     """
     certificate = read_certificate(certificate_path)
-    found = differences(certificate, folder, datetime.now(UTC).date())
-    for difference in found:
+    deviations = differences(certificate, folder, datetime.now(UTC).date())
+    for difference in deviations:
         click.echo(f"differs: {unobeyed(difference)}")
-    if found:
+    if deviations:
         return FINDINGS
     click.echo(
         f"{len(certificate.files)} sequences and {len(certificate.documents)} documents are as certified on "

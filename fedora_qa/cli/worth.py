@@ -13,7 +13,7 @@ def worth_words(check: str) -> str:
     worth = read_worth()
     if worth is None:
         return ""
-    lines = [_line(one) for one in worth.of(check)] or ["No cause that was planted is surely found by it."]
+    lines = [_line(row) for row in worth.of(check)] or ["No cause that was planted is surely found by it."]
     return "\n".join([*lines, "", _whence(worth)])
 
 
@@ -32,29 +32,29 @@ def all_worth() -> tuple[tuple[FoundInWords, ...], str]:
     worth = read_worth()
     if worth is None:
         return (), ""
-    relied_on = [one for check in dict.fromkeys(one.check for one in worth.found) for one in worth.of(check)]
+    relied_on = [row for check in dict.fromkeys(row.check for row in worth.found) for row in worth.of(check)]
     best: dict[str, Found] = {}
-    for one in relied_on:
-        rival = best.setdefault(one.cause, one)
-        if _least(one) < _least(rival):
-            best[one.cause] = one
-    found = (FoundInWords(one.cause, one.check, _found(one), best[one.cause] is one) for one in relied_on)
-    return tuple(sorted(found, key=lambda one: list(best).index(one.cause))), _whence(worth)
+    for row in relied_on:
+        rival = best.setdefault(row.cause, row)
+        if _least(row) < _least(rival):
+            best[row.cause] = row
+    rows_as_text = (FoundInWords(row.cause, row.check, _found(row), best[row.cause] is row) for row in relied_on)
+    return tuple(sorted(rows_as_text, key=lambda row: list(best).index(row.cause))), _whence(worth)
 
 
-def _least(one: Found) -> float:
+def _least(row: Found) -> float:
     """Return the size from which a cause is found; what is found at every size that was tried comes first."""
-    return 0.0 if one.at_95.value is None else one.at_95.value
+    return 0.0 if row.at_95.value is None else row.at_95.value
 
 
-def _line(one: Found) -> str:
-    return f"{one.cause}: {_found(one)}"
+def _line(row: Found) -> str:
+    return f"{row.cause}: {_found(row)}"
 
 
-def _found(one: Found) -> str:
-    if one.at_95.value is None:
-        return f"found {share_words(one.found)}"
-    return f"95% at {estimate_words(one.at_95, one.unit)}"
+def _found(row: Found) -> str:
+    if row.at_95.value is None:
+        return f"found {share_words(row.found)}"
+    return f"95% at {estimate_words(row.at_95, row.unit)}"
 
 
 def _whence(worth: Worth) -> str:

@@ -36,7 +36,9 @@ class _Planned:
 
     @property
     def tests(self) -> int:
-        return len(self.held) + sum(with_errors(one.before.statistics, one.after.statistics) for one in self.matched)
+        return len(self.held) + sum(
+            with_errors(match.before.statistics, match.after.statistics) for match in self.matched
+        )
 
 
 def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: float) -> Comparison:
@@ -50,7 +52,7 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
     if len(given) < 2:
         raise MisuseError(f"Expected two or more things to compare, got {len(given)}")
     planned = [_plan(given[0], other, place, design) for place, other in enumerate(given[1:], start=1)]
-    tests = sum(one.tests for one in planned)
+    tests = sum(item.tests for item in planned)
     level = false_alarm_rate / max(tests, 1)
     return Comparison(
         comparison_version=COMPARISON_VERSION,
@@ -58,9 +60,9 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
         false_alarm_rate=false_alarm_rate,
         tests=tests,
         level=level,
-        subjects=tuple(one.subject for one in given),
+        subjects=tuple(item.subject for item in given),
         overlays=tuple(_overlays(given)),
-        pairs=tuple(_pair(one, level) for one in planned),
+        pairs=tuple(_pair(item, level) for item in planned),
         published=PUBLISHED,
         notes=tuple(_notes(given)),
     )
@@ -89,36 +91,38 @@ def _pair(planned: _Planned, level: float) -> Pair:
 
 def _versions(planned: _Planned, level: float) -> Versions:
     changes = [
-        record_changes(one.name, one.before.record, one.after.record)
-        for one in planned.matched
-        if one.before.record and one.after.record
+        record_changes(item.name, item.before.record, item.after.record)
+        for item in planned.matched
+        if item.before.record and item.after.record
     ]
     before, after = planned.before.by_name, planned.after.by_name
-    seen = {id(file) for one in planned.matched for file in (one.before, one.after)}
+    matched_files = {id(file) for item in planned.matched for file in (item.before, item.after)}
     return Versions(
         matched=len(planned.matched),
         checked=len(changes),
-        gone=tuple(name for name, file in before.items() if id(file) not in seen),
-        new=tuple(name for name, file in after.items() if id(file) not in seen),
-        findings=tuple(finding for one in changes for finding in one.findings),
-        unchanged_findings=sum(one.unchanged for one in changes),
-        outcomes=tuple(outcome for one in changes for outcome in one.outcomes),
-        measurements=tuple(moved for one in changes for moved in one.measurements),
+        gone=tuple(name for name, file in before.items() if id(file) not in matched_files),
+        new=tuple(name for name, file in after.items() if id(file) not in matched_files),
+        findings=tuple(finding for item in changes for finding in item.findings),
+        unchanged_findings=sum(item.unchanged for item in changes),
+        outcomes=tuple(outcome for item in changes for outcome in item.outcomes),
+        measurements=tuple(moved for item in changes for moved in item.measurements),
         statistics=tuple(
             change
-            for one in planned.matched
-            for change in statistic_changes(one.name, one.before.statistics, one.after.statistics, level)
+            for item in planned.matched
+            for change in statistic_changes(item.name, item.before.statistics, item.after.statistics, level)
         ),
     )
 
 
 def _overlays(given: Sequence[Given]) -> Iterator[Overlay]:
     """Yield the distribution of every quantity that any subject has, all its files together."""
-    quantities = dict.fromkeys(q for one in given for file in one.files if file.sampled for q in file.sampled.counts)
+    quantities = dict.fromkeys(
+        q for subject in given for file in subject.files if file.sampled for q in file.sampled.counts
+    )
     for quantity in quantities:
-        totals = [_total(one, quantity) for one in given]
-        seen = np.flatnonzero(np.any([total > 0 for total in totals if total is not None], axis=0))
-        first, last = int(seen[0]), int(seen[-1]) + 1
+        totals = [_total(subject, quantity) for subject in given]
+        filled_bins = np.flatnonzero(np.any([total > 0 for total in totals if total is not None], axis=0))
+        first, last = int(filled_bins[0]), int(filled_bins[-1]) + 1
         shares = tuple(
             None if total is None else tuple(float(share) for share in shares_of(total[first:last])) for total in totals
         )
@@ -132,14 +136,14 @@ def _total(given: Given, quantity: str) -> Int64 | None:
 
 
 def _notes(given: Sequence[Given]) -> Iterator[str]:
-    for one in given:
-        lacking = [name for name, file in one.by_name.items() if file.sampled is None]
+    for subject in given:
+        lacking = [name for name, file in subject.by_name.items() if file.sampled is None]
         if lacking:
             yield (
-                f"{one.name}: nothing is known of the distributions of {', '.join(lacking[:3])}"
+                f"{subject.name}: nothing is known of the distributions of {', '.join(lacking[:3])}"
                 f"{f' and {len(lacking) - 3} more' if len(lacking) > 3 else ''}; its record is of an earlier version, "
                 "or its arrays do not lie beside it."
             )
-    checked = [one.name for one in given if any(file.record for file in one.files)]
+    checked = [subject.name for subject in given if any(file.record for file in subject.files)]
     if checked and len(checked) < len(given):
         yield "Findings are compared only where both sides are records of `fedora-qa check`."

@@ -32,8 +32,8 @@ class Held:
 def held_together(before: Given, after: Given, design: Design) -> tuple[Held, ...]:
     """Return every quantity that both subjects have, by file where they are versions."""
     if design == "versions":
-        found = [_paired(match.name, match.before.sampled, match.after.sampled) for match in matches(before, after)]
-        return tuple(held for some in found for held in some)
+        paired = [_paired(match.name, match.before.sampled, match.after.sampled) for match in matches(before, after)]
+        return tuple(held for some in paired for held in some)
     quantities = _quantities(before)
     return tuple(
         _held("", quantity, design, _units(before, quantity, design), _units(after, quantity, design), paired=False)
@@ -48,10 +48,10 @@ def difference_of(held: Held, level: float) -> Difference:
     random = np.random.default_rng(0)  # the same answer whenever it is asked for
     distance_error, shift_error = standard_errors(sides, random)
     before, after = (float(mean_of(shares_of(side.sum(axis=0)), sides.edges)) for side in (sides.before, sides.after))
-    told, reason = _told_beforehand(held, level)
-    found = None if told else chance_of(sides, level, random)
-    if found:
-        told = "differs" if found.of_distance <= level else "no_difference_seen"
+    conclusion, reason = _told_beforehand(held, level)
+    chance = None if conclusion else chance_of(sides, level, random)
+    if chance:
+        conclusion = "differs" if chance.of_distance <= level else "no_difference_seen"
     return Difference(
         file=held.file,
         quantity=held.quantity,
@@ -61,10 +61,10 @@ def difference_of(held: Held, level: float) -> Difference:
         shift_standard_error=shift_error,
         distance=sides.distance,
         distance_standard_error=distance_error,
-        distance_by_chance=found.distance_95 if found else None,
-        chance=found.of_distance if found else None,
+        distance_by_chance=chance.distance_95 if chance else None,
+        chance=chance.of_distance if chance else None,
         units=(len(sides.before), len(sides.after)),
-        told=told or "not_told",
+        told=conclusion or "not_told",
         reason=reason,
     )
 
@@ -89,8 +89,8 @@ def _paired(name: str, before: Sampled | None, after: Sampled | None) -> list[He
 
 
 def _held(file: str, quantity: str, design: Design, before: Int64, after: Int64, *, paired: bool) -> Held:
-    one, other, edges = filled(before, after)
-    return Held(file, quantity, design, Sides(one, other, edges, paired))
+    first, other, edges = filled(before, after)
+    return Held(file, quantity, design, Sides(first, other, edges, paired))
 
 
 def _units(given: Given, quantity: str, design: Design) -> Int64:

@@ -22,13 +22,13 @@ def mean_of(shares: Float64, edges: Float64) -> Float64:
     return np.asarray(shares @ ((edges[1:] + edges[:-1]) / 2))
 
 
-def wasserstein(one: Float64, other: Float64, edges: Float64) -> Float64:
+def wasserstein(first: Float64, other: Float64, edges: Float64) -> Float64:
     """Return the Wasserstein distances of order 1 (...) between shares (..., n), in the unit of ``edges`` (n + 1,).
 
     It is the area between the two distribution functions (Vallender 1974): how far a value must be moved on average to
     turn one distribution into the other.
     """
-    ahead = np.cumsum(one - other, axis=-1)
+    ahead = np.cumsum(first - other, axis=-1)
     before = np.abs(np.concatenate([np.zeros_like(ahead[..., :1]), ahead[..., :-1]], axis=-1))
     after = np.abs(ahead)
     crossing = np.sign(np.roll(ahead, 1, axis=-1)) * np.sign(ahead) < 0

@@ -24,7 +24,7 @@ def paper_tables(comparison: Comparison) -> tuple[TextTable, ...]:
             "Datasets",
             ("dataset", "files", "T (s)", "D (m)", "million events", "colour (MP)", "(Hz)", "events (MP)", "depth",
              "flow", SOURCE),
-            (*(_dataset(one) for one in subjects), *_published_datasets(comparison)),
+            (*(_dataset(subject) for subject in subjects), *_published_datasets(comparison)),
             _PUBLISHED_NOTE,
             words=1,
         ),
@@ -38,7 +38,7 @@ def paper_tables(comparison: Comparison) -> tuple[TextTable, ...]:
         TextTable(
             "Optical flow",
             ("sequences", "rate", "mean (px)", "variance (px²)", SOURCE),
-            (*(row for one in subjects for row in _flow(one)), *_published_flow(comparison)),
+            (*(row for subject in subjects for row in _flow(subject)), *_published_flow(comparison)),
             "Length of flow over the interval of its rate, all files together. The paper prints its variance in pix/s.",
         ),
         TextTable(
@@ -54,21 +54,21 @@ def paper_tables(comparison: Comparison) -> tuple[TextTable, ...]:
 
 def _named(subjects: Sequence[Subject]) -> Iterator[tuple[str, ComparedFile]]:
     """Yield each file with a name that tells it from those of other subjects."""
-    names = [file.name for one in subjects for file in one.files]
-    for one in subjects:
-        for file in one.files:
-            yield (file.name if names.count(file.name) == 1 else f"{one.name}: {file.name}"), file
+    names = [file.name for subject in subjects for file in subject.files]
+    for subject in subjects:
+        for file in subject.files:
+            yield (file.name if names.count(file.name) == 1 else f"{subject.name}: {file.name}"), file
 
 
-def _dataset(one: Subject) -> tuple[str, ...]:
-    groups = [file.statistics for file in one.files]
+def _dataset(subject: Subject) -> tuple[str, ...]:
+    groups = [file.statistics for file in subject.files]
     first: Mapping[str, Group] = groups[0] if groups else {}
     cameras, rates = first.get("cameras", {}), first.get("rates", {})
     depth = f"{_megapixels(cameras, 'depth')} MP {_rounded(rates, 'depth_hz')} Hz" if "depth_hz" in rates else ABSENT
     flow = [name.removeprefix("flow/").removesuffix("hz") for name in first if name.startswith("flow/")]
     return (
-        one.name,
-        str(len(one.files)),
+        subject.name,
+        str(len(subject.files)),
         _total(groups, "sequence", "duration_s"),
         _total(groups, "motion", "distance_m"),
         _total(groups, "events", "count", 1e-6),
@@ -94,11 +94,11 @@ def _sequence(name: str, file: ComparedFile) -> tuple[str, ...]:
     )
 
 
-def _flow(one: Subject) -> Iterator[tuple[str, ...]]:
-    for group in dict.fromkeys(name for file in one.files for name in file.statistics if name.startswith("flow/")):
-        mean, variance = _pooled([file.statistics[group] for file in one.files if group in file.statistics])
+def _flow(subject: Subject) -> Iterator[tuple[str, ...]]:
+    for group in dict.fromkeys(name for file in subject.files for name in file.statistics if name.startswith("flow/")):
+        mean, variance = _pooled([file.statistics[group] for file in subject.files if group in file.statistics])
         rate = f"{group.removeprefix('flow/').removesuffix('hz')} Hz"
-        yield one.name, rate, _shown(mean), _shown(variance), ""
+        yield subject.name, rate, _shown(mean), _shown(variance), ""
 
 
 def _depth(name: str, file: ComparedFile) -> tuple[str, ...]:
@@ -109,16 +109,16 @@ def _depth(name: str, file: ComparedFile) -> tuple[str, ...]:
 
 def _pooled(parts: Sequence[Group]) -> tuple[float | None, float | None]:
     """Return mean and variance of all pixels together, from those of each file."""
-    known = [
+    pairs = [
         (float(pixels), float(mean), float(variance))
         for pixels, mean, variance in ((p.get("pixels"), p.get("mean_px"), p.get("variance_px2")) for p in parts)
         if isinstance(pixels, int | float) and isinstance(mean, int | float) and isinstance(variance, int | float)
     ]
-    pixels = sum(part[0] for part in known)
+    pixels = sum(part[0] for part in pairs)
     if not pixels:
         return None, None
-    mean = sum(n * m for n, m, _ in known) / pixels
-    return mean, sum(n * (v + (m - mean) * (m - mean)) for n, m, v in known) / pixels
+    mean = sum(n * m for n, m, _ in pairs) / pixels
+    return mean, sum(n * (v + (m - mean) * (m - mean)) for n, m, v in pairs) / pixels
 
 
 def _published_datasets(comparison: Comparison) -> Iterator[tuple[str, ...]]:
@@ -153,9 +153,9 @@ def _published(
 
 def _total(groups: Sequence[Mapping[str, Group]], group: str, key: str, scale: float = 1.0) -> str:
     """Return a sum over all files; absent where one of them does not say."""
-    values = [one.get(group, {}).get(key) for one in groups]
-    known = [float(value) for value in values if isinstance(value, int | float)]
-    return number(scale * sum(known)) if known and len(known) == len(values) else ABSENT
+    values = [statistics.get(group, {}).get(key) for statistics in groups]
+    numbers = [float(value) for value in values if isinstance(value, int | float)]
+    return number(scale * sum(numbers)) if numbers and len(numbers) == len(values) else ABSENT
 
 
 def _megapixels(cameras: Group, camera: str) -> str:

@@ -41,7 +41,9 @@ def sampled_from(arrays: Mapping[str, NDArray[Any]], prefix: str = "") -> Sample
     names = dict.fromkeys(name.removeprefix(begins).split("/")[0] for name in arrays if name.startswith(begins))
     placed = {name: _placed(arrays, named(begins[:-1], name), len(blocks)) for name in names}
     counts = {name: placed[name] for name in sorted(names, key=_order)}
-    return Sampled(block_ns, blocks[:, 0] // block_ns, {name: one for name, one in counts.items() if one is not None})
+    return Sampled(
+        block_ns, blocks[:, 0] // block_ns, {name: values for name, values in counts.items() if values is not None}
+    )
 
 
 def paired_blocks(before: Sampled, after: Sampled, quantity: str) -> tuple[Int64, Int64]:
@@ -69,11 +71,11 @@ def unit_of(quantity: str) -> str:
     return next((unit for ending, unit in _UNITS.items() if quantity.endswith(ending)), "")
 
 
-def filled(one: Int64, other: Int64) -> tuple[Int64, Int64, Float64]:
+def filled(counts: Int64, other: Int64) -> tuple[Int64, Int64, Float64]:
     """Return counts (u, n) and (v, n) without the bins on either end that are empty in both, and their edges."""
-    seen = np.flatnonzero(one.any(axis=0) | other.any(axis=0))
-    first, last = int(seen[0]), int(seen[-1]) + 1
-    return one[:, first:last], other[:, first:last], octave_edges()[first : last + 1]
+    filled_bins = np.flatnonzero(counts.any(axis=0) | other.any(axis=0))
+    first, last = int(filled_bins[0]), int(filled_bins[-1]) + 1
+    return counts[:, first:last], other[:, first:last], octave_edges()[first : last + 1]
 
 
 def _placed(arrays: Mapping[str, NDArray[Any]], name: str, blocks: int) -> Int64 | None:
@@ -103,5 +105,5 @@ def _order(quantity: str) -> tuple[int, int, str]:
     if quantity.startswith(_FLOW):
         rate = quantity.removeprefix(_FLOW).removesuffix("hz")
         return 0, int(rate) if rate.isdecimal() else 0, quantity
-    known = list(QUANTITIES)
-    return 1, known.index(quantity) if quantity in known else len(known), quantity
+    quantities = list(QUANTITIES)
+    return 1, quantities.index(quantity) if quantity in quantities else len(quantities), quantity

@@ -14,15 +14,15 @@ _ERROR: Final = "_standard_error"
 
 def statistic_changes(file: str, before: Statistics, after: Statistics, level: float) -> Iterator[StatisticChange]:
     """Yield every number that is not the same in both; see ``with_errors`` for those that are tests."""
-    for name, (one, other) in _numbers(before, after).items():
-        if one == other:
+    for name, (first, other) in _numbers(before, after).items():
+        if first == other:
             continue
         error = _error(name, before, after)
-        if error is None or one is None or other is None:
-            yield StatisticChange(file, name, one, other, None, None, "changed")
+        if error is None or first is None or other is None:
+            yield StatisticChange(file, name, first, other, None, None, "changed")
             continue
-        chance = erfc(abs(other - one) / (error * sqrt(2))) if error else 0.0
-        yield StatisticChange(file, name, one, other, error, chance, "moved" if chance <= level else "within_error")
+        chance = erfc(abs(other - first) / (error * sqrt(2))) if error else 0.0
+        yield StatisticChange(file, name, first, other, error, chance, "moved" if chance <= level else "within_error")
 
 
 def with_errors(before: Statistics, after: Statistics) -> int:
@@ -34,9 +34,9 @@ def _numbers(before: Statistics, after: Statistics) -> dict[str, tuple[float | N
     """Return the numbers of both by ``group.name``, without the errors; None where one side has none."""
     named: dict[str, tuple[float | None, float | None]] = {}
     for group in dict.fromkeys([*before, *after]):
-        one, other = before.get(group, {}), after.get(group, {})
-        for key in dict.fromkeys([*one, *other]):
-            values = _number(one.get(key)), _number(other.get(key))
+        first, other = before.get(group, {}), after.get(group, {})
+        for key in dict.fromkeys([*first, *other]):
+            values = _number(first.get(key)), _number(other.get(key))
             if _ERROR not in key and values != (None, None):
                 named[f"{group}.{key}"] = values
     return named
@@ -46,9 +46,9 @@ def _error(name: str, before: Statistics, after: Statistics) -> float | None:
     """Return the standard error of the difference; None where either side has none."""
     group, _, key = name.rpartition(".")
     errors = [_error_of(side.get(group, {}), key) for side in (before, after)]
-    known = [error for error in errors if error is not None]
-    error = hypot(*known)
-    return error if len(known) == len(errors) and isfinite(error) else None
+    finite_errors = [error for error in errors if error is not None]
+    error = hypot(*finite_errors)
+    return error if len(finite_errors) == len(errors) and isfinite(error) else None
 
 
 def _error_of(group: Mapping[str, Scalar], key: str) -> float | None:

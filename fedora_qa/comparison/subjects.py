@@ -72,9 +72,9 @@ def matches(before: Given, after: Given) -> tuple[Match, ...]:
 def labels(paths: Sequence[str]) -> tuple[str, ...]:
     """Return a short name for each path: its end, with as many folders before it as tell it from the others."""
     parts = [PurePath(path).parts or (path,) for path in paths]
-    return tuple("/".join(one[-_needed(one, parts) :]).replace("//", "/") for one in parts)
+    return tuple("/".join(part[-_needed(part, parts) :]).replace("//", "/") for part in parts)
 
 
-def _needed(one: tuple[str, ...], every: Sequence[tuple[str, ...]]) -> int:
-    sizes = range(1, len(one) + 1)
-    return next((n for n in sizes if sum(other[-n:] == one[-n:] for other in every) == 1), len(one))
+def _needed(part: tuple[str, ...], every: Sequence[tuple[str, ...]]) -> int:
+    sizes = range(1, len(part) + 1)
+    return next((n for n in sizes if sum(other[-n:] == part[-n:] for other in every) == 1), len(part))

@@ -41,9 +41,13 @@ class PairTables:
 
 def headline(comparison: Comparison) -> str:
     """Return what was compared and what came of it, in one line."""
-    told = [one.told for pair in comparison.pairs for one in pair.differences]
-    parts = [f"{told.count(kind)} {words}" for kind, words in TOLD_WORDS.items() if told.count(kind)]
-    return f"{len(told)} distributions compared: {', '.join(parts)}" if told else "No distributions to compare"
+    conclusions = [difference.told for pair in comparison.pairs for difference in pair.differences]
+    parts = [f"{conclusions.count(kind)} {words}" for kind, words in TOLD_WORDS.items() if conclusions.count(kind)]
+    return (
+        f"{len(conclusions)} distributions compared: {', '.join(parts)}"
+        if conclusions
+        else "No distributions to compare"
+    )
 
 
 def how_it_is_told(comparison: Comparison) -> str:
@@ -64,20 +68,20 @@ def comparison_to_markdown(comparison: Comparison) -> str:
     parts = ["# Comparison", f"**{escape(headline(comparison))}**. {escape(how_it_is_told(comparison))}"]
     parts += [f"- {escape(note)}" for note in comparison.notes]
     for pair in pair_tables(comparison):
-        parts += [f"## {escape(pair.title)}", escape(pair.summary), *(_section(one) for one in pair.tables)]
-    parts += ["## Tables of the paper", *(_section(one) for one in paper_tables(comparison))]
+        parts += [f"## {escape(pair.title)}", escape(pair.summary), *(_section(source) for source in pair.tables)]
+    parts += ["## Tables of the paper", *(_section(source) for source in paper_tables(comparison))]
     return "\n\n".join([*parts, f"<sub>{escape(f'{comparison.tool.name} {comparison.tool.version}')}</sub>"]) + "\n"
 
 
-def _section(one: TextTable) -> str:
-    return f"### {escape(one.title)}\n\n{table(one.head, one.rows)}\n\n{escape(one.note)}".rstrip()
+def _section(source: TextTable) -> str:
+    return f"### {escape(source.title)}\n\n{table(source.head, source.rows)}\n\n{escape(source.note)}".rstrip()
 
 
 def _pair(comparison: Comparison, pair: Pair) -> PairTables:
     before, after = (comparison.subjects[place].name for place in (pair.before, pair.after))
     tables = [_distances(pair), *(_version_tables(pair.versions) if pair.versions else ())]
     summary = f"Compared as {DESIGN_WORDS[pair.design]}. {_version_words(pair.versions) if pair.versions else ''}"
-    return PairTables(f"{after} against {before}", summary.rstrip(), tuple(one for one in tables if one.rows))
+    return PairTables(f"{after} against {before}", summary.rstrip(), tuple(source for source in tables if source.rows))
 
 
 def _distances(pair: Pair) -> TextTable:
@@ -92,9 +96,11 @@ def _distances(pair: Pair) -> TextTable:
         "chance",
         "answer",
     )
-    by_file = any(one.file for one in pair.differences)
-    rows = tuple((*((one.file,) if by_file else ()), *_distance_cells(one)) for one in pair.differences)
-    reasons = dict.fromkeys(one.reason for one in pair.differences if one.reason)
+    by_file = any(difference.file for difference in pair.differences)
+    rows = tuple(
+        (*((difference.file,) if by_file else ()), *_distance_cells(difference)) for difference in pair.differences
+    )
+    reasons = dict.fromkeys(difference.reason for difference in pair.differences if difference.reason)
     note = " ".join(
         [
             "Shift of the mean and Wasserstein distance, with standard errors where enough can be drawn again; chance: "
@@ -105,25 +111,25 @@ def _distances(pair: Pair) -> TextTable:
     return TextTable("Distributions", (*(("file",) if by_file else ()), *head), rows, note)
 
 
-def _distance_cells(one: Difference) -> tuple[str, ...]:
+def _distance_cells(difference: Difference) -> tuple[str, ...]:
     return (
-        one.quantity,
-        one.unit,
-        number(one.mean_before),
-        number(one.mean_after),
-        with_error(one.mean_after - one.mean_before, one.shift_standard_error, ""),
-        with_error(one.distance, one.distance_standard_error, ""),
-        ABSENT if one.distance_by_chance is None else number(one.distance_by_chance),
-        ABSENT if one.chance is None else f"{one.chance:.2g}",
-        TOLD_WORDS[one.told],
+        difference.quantity,
+        difference.unit,
+        number(difference.mean_before),
+        number(difference.mean_after),
+        with_error(difference.mean_after - difference.mean_before, difference.shift_standard_error, ""),
+        with_error(difference.distance, difference.distance_standard_error, ""),
+        ABSENT if difference.distance_by_chance is None else number(difference.distance_by_chance),
+        ABSENT if difference.chance is None else f"{difference.chance:.2g}",
+        TOLD_WORDS[difference.told],
     )
 
 
 def _version_words(versions: Versions) -> str:
-    changes = [one.change for one in versions.findings]
-    found = ", ".join(f"{changes.count(kind)} {kind}" for kind in ("new", "gone", "changed"))
+    changes = [finding.change for finding in versions.findings]
+    counts = ", ".join(f"{changes.count(kind)} {kind}" for kind in ("new", "gone", "changed"))
     findings = (
-        f"Findings in {_files(versions.checked)} checked in both: {found}, {versions.unchanged_findings} unchanged. "
+        f"Findings in {_files(versions.checked)} checked in both: {counts}, {versions.unchanged_findings} unchanged. "
         if versions.checked
         else "Findings are not compared: both sides must be records of a check. "
     )
@@ -141,39 +147,52 @@ def _files(number: int) -> str:
 
 def _version_tables(versions: Versions) -> Iterator[TextTable]:
     findings = [
-        (one.file, one.change, one.code or one.check, one.stream or ABSENT, _became(one.severity_before,
-         one.severity_after), one.message_after or one.message_before)
-        for one in versions.findings
+        (change.file, change.change, change.code or change.check, change.stream or ABSENT,
+         _became(change.severity_before, change.severity_after), change.message_after or change.message_before)
+        for change in versions.findings
     ]  # fmt: skip
     yield _shown("Findings", ("file", "change", "rule", "stream", "severity", "finding"), findings, words=6)
     outcomes = [
-        (one.file, one.check, *(ABSENT if word is None else OUTCOME_WORDS[word] for word in (one.before, one.after)))
-        for one in versions.outcomes
+        (
+            change.file,
+            change.check,
+            *(ABSENT if word is None else OUTCOME_WORDS[word] for word in (change.before, change.after)),
+        )
+        for change in versions.outcomes
     ]
     yield _shown("Checks that end otherwise", ("file", "check", "before", "after"), outcomes, words=4)
     moved = [
-        (one.file, f"{one.check} {one.name}", one.unit, number(one.before), number(one.after), number(one.allowed))
-        for one in versions.measurements
+        (
+            change.file,
+            f"{change.check} {change.name}",
+            change.unit,
+            number(change.before),
+            number(change.after),
+            number(change.allowed),
+        )
+        for change in versions.measurements
     ]
     note = "Two honest versions differ by no more than what is allowed, at the false-alarm rate of a check."
     yield _shown(
         "Measured values that moved", ("file", "measured", "unit", "before", "after", "allowed"), moved, 3, note
     )
-    statistics = sorted(versions.statistics, key=lambda one: ("moved", "within_error", "changed").index(one.moved))
+    statistics = sorted(
+        versions.statistics, key=lambda change: ("moved", "within_error", "changed").index(change.moved)
+    )
     head = ("file", "statistic", "moved", "before", "after", "difference", "chance")
-    yield _shown("Statistics that are not the same", head, [_statistic_cells(one) for one in statistics], words=3)
+    yield _shown("Statistics that are not the same", head, [_statistic_cells(change) for change in statistics], words=3)
 
 
-def _statistic_cells(one: StatisticChange) -> tuple[str, ...]:
-    known = one.before is not None and one.after is not None
+def _statistic_cells(change: StatisticChange) -> tuple[str, ...]:
+    has_both = change.before is not None and change.after is not None
     return (
-        one.file,
-        one.statistic,
-        MOVED_WORDS[one.moved],
-        ABSENT if one.before is None else number(one.before),
-        ABSENT if one.after is None else number(one.after),
-        with_error((one.after or 0.0) - (one.before or 0.0), one.standard_error, "") if known else ABSENT,
-        ABSENT if one.chance is None else f"{one.chance:.2g}",
+        change.file,
+        change.statistic,
+        MOVED_WORDS[change.moved],
+        ABSENT if change.before is None else number(change.before),
+        ABSENT if change.after is None else number(change.after),
+        with_error((change.after or 0.0) - (change.before or 0.0), change.standard_error, "") if has_both else ABSENT,
+        ABSENT if change.chance is None else f"{change.chance:.2g}",
     )
 
 

@@ -25,10 +25,12 @@ def record_changes(file: str, before: FileRecord, after: FileRecord) -> RecordCh
     """Hold two records of one file against each other."""
     moved = tuple(_measurement_changes(file, before, after))
     restless = {change.check for change in moved}
-    one, other = _findings(before), _findings(after)
-    changes = [_finding_change(file, key, one.get(key), other.get(key), restless) for key in {**one, **other}]
-    found = tuple(change for change in changes if change is not None)
-    return RecordChanges(found, len(changes) - len(found), tuple(_outcome_changes(file, before, after)), moved)
+    first, other = _findings(before), _findings(after)
+    changes = [_finding_change(file, key, first.get(key), other.get(key), restless) for key in {**first, **other}]
+    finding_changes = tuple(change for change in changes if change is not None)
+    return RecordChanges(
+        finding_changes, len(changes) - len(finding_changes), tuple(_outcome_changes(file, before, after)), moved
+    )
 
 
 def allowed_shift(before: Measurement, after: Measurement) -> float | None:
@@ -58,9 +60,9 @@ def _finding_change(
     restless: set[str],
 ) -> FindingChange | None:
     """Return what became of a finding; None where nothing did."""
-    one, other = (side[1] if side else None for side in (before, after))
-    change: Change = "changed" if one and other else "new" if other else "gone"
-    if one and other and one.severity == other.severity and key[0] not in restless:
+    first, other = (side[1] if side else None for side in (before, after))
+    change: Change = "changed" if first and other else "new" if other else "gone"
+    if first and other and first.severity == other.severity and key[0] not in restless:
         return None
     return FindingChange(
         file=file,
@@ -68,24 +70,24 @@ def _finding_change(
         check=key[0],
         code=key[1],
         stream=key[2],
-        severity_before=one.severity if one else None,
+        severity_before=first.severity if first else None,
         severity_after=other.severity if other else None,
-        message_before=one.message if one else "",
+        message_before=first.message if first else "",
         message_after=other.message if other else "",
     )
 
 
 def _outcome_changes(file: str, before: FileRecord, after: FileRecord) -> Iterator[OutcomeChange]:
-    one, other = ({result.check: result.outcome for result in side.results} for side in (before, after))
-    for check in {**one, **other}:
-        if one.get(check) != other.get(check):
-            yield OutcomeChange(file, check, one.get(check), other.get(check))
+    first, other = ({result.check: result.outcome for result in side.results} for side in (before, after))
+    for check in {**first, **other}:
+        if first.get(check) != other.get(check):
+            yield OutcomeChange(file, check, first.get(check), other.get(check))
 
 
 def _measurement_changes(file: str, before: FileRecord, after: FileRecord) -> Iterator[MeasurementChange]:
-    one, other = _measurements(before), _measurements(after)
+    first, other = _measurements(before), _measurements(after)
     for (check, name), measured in other.items():
-        earlier = one.get((check, name))
+        earlier = first.get((check, name))
         allowed = allowed_shift(earlier, measured) if earlier and earlier.unit == measured.unit else None
         if earlier is None or allowed is None or earlier.value is None or measured.value is None:
             continue

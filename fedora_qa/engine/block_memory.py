@@ -77,7 +77,9 @@ class BlockMemory:
         """Give pages that nobody uses to the system, those of the narrowest gap; return whether there were any."""
         self._take_back()
         pieces = [(region.held(*free), region, free) for region in self._work_queue for free in region.free]
-        held, region, free = min((one for one in pieces if one[0]), key=lambda one: one[0], default=(0, None, (0, 0)))
+        held, region, free = min(
+            (piece for piece in pieces if piece[0]), key=lambda piece: piece[0], default=(0, None, (0, 0))
+        )
         if region is None:
             return False
         if free == (0, len(region.pages)):

@@ -47,27 +47,27 @@ def measure_sampled(
     began = time.monotonic()
     with opened(survey) as file:
         accumulators = _sampled(file)
-        shown: dict[int, PartialPass] = {}
+        passes: dict[int, PartialPass] = {}
         longest_s = 0.0
         for done, window in enumerate(windows):
             left_s = allowed_s - (time.monotonic() - began)
-            if shown and longest_s > left_s:
+            if passes and longest_s > left_s:
                 break
             progress(STAGE, done, len(windows))
-            shown[window] = _measured(survey, file, accumulators, [window], quiet)
-            longest_s = max(longest_s, shown[window].seconds)
-        return shown
+            passes[window] = _measured(survey, file, accumulators, [window], quiet)
+            longest_s = max(longest_s, passes[window].seconds)
+        return passes
 
 
-def finish_sampled(survey: Survey, shown: Shown, lost: Sequence[int], progress: Progress) -> FileRun:
+def finish_sampled(survey: Survey, passes: Shown, lost: Sequence[int], progress: Progress) -> FileRun:
     """Judge a file by what its windows have shown. ``lost`` are windows of the plan that nobody could measure."""
     with opened(survey) as file:
-        return _finished(survey, file, shown, lost, progress)
+        return _finished(survey, file, passes, lost, progress)
 
 
-def rehearse(survey: Survey, shown: Shown, progress: Progress) -> Traffic:
+def rehearse(survey: Survey, passes: Shown, progress: Progress) -> Traffic:
     """Do the same with a copy, to see how long it takes; return what it asked of a server."""
-    copy = pickle.loads(pickle.dumps(shown))  # judging takes the states apart
+    copy = pickle.loads(pickle.dumps(passes))  # judging takes the states apart
     with opened(survey) as file:
         _finished(survey, file, copy, (), progress)
         return file.sequence.traffic
@@ -78,10 +78,10 @@ def at_density(survey: Survey, plan: Plan, effort: Effort) -> Survey:
     return replace(survey, plan=plan, options=replace(survey.options, effort=effort))
 
 
-def _finished(survey: Survey, file: OpenSurvey, shown: Shown, lost: Sequence[int], progress: Progress) -> FileRun:
+def _finished(survey: Survey, file: OpenSurvey, passes: Shown, lost: Sequence[int], progress: Progress) -> FileRun:
     facts = file.ready.facts
-    steady = together(shown.steady, _steady(file), facts)
-    sampled = together((part for _, part in sorted(shown.sampled.items())), _sampled(file), facts)
+    steady = together(passes.steady, _steady(file), facts)
+    sampled = together((part for _, part in sorted(passes.sampled.items())), _sampled(file), facts)
     both = PartialPass(
         PassState(
             {**steady.states.states, **sampled.states.states},
@@ -115,4 +115,4 @@ def _steady(file: OpenSurvey) -> tuple[Accumulator, ...]:
 
 def _sampled(file: OpenSurvey) -> tuple[Accumulator, ...]:
     steady = _steady(file)
-    return tuple(one for one in file.accumulators if one not in steady)
+    return tuple(accumulator for accumulator in file.accumulators if accumulator not in steady)

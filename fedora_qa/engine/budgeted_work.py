@@ -49,7 +49,7 @@ class BudgetedWork(FileWork):
         checks: tuple[Check[Any], ...] | None,
         options: CheckOptions,
         workers: int,
-        told: Callable[[str], None],
+        report: Callable[[str], None],
         folder: Path | None,
         allot: Callable[["BudgetedWork"], float],
     ) -> None:
@@ -63,7 +63,7 @@ class BudgetedWork(FileWork):
         self._rehearsing = False
         self._rehearsals_s = 0.0
         self._traffic = NO_TRAFFIC
-        super().__init__(path, size, checks, options, workers, told, folder)
+        super().__init__(path, size, checks, options, workers, report, folder)
 
     def _do_in_one(self) -> None:
         """Go in steps even alone: between them it is decided what comes next."""
@@ -98,16 +98,16 @@ class BudgetedWork(FileWork):
         if soon < self._least and now.pending:
             self._measure(now, [now.pending.popleft()], _ANY_TIME)
             return True
-        known = self._reserve.is_known
-        if len(now.shown) < self._least or (self._under_way and not known):
+        reserve_is_measured = self._reserve.is_known
+        if len(now.shown) < self._least or (self._under_way and not reserve_is_measured):
             return False
-        worthwhile = not self._rehearsing and (now.pending or not known)
+        worthwhile = not self._rehearsing and (now.pending or not reserve_is_measured)
         if worthwhile and self._reserve.is_due(len(now.shown), now.pace, left_s):
             self._rehearse(now)
             return True
-        if known and densities.changed(partial(self._fits, left_s)):
+        if reserve_is_measured and densities.changed(partial(self._fits, left_s)):
             return self._next_step(densities)
-        return known and self._measure_more(now, soon, left_s)
+        return reserve_is_measured and self._measure_more(now, soon, left_s)
 
     def _measure_more(self, now: Density, soon: int, left_s: float) -> bool:
         """Measure as many windows as fit beside the reserve that they will need; False where none fits."""
@@ -125,10 +125,10 @@ class BudgetedWork(FileWork):
     def _measure(self, now: Density, windows: Sequence[int], allowed_s: float) -> None:
         began = time.monotonic()
 
-        def measured(shown: dict[int, PartialPass]) -> None:
-            now.pending.extendleft(reversed([window for window in windows if window not in shown]))
-            now.shown.update(shown)
-            now.pace.add(len(shown), time.monotonic() - began)
+        def measured(passes: dict[int, PartialPass]) -> None:
+            now.pending.extendleft(reversed([window for window in windows if window not in passes]))
+            now.shown.update(passes)
+            now.pace.add(len(passes), time.monotonic() - began)
             self._seen = {0: max(self.windows_done, len(now.shown))}
 
         def each_by_itself() -> None:
@@ -157,9 +157,9 @@ class BudgetedWork(FileWork):
         for other in densities.tried:
             if other is not now:
                 self._traffic = sum((part.traffic for part in other.shown.values()), self._traffic)
-        shown = Shown(self._steady_parts(), now.shown)
+        passes = Shown(self._steady_parts(), now.shown)
         lost = sorted(set(self._lost) - now.shown.keys())
-        self._do("being judged", partial(finish_sampled, self._visited(now), shown, lost), self._finished)
+        self._do("being judged", partial(finish_sampled, self._visited(now), passes, lost), self._finished)
 
     def _visited(self, density: Density) -> Survey:
         """Return the survey whose plan is what was visited, or lost."""

@@ -143,7 +143,7 @@ def _judged(check: Check[Any], states: PassState, faulty: Prepared, run: PlainRu
     """Return the check's result by the limits of the plain run, whose comparisons share one false-alarm rate."""
     observed = conclude([check], states, faulty.facts)
     judged = judge({**run.observations, **observed}, [check] if observed else [], run.false_alarm_rate)
-    return [one.result for one in judged]
+    return [check_result.result for check_result in judged]
 
 
 def _rules(results: Sequence[Result]) -> frozenset[str]:

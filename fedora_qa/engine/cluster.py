@@ -175,7 +175,7 @@ def _told_apart(arguments: Any) -> Any:
     if isinstance(arguments, _WithWorker):
         return arguments.remote
     if isinstance(arguments, list | tuple):
-        return type(arguments)(_told_apart(one) for one in arguments)
+        return type(arguments)(_told_apart(argument) for argument in arguments)
     return arguments
 
 

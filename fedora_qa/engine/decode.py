@@ -103,14 +103,14 @@ class BlockDecoder:
         return start + bisect_left(rows, time_ns, key=lambda row: int(self.rows(timestamps, row, row + 1)[0]))
 
     def _block(self, key: str, number: int, rows: int) -> NDArray[Any]:
-        found = self._cached.get((key, number))
-        if found is None:
-            found = self._cached[(key, number)] = self._decode(key, number, rows)
+        block = self._cached.get((key, number))
+        if block is None:
+            block = self._cached[(key, number)] = self._decode(key, number, rows)
         else:
             self._cached.move_to_end((key, number))
-        if isinstance(found, UnreadableRowsError):
-            raise found.with_traceback(None)  # or each time would add to what the last one has kept alive
-        return found
+        if isinstance(block, UnreadableRowsError):
+            raise block.with_traceback(None)  # or each time would add to what the last one has kept alive
+        return block
 
     def _decode(self, key: str, number: int, rows: int) -> Block:
         count = self._sequence.layout.bindings[key].rows

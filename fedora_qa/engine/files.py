@@ -77,7 +77,7 @@ def check_files(
     def allot(work: FileWork) -> float:
         now, ahead = time.monotonic(), works[works.index(work) :]
         left_s = max(0.0, began + (options.budget_s or 0.0) - now)
-        return now + left_s * work.bytes / max(sum(one.bytes for one in ahead if one.run is None), 1)
+        return now + left_s * work.bytes / max(sum(item.bytes for item in ahead if item.run is None), 1)
 
     def work_on(path: Place) -> FileWork:
         of_file = (path, version_of(path).size, checks, options, executor.capacity, tell, executor.folder)

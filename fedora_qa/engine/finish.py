@@ -40,13 +40,15 @@ def finish_open(
     states, ready, options, asked = measured.states, file.ready, survey.options, file.asked
     facts = ready.facts
     never = [file.windows[number] for number in lost]
-    seen = [span for span in file.chosen if span not in never]
+    measured_spans = [span for span in file.chosen if span not in never]
     with watch.stage("second look"):
-        again = follow_up(asked, states, seen, facts, ready.decoder, survey.plan.sampling, progress, ready.images)
+        again = follow_up(
+            asked, states, measured_spans, facts, ready.decoder, survey.plan.sampling, progress, ready.images
+        )
     with watch.stage("judgement"):
         observations = conclude(asked, states, facts)
         judged = judge(observations, asked, options.false_alarm_rate)
-        alarms = [alarm for one in judged for alarm in one.alarms]
+        alarms = [alarm for result in judged for alarm in result.alarms]
         diagnoses = diagnose(alarms, facts)
     with watch.stage("statistics"):
         collector = file.statistics
@@ -91,8 +93,8 @@ def _evidence(
     if file.keeper is None or file.distributions is None or survey.options.evidence is None:
         return kept
     options = survey.options.evidence
-    seen = evidence_of_pass(file.keeper, states, findings, file.ready, file.chosen, options, looked_again)
-    return kept_together([seen, kept, distributions_of(file.distributions, states, file.ready.facts)])
+    of_pass = evidence_of_pass(file.keeper, states, findings, file.ready, file.chosen, options, looked_again)
+    return kept_together([of_pass, kept, distributions_of(file.distributions, states, file.ready.facts)])
 
 
 def _proven(

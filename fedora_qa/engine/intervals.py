@@ -14,16 +14,18 @@ class Intervals:
 
     def add(self, start: int, stop: int) -> None:
         """Mean these as well."""
-        touching = [(one, end) for one, end in self._stretches if one <= stop and start <= end]
+        touching = [(begin, end) for begin, end in self._stretches if begin <= stop and start <= end]
         apart = [stretch for stretch in self._stretches if stretch not in touching]
-        joined = min([start, *(one for one, _ in touching)]), max([stop, *(end for _, end in touching)])
+        joined = min([start, *(begin for begin, _ in touching)]), max([stop, *(end for _, end in touching)])
         self._stretches = sorted([*apart, joined])
 
     def remove(self, start: int, stop: int) -> None:
         """Mean these no longer."""
-        pieces = (piece for one, end in self._stretches for piece in ((one, min(end, start)), (max(one, stop), end)))
-        self._stretches = [(one, end) for one, end in pieces if one < end]
+        pieces = (
+            piece for begin, end in self._stretches for piece in ((begin, min(end, start)), (max(begin, stop), end))
+        )
+        self._stretches = [(begin, end) for begin, end in pieces if begin < end]
 
     def overlap(self, start: int, stop: int) -> int:
         """Return how many between these are meant."""
-        return sum(max(min(stop, end) - max(start, one), 0) for one, end in self._stretches)
+        return sum(max(min(stop, end) - max(start, begin), 0) for begin, end in self._stretches)

@@ -72,9 +72,9 @@ class OpenFile:
         What was put away last need not be read back. It is handed out once: where a task fails, and is done again,
         that reads it from its file.
         """
-        shown, self._shown = self._shown, None
-        for one in sealed:
-            yield shown[1] if shown and shown[0] == one else one.open()
+        latest, self._shown = self._shown, None
+        for item in sealed:
+            yield latest[1] if latest and latest[0] == item else item.open()
 
     def opening(self, path: "Place") -> AbstractContextManager[None]:
         """End this process where a local file takes for ever to open; only in workers, whose end is noticed."""

@@ -54,7 +54,7 @@ def results_in_order(
     checks: tuple[Check[Any], ...], judged: tuple[Judged, ...], states: PassState, reasons: Mapping[str, str]
 ) -> tuple[Result, ...]:
     """Return the result of every check in order, and of each collector that crashed."""
-    by_name = {one.result.check: _with_missed(one.result, states) for one in judged}
+    by_name = {judged_check.result.check: _with_missed(judged_check.result, states) for judged_check in judged}
     results: list[Result] = []
     for check in checks:
         if check.name in by_name:
@@ -84,7 +84,7 @@ def verdict_of(results: tuple[Result, ...], crossing: frozenset[str]) -> Verdict
         return "incomplete"
     if any(result.outcome == "failed" for result in results):
         return "findings"
-    told = {"passed", "warned"}
-    if crossing and not any(result.outcome in told and result.check in crossing for result in results):
+    conclusive = {"passed", "warned"}
+    if crossing and not any(result.outcome in conclusive and result.check in crossing for result in results):
         return "incomplete"
     return "clean"

@@ -40,9 +40,9 @@ def select_checks(select: tuple[str, ...], ignore: tuple[str, ...]) -> tuple[Che
     MisuseError
         A name is that of no subject and no check.
     """
-    known = {check.name for check in CHECKS} | {check.name.split(".")[0] for check in CHECKS}
+    selectable = {check.name for check in CHECKS} | {check.name.split(".")[0] for check in CHECKS}
     for name in (*select, *ignore):
-        if name not in known:
+        if name not in selectable:
             raise MisuseError(f"Expected a subject or check (see `fedora-qa checks`), got {name!r}")
 
     def named(check: Check[Any], names: tuple[str, ...]) -> bool:

@@ -27,8 +27,12 @@ def survey_file(task: FileTask, open_file: OpenFile, progress: Progress) -> Surv
     open_file.clear()
     checks, options = task.arguments
     place = _place(task)
-    found = surveyed_file(place, asked_for(checks, options), options, progress, open_file.opening(place))
-    return found if isinstance(found, FileRun) else Surveyed(found.path, len(found.windows), Sealed.of(found))
+    surveyed = surveyed_file(place, asked_for(checks, options), options, progress, open_file.opening(place))
+    return (
+        surveyed
+        if isinstance(surveyed, FileRun)
+        else Surveyed(surveyed.path, len(surveyed.windows), Sealed.of(surveyed))
+    )
 
 
 def measure_windows(task: FileTask, open_file: OpenFile, progress: Progress) -> Sealed[PartialPass]:
@@ -36,9 +40,9 @@ def measure_windows(task: FileTask, open_file: OpenFile, progress: Progress) -> 
 
     Returns what both have shown.
     """
-    with open_file.opened(_surveyed(task)) as (found, file):
+    with open_file.opened(_surveyed(task)) as (survey, file):
         before = next(open_file.take_shown(*filter(None, task.arguments)), None)
-        measured = measure_open(found, file, task.windows, progress, before)
+        measured = measure_open(survey, file, task.windows, progress, before)
         measured = replace(measured, traffic=measured.traffic + file.sequence.traffic)
         sealed = Sealed.of(measured, task.folder)
         open_file.keep_shown(sealed, measured)
@@ -48,9 +52,9 @@ def measure_windows(task: FileTask, open_file: OpenFile, progress: Progress) -> 
 def finish_file(task: FileTask, open_file: OpenFile, progress: Progress) -> FileRun:
     """Judge a file: arguments are what its stretches of windows have shown, in order, and the windows that are lost."""
     parts, lost = task.arguments
-    with open_file.opened(_surveyed(task)) as (found, file):
+    with open_file.opened(_surveyed(task)) as (survey, file):
         file.ready.forget()  # what all workers have kept is merged in the room that blocks had
-        run = finish_open(found, file, open_file.take_shown(*parts), lost, progress)
+        run = finish_open(survey, file, open_file.take_shown(*parts), lost, progress)
     open_file.clear()
     return run
 

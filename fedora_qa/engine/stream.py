@@ -134,7 +134,7 @@ def merge(checks: Iterable[Accumulator], earlier: PassState, later: PassState) -
     merged = PassState({}, _added(earlier.missed, later.missed), {**later.crashes, **earlier.crashes},
                     _added(earlier.seconds, later.seconds))  # fmt: skip
     for check in checks:
-        states = (one.states.get(check.name) for one in (earlier, later))
+        states = (part.states.get(check.name) for part in (earlier, later))
         merged.states[check.name] = attempt(merged, check.name, partial(check.merge, *states))
     return merged
 
@@ -186,5 +186,5 @@ def _in_turn(wanted: dict[str, tuple[int, ...]], budget: int) -> set[int]:
     return granted
 
 
-def _added(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
-    return {name: one.get(name, 0) + other.get(name, 0) for name in {**one, **other}}
+def _added(earlier: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    return {name: earlier.get(name, 0) + other.get(name, 0) for name in {**earlier, **other}}

@@ -92,7 +92,7 @@ class OpenSurvey:
     def accumulators(self) -> tuple[Accumulator, ...]:
         """The checks, and what gathers beside them."""
         beside = (self.statistics, self.keeper, self.distributions)
-        return (*self.asked, *(one for one in beside if one is not None))
+        return (*self.asked, *(collector for collector in beside if collector is not None))
 
     def audience(self, span: Span) -> Sequence[Accumulator]:
         """Return what a window is shown to: everything if it is one of the plan, else the checks that see all."""

@@ -108,7 +108,7 @@ class Cutter:
 
 def _stream_datasets(file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | None) -> dict[str, h5py.Dataset]:
     """Return every dataset of a stream that can be opened, by canonical key, whether or not its stream is whole."""
-    found: dict[str, h5py.Dataset] = {}
+    datasets: dict[str, h5py.Dataset] = {}
     for key, spec in DATASETS.items():
         place = dialect.place_of(key)
         if place is None or not spec.chunk_rows:
@@ -116,8 +116,8 @@ def _stream_datasets(file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | N
         with suppress(RefusedError):
             dataset = find_dataset(file, place.path or key, elsewhere)
             if dataset is not None and dataset.shape:
-                found[key] = beside_its_file(dataset) if dataset.external else dataset
-    return found
+                datasets[key] = beside_its_file(dataset) if dataset.external else dataset
+    return datasets
 
 
 def _row_counts(datasets: Mapping[str, h5py.Dataset]) -> dict[str, int]:
@@ -184,9 +184,9 @@ class _Writer:
     def _member(self, source: h5py.Group, copy: h5py.Group, name: str, link: Any) -> None:
         if isinstance(link, h5py.HardLink):
             self._object(copy, name, _linked_place(source, name), lambda: source[name])
-        elif (found := self._led_to(source, name, link)) is not None:
-            place = found.file.filename, int(h5py.h5o.get_info(found.id).addr)
-            self._object(copy, name, place, lambda: found)
+        elif (target := self._led_to(source, name, link)) is not None:
+            place = target.file.filename, int(h5py.h5o.get_info(target.id).addr)
+            self._object(copy, name, place, lambda: target)
         else:
             copy[name] = link
 

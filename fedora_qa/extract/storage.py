@@ -133,14 +133,14 @@ def _copy_chunks(dataset: h5py.Dataset, copy: h5py.Dataset, start: int, stop: in
 
 def _written_corners(dataset: h5py.Dataset, start: int, stop: int) -> list[tuple[int, ...]]:
     """Return the first index of every chunk that holds any of the rows and was ever written."""
-    first, found = start // dataset.chunks[0] * dataset.chunks[0], []
+    first, corners = start // dataset.chunks[0] * dataset.chunks[0], []
 
     def note(chunk: Any) -> None:
         if first <= chunk.chunk_offset[0] < stop:
-            found.append(tuple(chunk.chunk_offset))
+            corners.append(tuple(chunk.chunk_offset))
 
     dataset.id.chunk_iter(note)
-    return found
+    return corners
 
 
 def _chunk_count(dataset: h5py.Dataset, start: int, stop: int) -> int:

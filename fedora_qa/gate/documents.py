@@ -53,9 +53,9 @@ def _checksum_violations(folder: Path, listing: Path, digests: Mapping[str, str]
     listed: dict[str, str] = {}
     text = listing.read_text(encoding="utf-8", errors="surrogateescape") if listing.is_file() else ""
     for number, line in enumerate(text.splitlines(), start=1):
-        found = _LINE.fullmatch(line)
-        if found:
-            listed[found[2].removeprefix("./")] = found[1].lower()
+        match = _LINE.fullmatch(line)
+        if match:
+            listed[match[2].removeprefix("./")] = match[1].lower()
         elif line.strip():
             message = f"Expected a digest and a name in line {number} of {listing.name}, got something else"
             yield Violation(FOLDER, "unreadable", message)

@@ -13,12 +13,12 @@ _SHARED_POSES: Final = 10
 ten equal float64 poses in different flights do not happen."""
 
 
-def rule_on_distinct(known: Known, streams: Iterable[str]) -> Ruling:
+def rule_on_distinct(contents_by_name: Known, streams: Iterable[str]) -> Ruling:
     """No content of a stream occurs in two sequences."""
     violations = []
     for stream in streams:
         first: dict[str, str] = {}
-        for name, contents in known.items():
+        for name, contents in contents_by_name.items():
             digest = contents.digests.get(stream)
             if digest and first.setdefault(digest, name) != name:
                 message = f"Expected sequences that differ, got the same {stream} as in {first[digest]}"
@@ -26,7 +26,7 @@ def rule_on_distinct(known: Known, streams: Iterable[str]) -> Ruling:
     return Ruling("release.distinct", "Is every stream its own, and none a copy?", "each", tuple(violations))
 
 
-def rule_on_splits(names: Iterable[str], known: Known, splits: Mapping[str, tuple[str, ...]]) -> Ruling:
+def rule_on_splits(names: Iterable[str], contents_by_name: Known, splits: Mapping[str, tuple[str, ...]]) -> Ruling:
     """Every sequence is in one split, and no content in two."""
     homes = {name: _splits_of(name, splits) for name in names}
     violations = [
@@ -34,11 +34,11 @@ def rule_on_splits(names: Iterable[str], known: Known, splits: Mapping[str, tupl
         for name, home in homes.items()
         if len(home) != 1
     ]
-    for one, other in combinations(known, 2):
-        apart = set(homes[one]).isdisjoint(homes[other])
-        if apart and (shared := _shared(known, one, other)):
-            split = " and ".join(homes[one]) or "no split"
-            message = f"Expected splits that do not leak, got {shared} of {one}, which is in {split}"
+    for first, other in combinations(contents_by_name, 2):
+        apart = set(homes[first]).isdisjoint(homes[other])
+        if apart and (shared := _shared(contents_by_name, first, other)):
+            split = " and ".join(homes[first]) or "no split"
+            message = f"Expected splits that do not leak, got {shared} of {first}, which is in {split}"
             violations.append(Violation(other, "leak", message))
     return Ruling(
         "release.splits", "Is the sequence in one split, and unlike all in others?", "each", tuple(violations)
@@ -53,13 +53,13 @@ def _home_message(home: list[str]) -> str:
     return f"Expected a sequence in one split, got it in {', '.join(home) or 'none'}"
 
 
-def _shared(known: Known, one: str, other: str) -> str:
+def _shared(contents_by_name: Known, first: str, other: str) -> str:
     """Return what two sequences have in common, in words; empty where they differ."""
-    return " and ".join(_alike(known, one, other))
+    return " and ".join(_alike(contents_by_name, first, other))
 
 
-def _alike(known: Known, one: str, other: str) -> Iterator[str]:
-    mine, theirs = known[one], known[other]
+def _alike(contents_by_name: Known, first: str, other: str) -> Iterator[str]:
+    mine, theirs = contents_by_name[first], contents_by_name[other]
     same = [stream for stream, digest in mine.digests.items() if theirs.digests.get(stream) == digest]
     if same:
         yield f"the same {', '.join(same)}"

@@ -49,8 +49,8 @@ def find_sequences(folder: Path, patterns: Iterable[str]) -> tuple[SequenceFile,
     for pattern in patterns:
         if not is_plain(pattern):
             raise MisuseError(f"Expected patterns beneath the folder with a release, got {pattern!r}")
-    found = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file()}
-    names = sorted(path.relative_to(folder).as_posix() for path in found)
+    paths = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file()}
+    names = sorted(path.relative_to(folder).as_posix() for path in paths)
     return tuple(SequenceFile(name, inside(folder, name)) for name in names if not _is_hidden(name))
 
 

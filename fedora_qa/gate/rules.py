@@ -23,26 +23,26 @@ def rule_on_names(names: Iterable[str], pattern: str) -> Ruling:
     return Ruling("release.naming", "Is the sequence named as the policy asks?", "each", tuple(violations))
 
 
-def rule_on_streams(known: Known, required: Iterable[str]) -> Ruling:
+def rule_on_streams(contents_by_name: Known, required: Iterable[str]) -> Ruling:
     """Every sequence holds the required streams."""
     violations = [
         Violation(name, "missing", f"Expected the stream {stream}, got none: {_why(contents, stream)}", stream)
-        for name, contents in known.items()
+        for name, contents in contents_by_name.items()
         for stream in required
         if stream not in contents.streams
     ]
     return Ruling("release.streams", "Are all required streams there?", "each", tuple(violations))
 
 
-def rule_on_intrinsics(known: Known, cameras: Iterable[str]) -> Ruling:
+def rule_on_intrinsics(contents_by_name: Known, cameras: Iterable[str]) -> Ruling:
     """Every sequence declares the intrinsics of the first that declares any."""
-    violations = [violation for camera in cameras for violation in _other_intrinsics(known, camera)]
+    violations = [violation for camera in cameras for violation in _other_intrinsics(contents_by_name, camera)]
     question = "Are the intrinsics those of the other sequences?"
     return Ruling("release.intrinsics", question, "each", tuple(violations))
 
 
-def _other_intrinsics(known: Known, name: str) -> Iterable[Violation]:
-    declared = {sequence: contents.cameras.get(name) for sequence, contents in known.items()}
+def _other_intrinsics(contents_by_name: Known, name: str) -> Iterable[Violation]:
+    declared = {sequence: contents.cameras.get(name) for sequence, contents in contents_by_name.items()}
     first = next((pair for pair in declared.items() if pair[1]), None)
     for sequence, camera in declared.items():
         if camera is None:
@@ -54,10 +54,10 @@ def _other_intrinsics(known: Known, name: str) -> Iterable[Violation]:
             yield Violation(sequence, "differ", message, name)
 
 
-def _same(one: Camera, other: Camera) -> bool:
+def _same(first: Camera, other: Camera) -> bool:
     """Whether two cameras project alike, to nine digits: what is declared may have passed through text."""
-    sizes = (one.width, one.height, one.model) == (other.width, other.height, other.model)
-    return sizes and np.allclose(one.K, other.K, rtol=1e-9, atol=0.0)
+    sizes = (first.width, first.height, first.model) == (other.width, other.height, other.model)
+    return sizes and np.allclose(first.K, other.K, rtol=1e-9, atol=0.0)
 
 
 def _words(camera: Camera) -> str:

@@ -30,7 +30,7 @@ def rulings_of(
     policy: Policy,
     release: Release,
     files: Sequence[FileRecord],
-    known: Mapping[str, Contents],
+    contents_by_name: Mapping[str, Contents],
     digests: Mapping[str, str],
 ) -> Iterator[Ruling]:
     """Yield what each rule found that the policy asks for.
@@ -48,13 +48,13 @@ def rulings_of(
     if policy.naming is not None:
         yield rule_on_names(names, policy.naming)
     if policy.required_streams:
-        yield rule_on_streams(known, each_stream(policy.required_streams))
+        yield rule_on_streams(contents_by_name, each_stream(policy.required_streams))
     if policy.same_intrinsics:
-        yield rule_on_intrinsics(known, policy.same_intrinsics)
+        yield rule_on_intrinsics(contents_by_name, policy.same_intrinsics)
     if policy.distinct_streams:
-        yield rule_on_distinct(known, each_stream(policy.distinct_streams))
+        yield rule_on_distinct(contents_by_name, each_stream(policy.distinct_streams))
     if policy.splits:
-        yield rule_on_splits(names, known, policy.splits)
+        yield rule_on_splits(names, contents_by_name, policy.splits)
     if policy.documents.checksums is not None:
         yield rule_on_checksums(release.folder, policy.documents.checksums, digests)
     if policy.documents != Documents():
@@ -79,19 +79,19 @@ def contents_of(
     names = (*policy.distinct_streams, *(_CONTENT if policy.splits else ()))
     streams = tuple(dict.fromkeys(each_stream(names)))
     folders = tuple(map(Path, policy.check.allow_external))
-    known, told = dict[str, Contents](), list[FileRecord]()
+    contents_by_name, records_read = dict[str, Contents](), list[FileRecord]()
     for sequence, file in zip(release.sequences, files, strict=True):
         died = file.results and all(result.outcome == "crashed" for result in file.results)
         task = partial(_read, sequence.path, dialect, streams, bool(policy.splits), folders)
         try:
             contents = None if died else executor.submit(task, quiet).result()
         except WorkerLostError as lost:
-            told.append(replace(file, verdict="incomplete", results=(*file.results, _lost(lost))))
+            records_read.append(replace(file, verdict="incomplete", results=(*file.results, _lost(lost))))
             continue
-        told.append(file)
+        records_read.append(file)
         if contents:
-            known[sequence.name] = contents
-    return known, told
+            contents_by_name[sequence.name] = contents
+    return contents_by_name, records_read
 
 
 def _read(

@@ -67,9 +67,9 @@ def judged(record: Record, release: Release, rulings: Iterable[Ruling], judgemen
     names = [*(sequence.name for sequence in release.sequences), FOLDER]
     ruled = [with_rulings(name, file, rulings) for name, file in zip(names, record.files, strict=True)]
     weighed = [with_severity(file, policy.severity, policy.check.fail_on) for file in ruled]
-    told = [_held_to_required(file, policy) for file in weighed[:-1]] + weighed[-1:]
-    accepted = [_accepted(name, file, judgement) for name, file in zip(names, told, strict=True)]
-    on_waivers = waivers_in_order(zip(names, told, strict=True), policy.waivers, judgement.today)
+    files_judged = [_held_to_required(file, policy) for file in weighed[:-1]] + weighed[-1:]
+    accepted = [_accepted(name, file, judgement) for name, file in zip(names, files_judged, strict=True)]
+    on_waivers = waivers_in_order(zip(names, files_judged, strict=True), policy.waivers, judgement.today)
     accepted[-1] = with_rulings(FOLDER, accepted[-1], [on_waivers])
     crossing = crossing_streams(select_checks(policy.check.select, policy.check.ignore))
     verdicts = [_with_verdict(file, crossing) for file in accepted[:-1]]
@@ -93,8 +93,8 @@ def _held_to_required(file: FileRecord, policy: Policy) -> FileRecord:
 def _marked_untold(result: Result) -> Result:
     if result.outcome not in _UNTOLD:
         return result
-    untold = f"could not tell {SHORT_OF_COVERAGE} it"
-    return replace(result, reason="; ".join(filter(None, (result.reason, untold))))
+    prefix = f"could not tell {SHORT_OF_COVERAGE} it"
+    return replace(result, reason="; ".join(filter(None, (result.reason, prefix))))
 
 
 def _with_verdict(file: FileRecord, crossing: frozenset[str]) -> FileRecord:

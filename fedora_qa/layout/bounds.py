@@ -96,8 +96,8 @@ def _require_small_pieces(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -
         _refuse_size(path, f"{MOST_SAMPLES} rows", f"{dataset.shape[0]} rows")
 
 
-def _refuse_size(path: str, most: str, found: str) -> None:
-    raise RefusedError("too_large", "wrong_shape", f"Expected {path} in {most} at most, got {found}")
+def _refuse_size(path: str, most: str, size: str) -> None:
+    raise RefusedError("too_large", "wrong_shape", f"Expected {path} in {most} at most, got {size}")
 
 
 def _file_bytes(dataset: h5py.Dataset) -> int:

@@ -159,9 +159,9 @@ def scale_of(key: str, place: Place) -> float:
         return 1.0
     scale = SCALES.get((place.value_unit, canonical))
     if scale is None:
-        known = sorted(stored for stored, target in SCALES if target == canonical)
+        units = sorted(stored for stored, target in SCALES if target == canonical)
         raise MisuseError(
-            f"Expected value_unit of {key} to be one of {', '.join([canonical, *known])}, got {place.value_unit!r}"
+            f"Expected value_unit of {key} to be one of {', '.join([canonical, *units])}, got {place.value_unit!r}"
         )
     return scale
 
@@ -172,5 +172,5 @@ def _read_text(name_or_path: str | Path) -> str:
     try:
         return Path(name_or_path).read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        known = ", ".join(DIALECT_NAMES)
-        raise MisuseError(f"Expected a dialect ({known}) or a TOML file, got {str(name_or_path)!r}: {error}") from error
+        names = ", ".join(DIALECT_NAMES)
+        raise MisuseError(f"Expected a dialect ({names}) or a TOML file, got {str(name_or_path)!r}: {error}") from error

@@ -94,8 +94,8 @@ def _checked(stored: bytes) -> memoryview:
     if sys.byteorder != "little":
         return chunk[:0]
     words = np.frombuffer(chunk, np.uint16, count=len(chunk) // 2)
-    found = fletcher32(words, chunk[-1] if len(chunk) % 2 else -1)
-    return chunk if _halves(found) == _halves(checksum) else chunk[:0]
+    computed = fletcher32(words, chunk[-1] if len(chunk) % 2 else -1)
+    return chunk if _halves(computed) == _halves(checksum) else chunk[:0]
 
 
 def _halves(checksum: int) -> tuple[int, int]:

@@ -96,15 +96,15 @@ class Elsewhere:
         mapped = h5s.create_simple(dataset.shape)
         mapped.select_none()
         stored: dict[tuple[str, str], int] = {}
-        for one in sources:
-            source = self._source(dataset, one.file_name, one.dset_name, path)
+        for virtual_source in sources:
+            source = self._source(dataset, virtual_source.file_name, virtual_source.dset_name, path)
             stored[source.file.filename, source.name] = int(source.id.get_storage_size())
-            taken = _taken(one.src_space, source, path)
-            if one.vspace.get_select_type() == h5s.SEL_ALL:
+            taken = _taken(virtual_source.src_space, source, path)
+            if virtual_source.vspace.get_select_type() == h5s.SEL_ALL:
                 mapped.select_all()
             else:
-                mapped.select_hyperslab(*_regular(one.vspace, path), op=h5s.SELECT_OR)
-            if taken != one.vspace.get_select_npoints():
+                mapped.select_hyperslab(*_regular(virtual_source.vspace, path), op=h5s.SELECT_OR)
+            if taken != virtual_source.vspace.get_select_npoints():
                 raise _refused(f"Expected pieces of {path} as large as their sources, got another size")
         values = prod(dataset.shape)
         if mapped.get_select_npoints() != values:

@@ -46,9 +46,9 @@ def require_filters(dataset: h5py.Dataset, path: str) -> None:
             )
             raise RefusedError("unsafe_filter", "unknown", message)
         if not h5py.h5z.filter_avail(number):
-            known = _KNOWN_FILTERS.get(number) or name[:60] or "without a name"
+            title = _KNOWN_FILTERS.get(number) or name[:60] or "without a name"
             message = (
-                f"Expected the filters of {path} to be installed, got number {number} ({known}), which is not; install "
+                f"Expected the filters of {path} to be installed, got number {number} ({title}), which is not; install "
                 "its HDF5 plugin where HDF5_PLUGIN_PATH says, or write the data again through Blosc-Zstd"
             )
             raise RefusedError("missing_filter", "unknown", message)

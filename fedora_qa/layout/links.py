@@ -60,21 +60,21 @@ def find_dataset(file: h5py.File, path: str, elsewhere: "Elsewhere | None" = Non
         The path leads out of the file, dangles, ends at a group, or cannot be followed because bytes are damaged.
     """
     with reading(path):
-        found = _follow(file, path, MAX_LINKS, elsewhere)
-        if found is None:
+        target = _follow(file, path, MAX_LINKS, elsewhere)
+        if target is None:
             return None
-        if not isinstance(found, h5py.Dataset):
+        if not isinstance(target, h5py.Dataset):
             message = f"Expected a dataset at {path}, got a group or named type"
             raise RefusedError("not_a_dataset", "wrong_shape", message)
-        outside = found.is_virtual or found.external
+        outside = target.is_virtual or target.external
         if outside and elsewhere is not None:
-            elsewhere.require_sources(found, path)
+            elsewhere.require_sources(target, path)
         elif outside:
             message = (
                 f"Expected the values of {path} in this file, got a virtual or externally stored dataset; copy them"
             )
             raise RefusedError("outside_link", "missing_stream", message)
-        return found
+        return target
 
 
 def _shortened(message: str) -> str:
@@ -119,12 +119,12 @@ def _follow(
     root = h5g.open(file.id, b"/")
     parts = [part for part in path.split("/") if part not in {"", "."}]
     try:
-        found = _directly(root, parts)
+        target = _directly(root, parts)
     except READ_ERRORS:  # what is wrong, and where, is found on foot
-        found = None
-    if found is None:
+        target = None
+    if target is None:
         return _step_by_step(file, root, parts, links_left, elsewhere)
-    return _object(file, found)
+    return _object(file, target)
 
 
 def _directly(root: h5g.GroupID, parts: list[str]) -> _objects.ObjectID | None:
@@ -162,38 +162,42 @@ def _step_by_step(
                                    f"{filename}; copy the data into the file")  # fmt: skip
             rest = "/".join([target, *parts[depth + 1 :]])
             other = elsewhere.named(file, filename, path) if links_left else None
-            found = _follow(other, rest, links_left - 1, elsewhere) if other else None
-            if found is None:
+            located = _follow(other, rest, links_left - 1, elsewhere) if other else None
+            if located is None:
                 raise RefusedError("dangling_link", "missing_stream", f"Expected data at {path}, got a link to "
                                    f"{target} in {filename}, where there is nothing")  # fmt: skip
-            return found
+            return located
         if kind == h5l.TYPE_SOFT:
             link = here.links.get_val(name).decode("utf-8", "surrogateescape")
             above = (h5i.get_name(here) or b"").decode("utf-8", "surrogateescape")
             target = link if link.startswith("/") else "/".join([above, link])
             rest = "/".join([target, *parts[depth + 1 :]])
-            found = _follow(file, rest, links_left - 1, elsewhere) if links_left else None
-            if found is None:
+            located = _follow(file, rest, links_left - 1, elsewhere) if links_left else None
+            if located is None:
                 raise RefusedError("dangling_link", "missing_stream", f"Expected data at {path}, got a link to "
                                    f"{link}, where there is nothing")  # fmt: skip
-            return found
+            return located
         here = h5o.open(here, name)
     return _object(file, here)
 
 
-def _object(file: h5py.File, found: _objects.ObjectID) -> h5py.Group | h5py.Dataset | h5py.Datatype:
-    if isinstance(found, h5g.GroupID):
-        return h5py.Group(found)
-    return h5py.Dataset(found, readonly=file.mode == "r") if isinstance(found, h5d.DatasetID) else h5py.Datatype(found)
+def _object(file: h5py.File, identifier: _objects.ObjectID) -> h5py.Group | h5py.Dataset | h5py.Datatype:
+    if isinstance(identifier, h5g.GroupID):
+        return h5py.Group(identifier)
+    return (
+        h5py.Dataset(identifier, readonly=file.mode == "r")
+        if isinstance(identifier, h5d.DatasetID)
+        else h5py.Datatype(identifier)
+    )
 
 
 def _lists(group: h5g.GroupID, wanted: bytes) -> bool:
     """Whether a name is among the first ``MOST_NAMES`` of a group, one by one and not by the index of its names."""
     names = list[bytes]()
 
-    def look(found: bytes) -> bool | None:
-        names.append(found)
-        return True if found == wanted or len(names) == MOST_NAMES else None
+    def look(listed: bytes) -> bool | None:
+        names.append(listed)
+        return True if listed == wanted or len(names) == MOST_NAMES else None
 
     group.links.iterate(look)
     return names[-1:] == [wanted]

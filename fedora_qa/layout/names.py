@@ -19,14 +19,14 @@ def garbled_name(file: h5py.File, path: str, elsewhere: Elsewhere | None = None)
 
 
 def _garbled(group: h5py.Group) -> str | None:
-    looked_at, found = 0, list[str]()
+    looked_at, garbled = 0, list[str]()
 
     def look(name: bytes) -> bool | None:
         nonlocal looked_at
         looked_at += 1
         if not name.decode("utf-8", "surrogateescape").isprintable():
-            found.append(ascii(name)[2:-1])
-        return True if found or looked_at == MOST_NAMES else None
+            garbled.append(ascii(name)[2:-1])
+        return True if garbled or looked_at == MOST_NAMES else None
 
     group.id.links.iterate(look)
-    return found[0] if found else None
+    return garbled[0] if garbled else None

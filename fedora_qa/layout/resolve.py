@@ -130,17 +130,17 @@ class _Finder:
             self.absent[stream] = f"the dialect {self.dialect.name} has no place for {', '.join(unplaced)}"
             return
         try:
-            found = {spec.key: self._dataset(spec) for spec in specs}
-            missing = [key for key, dataset in found.items() if dataset is None]
+            datasets = {spec.key: self._dataset(spec) for spec in specs}
+            missing = [key for key, dataset in datasets.items() if dataset is None]
             if len(missing) == len(specs):
                 self.absent[stream] = f"there is no {self._path(specs[0].key)} in the file"
                 self._hold_to_names(stream, self._path(specs[0].key))
                 return
             if missing:
-                present = next(key for key, dataset in found.items() if dataset is not None)
+                present = next(key for key, dataset in datasets.items() if dataset is not None)
                 message = f"Expected {self._path(missing[0])} beside {self._path(present)}, got nothing there"
                 raise _BrokenError(missing[0], RefusedError("missing_stream", "missing_stream", message))
-            bound = {spec.key: self._bind(spec, found[spec.key]) for spec in specs}
+            bound = {spec.key: self._bind(spec, datasets[spec.key]) for spec in specs}
             self._agree_on_sizes(specs, bound)
         except _BrokenError as broken:
             self.absent[stream] = str(broken.reason)

@@ -51,30 +51,30 @@ def walk(file: h5py.File) -> Walk:
     """
     paths: list[str] = []
     missed, links = _Missed(), _Links()
-    seen: set[tuple[int, int]] = set()
+    visited: set[tuple[int, int]] = set()
     waiting: list[tuple[str, int, h5py.h5g.GroupID, bytes]] = [("", 0, file.id, b"/")]
     while waiting:
         path, depth, parent, name = waiting.pop()
         try:
-            found, place = _open(parent, name)
-            if place in seen:
+            member, place = _open(parent, name)
+            if place in visited:
                 continue
-            seen.add(place)
-            if isinstance(found, h5py.h5d.DatasetID):
+            visited.add(place)
+            if isinstance(member, h5py.h5d.DatasetID):
                 paths.append(path)
-            if not isinstance(found, h5py.h5g.GroupID):
+            if not isinstance(member, h5py.h5g.GroupID):
                 continue
             if depth == DEEPEST:
                 missed.too_deep += 1
                 continue
-            names = links.names(found)
+            names = links.names(member)
         except READ_ERRORS:
             missed.damaged += 1
             continue
         for below in sorted(names, reverse=True):
             readable = below.decode("utf-8", "surrogateescape")
             if readable.isprintable():
-                waiting.append((f"{path}/{readable}" if path else readable, depth + 1, found, below))
+                waiting.append((f"{path}/{readable}" if path else readable, depth + 1, member, below))
             else:
                 missed.unprintable += 1
     missed.too_many = links.ended
@@ -90,7 +90,7 @@ class _Links:
 
     def names(self, group: h5py.h5g.GroupID) -> list[bytes]:
         """Return the names of a group's hard links."""
-        found: list[bytes] = []
+        members: list[bytes] = []
 
         def note(name: bytes, about: h5py.h5l.LinkInfo) -> bool | None:
             if self.looked_at == MOST_OBJECTS:
@@ -98,17 +98,17 @@ class _Links:
                 return True
             self.looked_at += 1
             if about.type == h5py.h5l.TYPE_HARD:
-                found.append(name)
+                members.append(name)
             return None
 
         group.links.iterate(note, info=True)
-        return found
+        return members
 
 
 def _open(
     parent: h5py.h5g.GroupID, name: bytes
 ) -> tuple[h5py.h5g.GroupID | h5py.h5d.DatasetID | h5py.h5t.TypeID, tuple[int, int]]:
     """Return an object, and where it lies: hard links can lead to it many times."""
-    found = h5py.h5o.open(parent, name)
-    about = h5py.h5o.get_info(found)
-    return found, (about.fileno, about.addr)
+    member = h5py.h5o.open(parent, name)
+    about = h5py.h5o.get_info(member)
+    return member, (about.fileno, about.addr)

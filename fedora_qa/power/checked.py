@@ -83,10 +83,18 @@ def checked_from(file: FileRecord) -> Checked:
 
 
 def _readings(result: Result) -> Iterator[Reading]:
-    for one in result.measurements:
-        if one.value is not None and one.expected is not None:
-            deviation = one.value - one.expected
-            yield Reading(result.check, one.name, one.unit, one.side, deviation, one.limit, one.least_detectable)
+    for measurement in result.measurements:
+        if measurement.value is not None and measurement.expected is not None:
+            deviation = measurement.value - measurement.expected
+            yield Reading(
+                result.check,
+                measurement.name,
+                measurement.unit,
+                measurement.side,
+                deviation,
+                measurement.limit,
+                measurement.least_detectable,
+            )
 
 
 def _verdict(diagnosis: Diagnosis) -> Verdict:

@@ -91,14 +91,14 @@ def detections(sized: Sized) -> tuple[Detection, ...]:
 
 
 def _detection(sized: Sized, check: str) -> Detection:
-    found = [is_found_by(trial, check) for trial in sized.trials]
+    detected = [is_found_by(trial, check) for trial in sized.trials]
     return Detection(
         cause=sized.cause,
         unit=sized.unit,
         check=check,
-        found=share_of(sum(found), len(found)),
-        tried=_tried(sized.sizes, found) if sized.has_size else (),
-        curve=curve_of(sized.sizes, found, worse_when_smaller=sized.worse_when_smaller),
+        found=share_of(sum(detected), len(detected)),
+        tried=_tried(sized.sizes, detected) if sized.has_size else (),
+        curve=curve_of(sized.sizes, detected, worse_when_smaller=sized.worse_when_smaller),
     )
 
 
@@ -107,14 +107,14 @@ def is_found_by(trial: Trial, check: str) -> bool:
     return check in trial.checked.failed if check else trial.checked.is_found
 
 
-def curve_of(sizes: Sequence[float], found: Sequence[bool], *, worse_when_smaller: bool = False) -> Curve:
+def curve_of(sizes: Sequence[float], detected: Sequence[bool], *, worse_when_smaller: bool = False) -> Curve:
     """Return detection against size, fitted where the trials can tell."""
-    why = _why_not(sizes, found)
+    why = _why_not(sizes, detected)
     if why:
         return Curve(why, separated=False, at_50=UNKNOWN, at_95=UNKNOWN, points=())
     direction = -1.0 if worse_when_smaller else 1.0
     log_sizes = direction * np.log(sizes)
-    answers = np.array(found)
+    answers = np.array(detected)
     if log_sizes[answers].mean() <= log_sizes[~answers].mean():
         return Curve("not_rising", separated=False, at_50=UNKNOWN, at_95=UNKNOWN, points=())
     fit = fit_probit(log_sizes, answers)
@@ -127,12 +127,12 @@ def curve_of(sizes: Sequence[float], found: Sequence[bool], *, worse_when_smalle
     )
 
 
-def _why_not(sizes: Sequence[float], found: Sequence[bool]) -> Fitted | None:
+def _why_not(sizes: Sequence[float], detected: Sequence[bool]) -> Fitted | None:
     if not all(sizes):
         return "no_size"
-    if all(found):
+    if all(detected):
         return "all_found"
-    if not any(found):
+    if not any(detected):
         return "none_found"
     return "too_few" if len(sizes) < _FEWEST or len(set(sizes)) < 3 else None
 
@@ -148,12 +148,12 @@ def _points(fit: ProbitFit, log_sizes: NDArray[np.float64], direction: float) ->
     """Return the curve over the sizes that were tried, in order of magnitude."""
     places = np.linspace(log_sizes.min(), log_sizes.max(), _POINTS)
     columns = zip(np.exp(direction * places), *fit.probability_at(places), strict=True)
-    return tuple(sorted((CurvePoint(*map(float, column)) for column in columns), key=lambda one: one.magnitude))
+    return tuple(sorted((CurvePoint(*map(float, column)) for column in columns), key=lambda point: point.magnitude))
 
 
-def _tried(sizes: Sequence[float], found: Sequence[bool]) -> tuple[Tried, ...]:
+def _tried(sizes: Sequence[float], detected: Sequence[bool]) -> tuple[Tried, ...]:
     """Return shares found in ranges of size with about as many trials each; trials of one size stay together."""
-    order = sorted(zip(sizes, found, strict=True))
+    order = sorted(zip(sizes, detected, strict=True))
     groups: list[list[tuple[float, bool]]] = []
     for size, answer in order:
         full = not groups or len(groups[-1]) >= len(order) / _GROUPS

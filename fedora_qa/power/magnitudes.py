@@ -29,12 +29,12 @@ class Told:
 
 def magnitude_errors(trials: Sequence[Trial]) -> tuple[MagnitudeError, ...]:
     """Return the errors of each cause, those with one fault only, of the whole file or of a part of it."""
-    told: dict[tuple[str, str], list[Told]] = {}
+    sizes: dict[tuple[str, str], list[Told]] = {}
     for trial in trials:
-        one = _told(trial)
-        if one is not None:
-            told.setdefault((one.cause, one.unit), []).append(one)
-    return tuple(_errors(cause, unit, group) for (cause, unit), group in told.items())
+        size = _told(trial)
+        if size is not None:
+            sizes.setdefault((size.cause, size.unit), []).append(size)
+    return tuple(_errors(cause, unit, group) for (cause, unit), group in sizes.items())
 
 
 def _told(trial: Trial) -> Told | None:
@@ -49,13 +49,13 @@ def _told(trial: Trial) -> Told | None:
     return Told(fault.name, fault.unit or "", fault.magnitude, named.magnitude * factor, error)
 
 
-def _errors(cause: str, unit: str, told: Sequence[Told]) -> MagnitudeError:
-    relative = [abs(one.told - one.truth) / abs(one.truth) for one in told]
-    pulls = np.array([(one.told - one.truth) / one.standard_error for one in told if one.standard_error])
+def _errors(cause: str, unit: str, sizes: Sequence[Told]) -> MagnitudeError:
+    relative = [abs(size.told - size.truth) / abs(size.truth) for size in sizes]
+    pulls = np.array([(size.told - size.truth) / size.standard_error for size in sizes if size.standard_error])
     return MagnitudeError(
         cause=cause,
         unit=unit,
-        count=len(told),
+        count=len(sizes),
         median_relative_error=float(np.median(relative)),
         with_error=len(pulls),
         pull_median=float(np.median(pulls)) if len(pulls) else None,

@@ -128,10 +128,10 @@ def require_files(corpus: Path, manifest: Manifest) -> None:
 
 def require_other_names(manifests: Mapping[Path, Manifest]) -> None:
     """Raise ``MisuseError`` where two corpora list a file of the same name: names tell files of a study apart."""
-    seen: dict[str, Path] = {}
+    first_by_name: dict[str, Path] = {}
     for corpus, manifest in manifests.items():
         for item in manifest.items:
-            other = seen.setdefault(item.file, corpus)
+            other = first_by_name.setdefault(item.file, corpus)
             if other != corpus:
                 raise MisuseError(
                     f"Expected corpora whose files have different names, got {item.file} in both {other} and {corpus}; "

@@ -16,11 +16,11 @@ def naming(trials: Sequence[Trial]) -> tuple[Naming, ...]:
 
 def confusions(trials: Sequence[Trial]) -> tuple[Confusion, ...]:
     """Return the matrix of planted against first-named cause, without its zeros; the planted in order of the corpus."""
-    found = []
+    confused = []
     for kind in get_args(Kind):
         counts = Counter((planted_name(trial), first_named(trial)) for trial in _planted(trials, kind))
-        found += [Confusion(kind, planted, named, count) for (planted, named), count in counts.items()]
-    return tuple(found)
+        confused += [Confusion(kind, planted, named, count) for (planted, named), count in counts.items()]
+    return tuple(confused)
 
 
 def planted_name(trial: Trial) -> str:
@@ -45,14 +45,14 @@ def _planted(trials: Sequence[Trial], kind: Kind) -> list[Trial]:
 
 
 def _of_kind(kind: Kind, planted: Sequence[Trial]) -> Naming:
-    found = [trial for trial in planted if trial.checked.is_found]
+    detected = [trial for trial in planted if trial.checked.is_found]
     observable = [trial.checked.is_found for trial in planted if trial.item.observable]
     return Naming(
         kind=kind,
-        found=share_of(len(found), len(planted)),
+        found=share_of(len(detected), len(planted)),
         observable=share_of(sum(observable), len(observable)),
-        named_first=share_of(sum(is_named_first(trial) for trial in found), len(found)),
-        all_named=share_of(sum(_all_named(trial) for trial in found), len(found)),
+        named_first=share_of(sum(is_named_first(trial) for trial in detected), len(detected)),
+        all_named=share_of(sum(_all_named(trial) for trial in detected), len(detected)),
     )
 
 

@@ -85,7 +85,7 @@ class ProbitFit:
         return log_size if self.log_least <= log_size <= self.log_most else None
 
 
-def fit_probit(log_sizes: Array, found: NDArray[np.bool_]) -> ProbitFit:
+def fit_probit(log_sizes: Array, detected: NDArray[np.bool_]) -> ProbitFit:
     """Fit the curve to trials of ln size (n,) and whether they were found (n,).
 
     Raises
@@ -93,17 +93,17 @@ def fit_probit(log_sizes: Array, found: NDArray[np.bool_]) -> ProbitFit:
     ValueError
         All or none were found, or there is one size only: there is nothing to fit.
     """
-    if found.all() or not found.any() or np.ptp(log_sizes) == 0:
+    if detected.all() or not detected.any() or np.ptp(log_sizes) == 0:
         raise ValueError("Expected trials of several sizes, found and not found, got none of one of them")
     least, most = float(log_sizes.min()) - _BEYOND, float(log_sizes.max()) + _BEYOND
     halves, slopes = np.linspace(least, most, 2 * _COARSE), np.linspace(*_LOG_SLOPES, _COARSE)
-    coarse = _log_likelihoods(halves, slopes, log_sizes, found)
-    best = _climb(log_sizes, found)
-    top = max(float(coarse.max()), float(_log_likelihoods(best[:1], best[1:], log_sizes, found)[0, 0]))
+    coarse = _log_likelihoods(halves, slopes, log_sizes, detected)
+    best = _climb(log_sizes, detected)
+    top = max(float(coarse.max()), float(_log_likelihoods(best[:1], best[1:], log_sizes, detected)[0, 0]))
     rows, columns = np.nonzero(coarse > top - _DROP)
     halves = _finer(halves, rows, best[0])
     slopes = np.clip(_finer(slopes, columns, best[1]), *_LOG_SLOPES)
-    rows, columns = np.nonzero(_log_likelihoods(halves, slopes, log_sizes, found) > top - _DROP)
+    rows, columns = np.nonzero(_log_likelihoods(halves, slopes, log_sizes, detected) > top - _DROP)
     return ProbitFit(
         log_half=float(best[0]),
         log_slope=float(best[1]),
@@ -111,11 +111,11 @@ def fit_probit(log_sizes: Array, found: NDArray[np.bool_]) -> ProbitFit:
         likely_log_slopes=np.append(slopes[columns], best[1]),
         log_least=least,
         log_most=most,
-        separated=bool(log_sizes[found].min() > log_sizes[~found].max()),
+        separated=bool(log_sizes[detected].min() > log_sizes[~detected].max()),
     )
 
 
-def _climb(log_sizes: Array, found: NDArray[np.bool_]) -> Array:
+def _climb(log_sizes: Array, detected: NDArray[np.bool_]) -> Array:
     """Return the best curve (ln size at one half, ln slope); the slope stays within its bounds.
 
     It begins with one that rises over all sizes: steep ones tell so little of the sizes that the prior is flat there.
@@ -123,7 +123,7 @@ def _climb(log_sizes: Array, found: NDArray[np.bool_]) -> Array:
 
     def cost(at: Array) -> float:
         allowed = np.clip(at[1:], *_LOG_SLOPES)
-        likelihood = _log_likelihoods(at[:1], allowed, log_sizes, found)[0, 0]
+        likelihood = _log_likelihoods(at[:1], allowed, log_sizes, detected)[0, 0]
         prior = _log_prior(float(at[0]), float(allowed[0]), log_sizes)
         return float(np.abs(at[1:] - allowed)[0] - likelihood - prior)
 
@@ -140,9 +140,9 @@ def _finer(axis: Array, likely: NDArray[np.intp], best: float) -> Array:
     return np.linspace(min(inside) - step, max(inside) + step, _FINE)
 
 
-def _log_likelihoods(halves: Array, log_slopes: Array, log_sizes: Array, found: NDArray[np.bool_]) -> Array:
+def _log_likelihoods(halves: Array, log_slopes: Array, log_sizes: Array, detected: NDArray[np.bool_]) -> Array:
     """Return the log likelihood (halves, slopes) of curves with these ln sizes at one half and ln slopes."""
-    signs = np.where(found, 1.0, -1.0)
+    signs = np.where(detected, 1.0, -1.0)
     distances = signs * (log_sizes - halves[:, None, None])
     return np.asarray(log_ndtr(np.exp(log_slopes)[None, :, None] * distances).sum(axis=2))
 

@@ -85,18 +85,18 @@ def stated_limits(
     checks = dict.fromkeys(check for trial in sized.trials for check in trial.checked.failed)
     judged = [_judge(sized, check, clean) for check in checks]
     return (
-        tuple(one for one in judged if isinstance(one, StatedLimit)),
-        tuple(one for one in judged if isinstance(one, NotComparable)),
+        tuple(judgement for judgement in judged if isinstance(judgement, StatedLimit)),
+        tuple(judgement for judgement in judged if isinstance(judgement, NotComparable)),
     )
 
 
 def _judge(sized: Sized, check: str, clean: Mapping[str, Trial]) -> StatedLimit | NotComparable:
     compared = _by_size(sized, check, clean) or _by_response(sized, check, clean)
-    telling = [one for one in compared.trials if one.ratio > _NOTHING] if compared else []
-    if compared is None or not telling:
+    informative = [trial for trial in compared.trials if trial.ratio > _NOTHING] if compared else []
+    if compared is None or not informative:
         return NotComparable(sized.cause, check, _why_not(sized, check))
-    limits = [one.limit for one in compared.trials]
-    curve = curve_of([one.ratio for one in telling], [one.found for one in telling])
+    limits = [trial.limit for trial in compared.trials]
+    curve = curve_of([trial.ratio for trial in informative], [trial.found for trial in informative])
     share = _found_from(1, compared.trials)
     return StatedLimit(
         cause=sized.cause,
@@ -110,8 +110,8 @@ def _judge(sized: Sized, check: str, clean: Mapping[str, Trial]) -> StatedLimit 
         found_from_it=share,
         found_from_twice=_found_from(2, compared.trials),
         curve=curve,
-        truth=_truth(share, curve, [one.ratio for one in telling]),
-        found_from_twice_by_any=_found_from(2, [replace(one, found=one.by_any) for one in compared.trials]),
+        truth=_truth(share, curve, [trial.ratio for trial in informative]),
+        found_from_twice_by_any=_found_from(2, [replace(trial, found=trial.by_any) for trial in compared.trials]),
     )
 
 
@@ -166,9 +166,9 @@ def _by_response(sized: Sized, check: str, clean: Mapping[str, Trial]) -> _Compa
     for name, times in _names_exceeded(sized, check).items():
         pairs = list(_responses(sized, check, name, clean)) if times >= _FEWEST else []
         if pairs:
-            trials = tuple(one for _, one in pairs)
+            trials = tuple(trial for _, trial in pairs)
             compared = _Compared("response", (name,), pairs[0][0], trials)
-            options.append((times, median(one.ratio for one in trials), compared))
+            options.append((times, median(trial.ratio for trial in trials), compared))
     return max(options, key=lambda option: option[:2])[2] if options else None
 
 
@@ -206,8 +206,8 @@ def _of_check(trial: Trial, check: str) -> dict[str, Reading]:
 
 
 def _found_from(ratio: float, trials: Sequence[_Comparison]) -> Share:
-    found = [one.found for one in trials if one.ratio >= ratio]
-    return share_of(sum(found), len(found))
+    detected = [trial.found for trial in trials if trial.ratio >= ratio]
+    return share_of(sum(detected), len(detected))
 
 
 def _truth(from_it: Share, curve: Curve, ratios: Sequence[float]) -> Truth:

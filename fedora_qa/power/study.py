@@ -53,14 +53,14 @@ def run_study(manifest: Manifest, state: State, options: CheckOptions, jobs: int
     FedoraError
         A process ended abruptly. What was found until then is kept.
     """
-    known = {item.file: checked for item in manifest.items if (checked := state.load(item)) is not None}
-    missing = [item for item in manifest.items if item.file not in known]
+    checked_before = {item.file: checked for item in manifest.items if (checked := state.load(item)) is not None}
+    missing = [item for item in manifest.items if item.file not in checked_before]
     total = len(manifest.items)
     report("known", total - len(missing), total)
     for item, checked in _check_all(missing, state, options, jobs):
-        known[item.file] = checked
-        report(item.file, len(known), total)
-    return tuple(Trial(item, known[item.file]) for item in manifest.items)
+        checked_before[item.file] = checked
+        report(item.file, len(checked_before), total)
+    return tuple(Trial(item, checked_before[item.file]) for item in manifest.items)
 
 
 def _check_all(items: list[Item], state: State, options: CheckOptions, jobs: int) -> Iterator[tuple[Item, Checked]]:

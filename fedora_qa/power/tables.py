@@ -27,8 +27,8 @@ class Origin:
 def power_of(trials: Sequence[Trial], origin: Origin) -> Power:
     """Return everything that the trials say."""
     clean = {trial.item.file: trial for trial in trials if trial.item.is_clean}
-    telling = [trial for trial in trials if not _of_a_false_alarm(trial, clean)]
-    causes = by_cause(telling)
+    informative = [trial for trial in trials if not _of_a_false_alarm(trial, clean)]
+    causes = by_cause(informative)
     stated = [stated_limits(sized, clean) for sized in causes]
     return Power(
         power_version=POWER_VERSION,
@@ -42,14 +42,14 @@ def power_of(trials: Sequence[Trial], origin: Origin) -> Power:
         files=len(trials),
         clean=len(clean),
         crashed=tuple(trial.item.file for trial in trials if trial.checked.crashed),
-        set_aside=len(trials) - len(telling),
+        set_aside=len(trials) - len(informative),
         false_alarms=false_alarms(trials, origin.config.false_alarm_rate),
-        naming=naming(telling),
-        detections=tuple(one for sized in causes for one in detections(sized)),
-        confusions=confusions(telling),
-        magnitudes=magnitude_errors(telling),
-        stated=tuple(one for true, _ in stated for one in true),
-        not_comparable=tuple(one for _, other in stated for one in other),
+        naming=naming(informative),
+        detections=tuple(row for sized in causes for row in detections(sized)),
+        confusions=confusions(informative),
+        magnitudes=magnitude_errors(informative),
+        stated=tuple(row for true, _ in stated for row in true),
+        not_comparable=tuple(row for _, other in stated for row in other),
     )
 
 

@@ -43,7 +43,7 @@ class Worth:
 
     def of(self, check: str) -> tuple[Found, ...]:
         """Return the causes that a check finds at some size 95% of the time, in the order of the study."""
-        return tuple(one for one in self.found if one.check == check and _is_worth(one))
+        return tuple(row for row in self.found if row.check == check and _is_worth(row))
 
     def is_stale(self, digest: str | None = None) -> bool:
         """Whether it was measured with other code than that of this installation (or of the digest given)."""
@@ -62,9 +62,9 @@ def worth_of(power: Power) -> Worth:
         clean=power.clean,
         false_alarms=power.false_alarms.files.count,
         found=tuple(
-            Found(one.cause, one.unit, one.check, one.found, one.curve.at_95)
-            for one in power.detections
-            if one.check != WHOLE_FILE
+            Found(detection.cause, detection.unit, detection.check, detection.found, detection.curve.at_95)
+            for detection in power.detections
+            if detection.check != WHOLE_FILE
         ),
     )
 
@@ -72,7 +72,7 @@ def worth_of(power: Power) -> Worth:
 def write_worth(worth: Worth, target: Path = PUBLISHED) -> None:
     """Write the table, entirely or not at all; one line a check and cause, so that a change can be read."""
     values = _ADAPTER.dump_python(worth)
-    lines = ",\n".join(f"  {json.dumps(one, allow_nan=False)}" for one in values.pop("found"))
+    lines = ",\n".join(f"  {json.dumps(row, allow_nan=False)}" for row in values.pop("found"))
     head = json.dumps(values, indent=1, allow_nan=False).removesuffix("\n}")
     write_text(target, f'{head},\n "found": [\n{lines}\n ]\n}}\n')
 
@@ -94,6 +94,6 @@ def read_worth(source: Path = PUBLISHED) -> Worth | None:
         raise MisuseError(f"Expected a table of power at {source}, got: {first}; run `make power`") from None
 
 
-def _is_worth(one: Found) -> bool:
+def _is_worth(row: Found) -> bool:
     """Whether the check can be relied on to find the cause: from a known size on, or at every size that was tried."""
-    return one.at_95.value is not None or (one.found.count == one.found.of and one.found.of > 0)
+    return row.at_95.value is not None or (row.found.count == row.found.of and row.found.of > 0)

@@ -37,6 +37,6 @@ def _cell(value: Cell) -> str:
     if isinstance(value, tuple):
         return _cell(" ".join(map(str, value)))
     if isinstance(value, str):
-        shown = printable(value)
-        return f"'{shown}" if shown.lstrip().startswith(_FORMULA_STARTS) else shown
+        text = printable(value)
+        return f"'{text}" if text.lstrip().startswith(_FORMULA_STARTS) else text
     return str(value)

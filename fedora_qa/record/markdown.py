@@ -35,9 +35,9 @@ def record_to_markdown(record: Record) -> str:
 
 def escape(text: str) -> str:
     """Return text that markdown shows as it is: no markup, HTML, link, or mention of a person."""
-    shown = _SPECIAL.sub(r"\\\1", printable(text))
-    shown = _LINK.sub(lambda match: "\\" + match[0], shown)
-    return shown.replace("@", "@\N{ZERO WIDTH SPACE}")
+    escaped = _SPECIAL.sub(r"\\\1", printable(text))
+    escaped = _LINK.sub(lambda match: "\\" + match[0], escaped)
+    return escaped.replace("@", "@\N{ZERO WIDTH SPACE}")
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -68,9 +68,9 @@ def _file_section(file: FileRecord) -> str:
     parts = [f"## {escape(file.path)}", "  \n".join(line for line in head if line)]
     if file.diagnoses:
         parts += ["### Probable causes", "\n".join(_diagnosis(diagnosis, file) for diagnosis in file.diagnoses)]
-    found = findings_of(file)
-    if found:
-        lines = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in found]
+    findings = findings_of(file)
+    if findings:
+        lines = [(f.id, f.severity, f.code, f.message, place(f.where)) for _, f in findings]
         parts += ["### Findings", table(("id", "severity", "rule", "finding", "where"), lines)]
     columns = ("check", "outcome", "measured", "expected", "sees from", "coverage")
     rows = [(result.check, OUTCOME_WORDS[result.outcome], *check_cells(result)) for result in file.results]

@@ -55,7 +55,7 @@ class PowerTable:
 def tables_of(power: Power) -> tuple[PowerTable, ...]:
     """Return the tables of a study that have rows."""
     tables = (_alarms(power), _kinds(power), _found(power), _wrong(power), _sizes(power), _limits(power))
-    return tuple(one for one in tables if one.rows)
+    return tuple(candidate for candidate in tables if candidate.rows)
 
 
 def headline(power: Power) -> str:
@@ -73,7 +73,10 @@ def power_to_markdown(power: Power, drawing: str = "") -> str:
         f"A check crashed in {len(power.crashed)} files: {escape(', '.join(power.crashed))}." if power.crashed else ""
     )
     picture = f"![Detection against size, and stated limits against what is found]({drawing})" if drawing else ""
-    sections = [f"## {one.title}\n\n{table(one.head, one.rows)}\n\n{escape(one.note)}" for one in tables_of(power)]
+    sections = [
+        f"## {table_source.title}\n\n{table(table_source.head, table_source.rows)}\n\n{escape(table_source.note)}"
+        for table_source in tables_of(power)
+    ]
     return "\n\n".join(section.rstrip() for section in [head, crashed, picture, *sections] if section) + "\n"
 
 
@@ -121,19 +124,26 @@ def _alarms(power: Power) -> PowerTable:
 def _kinds(power: Power) -> PowerTable:
     head = ("faults", "found", "of those expected to be", "named first, of those found", "95% interval", "all named")
     rows = [
-        (one.kind, share_words(one.found), share_words(one.observable), share_words(one.named_first),
-         interval_words(one.named_first), share_words(one.all_named))
-        for one in power.naming
+        (naming.kind, share_words(naming.found), share_words(naming.observable), share_words(naming.named_first),
+         interval_words(naming.named_first), share_words(naming.all_named))
+        for naming in power.naming
     ]  # fmt: skip
     return PowerTable("Faults found and named", head, tuple(rows))
 
 
 def _found(power: Power) -> PowerTable:
     rows: list[tuple[str, ...]] = []
-    for _, group in groupby(power.detections, key=lambda one: (one.cause, one.unit)):
-        for one in _best(list(group)):
-            name = one.cause if one.check == WHOLE_FILE else ""
-            rows.append((name, one.check or ANY_CHECK, share_words(one.found), curve_words(one.curve, one.unit)))
+    for _, group in groupby(power.detections, key=lambda detection: (detection.cause, detection.unit)):
+        for detection in _best(list(group)):
+            name = detection.cause if detection.check == WHOLE_FILE else ""
+            rows.append(
+                (
+                    name,
+                    detection.check or ANY_CHECK,
+                    share_words(detection.found),
+                    curve_words(detection.curve, detection.unit),
+                )
+            )
     head = ("cause", "check", "found", "found 95% of the time")
     note = "Faults of whole files; sizes with 95% intervals. Of each cause the checks that find it most often."
     return PowerTable("Detection", head, tuple(rows), words=2, note=note)
@@ -145,9 +155,13 @@ def _best(detections: Sequence[Detection]) -> Sequence[Detection]:
 
 
 def _wrong(power: Power) -> PowerTable:
-    wrong = [one for one in power.confusions if one.named not in {NOT_FOUND, *one.planted.split("+")}]
-    wrong = sorted(wrong, key=lambda one: -one.count)
-    rows = [(one.planted, one.named, one.kind, str(one.count)) for one in wrong[:_WRONG_SHOWN]]
+    wrong = [
+        confusion for confusion in power.confusions if confusion.named not in {NOT_FOUND, *confusion.planted.split("+")}
+    ]
+    wrong = sorted(wrong, key=lambda confusion: -confusion.count)
+    rows = [
+        (confusion.planted, confusion.named, confusion.kind, str(confusion.count)) for confusion in wrong[:_WRONG_SHOWN]
+    ]
     more = len(wrong) - len(rows)
     note = f"And {more} more, in the JSON." if more else ""
     return PowerTable("Named otherwise", ("planted", "named first", "kind", "files"), tuple(rows), 3, note)
@@ -156,10 +170,10 @@ def _wrong(power: Power) -> PowerTable:
 def _sizes(power: Power) -> PowerTable:
     head = ("cause", "told", "median relative error", "with error", "median pull", "spread of pulls", "within 2")
     rows = [
-        (one.cause, str(one.count), f"{one.median_relative_error:.1%}", str(one.with_error), _signed(one.pull_median),
-         "-" if one.pull_spread is None else f"{one.pull_spread:.2f}",
-         share_words(one.within_two) if one.with_error else "-")
-        for one in power.magnitudes
+        (error.cause, str(error.count), f"{error.median_relative_error:.1%}", str(error.with_error),
+         _signed(error.pull_median), "-" if error.pull_spread is None else f"{error.pull_spread:.2f}",
+         share_words(error.within_two) if error.with_error else "-")
+        for error in power.magnitudes
     ]  # fmt: skip
     return PowerTable("Fitted sizes against planted ones, where the cause is named first", head, tuple(rows))
 
@@ -172,14 +186,14 @@ def _limits(power: Power) -> PowerTable:
     head = ("cause", "check", "verdict", "compared by", "states (median)", "found from it on", "from twice it on",
             "95% at, of it")  # fmt: skip
     rows = [
-        (one.cause, one.check, TRUTH_WORDS[one.truth], one.compared, f"{number(_rounded(one.median))} {one.unit}",
-         share_words(one.found_from_it), share_words(one.found_from_twice), curve_words(one.curve))
-        for one in power.stated
+        (limit.cause, limit.check, TRUTH_WORDS[limit.truth], limit.compared,
+         f"{number(_rounded(limit.median))} {limit.unit}", share_words(limit.found_from_it), share_words(limit.found_from_twice), curve_words(limit.curve))
+        for limit in power.stated
     ]  # fmt: skip
-    true = sum(one.truth == "true" for one in power.stated)
-    tested = sum(one.truth != "untested" for one in power.stated)
-    count, of = (sum(getattr(one.found_from_twice, name) for one in power.stated) for name in ("count", "of"))
-    by_any = sum((one.found_from_twice_by_any or one.found_from_twice).count for one in power.stated)
+    true = sum(limit.truth == "true" for limit in power.stated)
+    tested = sum(limit.truth != "untested" for limit in power.stated)
+    count, of = (sum(getattr(limit.found_from_twice, name) for limit in power.stated) for name in ("count", "of"))
+    by_any = sum((limit.found_from_twice_by_any or limit.found_from_twice).count for limit in power.stated)
     note = (
         f"{true} of {tested} that could be tested are true: at least 90% found from the stated size on, and 95% not "
         f"below half of it. Compared is the planted size, or the response: what the fault moved the measurement by. "

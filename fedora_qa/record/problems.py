@@ -33,11 +33,11 @@ class Problem:
 
 def problems_of(file: FileRecord) -> tuple[Problem, ...]:
     """Return the problems of a file, in the order of its checks, and last whether it is incomplete."""
-    found = [problem for result in file.results for problem in _problems_of(result, file)]
+    problems = [problem for result in file.results for problem in _problems_of(result, file)]
     why = _why_incomplete(file)
     if why:
-        found.append(Problem(file.path, "", INCOMPLETE, "error", f"The check is incomplete: {why}.", Where()))
-    return tuple(found)
+        problems.append(Problem(file.path, "", INCOMPLETE, "error", f"The check is incomplete: {why}.", Where()))
+    return tuple(problems)
 
 
 def _problems_of(result: Result, file: FileRecord) -> list[Problem]:

@@ -72,13 +72,13 @@ def _results(findings: Iterable[Problem], rules: Sequence[str]) -> list[dict[str
     """Return a result for each finding; a fingerprint tells it from others of its rule, stream and file."""
     findings = tuple(findings)
     tells_suppressions = any(problem.waived for problem in findings)
-    seen: Counter[tuple[str, str, str]] = Counter()
+    counts: Counter[tuple[str, str, str]] = Counter()
     results = []
     for problem in findings:
         kin = (problem.path, problem.code, problem.where.stream or "")
-        result = _result(problem, rules.index(problem.code), _fingerprint(*kin, str(seen[kin])))
+        result = _result(problem, rules.index(problem.code), _fingerprint(*kin, str(counts[kin])))
         results.append(result | ({"suppressions": _suppressions(problem)} if tells_suppressions else {}))
-        seen[kin] += 1
+        counts[kin] += 1
     return results
 
 

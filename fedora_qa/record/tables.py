@@ -55,8 +55,8 @@ def _files(file: FileRecord) -> Iterator[Row]:
 def _results(file: FileRecord) -> Iterator[Row]:
     for result in file.results:
         coverage = result.coverage
-        seen = (coverage.seen, coverage.of, coverage.unit) if coverage else (None, None, None)
-        yield result.check, result.outcome, *seen, result.reason
+        coverage_cells = (coverage.seen, coverage.of, coverage.unit) if coverage else (None, None, None)
+        yield result.check, result.outcome, *coverage_cells, result.reason
 
 
 def _measurements(file: FileRecord) -> Iterator[Row]:

@@ -14,7 +14,7 @@ KEPT: Final = 8
 """Of either direction. A clock that was set makes two; the others say what is usual."""
 
 
-def longest_steps(known: Iterable[EventStep], start: int, previous_ns: int, times_ns: Int64) -> tuple[EventStep, ...]:
+def longest_steps(earlier: Iterable[EventStep], start: int, previous_ns: int, times_ns: Int64) -> tuple[EventStep, ...]:
     """Return the longest steps among known ones and those of a block, in the order of the file.
 
     Parameters
@@ -35,9 +35,9 @@ def longest_steps(known: Iterable[EventStep], start: int, previous_ns: int, time
         for rows in (_largest(steps_ns), _largest(-steps_ns))
         for row in rows
     )
-    found = (*known, *of_block)
-    forwards = sorted((step for step in found if step.length_ns > 0), key=lambda step: -step.length_ns)
-    backwards = sorted((step for step in found if step.length_ns < 0), key=lambda step: step.length_ns)
+    steps = (*earlier, *of_block)
+    forwards = sorted((step for step in steps if step.length_ns > 0), key=lambda step: -step.length_ns)
+    backwards = sorted((step for step in steps if step.length_ns < 0), key=lambda step: step.length_ns)
     return tuple(sorted((*forwards[:KEPT], *backwards[:KEPT]), key=lambda step: step.row))
 
 

@@ -138,15 +138,15 @@ class _Reader:
 
     def _holder(self, path: str) -> h5py.Group | h5py.Dataset | None:
         try:
-            found = find_object(self.file, path, self.elsewhere)
+            holder = find_object(self.file, path, self.elsewhere)
         except RefusedError as refused:
             self._problem(path, "", refused.cause, str(refused))
             return None
-        return found if isinstance(found, h5py.Group | h5py.Dataset) else None
+        return holder if isinstance(holder, h5py.Group | h5py.Dataset) else None
 
     def _problem(self, owner: str, name: str, cause: str, message: str) -> None:
-        known = cause if allowed(cause, "metadata") else "unknown"
-        self.problems.append(DeclarationProblem(owner, name, message, known))
+        cause_named = cause if allowed(cause, "metadata") else "unknown"
+        self.problems.append(DeclarationProblem(owner, name, message, cause_named))
 
 
 def _event_model(given: Values | None) -> EventModel | None:

@@ -250,12 +250,12 @@ def _spread_evenly(count: int, cells: Int64) -> Runs:
 
 def _few_cells(runs: Mapping[str, Runs], cell_ns: int) -> tuple[Mapping[str, Runs], int]:
     """Join cells by two, four and so on until there are no more than ``MOST_CELLS``: stamps may be a day apart each."""
-    if sum(len(one.cells) for one in runs.values()) <= MOST_CELLS:
+    if sum(len(stream_runs.cells) for stream_runs in runs.values()) <= MOST_CELLS:
         return runs, cell_ns
     together = 1
-    while len(np.unique(np.concatenate([one.cells // together for one in runs.values()]))) > MOST_CELLS:
+    while len(np.unique(np.concatenate([stream_runs.cells // together for stream_runs in runs.values()]))) > MOST_CELLS:
         together *= 2
-    return {stream: _joined(one, together) for stream, one in runs.items()}, cell_ns * together
+    return {stream: _joined(stream_runs, together) for stream, stream_runs in runs.items()}, cell_ns * together
 
 
 def _joined(runs: Runs, together: int) -> Runs:

@@ -41,9 +41,9 @@ class SharedImages:
             if key in kept:
                 kept.move_to_end(key)
                 return cast(Image, kept[key])
-        found = compute()
-        self._keep(key, found, in_a_moment=in_a_moment)
-        return found
+        value = compute()
+        self._keep(key, value, in_a_moment=in_a_moment)
+        return value
 
     def forget(self) -> None:
         """Drop all results."""

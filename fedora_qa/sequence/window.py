@@ -157,13 +157,13 @@ class Window:
         times over, so that a window keeps its latest two.
         """
         at_hand: dict[int, NDArray[np.float32]] = self.once("depth at hand", dict)
-        found = at_hand.pop(frame, None)
-        if found is None:
+        metres = at_hand.pop(frame, None)
+        if metres is None:
             if len(at_hand) == _DEPTHS_AT_HAND:
                 del at_hand[next(iter(at_hand))]
-            found = self._images.get(("depth_m", frame), lambda: self._metres(frame), in_a_moment=True)
-        at_hand[frame] = found
-        return found
+            metres = self._images.get(("depth_m", frame), lambda: self._metres(frame), in_a_moment=True)
+        at_hand[frame] = metres
+        return metres
 
     def flow_px(self, stream: str, field: int) -> NDArray[np.float32]:
         """Return a flow field of the stream (``flow/10hz``), (H, W, 2), px over its interval, NaN where invalid."""

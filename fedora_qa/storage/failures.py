@@ -59,9 +59,9 @@ def _words(errors: tuple[BaseException, ...], place: RemoteFile) -> tuple[str, s
     status, certificate, unreached = _status(errors), _certificate(errors), _unreached(errors)
     absent = status is None and isinstance(errors[-1], FileNotFoundError)  # fsspec calls so whatever fails at first
     forbidden = status in _UNAUTHORIZED or _any(errors, PermissionError)
-    without_ranges = any(isinstance(one, ValueError) and "range requests" in str(one) for one in errors)
+    without_ranges = any(isinstance(failure, ValueError) and "range requests" in str(failure) for failure in errors)
     advice = _CREDENTIALS if place.scheme == "s3" else "sign in, or have the URL signed anew"
-    known: tuple[tuple[bool, str, str], ...] = (
+    explanations: tuple[tuple[bool, str, str], ...] = (
         (
             status == _CHANGED or _named(errors, "FileExpired"),
             "the file to stay as it is while it is checked",
@@ -93,15 +93,15 @@ def _words(errors: tuple[BaseException, ...], place: RemoteFile) -> tuple[str, s
         (unreached, "a connection to the server", f"none{_number(errors)}"),
     )
     otherwise = ("the server to send the file", f"{type(errors[-1]).__name__}{_number(errors)}")
-    return next(((expected, got) for holds, expected, got in known if holds), otherwise)
+    return next(((expected, got) for holds, expected, got in explanations if holds), otherwise)
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
     """Yield an error and what led to it, which libraries wrap each other's errors into."""
-    found: BaseException | None = error
-    while found is not None:
-        yield found
-        found = found.__cause__ or found.__context__
+    link: BaseException | None = error
+    while link is not None:
+        yield link
+        link = link.__cause__ or link.__context__
 
 
 def _status(errors: tuple[BaseException, ...]) -> int | None:
@@ -132,7 +132,11 @@ def _certificate(errors: tuple[BaseException, ...]) -> str | None:
 
 def _number(errors: tuple[BaseException, ...]) -> str:
     """Return what the system says of an error number, in brackets; nothing where there is none."""
-    numbers = (one.errno for one in errors if isinstance(one, OSError) and isinstance(one.errno, int) and one.errno > 0)
+    numbers = (
+        failure.errno
+        for failure in errors
+        if isinstance(failure, OSError) and isinstance(failure.errno, int) and failure.errno > 0
+    )
     number = next(numbers, None)
     return f" ({os.strerror(number)})" if number is not None else ""
 

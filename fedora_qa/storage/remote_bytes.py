@@ -116,11 +116,11 @@ class RemoteBytes(io.RawIOBase):
             self._fetch_blocks(list(run))
         for number in wanted:
             self._blocks.move_to_end(number)
-        found = b"".join(self._blocks[number] for number in wanted)
+        joined = b"".join(self._blocks[number] for number in wanted)
         while len(self._blocks) > _BLOCKS:
             self._blocks.popitem(last=False)
         first = start - wanted[0] * self._block_bytes
-        return found[first : first + stop - start]
+        return joined[first : first + stop - start]
 
     def _fetch_blocks(self, numbers: list[int]) -> None:
         size = self._block_bytes

@@ -33,10 +33,10 @@ def require_signature_in(path: Place, file: BinaryIO | RemoteBytes) -> None:
     offset = 0
     while offset <= _LARGEST_USER_BLOCK:
         file.seek(offset)
-        found = file.read(len(_SIGNATURE))
-        if found == _SIGNATURE:
+        first_bytes = file.read(len(_SIGNATURE))
+        if first_bytes == _SIGNATURE:
             return
-        if found is None or len(found) < len(_SIGNATURE):
+        if first_bytes is None or len(first_bytes) < len(_SIGNATURE):
             break
         offset = 2 * offset or 512
     raise NotHdf5Error(f"Expected an HDF5 file, got something else (no HDF5 signature): {path}")

@@ -19,7 +19,7 @@ class Version:
 def local_version(path: Path) -> Version:
     """Return the version of a file on this machine; one that cannot be looked at has no size and no tag."""
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return Version(0, "")  # opening says what is wrong
-    return Version(found.st_size, str(found.st_mtime_ns))
+    return Version(status.st_size, str(status.st_mtime_ns))

@@ -35,15 +35,15 @@ def commands() -> None:
 @commands.command()
 def scenes() -> None:
     """List the scenes of the package, one a line, its name first."""
-    found = list_scenes()
+    listed = list_scenes()
     if sys.stdout.isatty():
         table = Table("scene", "description", box=None)
-        for scene in found:
+        for scene in listed:
             table.add_row(scene.name, scene.description)
         Console().print(table)
         return
-    width = max(len(scene.name) for scene in found)
-    for scene in found:
+    width = max(len(scene.name) for scene in listed)
+    for scene in listed:
         click.echo(f"{scene.name:<{width}}  {scene.description}")
 
 

@@ -48,6 +48,6 @@ def scene_flow_px(
         start_m, end_m = world.displacement_m(body, np.array(times_us) / US_PER_S)
         as_if = end.copy()
         as_if[:3, 3] -= end_m - start_m
-        shown = bodies == body
-        flow[shown] = flow_px(inverse_depth_per_m, camera.K, start, as_if)[shown]
+        of_body = bodies == body
+        flow[of_body] = flow_px(inverse_depth_per_m, camera.K, start, as_if)[of_body]
     return flow

@@ -78,12 +78,12 @@ class FrameRenderer:
 
     def _flow_from(self, index: int) -> list[tuple[FlowRows, int]]:
         """Each flow interval that starts at a frame: where it is kept, and its row there."""
-        found = []
+        fields = []
         for rate_hz, rows in self.flow.items():
             k, rest = divmod(index * rate_hz, FRAME_RATE_HZ)
             if rest == 0 and k < len(rows.intervals_us):
-                found.append((rows, k))
-        return found
+                fields.append((rows, k))
+        return fields
 
     def _pose_at(self, time_us: int) -> Floats:
         return colour_camera(self.scene.camera).pose_at(self.flight, time_us)

@@ -96,8 +96,8 @@ def _world_path(name_or_path: str, beside: Path) -> Path:
     for path in (packaged, own):
         if path.is_file():
             return path
-    known = ", ".join(sorted(path.stem for path in _WORLDS.glob("*.toml")))
-    raise SceneError(f"Expected one of the worlds {known}, or a TOML file beside the scene, got {name_or_path!r}")
+    names = ", ".join(sorted(path.stem for path in _WORLDS.glob("*.toml")))
+    raise SceneError(f"Expected one of the worlds {names}, or a TOML file beside the scene, got {name_or_path!r}")
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

@@ -53,12 +53,12 @@ def series_chart(points: Array, title: str) -> Chart | None:
     A point that is not finite breaks the line. None where no point is finite.
     """
     values = np.asarray(points, dtype=np.float64)
-    known = values[np.isfinite(values).all(axis=1)]
-    if not len(known):
+    finite_points = values[np.isfinite(values).all(axis=1)]
+    if not len(finite_points):
         return None
     words = _TITLE.match(title)
     name, across, up = (words["title"], words["x"], words["y"]) if words else (title, None, None)
-    x_axis, y_axis = (Axis(float(known[:, k].min()), float(known[:, k].max())) for k in (0, 1))
+    x_axis, y_axis = (Axis(float(finite_points[:, k].min()), float(finite_points[:, k].max())) for k in (0, 1))
     places = np.stack([x_axis.shares(values[:, 0]) * WIDTH, (1 - y_axis.shares(values[:, 1])) * HEIGHT], axis=1)
     places[~np.isfinite(values).all(axis=1)] = np.nan
     return Chart(
@@ -70,8 +70,9 @@ def series_chart(points: Array, title: str) -> Chart | None:
         up=(up or "").strip(),
         lowest=number(y_axis.low),
         highest=number(y_axis.high),
-        alt=f"{name.strip()}: {len(known)} points, {up or 'value'} from {number(y_axis.low)} to {number(y_axis.high)}",
-        dots=_dots(places) if len(known) <= _DOTTED_UP_TO else "",
+        alt=f"{name.strip()}: {len(finite_points)} points, "
+        f"{up or 'value'} from {number(y_axis.low)} to {number(y_axis.high)}",
+        dots=_dots(places) if len(finite_points) <= _DOTTED_UP_TO else "",
     )
 
 

@@ -46,10 +46,10 @@ DIVERGING: Final = _diverging()
 
 def by_table(shares: NDArray[np.float64], table: Picture) -> Picture:
     """Colour shares of a scale, 0 to 1, by a table (256, 3); NaN is grey."""
-    known = np.isfinite(shares)
-    steps = np.rint(np.where(known, np.clip(shares, 0.0, 1.0), 0.0) * 255).astype(np.intp)
+    is_finite = np.isfinite(shares)
+    steps = np.rint(np.where(is_finite, np.clip(shares, 0.0, 1.0), 0.0) * 255).astype(np.intp)
     picture: Picture = table[steps]
-    picture[~known] = NO_VALUE
+    picture[~is_finite] = NO_VALUE
     return picture
 
 
@@ -59,13 +59,13 @@ def flow_colours(flow_px: NDArray[Any], full_px: float) -> Picture:
     Flow of ``full_px`` or more is fully saturated, no flow is white, NaN is grey.
     """
     u, v = (np.asarray(flow_px[..., k], dtype=np.float64) for k in (0, 1))
-    known = np.isfinite(u) & np.isfinite(v)
-    u, v = np.where(known, u, 0.0), np.where(known, v, 0.0)
+    is_finite = np.isfinite(u) & np.isfinite(v)
+    u, v = np.where(is_finite, u, 0.0), np.where(is_finite, v, 0.0)
     length = np.hypot(u, v) / full_px if full_px > 0 else np.zeros_like(u)
     hue_deg = np.degrees(np.arctan2(v, u)) % 360.0
     hsv = np.stack([hue_deg, np.clip(length, 0.0, 1.0), np.ones_like(u)], axis=-1).astype(np.float32)
     picture: Picture = np.rint(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB) * 255).astype(np.uint8)
-    picture[~known] = NO_VALUE
+    picture[~is_finite] = NO_VALUE
     return picture
 
 

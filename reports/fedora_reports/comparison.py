@@ -46,7 +46,7 @@ def render_comparison(comparison: Comparison) -> str:
 def page_of(comparison: Comparison) -> ComparisonPage:
     """Return the page that shows a comparison."""
     names = tuple(subject.name for subject in comparison.subjects)
-    charts = (overlay_chart(one, comparison) for one in comparison.overlays)
+    charts = (overlay_chart(source, comparison) for source in comparison.overlays)
     return ComparisonPage(
         title=" · ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else ""),
         tool=f"{comparison.tool.name} {comparison.tool.version}",
@@ -57,11 +57,12 @@ def page_of(comparison: Comparison) -> ComparisonPage:
         undrawn=names[MOST_DRAWN:],
         charts=tuple(chart for chart in charts if chart is not None),
         pairs=tuple(
-            PairSection(one.title, one.summary, tuple(map(_table, one.tables))) for one in pair_tables(comparison)
+            PairSection(source.title, source.summary, tuple(map(_table, source.tables)))
+            for source in pair_tables(comparison)
         ),
         paper=tuple(map(_table, paper_tables(comparison))),
     )
 
 
-def _table(one: TextTable) -> Table:
-    return Table(one.title, one.note, one.head, one.rows, numeric=one.words <= 2)
+def _table(source: TextTable) -> Table:
+    return Table(source.title, source.note, source.head, source.rows, numeric=source.words <= 2)

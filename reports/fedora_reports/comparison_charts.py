@@ -39,28 +39,34 @@ class OverlayChart:
     alt: str
 
 
-def overlay_chart(one: Overlay, comparison: Comparison) -> OverlayChart | None:
+def overlay_chart(overlay: Overlay, comparison: Comparison) -> OverlayChart | None:
     """Draw shares per octave as steps; None where no value above the first bin, which begins at 0, is known."""
-    edges = np.array(one.edges)
+    edges = np.array(overlay.edges)
     above = edges[:-1] > 0
-    known = {place: np.array(shares) for place, shares in enumerate(one.shares[:MOST_DRAWN]) if shares is not None}
-    axis = _axis(edges, [shares * above for shares in known.values()])
+    shares_by_place = {
+        place: np.array(shares) for place, shares in enumerate(overlay.shares[:MOST_DRAWN]) if shares is not None
+    }
+    axis = _axis(edges, [shares * above for shares in shares_by_place.values()])
     if axis is None:
         return None
     names = [subject.name for subject in comparison.subjects]
     octaves = np.log2(edges[1:][above] / edges[:-1][above])
-    heights = {place: shares[above] / octaves for place, shares in known.items()}
+    heights = {place: shares[above] / octaves for place, shares in shares_by_place.items()}
     tallest = max(float(height.max()) for height in heights.values())
     lefts = axis.shares(edges[np.append(above, True)]) * WIDTH
-    zeros = [f"{names[place]} {shares[~above].sum():.1%}" for place, shares in known.items() if shares[~above].any()]
+    zeros = [
+        f"{names[place]} {shares[~above].sum():.1%}"
+        for place, shares in shares_by_place.items()
+        if shares[~above].any()
+    ]
     return OverlayChart(
-        title=one.meaning,
+        title=overlay.meaning,
         lines=tuple(Line(place, _steps(lefts, height / tallest * HEIGHT)) for place, height in heights.items()),
         ticks=axis.ticks(),
         aside=f"At 0, left of the axis: {', '.join(zeros)}." if zeros else "",
-        distances=_distances(one, comparison),
-        alt=f"{one.meaning}, of {', '.join(names[place] for place in known)}: "
-        f"from {number(axis.low)} to {number(axis.high)} {one.unit}",
+        distances=_distances(overlay, comparison),
+        alt=f"{overlay.meaning}, of {', '.join(names[place] for place in shares_by_place)}: "
+        f"from {number(axis.low)} to {number(axis.high)} {overlay.unit}",
     )
 
 
@@ -87,15 +93,15 @@ def _steps(lefts: Array, heights: Array) -> str:
     return "".join(parts)
 
 
-def _distances(one: Overlay, comparison: Comparison) -> tuple[str, ...]:
+def _distances(overlay: Overlay, comparison: Comparison) -> tuple[str, ...]:
     """Return how far each subject lies from the first, in words."""
     words = []
     for pair in comparison.pairs:
-        found = [difference for difference in pair.differences if difference.quantity == one.quantity]
+        differences = [difference for difference in pair.differences if difference.quantity == overlay.quantity]
         name = comparison.subjects[pair.after].name
-        if len(found) == 1:
-            apart = with_error(found[0].distance, found[0].distance_standard_error, found[0].unit)
-            words.append(f"{name}: distance {apart}, {TOLD_WORDS[found[0].told]}")
-        elif found:
-            words.append(f"{name}: {sum(d.told == 'differs' for d in found)} of {len(found)} files differ")
+        if len(differences) == 1:
+            apart = with_error(differences[0].distance, differences[0].distance_standard_error, differences[0].unit)
+            words.append(f"{name}: distance {apart}, {TOLD_WORDS[differences[0].told]}")
+        elif differences:
+            words.append(f"{name}: {sum(d.told == 'differs' for d in differences)} of {len(differences)} files differ")
     return tuple(words)

@@ -31,16 +31,16 @@ def _octaves(evidence: Evidence, quantity: str) -> Chart | None:
     lasting = edges[:-1] > 0  # the bin that begins at 0 has no place on a logarithmic axis
     if not np.isfinite(totals).all() or (totals < 0).any() or not totals[lasting].any():
         return None
-    shown, heights = edges[-1 - int(lasting.sum()) :], totals[lasting]
-    per_octave = heights / np.log2(shown[1:] / shown[:-1])
-    axis = Axis(float(shown[0]), float(shown[-1]), logarithmic=True)
+    drawn_edges, heights = edges[-1 - int(lasting.sum()) :], totals[lasting]
+    per_octave = heights / np.log2(drawn_edges[1:] / drawn_edges[:-1])
+    axis = Axis(float(drawn_edges[0]), float(drawn_edges[-1]), logarithmic=True)
     most = int(per_octave.argmax())
     left_out = float(totals.sum() - heights.sum())
     below = f"; {number(left_out)} below are not drawn" if left_out else ""
     title = QUANTITIES[quantity]
     return Chart(
         title=title,
-        path=steps_path(list(axis.shares(shown) * WIDTH), list(per_octave / per_octave.max() * HEIGHT)),
+        path=steps_path(list(axis.shares(drawn_edges) * WIDTH), list(per_octave / per_octave.max() * HEIGHT)),
         filled=True,
         ticks=axis.ticks(),
         across=f"logarithmic{below}",
@@ -48,5 +48,5 @@ def _octaves(evidence: Evidence, quantity: str) -> Chart | None:
         lowest="0",
         highest=number(float(per_octave.max())),
         alt=f"Histogram. {title}: from {number(axis.low)} to {number(axis.high)}, "
-        f"most between {number(float(shown[most]))} and {number(float(shown[most + 1]))}",
+        f"most between {number(float(drawn_edges[most]))} and {number(float(drawn_edges[most + 1]))}",
     )

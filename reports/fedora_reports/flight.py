@@ -65,20 +65,20 @@ def _marks(path: FlownPath, findings: Sequence[Located]) -> tuple[Mark, ...]:
     order = np.argsort(path.times_us, kind="stable")
     times_us = path.times_us[order]
     marks = []
-    for one in findings:
-        start_us = one.finding.where.start_us
-        if start_us is None or not len(times_us) or one.finding.severity not in {"critical", "error"}:
+    for located in findings:
+        start_us = located.finding.where.start_us
+        if start_us is None or not len(times_us) or located.finding.severity not in {"critical", "error"}:
             continue
-        if times_us[0] <= start_us <= times_us[-1] and not _lasts(one, float(times_us[-1] - times_us[0])):
+        if times_us[0] <= start_us <= times_us[-1] and not _lasts(located, float(times_us[-1] - times_us[0])):
             at = np.array([np.interp(start_us, times_us, path.positions_world_m[order, k]) for k in range(3)])
-            marks.append(Mark(printable(one.finding.id), one.anchor, at))
+            marks.append(Mark(printable(located.finding.id), located.anchor, at))
     step = max(1, -(-len(marks) // _MOST_MARKS))
     return tuple(marks[::step])
 
 
-def _lasts(one: Located, whole_us: float) -> bool:
+def _lasts(located: Located, whole_us: float) -> bool:
     """Whether a finding is of most of the flight, so that it has no place on the path."""
-    start_us, stop_us = one.finding.where.start_us, one.finding.where.stop_us
+    start_us, stop_us = located.finding.where.start_us, located.finding.where.stop_us
     return start_us is not None and stop_us is not None and stop_us - start_us > whole_us / 2
 
 

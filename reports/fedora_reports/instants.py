@@ -79,7 +79,7 @@ def places_of(evidence: Evidence, finding: str) -> tuple[Instant, ...]:
         return ()
     beside = {name: _place(evidence, own.box, finding, name) for name in BESIDE}
     both = [(step, beside[name]) for name, step in BESIDE.items()]
-    return tuple(one for _, one in sorted([(0, own), *both], key=lambda pair: pair[0]) if one is not None)
+    return tuple(instant for _, instant in sorted([(0, own), *both], key=lambda pair: pair[0]) if instant is not None)
 
 
 def _place(evidence: Evidence, box: tuple[float, float, float, float] | None, *path: str) -> Instant | None:
@@ -87,8 +87,8 @@ def _place(evidence: Evidence, box: tuple[float, float, float, float] | None, *p
     arrays = {name: evidence.numbers(named(PLACES, *path, name), *shape) for name, shape in _SHAPES.items()}
     time_us = evidence.numbers(named(PLACES, *path, "times_us"))
     instant = _instant(None if time_us is None else float(time_us), arrays, box, worst=len(path) == 1)
-    seen = (instant.rgb, instant.depth_m, instant.flow_px, instant.brighter)
-    return instant if any(picture is not None for picture in seen) else None
+    pictures = (instant.rgb, instant.depth_m, instant.flow_px, instant.brighter)
+    return instant if any(picture is not None for picture in pictures) else None
 
 
 _SHAPES: dict[str, tuple[int | None, ...]] = {

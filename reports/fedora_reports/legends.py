@@ -52,8 +52,8 @@ def _legend(kind: Kind, scales: PictureScales) -> Legend:
 
 
 def _frame(scales: PictureScales) -> Legend:
-    shown = f"shown {scales.gain} times as bright" if scales.gain > 1 else "shown as stored"
-    return Legend("frame", NAMES["frame"], f"8-bit values (DN), {shown}")
+    brightness = f"shown {scales.gain} times as bright" if scales.gain > 1 else "shown as stored"
+    return Legend("frame", NAMES["frame"], f"8-bit values (DN), {brightness}")
 
 
 def _events(scales: PictureScales) -> Legend:

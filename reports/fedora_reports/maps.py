@@ -54,12 +54,12 @@ def exhibits(evidence: Evidence, names: tuple[str, ...]) -> Exhibits:
 
 def value_map(plane: Array, title: str) -> ValueMap:
     """Colour a map (h, w) of any numbers: signed values about 0, others from least to greatest."""
-    known = finite(plane)
+    finite_values = finite(plane)
     coarse = plane.shape[1] < _COARSE_PX
-    if not known.size:
+    if not finite_values.size:
         grey = colour_maps.by_table(np.full(plane.shape, np.nan), colour_maps.SEQUENTIAL)
         return ValueMap(title, drawing(grey, f"{title}: no value"), "no value anywhere", None, coarse)
-    low, high = float(known.min()), float(known.max())
+    low, high = float(finite_values.min()), float(finite_values.max())
     caption = f"{number(low)} to {number(high)}"
     signed = low < 0 < high
     reach = max(-low, high)

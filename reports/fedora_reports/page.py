@@ -107,8 +107,8 @@ def _overview(file: FileRecord, place: int, record: Record) -> OverviewRow:
 def _section(record: Record, place: int, arrays: Mapping[str, NDArray[Any]], worth: PassWorth) -> FileSection:
     file, anchors, evidence = record.files[place], Anchors(place), evidence_of(record, place, arrays)
     located = [Located(finding, anchors.finding(k)) for k, (_, finding) in enumerate(findings_of(file))]
-    links = [Link(one.anchor, one.finding.id) for one in located]
-    pictures = pictures_of(evidence, (one.finding.id for one in located), anchors)
+    links = [Link(located_finding.anchor, located_finding.finding.id) for located_finding in located]
+    pictures = pictures_of(evidence, (located_finding.finding.id for located_finding in located), anchors)
     moments = pictures.strip.rows if pictures.strip else ()
     return FileSection(
         anchors=anchors,
@@ -133,8 +133,8 @@ def _section(record: Record, place: int, arrays: Mapping[str, NDArray[Any]], wor
 
 def _elsewhere(file: FileRecord, evidence: Evidence) -> tuple[str, ...]:
     """Return the arrays that belong neither to the pass nor to a check that is shown."""
-    shown = (*_KEPT_BY_THE_PASS, *(result.check for result in file.results))
-    return tuple(name for name in evidence.names() if not name.startswith(tuple(f"{path}/" for path in shown)))
+    drawn_groups = (*_KEPT_BY_THE_PASS, *(result.check for result in file.results))
+    return tuple(name for name in evidence.names() if not name.startswith(tuple(f"{path}/" for path in drawn_groups)))
 
 
 def _missing(evidence: Evidence) -> str:

@@ -58,10 +58,12 @@ def panels_of(instant: Instant, scales: PictureScales) -> Iterator[Panel]:
 def _frame(instant: Instant, rgb: Array, gain: int) -> Panel:
     if not instant.rgb_known:
         return _nothing("frame", instant, rgb)
-    shown = _brightened(rgb, gain)
+    displayed = _brightened(rgb, gain)
     brightened = f", shown {gain} times as bright" if gain > 1 else ""
     caption = f"DN {rgb.min()} to {rgb.max()} of 255{brightened}"
-    return Panel("frame", NAMES["frame"], photograph(shown, _alt("frame", instant, caption)), caption, box=instant.box)
+    return Panel(
+        "frame", NAMES["frame"], photograph(displayed, _alt("frame", instant, caption)), caption, box=instant.box
+    )
 
 
 def _events(instant: Instant, brighter: Array, darker: Array, scales: PictureScales) -> Panel:
@@ -93,9 +95,9 @@ def _stretched(counts: Array, height: int, width: int) -> Array:
 
 
 def _depth(instant: Instant, depth_m: Array, axis: Axis | None) -> Panel:
-    known = finite(depth_m)
-    known = known[known > 0]
-    caption = _span(float(known.min()), float(known.max()), axis) if known.size else "none here"
+    depths_m = finite(depth_m)
+    depths_m = depths_m[depths_m > 0]
+    caption = _span(float(depths_m.min()), float(depths_m.max()), axis) if depths_m.size else "none here"
     # Nearer is brighter: the scale runs from far to near.
     metres = np.where(np.isfinite(depth_m) & (np.nan_to_num(depth_m) > 0), depth_m, np.nan)
     shares = 1.0 - axis.shares(metres) if axis else np.full(depth_m.shape, np.nan)

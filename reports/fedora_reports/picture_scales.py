@@ -61,31 +61,37 @@ def flow_lengths_px(flow_px: Array) -> Array:
 
 
 def _gain(instants: Sequence[Instant]) -> int:
-    brightest = max((float(np.percentile(one.rgb, 99)) for one in instants if one.rgb is not None), default=255.0)
+    brightest = max(
+        (float(np.percentile(instant.rgb, 99)) for instant in instants if instant.rgb is not None), default=255.0
+    )
     return max(int(160.0 / max(brightest, 1.0)), 1) if brightest < _DARK_DN else 1
 
 
 def _depth(instants: Sequence[Instant]) -> Axis | None:
-    known = [finite(one.depth_m) for one in instants if one.depth_m is not None]
-    depths = np.concatenate([values[values > 0] for values in known]) if known else np.empty(0)
+    depths_m = [finite(instant.depth_m) for instant in instants if instant.depth_m is not None]
+    depths = np.concatenate([values[values > 0] for values in depths_m]) if depths_m else np.empty(0)
     return Axis(float(depths.min()), float(depths.max()), logarithmic=True) if depths.size else None
 
 
 def _full_flow(instants: Sequence[Instant]) -> float:
-    known = [flow_lengths_px(one.flow_px) / one.flow_interval_s for one in instants if one.flow_px is not None]
-    lengths = np.concatenate(known) if known else np.empty(0)
+    speeds = [
+        flow_lengths_px(instant.flow_px) / instant.flow_interval_s
+        for instant in instants
+        if instant.flow_px is not None
+    ]
+    lengths = np.concatenate(speeds) if speeds else np.empty(0)
     return float(np.percentile(lengths, 99)) if lengths.size else 0.0
 
 
 def _full_residual(instants: Sequence[Instant]) -> float:
-    known = [np.abs(finite(one.residual_dn)) for one in instants if one.residual_dn is not None]
-    sizes = np.concatenate(known) if known else np.empty(0)
+    residuals = [np.abs(finite(instant.residual_dn)) for instant in instants if instant.residual_dn is not None]
+    sizes = np.concatenate(residuals) if residuals else np.empty(0)
     return max(float(np.percentile(sizes, 99)), _LEAST_RESIDUAL_DN) if sizes.size else _LEAST_RESIDUAL_DN
 
 
 def _full_events(instants: Sequence[Instant]) -> int:
-    totals = [finite(one.brighter) + finite(one.darker) for one in instants
-              if one.brighter is not None and one.darker is not None]  # fmt: skip
+    totals = [finite(instant.brighter) + finite(instant.darker) for instant in instants
+              if instant.brighter is not None and instant.darker is not None]  # fmt: skip
     counts = np.concatenate(totals) if totals else np.empty(0)
     counts = counts[counts > 0]
     return math.ceil(np.percentile(counts, 99)) if counts.size else 1

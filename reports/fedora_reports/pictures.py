@@ -52,12 +52,12 @@ def _image(picture: colour_maps.Picture, alt: str, qualities: tuple[int, ...]) -
     """Encode with the first of the qualities that keeps the picture small; where none does, make it smaller."""
     scale = min(_LONGEST / max(picture.shape[:2]), 1.0)
     while True:
-        shown = _resized(picture, scale)
+        resized = _resized(picture, scale)
         for quality in qualities:
-            encoded = _encoded(shown, quality)
-            if len(encoded) <= _MOST_BYTES or max(shown.shape[:2]) <= 1:
+            encoded = _encoded(resized, quality)
+            if len(encoded) <= _MOST_BYTES or max(resized.shape[:2]) <= 1:
                 uri = "data:image/webp;base64," + base64.b64encode(encoded).decode("ascii")
-                return Image(uri, shown.shape[1], shown.shape[0], alt)
+                return Image(uri, resized.shape[1], resized.shape[0], alt)
         # The size goes with the number of pixels, or nearly so.
         scale *= min((_MOST_BYTES / len(encoded)) ** 0.5, _LEAST_STEP)
         qualities = qualities[-1:]

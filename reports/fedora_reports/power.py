@@ -32,14 +32,14 @@ def render_power(power: Power) -> str:
 
 def page_of(power: Power) -> PowerPage:
     """Return the page that shows a study."""
-    charts = (detection_chart(one) for one in power.detections if one.check == WHOLE_FILE)
+    charts = (detection_chart(row) for row in power.detections if row.check == WHOLE_FILE)
     return PowerPage(
         title=power.corpus,
         tool=f"{power.tool.name} {power.tool.version}",
         effort=power.effort,
         started=power.started,
         facts=_facts(power),
-        tables=tuple(_table(one) for one in tables_of(power)),
+        tables=tuple(_table(row) for row in tables_of(power)),
         charts=tuple(chart for chart in charts if chart is not None),
         limits=limits_chart(power.stated),
         not_comparable=_not_comparable(power),
@@ -47,11 +47,11 @@ def page_of(power: Power) -> PowerPage:
 
 
 def _facts(power: Power) -> tuple[tuple[str, str], ...]:
-    named = [(f"{one.kind} faults named first", share_words(one.named_first)) for one in power.naming]
+    named = [(f"{naming.kind} faults named first", share_words(naming.named_first)) for naming in power.naming]
     facts = [
         ("Files", f"{power.files}, {power.clean} of them clean"),
         ("Clean files that failed", share_words(power.false_alarms.files)),
-        *((f"{one.kind} faults found".capitalize(), share_words(one.found)) for one in power.naming),
+        *((f"{naming.kind} faults found".capitalize(), share_words(naming.found)) for naming in power.naming),
         *((name.capitalize(), share) for name, share in named),
         ("Rules", power.ruleset_version),
         ("Code that was measured", f"sha256 {power.estimators_digest[:16]}"),
@@ -61,11 +61,11 @@ def _facts(power: Power) -> tuple[tuple[str, str], ...]:
     return tuple(facts)
 
 
-def _table(one: PowerTable) -> Table:
-    return Table(one.title, one.note, one.head, one.rows, numeric=one.words == 1)
+def _table(source: PowerTable) -> Table:
+    return Table(source.title, source.note, source.head, source.rows, numeric=source.words == 1)
 
 
 def _not_comparable(power: Power) -> Table:
-    rows = tuple((one.cause, one.check, one.reason) for one in power.not_comparable)
+    rows = tuple((pair.cause, pair.check, pair.reason) for pair in power.not_comparable)
     note = "These checks find the cause, but state no limit that could be held against its size."
     return Table("Not compared", note, ("cause", "check", "why"), rows, numeric=False)

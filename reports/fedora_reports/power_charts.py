@@ -28,25 +28,25 @@ class PowerChart:
     alt: str
 
 
-def detection_chart(one: Detection) -> PowerChart | None:
+def detection_chart(detection: Detection) -> PowerChart | None:
     """Draw how a cause is found; None where it has no size, or one size only."""
-    if len({part.least for part in one.tried}) < 2:
+    if len({part.least for part in detection.tried}) < 2:
         return None
-    axis = Axis(one.tried[0].least, one.tried[-1].most, logarithmic=True)
-    places = [(axis.share(sqrt(part.least * part.most)) * WIDTH, part.found) for part in one.tried]
-    limit = f"; 95% at {curve_words(one.curve, one.unit)}" if one.curve.points else ""
-    caption = f"{share_words(one.found)} found{limit}"
+    axis = Axis(detection.tried[0].least, detection.tried[-1].most, logarithmic=True)
+    places = [(axis.share(sqrt(part.least * part.most)) * WIDTH, part.found) for part in detection.tried]
+    limit = f"; 95% at {curve_words(detection.curve, detection.unit)}" if detection.curve.points else ""
+    caption = f"{share_words(detection.found)} found{limit}"
     return PowerChart(
-        title=one.cause,
+        title=detection.cause,
         caption=caption,
-        curve=curve_path(one.curve, axis),
-        band=band_path(one.curve, axis),
+        curve=curve_path(detection.curve, axis),
+        band=band_path(detection.curve, axis),
         dots="".join(f"M{x:.1f} {_height(share.value or 0.0):.1f}h0" for x, share in places),
         whiskers="".join(f"M{x:.1f} {_height(share.low):.1f}V{_height(share.high):.1f}" for x, share in places),
         level=_height(_ALMOST_SURE),
         ticks=axis.ticks(4),
-        across=f"size in {one.unit}" if one.unit not in {"", "1"} else "size",
-        alt=f"Detection of {one.cause} against size: {caption}",
+        across=f"size in {detection.unit}" if detection.unit not in {"", "1"} else "size",
+        alt=f"Detection of {detection.cause} against size: {caption}",
     )
 
 
@@ -78,13 +78,15 @@ class LimitsChart:
 
 def limits_chart(stated: Sequence[StatedLimit]) -> LimitsChart | None:
     """Draw the pairs whose curve could be fitted, the boldest limit at the top; None where there are none."""
-    known = [(one.curve.at_95.value, one) for one in stated if one.curve.at_95.value is not None]
-    if not known:
+    bounded = [(limit.curve.at_95.value, limit) for limit in stated if limit.curve.at_95.value is not None]
+    if not bounded:
         return None
-    known.sort(key=lambda pair: -pair[0])
-    bounds = [bound for value, one in known for bound in (value, one.curve.at_95.low, one.curve.at_95.high) if bound]
+    bounded.sort(key=lambda pair: -pair[0])
+    bounds = [
+        bound for value, limit in bounded for bound in (value, limit.curve.at_95.low, limit.curve.at_95.high) if bound
+    ]
     axis = Axis(min(0.25, *bounds), max(2.0, *bounds), logarithmic=True)
-    rows = [(10 * k + 5, axis.share(value) * WIDTH, one.curve.at_95) for k, (value, one) in enumerate(known)]
+    rows = [(10 * k + 5, axis.share(value) * WIDTH, limit.curve.at_95) for k, (value, limit) in enumerate(bounded)]
     return LimitsChart(
         path="".join(
             f"M{axis.share(at.low or axis.low) * WIDTH:.1f} {y}H{axis.share(at.high or axis.high) * WIDTH:.1f}"
@@ -94,7 +96,7 @@ def limits_chart(stated: Sequence[StatedLimit]) -> LimitsChart | None:
         height=10 * len(rows),
         fair=(axis.share(0.5) * WIDTH, axis.share(1.0) * WIDTH),
         ticks=axis.ticks(),
-        alt=f"Size found 95% of the time, in units of the stated limit, of {len(known)} pairs of cause and check",
+        alt=f"Size found 95% of the time, in units of the stated limit, of {len(bounded)} pairs of cause and check",
     )
 
 

@@ -57,20 +57,20 @@ class Pictures:
 def pictures_of(evidence: Evidence, findings: Iterable[str], anchors: Anchors) -> Pictures:
     """Draw all that was kept of a file; ``findings`` are the identifiers of its findings."""
     moments = moments_of(evidence)
-    at_places = {one: instants for one in dict.fromkeys(findings) if (instants := places_of(evidence, one))}
+    at_places = {item: instants for item in dict.fromkeys(findings) if (instants := places_of(evidence, item))}
     scales = scales_for([*moments, *(instant for instants in at_places.values() for instant in instants)])
-    rows = tuple(_row(one, scales, anchors.moment(k)) for k, one in enumerate(moments))
+    rows = tuple(_row(item, scales, anchors.moment(k)) for k, item in enumerate(moments))
     places = {finding: _place(instants, scales) for finding, instants in at_places.items()}
-    shown = [panel for row in rows for panel in row.panels]
-    shown += [panel for place in places.values() for row in place.rows for panel in row.panels]
-    if not shown:
+    panels = [panel for row in rows for panel in row.panels]
+    panels += [panel for place in places.values() for row in place.rows for panel in row.panels]
+    if not panels:
         return Pictures(None, places)
     titles = (evidence.title(name) for name in evidence.under("moments") if not name.endswith("_us"))
-    return Pictures(Strip(rows, legends_for(tuple(shown), scales), tuple(dict.fromkeys(titles))), places)
+    return Pictures(Strip(rows, legends_for(tuple(panels), scales), tuple(dict.fromkeys(titles))), places)
 
 
 def _place(instants: tuple[Instant, ...], scales: PictureScales) -> Place:
-    rows = [_row(one, scales) for one in instants]
+    rows = [_row(instant, scales) for instant in instants]
     worst = next(row for row in rows if row.worst)
     return Place(worst, tuple(row for row in rows if row is not worst))
 

@@ -115,7 +115,7 @@ def _check(result: Result, anchor: str, evidence: Evidence, links: Sequence[Link
         reason=result.reason,
         traceback=tuple(result.traceback.splitlines()),
         principal=None if main is None else _measurement(main),
-        measurements=tuple(_measurement(one) for one in result.measurements),
+        measurements=tuple(_measurement(measurement) for measurement in result.measurements),
         findings=tuple(link for link in links if link.word in own),
         exhibits=exhibits(evidence, tuple(evidence.under(result.check))),
         worth=worth.of(result.check),
@@ -123,33 +123,35 @@ def _check(result: Result, anchor: str, evidence: Evidence, links: Sequence[Link
     )
 
 
-def _nearness(one: Measurement) -> float:
+def _nearness(measurement: Measurement) -> float:
     """Return how far out a measurement lies on the side that counts, in limits, at most 1000."""
-    if one.value is None or one.expected is None or one.limit is None:
+    if measurement.value is None or measurement.expected is None or measurement.limit is None:
         return 0.0
-    deviation = one.value - one.expected
-    counted = {"both": abs(deviation), "upper": max(deviation, 0.0), "lower": max(-deviation, 0.0)}[one.side]
-    if not math.isfinite(counted) or counted > _FARTHEST * one.limit:
+    deviation = measurement.value - measurement.expected
+    counted = {"both": abs(deviation), "upper": max(deviation, 0.0), "lower": max(-deviation, 0.0)}[measurement.side]
+    if not math.isfinite(counted) or counted > _FARTHEST * measurement.limit:
         return _FARTHEST
-    return counted / one.limit if one.limit else 0.0
+    return counted / measurement.limit if measurement.limit else 0.0
 
 
-def _measurement(one: Measurement) -> MeasurementView:
+def _measurement(measurement: Measurement) -> MeasurementView:
     return MeasurementView(
-        name=one.name,
-        value=with_error(one.value, one.standard_error, one.unit),
-        expected="" if one.expected is None else with_unit(one.expected, one.unit),
-        limit=_limit(one),
-        least_detectable="" if one.least_detectable is None else with_unit(one.least_detectable, one.unit),
-        gauge=gauge_of(one),
+        name=measurement.name,
+        value=with_error(measurement.value, measurement.standard_error, measurement.unit),
+        expected="" if measurement.expected is None else with_unit(measurement.expected, measurement.unit),
+        limit=_limit(measurement),
+        least_detectable=""
+        if measurement.least_detectable is None
+        else with_unit(measurement.least_detectable, measurement.unit),
+        gauge=gauge_of(measurement),
     )
 
 
-def _limit(one: Measurement) -> str:
+def _limit(measurement: Measurement) -> str:
     """Return the largest honest deviation, with the side on which it counts."""
-    if one.limit is None:
+    if measurement.limit is None:
         return ""
-    if one.limit == 0:
-        return "exact" if one.side == "both" else {"upper": "not above", "lower": "not below"}[one.side]
-    sign = {"both": "±", "upper": "+", "lower": "−"}[one.side]
-    return f"{sign}{with_unit(one.limit, one.unit)}"
+    if measurement.limit == 0:
+        return "exact" if measurement.side == "both" else {"upper": "not above", "lower": "not below"}[measurement.side]
+    sign = {"both": "±", "upper": "+", "lower": "−"}[measurement.side]
+    return f"{sign}{with_unit(measurement.limit, measurement.unit)}"

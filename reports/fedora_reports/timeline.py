@@ -94,15 +94,24 @@ def timeline_of(evidence: Evidence, findings: Sequence[Located], moments: Sequen
     axis = Axis(float(edges_us[0]), float(edges_us[-1]))
     counts = {name.removeprefix(f"{TIMELINE}/"): evidence.numbers(name, len(edges_us) - 1)
               for name in evidence.under(TIMELINE)}  # fmt: skip
-    known = {stream: samples for stream, samples in counts.items() if samples is not None}
-    named_findings = {one.finding.where.stream for one in findings}
+    samples_by_stream = {stream: samples for stream, samples in counts.items() if samples is not None}
+    named_findings = {located.finding.where.stream for located in findings}
     bin_s = (axis.high - axis.low) / (len(edges_us) - 1) / 1e6
-    streams = [*known, *sorted(stream for stream in named_findings if stream and stream not in known)]
+    streams = [
+        *samples_by_stream,
+        *sorted(stream for stream in named_findings if stream and stream not in samples_by_stream),
+    ]
     rows = [
-        _row(stream, known.get(stream), axis, bin_s, [one for one in findings if one.finding.where.stream == stream])
+        _row(
+            stream,
+            samples_by_stream.get(stream),
+            axis,
+            bin_s,
+            [located for located in findings if located.finding.where.stream == stream],
+        )
         for stream in streams
     ]
-    homeless = [one for one in findings if not one.finding.where.stream]
+    homeless = [located for located in findings if not located.finding.where.stream]
     if homeless:
         rows.append(_row(ELSEWHERE, None, axis, bin_s, homeless))
     ticks, clock = _ticks(axis)
@@ -153,15 +162,17 @@ def _marks(findings: Sequence[Located], axis: Axis) -> tuple[tuple[Mark, ...], l
     free_from = [-math.inf] * _LANES
     marks: list[Mark] = []
     left_over: list[float] = []
-    for left, right, one in sorted(((*_span(one.finding, axis), one) for one in findings), key=lambda item: item[:2]):
+    for left, right, located in sorted(
+        ((*_span(located.finding, axis), located) for located in findings), key=lambda item: item[:2]
+    ):
         lane = next((lane for lane in range(_LANES) if free_from[lane] <= left), None)
         if lane is None:
             left_over.append(left)
             continue
         free_from[lane] = max(right, left + _LABEL_SHARE)
-        finding = one.finding
+        finding = located.finding
         grave = finding.severity in {"critical", "error"}
-        marks.append(Mark(one.anchor, finding.id, finding.message, left, right - left, lane, grave))
+        marks.append(Mark(located.anchor, finding.id, finding.message, left, right - left, lane, grave))
     return tuple(marks), left_over
 
 

@@ -93,15 +93,15 @@ def flat_views(path: FlownPath, marks: Sequence[Mark]) -> tuple[str, str]:
 
 
 def _caption(path: FlownPath, start: str, end: str, rest: str) -> str:
-    known = path.speed_range_m_s
-    if known is None:
+    speed_range_m_s = path.speed_range_m_s
+    if speed_range_m_s is None:
         speed = "speeds unknown"
     elif path.speed_varies:
-        speed = f"coloured by speed, {number(known[0])} to {number(known[1])} m/s"
-    elif known[1] < 1e-6:
+        speed = f"coloured by speed, {number(speed_range_m_s[0])} to {number(speed_range_m_s[1])} m/s"
+    elif speed_range_m_s[1] < 1e-6:
         speed = "at rest"
     else:
-        speed = f"at {number(known[1])} m/s"
+        speed = f"at {number(speed_range_m_s[1])} m/s"
     if len(path.times_us) == 1:
         return f"Place of the body at the only pose, the {start}, {speed}. {rest}"
     seconds = number((float(path.times_us[-1]) - float(path.times_us[0])) / 1e6)

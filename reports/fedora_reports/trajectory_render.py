@@ -127,14 +127,14 @@ def _draw_speeds(plotter: Any, path: FlownPath, places: Float64) -> None:
     """Draw the path as a tube in the colours of its speed, with a scale in m/s."""
     runs = [_distinct(places[a:b], path.speeds_m_s[a:b]) for a, b in path.runs]
     tube = pv.merge([_tube(points, speeds) for points, speeds in runs])
-    known = path.speed_range_m_s
-    if known is None or not path.speed_varies:
-        plotter.add_mesh(tube, color=_NO_SPEED if known is None else speed_colours(3)[1], ambient=0.35)
+    speed_range_m_s = path.speed_range_m_s
+    if speed_range_m_s is None or not path.speed_varies:
+        plotter.add_mesh(tube, color=_NO_SPEED if speed_range_m_s is None else speed_colours(3)[1], ambient=0.35)
         return
     plotter.add_mesh(
         tube,
         scalars="speed",
-        clim=known,
+        clim=speed_range_m_s,
         cmap=list(speed_colours(64)),
         nan_color=_NO_SPEED,
         interpolate_before_map=True,
@@ -149,7 +149,7 @@ def _draw_speeds(plotter: Any, path: FlownPath, places: Float64) -> None:
         width=0.055,
         height=0.6,
         n_labels=5,
-        fmt=f"{{:.{_decimals((known[1] - known[0]) / 4)}f}}",
+        fmt=f"{{:.{_decimals((speed_range_m_s[1] - speed_range_m_s[0]) / 4)}f}}",
         color=_INK,
         title_font_size=18,
         label_font_size=17,

@@ -145,12 +145,12 @@ def _path(panel: _Panel, path: FlownPath) -> str:
 
 def _levels(path: FlownPath) -> NDArray[np.intp]:
     """Return the colour of each pose as a place in the table; -1 where the speed is unknown."""
-    known = np.isfinite(path.speeds_m_s)
+    is_finite = np.isfinite(path.speeds_m_s)
     low, high = path.speed_range_m_s or (0.0, 0.0)
     if not path.speed_varies:
-        return np.where(known, len(_COLOURS) // 2, -1)
-    shares = (np.where(known, path.speeds_m_s, low) - low) / (high - low)
-    return np.where(known, np.minimum(shares * len(_COLOURS), len(_COLOURS) - 1).astype(np.intp), -1)
+        return np.where(is_finite, len(_COLOURS) // 2, -1)
+    shares = (np.where(is_finite, path.speeds_m_s, low) - low) / (high - low)
+    return np.where(is_finite, np.minimum(shares * len(_COLOURS), len(_COLOURS) - 1).astype(np.intp), -1)
 
 
 def _line(places_px: Float64) -> str:
@@ -201,8 +201,8 @@ def _marks(panel: _Panel, marks: Sequence[Mark]) -> str:
 
 def _legend(path: FlownPath, y: float) -> str:
     """Return the scale of speeds, or nothing where all are alike."""
-    known = path.speed_range_m_s
-    if known is None or not path.speed_varies:
+    speed_range_m_s = path.speed_range_m_s
+    if speed_range_m_s is None or not path.speed_varies:
         return ""
     left, width = _MARGIN[0] + 46, 9.0
     bars = (
@@ -211,9 +211,9 @@ def _legend(path: FlownPath, y: float) -> str:
     )
     right = left + len(_COLOURS) * width
     return (
-        _text(left - 6, y, number(known[0]), "end")
+        _text(left - 6, y, number(speed_range_m_s[0]), "end")
         + "".join(bars)
-        + _text(right + 6, y, f"{number(known[1])} m/s", "start")
+        + _text(right + 6, y, f"{number(speed_range_m_s[1])} m/s", "start")
     )
 
 

@@ -35,8 +35,10 @@ class VerdictWords:
 
 def verdict_of(file: FileRecord) -> VerdictWords:
     """Return the verdict of a file in words."""
-    seen = canaries_seen(file)
-    rests_on = f"{_rests_on(file.results)} {seen[:1].upper()}{seen[1:]}." if seen else _rests_on(file.results)
+    canaries = canaries_seen(file)
+    rests_on = (
+        f"{_rests_on(file.results)} {canaries[:1].upper()}{canaries[1:]}." if canaries else _rests_on(file.results)
+    )
     return VerdictWords(file.verdict, TITLES[file.verdict], _sentence(file), rests_on, _shares(file))
 
 
@@ -60,14 +62,14 @@ def _sentence(file: FileRecord) -> str:
 
 
 def _rests_on(results: tuple[Result, ...]) -> str:
-    told = [result for result in results if result.outcome in {"passed", "failed", "warned"}]
-    covered = [result.coverage for result in told if result.coverage is not None]
+    conclusive = [result for result in results if result.outcome in {"passed", "failed", "warned"}]
+    covered = [result.coverage for result in conclusive if result.coverage is not None]
     whole = sum(coverage.seen >= coverage.of for coverage in covered)
-    measured = sum(len(result.measurements) for result in told)
-    if not told:
+    measured = sum(len(result.measurements) for result in conclusive)
+    if not conclusive:
         return f"None of {checks(len(results))} could tell anything." if results else "No check was run."
-    extent = "all of them" if whole == len(told) else f"{whole} of them"
-    return f"It rests on {checks(len(told))} with {measured} measurements; {extent} saw all that they asked for."
+    extent = "all of them" if whole == len(conclusive) else f"{whole} of them"
+    return f"It rests on {checks(len(conclusive))} with {measured} measurements; {extent} saw all that they asked for."
 
 
 def _shares(file: FileRecord) -> tuple[Share, ...]:

@@ -26,7 +26,7 @@ class PassWorth:
 
     def of(self, check: str) -> tuple[Found, ...]:
         """Return what one check was measured to find."""
-        return tuple(one for one in self.found if one.check == check)
+        return tuple(row for row in self.found if row.check == check)
 
 
 NOTHING_KNOWN = PassWorth((), "")
@@ -48,9 +48,9 @@ def worth_rows(worth: PassWorth, results: Sequence[Result], anchors: Sequence[st
     """Return a row for each fault whose best check was run on this file."""
     places = {result.check: (result, anchor) for result, anchor in zip(results, anchors, strict=True)}
     rows = []
-    for one in worth.found:
-        if one.best and one.check in places:
-            result, anchor = places[one.check]
+    for row in worth.found:
+        if row.best and row.check in places:
+            result, anchor = places[row.check]
             word = OUTCOME_WORDS[result.outcome]
-            rows.append(WorthRow(one.cause, one.words, one.check, anchor, result.outcome, word))
+            rows.append(WorthRow(row.cause, row.words, row.check, anchor, result.outcome, word))
     return tuple(rows)

@@ -82,16 +82,16 @@ class Follower:
             care,
             clock,
         )
-        found, room, tiles = [], FIRST_ROOM, _dealt(plan.samples.size)
+        rows, room, tiles = [], FIRST_ROOM, _dealt(plan.samples.size)
         while tiles.size:
             keys, counts = np.empty((tiles.size, room), np.int64), np.empty(tiles.size, np.int64)
             plan_arrays = (tiles, plan.samples, plan.face_starts, plan.faces)
             self.rendered_pixels += follow_tiles(*stage, *plan_arrays, scratch, keys, counts)
             if (counts == NOT_FINITE).any():
                 raise SignalNotFiniteError("Expected finite signals, got one that is infinite or not a number")
-            found += [row[:count] for row, count in zip(keys, counts, strict=True) if count > 0]
+            rows += [row[:count] for row, count in zip(keys, counts, strict=True) if count > 0]
             tiles, room = tiles[counts == NO_ROOM], 8 * room
-        return np.concatenate([np.empty(0, np.int64), *found])
+        return np.concatenate([np.empty(0, np.int64), *rows])
 
 
 def _dealt(tiles: int) -> NDArray[np.int64]:

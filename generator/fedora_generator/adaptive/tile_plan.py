@@ -82,8 +82,8 @@ def _motions_px(views: list[_View], bodies: NDArray[np.int64], height: int, widt
     for here, there in itertools.chain(itertools.pairwise(views), itertools.pairwise(reversed(views))):
         to_there = np.linalg.inv(there.rays)
         H, ts = to_there @ here.rays, (here.cameras_m - there.cameras_m) @ to_there.T
-        seen = (here.lines[here.front], bodies[here.front])
-        kernels.largest_motions(*seen, H, ts, height, width, motions_px)
+        visible = (here.lines[here.front], bodies[here.front])
+        kernels.largest_motions(*visible, H, ts, height, width, motions_px)
     return np.asarray(maximum_filter(motions_px.reshape(rows, columns), size=3, mode="nearest").ravel())
 
 

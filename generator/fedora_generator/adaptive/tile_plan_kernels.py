@@ -55,7 +55,7 @@ def mark_faces(
     """Mark in ``marked`` (tiles, faces) what each tile can show, taken larger by its reach (tiles,) on every side."""
     for tile in prange(tile_count(height, width)):
         column, row = tile_origin(tile, width)
-        found = np.empty(len(lines), np.int64)
-        count, _ = faces_around_tile(lines, column, row, reach_px[tile], found)
+        faces = np.empty(len(lines), np.int64)
+        count, _ = faces_around_tile(lines, column, row, reach_px[tile], faces)
         for index in range(count):
-            marked[tile, front[found[index]]] = True
+            marked[tile, front[faces[index]]] = True

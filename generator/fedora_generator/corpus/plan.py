@@ -134,8 +134,8 @@ def plan_corpus(options: CorpusOptions, scenes: tuple[Scene, ...]) -> tuple[Plan
 
 def _wanted(causes: tuple[str, ...]) -> tuple[Pair, ...]:
     table = (*FAULTS, *BYTE_FAULTS)
-    known = {cause for cause, _ in table} | {f"{stream}:{cause}" for cause, stream in table}
-    unknown = [each for each in causes if each not in known]
+    names = {cause for cause, _ in table} | {f"{stream}:{cause}" for cause, stream in table}
+    unknown = [each for each in causes if each not in names]
     if unknown:
         legal = ", ".join(dict.fromkeys(cause for cause, _ in table))
         raise FaultError(f"Expected causes that can be planted, got {', '.join(unknown)}; choose from {legal}")
@@ -174,8 +174,8 @@ class _Planner:
             ladder = self._ladder(pair, base)
             magnitude = magnitude_of(ladder, trial, number / 2**32)
             fault = replace(self._fault(pair, base, magnitude), seed=_number(f"{pair}{magnitude} {trial}"))
-            seen = ladder.is_observable(magnitude)
-            yield _copy_of(base, "single", f"{_label(fault)}-trial{trial}", (fault,), seen)
+            observable = ladder.is_observable(magnitude)
+            yield _copy_of(base, "single", f"{_label(fault)}-trial{trial}", (fault,), observable)
 
     def local(self, pair: Pair) -> Iterator[PlannedFile]:
         """Plan a severe fault in the middle half of the time, and in the middle quarter of the image."""
@@ -184,12 +184,12 @@ class _Planner:
         quarter_s = self.options.duration_s / 4
         if knows_time(*pair) and pair[0] not in _PLACED:
             half = replace(fault, start_s=quarter_s, stop_s=3 * quarter_s)
-            seen = ladder.is_observable(fault.magnitude, share=1 / 2)
-            yield _copy_of(base, "local", f"{_label(half)}-half", (half,), seen, "half of the time")
+            observable = ladder.is_observable(fault.magnitude, share=1 / 2)
+            yield _copy_of(base, "local", f"{_label(half)}-half", (half,), observable, "half of the time")
         if knows_region(*pair):
             part = replace(fault, region=_middle_quarter(self.scenes[base.scene], pair[1]))
-            seen = ladder.is_observable(fault.magnitude, share=1 / 4)
-            yield _copy_of(base, "local", f"{_label(part)}-quarter", (part,), seen, "a quarter of the image")
+            observable = ladder.is_observable(fault.magnitude, share=1 / 4)
+            yield _copy_of(base, "local", f"{_label(part)}-quarter", (part,), observable, "a quarter of the image")
 
     def composite(self, first: Pair, second: Pair) -> PlannedFile:
         """Two severe faults at once."""

@@ -64,13 +64,13 @@ def emit_crossings(
     height, width = signal.shape
     quiet, words, candidates = room_for_a_row(width)
     active, coming = room_for_pixels(width, _BAND), room_for_pixels(width, _BAND)
-    found = 0
+    active_count = 0
     for band in range(first_row, height + _BAND, _BAND):
-        active, coming, found_here, found = coming, active, found, 0
+        active, coming, found_here, active_count = coming, active, active_count, 0
         for row in range(band, min(band + _BAND, height)):
             mark_quiet(signal, middle, near, row, quiet)
-            found = list_active(words, row, candidates, coming, found)
-        for pixel in coming[:found]:
+            active_count = list_active(words, row, candidates, coming, active_count)
+        for pixel in coming[:active_count]:
             prefetch(previous, pixel >> COLUMN_BITS, pixel & COLUMN_MASK)
             prefetch(reference, pixel >> COLUMN_BITS, pixel & COLUMN_MASK)
         first_key, is_full = count, False

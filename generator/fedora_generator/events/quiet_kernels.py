@@ -86,14 +86,14 @@ def list_active(words: Words, row: int, candidates: Words, pixels: Pixels, count
     No branch depends on a single flag, which nobody can predict. Of each word that is not all quiet, the lanes are
     found in a table; two pixels or eight are written and only those that are active are kept.
     """
-    found = np.uint64(0)
+    active_count = np.uint64(0)
     for first in range(np.uint64(0), np.uint64(words.size), _BLOCK):
         if not _all_quiet(words, first):
             for word in range(first, first + _BLOCK):
-                candidates[found] = word
-                found += np.uint64(words[word] != _ALL_QUIET)
+                candidates[active_count] = word
+                active_count += np.uint64(words[word] != _ALL_QUIET)
     kept, start = np.uint64(count), np.uint64(row) << COLUMN_BITS
-    for index in range(found):
+    for index in range(active_count):
         word = candidates[index]
         mask = ((words[word] ^ _ALL_QUIET) * _GATHER_BITS) >> _HIGHEST_BYTE
         first_pixel = np.uint32(start + word * _LANES)

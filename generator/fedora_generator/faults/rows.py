@@ -20,10 +20,10 @@ _BLOCK_BYTES: Final = 16 * 1024 * 1024
 def streams_in(file: h5py.File, stream: str) -> tuple[str, ...]:
     """Return the stream itself, or for ``flow`` every rate that the file holds."""
     wanted = FLOW_STREAMS if stream == "flow" else (stream,)
-    found = tuple(each for each in wanted if any(spec.key in file for spec in datasets_of(each)))
-    if not found:
+    streams = tuple(each for each in wanted if any(spec.key in file for spec in datasets_of(each)))
+    if not streams:
         raise FaultError(f"Expected a file with the stream {stream}, got none in {file.filename}; name another stream")
-    return found
+    return streams
 
 
 def datasets_in(file: h5py.File, stream: str) -> dict[str, h5py.Dataset]:

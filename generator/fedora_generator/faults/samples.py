@@ -59,8 +59,8 @@ def swapped_frames(file: h5py.File, fault: Fault) -> None:
     for stream in streams_in(file, fault.stream):
         first = place_of(file, stream, fault, distance + 1).start
         for dataset in values_in(file, stream):
-            one, other = dataset[first], dataset[first + distance]
-            dataset[first], dataset[first + distance] = other, one
+            earlier, other = dataset[first], dataset[first + distance]
+            dataset[first], dataset[first + distance] = other, earlier
 
 
 def nan_in_stream(file: h5py.File, fault: Fault) -> None:

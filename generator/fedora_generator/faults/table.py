@@ -172,11 +172,11 @@ USUAL_FACTORS: Final[Mapping[tuple[str, str], float]] = MappingProxyType(
 
 def legal_causes() -> tuple[str, ...]:
     """Return the causes that can be planted, in the order of ``CAUSES``."""
-    known = {cause for cause, _ in (*FAULTS, *BYTE_FAULTS)}
-    return tuple(cause for cause in CAUSES if cause in known)
+    causes = {cause for cause, _ in (*FAULTS, *BYTE_FAULTS)}
+    return tuple(cause for cause in CAUSES if cause in causes)
 
 
 def legal_streams(cause: str) -> tuple[str, ...]:
     """Return the streams that a cause can be planted in, ``flow`` with each of its rates."""
-    families = [stream for known, stream in (*FAULTS, *BYTE_FAULTS) if known == cause]
+    families = [stream for fault_cause, stream in (*FAULTS, *BYTE_FAULTS) if fault_cause == cause]
     return tuple(name for each in families for name in ((each, *FLOW_STREAMS) if each == "flow" else (each,)))

@@ -116,11 +116,11 @@ def _yaws_rad(waypoints: Sequence[Waypoint], legs_m: Floats) -> Floats:
         ordered = math.radians(waypoint.yaw_deg) if waypoint.yaw_deg is not None else ordered
         course = math.atan2(leg[1], leg[0]) if np.any(leg[:2] != 0) else None
         yaws.append(ordered if ordered is not None else course)
-    known = next((yaw for yaw in yaws if yaw is not None), 0.0)
+    latest_yaw = next((yaw for yaw in yaws if yaw is not None), 0.0)
     filled = []
     for yaw in yaws:
-        known = known if yaw is None else yaw
-        filled.append(known)
+        latest_yaw = latest_yaw if yaw is None else yaw
+        filled.append(latest_yaw)
     return np.unwrap(np.array(filled))  # the shorter way round
 
 

@@ -37,12 +37,12 @@ def tile_count(height: int, width: int) -> int:
 
 @njit(cache=True, error_model="numpy")
 def faces_around_tile(
-    lines: NDArray[np.float64], column: int, row: int, reach_px: float, found: NDArray[np.int64]
+    lines: NDArray[np.float64], column: int, row: int, reach_px: float, faces: NDArray[np.int64]
 ) -> tuple[int, bool]:
     """Faces that the tile whose first pixel is (column, row), larger by ``reach_px`` on every side, can show."""
     half = 0.5 * TILE
     every = np.arange(len(lines))
-    return possible_faces(lines, every, len(every), column + half - 0.5, row + half - 0.5, half + reach_px, found)
+    return possible_faces(lines, every, len(every), column + half - 0.5, row + half - 0.5, half + reach_px, faces)
 
 
 @njit(parallel=True, cache=True, error_model="numpy")

@@ -162,7 +162,7 @@ def _share_to_edge(edge: int, turns: float, rate: float, duty: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _border_integral(
-    one: float, two: float, to_one: float, to_two: float, duty_one: float, duty_two: float, zero: float
+    first: float, two: float, to_one: float, to_two: float, duty_one: float, duty_two: float, zero: float
 ) -> float:
     """Integral of f(w1) (G(w2) - zero) dw1 along a straight side from phases (one, two), by (to_one, to_two).
 
@@ -170,11 +170,11 @@ def _border_integral(
     and G linear, so that the midpoint is exact. Edges are counted, not searched for: which side of one we are on never
     depends on rounding.
     """
-    edge_one, edge_two = _next_edge(one, to_one, duty_one), _next_edge(two, to_two, duty_two)
+    edge_one, edge_two = _next_edge(first, to_one, duty_one), _next_edge(two, to_two, duty_two)
     on_one, on_two = (1 if to_one >= 0.0 else -1), (1 if to_two >= 0.0 else -1)
     total, s = 0.0, 0.0
     while s < 1.0:
-        at_one = _share_to_edge(edge_one, one, to_one, duty_one)
+        at_one = _share_to_edge(edge_one, first, to_one, duty_one)
         at_two = _share_to_edge(edge_two, two, to_two, duty_two)
         stop = max(s, min(at_one, at_two, 1.0))
         high = (edge_one & 1) == (on_one > 0)  # up to a falling edge, or down to a rising one
@@ -190,7 +190,7 @@ def _border_integral(
 
 @njit(cache=True, error_model="numpy")
 def _covariance(
-    one: float, two: float, a: tuple[float, float], b: tuple[float, float], duty_one: float, duty_two: float
+    first: float, two: float, a: tuple[float, float], b: tuple[float, float], duty_one: float, duty_two: float
 ) -> float:
     """Average of the product of two square waves, less their means, over the parallelogram of sides a and b (phases).
 
@@ -201,7 +201,7 @@ def _covariance(
     length = abs(a[0]) + abs(a[1]) + abs(b[0]) + abs(b[1])
     if abs(area) < THREAD * length or length > MOST_PERIODS:
         return 0.0
-    p, q = one - math.floor(one) - 0.5 * (a[0] + b[0]), two - math.floor(two) - 0.5 * (a[1] + b[1])
+    p, q = first - math.floor(first) - 0.5 * (a[0] + b[0]), two - math.floor(two) - 0.5 * (a[1] + b[1])
     zero = _antiderivative(two, duty_two)
     total = _border_integral(p, q, a[0], a[1], duty_one, duty_two, zero)
     total += _border_integral(p + a[0], q + a[1], b[0], b[1], duty_one, duty_two, zero)
@@ -216,8 +216,8 @@ def step_average(
 ) -> float:
     """Average, between -1 and 1, of one step-edge term over the parallelogram of sides a and b around (u, v)."""
     rule, _, k_u, k_v, phase, duty_one, l_u, l_v, phase_two, duty_two = steps[row]
-    one, a_one, b_one = k_u * u + k_v * v + phase, k_u * au + k_v * av, k_u * bu + k_v * bv
-    mean_one = square_average(one, a_one, b_one, duty_one)
+    first, a_one, b_one = k_u * u + k_v * v + phase, k_u * au + k_v * av, k_u * bu + k_v * bv
+    mean_one = square_average(first, a_one, b_one, duty_one)
     if rule == STRIPES:
         return 2.0 * mean_one - 1.0
     two, a_two, b_two = l_u * u + l_v * v + phase_two, l_u * au + l_v * av, l_u * bu + l_v * bv
@@ -225,7 +225,7 @@ def step_average(
     both = mean_one * mean_two
     if 0.0 < mean_one < 1.0 and 0.0 < mean_two < 1.0:
         both = duty_one * mean_two + duty_two * mean_one - duty_one * duty_two
-        both += _covariance(one, two, (a_one, a_two), (b_one, b_two), duty_one, duty_two)
+        both += _covariance(first, two, (a_one, a_two), (b_one, b_two), duty_one, duty_two)
     if rule == CHECKER:
         return 4.0 * both - 2.0 * (mean_one + mean_two) + 1.0
     return 2.0 * both - 1.0

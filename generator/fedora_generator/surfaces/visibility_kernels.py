@@ -58,7 +58,7 @@ def possible_faces(
     x: float,
     y: float,
     half: float,
-    found: NDArray[np.int64],
+    faces: NDArray[np.int64],
 ) -> tuple[int, bool]:
     """Write to ``found`` which of the first ``count`` faces of ``given`` can be seen in a square.
 
@@ -77,15 +77,15 @@ def possible_faces(
         face = given[i]
         state = coverage(lines, face, x, y, half)
         if state != OUTSIDE:
-            found[candidates] = face
+            faces[candidates] = face
             candidates += 1
         if state == COVERING:
             nearest_filling = max(nearest_filling, value(lines, face, W, x, y) - spread(lines, face, W, half))
     number = 0
     for i in range(candidates):
-        face = found[i]
+        face = faces[i]
         if value(lines, face, W, x, y) + spread(lines, face, W, half) >= nearest_filling:
-            found[number] = face
+            faces[number] = face
             number += 1
     return number, number == 1 and nearest_filling > 0.0
 

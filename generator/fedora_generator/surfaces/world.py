@@ -102,8 +102,8 @@ class World:
         solids: list[Rectangle | Box] = [*self.rectangles, *self.boxes, *self.movers]
         for solid in solids:
             if solid.texture not in self.textures:
-                known = ", ".join(self.textures) or "none"
-                raise ValueError(f"Expected a texture of the world ({known}), got {solid.texture!r} at {solid.name!r}")
+                names = ", ".join(self.textures) or "none"
+                raise ValueError(f"Expected a texture of the world ({names}), got {solid.texture!r} at {solid.name!r}")
 
     def collision(
         self, positions_world_m: NDArray[np.float64], times_s: NDArray[np.float64] | None = None

@@ -108,13 +108,13 @@ def _timing_table(exact: ExactWorld, worlds: dict[str, MeshWorld]) -> Iterator[s
     for step_us in KEY_STEPS_US:
         moved = FlowInterpolation(worlds["float, factor 4"], camera, lambda t: _pose(camera, t), step_us)
         lumas[f"float, factor 4, every {step_us // 1000} ms, moved along the flow between"] = moved.luma_dn
-    found = {}
+    errors = {}
     for name, luma in lumas.items():
         started = time.process_time()
-        found[name] = record(luma, times_us)
-        yield _timing_row(name, compare(truth, found[name]), f"{time.process_time() - started:.0f}")
+        errors[name] = record(luma, times_us)
+        yield _timing_row(name, compare(truth, errors[name]), f"{time.process_time() - started:.0f}")
     for factor in (1, 4):
-        error = compare(found[f"float, factor {factor}"], found[f"8bit, factor {factor}"])
+        error = compare(errors[f"float, factor {factor}"], errors[f"8bit, factor {factor}"])
         yield _timing_row(f"8bit against float, both factor {factor} (what 8 bits alone cost)", error)
 
 
