@@ -34,8 +34,8 @@ def render_html_or_none(record: Record, arrays: Mapping[str, NDArray[Any]]) -> s
 def write_html(target: Path, record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Draw the report from a record and its arrays, and write it entirely or not at all."""
     from fedora_reports.html import render_html  # noqa: PLC0415 - an extra
-    from fedora_reports.worth import Found, PassWorth  # noqa: PLC0415 - an extra
+    from fedora_reports.worth import DetectableCause, PassWorth  # noqa: PLC0415 - an extra
 
     detectable, whence = all_worth()
-    worth = PassWorth(tuple(Found(row.cause, row.check, row.words, row.best) for row in detectable), whence)
+    worth = PassWorth(tuple(DetectableCause(row.cause, row.check, row.words, row.best) for row in detectable), whence)
     write_text(target, render_html(record, arrays, worth))

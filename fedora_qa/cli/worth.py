@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from fedora_qa.power.worth import Found, Worth, read_worth
+from fedora_qa.power.worth import DetectableCause, Worth, read_worth
 from fedora_qa.record.power_tables import estimate_words, share_words
 
 TITLE = "Measured power"
@@ -33,7 +33,7 @@ def all_worth() -> tuple[tuple[FoundInWords, ...], str]:
     if worth is None:
         return (), ""
     relied_on = [row for check in dict.fromkeys(row.check for row in worth.found) for row in worth.of(check)]
-    best: dict[str, Found] = {}
+    best: dict[str, DetectableCause] = {}
     for row in relied_on:
         rival = best.setdefault(row.cause, row)
         if _least(row) < _least(rival):
@@ -42,16 +42,16 @@ def all_worth() -> tuple[tuple[FoundInWords, ...], str]:
     return tuple(sorted(rows_as_text, key=lambda row: list(best).index(row.cause))), _whence(worth)
 
 
-def _least(row: Found) -> float:
+def _least(row: DetectableCause) -> float:
     """Return the size from which a cause is found; what is found at every size that was tried comes first."""
     return 0.0 if row.at_95.value is None else row.at_95.value
 
 
-def _line(row: Found) -> str:
+def _line(row: DetectableCause) -> str:
     return f"{row.cause}: {_found(row)}"
 
 
-def _found(row: Found) -> str:
+def _found(row: DetectableCause) -> str:
     if row.at_95.value is None:
         return f"found {share_words(row.found)}"
     return f"95% at {estimate_words(row.at_95, row.unit)}"

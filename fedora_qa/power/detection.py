@@ -35,7 +35,7 @@ _GROUPS: Final = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Sized:
+class CauseTrials:
     """The trials of one cause in whole files: their sizes in one unit, 0 where the fault has none."""
 
     cause: str
@@ -50,7 +50,7 @@ class Sized:
         return all(self.sizes)
 
 
-def by_cause(trials: Iterable[Trial]) -> tuple[Sized, ...]:
+def by_cause(trials: Iterable[Trial]) -> tuple[CauseTrials, ...]:
     """Gather the trials with one fault of a whole file by cause and unit, in the order of the manifest."""
     groups: dict[tuple[str, str], list[tuple[float, Trial]]] = {}
     for trial in trials:
@@ -60,7 +60,7 @@ def by_cause(trials: Iterable[Trial]) -> tuple[Sized, ...]:
             size = abs(fault.magnitude or 0.0) * factor
             groups.setdefault((fault.name, unit), []).append((size, trial))
     return tuple(
-        Sized(
+        CauseTrials(
             cause,
             unit,
             tuple(size for size, _ in group),
@@ -81,7 +81,7 @@ def _unit_in(groups: Mapping[tuple[str, str], object], fault: PlantedFault) -> t
     return unit, 1.0
 
 
-def detections(sized: Sized) -> tuple[Detection, ...]:
+def detections(sized: CauseTrials) -> tuple[Detection, ...]:
     """Return how any check finds the cause, and then each check that ever does, the most frequent first."""
     counts: dict[str, int] = {}
     for trial in sized.trials:
@@ -90,7 +90,7 @@ def detections(sized: Sized) -> tuple[Detection, ...]:
     return tuple(_detection(sized, check) for check in (WHOLE_FILE, *sorted(counts, key=lambda name: -counts[name])))
 
 
-def _detection(sized: Sized, check: str) -> Detection:
+def _detection(sized: CauseTrials, check: str) -> Detection:
     detected = [is_found_by(trial, check) for trial in sized.trials]
     return Detection(
         cause=sized.cause,

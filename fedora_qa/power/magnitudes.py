@@ -17,7 +17,7 @@ _GAUSSIAN: Final = 1.4826
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class SizeEstimate:
     """A true magnitude, what was told of it, and the error that was stated, all in one unit."""
 
     cause: str
@@ -29,7 +29,7 @@ class Told:
 
 def magnitude_errors(trials: Sequence[Trial]) -> tuple[MagnitudeError, ...]:
     """Return the errors of each cause, those with one fault only, of the whole file or of a part of it."""
-    sizes: dict[tuple[str, str], list[Told]] = {}
+    sizes: dict[tuple[str, str], list[SizeEstimate]] = {}
     for trial in trials:
         size = _told(trial)
         if size is not None:
@@ -37,7 +37,7 @@ def magnitude_errors(trials: Sequence[Trial]) -> tuple[MagnitudeError, ...]:
     return tuple(_errors(cause, unit, group) for (cause, unit), group in sizes.items())
 
 
-def _told(trial: Trial) -> Told | None:
+def _told(trial: Trial) -> SizeEstimate | None:
     """Return what was told of a fault's size; None where it was not named first, or the units measure other things."""
     if len(trial.item.planted) != 1 or not trial.checked.is_found or not is_named_first(trial):
         return None
@@ -46,10 +46,10 @@ def _told(trial: Trial) -> Told | None:
     if not fault.magnitude or named.magnitude is None or factor is None:
         return None
     error = None if not named.standard_error else named.standard_error * factor
-    return Told(fault.name, fault.unit or "", fault.magnitude, named.magnitude * factor, error)
+    return SizeEstimate(fault.name, fault.unit or "", fault.magnitude, named.magnitude * factor, error)
 
 
-def _errors(cause: str, unit: str, sizes: Sequence[Told]) -> MagnitudeError:
+def _errors(cause: str, unit: str, sizes: Sequence[SizeEstimate]) -> MagnitudeError:
     relative = [abs(size.told - size.truth) / abs(size.truth) for size in sizes]
     pulls = np.array([(size.told - size.truth) / size.standard_error for size in sizes if size.standard_error])
     return MagnitudeError(

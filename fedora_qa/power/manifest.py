@@ -44,7 +44,7 @@ class PlantedFault:
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class CorpusItem:
     """One file. ``cause`` to ``unit`` repeat the first of ``faults``, or stand alone where there is no such list."""
 
     file: str
@@ -84,7 +84,7 @@ class Manifest:
     """Everything that a corpus says of itself."""
 
     corpus_version: Literal[1]
-    items: Annotated[tuple[Item, ...], Field(min_length=1)]
+    items: Annotated[tuple[CorpusItem, ...], Field(min_length=1)]
 
 
 _READER: Final = TypeAdapter(Manifest)
@@ -152,7 +152,7 @@ def _require_sense(manifest: Manifest, path: Path) -> None:
             raise MisuseError(f"Expected a valid {path}, got at {item.file}: {problem}; see docs/corpus.md")
 
 
-def _problem(item: Item, files: list[str], clean: set[str]) -> str:
+def _problem(item: CorpusItem, files: list[str], clean: set[str]) -> str:
     """Return what is wrong with an item, empty where nothing is."""
     inside = PurePosixPath(item.file)
     if inside.is_absolute() or ".." in inside.parts or not inside.name:

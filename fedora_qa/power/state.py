@@ -8,15 +8,15 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from fedora_qa.engine.digest import file_digest
-from fedora_qa.power.checked import Checked
-from fedora_qa.power.manifest import Item
+from fedora_qa.power.checked_file import CheckedFile
+from fedora_qa.power.manifest import CorpusItem
 from fedora_qa.record.atomic import write_text
 
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
     key: str
-    checked: Checked
+    checked: CheckedFile
 
 
 _ADAPTER = TypeAdapter(_Kept)
@@ -30,7 +30,7 @@ class State:
     corpus: Path
     measured_with: str
 
-    def load(self, item: Item) -> Checked | None:
+    def load(self, item: CorpusItem) -> CheckedFile | None:
         """Return what is known of a file; None where nothing is, or it is of another file, tool or configuration."""
         try:
             kept = _ADAPTER.validate_json(self._path(item).read_bytes())
@@ -38,16 +38,16 @@ class State:
             return None
         return kept.checked if kept.key == self._key(item) else None
 
-    def store(self, item: Item, checked: Checked) -> None:
+    def store(self, item: CorpusItem, checked: CheckedFile) -> None:
         """Keep what was found of a file, entirely or not at all."""
         path = self._path(item)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, _ADAPTER.dump_json(_Kept(self._key(item), checked)).decode() + "\n")
 
-    def _path(self, item: Item) -> Path:
+    def _path(self, item: CorpusItem) -> Path:
         return self.folder / f"{item.file}.json"
 
-    def _key(self, item: Item) -> str:
+    def _key(self, item: CorpusItem) -> str:
         """Return what the result depends on: the file's digest, and how it was checked."""
         content = item.sha256 or file_digest(self.corpus / item.file).sha256
         parts = [content, self.measured_with]

@@ -30,8 +30,8 @@ from statistics import median
 from typing import Final
 
 from fedora_qa.power.binomial import chance_of, share_of
-from fedora_qa.power.checked import Reading
-from fedora_qa.power.detection import Sized, curve_of, is_found_by
+from fedora_qa.power.checked_file import Reading
+from fedora_qa.power.detection import CauseTrials, curve_of, is_found_by
 from fedora_qa.power.study import Trial
 from fedora_qa.power.units import factor_between
 from fedora_qa.record.power_types import ComparedBy, Curve, NotComparable, Share, StatedLimit, Truth
@@ -66,7 +66,7 @@ class _Comparison:
 
 
 @dataclass(frozen=True, slots=True)
-class _Compared:
+class _LimitTrials:
     """All comparisons of a cause and a check, and of which measurements in which unit."""
 
     by: ComparedBy
@@ -76,7 +76,7 @@ class _Compared:
 
 
 def stated_limits(
-    sized: Sized, clean: Mapping[str, Trial]
+    sized: CauseTrials, clean: Mapping[str, Trial]
 ) -> tuple[tuple[StatedLimit, ...], tuple[NotComparable, ...]]:
     """Return every check whose stated limit can be held against the cause, and those for which it cannot.
 
@@ -90,7 +90,7 @@ def stated_limits(
     )
 
 
-def _judge(sized: Sized, check: str, clean: Mapping[str, Trial]) -> StatedLimit | NotComparable:
+def _judge(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> StatedLimit | NotComparable:
     compared = _by_size(sized, check, clean) or _by_response(sized, check, clean)
     informative = [trial for trial in compared.trials if trial.ratio > _NOTHING] if compared else []
     if compared is None or not informative:
@@ -115,7 +115,7 @@ def _judge(sized: Sized, check: str, clean: Mapping[str, Trial]) -> StatedLimit 
     )
 
 
-def _why_not(sized: Sized, check: str) -> str:
+def _why_not(sized: CauseTrials, check: str) -> str:
     exceeded = _names_exceeded(sized, check)
     if not exceeded:
         return "no measurement exceeded a limit"
@@ -124,7 +124,7 @@ def _why_not(sized: Sized, check: str) -> str:
     return "no clean file states a limit of what exceeded, or the fault moves the limit itself"
 
 
-def _by_size(sized: Sized, check: str, clean: Mapping[str, Trial]) -> _Compared | None:
+def _by_size(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _LimitTrials | None:
     """Hold planted sizes against the limits of those measurements that measure them."""
     if not sized.has_size or sized.worse_when_smaller:
         return None
@@ -141,10 +141,10 @@ def _by_size(sized: Sized, check: str, clean: Mapping[str, Trial]) -> _Compared 
             trials.append(
                 _Comparison(min(limits), size / min(limits), is_found_by(trial, check), trial.checked.is_found)
             )
-    return _Compared("size", names, sized.unit, tuple(trials)) if trials else None
+    return _LimitTrials("size", names, sized.unit, tuple(trials)) if trials else None
 
 
-def _that_measure(sized: Sized, check: str) -> tuple[str, ...]:
+def _that_measure(sized: CauseTrials, check: str) -> tuple[str, ...]:
     """Return the check's measurements that measure the fault's size."""
     deviations: dict[str, list[float]] = {}
     for size, trial in zip(sized.sizes, sized.trials, strict=True):
@@ -160,19 +160,21 @@ def _that_measure(sized: Sized, check: str) -> tuple[str, ...]:
     )
 
 
-def _by_response(sized: Sized, check: str, clean: Mapping[str, Trial]) -> _Compared | None:
+def _by_response(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> _LimitTrials | None:
     """Hold what the fault moved a measurement by against its limit, of the measurement that exceeds most often."""
     options = []
     for name, times in _names_exceeded(sized, check).items():
         pairs = list(_responses(sized, check, name, clean)) if times >= _FEWEST else []
         if pairs:
             trials = tuple(trial for _, trial in pairs)
-            compared = _Compared("response", (name,), pairs[0][0], trials)
+            compared = _LimitTrials("response", (name,), pairs[0][0], trials)
             options.append((times, median(trial.ratio for trial in trials), compared))
     return max(options, key=lambda option: option[:2])[2] if options else None
 
 
-def _responses(sized: Sized, check: str, name: str, clean: Mapping[str, Trial]) -> Iterator[tuple[str, _Comparison]]:
+def _responses(
+    sized: CauseTrials, check: str, name: str, clean: Mapping[str, Trial]
+) -> Iterator[tuple[str, _Comparison]]:
     """Yield the unit and the comparison of each trial whose reading and whose clean reading are known."""
     for trial in sized.trials:
         before, after = _stated(trial, check, clean).get(name), _of_check(trial, check).get(name)
@@ -185,7 +187,7 @@ def _is_disturbed(before: Reading, after: Reading) -> bool:
     return bool(before.limit) and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0)
 
 
-def _names_exceeded(sized: Sized, check: str) -> dict[str, int]:
+def _names_exceeded(sized: CauseTrials, check: str) -> dict[str, int]:
     """Count the trials in which each measurement of the check exceeded its limit."""
     times: dict[str, int] = {}
     for trial in sized.trials:

@@ -14,8 +14,8 @@ from fedora_qa import __version__
 from fedora_qa.config import RULESET_VERSION
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.errors import FedoraError, MisuseError
-from fedora_qa.power.checked import Checked, checked_from
-from fedora_qa.power.manifest import Item, Manifest
+from fedora_qa.power.checked_file import CheckedFile, checked_from
+from fedora_qa.power.manifest import CorpusItem, Manifest
 from fedora_qa.power.sources import estimators_digest
 from fedora_qa.power.state import State
 
@@ -27,8 +27,8 @@ Report = Callable[[str, int, int], None]
 class Trial:
     """One file of the corpus, and what was found of it."""
 
-    item: Item
-    checked: Checked
+    item: CorpusItem
+    checked: CheckedFile
 
 
 def state_folder(corpus: Path, within: Path | None = None) -> Path:
@@ -63,7 +63,9 @@ def run_study(manifest: Manifest, state: State, options: CheckOptions, jobs: int
     return tuple(Trial(item, checked_before[item.file]) for item in manifest.items)
 
 
-def _check_all(items: list[Item], state: State, options: CheckOptions, jobs: int) -> Iterator[tuple[Item, Checked]]:
+def _check_all(
+    items: list[CorpusItem], state: State, options: CheckOptions, jobs: int
+) -> Iterator[tuple[CorpusItem, CheckedFile]]:
     if jobs == 1 or len(items) < 2:
         for item in items:
             yield item, _check_one(item, state, options)
@@ -84,7 +86,7 @@ def _check_all(items: list[Item], state: State, options: CheckOptions, jobs: int
             pool.shutdown(cancel_futures=True)
 
 
-def _check_one(item: Item, state: State, options: CheckOptions) -> Checked:
+def _check_one(item: CorpusItem, state: State, options: CheckOptions) -> CheckedFile:
     """Check one file and keep what was found, in whichever process."""
     record = check_file(state.corpus / item.file, options).record
     if item.sha256 is not None and record.digest_kind == "full" and record.sha256 != item.sha256:

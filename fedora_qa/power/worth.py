@@ -20,7 +20,7 @@ PUBLISHED: Final = Path(__file__).with_name("published.json")
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class DetectableCause:
     """How a check finds one cause: of all sizes tried, and the size that it finds 95% of the time."""
 
     cause: str
@@ -39,9 +39,9 @@ class Worth:
     files: int
     clean: int
     false_alarms: int
-    found: tuple[Found, ...]
+    found: tuple[DetectableCause, ...]
 
-    def of(self, check: str) -> tuple[Found, ...]:
+    def of(self, check: str) -> tuple[DetectableCause, ...]:
         """Return the causes that a check finds at some size 95% of the time, in the order of the study."""
         return tuple(row for row in self.found if row.check == check and _is_worth(row))
 
@@ -62,7 +62,7 @@ def worth_of(power: Power) -> Worth:
         clean=power.clean,
         false_alarms=power.false_alarms.files.count,
         found=tuple(
-            Found(detection.cause, detection.unit, detection.check, detection.found, detection.curve.at_95)
+            DetectableCause(detection.cause, detection.unit, detection.check, detection.found, detection.curve.at_95)
             for detection in power.detections
             if detection.check != WHOLE_FILE
         ),
@@ -94,6 +94,6 @@ def read_worth(source: Path = PUBLISHED) -> Worth | None:
         raise MisuseError(f"Expected a table of power at {source}, got: {first}; run `make power`") from None
 
 
-def _is_worth(row: Found) -> bool:
+def _is_worth(row: DetectableCause) -> bool:
     """Whether the check can be relied on to find the cause: from a known size on, or at every size that was tried."""
     return row.at_95.value is not None or (row.found.count == row.found.of and row.found.of > 0)

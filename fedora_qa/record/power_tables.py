@@ -187,7 +187,8 @@ def _limits(power: Power) -> PowerTable:
             "95% at, of it")  # fmt: skip
     rows = [
         (limit.cause, limit.check, TRUTH_WORDS[limit.truth], limit.compared,
-         f"{number(_rounded(limit.median))} {limit.unit}", share_words(limit.found_from_it), share_words(limit.found_from_twice), curve_words(limit.curve))
+         f"{number(_rounded(limit.median))} {limit.unit}", share_words(limit.found_from_it),
+         share_words(limit.found_from_twice), curve_words(limit.curve))
         for limit in power.stated
     ]  # fmt: skip
     true = sum(limit.truth == "true" for limit in power.stated)

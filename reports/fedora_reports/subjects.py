@@ -12,7 +12,7 @@ from fedora_reports.evidence import Evidence
 from fedora_reports.gauges import Gauge, gauge_of
 from fedora_reports.maps import Exhibits, exhibits
 from fedora_reports.problems import Link
-from fedora_reports.worth import Found, PassWorth
+from fedora_reports.worth import DetectableCause, PassWorth
 
 _TITLES: Final = {
     "integrity": "Integrity of the file",
@@ -69,7 +69,7 @@ class CheckView:
     measurements: tuple[MeasurementView, ...]
     findings: tuple[Link, ...]
     exhibits: Exhibits
-    worth: tuple[Found, ...]
+    worth: tuple[DetectableCause, ...]
     nearness: float
 
     @property

@@ -8,7 +8,7 @@ from fedora_qa.record.wording import OUTCOME_WORDS
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class DetectableCause:
     """A fault that a check finds, and from which size on, in words. ``best``: no other check finds it smaller."""
 
     cause: str
@@ -21,10 +21,10 @@ class Found:
 class PassWorth:
     """What was measured of all checks, and in a sentence where that was."""
 
-    found: tuple[Found, ...]
+    found: tuple[DetectableCause, ...]
     whence: str
 
-    def of(self, check: str) -> tuple[Found, ...]:
+    def of(self, check: str) -> tuple[DetectableCause, ...]:
         """Return what one check was measured to find."""
         return tuple(row for row in self.found if row.check == check)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.record.types import Finding, Measurement, Record, Where
 from fedora_reports import trajectory
 from fedora_reports.html import render_html
-from fedora_reports.worth import Found, PassWorth
+from fedora_reports.worth import DetectableCause, PassWorth
 from tests.reports.evidence_samples import all_kinds
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
 
@@ -21,7 +21,7 @@ HOSTILE_NAME: Final = HOSTILE.replace("/", "")  # of a file: without folders
 STREAMS: Final = ("rgb", "events", "depth", HOSTILE)
 
 WORTH: Final = PassWorth(
-    (Found("events:time_offset", "event_response.timing", "95% at 3.2 (2.1 to 5) ms", best=True),),
+    (DetectableCause("events:time_offset", "event_response.timing", "95% at 3.2 (2.1 to 5) ms", best=True),),
     "Over 10 short and small files.",
 )
 

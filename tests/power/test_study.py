@@ -10,7 +10,7 @@ import pytest
 from fedora_qa.engine.run import CheckOptions, FileRun
 from fedora_qa.errors import MisuseError
 from fedora_qa.power import study
-from fedora_qa.power.manifest import Item, Manifest
+from fedora_qa.power.manifest import CorpusItem, Manifest
 from fedora_qa.power.sources import MEASURED, estimators_digest
 from fedora_qa.power.state import State
 from fedora_qa.power.study import Trial, measured_with, run_study, state_folder
@@ -56,7 +56,7 @@ def corpus(tmp_path: Path) -> tuple[Path, Manifest]:
         cause = (
             {} if name == "clean.h5" else {"cause": "time_offset", "stream": "events", "magnitude": 2.0, "unit": "ms"}
         )
-        items.append(Item(name, sha256=digest, **cause))  # type: ignore[arg-type]
+        items.append(CorpusItem(name, sha256=digest, **cause))  # type: ignore[arg-type]
     return folder, Manifest(1, tuple(items))
 
 

@@ -1,16 +1,16 @@
 """What a pass is worth stands in the report, as it was handed in, with what came of each check here."""
 
 from fedora_reports.html import render_html
-from fedora_reports.worth import Found, PassWorth, worth_rows
+from fedora_reports.worth import DetectableCause, PassWorth, worth_rows
 from tests.reports.page_reader import complaints_about, read_page
 from tests.support.records import failed, file_record, not_observable, passed, record
 
 WORTH = PassWorth(
     (
-        Found("rgb:unsorted", "clocks.order", "found 13 of 13 (100.0%)", best=True),
-        Found("imu:time_offset", "imu.timing", "95% at 3.2 (2 to 5) ms", best=True),
-        Found("imu:time_offset", "clocks.order", "95% at 900 (700 to ?) ms", best=False),
-        Found("pose:teleport", "pose.continuity", "95% at 1 (0.5 to 2) m", best=True),
+        DetectableCause("rgb:unsorted", "clocks.order", "found 13 of 13 (100.0%)", best=True),
+        DetectableCause("imu:time_offset", "imu.timing", "95% at 3.2 (2 to 5) ms", best=True),
+        DetectableCause("imu:time_offset", "clocks.order", "95% at 900 (700 to ?) ms", best=False),
+        DetectableCause("pose:teleport", "pose.continuity", "95% at 1 (0.5 to 2) m", best=True),
     ),
     "Over 2501 short and small files.",
 )

@@ -6,8 +6,8 @@ from math import erf, log, sqrt
 import numpy as np
 
 from fedora_qa.config import CheckConfig
-from fedora_qa.power.checked import Checked, Reading, Verdict
-from fedora_qa.power.manifest import Item, PlantedFault
+from fedora_qa.power.checked_file import CheckedFile, Reading, Verdict
+from fedora_qa.power.manifest import CorpusItem, PlantedFault
 from fedora_qa.power.study import Trial
 from fedora_qa.power.tables import Origin
 
@@ -23,7 +23,7 @@ def reading(deviation: float = 0.0, least: float | None = 1.0, name: str = "offs
 
 def clean(file: str = CLEAN, *, failed: Sequence[str] = (), stated: Sequence[Reading] = (reading(),)) -> Trial:
     """A clean file, which states that it would have seen a fault of 1 ms."""
-    return Trial(Item(file), Checked("0" * 64, tuple(failed), (), tuple(stated), ()))
+    return Trial(CorpusItem(file), CheckedFile("0" * 64, tuple(failed), (), tuple(stated), ()))
 
 
 def faulty(
@@ -34,9 +34,9 @@ def faulty(
     diagnoses: Sequence[Verdict] = (),
 ) -> Trial:
     """A copy of the clean file with faults, of which ``CHECK`` says something where they are found."""
-    item = Item(f"single/{number}.h5", base=CLEAN, faults=faults)
+    item = CorpusItem(f"single/{number}.h5", base=CLEAN, faults=faults)
     failed = (CHECK,) if found else ()
-    return Trial(item, Checked("1" * 64, failed, (), tuple(readings), tuple(diagnoses)))
+    return Trial(item, CheckedFile("1" * 64, failed, (), tuple(readings), tuple(diagnoses)))
 
 
 def late(number: int, size_ms: float, *, found: bool, named: str = "events:time_offset") -> Trial:

@@ -40,7 +40,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class CheckedFile:
     """One file after all checks.
 
     Attributes
@@ -70,10 +70,10 @@ class Checked:
         return (reading for reading in self.readings if reading.exceeds)
 
 
-def checked_from(file: FileRecord) -> Checked:
+def checked_from(file: FileRecord) -> CheckedFile:
     """Return what is kept of a record."""
     answered = [result for result in file.results if result.outcome in {"passed", "warned", "failed"}]
-    return Checked(
+    return CheckedFile(
         sha256=file.sha256,
         failed=tuple(result.check for result in file.results if result.outcome == "failed"),
         crashed=tuple(result.check for result in file.results if result.outcome == "crashed"),
