@@ -13,7 +13,7 @@ from rich.text import Text
 
 from fedora_qa import __version__
 from fedora_qa.cli.exit_codes import CLEAN, INCOMPLETE
-from fedora_qa.cli.graphics import REPORTS_INSTALL, Trial, try_pyrender, try_pyvista
+from fedora_qa.cli.graphics import REPORTS_INSTALL, DrawingTrial, try_pyrender, try_pyvista
 from fedora_qa.cli.host import PACKAGES, host_facts, memory_mib, package_version, usable_cores
 from fedora_qa.cli.terminal import stdout_console, text
 
@@ -106,7 +106,7 @@ def _report() -> Symptom:
     return Symptom("HTML report", "ok" if version else "missing", detail, needed=False)
 
 
-def _drawn(what: str, trial: Trial, without: str) -> Symptom:
+def _drawn(what: str, trial: DrawingTrial, without: str) -> Symptom:
     detail = trial.detail if trial.works else f"{trial.detail} {without}"
     return Symptom(what, "ok" if trial.works else "missing", detail, needed=False)
 

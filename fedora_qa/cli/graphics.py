@@ -39,14 +39,14 @@ print(GL.glGetString(GL.GL_RENDERER).decode(), "OpenGL", GL.glGetString(GL.GL_VE
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class DrawingTrial:
     """What became of a try: ``detail`` says what drew, or in one sentence why nothing did and what to install."""
 
     works: bool
     detail: str
 
 
-def try_pyrender(environment: Mapping[str, str] | None = None) -> Trial:
+def try_pyrender(environment: Mapping[str, str] | None = None) -> DrawingTrial:
     """Draw a triangle off-screen through EGL with pyrender, as the mesh world does."""
     variables = {**(os.environ if environment is None else environment), "PYOPENGL_PLATFORM": "egl"}
     try:
@@ -59,23 +59,25 @@ def try_pyrender(environment: Mapping[str, str] | None = None) -> Trial:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return Trial(works=False, detail=f"OpenGL did not answer within {_TIME_LIMIT_S:.0f} s: {OPENGL_INSTALL}.")
+        return DrawingTrial(
+            works=False, detail=f"OpenGL did not answer within {_TIME_LIMIT_S:.0f} s: {OPENGL_INSTALL}."
+        )
     if done.returncode == 0:
-        return Trial(works=True, detail=done.stdout.strip())
+        return DrawingTrial(works=True, detail=done.stdout.strip())
     complaint = done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"ended with {done.returncode}"
     if "No module named" in complaint:
-        return Trial(works=False, detail=f"{complaint}: {GENERATOR_INSTALL}.")
-    return Trial(works=False, detail=f"OpenGL could not be used ({complaint}): {OPENGL_INSTALL}.")
+        return DrawingTrial(works=False, detail=f"{complaint}: {GENERATOR_INSTALL}.")
+    return DrawingTrial(works=False, detail=f"OpenGL could not be used ({complaint}): {OPENGL_INSTALL}.")
 
 
-def try_pyvista() -> Trial:
+def try_pyvista() -> DrawingTrial:
     """Draw a short path as the report does."""
     try:
         trajectory = import_module("fedora_reports.trajectory")
     except ImportError as error:
-        return Trial(works=False, detail=f"{error}: {REPORTS_INSTALL}.")
+        return DrawingTrial(works=False, detail=f"{error}: {REPORTS_INSTALL}.")
     east = ((1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     picture = trajectory.render_trajectory((0.0, 1e6), ((0.0, 0.0, 1.0), (1.0, 0.0, 1.0)), (1.0, 1.0), east)
     if picture.note:
-        return Trial(works=False, detail=picture.note)
-    return Trial(works=True, detail=f"pyvista {package_version('pyvista')} draws")
+        return DrawingTrial(works=False, detail=picture.note)
+    return DrawingTrial(works=True, detail=f"pyvista {package_version('pyvista')} draws")

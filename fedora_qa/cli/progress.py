@@ -16,8 +16,8 @@ from rich.progress import (
 )
 
 from fedora_qa.cli.terminal import stderr_console
+from fedora_qa.engine.progress import ProgressTally
 from fedora_qa.engine.progress import Report as FilesReport
-from fedora_qa.engine.progress import Tally
 from fedora_qa.record.wording import printable
 
 _WHOLE_RUN_S: Final = 30 * 86400.0
@@ -51,7 +51,7 @@ def files_progress(file_count: int) -> Iterator[FilesReport]:
     with _bar(counts, DownloadColumn(), TimeRemainingColumn()) as bar:
         task = bar.add_task("", total=None, counts="")
 
-        def report(tally: Tally) -> None:
+        def report(tally: ProgressTally) -> None:
             bar.update(
                 task,
                 description=printable(tally.doing),
@@ -63,7 +63,7 @@ def files_progress(file_count: int) -> Iterator[FilesReport]:
         yield report
 
 
-def counts_words(tally: Tally, file_count: int) -> str:
+def counts_words(tally: ProgressTally, file_count: int) -> str:
     """Say how many files and windows are done; windows of files that nobody has read yet are not known."""
     files = f"files {tally.files_done + file_count}/{tally.files + file_count}"
     return f"{files}, windows {tally.windows_done}/{tally.windows}" if tally.windows else files

@@ -22,7 +22,7 @@ from fedora_qa.storage.traffic import Traffic
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class SampledPasses:
     """What a file has shown so far: to the checks that see every window, and to all else, by window."""
 
     steady: tuple[PartialPass, ...]
@@ -59,13 +59,13 @@ def measure_sampled(
         return passes
 
 
-def finish_sampled(survey: Survey, passes: Shown, lost: Sequence[int], progress: Progress) -> FileRun:
+def finish_sampled(survey: Survey, passes: SampledPasses, lost: Sequence[int], progress: Progress) -> FileRun:
     """Judge a file by what its windows have shown. ``lost`` are windows of the plan that nobody could measure."""
     with opened(survey) as file:
         return _finished(survey, file, passes, lost, progress)
 
 
-def rehearse(survey: Survey, passes: Shown, progress: Progress) -> Traffic:
+def rehearse(survey: Survey, passes: SampledPasses, progress: Progress) -> Traffic:
     """Do the same with a copy, to see how long it takes; return what it asked of a server."""
     copy = pickle.loads(pickle.dumps(passes))  # judging takes the states apart
     with opened(survey) as file:
@@ -78,7 +78,9 @@ def at_density(survey: Survey, plan: Plan, effort: Effort) -> Survey:
     return replace(survey, plan=plan, options=replace(survey.options, effort=effort))
 
 
-def _finished(survey: Survey, file: OpenSurvey, passes: Shown, lost: Sequence[int], progress: Progress) -> FileRun:
+def _finished(
+    survey: Survey, file: OpenSurvey, passes: SampledPasses, lost: Sequence[int], progress: Progress
+) -> FileRun:
     facts = file.ready.facts
     steady = together(passes.steady, _steady(file), facts)
     sampled = together((part for _, part in sorted(passes.sampled.items())), _sampled(file), facts)

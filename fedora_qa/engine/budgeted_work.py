@@ -10,7 +10,7 @@ from typing import Any, Final
 from fedora_qa.checks.protocol import Check
 from fedora_qa.engine.budget import Reserve, batch
 from fedora_qa.engine.budget_steps import (
-    Shown,
+    SampledPasses,
     at_density,
     finish_sampled,
     has_steady_checks,
@@ -21,7 +21,7 @@ from fedora_qa.engine.budget_steps import (
 from fedora_qa.engine.densities import Densities, Density
 from fedora_qa.engine.executors import Result, Task
 from fedora_qa.engine.file_task import Surveyed
-from fedora_qa.engine.file_work import DIED_TWICE, FileWork, Step
+from fedora_qa.engine.file_work import DIED_TWICE, FileWork, WorkStep
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.partial_pass import PartialPass
 from fedora_qa.engine.plan import FEWEST_WINDOWS
@@ -150,14 +150,16 @@ class BudgetedWork(FileWork):
             self._rehearsing = False
 
         self._rehearsing = True
-        self._start(partial(rehearse, self._visited(now), Shown(self._steady_parts(), dict(now.shown))), rehearsed)
+        self._start(
+            partial(rehearse, self._visited(now), SampledPasses(self._steady_parts(), dict(now.shown))), rehearsed
+        )
 
     def _judge(self, densities: Densities) -> None:
         now = densities.now
         for other in densities.tried:
             if other is not now:
                 self._traffic = sum((part.traffic for part in other.shown.values()), self._traffic)
-        passes = Shown(self._steady_parts(), now.shown)
+        passes = SampledPasses(self._steady_parts(), now.shown)
         lost = sorted(set(self._lost) - now.shown.keys())
         self._do("being judged", partial(finish_sampled, self._visited(now), passes, lost), self._finished)
 
@@ -196,7 +198,7 @@ class BudgetedWork(FileWork):
             if self._densities and not self.run:
                 self._go_on(self._densities)
 
-        self.ready.append(Step(task, self._tell, ended, lost))
+        self.ready.append(WorkStep(task, self._tell, ended, lost))
 
     def _finished(self, run: FileRun) -> None:
         seconds = {**run.seconds, "rehearsals": self._rehearsals_s} if self._rehearsals_s else run.seconds

@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # who deals out the work loads nothing that measures
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class WorkStep:
     """A task of a file: what it tells, what becomes of its result, and what is done when the process died over it.
 
     ``when_endless`` is done where the file took for ever to open, as it would again; None: what any death asks for.
@@ -73,7 +73,7 @@ class FileWork:
     ) -> None:
         self.path = path
         self.bytes = size
-        self.ready: deque[Step] = deque()
+        self.ready: deque[WorkStep] = deque()
         self.run: FileRun | None = None
         self.windows = 0
         self._checks = checks
@@ -91,7 +91,7 @@ class FileWork:
         else:
             self._do_in_steps()
 
-    def take(self, worker: int) -> Step | None:
+    def take(self, worker: int) -> WorkStep | None:
         """Return the next step for a worker, by its number; None where there is none for now."""
         if self.ready:
             return self.ready.popleft()
@@ -119,7 +119,7 @@ class FileWork:
             self._tell(what, done, of)
 
         task = FileTask("check_whole", self.path.absolute(), (self._checks, self._options))
-        self.ready.append(Step(task, tell, self._finished, self._do_in_steps, self._give_up_opening))
+        self.ready.append(WorkStep(task, tell, self._finished, self._do_in_steps, self._give_up_opening))
 
     def _do_in_steps(self) -> None:
         self._seen.clear()
@@ -128,7 +128,7 @@ class FileWork:
 
     def _do(self, doing: str, task: Task[Any], then: Callable[[Any], None]) -> None:
         """Get a task done for the whole file; where its process dies twice, every check has crashed."""
-        once = Step(task, self._tell, then, partial(self._give_up, doing, DIED_TWICE), self._give_up_opening)
+        once = WorkStep(task, self._tell, then, partial(self._give_up, doing, DIED_TWICE), self._give_up_opening)
         self.ready.append(replace(once, when_lost=partial(self.ready.append, once)))
 
     def _give_up_opening(self) -> None:
@@ -149,7 +149,7 @@ class FileWork:
         self._surveyed_as = survey
         self._finish_if_measured(survey)
 
-    def _measuring(self, survey: Surveyed, windows: Sequence[int], when_lost: Callable[[], None]) -> Step:
+    def _measuring(self, survey: Surveyed, windows: Sequence[int], when_lost: Callable[[], None]) -> WorkStep:
         first = windows[0]
         before = next((part for part in self._parts.values() if part.stop == first), None)
         if before:
@@ -172,7 +172,7 @@ class FileWork:
             when_lost()
 
         task = FileTask("measure_windows", survey, (before.shown if before else None,), windows, self._folder)
-        return Step(task, tell, measured, lost)
+        return WorkStep(task, tell, measured, lost)
 
     def _keep(self, part: Part) -> None:
         self._parts[part.start] = part

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from fedora_qa.engine.executors import Executor
-from fedora_qa.engine.file_work import FileWork, Step
+from fedora_qa.engine.file_work import FileWork, WorkStep
 from fedora_qa.engine.options import CheckOptions, FileRun
-from fedora_qa.engine.progress import Report, Tally
+from fedora_qa.engine.progress import ProgressTally, Report
 from fedora_qa.errors import EndlessError, WorkerLostError
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.server import version_of
@@ -88,7 +88,7 @@ def check_files(
         return BudgetedWork(*of_file, allot)
 
     works = [work_on(path) for path in paths]
-    running: dict[Future[Any], tuple[Step, int]] = {}
+    running: dict[Future[Any], tuple[WorkStep, int]] = {}
     waiting = list(works)
     while waiting:
         _submit(waiting, running, executor)
@@ -104,7 +104,7 @@ def check_files(
                 yield work.path, work.run
 
 
-def _submit(works: Sequence[FileWork], running: dict[Future[Any], tuple[Step, int]], executor: Executor) -> None:
+def _submit(works: Sequence[FileWork], running: dict[Future[Any], tuple[WorkStep, int]], executor: Executor) -> None:
     """Keep the executor busy. Earlier files come first, so that few are under way at a time and each is soon done."""
     busy = {worker for _, worker in running.values()}
     idle = deque(worker for worker in range(executor.capacity) if worker not in busy)
@@ -114,7 +114,7 @@ def _submit(works: Sequence[FileWork], running: dict[Future[Any], tuple[Step, in
             running[executor.submit(step.task, step.progress, worker)] = step, worker
 
 
-def _settle(step: Step, future: Future[Any]) -> None:
+def _settle(step: WorkStep, future: Future[Any]) -> None:
     try:
         result = future.result()
     except EndlessError:
@@ -125,8 +125,8 @@ def _settle(step: Step, future: Future[Any]) -> None:
         step.then(result)
 
 
-def _tally(doing: str, works: Sequence[FileWork]) -> Tally:
-    return Tally(
+def _tally(doing: str, works: Sequence[FileWork]) -> ProgressTally:
+    return ProgressTally(
         doing=doing,
         files_done=sum(work.run is not None for work in works),
         files=len(works),

@@ -14,7 +14,7 @@ from fedora_qa.engine.executors import Result, Task
 from fedora_qa.engine.fork_server import worker_context
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.time_limit import ENDED_BY
-from fedora_qa.engine.worker import Done, Failed, Told, serve
+from fedora_qa.engine.worker import ProgressReport, TaskFailure, TaskResult, serve
 from fedora_qa.errors import EndlessError, WorkerLostError
 
 
@@ -105,7 +105,7 @@ class _Worker:
             by = "never started" if code is None else f"signal {-code}" if code < 0 else f"exit code {code}"
             lost = EndlessError if ENDED_BY is not None and code == -ENDED_BY else WorkerLostError
             raise lost(f"Expected a process to end its task, got its own end: {by}") from end
-        if isinstance(answer, Failed):
+        if isinstance(answer, TaskFailure):
             raise answer.error
         self.peak_memory_mib = max(self.peak_memory_mib, answer.peak_memory_mib)
         return answer.result  # type: ignore[no-any-return]  # what comes through a pipe has no type
@@ -126,11 +126,11 @@ class _Worker:
         self._closed = True
         self._end()
 
-    def _answer(self, task: Task[Any], progress: Progress) -> Done | Failed:
+    def _answer(self, task: Task[Any], progress: Progress) -> TaskResult | TaskFailure:
         self._pipe.send(task)
-        while isinstance(answer := self._pipe.recv(), Told):
+        while isinstance(answer := self._pipe.recv(), ProgressReport):
             progress(answer.what, answer.done, answer.of)
-        if not isinstance(answer, Done | Failed):
+        if not isinstance(answer, TaskResult | TaskFailure):
             raise TypeError(f"Expected an answer of a worker, got {type(answer).__name__}")
         return answer
 

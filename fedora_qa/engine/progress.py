@@ -17,7 +17,7 @@ def quiet(what: str, done: int, of: int) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Tally:
+class ProgressTally:
     """How far a run over some files has come.
 
     Attributes
@@ -39,5 +39,5 @@ class Tally:
     bytes: int
 
 
-Report = Callable[[Tally], None]
+Report = Callable[[ProgressTally], None]
 """Is told how far the run has come, from any thread."""

@@ -29,7 +29,7 @@ _BLAS_THREADS: Final = "OPENBLAS_NUM_THREADS"
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class ProgressReport:
     """A task tells how far it has come."""
 
     what: str
@@ -38,7 +38,7 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
+class TaskResult:
     """What a task gave, and the most memory that the process has held so far."""
 
     result: Any
@@ -46,7 +46,7 @@ class Done:
 
 
 @dataclass(frozen=True, slots=True)
-class Failed:
+class TaskFailure:
     """What a task raised, with its traceback as a note."""
 
     error: Exception
@@ -87,14 +87,14 @@ def _use_threads(threads: int) -> None:
 
 def _answer(pickled: bytes, pipe: "Connection[Any, Any]", open_file: OpenFile) -> bytes:
     def tell(what: str, done: int, of: int) -> None:
-        pipe.send(Told(what, done, of))
+        pipe.send(ProgressReport(what, done, of))
 
     try:
         task = pickle.loads(pickled)
         result = task(tell, open_file) if isinstance(task, FileTask) else task(tell)
-        return pickle.dumps(Done(result, _peak_mib()), pickle.HIGHEST_PROTOCOL)
+        return pickle.dumps(TaskResult(result, _peak_mib()), pickle.HIGHEST_PROTOCOL)
     except Exception as error:  # noqa: BLE001 - whoever asked for the result gets it
-        return pickle.dumps(Failed(_that_travels(error)))
+        return pickle.dumps(TaskFailure(_that_travels(error)))
 
 
 def _peak_mib() -> int:

@@ -14,7 +14,7 @@ from fedora_qa.engine.executors import Executor, InProcess
 from fedora_qa.engine.files import check_files
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.engine.processes import ProcessExecutor
-from fedora_qa.engine.progress import Tally
+from fedora_qa.engine.progress import ProgressTally
 from fedora_qa.engine.work_queue import WorkQueue
 from fedora_qa.errors import MisuseError
 from tests.support.fake_executors import Loses, Travels
@@ -162,7 +162,7 @@ def test_a_window_that_kills_every_process(handmade: Path) -> None:
 def test_progress_tells_the_truth(handmade: Path, tmp_path: Path) -> None:
     """Nothing that is told goes back; at the end all files, windows and bytes are done; before it, not all."""
     paths = [handmade, write_handmade(tmp_path / "other.h5")]
-    tallies: list[Tally] = []
+    tallies: list[ProgressTally] = []
     executor = Travels()
     for _ in check_files(paths, CheckOptions(evidence=None), executor, tallies.append):
         pass

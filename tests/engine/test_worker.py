@@ -11,7 +11,7 @@ import pytest
 
 from fedora_qa.engine import worker
 from fedora_qa.engine.open_file import OpenFile
-from fedora_qa.engine.worker import Done, Told
+from fedora_qa.engine.worker import ProgressReport, TaskResult
 from tests.support import tasks
 
 
@@ -32,9 +32,9 @@ def cleared(monkeypatch: pytest.MonkeyPatch) -> Event:
 
 def _count(pipe: "Connection[Any, Any]") -> int:
     pipe.send(partial(tasks.count, 1))
-    while isinstance(answer := pipe.recv(), Told):
+    while isinstance(answer := pipe.recv(), ProgressReport):
         pass
-    assert isinstance(answer, Done)
+    assert isinstance(answer, TaskResult)
     count, _ = answer.result
     return int(count)
 
