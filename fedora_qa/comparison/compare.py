@@ -7,13 +7,13 @@ from typing import Final
 import numpy as np
 
 from fedora_qa import __version__
-from fedora_qa.comparison.distances import Held, difference_of, held_together
+from fedora_qa.comparison.distances import PairedCounts, difference_of, held_together
 from fedora_qa.comparison.histograms import Int64, shares_of
 from fedora_qa.comparison.published import PUBLISHED
 from fedora_qa.comparison.sampled import meaning_of, unit_of
 from fedora_qa.comparison.statistics import statistic_changes, with_errors
 from fedora_qa.comparison.subjects import Given, Match, design_of, matches
-from fedora_qa.comparison.types import COMPARISON_VERSION, Comparison, Design, Overlay, Pair, Versions
+from fedora_qa.comparison.types import COMPARISON_VERSION, Comparison, Design, Overlay, SubjectPair, Versions
 from fedora_qa.comparison.versions import record_changes
 from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.value_counts import octave_edges
@@ -24,14 +24,14 @@ DEFAULT_FALSE_ALARM_RATE: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class _Planned:
+class _PairPlan:
     """What will be held together, known before anything is judged, so that all can share one false-alarm rate."""
 
     before: Given
     after: Given
     place: int
     design: Design
-    held: tuple[Held, ...]
+    held: tuple[PairedCounts, ...]
     matched: tuple[Match, ...]
 
     @property
@@ -68,7 +68,7 @@ def compare(given: Sequence[Given], design: Design | None, false_alarm_rate: flo
     )
 
 
-def _plan(before: Given, after: Given, place: int, design: Design | None) -> _Planned:
+def _plan(before: Given, after: Given, place: int, design: Design | None) -> _PairPlan:
     design = design or design_of(before, after)
     matched = matches(before, after) if design == "versions" else ()
     if design == "versions" and not matched:
@@ -76,11 +76,11 @@ def _plan(before: Given, after: Given, place: int, design: Design | None) -> _Pl
             f"Expected versions of the same files, got none in {after.name} named as one in {before.name}; "
             "compare them as sequences or datasets"
         )
-    return _Planned(before, after, place, design, held_together(before, after, design), matched)
+    return _PairPlan(before, after, place, design, held_together(before, after, design), matched)
 
 
-def _pair(planned: _Planned, level: float) -> Pair:
-    return Pair(
+def _pair(planned: _PairPlan, level: float) -> SubjectPair:
+    return SubjectPair(
         before=0,
         after=planned.place,
         design=planned.design,
@@ -89,7 +89,7 @@ def _pair(planned: _Planned, level: float) -> Pair:
     )
 
 
-def _versions(planned: _Planned, level: float) -> Versions:
+def _versions(planned: _PairPlan, level: float) -> Versions:
     changes = [
         record_changes(item.name, item.before.record, item.after.record)
         for item in planned.matched

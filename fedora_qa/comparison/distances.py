@@ -7,7 +7,7 @@ import numpy as np
 
 from fedora_qa.comparison.histograms import Int64, mean_of, shares_of
 from fedora_qa.comparison.relabelling import Sides, chance_of, enough_units, standard_errors
-from fedora_qa.comparison.sampled import Sampled, filled, paired_blocks, unit_of
+from fedora_qa.comparison.sampled import SampledCounts, filled, paired_blocks, unit_of
 from fedora_qa.comparison.stretches import independent_stretches
 from fedora_qa.comparison.subjects import Given, GivenFile, matches
 from fedora_qa.comparison.types import Design, Difference, Told
@@ -20,7 +20,7 @@ _NOUNS: Final[dict[Design, str]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class PairedCounts:
     """Two distributions that are held against each other. ``file`` is empty where they are of whole subjects."""
 
     file: str
@@ -29,7 +29,7 @@ class Held:
     sides: Sides
 
 
-def held_together(before: Given, after: Given, design: Design) -> tuple[Held, ...]:
+def held_together(before: Given, after: Given, design: Design) -> tuple[PairedCounts, ...]:
     """Return every quantity that both subjects have, by file where they are versions."""
     if design == "versions":
         paired = [_paired(match.name, match.before.sampled, match.after.sampled) for match in matches(before, after)]
@@ -42,7 +42,7 @@ def held_together(before: Given, after: Given, design: Design) -> tuple[Held, ..
     )
 
 
-def difference_of(held: Held, level: float) -> Difference:
+def difference_of(held: PairedCounts, level: float) -> Difference:
     """Return how far they lie apart, and whether that is more than chance gives at ``level``."""
     sides = held.sides
     random = np.random.default_rng(0)  # the same answer whenever it is asked for
@@ -69,7 +69,7 @@ def difference_of(held: Held, level: float) -> Difference:
     )
 
 
-def _told_beforehand(held: Held, level: float) -> tuple[Told | None, str]:
+def _told_beforehand(held: PairedCounts, level: float) -> tuple[Told | None, str]:
     """Return what needs no relabelling, and why relabelling cannot tell; None where it can."""
     sides = held.sides
     if np.array_equal(sides.before, sides.after):
@@ -81,16 +81,16 @@ def _told_beforehand(held: Held, level: float) -> tuple[Told | None, str]:
     return "not_told", f"only {there} {_NOUNS[held.design]}; to tell at {level:.2g} takes {takes}"
 
 
-def _paired(name: str, before: Sampled | None, after: Sampled | None) -> list[Held]:
+def _paired(name: str, before: SampledCounts | None, after: SampledCounts | None) -> list[PairedCounts]:
     if before is None or after is None:
         return []
     pairs = {q: paired_blocks(before, after, q) for q in before.counts if q in after.counts}
     return [_held(name, q, "versions", *blocks, paired=True) for q, blocks in pairs.items() if len(blocks[0])]
 
 
-def _held(file: str, quantity: str, design: Design, before: Int64, after: Int64, *, paired: bool) -> Held:
+def _held(file: str, quantity: str, design: Design, before: Int64, after: Int64, *, paired: bool) -> PairedCounts:
     first, other, edges = filled(before, after)
-    return Held(file, quantity, design, Sides(first, other, edges, paired))
+    return PairedCounts(file, quantity, design, Sides(first, other, edges, paired))
 
 
 def _units(given: Given, quantity: str, design: Design) -> Int64:
@@ -105,5 +105,5 @@ def _quantities(given: Given) -> dict[str, None]:
     return dict.fromkeys(q for file in given.files if file.sampled for q in file.sampled.counts)
 
 
-def _sampled(file: GivenFile) -> Sampled | None:
+def _sampled(file: GivenFile) -> SampledCounts | None:
     return file.sampled

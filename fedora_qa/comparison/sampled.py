@@ -17,7 +17,7 @@ _UNITS: Final = {"_per_ms": "events/ms", "_ms": "ms", "_dn": "DN", "_m": "m"}
 
 
 @dataclass(frozen=True, slots=True)
-class Sampled:
+class SampledCounts:
     """Counts by quantity (b, n) in ``octave_edges`` (n + 1,), and when each block begins, in whole block lengths."""
 
     block_ns: int
@@ -29,7 +29,7 @@ class Sampled:
         return np.asarray(self.counts[quantity].sum(axis=0))
 
 
-def sampled_from(arrays: Mapping[str, NDArray[Any]], prefix: str = "") -> Sampled | None:
+def sampled_from(arrays: Mapping[str, NDArray[Any]], prefix: str = "") -> SampledCounts | None:
     """Return what the arrays hold under ``prefix``; None where there are no distributions, or no sound ones."""
     blocks = arrays.get(prefix + named(DISTRIBUTIONS, "blocks_ns"))
     if blocks is None or blocks.dtype.kind != "i" or blocks.ndim != 2 or blocks.shape[1] != 2 or not len(blocks):
@@ -41,12 +41,12 @@ def sampled_from(arrays: Mapping[str, NDArray[Any]], prefix: str = "") -> Sample
     names = dict.fromkeys(name.removeprefix(begins).split("/")[0] for name in arrays if name.startswith(begins))
     placed = {name: _placed(arrays, named(begins[:-1], name), len(blocks)) for name in names}
     counts = {name: placed[name] for name in sorted(names, key=_order)}
-    return Sampled(
+    return SampledCounts(
         block_ns, blocks[:, 0] // block_ns, {name: values for name, values in counts.items() if values is not None}
     )
 
 
-def paired_blocks(before: Sampled, after: Sampled, quantity: str) -> tuple[Int64, Int64]:
+def paired_blocks(before: SampledCounts, after: SampledCounts, quantity: str) -> tuple[Int64, Int64]:
     """Return the counts (b, n) of both sides in the blocks of time in which both have some."""
     block_ns = max(before.block_ns, after.block_ns)
     sides = [_by_block(side, quantity, block_ns) for side in (before, after)]
@@ -91,7 +91,7 @@ def _placed(arrays: Mapping[str, NDArray[Any]], name: str, blocks: int) -> Int64
     return whole if whole.any() else None
 
 
-def _by_block(side: Sampled, quantity: str, block_ns: int) -> dict[int, Int64]:
+def _by_block(side: SampledCounts, quantity: str, block_ns: int) -> dict[int, Int64]:
     """Return the counts of each block that has any, in blocks of the length asked for, by number."""
     merged: dict[int, Int64] = {}
     for place, counts in zip(side.places * side.block_ns // block_ns, side.counts[quantity], strict=True):

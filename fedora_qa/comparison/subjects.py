@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
-from fedora_qa.comparison.sampled import Sampled
+from fedora_qa.comparison.sampled import SampledCounts
 from fedora_qa.comparison.types import ComparedFile, Design, Subject
 from fedora_qa.record.types import FileRecord, Scalar
 
@@ -15,7 +15,7 @@ class GivenFile:
 
     path: str
     statistics: Mapping[str, Mapping[str, Scalar]]
-    sampled: Sampled | None
+    sampled: SampledCounts | None
     record: FileRecord | None = None
 
 

@@ -6,7 +6,16 @@ from typing import Final
 
 from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.text_table import ABSENT, TextTable
-from fedora_qa.comparison.types import Comparison, Design, Difference, Moved, Pair, StatisticChange, Told, Versions
+from fedora_qa.comparison.types import (
+    Comparison,
+    Design,
+    Difference,
+    Moved,
+    StatisticChange,
+    SubjectPair,
+    Told,
+    Versions,
+)
 from fedora_qa.record.markdown import escape, table
 from fedora_qa.record.wording import OUTCOME_WORDS, number, with_error
 
@@ -77,14 +86,14 @@ def _section(source: TextTable) -> str:
     return f"### {escape(source.title)}\n\n{table(source.head, source.rows)}\n\n{escape(source.note)}".rstrip()
 
 
-def _pair(comparison: Comparison, pair: Pair) -> PairTables:
+def _pair(comparison: Comparison, pair: SubjectPair) -> PairTables:
     before, after = (comparison.subjects[place].name for place in (pair.before, pair.after))
     tables = [_distances(pair), *(_version_tables(pair.versions) if pair.versions else ())]
     summary = f"Compared as {DESIGN_WORDS[pair.design]}. {_version_words(pair.versions) if pair.versions else ''}"
     return PairTables(f"{after} against {before}", summary.rstrip(), tuple(source for source in tables if source.rows))
 
 
-def _distances(pair: Pair) -> TextTable:
+def _distances(pair: SubjectPair) -> TextTable:
     head = (
         "quantity",
         "unit",

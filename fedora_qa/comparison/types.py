@@ -147,7 +147,7 @@ class Versions:
 
 
 @dataclass(frozen=True, slots=True)
-class Pair:
+class SubjectPair:
     """One subject held against the reference, the first; both by their place among the subjects."""
 
     before: int
@@ -178,6 +178,6 @@ class Comparison:
     level: float
     subjects: tuple[Subject, ...]
     overlays: tuple[Overlay, ...]
-    pairs: tuple[Pair, ...]
+    pairs: tuple[SubjectPair, ...]
     published: tuple[Published, ...]
     notes: tuple[str, ...]

@@ -19,7 +19,7 @@ from fedora_qa.errors import FedoraError, StorageError, UnreadableFileError
 from fedora_qa.evidence.collector import EvidenceCollector
 from fedora_qa.evidence.distributions import DistributionsCollector
 from fedora_qa.sequence.scan import Scan
-from fedora_qa.sequence.sequence import Known, open_sequence
+from fedora_qa.sequence.sequence import OpeningFacts, open_sequence
 from fedora_qa.sequence.sequence import Sequence as FileSequence
 from fedora_qa.sequence.window import Span
 from fedora_qa.statistics.collector import StatisticsCollector
@@ -36,7 +36,7 @@ class Survey:
     ----------
     version
         Whoever opens the file later must find the same.
-    known
+    opening_facts
         What opening it has found out.
     checks
         All that were selected.
@@ -49,7 +49,7 @@ class Survey:
     path: Place
     version: Version
     digest: Digest
-    known: Known
+    opening_facts: OpeningFacts
     scanned: Scan
     plan: Plan
     checks: tuple[Check[Any], ...]
@@ -135,7 +135,7 @@ def survey_file(
         path=path,
         version=sequence.version,
         digest=digest,
-        known=sequence.known,
+        opening_facts=sequence.opening_facts,
         scanned=ready.scanned,
         plan=make_plan(options.effort, len(ready.spans), ready.scanned.cell_ns, ready.frame_pixels),
         checks=checks,
@@ -156,7 +156,7 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
         The file has been changed since, or one behind a URL cannot be read, or was changed meanwhile.
     """
     path, options, asked = survey.path, survey.options, survey.asked
-    with open_sequence(path, options.dialect, survey.known, options.allow_external) as sequence:
+    with open_sequence(path, options.dialect, survey.opening_facts, options.allow_external) as sequence:
         require_same(survey, sequence.version)
         ready = ready_to_measure(sequence, survey.scanned, options.memory_bytes)
         chosen = tuple(ready.spans[number] for number in survey.plan.chosen)

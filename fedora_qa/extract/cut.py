@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fedora_qa.extract.index_maps import entries_kept, shifted
 from fedora_qa.extract.place import Piece
 from fedora_qa.extract.remembering import RememberingFile
-from fedora_qa.extract.rows import Rows, rows_kept
+from fedora_qa.extract.rows import CutRows, rows_kept
 from fedora_qa.extract.storage import (
     beside_its_file,
     copy_attributes,
@@ -66,7 +66,7 @@ class Cutter:
         self._scanned = scanned
         self._datasets = _stream_datasets(file, dialect, elsewhere)
 
-    def write(self, piece: Piece, target: Path) -> tuple[dict[str, Rows], tuple[str, ...]]:
+    def write(self, piece: Piece, target: Path) -> tuple[dict[str, CutRows], tuple[str, ...]]:
         """Write a piece over what lies at the target.
 
         Returns
@@ -93,7 +93,7 @@ class Cutter:
             file.go_on()
         return kept, tuple(writer.left_out)
 
-    def _entries(self, stream: str, dataset: h5py.Dataset, kept: Mapping[str, Rows]) -> NDArray[np.int64] | None:
+    def _entries(self, stream: str, dataset: h5py.Dataset, kept: Mapping[str, CutRows]) -> NDArray[np.int64] | None:
         """Return the kept entries of an index map; None of everything else, and where they cannot be read."""
         if stream not in FRAMES_OF_MAP or "events" not in kept:
             return None
@@ -129,14 +129,14 @@ def _row_counts(datasets: Mapping[str, h5py.Dataset]) -> dict[str, int]:
     return counts
 
 
-def _aligned(kept: Mapping[str, Rows], datasets: Mapping[str, h5py.Dataset]) -> dict[str, Rows]:
+def _aligned(kept: Mapping[str, CutRows], datasets: Mapping[str, h5py.Dataset]) -> dict[str, CutRows]:
     """Return the rows with streams begun at a whole chunk where rows cannot be decoded, so that the damage is kept."""
     whole = dict(kept)
     for stream, rows in kept.items():
         ours = [dataset for key, dataset in datasets.items() if DATASETS[key].stream == stream]
         if any(needs_whole_chunks(dataset, rows.start, _stop(rows, dataset)) for dataset in ours):
             together = lcm(*(dataset.chunks[0] for dataset in ours if dataset.chunks))
-            whole[stream] = Rows(rows.start // together * together, rows.stop, rows.of)
+            whole[stream] = CutRows(rows.start // together * together, rows.stop, rows.of)
     return whole
 
 
@@ -145,11 +145,11 @@ class _Cut:
     """Rows of a dataset to keep; ``entries`` in their place where they are counted anew."""
 
     dataset: h5py.Dataset
-    rows: Rows
+    rows: CutRows
     entries: NDArray[np.int64] | None
 
 
-def _stop(rows: Rows, dataset: h5py.Dataset) -> int:
+def _stop(rows: CutRows, dataset: h5py.Dataset) -> int:
     return int(dataset.shape[0]) if rows.to_the_end else min(rows.stop, int(dataset.shape[0]))
 
 

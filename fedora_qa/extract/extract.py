@@ -14,7 +14,7 @@ from fedora_qa.engine.run import check_file
 from fedora_qa.engine.windows import window_length_ns
 from fedora_qa.extract.cut import Cutter
 from fedora_qa.extract.place import pieces_around, place_of
-from fedora_qa.extract.rows import Rows
+from fedora_qa.extract.rows import CutRows
 from fedora_qa.layout.detect import detect_dialect
 from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.record.atomic import replacing
@@ -51,7 +51,7 @@ class Extracted:
         The finding as the check of the piece tells it; None where it does not.
     """
 
-    kept: dict[str, Rows]
+    kept: dict[str, CutRows]
     left_out: tuple[str, ...]
     found: Finding | None
 

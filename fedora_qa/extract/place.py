@@ -20,7 +20,7 @@ _LONGEST_LOCAL_NS: Final = 5 * SHORTEST_MARGIN_NS
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class FindingPlace:
     """Where a finding lies.
 
     Attributes
@@ -48,7 +48,7 @@ class Piece:
     rows: tuple[str, int, int] | None = None
 
 
-def place_of(where: Where, check: str, scanned: Scan) -> Place:
+def place_of(where: Where, check: str, scanned: Scan) -> FindingPlace:
     """Return where a finding lies.
 
     One that names no time concerns the whole file, and any stretch may show it: pieces then lie around the instant of
@@ -58,13 +58,13 @@ def place_of(where: Where, check: str, scanned: Scan) -> Place:
     times = _times_of(where, scanned)
     if times is None:
         centre = last if check.startswith("integrity.") else _busiest_ns(scanned, first, last)
-        return Place(centre, centre, centre)
+        return FindingPlace(centre, centre, centre)
     start, stop = (min(max(time, first), last) for time in times)
     named_by_rows = where.start_us is None or where.stop_us is None
-    return Place(start, stop, start if named_by_rows else _busiest_ns(scanned, start, stop), _rows_of(where))
+    return FindingPlace(start, stop, start if named_by_rows else _busiest_ns(scanned, start, stop), _rows_of(where))
 
 
-def pieces_around(place: Place, longest_ns: int) -> Iterator[Piece]:
+def pieces_around(place: FindingPlace, longest_ns: int) -> Iterator[Piece]:
     """Yield pieces to try, each with twice the margin of the one before; all but the first no longer than the longest.
 
     Each holds the whole of a short place, and as much of a long one as fits around its centre.

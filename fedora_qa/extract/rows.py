@@ -18,7 +18,7 @@ _ANOTHER_UNIT: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class CutRows:
     """Rows of a stream, of how many; where they reach its end, a dataset with more rows keeps them to its own."""
 
     start: int
@@ -31,7 +31,7 @@ class Rows:
         return self.stop >= self.of
 
 
-def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mapping[str, int]) -> dict[str, Rows]:
+def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mapping[str, int]) -> dict[str, CutRows]:
     """Return the rows of every stream that lie in a piece.
 
     A row lies where the latest stamp up to it does, as in windows, so that rows stay together whatever the stamps. Of
@@ -43,7 +43,7 @@ def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mappi
     counts
         Rows of each stream.
     """
-    kept: dict[str, Rows] = {}
+    kept: dict[str, CutRows] = {}
     for stream, count in counts.items():
         if stream in FRAMES_OF_MAP:
             continue
@@ -52,10 +52,10 @@ def rows_kept(piece: Piece, sequence: SequenceRows, scanned: Scan, counts: Mappi
             _, first, last = piece.rows
             start, stop = (min(start, first), max(stop, last)) if start < stop else (first, last)
         start = min(max(start, 0), count)
-        kept[stream] = Rows(start, min(max(stop, start), count), count)
+        kept[stream] = CutRows(start, min(max(stop, start), count), count)
     for stream, frames in FRAMES_OF_MAP.items():
         if stream in counts:
-            kept[stream] = kept.get(frames, Rows(0, counts[stream], counts[stream]))
+            kept[stream] = kept.get(frames, CutRows(0, counts[stream], counts[stream]))
     return kept
 
 

@@ -5,7 +5,7 @@ from fnmatch import fnmatchcase
 from itertools import combinations
 from typing import Final
 
-from fedora_qa.gate.rules import Known
+from fedora_qa.gate.rules import ContentsByName
 from fedora_qa.gate.ruling import Ruling, Violation
 
 _SHARED_POSES: Final = 10
@@ -13,7 +13,7 @@ _SHARED_POSES: Final = 10
 ten equal float64 poses in different flights do not happen."""
 
 
-def rule_on_distinct(contents_by_name: Known, streams: Iterable[str]) -> Ruling:
+def rule_on_distinct(contents_by_name: ContentsByName, streams: Iterable[str]) -> Ruling:
     """No content of a stream occurs in two sequences."""
     violations = []
     for stream in streams:
@@ -26,7 +26,9 @@ def rule_on_distinct(contents_by_name: Known, streams: Iterable[str]) -> Ruling:
     return Ruling("release.distinct", "Is every stream its own, and none a copy?", "each", tuple(violations))
 
 
-def rule_on_splits(names: Iterable[str], contents_by_name: Known, splits: Mapping[str, tuple[str, ...]]) -> Ruling:
+def rule_on_splits(
+    names: Iterable[str], contents_by_name: ContentsByName, splits: Mapping[str, tuple[str, ...]]
+) -> Ruling:
     """Every sequence is in one split, and no content in two."""
     homes = {name: _splits_of(name, splits) for name in names}
     violations = [
@@ -53,12 +55,12 @@ def _home_message(home: list[str]) -> str:
     return f"Expected a sequence in one split, got it in {', '.join(home) or 'none'}"
 
 
-def _shared(contents_by_name: Known, first: str, other: str) -> str:
+def _shared(contents_by_name: ContentsByName, first: str, other: str) -> str:
     """Return what two sequences have in common, in words; empty where they differ."""
     return " and ".join(_alike(contents_by_name, first, other))
 
 
-def _alike(contents_by_name: Known, first: str, other: str) -> Iterator[str]:
+def _alike(contents_by_name: ContentsByName, first: str, other: str) -> Iterator[str]:
     mine, theirs = contents_by_name[first], contents_by_name[other]
     same = [stream for stream, digest in mine.digests.items() if theirs.digests.get(stream) == digest]
     if same:

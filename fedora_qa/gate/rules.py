@@ -9,7 +9,7 @@ from fedora_qa.gate.contents import Contents
 from fedora_qa.gate.ruling import Ruling, Violation
 from fedora_qa.sequence.declared import Camera
 
-Known = Mapping[str, Contents]
+ContentsByName = Mapping[str, Contents]
 """The contents of each sequence that can be opened, by its name, in order."""
 
 
@@ -23,7 +23,7 @@ def rule_on_names(names: Iterable[str], pattern: str) -> Ruling:
     return Ruling("release.naming", "Is the sequence named as the policy asks?", "each", tuple(violations))
 
 
-def rule_on_streams(contents_by_name: Known, required: Iterable[str]) -> Ruling:
+def rule_on_streams(contents_by_name: ContentsByName, required: Iterable[str]) -> Ruling:
     """Every sequence holds the required streams."""
     violations = [
         Violation(name, "missing", f"Expected the stream {stream}, got none: {_why(contents, stream)}", stream)
@@ -34,14 +34,14 @@ def rule_on_streams(contents_by_name: Known, required: Iterable[str]) -> Ruling:
     return Ruling("release.streams", "Are all required streams there?", "each", tuple(violations))
 
 
-def rule_on_intrinsics(contents_by_name: Known, cameras: Iterable[str]) -> Ruling:
+def rule_on_intrinsics(contents_by_name: ContentsByName, cameras: Iterable[str]) -> Ruling:
     """Every sequence declares the intrinsics of the first that declares any."""
     violations = [violation for camera in cameras for violation in _other_intrinsics(contents_by_name, camera)]
     question = "Are the intrinsics those of the other sequences?"
     return Ruling("release.intrinsics", question, "each", tuple(violations))
 
 
-def _other_intrinsics(contents_by_name: Known, name: str) -> Iterable[Violation]:
+def _other_intrinsics(contents_by_name: ContentsByName, name: str) -> Iterable[Violation]:
     declared = {sequence: contents.cameras.get(name) for sequence, contents in contents_by_name.items()}
     first = next((pair for pair in declared.items() if pair[1]), None)
     for sequence, camera in declared.items():

@@ -4,11 +4,11 @@ import h5py
 import numpy as np
 
 from fedora_qa.layout.canonical import DatasetSpec
-from fedora_qa.layout.dialect import Place
+from fedora_qa.layout.dialect import DatasetPlace
 from fedora_qa.layout.links import RefusedError
 
 
-def legal_ranks(spec: DatasetSpec, place: Place) -> tuple[int, ...]:
+def legal_ranks(spec: DatasetSpec, place: DatasetPlace) -> tuple[int, ...]:
     """Return the ranks that the stored dataset may have.
 
     Columns are picked from a last axis that a canonical dataset of rank 1 does not have, and that a grey image lacks.
@@ -27,7 +27,7 @@ def require_readable_type(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -
         raise RefusedError("wrong_dtype", "wrong_dtype", message)
 
 
-def require_shape(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str) -> None:
+def require_shape(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset, path: str) -> None:
     """Refuse a rank, a fixed size or an empty image that the layout does not have."""
     shape: tuple[int, ...] | None = dataset.shape
     if (
@@ -40,7 +40,7 @@ def require_shape(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: 
         raise RefusedError("wrong_shape", "wrong_shape", f"Expected {path} of shape {expected}, got {shape}")
 
 
-def _sizes_fit(spec: DatasetSpec, place: Place, shape: tuple[int, ...]) -> bool:
+def _sizes_fit(spec: DatasetSpec, place: DatasetPlace, shape: tuple[int, ...]) -> bool:
     if place.columns:
         has_columns = len(shape) == 2 or len(shape) == len(spec.shape)
         entries = shape[-1] if has_columns else 1

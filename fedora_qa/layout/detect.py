@@ -5,7 +5,7 @@ import h5py
 from fedora_qa.conventions import FORMAT_NAME
 from fedora_qa.layout.canonical import DATASETS, DatasetSpec
 from fedora_qa.layout.conform import legal_ranks
-from fedora_qa.layout.dialect import DIALECT_NAMES, Dialect, Hint, Place, load_dialect
+from fedora_qa.layout.dialect import DIALECT_NAMES, DatasetPlace, Dialect, Hint, load_dialect
 from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.layout.links import READ_ERRORS, RefusedError, find_dataset
 from fedora_qa.layout.stored_attribute import text_attribute
@@ -35,7 +35,7 @@ def _found(file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | None) -> in
     return sum(place is not None and _fits(file, spec, place, elsewhere) for spec, place in places)
 
 
-def _fits(file: h5py.File, spec: DatasetSpec, place: Place, elsewhere: Elsewhere | None) -> bool:
+def _fits(file: h5py.File, spec: DatasetSpec, place: DatasetPlace, elsewhere: Elsewhere | None) -> bool:
     dataset = _dataset(file, place.path or spec.key, elsewhere)
     return dataset is not None and len(dataset.shape) in legal_ranks(spec, place)
 

@@ -35,7 +35,7 @@ _STRICT: Final = {"extra": "forbid"}
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class DatasetPlace:
     """Where a canonical dataset lies and how it is stored.
 
     Attributes
@@ -99,12 +99,12 @@ class Dialect:
     name: str
     description: str = ""
     canonical_elsewhere: bool = False
-    datasets: Mapping[str, Place] = field(default_factory=dict)
+    datasets: Mapping[str, DatasetPlace] = field(default_factory=dict)
     hints: tuple[Hint, ...] = ()
 
-    def place_of(self, key: str) -> Place | None:
+    def place_of(self, key: str) -> DatasetPlace | None:
         """Return where a canonical dataset lies; None where this dialect has no place for it."""
-        return self.datasets.get(key, Place() if self.canonical_elsewhere else None)
+        return self.datasets.get(key, DatasetPlace() if self.canonical_elsewhere else None)
 
     def is_canonical(self, key: str) -> bool:
         """Whether the dialect holds the dataset to the canonical type and path."""
@@ -140,13 +140,15 @@ def load_dialect(name_or_path: str | Path) -> Dialect:
 def shipped_dialect(document: Mapping[str, Any]) -> Dialect:
     """Return a dialect of this package from its TOML, which tests validate: most runs need no other."""
     places = document.get("datasets", {})
-    datasets = {key: Place(**{**place, "columns": tuple(place.get("columns", ()))}) for key, place in places.items()}
+    datasets = {
+        key: DatasetPlace(**{**place, "columns": tuple(place.get("columns", ()))}) for key, place in places.items()
+    }
     return Dialect(
         **{**document, "datasets": datasets, "hints": tuple(Hint(**hint) for hint in document.get("hints", ()))}
     )
 
 
-def scale_of(key: str, place: Place) -> float:
+def scale_of(key: str, place: DatasetPlace) -> float:
     """Return the factor from stored to canonical values.
 
     Raises

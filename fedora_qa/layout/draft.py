@@ -6,7 +6,7 @@ import h5py
 
 from fedora_qa.layout.canonical import DATASETS, STREAMS, datasets_of
 from fedora_qa.layout.guess import Guess, guess_places
-from fedora_qa.layout.inventory import Item, take_inventory
+from fedora_qa.layout.inventory import StoredObject, take_inventory
 
 _MOST_HINTS = 2
 
@@ -56,7 +56,7 @@ def _partial_streams(guesses: Mapping[str, Guess]) -> Iterator[str]:
             yield f"# {stream} cannot be read before there is a place for {', '.join(missing)}."
 
 
-def _unused(items: Iterable[Item], guesses: Iterable[Guess]) -> Iterator[str]:
+def _unused(items: Iterable[StoredObject], guesses: Iterable[Guess]) -> Iterator[str]:
     used = {guess.fields["path"] for guess in guesses}
     rest = [item for item in items if item.path not in used]
     if rest:

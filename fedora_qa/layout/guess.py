@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import FLOW_RATES_HZ, NS_PER_S
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT
-from fedora_qa.layout.inventory import Item
+from fedora_qa.layout.inventory import StoredObject
 
 _EPOCH_S: Final = (1e9, 1e10)
 """Seconds since 1970 of stamps between 2001 and 2286."""
@@ -33,14 +33,14 @@ _NAMES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """A place for a canonical dataset, as the fields of ``dialect.Place`` that differ from their defaults."""
+    """A place for a canonical dataset, as the fields of ``dialect.DatasetPlace`` that differ from their defaults."""
 
     key: str
     fields: dict[str, str | list[int]]
     reason: str
 
 
-def guess_places(items: Sequence[Item]) -> tuple[Guess, ...]:
+def guess_places(items: Sequence[StoredObject]) -> tuple[Guess, ...]:
     """Return one guess for each canonical dataset for which there is a candidate, the first found."""
     guesses: dict[str, Guess] = {}
     for guess in (*_events_in_columns(items), *_events_apart(items), *_images(items), *_flow(items), *_samples(items)):
@@ -63,7 +63,7 @@ def unit_of_timestamps(timestamps: NDArray[np.float64], kind: str) -> tuple[str,
     return "us", "no unit makes the steps plausible; microseconds assumed"
 
 
-def _events_in_columns(items: Sequence[Item]) -> Iterator[Guess]:
+def _events_in_columns(items: Sequence[StoredObject]) -> Iterator[Guess]:
     for item in items:
         if len(item.shape) != 2 or item.shape[1] != 4:
             continue
@@ -82,7 +82,7 @@ def _events_in_columns(items: Sequence[Item]) -> Iterator[Guess]:
         yield Guess("path/events/p", {"path": item.path, "columns": [p], **_polarity(codes[p])}, _code_reason(codes[p]))
 
 
-def _events_apart(items: Sequence[Item]) -> Iterator[Guess]:
+def _events_apart(items: Sequence[StoredObject]) -> Iterator[Guess]:
     flat = {item.path: item for item in items if len(item.shape) == 1}
     for x in flat.values():
         if x.name != "x":
@@ -99,7 +99,7 @@ def _events_apart(items: Sequence[Item]) -> Iterator[Guess]:
         yield Guess("path/events/p", {"path": p.path, **_polarity(codes)}, _code_reason(codes))
 
 
-def _images(items: Sequence[Item]) -> Iterator[Guess]:
+def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
     for item in items:
         rank, kind = len(item.shape), item.dtype
         if kind == np.uint8 and rank == 4 and item.shape[3] == 3:
@@ -113,14 +113,14 @@ def _images(items: Sequence[Item]) -> Iterator[Guess]:
             yield from _with_timestamps(items, item, _depth(item))
 
 
-def _depth(item: Item) -> Guess:
+def _depth(item: StoredObject) -> Guess:
     values = item.head[np.isfinite(item.head) & (item.head > 0)]
     median = float(np.median(values)) if values.size else 0.0
     unit = "m" if 0 < median < _METRES_BELOW else "mm"
     return Guess("path/depth", {"path": item.path, "value_unit": unit}, f"float images; median {median:.4g} is {unit}")
 
 
-def _flow(items: Sequence[Item]) -> Iterator[Guess]:
+def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:
     """Fields of two components beside intervals of equal number; the interval's length names the rate."""
     for item in items:
         if len(item.shape) != 4 or item.shape[3] != 2 or item.dtype.kind != "f":
@@ -139,7 +139,7 @@ def _flow(items: Sequence[Item]) -> Iterator[Guess]:
                 yield Guess(f"path/flow/{rate_hz}hz_ts", fields, f"two columns, as long as {item.path}")
 
 
-def _samples(items: Sequence[Item]) -> Iterator[Guess]:
+def _samples(items: Sequence[StoredObject]) -> Iterator[Guess]:
     for item in items:
         if len(item.shape) != 2 or item.dtype.kind != "f":
             continue
@@ -154,7 +154,7 @@ def _samples(items: Sequence[Item]) -> Iterator[Guess]:
             yield from _with_timestamps(items, item, guess)
 
 
-def _with_timestamps(items: Sequence[Item], item: Item, guess: Guess) -> Iterator[Guess]:
+def _with_timestamps(items: Sequence[StoredObject], item: StoredObject, guess: Guess) -> Iterator[Guess]:
     """Yield the guess, and one for the stamps of equal length whose name and place are nearest."""
     yield guess
     candidates = [other for other in items if _may_be_timestamps(other, item.shape[0])]
@@ -166,14 +166,14 @@ def _with_timestamps(items: Sequence[Item], item: Item, guess: Guess) -> Iterato
         yield Guess(key, {"path": best.path, "time_unit": unit}, f"as long as {item.path}, never falls; {why}")
 
 
-def _may_be_timestamps(item: Item, length: int) -> bool:
+def _may_be_timestamps(item: StoredObject, length: int) -> bool:
     if item.shape != (length,) or item.dtype.kind not in "iuf":
         return False
     head = item.head.astype(np.float64)
     return bool(np.all(np.isfinite(head)) and np.all(np.diff(head) >= 0))
 
 
-def _nearness(timestamps: Item, item: Item) -> tuple[int, int, int]:
+def _nearness(timestamps: StoredObject, item: StoredObject) -> tuple[int, int, int]:
     """Order candidates: a name that says time, the common beginning of the paths, the shorter path."""
     says_time = any(word in timestamps.name for word in ("ts", "time", "stamp")) or timestamps.name == "t"
     common = next(

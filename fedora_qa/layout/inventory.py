@@ -24,7 +24,7 @@ _MOST_HEAD_BYTES: Final = 512 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class StoredObject:
     """A dataset of numbers, with its first rows (of images: its first)."""
 
     path: str
@@ -48,9 +48,9 @@ def dataset_paths(file: h5py.File) -> tuple[str, ...]:
     return walk(file).paths
 
 
-def take_inventory(file: h5py.File) -> tuple[Item, ...]:
+def take_inventory(file: h5py.File) -> tuple[StoredObject, ...]:
     """Return every dataset of numbers of rank 1 or more whose first rows can be read."""
-    items: list[Item] = []
+    items: list[StoredObject] = []
     for path in dataset_paths(file):
         with suppress(RefusedError, *READ_ERRORS):
             dataset = file[path]
@@ -59,7 +59,7 @@ def take_inventory(file: h5py.File) -> tuple[Item, ...]:
             numbers = dataset.shape and prod(dataset.shape) and dataset.dtype.kind in "iufb"
             if numbers and not outside and _head_bytes(dataset) <= _MOST_HEAD_BYTES:
                 rows = _IMAGE_ROWS if dataset.ndim > 2 else HEAD_ROWS
-                items.append(Item(path, dataset.shape, dataset.dtype, np.asarray(dataset[:rows])))
+                items.append(StoredObject(path, dataset.shape, dataset.dtype, np.asarray(dataset[:rows])))
     return tuple(items)
 
 

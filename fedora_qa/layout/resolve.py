@@ -21,7 +21,7 @@ from fedora_qa.layout.canonical import (
 )
 from fedora_qa.layout.conform import require_readable_type, require_shape
 from fedora_qa.layout.detect import declares_fedora, detect_dialect
-from fedora_qa.layout.dialect import Dialect, Place
+from fedora_qa.layout.dialect import DatasetPlace, Dialect
 from fedora_qa.layout.elsewhere import Elsewhere
 from fedora_qa.layout.filters import require_filters
 from fedora_qa.layout.links import RefusedError, find_dataset, find_object, has_group, reading
@@ -205,8 +205,8 @@ class _Finder:
     def _path(self, key: str) -> str:
         return self._place(key).path or key
 
-    def _place(self, key: str) -> Place:
-        return self.dialect.place_of(key) or Place()
+    def _place(self, key: str) -> DatasetPlace:
+        return self.dialect.place_of(key) or DatasetPlace()
 
     def _dataset(self, spec: DatasetSpec) -> h5py.Dataset | None:
         try:
@@ -247,7 +247,7 @@ class _Finder:
             share = 100 * unwritten / chunks
             self._report(spec.stream, spec.key, RefusedError("unwritten", "truncated", message, share))
 
-    def _offset_ns(self, place: Place, binding: Binding) -> int:
+    def _offset_ns(self, place: DatasetPlace, binding: Binding) -> int:
         if not place.offset_path:
             return 0
         dataset = find_dataset(self.file, place.offset_path)

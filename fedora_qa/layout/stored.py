@@ -4,10 +4,10 @@ import h5py
 
 from fedora_qa.layout.binding import Binding, rows_together
 from fedora_qa.layout.canonical import DatasetSpec
-from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, Place, scale_of
+from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, QUATERNION_COLUMNS, DatasetPlace, scale_of
 
 
-def as_stored(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str) -> Binding:
+def as_stored(spec: DatasetSpec, place: DatasetPlace, dataset: h5py.Dataset, path: str) -> Binding:
     """Return the binding of a dataset that was found at a path, where its dialect places it."""
     return Binding(
         key=spec.key,
@@ -24,7 +24,7 @@ def as_stored(spec: DatasetSpec, place: Place, dataset: h5py.Dataset, path: str)
     )
 
 
-def _quaternion_columns(spec: DatasetSpec, place: Place) -> tuple[int, ...] | None:
+def _quaternion_columns(spec: DatasetSpec, place: DatasetPlace) -> tuple[int, ...] | None:
     if spec.key != "path/pose/orientation" or place.quaternion == "xyzw":
         return None
     return QUATERNION_COLUMNS[place.quaternion]

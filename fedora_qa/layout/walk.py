@@ -24,7 +24,7 @@ class Walk:
 
 
 @dataclass
-class _Missed:
+class _MissingMember:
     """Counts of what a walk leaves out."""
 
     unprintable: int = 0
@@ -50,7 +50,7 @@ def walk(file: h5py.File) -> Walk:
     deeper than ``DEEPEST`` or beyond ``MOST_OBJECTS``.
     """
     paths: list[str] = []
-    missed, links = _Missed(), _Links()
+    missed, links = _MissingMember(), _Links()
     visited: set[tuple[int, int]] = set()
     waiting: list[tuple[str, int, h5py.h5g.GroupID, bytes]] = [("", 0, file.id, b"/")]
     while waiting:

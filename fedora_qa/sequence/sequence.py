@@ -60,7 +60,7 @@ class SequenceRows(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class OpeningFacts:
     """What opening a file finds out, for whoever opens the same version again. ``Sequence`` says what each means."""
 
     layout: Layout
@@ -91,7 +91,7 @@ class Sequence:
         file: h5py.File,
         dialect: Dialect | None,
         remote: RemoteBytes | None = None,
-        known: Known | None = None,
+        opening_facts: OpeningFacts | None = None,
         elsewhere: Elsewhere | None = None,
     ) -> None:
         self.path = path
@@ -100,9 +100,11 @@ class Sequence:
         self._elsewhere = elsewhere
         self._opened: Opened | None = {} if elsewhere is None else None  # other files are closed and opened again
         self.version: Version = remote.version if remote else version_of(path)
-        self.layout: Layout = known.layout if known else resolve(file, dialect, elsewhere)
-        self.declared: Declared = known.declared if known else read_declared(file, self.layout, elsewhere)
-        self.origin_ns: int = known.origin_ns if known else self._find_origin_ns()
+        self.layout: Layout = opening_facts.layout if opening_facts else resolve(file, dialect, elsewhere)
+        self.declared: Declared = (
+            opening_facts.declared if opening_facts else read_declared(file, self.layout, elsewhere)
+        )
+        self.origin_ns: int = opening_facts.origin_ns if opening_facts else self._find_origin_ns()
         self._require_sound()
 
     def __enter__(self) -> Self:
@@ -122,9 +124,9 @@ class Sequence:
             self._remote.close()
 
     @property
-    def known(self) -> Known:
+    def opening_facts(self) -> OpeningFacts:
         """What opening it has found out."""
-        return Known(self.layout, self.declared, self.origin_ns)
+        return OpeningFacts(self.layout, self.declared, self.origin_ns)
 
     @property
     def traffic(self) -> Traffic:
@@ -198,7 +200,10 @@ class Sequence:
 
 
 def open_sequence(
-    path: Place, dialect: Dialect | None = None, known: Known | None = None, allow_external: Iterable[Path] = ()
+    path: Place,
+    dialect: Dialect | None = None,
+    opening_facts: OpeningFacts | None = None,
+    allow_external: Iterable[Path] = (),
 ) -> Sequence:
     """Open a file for reading.
 
@@ -208,7 +213,7 @@ def open_sequence(
         An HDF5 file, on this machine or behind a URL.
     dialect
         How the file names and scales things; recognised from the file when None.
-    known
+    opening_facts
         What opening this version of the file has found out before, to be held to that version by the caller.
     allow_external
         Folders in which other files may be read that a local file links to, or is made of; none where empty.
@@ -223,7 +228,7 @@ def open_sequence(
         The file begins like HDF5 and cannot be opened.
     """
     if isinstance(path, RemoteFile):
-        return _open_remote(path, dialect, known)
+        return _open_remote(path, dialect, opening_facts)
     require_signature(path)
     elsewhere = Elsewhere(folders) if (folders := tuple(allow_external)) else None
     try:  # HDF5 looks for other files beside the name by which it knows this one
@@ -232,7 +237,7 @@ def open_sequence(
     except OSError as error:
         raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
     try:
-        return Sequence(path, file, dialect, known=known, elsewhere=elsewhere)
+        return Sequence(path, file, dialect, opening_facts=opening_facts, elsewhere=elsewhere)
     except BaseException:
         file.close()
         if elsewhere:
@@ -240,7 +245,7 @@ def open_sequence(
         raise
 
 
-def _open_remote(place: RemoteFile, dialect: Dialect | None, known: Known | None) -> Sequence:
+def _open_remote(place: RemoteFile, dialect: Dialect | None, opening_facts: OpeningFacts | None) -> Sequence:
     """Open a file behind a URL through Python's reading of it; HDF5's own drivers for servers are seldom built in."""
     with ExitStack() as opened:
         remote = opened.enter_context(closing(RemoteBytes(place, BLOCK_BYTES)))
@@ -250,7 +255,7 @@ def _open_remote(place: RemoteFile, dialect: Dialect | None, known: Known | None
         except OSError as error:
             remote.require_sound()
             raise UnreadableFileError(f"Expected a complete HDF5 file, got: {_first_line(error)}") from error
-        sequence = Sequence(place, file, dialect, remote, known)
+        sequence = Sequence(place, file, dialect, remote, opening_facts)
         opened.pop_all()
         return sequence
 

@@ -215,5 +215,5 @@ def test_a_folder_that_cannot_be_made(fedora_qa: Command, sequence: Path) -> Non
 def test_progress_counts_what_was_known() -> None:
     """Files that were done before are counted; windows are named as soon as any are known."""
     tally = ProgressTally("a.h5: measuring", 1, 3, 4, 10, 40, 100)
-    assert counts_words(tally, known=2) == "files 3/5, windows 4/10"
-    assert counts_words(ProgressTally("", 0, 3, 0, 0, 0, 100), known=0) == "files 0/3"
+    assert counts_words(tally, file_count=2) == "files 3/5, windows 4/10"
+    assert counts_words(ProgressTally("", 0, 3, 0, 0, 0, 100), file_count=0) == "files 0/3"

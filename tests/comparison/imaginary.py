@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fedora_qa.comparison.sampled import Sampled
+from fedora_qa.comparison.sampled import SampledCounts
 from fedora_qa.comparison.subjects import Given, GivenFile
 from fedora_qa.evidence.value_counts import count_values, octave_counts
 from fedora_qa.record.types import FileRecord
@@ -17,12 +17,12 @@ STATISTICS = {
 }
 
 
-def sampled(centres: Sequence[float], seed: int) -> Sampled:
+def sampled(centres: Sequence[float], seed: int) -> SampledCounts:
     """The depths of one file, 300 a block."""
     random = np.random.default_rng(seed)
     values = np.exp(np.array(centres)[:, None] + 0.3 * random.standard_normal((len(centres), 300)))
     counts = np.stack([octave_counts(count_values(row)) for row in values])
-    return Sampled(200_000_000, np.arange(len(centres)), {"depth_m": counts})
+    return SampledCounts(200_000_000, np.arange(len(centres)), {"depth_m": counts})
 
 
 def given_file(path: str, centres: Sequence[float], seed: int = 0, record: FileRecord | None = None) -> GivenFile:

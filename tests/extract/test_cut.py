@@ -13,7 +13,7 @@ from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.engine.windows import window_length_ns
 from fedora_qa.extract.cut import Cutter
 from fedora_qa.extract.place import Piece
-from fedora_qa.extract.rows import Rows
+from fedora_qa.extract.rows import CutRows
 from fedora_qa.layout.detect import detect_dialect
 from fedora_qa.sequence.scan import scan
 from fedora_qa.sequence.sequence import open_sequence
@@ -23,7 +23,7 @@ MS = 1_000_000
 MIDDLE = Piece(320 * MS, 680 * MS)
 TIMESTAMPS = ("integrity", "metadata", "clocks", "index_maps", "event_stream")
 
-Kept = dict[str, Rows]
+Kept = dict[str, CutRows]
 
 
 def cut(source: Path, target: Path, piece: Piece = MIDDLE) -> tuple[Kept, tuple[str, ...]]:
@@ -205,7 +205,7 @@ def test_another_dialect_stays_itself(tmp_path: Path) -> None:
         assert values(piece, "path/events").tolist() == [[3, 4, 30_000.0, 1]]
         assert values(piece, "path/imgts").tolist() == [20_000.5]
         assert values(piece, "path/a").shape == (4, 3)
-    assert kept["events"] == Rows(2, 3, 3)
+    assert kept["events"] == CutRows(2, 3, 3)
 
 
 def test_the_source_is_not_touched(copy: Path, tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ def offender(out: Path, seed: int) -> Path:
 
 def digests(path: Path, known: Known | None = None) -> Digests:
     """Return a digest of every stream's values in canonical units; raises where something cannot be read."""
-    with open_sequence(path, known=known) as sequence:
+    with open_sequence(path, opening_facts=known) as sequence:
         return {
             key: hashlib.sha256(np.ascontiguousarray(sequence.rows(key, 0, binding.rows)).tobytes()).hexdigest()
             for key, binding in sequence.layout.bindings.items()
@@ -86,7 +86,7 @@ def _checked(path: Path, seed: int, kind: str, true: Digests) -> tuple[str, str]
             measured = measure_open(survey, file, range(len(survey.windows)), quiet)
             run = finish_open(survey, file, [measured], [], quiet)
         became, said = _judged(
-            run, lambda: _unseen(path, survey.known, true, GUARDED if kind in DAMAGES else frozenset())
+            run, lambda: _unseen(path, survey.opening_facts, true, GUARDED if kind in DAMAGES else frozenset())
         )
         if became == "wrongly clean" and _found_by_all(path):
             return "findings", f"{said}: by a check that had no turn"

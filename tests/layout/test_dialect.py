@@ -8,7 +8,7 @@ import pytest
 
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.canonical import DATASETS
-from fedora_qa.layout.dialect import DIALECT_NAMES, Place, load_dialect, scale_of
+from fedora_qa.layout.dialect import DIALECT_NAMES, DatasetPlace, load_dialect, scale_of
 
 MINIMAL = 'name = "mine"\n[datasets]\n'
 
@@ -37,7 +37,7 @@ def test_every_dialect_loads(name: str) -> None:
 def test_canonical_dialect_places_everything_canonically() -> None:
     """The dialect ``fedora`` puts every dataset where the layout has it."""
     dialect = load_dialect("fedora")
-    assert all(dialect.place_of(key) == Place() and dialect.is_canonical(key) for key in DATASETS)
+    assert all(dialect.place_of(key) == DatasetPlace() and dialect.is_canonical(key) for key in DATASETS)
 
 
 def test_other_dialects_have_no_place_for_what_they_do_not_name() -> None:
@@ -93,4 +93,4 @@ def test_unknown_dialect_lists_the_known() -> None:
 )  # fmt: skip
 def test_scales(key: str, unit: str, scale: float) -> None:
     """Canonical value = stored value times scale (g is standard gravity, by definition)."""
-    assert scale_of(key, Place(value_unit=unit)) == pytest.approx(scale, rel=1e-15)
+    assert scale_of(key, DatasetPlace(value_unit=unit)) == pytest.approx(scale, rel=1e-15)

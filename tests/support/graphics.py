@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import pytest
 
-from fedora_qa.cli.graphics import Trial, try_pyrender
+from fedora_qa.cli.graphics import DrawingTrial, try_pyrender
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
@@ -50,7 +50,7 @@ def demanded(environment: Mapping[str, str]) -> bool:
 
 
 @cache
-def _opengl() -> Trial:
+def _opengl() -> DrawingTrial:
     return try_pyrender()
 
 
