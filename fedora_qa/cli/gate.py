@@ -20,7 +20,7 @@ from fedora_qa.gate.certificate import certificate_of, write_certificate
 from fedora_qa.gate.documents import whole_digest
 from fedora_qa.gate.policy import read_policy
 from fedora_qa.gate.release import find_release
-from fedora_qa.gate.rulings import contents_of, rulings_of, whole_digests
+from fedora_qa.gate.release_results import contents_of, release_results_of, whole_digests
 from fedora_qa.gate.verdict import Judgement, judged, release_record
 from fedora_qa.record.json_io import read_record
 
@@ -73,8 +73,8 @@ def gate(
     record = record_of(runs, settings, started, facts)
     asks_for_digests = certificate or policy.documents.checksums
     digests = whole_digests(release, files) if asks_for_digests else {}
-    rulings = rulings_of(policy, release, files, contents, digests)
-    record = judged(record, release, rulings, Judgement(policy, baseline, now.date()))
+    release_results = release_results_of(policy, release, files, contents, digests)
+    record = judged(record, release, release_results, Judgement(policy, baseline, now.date()))
     outputs.write(record, gathered_arrays(runs))
     say_record(record, github=outputs.github)
     code = exit_code(record.files, "failed")

@@ -8,8 +8,8 @@ from pathlib import PurePath
 from statistics import NormalDist
 
 from fedora_qa.errors import MisuseError
-from fedora_qa.gate.marking import GRAVE, marked
 from fedora_qa.gate.release import FOLDER
+from fedora_qa.gate.severity_override import GRAVE, marked
 from fedora_qa.record.types import FileRecord, Finding, Measurement, Record, Result, Side
 
 _TOLD = GRAVE | {"warning"}

@@ -9,7 +9,7 @@ from typing import Final
 from fedora_qa.errors import MisuseError
 from fedora_qa.gate.policy import Documents
 from fedora_qa.gate.release import FOLDER, inside
-from fedora_qa.gate.ruling import Ruling, Violation
+from fedora_qa.gate.release_result import ReleaseResult, Violation
 
 _LINE: Final = re.compile(r"([0-9a-fA-F]{64}) [ *](.+)")
 _PIECE: Final = 1 << 20
@@ -24,7 +24,7 @@ def whole_digest(path: Path) -> str:
     return digest.hexdigest()
 
 
-def rule_on_documents(folder: Path, documents: Documents) -> Ruling:
+def rule_on_documents(folder: Path, documents: Documents) -> ReleaseResult:
     """Datasheet, licence and checksums are there and not empty."""
     asked = {"datasheet": documents.datasheet, "licence": documents.licence, "checksums": documents.checksums}
     violations = [
@@ -32,10 +32,10 @@ def rule_on_documents(folder: Path, documents: Documents) -> Ruling:
         for kind, name in asked.items()
         if name is not None and not _has_text(inside(folder, name))
     ]
-    return Ruling("release.documents", "Are datasheet, licence and checksums there?", FOLDER, tuple(violations))
+    return ReleaseResult("release.documents", "Are datasheet, licence and checksums there?", FOLDER, tuple(violations))
 
 
-def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) -> Ruling:
+def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) -> ReleaseResult:
     """Every sequence is listed, and every digest is right.
 
     Parameters
@@ -46,7 +46,7 @@ def rule_on_checksums(folder: Path, listing: str, digests: Mapping[str, str]) ->
         SHA-256 of each sequence, by its name.
     """
     violations = tuple(_checksum_violations(folder, inside(folder, listing), digests))
-    return Ruling("release.checksums", "Are the checksums complete and right?", "each", violations)
+    return ReleaseResult("release.checksums", "Are the checksums complete and right?", "each", violations)
 
 
 def _checksum_violations(folder: Path, listing: Path, digests: Mapping[str, str]) -> Iterator[Violation]:

@@ -6,24 +6,24 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from fedora_qa.gate.contents import Contents
-from fedora_qa.gate.ruling import Ruling, Violation
+from fedora_qa.gate.release_result import ReleaseResult, Violation
 from fedora_qa.sequence.declared import Camera
 
 ContentsByName = Mapping[str, Contents]
 """The contents of each sequence that can be opened, by its name, in order."""
 
 
-def rule_on_names(names: Iterable[str], pattern: str) -> Ruling:
+def rule_on_names(names: Iterable[str], pattern: str) -> ReleaseResult:
     """Every name matches the pattern as a whole."""
     violations = [
         Violation(name, "pattern", f"Expected a name that matches {pattern}, got {name}")
         for name in names
         if not re.fullmatch(pattern, name)
     ]
-    return Ruling("release.naming", "Is the sequence named as the policy asks?", "each", tuple(violations))
+    return ReleaseResult("release.naming", "Is the sequence named as the policy asks?", "each", tuple(violations))
 
 
-def rule_on_streams(contents_by_name: ContentsByName, required: Iterable[str]) -> Ruling:
+def rule_on_streams(contents_by_name: ContentsByName, required: Iterable[str]) -> ReleaseResult:
     """Every sequence holds the required streams."""
     violations = [
         Violation(name, "missing", f"Expected the stream {stream}, got none: {_why(contents, stream)}", stream)
@@ -31,14 +31,14 @@ def rule_on_streams(contents_by_name: ContentsByName, required: Iterable[str]) -
         for stream in required
         if stream not in contents.streams
     ]
-    return Ruling("release.streams", "Are all required streams there?", "each", tuple(violations))
+    return ReleaseResult("release.streams", "Are all required streams there?", "each", tuple(violations))
 
 
-def rule_on_intrinsics(contents_by_name: ContentsByName, cameras: Iterable[str]) -> Ruling:
+def rule_on_intrinsics(contents_by_name: ContentsByName, cameras: Iterable[str]) -> ReleaseResult:
     """Every sequence declares the intrinsics of the first that declares any."""
     violations = [violation for camera in cameras for violation in _other_intrinsics(contents_by_name, camera)]
     question = "Are the intrinsics those of the other sequences?"
-    return Ruling("release.intrinsics", question, "each", tuple(violations))
+    return ReleaseResult("release.intrinsics", question, "each", tuple(violations))
 
 
 def _other_intrinsics(contents_by_name: ContentsByName, name: str) -> Iterable[Violation]:

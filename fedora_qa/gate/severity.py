@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
-from fedora_qa.gate.marking import marked
+from fedora_qa.gate.severity_override import marked
 from fedora_qa.record.types import FileRecord, Finding, Result, Severity
 
 

@@ -5,7 +5,7 @@ from typing import Final
 
 from fedora_qa.gate.policy import Bounds, Total
 from fedora_qa.gate.release import FOLDER
-from fedora_qa.gate.ruling import Ruling, Violation
+from fedora_qa.gate.release_result import ReleaseResult, Violation
 from fedora_qa.record.types import FileRecord
 from fedora_qa.record.wording import number
 
@@ -17,10 +17,10 @@ _STATISTICS: Final[Mapping[Total, tuple[str, str]]] = {
 """Group and name of the statistic that is summed."""
 
 
-def rule_on_totals(files: Sequence[FileRecord], totals: Mapping[Total, Bounds]) -> Ruling:
+def rule_on_totals(files: Sequence[FileRecord], totals: Mapping[Total, Bounds]) -> ReleaseResult:
     """Sum over all sequences, and hold each sum to its bounds."""
     violations = [violation for total, bounds in totals.items() for violation in _out_of_bounds(files, total, bounds)]
-    return Ruling("release.totals", "Does the release amount to what it should?", FOLDER, tuple(violations))
+    return ReleaseResult("release.totals", "Does the release amount to what it should?", FOLDER, tuple(violations))
 
 
 def _out_of_bounds(files: Sequence[FileRecord], total: Total, bounds: Bounds) -> Iterator[Violation]:

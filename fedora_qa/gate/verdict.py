@@ -11,7 +11,7 @@ from fedora_qa.engine.run import select_checks
 from fedora_qa.gate.baseline import Baseline, accept_known
 from fedora_qa.gate.policy import Policy
 from fedora_qa.gate.release import FOLDER, Release
-from fedora_qa.gate.ruling import Ruling, with_rulings
+from fedora_qa.gate.release_result import ReleaseResult, with_release_results
 from fedora_qa.gate.severity import with_severity
 from fedora_qa.gate.waivers import waive, waivers_in_order
 from fedora_qa.record.types import FileRecord, Outcome, Record, Result
@@ -53,7 +53,7 @@ def release_record(release: Release, files: Sequence[FileRecord]) -> FileRecord:
     )
 
 
-def judged(record: Record, release: Release, rulings: Iterable[Ruling], judgement: Judgement) -> Record:
+def judged(record: Record, release: Release, release_results: Iterable[ReleaseResult], judgement: Judgement) -> Record:
     """Return the record as the policy has it.
 
     Parameters
@@ -63,14 +63,14 @@ def judged(record: Record, release: Release, rulings: Iterable[Ruling], judgemen
     rulings
         What the rules about the release found.
     """
-    policy, rulings = judgement.policy, tuple(rulings)
+    policy, release_results = judgement.policy, tuple(release_results)
     names = [*(sequence.name for sequence in release.sequences), FOLDER]
-    ruled = [with_rulings(name, file, rulings) for name, file in zip(names, record.files, strict=True)]
+    ruled = [with_release_results(name, file, release_results) for name, file in zip(names, record.files, strict=True)]
     weighed = [with_severity(file, policy.severity, policy.check.fail_on) for file in ruled]
     files_judged = [_held_to_required(file, policy) for file in weighed[:-1]] + weighed[-1:]
     accepted = [_accepted(name, file, judgement) for name, file in zip(names, files_judged, strict=True)]
     on_waivers = waivers_in_order(zip(names, files_judged, strict=True), policy.waivers, judgement.today)
-    accepted[-1] = with_rulings(FOLDER, accepted[-1], [on_waivers])
+    accepted[-1] = with_release_results(FOLDER, accepted[-1], [on_waivers])
     crossing = crossing_streams(select_checks(policy.check.select, policy.check.ignore))
     verdicts = [_with_verdict(file, crossing) for file in accepted[:-1]]
     return replace(record, config_digest=policy.digest, files=(*verdicts, _with_verdict(accepted[-1], frozenset())))

@@ -7,9 +7,9 @@ from typing import Annotated, ClassVar
 
 from pydantic import ConfigDict, Field
 
-from fedora_qa.gate.marking import marked
 from fedora_qa.gate.release import FOLDER
-from fedora_qa.gate.ruling import Ruling, Violation
+from fedora_qa.gate.release_result import ReleaseResult, Violation
+from fedora_qa.gate.severity_override import marked
 from fedora_qa.record.types import FileRecord, Finding, Result, Waived
 
 NonEmpty = Annotated[str, Field(min_length=1)]
@@ -67,7 +67,7 @@ def waive(name: str, file: FileRecord, waivers: Iterable[Waiver], today: date) -
     return marked(file, mark)
 
 
-def waivers_in_order(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[Waiver], today: date) -> Ruling:
+def waivers_in_order(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[Waiver], today: date) -> ReleaseResult:
     """Hold the waivers themselves to their rule: each is needed, and none has expired.
 
     Parameters
@@ -78,7 +78,7 @@ def waivers_in_order(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[
     question = "Is every waiver needed, and none expired?"
     named, waivers, violations = tuple(files), tuple(waivers), []
     if not waivers:
-        return Ruling("release.waivers", question, FOLDER, unasked="the policy has no waivers")
+        return ReleaseResult("release.waivers", question, FOLDER, unasked="the policy has no waivers")
     for waiver in waivers:
         what = f"the waiver of {waiver.owner} for {waiver.code or waiver.cause} in {waiver.file}"
         if waiver.expires < today:
@@ -87,7 +87,7 @@ def waivers_in_order(files: Iterable[tuple[str, FileRecord]], waivers: Iterable[
         elif not any(_covers_any(waiver, name, file) for name, file in named):
             message = f"Expected waivers that are needed, got one that covers no finding: {what}; remove it"
             violations.append(Violation(FOLDER, "unused", message))
-    return Ruling("release.waivers", question, FOLDER, tuple(violations))
+    return ReleaseResult("release.waivers", question, FOLDER, tuple(violations))
 
 
 def _covers_any(waiver: Waiver, name: str, file: FileRecord) -> bool:

@@ -6,7 +6,7 @@ import pytest
 
 from fedora_qa.gate.documents import rule_on_checksums, rule_on_documents, whole_digest
 from fedora_qa.gate.policy import Documents
-from fedora_qa.gate.ruling import Violation
+from fedora_qa.gate.release_result import Violation
 from tests.support.releases import write_checksums
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fedora_qa.gate.contents import Contents, read_contents
-from fedora_qa.gate.likeness import rule_on_distinct, rule_on_splits
+from fedora_qa.gate.split_leakage import rule_on_distinct, rule_on_splits
 from tests.support.handmade import write_handmade
 
 STREAMS = ("rgb", "events", "imu", "pose")

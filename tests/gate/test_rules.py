@@ -21,14 +21,14 @@ def holding(*streams: str, **cameras: Camera) -> Contents:
 
 def test_names_match_as_a_whole() -> None:
     """A name that only contains the pattern is broken."""
-    ruling = rule_on_names(["day-01.h5", "a/day-01.h5", "day-01.h5.bak"], r"day-\d\d\.h5")
-    assert [violation.name for violation in ruling.violations] == ["a/day-01.h5", "day-01.h5.bak"]
+    release_result = rule_on_names(["day-01.h5", "a/day-01.h5", "day-01.h5.bak"], r"day-\d\d\.h5")
+    assert [violation.name for violation in release_result.violations] == ["a/day-01.h5", "day-01.h5.bak"]
 
 
 def test_required_streams() -> None:
     """A missing stream is named with the reason why it is absent."""
-    ruling = rule_on_streams({"a": holding("rgb", "imu"), "b": holding("rgb")}, ["rgb", "imu"])
-    (violation,) = ruling.violations
+    release_result = rule_on_streams({"a": holding("rgb", "imu"), "b": holding("rgb")}, ["rgb", "imu"])
+    (violation,) = release_result.violations
     assert (violation.name, violation.stream) == ("b", "imu")
     assert "there is no path/imu" in violation.message
 

@@ -5,7 +5,7 @@ from datetime import date
 
 import pytest
 
-from fedora_qa.gate.ruling import with_rulings
+from fedora_qa.gate.release_result import with_release_results
 from fedora_qa.gate.waivers import Waiver, waive, waivers_in_order
 from fedora_qa.record.types import Waived
 from tests.support.records import crashed, failed, file_record, late_events, passed
@@ -69,5 +69,5 @@ def test_a_needed_waiver_is_in_order() -> None:
 
 def test_without_waivers_nothing_passes() -> None:
     """Where there is no waiver the rule does not apply, and says so."""
-    (result,) = with_rulings(".", file_record(), [waivers_in_order([("a.h5", FILE)], [], TODAY)]).results
+    (result,) = with_release_results(".", file_record(), [waivers_in_order([("a.h5", FILE)], [], TODAY)]).results
     assert (result.outcome, result.reason) == ("not_applicable", "the policy has no waivers")

@@ -13,11 +13,11 @@ from fedora_qa.engine.progress import Progress, quiet
 from fedora_qa.errors import UnreadableFileError, WorkerLostError
 from fedora_qa.gate.contents import Contents, read_contents
 from fedora_qa.gate.documents import rule_on_checksums, rule_on_documents, whole_digest
-from fedora_qa.gate.likeness import rule_on_distinct, rule_on_splits
 from fedora_qa.gate.policy import Documents, Policy, each_stream
 from fedora_qa.gate.release import Release
+from fedora_qa.gate.release_result import ReleaseResult
 from fedora_qa.gate.rules import rule_on_intrinsics, rule_on_names, rule_on_streams
-from fedora_qa.gate.ruling import Ruling
+from fedora_qa.gate.split_leakage import rule_on_distinct, rule_on_splits
 from fedora_qa.gate.totals import rule_on_totals
 from fedora_qa.layout.dialect import Dialect, load_dialect
 from fedora_qa.record.types import FileRecord, Result
@@ -26,13 +26,13 @@ _CONTENT: Final = ("rgb", "depth", "events", "imu", "pose", "flow")
 """Streams that no two splits may share."""
 
 
-def rulings_of(
+def release_results_of(
     policy: Policy,
     release: Release,
     files: Sequence[FileRecord],
     contents_by_name: Mapping[str, Contents],
     digests: Mapping[str, str],
-) -> Iterator[Ruling]:
+) -> Iterator[ReleaseResult]:
     """Yield what each rule found that the policy asks for.
 
     Parameters

@@ -19,7 +19,7 @@ class Violation:
 
 
 @dataclass(frozen=True, slots=True)
-class Ruling:
+class ReleaseResult:
     """What one rule found.
 
     Attributes
@@ -43,25 +43,25 @@ class Ruling:
     unasked: str = ""
 
 
-def with_rulings(name: str, file: FileRecord, rulings: Iterable[Ruling]) -> FileRecord:
+def with_release_results(name: str, file: FileRecord, release_results: Iterable[ReleaseResult]) -> FileRecord:
     """Return the file with a result for every rule that asks of it; ``name`` is the file's in the release."""
     count = sum(len(result.findings) for result in file.results if result.check.startswith("release."))
     results = list(file.results)
-    for ruling in rulings:
-        broken = [violation for violation in ruling.violations if violation.name == name]
-        if broken or (ruling.about == FOLDER) == (name == FOLDER):
-            findings = tuple(_finding(ruling, violation, count + i + 1) for i, violation in enumerate(broken))
+    for release_result in release_results:
+        broken = [violation for violation in release_result.violations if violation.name == name]
+        if broken or (release_result.about == FOLDER) == (name == FOLDER):
+            findings = tuple(_finding(release_result, violation, count + i + 1) for i, violation in enumerate(broken))
             count += len(findings)
-            results.append(_result(ruling, findings))
+            results.append(_result(release_result, findings))
     return replace(file, results=tuple(results))
 
 
-def _result(ruling: Ruling, findings: tuple[Finding, ...]) -> Result:
-    if ruling.unasked:
-        return Result(ruling.rule, "not_applicable", ruling.question, reason=ruling.unasked)
-    return Result(ruling.rule, "failed" if findings else "passed", ruling.question, findings=findings)
+def _result(release_result: ReleaseResult, findings: tuple[Finding, ...]) -> Result:
+    if release_result.unasked:
+        return Result(release_result.rule, "not_applicable", release_result.question, reason=release_result.unasked)
+    return Result(release_result.rule, "failed" if findings else "passed", release_result.question, findings=findings)
 
 
-def _finding(ruling: Ruling, violation: Violation, number: int) -> Finding:
+def _finding(release_result: ReleaseResult, violation: Violation, number: int) -> Finding:
     where = Where(stream=violation.stream)
-    return Finding(f"R{number}", f"{ruling.rule}.{violation.code}", "error", violation.message, where)
+    return Finding(f"R{number}", f"{release_result.rule}.{violation.code}", "error", violation.message, where)

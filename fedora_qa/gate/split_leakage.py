@@ -5,15 +5,15 @@ from fnmatch import fnmatchcase
 from itertools import combinations
 from typing import Final
 
+from fedora_qa.gate.release_result import ReleaseResult, Violation
 from fedora_qa.gate.rules import ContentsByName
-from fedora_qa.gate.ruling import Ruling, Violation
 
 _SHARED_POSES: Final = 10
 """Distinct poses in common from which two files show one flight. Two flights can share the pose in which they start;
 ten equal float64 poses in different flights do not happen."""
 
 
-def rule_on_distinct(contents_by_name: ContentsByName, streams: Iterable[str]) -> Ruling:
+def rule_on_distinct(contents_by_name: ContentsByName, streams: Iterable[str]) -> ReleaseResult:
     """No content of a stream occurs in two sequences."""
     violations = []
     for stream in streams:
@@ -23,12 +23,12 @@ def rule_on_distinct(contents_by_name: ContentsByName, streams: Iterable[str]) -
             if digest and first.setdefault(digest, name) != name:
                 message = f"Expected sequences that differ, got the same {stream} as in {first[digest]}"
                 violations.append(Violation(name, stream, message, stream))
-    return Ruling("release.distinct", "Is every stream its own, and none a copy?", "each", tuple(violations))
+    return ReleaseResult("release.distinct", "Is every stream its own, and none a copy?", "each", tuple(violations))
 
 
 def rule_on_splits(
     names: Iterable[str], contents_by_name: ContentsByName, splits: Mapping[str, tuple[str, ...]]
-) -> Ruling:
+) -> ReleaseResult:
     """Every sequence is in one split, and no content in two."""
     homes = {name: _splits_of(name, splits) for name in names}
     violations = [
@@ -42,7 +42,7 @@ def rule_on_splits(
             split = " and ".join(homes[first]) or "no split"
             message = f"Expected splits that do not leak, got {shared} of {first}, which is in {split}"
             violations.append(Violation(other, "leak", message))
-    return Ruling(
+    return ReleaseResult(
         "release.splits", "Is the sequence in one split, and unlike all in others?", "each", tuple(violations)
     )
 
