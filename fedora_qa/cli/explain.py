@@ -11,8 +11,8 @@ from fedora_qa.checks import CHECKS
 from fedora_qa.checks.explanation import explanation
 from fedora_qa.checks.protocol import Check
 from fedora_qa.cli.check_names import complete_check
+from fedora_qa.cli.detection_power import TITLE, detection_power_text
 from fedora_qa.cli.terminal import stdout_console
-from fedora_qa.cli.worth import TITLE, worth_words
 from fedora_qa.errors import MisuseError
 
 
@@ -50,7 +50,7 @@ def explain(name: str) -> int:
 def _explained(check: Check[Any]) -> Text:
     said = explanation(check)
     text = Text(f"\n{said.question}\n\n{said.measured}\n")
-    measured = worth_words(check.name)
+    measured = detection_power_text(check.name)
     sections = {**said.sections, **({TITLE: measured} if measured else {})}
     for title, section in sections.items():
         text.append(f"\n{title}\n", style="bold").append(f"{section}\n")

@@ -17,11 +17,11 @@ from fedora_qa.cli.outputs import Outputs
 from fedora_qa.cli.progress import progress_bar
 from fedora_qa.cli.terminal import stdout_console, text
 from fedora_qa.errors import MisuseError
+from fedora_qa.power.detection_power import detection_power_of, write_detection_power
 from fedora_qa.power.manifest import MANIFEST, read_manifest, require_files, require_other_names
 from fedora_qa.power.state import State
 from fedora_qa.power.study import Trial, measured_with, run_study, state_folder
 from fedora_qa.power.tables import Origin, power_of
-from fedora_qa.power.worth import worth_of, write_worth
 from fedora_qa.record.atomic import write_text
 from fedora_qa.record.power_json import power_to_json
 from fedora_qa.record.power_tables import PowerTable, headline, power_to_markdown, tables_of
@@ -77,7 +77,7 @@ def power(
     if json_path:
         write_text(json_path, power_to_json(measured_power))
     if publish:
-        write_worth(worth_of(measured_power), publish)
+        write_detection_power(detection_power_of(measured_power), publish)
     if markdown_path:
         drawing = svg_path.name if svg_path and svg_path.parent.resolve() == markdown_path.parent.resolve() else ""
         write_text(markdown_path, power_to_markdown(measured_power, drawing))

@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 from fedora_qa.record.json_io import record_from_json, record_to_json
 from fedora_qa.record.types import Record
 from fedora_qa.record.wording import printable
+from fedora_reports.detection_power import NOTHING_KNOWN, PassDetectionPower
 from fedora_reports.page import page_of
-from fedora_reports.worth import NOTHING_KNOWN, PassWorth
 
 _SCRIPTS: Final = ("listing.js", "frames.js", "space.js", "start.js")
 
 
-def render_html(record: Record, arrays: Mapping[str, NDArray[Any]], worth: PassWorth = NOTHING_KNOWN) -> str:
+def render_html(
+    record: Record, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower = NOTHING_KNOWN
+) -> str:
     """Return the report of a record as one HTML document.
 
     Parameters
@@ -41,7 +43,7 @@ def render_html(record: Record, arrays: Mapping[str, NDArray[Any]], worth: PassW
         A document that asks for nothing beyond itself, and runs one script of its own; its policy names the script by
         its digest and forbids all else. It can be read without it. Whatever comes from a file is shown as text.
     """
-    page = page_of(record_from_json(record_to_json(record)), arrays, worth)
+    page = page_of(record_from_json(record_to_json(record)), arrays, detection_power)
     script = report_script()
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     return (

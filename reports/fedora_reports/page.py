@@ -11,6 +11,7 @@ from fedora_qa.record.types import FileRecord, Record, Verdict
 from fedora_qa.record.wording import cause_sentence, findings_of, identity, tally
 from fedora_reports.anchors import Anchors
 from fedora_reports.charts import Chart
+from fedora_reports.detection_power import NOTHING_KNOWN, DetectionPowerRow, PassDetectionPower, detection_power_rows
 from fedora_reports.distributions import distributions_of
 from fedora_reports.evidence import Evidence, evidence_of
 from fedora_reports.flight import Flight, flight_of
@@ -22,7 +23,6 @@ from fedora_reports.strip import Strip, pictures_of
 from fedora_reports.subjects import Subject, subjects_of
 from fedora_reports.timeline import Located, Timeline, timeline_of
 from fedora_reports.verdict import TITLES, VerdictWords, verdict_of
-from fedora_reports.worth import NOTHING_KNOWN, PassWorth, WorthRow, worth_rows
 
 _KEPT_BY_THE_PASS = (MOMENTS, PLACES, TRAJECTORY, TIMELINE, HISTOGRAMS, DISTRIBUTIONS)
 
@@ -44,7 +44,7 @@ class FileSection:
     paper: tuple[Table, ...]
     statistics: tuple[Table, ...]
     distributions: tuple[Chart, ...]
-    worth: tuple[WorthRow, ...]
+    detection_power: tuple[DetectionPowerRow, ...]
     exhibits: Exhibits
     provenance: Provenance
     missing: str
@@ -73,10 +73,12 @@ class Page:
     overview_tables: tuple[Table, ...]
     files: tuple[FileSection, ...]
     run: Provenance
-    worth_whence: str
+    detection_power_source: str
 
 
-def page_of(record: Record, arrays: Mapping[str, NDArray[Any]], worth: PassWorth = NOTHING_KNOWN) -> Page:
+def page_of(
+    record: Record, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower = NOTHING_KNOWN
+) -> Page:
     """Return the page that shows a record and its evidence, and what passes are worth where that was measured."""
     several = len(record.files) != 1
     return Page(
@@ -86,9 +88,9 @@ def page_of(record: Record, arrays: Mapping[str, NDArray[Any]], worth: PassWorth
         effort=record.effort,
         overview=tuple(_overview(file, k, record) for k, file in enumerate(record.files)) if several else (),
         overview_tables=paper_tables(record.files) if several else (),
-        files=tuple(_section(record, k, arrays, worth) for k in range(len(record.files))),
+        files=tuple(_section(record, k, arrays, detection_power) for k in range(len(record.files))),
         run=run_provenance(record),
-        worth_whence=worth.whence,
+        detection_power_source=detection_power.whence,
     )
 
 
@@ -104,7 +106,9 @@ def _overview(file: FileRecord, place: int, record: Record) -> OverviewRow:
     return OverviewRow(link, file.verdict, TITLES[file.verdict], tally(file.results), cause)
 
 
-def _section(record: Record, place: int, arrays: Mapping[str, NDArray[Any]], worth: PassWorth) -> FileSection:
+def _section(
+    record: Record, place: int, arrays: Mapping[str, NDArray[Any]], detection_power: PassDetectionPower
+) -> FileSection:
     file, anchors, evidence = record.files[place], Anchors(place), evidence_of(record, place, arrays)
     located = [Located(finding, anchors.finding(k)) for k, (_, finding) in enumerate(findings_of(file))]
     links = [Link(located_finding.anchor, located_finding.finding.id) for located_finding in located]
@@ -120,11 +124,13 @@ def _section(record: Record, place: int, arrays: Mapping[str, NDArray[Any]], wor
         timeline=timeline_of(evidence, located, moments),
         strip=pictures.strip,
         flight=flight_of(evidence, located),
-        subjects=subjects_of(file, evidence, anchors, links, worth),
+        subjects=subjects_of(file, evidence, anchors, links, detection_power),
         paper=paper_tables((file,)),
         statistics=all_statistics(file),
         distributions=distributions_of(evidence),
-        worth=worth_rows(worth, file.results, [anchors.check(k) for k in range(len(file.results))]),
+        detection_power=detection_power_rows(
+            detection_power, file.results, [anchors.check(k) for k in range(len(file.results))]
+        ),
         exhibits=exhibits(evidence, _elsewhere(file, evidence)),
         provenance=file_provenance(file, evidence),
         missing=_missing(evidence),

@@ -8,11 +8,11 @@ from typing import Final
 from fedora_qa.record.types import FileRecord, Measurement, Outcome, Result
 from fedora_qa.record.wording import OUTCOME_WORDS, coverage_words, principal, with_error, with_unit
 from fedora_reports.anchors import Anchors
+from fedora_reports.detection_power import DetectableCause, PassDetectionPower
 from fedora_reports.evidence import Evidence
 from fedora_reports.gauges import Gauge, gauge_of
 from fedora_reports.maps import Exhibits, exhibits
 from fedora_reports.problems import Link
-from fedora_reports.worth import DetectableCause, PassWorth
 
 _TITLES: Final = {
     "integrity": "Integrity of the file",
@@ -69,7 +69,7 @@ class CheckView:
     measurements: tuple[MeasurementView, ...]
     findings: tuple[Link, ...]
     exhibits: Exhibits
-    worth: tuple[DetectableCause, ...]
+    detection_power: tuple[DetectableCause, ...]
     nearness: float
 
     @property
@@ -88,12 +88,12 @@ class Subject:
 
 
 def subjects_of(
-    file: FileRecord, evidence: Evidence, anchors: Anchors, links: Sequence[Link], worth: PassWorth
+    file: FileRecord, evidence: Evidence, anchors: Anchors, links: Sequence[Link], detection_power: PassDetectionPower
 ) -> tuple[Subject, ...]:
     """Return the checks by subject, in the order of the record. ``links`` lead to the findings."""
     by_subject: dict[str, list[CheckView]] = {}
     for k, result in enumerate(file.results):
-        view = _check(result, anchors.check(k), evidence, links, worth)
+        view = _check(result, anchors.check(k), evidence, links, detection_power)
         by_subject.setdefault(result.check.split(".", 1)[0], []).append(view)
     return tuple(Subject(name, _title(name), tuple(views)) for name, views in by_subject.items())
 
@@ -102,7 +102,9 @@ def _title(subject: str) -> str:
     return _TITLES.get(subject) or subject.replace("_", " ").capitalize()
 
 
-def _check(result: Result, anchor: str, evidence: Evidence, links: Sequence[Link], worth: PassWorth) -> CheckView:
+def _check(
+    result: Result, anchor: str, evidence: Evidence, links: Sequence[Link], detection_power: PassDetectionPower
+) -> CheckView:
     main = principal(result) if result.outcome in _TELLING else None
     own = {finding.id for finding in result.findings}
     return CheckView(
@@ -118,7 +120,7 @@ def _check(result: Result, anchor: str, evidence: Evidence, links: Sequence[Link
         measurements=tuple(_measurement(measurement) for measurement in result.measurements),
         findings=tuple(link for link in links if link.word in own),
         exhibits=exhibits(evidence, tuple(evidence.under(result.check))),
-        worth=worth.of(result.check),
+        detection_power=detection_power.of(result.check),
         nearness=0.0 if main is None else _nearness(main),
     )
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.record.types import Finding, Measurement, Record, Where
 from fedora_reports import trajectory
+from fedora_reports.detection_power import DetectableCause, PassDetectionPower
 from fedora_reports.html import render_html
-from fedora_reports.worth import DetectableCause, PassWorth
 from tests.reports.evidence_samples import all_kinds
 from tests.support.records import crashed, failed, file_record, late_events, not_observable, passed, record
 
@@ -20,7 +20,7 @@ HOSTILE: Final = "<img src=x onerror='console.error(1)'><script>console.error(2)
 HOSTILE_NAME: Final = HOSTILE.replace("/", "")  # of a file: without folders
 STREAMS: Final = ("rgb", "events", "depth", HOSTILE)
 
-WORTH: Final = PassWorth(
+WORTH: Final = PassDetectionPower(
     (DetectableCause("events:time_offset", "event_response.timing", "95% at 3.2 (2.1 to 5) ms", best=True),),
     "Over 10 short and small files.",
 )

@@ -9,7 +9,7 @@ import pytest
 
 from fedora_generator.faults import plant_fault
 from fedora_qa.power import study
-from fedora_qa.power.worth import read_worth
+from fedora_qa.power.detection_power import read_detection_power
 from fedora_qa.record.power_json import POWER
 from tests.cli.conftest import Command
 from tests.support.handmade import write_handmade
@@ -61,9 +61,9 @@ def test_measures_and_writes(fedora_qa: Command, corpus: Path, tmp_path: Path) -
     assert "| imu:unsorted | any check | 3 of 3 (100.0%) |" in page.replace("\\", "")
     assert "](p.svg)" in page
     assert (tmp_path / "p.svg").read_text(encoding="utf-8").startswith("<svg")
-    worth = read_worth(tmp_path / "w.json")
-    assert worth is not None
-    assert not worth.is_stale()
+    detection_power = read_detection_power(tmp_path / "w.json")
+    assert detection_power is not None
+    assert not detection_power.is_stale()
     assert sorted(corpus.iterdir()) == before
     assert len(list((tmp_path / "corpus.power").iterdir())) == 5
 

@@ -1,11 +1,11 @@
 """What a pass is worth stands in the report, as it was handed in, with what came of each check here."""
 
+from fedora_reports.detection_power import DetectableCause, PassDetectionPower, detection_power_rows
 from fedora_reports.html import render_html
-from fedora_reports.worth import DetectableCause, PassWorth, worth_rows
 from tests.reports.page_reader import complaints_about, read_page
 from tests.support.records import failed, file_record, not_observable, passed, record
 
-WORTH = PassWorth(
+WORTH = PassDetectionPower(
     (
         DetectableCause("rgb:unsorted", "clocks.order", "found 13 of 13 (100.0%)", best=True),
         DetectableCause("imu:time_offset", "imu.timing", "95% at 3.2 (2 to 5) ms", best=True),
@@ -19,7 +19,7 @@ WORTH = PassWorth(
 def test_rows_are_of_the_best_checks_that_were_run() -> None:
     """A fault whose best check was not run has no row; the outcome says whether it was looked for here."""
     results = (passed(), failed(), not_observable())
-    rows = worth_rows(WORTH, results, ("a", "b", "c"))
+    rows = detection_power_rows(WORTH, results, ("a", "b", "c"))
     assert [(row.cause, row.check, row.anchor, row.word) for row in rows] == [
         ("rgb:unsorted", "clocks.order", "a", "passed"),
         ("imu:time_offset", "imu.timing", "c", "not observable"),

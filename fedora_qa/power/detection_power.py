@@ -31,7 +31,7 @@ class DetectableCause:
 
 
 @dataclass(frozen=True, slots=True)
-class Worth:
+class DetectionPower:
     """What every check was measured to find. ``clean`` and ``false_alarms`` count clean files."""
 
     estimators_digest: str
@@ -43,19 +43,19 @@ class Worth:
 
     def of(self, check: str) -> tuple[DetectableCause, ...]:
         """Return the causes that a check finds at some size 95% of the time, in the order of the study."""
-        return tuple(row for row in self.found if row.check == check and _is_worth(row))
+        return tuple(row for row in self.found if row.check == check and _is_detectable(row))
 
     def is_stale(self, digest: str | None = None) -> bool:
         """Whether it was measured with other code than that of this installation (or of the digest given)."""
         return self.estimators_digest != (digest or estimators_digest())
 
 
-_ADAPTER: Final = TypeAdapter(Worth)
+_ADAPTER: Final = TypeAdapter(DetectionPower)
 
 
-def worth_of(power: Power) -> Worth:
+def detection_power_of(power: Power) -> DetectionPower:
     """Return what is published of a study."""
-    return Worth(
+    return DetectionPower(
         estimators_digest=power.estimators_digest,
         ruleset_version=power.ruleset_version,
         files=power.files,
@@ -69,15 +69,15 @@ def worth_of(power: Power) -> Worth:
     )
 
 
-def write_worth(worth: Worth, target: Path = PUBLISHED) -> None:
+def write_detection_power(detection_power: DetectionPower, target: Path = PUBLISHED) -> None:
     """Write the table, entirely or not at all; one line a check and cause, so that a change can be read."""
-    values = _ADAPTER.dump_python(worth)
+    values = _ADAPTER.dump_python(detection_power)
     lines = ",\n".join(f"  {json.dumps(row, allow_nan=False)}" for row in values.pop("found"))
     head = json.dumps(values, indent=1, allow_nan=False).removesuffix("\n}")
     write_text(target, f'{head},\n "found": [\n{lines}\n ]\n}}\n')
 
 
-def read_worth(source: Path = PUBLISHED) -> Worth | None:
+def read_detection_power(source: Path = PUBLISHED) -> DetectionPower | None:
     """Read the table; None where none has been published.
 
     Raises
@@ -94,6 +94,6 @@ def read_worth(source: Path = PUBLISHED) -> Worth | None:
         raise MisuseError(f"Expected a table of power at {source}, got: {first}; run `make power`") from None
 
 
-def _is_worth(row: DetectableCause) -> bool:
+def _is_detectable(row: DetectableCause) -> bool:
     """Whether the check can be relied on to find the cause: from a known size on, or at every size that was tried."""
     return row.at_95.value is not None or (row.found.count == row.found.of and row.found.of > 0)

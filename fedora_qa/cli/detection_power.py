@@ -2,19 +2,19 @@
 
 from dataclasses import dataclass
 
-from fedora_qa.power.worth import DetectableCause, Worth, read_worth
+from fedora_qa.power.detection_power import DetectableCause, DetectionPower, read_detection_power
 from fedora_qa.record.power_tables import estimate_words, share_words
 
 TITLE = "Measured power"
 
 
-def worth_words(check: str) -> str:
+def detection_power_text(check: str) -> str:
     """Return what the check was measured to find, a cause a line; empty where nothing has been published."""
-    worth = read_worth()
-    if worth is None:
+    detection_power = read_detection_power()
+    if detection_power is None:
         return ""
-    lines = [_line(row) for row in worth.of(check)] or ["No cause that was planted is surely found by it."]
-    return "\n".join([*lines, "", _whence(worth)])
+    lines = [_line(row) for row in detection_power.of(check)] or ["No cause that was planted is surely found by it."]
+    return "\n".join([*lines, "", _whence(detection_power)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,19 +27,21 @@ class FoundInWords:
     best: bool
 
 
-def all_worth() -> tuple[tuple[FoundInWords, ...], str]:
+def all_detection_power() -> tuple[tuple[FoundInWords, ...], str]:
     """Return what every check can be relied on to find, and in a sentence where that was measured; else nothing."""
-    worth = read_worth()
-    if worth is None:
+    detection_power = read_detection_power()
+    if detection_power is None:
         return (), ""
-    relied_on = [row for check in dict.fromkeys(row.check for row in worth.found) for row in worth.of(check)]
+    relied_on = [
+        row for check in dict.fromkeys(row.check for row in detection_power.found) for row in detection_power.of(check)
+    ]
     best: dict[str, DetectableCause] = {}
     for row in relied_on:
         rival = best.setdefault(row.cause, row)
         if _least(row) < _least(rival):
             best[row.cause] = row
     rows_as_text = (FoundInWords(row.cause, row.check, _found(row), best[row.cause] is row) for row in relied_on)
-    return tuple(sorted(rows_as_text, key=lambda row: list(best).index(row.cause))), _whence(worth)
+    return tuple(sorted(rows_as_text, key=lambda row: list(best).index(row.cause))), _whence(detection_power)
 
 
 def _least(row: DetectableCause) -> float:
@@ -57,6 +59,6 @@ def _found(row: DetectableCause) -> str:
     return f"95% at {estimate_words(row.at_95, row.unit)}"
 
 
-def _whence(worth: Worth) -> str:
-    stale = " The code has changed since: make power measures it anew." if worth.is_stale() else ""
-    return f"Over {worth.files} short and small files, {worth.clean} of them clean (fedora-qa power).{stale}"
+def _whence(detection_power: DetectionPower) -> str:
+    stale = " The code has changed since: make power measures it anew." if detection_power.is_stale() else ""
+    return f"Over {detection_power.files} short and small files, {detection_power.clean} of them clean (fedora-qa power).{stale}"

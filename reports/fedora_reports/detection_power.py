@@ -18,7 +18,7 @@ class DetectableCause:
 
 
 @dataclass(frozen=True, slots=True)
-class PassWorth:
+class PassDetectionPower:
     """What was measured of all checks, and in a sentence where that was."""
 
     found: tuple[DetectableCause, ...]
@@ -29,11 +29,11 @@ class PassWorth:
         return tuple(row for row in self.found if row.check == check)
 
 
-NOTHING_KNOWN = PassWorth((), "")
+NOTHING_KNOWN = PassDetectionPower((), "")
 
 
 @dataclass(frozen=True, slots=True)
-class WorthRow:
+class DetectionPowerRow:
     """A fault, how surely it is found and by which check, and what came of that check in this file."""
 
     cause: str
@@ -44,13 +44,15 @@ class WorthRow:
     word: str
 
 
-def worth_rows(worth: PassWorth, results: Sequence[Result], anchors: Sequence[str]) -> tuple[WorthRow, ...]:
+def detection_power_rows(
+    detection_power: PassDetectionPower, results: Sequence[Result], anchors: Sequence[str]
+) -> tuple[DetectionPowerRow, ...]:
     """Return a row for each fault whose best check was run on this file."""
     places = {result.check: (result, anchor) for result, anchor in zip(results, anchors, strict=True)}
     rows = []
-    for row in worth.found:
+    for row in detection_power.found:
         if row.best and row.check in places:
             result, anchor = places[row.check]
             word = OUTCOME_WORDS[result.outcome]
-            rows.append(WorthRow(row.cause, row.words, row.check, anchor, result.outcome, word))
+            rows.append(DetectionPowerRow(row.cause, row.words, row.check, anchor, result.outcome, word))
     return tuple(rows)
