@@ -78,7 +78,7 @@ def extract(
         extracted = _extracted(file, output, wanted, options, longest_s, bar)
     for line in _lines(file, output, finding, wanted, extracted):
         click.echo(unobeyed(line))
-    return CLEAN if extracted.found else INCOMPLETE
+    return CLEAN if extracted.finding else INCOMPLETE
 
 
 def _checked(file: Path, options: CheckOptions) -> FileRecord:
@@ -153,9 +153,9 @@ def _lines(file: Path, output: Path, finding: str, wanted: Wanted, extracted: Ex
         yield f"  {stream:<14} rows {rows.start} to {rows.stop} of {rows.of}"
     for path in extracted.left_out:
         yield f"  {path} was left out: no stream is known that it belongs to, or it cannot be read"
-    if extracted.found:
+    if extracted.finding:
         whole = " All rows are in it: nothing shorter shows the finding." if extracted.is_whole else ""
-        yield f"{finding} ({wanted.finding.code}) is found in it: {extracted.found.message}{whole}"
+        yield f"{finding} ({wanted.finding.code}) is found in it: {extracted.finding.message}{whole}"
     else:
         longer = "it may need more of the file, or all of it; see --longest"
         yield f"{finding} ({wanted.finding.code}) is not found in it: {longer}"

@@ -13,7 +13,7 @@ from fedora_qa.comparison.published import PUBLISHED
 from fedora_qa.comparison.sampled import meaning_of, unit_of
 from fedora_qa.comparison.statistics import statistic_changes, with_errors
 from fedora_qa.comparison.subjects import Given, Match, design_of, matches
-from fedora_qa.comparison.types import COMPARISON_VERSION, Comparison, Design, Overlay, SubjectPair, Versions
+from fedora_qa.comparison.types import COMPARISON_VERSION, Comparison, Design, Overlay, Pair, Versions
 from fedora_qa.comparison.versions import record_changes
 from fedora_qa.errors import MisuseError
 from fedora_qa.evidence.value_counts import octave_edges
@@ -79,8 +79,8 @@ def _plan(before: Given, after: Given, place: int, design: Design | None) -> _Pa
     return _PairPlan(before, after, place, design, held_together(before, after, design), matched)
 
 
-def _pair(planned: _PairPlan, level: float) -> SubjectPair:
-    return SubjectPair(
+def _pair(planned: _PairPlan, level: float) -> Pair:
+    return Pair(
         before=0,
         after=planned.place,
         design=planned.design,

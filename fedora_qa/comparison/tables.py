@@ -11,8 +11,8 @@ from fedora_qa.comparison.types import (
     Design,
     Difference,
     Moved,
+    Pair,
     StatisticChange,
-    SubjectPair,
     Told,
     Versions,
 )
@@ -86,14 +86,14 @@ def _section(source: TextTable) -> str:
     return f"### {escape(source.title)}\n\n{table(source.head, source.rows)}\n\n{escape(source.note)}".rstrip()
 
 
-def _pair(comparison: Comparison, pair: SubjectPair) -> PairTables:
+def _pair(comparison: Comparison, pair: Pair) -> PairTables:
     before, after = (comparison.subjects[place].name for place in (pair.before, pair.after))
     tables = [_distances(pair), *(_version_tables(pair.versions) if pair.versions else ())]
     summary = f"Compared as {DESIGN_WORDS[pair.design]}. {_version_words(pair.versions) if pair.versions else ''}"
     return PairTables(f"{after} against {before}", summary.rstrip(), tuple(source for source in tables if source.rows))
 
 
-def _distances(pair: SubjectPair) -> TextTable:
+def _distances(pair: Pair) -> TextTable:
     head = (
         "quantity",
         "unit",

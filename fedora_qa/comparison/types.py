@@ -147,7 +147,7 @@ class Versions:
 
 
 @dataclass(frozen=True, slots=True)
-class SubjectPair:
+class Pair:
     """One subject held against the reference, the first; both by their place among the subjects."""
 
     before: int
@@ -178,6 +178,6 @@ class Comparison:
     level: float
     subjects: tuple[Subject, ...]
     overlays: tuple[Overlay, ...]
-    pairs: tuple[SubjectPair, ...]
+    pairs: tuple[Pair, ...]
     published: tuple[Published, ...]
     notes: tuple[str, ...]

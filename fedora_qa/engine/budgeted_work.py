@@ -94,15 +94,15 @@ class BudgetedWork(FileWork):
     def _next_step(self, densities: Densities) -> bool:
         """Make the next step ready; False where there is none for now."""
         now, left_s = densities.now, self._deadline - time.monotonic()
-        soon = len(now.shown) + sum(windows for density, windows in self._under_way.values() if density is now)
+        soon = len(now.passes) + sum(windows for density, windows in self._under_way.values() if density is now)
         if soon < self._least and now.pending:
             self._measure(now, [now.pending.popleft()], _ANY_TIME)
             return True
         reserve_is_measured = self._reserve.is_known
-        if len(now.shown) < self._least or (self._under_way and not reserve_is_measured):
+        if len(now.passes) < self._least or (self._under_way and not reserve_is_measured):
             return False
         worthwhile = not self._rehearsing and (now.pending or not reserve_is_measured)
-        if worthwhile and self._reserve.is_due(len(now.shown), now.pace, left_s):
+        if worthwhile and self._reserve.is_due(len(now.passes), now.pace, left_s):
             self._rehearse(now)
             return True
         if reserve_is_measured and densities.changed(partial(self._fits, left_s)):
@@ -127,20 +127,20 @@ class BudgetedWork(FileWork):
 
         def measured(passes: dict[int, PartialPass]) -> None:
             now.pending.extendleft(reversed([window for window in windows if window not in passes]))
-            now.shown.update(passes)
+            now.passes.update(passes)
             now.pace.add(len(passes), time.monotonic() - began)
-            self._seen = {0: max(self.windows_done, len(now.shown))}
+            self._seen = {0: max(self.windows_done, len(now.passes))}
 
         def each_by_itself() -> None:
             for window in windows:
                 alone = partial(measure_sampled, now.survey, (window,), _ANY_TIME)
-                self._start(alone, now.shown.update, partial(self._lost.append, window), now, 1)
+                self._start(alone, now.passes.update, partial(self._lost.append, window), now, 1)
 
         task = partial(measure_sampled, now.survey, tuple(windows), allowed_s)
         self._start(task, measured, each_by_itself, now, len(windows))
 
     def _rehearse(self, now: Density) -> None:
-        began, windows = time.monotonic(), len(now.shown)
+        began, windows = time.monotonic(), len(now.passes)
 
         def rehearsed(traffic: Traffic) -> None:
             took_s = time.monotonic() - began
@@ -151,21 +151,21 @@ class BudgetedWork(FileWork):
 
         self._rehearsing = True
         self._start(
-            partial(rehearse, self._visited(now), SampledPasses(self._steady_parts(), dict(now.shown))), rehearsed
+            partial(rehearse, self._visited(now), SampledPasses(self._steady_parts(), dict(now.passes))), rehearsed
         )
 
     def _judge(self, densities: Densities) -> None:
         now = densities.now
         for other in densities.tried:
             if other is not now:
-                self._traffic = sum((part.traffic for part in other.shown.values()), self._traffic)
-        passes = SampledPasses(self._steady_parts(), now.shown)
-        lost = sorted(set(self._lost) - now.shown.keys())
+                self._traffic = sum((part.traffic for part in other.passes.values()), self._traffic)
+        passes = SampledPasses(self._steady_parts(), now.passes)
+        lost = sorted(set(self._lost) - now.passes.keys())
         self._do("being judged", partial(finish_sampled, self._visited(now), passes, lost), self._finished)
 
     def _visited(self, density: Density) -> Survey:
         """Return the survey whose plan is what was visited, or lost."""
-        chosen = tuple(sorted({*density.shown, *self._lost}))
+        chosen = tuple(sorted({*density.passes, *self._lost}))
         return at_density(density.survey, replace(density.survey.plan, chosen=chosen), density.effort)
 
     def _steady_parts(self) -> tuple[PartialPass, ...]:
@@ -209,7 +209,7 @@ class BudgetedWork(FileWork):
         if self._densities is None:
             return "the file cannot be opened"
         now, late_s = self._densities.now, time.monotonic() - self._deadline
-        text = f"{len(now.shown)} of {self.windows} windows at the density of {now.effort}"
-        if len(now.shown) <= self._least < self.windows:
+        text = f"{len(now.passes)} of {self.windows} windows at the density of {now.effort}"
+        if len(now.passes) <= self._least < self.windows:
             text += ", the least that is always looked at"
         return text + (f", {late_s:.1f} s longer than there was" if late_s > 0 else f", with {-late_s:.1f} s left")

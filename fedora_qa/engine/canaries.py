@@ -111,7 +111,7 @@ def _plant_ever_larger(check: Check[Any], result: Result, run: PlainRun, place_n
             return Proof(Canary(check.name, "not_planted", reason=str(why)))
         if fault.said in proofs:
             continue
-        proof = _plant(check, fault, run, place_ns, known=_rules([result]))
+        proof = _plant(check, fault, run, place_ns, known_rules=_rules([result]))
         if proof.canary.outcome == "seen" or proof.traceback:
             return proof
         proofs[fault.said] = proof
@@ -119,7 +119,7 @@ def _plant_ever_larger(check: Check[Any], result: Result, run: PlainRun, place_n
     return (withheld or list(proofs.values()))[0]
 
 
-def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, known: frozenset[str]) -> Proof:
+def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, known_rules: frozenset[str]) -> Proof:
     """Show the check a fault on ever more windows; it sees what gives a finding of another rule than the ``known``.
 
     Only the first look counts: the second one is for naming causes.
@@ -131,7 +131,7 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
         states = measure([check], spans, faulty.facts, faulty.decoder, sampling, _quiet, faulty.images)
         results = _judged(check, states, faulty, run)
         canary = replace(canary, windows=len(spans))
-        if _rules(results) - known:
+        if _rules(results) - known_rules:
             return Proof(replace(canary, outcome="seen"))
         if check.name in states.crashes:
             return Proof(canary, states.crashes[check.name])

@@ -32,7 +32,7 @@ class Density:
     effort: Effort
     survey: Survey
     pending: deque[int]
-    shown: dict[int, PartialPass] = field(default_factory=dict)
+    passes: dict[int, PartialPass] = field(default_factory=dict)
     pace: Pace = field(default_factory=Pace)
 
 

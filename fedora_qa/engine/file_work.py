@@ -44,7 +44,7 @@ class Part:
 
     start: int
     stop: int
-    shown: Sealed[Any]
+    sealed_pass: Sealed[Any]
 
 
 class FileWork:
@@ -68,7 +68,7 @@ class FileWork:
         checks: "tuple[Check[Any], ...] | None",
         options: CheckOptions,
         workers: int,
-        told: Callable[[str], None],
+        report: Callable[[str], None],
         folder: Path | None = None,
     ) -> None:
         self.path = path
@@ -78,7 +78,7 @@ class FileWork:
         self.windows = 0
         self._checks = checks
         self._workers = workers
-        self._told = told
+        self._report = report
         self._folder = folder
         self._parts: dict[int, Part] = {}
         self._lost: list[int] = []
@@ -163,7 +163,7 @@ class FileWork:
             self._seen[first] = len(windows)
             self._keep(Part(before.start if before else first, windows[-1] + 1, part))
             if before:
-                before.shown.discard()
+                before.sealed_pass.discard()
             self._finish_if_measured(survey)
 
         def lost() -> None:
@@ -171,7 +171,7 @@ class FileWork:
                 self._keep(before)
             when_lost()
 
-        task = FileTask("measure_windows", survey, (before.shown if before else None,), windows, self._folder)
+        task = FileTask("measure_windows", survey, (before.sealed_pass if before else None,), windows, self._folder)
         return WorkStep(task, tell, measured, lost)
 
     def _keep(self, part: Part) -> None:
@@ -189,16 +189,16 @@ class FileWork:
 
     def _finish_if_measured(self, survey: Surveyed) -> None:
         if self.windows_done == self.windows:
-            parts = [part.shown for _, part in sorted(self._parts.items())]
+            parts = [part.sealed_pass for _, part in sorted(self._parts.items())]
             task = FileTask("finish_file", survey, (parts, sorted(self._lost)))
             self._do("being judged", task, self._finished)
 
     def _finished(self, run: FileRun) -> None:
         self.run = replace(run, record=replace(run.record, path=str(self.path)))
         for part in self._parts.values():
-            part.shown.discard()
+            part.sealed_pass.discard()
         self._parts.clear()
         self._seen = {0: self.windows}
 
     def _tell(self, what: str, done: int, of: int) -> None:
-        self._told(f"{self.path.name}: {what}")
+        self._report(f"{self.path.name}: {what}")

@@ -47,13 +47,13 @@ class Extracted:
         Rows by stream.
     left_out
         Datasets that belong to no stream and are too large to be copied whole, and what could not be read.
-    found
+    finding
         The finding as the check of the piece tells it; None where it does not.
     """
 
     kept: dict[str, CutRows]
     left_out: tuple[str, ...]
-    found: Finding | None
+    finding: Finding | None
 
     @property
     def is_whole(self) -> bool:
@@ -96,7 +96,7 @@ def extract(
                 report(f"a piece of {(piece.stop_ns - piece.start_ns) / NS_PER_S:.3g} s")
                 kept, left_out = cutter.write(piece, temporary)
                 extracted = Extracted(kept, left_out, _found_in(temporary, wanted, options))
-                if extracted.found or extracted.is_whole:
+                if extracted.finding or extracted.is_whole:
                     break
             return extracted
 

@@ -18,12 +18,12 @@ _GAUSSIAN: Final = 1.4826
 
 @dataclass(frozen=True, slots=True)
 class SizeEstimate:
-    """A true magnitude, what was told of it, and the error that was stated, all in one unit."""
+    """A true magnitude, the size that the diagnosis states, and the error that was stated, all in one unit."""
 
     cause: str
     unit: str
     truth: float
-    told: float
+    estimate: float
     standard_error: float | None
 
 
@@ -31,13 +31,13 @@ def magnitude_errors(trials: Sequence[Trial]) -> tuple[MagnitudeError, ...]:
     """Return the errors of each cause, those with one fault only, of the whole file or of a part of it."""
     sizes: dict[tuple[str, str], list[SizeEstimate]] = {}
     for trial in trials:
-        size = _told(trial)
+        size = _size_estimate(trial)
         if size is not None:
             sizes.setdefault((size.cause, size.unit), []).append(size)
     return tuple(_errors(cause, unit, group) for (cause, unit), group in sizes.items())
 
 
-def _told(trial: Trial) -> SizeEstimate | None:
+def _size_estimate(trial: Trial) -> SizeEstimate | None:
     """Return what was told of a fault's size; None where it was not named first, or the units measure other things."""
     if len(trial.item.planted) != 1 or not trial.checked.is_found or not is_named_first(trial):
         return None
@@ -50,8 +50,8 @@ def _told(trial: Trial) -> SizeEstimate | None:
 
 
 def _errors(cause: str, unit: str, sizes: Sequence[SizeEstimate]) -> MagnitudeError:
-    relative = [abs(size.told - size.truth) / abs(size.truth) for size in sizes]
-    pulls = np.array([(size.told - size.truth) / size.standard_error for size in sizes if size.standard_error])
+    relative = [abs(size.estimate - size.truth) / abs(size.truth) for size in sizes]
+    pulls = np.array([(size.estimate - size.truth) / size.standard_error for size in sizes if size.standard_error])
     return MagnitudeError(
         cause=cause,
         unit=unit,

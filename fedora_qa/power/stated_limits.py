@@ -56,12 +56,12 @@ _NOTHING: Final = 0.01
 class _Comparison:
     """A trial whose clean file states a limit: that limit, the fault in units of it, and whether it was found.
 
-    ``found`` is by the check, ``by_any`` by whichever.
+    ``is_detected`` is by the check, ``by_any`` by whichever.
     """
 
     limit: float
     ratio: float
-    found: bool
+    is_detected: bool
     by_any: bool
 
 
@@ -96,7 +96,7 @@ def _judge(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> Stated
     if compared is None or not informative:
         return NotComparable(sized.cause, check, _why_not(sized, check))
     limits = [trial.limit for trial in compared.trials]
-    curve = curve_of([trial.ratio for trial in informative], [trial.found for trial in informative])
+    curve = curve_of([trial.ratio for trial in informative], [trial.is_detected for trial in informative])
     share = _found_from(1, compared.trials)
     return StatedLimit(
         cause=sized.cause,
@@ -111,7 +111,7 @@ def _judge(sized: CauseTrials, check: str, clean: Mapping[str, Trial]) -> Stated
         found_from_twice=_found_from(2, compared.trials),
         curve=curve,
         truth=_truth(share, curve, [trial.ratio for trial in informative]),
-        found_from_twice_by_any=_found_from(2, [replace(trial, found=trial.by_any) for trial in compared.trials]),
+        found_from_twice_by_any=_found_from(2, [replace(trial, is_detected=trial.by_any) for trial in compared.trials]),
     )
 
 
@@ -208,7 +208,7 @@ def _of_check(trial: Trial, check: str) -> dict[str, Reading]:
 
 
 def _found_from(ratio: float, trials: Sequence[_Comparison]) -> Share:
-    detected = [trial.found for trial in trials if trial.ratio >= ratio]
+    detected = [trial.is_detected for trial in trials if trial.ratio >= ratio]
     return share_of(sum(detected), len(detected))
 
 

