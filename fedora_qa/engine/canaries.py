@@ -22,7 +22,7 @@ from fedora_qa.engine.prepare import Prepared, prepare
 from fedora_qa.engine.progress import Progress
 from fedora_qa.engine.stream import PassState, attempt, conclude, measure
 from fedora_qa.faults.canaries import CANARIES
-from fedora_qa.faults.canary_conditions import MULTIPLES, Ground, UnplantableError
+from fedora_qa.faults.canary_conditions import MULTIPLES, CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Fault
 from fedora_qa.faults.faulty_sequence import FaultySequence
 from fedora_qa.judgement.judge import judge
@@ -106,15 +106,15 @@ def _plant_ever_larger(check: Check[Any], result: Result, run: PlainRun, place_n
     proofs: dict[str, Proof] = {}
     for multiple in MULTIPLES:
         try:
-            fault = CANARIES[check.name](Ground(run.ready.facts, result.measurements, place_ns, multiple))
+            fault = CANARIES[check.name](CanaryConditions(run.ready.facts, result.measurements, place_ns, multiple))
         except UnplantableError as why:
             return Proof(Canary(check.name, "not_planted", reason=str(why)))
-        if fault.said in proofs:
+        if fault.description in proofs:
             continue
         proof = _plant(check, fault, run, place_ns, known_rules=_rules([result]))
         if proof.canary.outcome == "seen" or proof.traceback:
             return proof
-        proofs[fault.said] = proof
+        proofs[fault.description] = proof
     withheld = [proof for proof in proofs.values() if proof.canary.outcome == "withheld"]
     return (withheld or list(proofs.values()))[0]
 
@@ -126,7 +126,7 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
     """
     faulty = _with_fault(run, fault)
     sampling = sampling_of(run.effort, faulty.frame_pixels)
-    canary, reason = Canary(check.name, "silent", fault.said), ""
+    canary, reason = Canary(check.name, "silent", fault.description), ""
     for spans in growing(_shown(check, run, faulty), place_ns):
         states = measure([check], spans, faulty.facts, faulty.decoder, sampling, _quiet, faulty.images)
         results = _judged(check, states, faulty, run)

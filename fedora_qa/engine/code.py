@@ -7,11 +7,14 @@ from typing import Final
 
 PACKAGE: Final = Path(__file__).parents[1]
 
+_SUFFIXES: Final = (".py", ".toml")
+
 
 def code_digest(folders: Sequence[str] = ("",), package: Path = PACKAGE) -> str:
-    """Return the SHA-256 of all sources in folders of the package: of their paths and of their text, in order."""
+    """Return the SHA-256 of all sources and tables (TOML) in folders of the package: of paths and text, in order."""
     digest = hashlib.sha256()
-    for path in sorted(path for folder in folders for path in (package / folder).rglob("*.py")):
+    paths = (path for folder in folders for path in (package / folder).rglob("*") if path.suffix in _SUFFIXES)
+    for path in sorted(paths):
         digest.update(f"{path.relative_to(package).as_posix()}\0".encode())
         digest.update(path.read_bytes().replace(b"\r\n", b"\n") + b"\0")
     return digest.hexdigest()

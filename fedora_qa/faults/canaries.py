@@ -6,10 +6,10 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.faults import damage, declarations, events, flow, images, motion, timestamps
-from fedora_qa.faults.canary_conditions import Ground
+from fedora_qa.faults.canary_conditions import CanaryConditions
 from fedora_qa.faults.fault import Fault
 
-Planter = Callable[[Ground], Fault]
+Planter = Callable[[CanaryConditions], Fault]
 """Gives the fault, with a size that follows from the ground; raises ``UnplantableError``."""
 
 CANARIES: Final[Mapping[str, Planter]] = MappingProxyType(

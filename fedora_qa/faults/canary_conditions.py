@@ -23,7 +23,7 @@ class UnplantableError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class CanaryConditions:
     """A file and one check's measurements on it.
 
     Attributes

@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.faults.canary_conditions import Ground, UnplantableError
+from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Fault, Read, values
 from fedora_qa.layout.binding import INVALID_TIMESTAMP_NS
 from fedora_qa.layout.canonical import DATASETS, TIMESTAMPS_OF
 
 
-def undecodable(ground: Ground) -> Fault:
+def undecodable(conditions: CanaryConditions) -> Fault:
     """No row of a dataset decodes; of its stream's stamps all do, so that there are windows to look at."""
-    keys = [key for key in ground.facts.layout.bindings if not DATASETS[key].is_timestamps]
+    keys = [key for key in conditions.facts.layout.bindings if not DATASETS[key].is_timestamps]
     images = [key for key in keys if DATASETS[key].is_image]
     if not keys:
         raise UnplantableError("the file holds stamps only")
@@ -26,12 +26,12 @@ def undecodable(ground: Ground) -> Fault:
     return Fault(f"{key} does not decode", {key: fail})
 
 
-def not_finite(ground: Ground) -> Fault:
+def not_finite(conditions: CanaryConditions) -> Fault:
     """The first value of every row of a float dataset is infinite; of a file without one, all stamps of a stream."""
-    for key in ground.facts.layout.bindings:
-        if DATASETS[key].dtype.startswith("float") and DATASETS[key].stream in ground.facts.streams:
+    for key in conditions.facts.layout.bindings:
+        if DATASETS[key].dtype.startswith("float") and DATASETS[key].stream in conditions.facts.streams:
             return Fault(f"a value of each row of {key} is infinite", {key: values(_first_infinite)})
-    for stream, clock in ground.facts.clocks.items():
+    for stream, clock in conditions.facts.clocks.items():
         if len(clock.times_ns):
             invalid = values(lambda timestamps: np.full_like(timestamps, INVALID_TIMESTAMP_NS))
             return Fault(f"the stamps of {stream} are NaN", {TIMESTAMPS_OF[stream]: invalid})

@@ -10,7 +10,7 @@ from typing import Final, Literal
 import numpy as np
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.faults.canary_conditions import Ground, UnplantableError
+from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Fault
 from fedora_qa.layout.resolve import LayoutProblem
 from fedora_qa.sequence.declared import Camera, DeclarationProblem, EventModel, ImuModel, PoseModel
@@ -19,25 +19,25 @@ _LOG_TO_LINEAR_DN: Final = 100.0
 """Grey value at which both models have the same threshold: dL = dY / Y."""
 
 
-def absent_stream(ground: Ground) -> Fault:
+def absent_stream(conditions: CanaryConditions) -> Fault:
     """A stream that is declared and absent."""
-    layout = ground.facts.layout
-    said = "the imu is declared and absent"
-    problem = LayoutProblem("integrity.layout.missing", "missing_stream", "imu", "path/imu/ts", said)
-    return Fault(said, layout=replace(layout, problems=(*layout.problems, problem)))
+    layout = conditions.facts.layout
+    description = "the imu is declared and absent"
+    problem = LayoutProblem("integrity.layout.missing", "missing_stream", "imu", "path/imu/ts", description)
+    return Fault(description, layout=replace(layout, problems=(*layout.problems, problem)))
 
 
-def missing_attribute(ground: Ground) -> Fault:
+def missing_attribute(conditions: CanaryConditions) -> Fault:
     """The version of the format is not declared."""
-    said = "the attribute format_version is missing"
-    problem = DeclarationProblem("", "format_version", said, "missing_stream")
-    declared = ground.facts.declared
-    return Fault(said, declared=replace(declared, problems=(*declared.problems, problem)))
+    description = "the attribute format_version is missing"
+    problem = DeclarationProblem("", "format_version", description, "missing_stream")
+    declared = conditions.facts.declared
+    return Fault(description, declared=replace(declared, problems=(*declared.problems, problem)))
 
 
-def wrong_label(ground: Ground) -> Fault:
+def wrong_label(conditions: CanaryConditions) -> Fault:
     """A dataset is labelled with a unit that no layout has."""
-    declared, keys = ground.facts.declared, sorted(ground.facts.layout.bindings)
+    declared, keys = conditions.facts.declared, sorted(conditions.facts.layout.bindings)
     if not keys:
         raise UnplantableError("no dataset carries a label")
     return Fault(
@@ -45,75 +45,79 @@ def wrong_label(ground: Ground) -> Fault:
     )
 
 
-def stretched_mounting(ground: Ground) -> Fault:
+def stretched_mounting(conditions: CanaryConditions) -> Fault:
     """The first column of a camera's rotation is a tenth too long."""
-    name = min(ground.facts.declared.cameras)
-    camera = ground.facts.declared.cameras[name]
+    name = min(conditions.facts.declared.cameras)
+    camera = conditions.facts.declared.cameras[name]
     stretched = camera.T_body_camera @ np.diag([1.1, 1.0, 1.0, 1.0])
-    return _with_cameras(ground, f"T_body_camera of the {name} camera is stretched by 10%",
+    return _with_cameras(conditions, f"T_body_camera of the {name} camera is stretched by 10%",
                          {name: replace(camera, T_body_camera=stretched)})  # fmt: skip
 
 
-def wider_camera(ground: Ground) -> Fault:
+def wider_camera(conditions: CanaryConditions) -> Fault:
     """A camera is declared one column wider than it is."""
-    cameras = ground.facts.declared.cameras
+    cameras = conditions.facts.declared.cameras
     if not cameras:
         raise UnplantableError("the file declares no camera")
     name = min(cameras)
     wider = replace(cameras[name], width=cameras[name].width + 1)
-    return _with_cameras(ground, f"the {name} camera is declared a column too wide", {name: wider})
+    return _with_cameras(conditions, f"the {name} camera is declared a column too wide", {name: wider})
 
 
-def other_event_model(ground: Ground) -> Fault:
+def other_event_model(conditions: CanaryConditions) -> Fault:
     """Events are declared of the other model, with a threshold that is the same contrast at a grey value of 100."""
-    model = ground.facts.declared.events
+    model = conditions.facts.declared.events
     if model is None:
         raise UnplantableError("the file declares no event model")
     name: Literal["log", "linear"] = "linear" if model.model == "log" else "log"
     factor = _LOG_TO_LINEAR_DN if name == "linear" else 1 / _LOG_TO_LINEAR_DN
     other = EventModel(name, factor * model.threshold_on, factor * model.threshold_off)
-    return _with_events(ground, f"events are declared of the {name} model", other)
+    return _with_events(conditions, f"events are declared of the {name} model", other)
 
 
-def smaller_thresholds(ground: Ground) -> Fault:
+def smaller_thresholds(conditions: CanaryConditions) -> Fault:
     """Both thresholds are declared too small, so that measured ones exceed them by the canary's size."""
-    model = ground.facts.declared.events
+    model = conditions.facts.declared.events
     if model is None:
         raise UnplantableError("the file declares no event model")
-    percent = ground.size("threshold_on", at_least=20.0)
+    percent = conditions.size("threshold_on", at_least=20.0)
     factor = 1 / (1 + percent / 100)
     smaller = replace(model, threshold_on=factor * model.threshold_on, threshold_off=factor * model.threshold_off)
-    return _with_events(ground, f"events step by {percent:.3g}% more than declared", smaller)
+    return _with_events(conditions, f"events step by {percent:.3g}% more than declared", smaller)
 
 
-def other_pose_noise(ground: Ground) -> Fault:
+def other_pose_noise(conditions: CanaryConditions) -> Fault:
     """Positions are noisier than declared; where no noise is declared, some is that they do not have."""
-    model = ground.facts.declared.pose or PoseModel()
-    sigma_m = _other_noise(ground, model.position_sigma_m, "position_noise")
-    said = f"a noise of {sigma_m:.3g} m is declared of positions"
-    return Fault(said, declared=replace(ground.facts.declared, pose=replace(model, position_sigma_m=sigma_m)))
+    model = conditions.facts.declared.pose or PoseModel()
+    sigma_m = _other_noise(conditions, model.position_sigma_m, "position_noise")
+    description = f"a noise of {sigma_m:.3g} m is declared of positions"
+    return Fault(
+        description, declared=replace(conditions.facts.declared, pose=replace(model, position_sigma_m=sigma_m))
+    )
 
 
-def other_imu_noise(ground: Ground) -> Fault:
+def other_imu_noise(conditions: CanaryConditions) -> Fault:
     """Angular velocities are noisier than declared; where no noise is declared, some is that they do not have."""
-    model, period_s = ground.facts.declared.imu or ImuModel(), ground.period_ns("imu") / NS_PER_S
+    model, period_s = conditions.facts.declared.imu or ImuModel(), conditions.period_ns("imu") / NS_PER_S
     if period_s <= 0:
         raise UnplantableError("the stamps of the imu do not advance")
     root_hz = period_s**-0.5
-    density = _other_noise(ground, root_hz * model.gyro_noise_density, "gyro_noise") / root_hz
-    said = f"a noise density of {density:.3g} rad/s/sqrt(Hz) is declared of the gyro"
-    return Fault(said, declared=replace(ground.facts.declared, imu=replace(model, gyro_noise_density=density)))
+    density = _other_noise(conditions, root_hz * model.gyro_noise_density, "gyro_noise") / root_hz
+    description = f"a noise density of {density:.3g} rad/s/sqrt(Hz) is declared of the gyro"
+    return Fault(
+        description, declared=replace(conditions.facts.declared, imu=replace(model, gyro_noise_density=density))
+    )
 
 
-def _other_noise(ground: Ground, declared_sigma: float, name: str) -> float:
+def _other_noise(conditions: CanaryConditions, declared_sigma: float, name: str) -> float:
     """Return a sigma to declare: the ratio of measured to declared exceeds 1 by the canary's size, or noise is new."""
-    return declared_sigma / (1 + ground.size(f"{name}_ratio")) if declared_sigma else ground.size(name)
+    return declared_sigma / (1 + conditions.size(f"{name}_ratio")) if declared_sigma else conditions.size(name)
 
 
-def _with_events(ground: Ground, said: str, model: EventModel) -> Fault:
-    return Fault(said, declared=replace(ground.facts.declared, events=model))
+def _with_events(conditions: CanaryConditions, description: str, model: EventModel) -> Fault:
+    return Fault(description, declared=replace(conditions.facts.declared, events=model))
 
 
-def _with_cameras(ground: Ground, said: str, changed: Mapping[str, Camera]) -> Fault:
-    declared = ground.facts.declared
-    return Fault(said, declared=replace(declared, cameras={**declared.cameras, **changed}))
+def _with_cameras(conditions: CanaryConditions, description: str, changed: Mapping[str, Camera]) -> Fault:
+    declared = conditions.facts.declared
+    return Fault(description, declared=replace(declared, cameras={**declared.cameras, **changed}))

@@ -24,7 +24,7 @@ class Fault:
 
     Attributes
     ----------
-    said
+    description
         What is wrong, in words: ``events 1.9 ms late``.
     rows
         The altered datasets, by canonical key.
@@ -32,7 +32,7 @@ class Fault:
         What the file declares, and where its datasets lie, in place of what it says itself; None: as it is.
     """
 
-    said: str
+    description: str
     rows: Mapping[str, Alteration] = field(default_factory=dict)
     declared: Declared | None = None
     layout: Layout | None = None

@@ -6,37 +6,37 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.faults.canary_conditions import Ground
+from fedora_qa.faults.canary_conditions import CanaryConditions
 from fedora_qa.faults.fault import Fault, values
 
 _BLOCK_PX: Final = 8
 
 
-def larger(ground: Ground) -> Fault:
+def larger(conditions: CanaryConditions) -> Fault:
     """Flow of every rate is too large by a factor."""
-    percent = ground.size("gain")
+    percent = conditions.size("gain")
     gain = np.float32(1 + percent / 100)
-    return _altered(ground, f"flow is {percent:.3g}% too large", lambda flow: flow * gain)
+    return _altered(conditions, f"flow is {percent:.3g}% too large", lambda flow: flow * gain)
 
 
-def off_by_a_constant(ground: Ground) -> Fault:
+def off_by_a_constant(conditions: CanaryConditions) -> Fault:
     """Flow of every rate is off to the right."""
-    size_px = ground.size("endpoint_error")
-    return _altered(ground, f"flow is {size_px:.3g} px off", lambda flow: flow + _right(size_px))
+    size_px = conditions.size("endpoint_error")
+    return _altered(conditions, f"flow is {size_px:.3g} px off", lambda flow: flow + _right(size_px))
 
 
-def one_rate_off(ground: Ground) -> Fault:
+def one_rate_off(conditions: CanaryConditions) -> Fault:
     """Flow of the slowest rate is off to the right, the others are not."""
-    size_px, stream = ground.size(" error"), ground.facts.flow_streams[0]
-    return _altered(ground, f"{stream} is {size_px:.3g} px off", lambda flow: flow + _right(size_px), [stream])
+    size_px, stream = conditions.size(" error"), conditions.facts.flow_streams[0]
+    return _altered(conditions, f"{stream} is {size_px:.3g} px off", lambda flow: flow + _right(size_px), [stream])
 
 
-def backwards(ground: Ground) -> Fault:
+def backwards(conditions: CanaryConditions) -> Fault:
     """Flow points backwards."""
-    return _altered(ground, "flow points backwards", np.negative)
+    return _altered(conditions, "flow points backwards", np.negative)
 
 
-def other_validity(ground: Ground) -> Fault:
+def other_validity(conditions: CanaryConditions) -> Fault:
     """In one corner flow is 0 where it is NaN, and NaN where it is not."""
 
     def alter(flow: NDArray[Any]) -> NDArray[Any]:
@@ -45,7 +45,7 @@ def other_validity(ground: Ground) -> Fault:
         corner[:] = np.where(np.isnan(corner), np.float32(0), np.float32(np.nan))
         return altered
 
-    return _altered(ground, "NaN and values of flow are exchanged in a corner", alter)
+    return _altered(conditions, "NaN and values of flow are exchanged in a corner", alter)
 
 
 def _right(size_px: float) -> NDArray[np.float32]:
@@ -53,7 +53,10 @@ def _right(size_px: float) -> NDArray[np.float32]:
 
 
 def _altered(
-    ground: Ground, said: str, alter: Callable[[NDArray[Any]], NDArray[Any]], streams: Iterable[str] | None = None
+    conditions: CanaryConditions,
+    description: str,
+    alter: Callable[[NDArray[Any]], NDArray[Any]],
+    streams: Iterable[str] | None = None,
 ) -> Fault:
-    wanted = ground.facts.flow_streams if streams is None else streams
-    return Fault(said, {f"path/{stream}": values(alter) for stream in wanted})
+    wanted = conditions.facts.flow_streams if streams is None else streams
+    return Fault(description, {f"path/{stream}": values(alter) for stream in wanted})

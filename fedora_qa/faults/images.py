@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M
-from fedora_qa.faults.canary_conditions import Ground
+from fedora_qa.faults.canary_conditions import CanaryConditions
 from fedora_qa.faults.fault import Fault, rows_from, values, values_by_row
 
 _RGB, _DEPTH = "path/rgb", "path/depth"
@@ -23,28 +23,28 @@ _DARKEST: Final = 0.3
 """What a jump of exposure leaves at least, so that there is still a picture."""
 
 
-def frozen_colour(ground: Ground) -> Fault:
+def frozen_colour(conditions: CanaryConditions) -> Fault:
     """Three colour frames repeat the one before them."""
-    row = ground.row_at_place("rgb")
-    held = rows_from(lambda rows: np.where((rows >= row) & (rows < row + 3), row - 1, rows), _count(ground, _RGB))
+    row = conditions.row_at_place("rgb")
+    held = rows_from(lambda rows: np.where((rows >= row) & (rows < row + 3), row - 1, rows), _count(conditions, _RGB))
     return Fault(f"rgb frames {row} to {row + 2} repeat frame {row - 1}", {_RGB: held})
 
 
-def exchanged_colour(ground: Ground) -> Fault:
+def exchanged_colour(conditions: CanaryConditions) -> Fault:
     """The colour frames at both ends of some intervals, of the fastest flow or from frame to frame, are exchanged."""
-    count = _count(ground, _RGB)
-    first, last = _intervals(ground, count)
-    chosen = np.arange(ground.row_at_place("rgb") % _SPARSELY, len(first), _SPARSELY)
+    count = _count(conditions, _RGB)
+    first, last = _intervals(conditions, count)
+    chosen = np.arange(conditions.row_at_place("rgb") % _SPARSELY, len(first), _SPARSELY)
     inside = chosen[(last[chosen] < count) & (first[chosen] < last[chosen])]
     source = np.arange(count)
     source[last[inside]], source[first[inside]] = first[inside], last[inside]
-    said = f"rgb frames are exchanged at the ends of every {_SPARSELY}th interval"
-    return Fault(said, {_RGB: rows_from(lambda rows: source[rows], count)})
+    description = f"rgb frames are exchanged at the ends of every {_SPARSELY}th interval"
+    return Fault(description, {_RGB: rows_from(lambda rows: source[rows], count)})
 
 
-def _intervals(ground: Ground, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _intervals(conditions: CanaryConditions, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the frames at the start and at the end of each interval."""
-    facts = ground.facts
+    facts = conditions.facts
     ends_ns = facts.clocks[facts.flow_streams[-1]].ends_ns if facts.flow_streams else None
     if ends_ns is None:
         return np.arange(count - 1), np.arange(1, count)
@@ -52,9 +52,9 @@ def _intervals(ground: Ground, count: int) -> tuple[NDArray[np.int64], NDArray[n
     return np.searchsorted(times_ns, starts_ns), np.searchsorted(times_ns, ends_ns)
 
 
-def darker_colour(ground: Ground) -> Fault:
+def darker_colour(conditions: CanaryConditions) -> Fault:
     """Colour frames become darker at the place, and stay so."""
-    row, percent = ground.row_at_place("rgb"), ground.size("largest_jump", at_least=100 * _LEAST_GAIN)
+    row, percent = conditions.row_at_place("rgb"), conditions.size("largest_jump", at_least=100 * _LEAST_GAIN)
     gain = max(1 - percent / 100, _DARKEST)
 
     def alter(frames: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
@@ -64,42 +64,42 @@ def darker_colour(ground: Ground) -> Fault:
     return Fault(f"rgb is {100 * (1 - gain):.3g}% darker from frame {row} on", {_RGB: values_by_row(alter)})
 
 
-def exchanged_channels(ground: Ground) -> Fault:
+def exchanged_channels(conditions: CanaryConditions) -> Fault:
     """Two channels are exchanged: those of which the check says to see it best."""
-    limits = ((m.least_detectable, m.name.removeprefix("towards_")) for m in ground.measurements)
+    limits = ((m.least_detectable, m.name.removeprefix("towards_")) for m in conditions.measurements)
     orders = [(limit, order) for limit, order in limits if limit and order in _EXCHANGES]
     order = min(orders, default=(0.0, "BGR"))[1]
     channels = ["RGB".index(channel) for channel in order]
     return Fault(f"rgb is {', '.join(order)}", {_RGB: values(lambda frames: frames[..., channels])})
 
 
-def other_transfer(ground: Ground) -> Fault:
+def other_transfer(conditions: CanaryConditions) -> Fault:
     """Grey values went through a power law that is not declared."""
-    power = 1 + ground.size("exponent", "exponent_at_declared_thresholds", at_least=_LEAST_POWER)
+    power = 1 + conditions.size("exponent", "exponent_at_declared_thresholds", at_least=_LEAST_POWER)
     codes = np.rint(_WHITE_DN * (np.arange(_WHITE_DN + 1) / _WHITE_DN) ** power).astype(np.uint8)
     return Fault(f"rgb went through a power of {power:.3g}", {_RGB: values(lambda frames: codes[frames])})
 
 
-def shifted_colour(ground: Ground) -> Fault:
+def shifted_colour(conditions: CanaryConditions) -> Fault:
     """Colour frames lie too far to the right, by event pixels."""
-    cameras = ground.facts.declared.cameras
+    cameras = conditions.facts.declared.cameras
     scale = cameras["rgb"].width / cameras["events"].width
-    return _shifted(_RGB, math.ceil(scale * ground.size("shift_right", at_least=1.0)))
+    return _shifted(_RGB, math.ceil(scale * conditions.size("shift_right", at_least=1.0)))
 
 
-def shifted_depth(ground: Ground) -> Fault:
+def shifted_depth(conditions: CanaryConditions) -> Fault:
     """Depth lies too far to the right."""
-    return _shifted(_DEPTH, math.ceil(ground.size("shift_right", at_least=1.0)))
+    return _shifted(_DEPTH, math.ceil(conditions.size("shift_right", at_least=1.0)))
 
 
-def far_depth(ground: Ground) -> Fault:
+def far_depth(conditions: CanaryConditions) -> Fault:
     """Depth is a thousand times too large: micrometres."""
     return Fault("depth is in micrometres", {_DEPTH: values(lambda depth: depth * np.float32(MM_PER_M))})
 
 
-def uneven_depth(ground: Ground) -> Fault:
+def uneven_depth(conditions: CanaryConditions) -> Fault:
     """Every second depth frame is too far."""
-    percent = ground.size("deviation")
+    percent = conditions.size("deviation")
 
     def alter(frames: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
         factors = 1 + np.where(rows % 2, percent / 100, 0.0)[:, np.newaxis, np.newaxis]
@@ -108,15 +108,15 @@ def uneven_depth(ground: Ground) -> Fault:
     return Fault(f"every second depth frame is {percent:.3g}% too far", {_DEPTH: values_by_row(alter)})
 
 
-def scaled_depth(ground: Ground) -> Fault:
+def scaled_depth(conditions: CanaryConditions) -> Fault:
     """Depth is too large by a factor."""
-    factor = np.float32(1 + ground.size("scale"))
+    factor = np.float32(1 + conditions.size("scale"))
     return Fault(f"depth is too large by a factor of {factor:.6g}", {_DEPTH: values(lambda depth: depth * factor)})
 
 
-def ray_depth(ground: Ground) -> Fault:
+def ray_depth(conditions: CanaryConditions) -> Fault:
     """Depth is the length of the ray, or a higher power of it where less would not be seen."""
-    camera, exponent = ground.facts.declared.cameras["depth"], ground.size("ray_exponent", at_least=1.0)
+    camera, exponent = conditions.facts.declared.cameras["depth"], conditions.size("ray_exponent", at_least=1.0)
     x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
     lengths = np.linalg.norm(pixels @ np.linalg.inv(camera.K).T, axis=-1)
@@ -131,5 +131,5 @@ def _shifted(key: str, columns: int) -> Fault:
     )
 
 
-def _count(ground: Ground, key: str) -> int:
-    return ground.facts.sizes[key]
+def _count(conditions: CanaryConditions, key: str) -> int:
+    return conditions.facts.sizes[key]

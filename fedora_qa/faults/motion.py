@@ -5,22 +5,22 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.faults.canary_conditions import Ground
+from fedora_qa.faults.canary_conditions import CanaryConditions
 from fedora_qa.faults.fault import Fault, values, values_by_row
 
 _LEAST_STRETCH: Final = 1e-3
 _ALONG_X: Final = np.array([1.0, 0.0, 0.0])
 
 
-def long_quaternions(ground: Ground) -> Fault:
+def long_quaternions(conditions: CanaryConditions) -> Fault:
     """Quaternions are longer than one."""
-    factor = 1 + ground.size("length_error", at_least=_LEAST_STRETCH)
+    factor = 1 + conditions.size("length_error", at_least=_LEAST_STRETCH)
     return Fault(f"quaternions have the length {factor:.6g}", {"path/pose/orientation": values(lambda q: q * factor)})
 
 
-def teleport(ground: Ground) -> Fault:
+def teleport(conditions: CanaryConditions) -> Fault:
     """From the place on, the body is elsewhere."""
-    size_m, row = ground.size("position_jump"), ground.row_at_place("pose")
+    size_m, row = conditions.size("position_jump"), conditions.row_at_place("pose")
 
     def alter(positions: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
         return np.asarray(positions + np.outer(rows >= row, _ALONG_X) * size_m)
@@ -28,15 +28,15 @@ def teleport(ground: Ground) -> Fault:
     return Fault(f"positions jump by {size_m:.3g} m at row {row}", {"path/pose/position": values_by_row(alter)})
 
 
-def gyro_bias(ground: Ground) -> Fault:
+def gyro_bias(conditions: CanaryConditions) -> Fault:
     """Angular velocities are too large, about X."""
-    bias = ground.size("bias_x")
-    said = f"the gyro is biased by {bias:.3g} rad/s"
-    return Fault(said, {"path/imu/angular_velocity": values(lambda rates: rates + bias * _ALONG_X)})
+    bias = conditions.size("bias_x")
+    description = f"the gyro is biased by {bias:.3g} rad/s"
+    return Fault(description, {"path/imu/angular_velocity": values(lambda rates: rates + bias * _ALONG_X)})
 
 
-def accel_bias(ground: Ground) -> Fault:
+def accel_bias(conditions: CanaryConditions) -> Fault:
     """Specific forces are too large, along X."""
-    bias = ground.size("bias_x")
-    said = f"the accelerometer is biased by {bias:.3g} m/s^2"
-    return Fault(said, {"path/imu/linear_acceleration": values(lambda forces: forces + bias * _ALONG_X)})
+    bias = conditions.size("bias_x")
+    description = f"the accelerometer is biased by {bias:.3g} m/s^2"
+    return Fault(description, {"path/imu/linear_acceleration": values(lambda forces: forces + bias * _ALONG_X)})

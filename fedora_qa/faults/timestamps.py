@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
-from fedora_qa.faults.canary_conditions import Ground, UnplantableError
+from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Alteration, Fault, rows_from, values, values_by_row
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
 
@@ -28,99 +28,99 @@ def later_from(row: int, later_ns: float) -> Alteration:
     return values_by_row(alter)
 
 
-def exchanged_timestamps(ground: Ground) -> Fault:
+def exchanged_timestamps(conditions: CanaryConditions) -> Fault:
     """Two neighbouring stamps are exchanged; where only events have stamps, they run backwards."""
-    counts = {stream: len(clock.times_ns) for stream, clock in ground.facts.clocks.items()}
+    counts = {stream: len(clock.times_ns) for stream, clock in conditions.facts.clocks.items()}
     stream = next((stream for stream, count in counts.items() if count > 2), None)
     if stream is None:
-        return _backwards(ground)
-    row = ground.row_at_place(stream)
+        return _backwards(conditions)
+    row = conditions.row_at_place(stream)
     exchange = rows_from(lambda rows: np.where(rows // 2 == row // 2, rows ^ 1, rows), counts[stream])
     return Fault(f"stamps {row} and {row ^ 1} of {stream} are exchanged", {TIMESTAMPS_OF[stream]: exchange})
 
 
-def _backwards(ground: Ground) -> Fault:
-    events = ground.facts.events
+def _backwards(conditions: CanaryConditions) -> Fault:
+    events = conditions.facts.events
     if events is None or events.first_ns == events.last_ns:
         raise UnplantableError("no stream has three stamps")
     last_ns = events.last_ns
     return Fault("the stamps of events run backwards", {TIMESTAMPS_OF["events"]: values(lambda t: last_ns - t)})
 
 
-def in_nanoseconds(ground: Ground) -> Fault:
+def in_nanoseconds(conditions: CanaryConditions) -> Fault:
     """The stamps of a stream are in nanoseconds."""
-    streams = [stream for stream in ("imu", "pose", "depth", "rgb") if stream in ground.facts.clocks]
-    timed = len(streams) + len(ground.facts.flow_streams) + (ground.facts.events is not None)
-    if not streams or (timed < 3 and not ground.facts.flow_streams):
+    streams = [stream for stream in ("imu", "pose", "depth", "rgb") if stream in conditions.facts.clocks]
+    timed = len(streams) + len(conditions.facts.flow_streams) + (conditions.facts.events is not None)
+    if not streams or (timed < 3 and not conditions.facts.flow_streams):
         raise UnplantableError("of two streams without flow none is known to be the wrong one")
     return Fault(
         f"stamps of {streams[0]} are in nanoseconds", {TIMESTAMPS_OF[streams[0]]: values(lambda t: t * _THOUSAND)}
     )
 
 
-def wrong_rate(ground: Ground) -> Fault:
+def wrong_rate(conditions: CanaryConditions) -> Fault:
     """The clock of a stream runs slowly, so that its stamps lie too far apart."""
-    stream = ground.measured_stream("rate_error")
+    stream = conditions.measured_stream("rate_error")
     if stream is None:
         raise UnplantableError("no stream has a nominal rate")
-    if not ground.facts.flow_streams and len(ground.facts.clocks) < 2:
+    if not conditions.facts.flow_streams and len(conditions.facts.clocks) < 2:
         raise UnplantableError("a single clock is held against nothing")
-    factor = 1 + 1e-6 * ground.size(f"{stream}.rate_error")
-    said = f"the clock of {stream} is wrong by {1e6 * (factor - 1):.3g} ppm"
-    return Fault(said, {TIMESTAMPS_OF[stream]: values(lambda t: np.rint(factor * t).astype(np.int64))})
+    factor = 1 + 1e-6 * conditions.size(f"{stream}.rate_error")
+    description = f"the clock of {stream} is wrong by {1e6 * (factor - 1):.3g} ppm"
+    return Fault(description, {TIMESTAMPS_OF[stream]: values(lambda t: np.rint(factor * t).astype(np.int64))})
 
 
-def lost_samples(ground: Ground) -> Fault:
+def lost_samples(conditions: CanaryConditions) -> Fault:
     """Three samples are missing: from one on, all stamps are three periods later."""
-    stream = ground.measured_stream("missing")
+    stream = conditions.measured_stream("missing")
     if stream is None:
         raise UnplantableError("no stream has a regular clock")
-    row = ground.row_at_place(stream)
-    said = f"three samples of {stream} are missing before row {row}"
-    return Fault(said, {TIMESTAMPS_OF[stream]: later_from(row, 3 * ground.period_ns(stream))})
+    row = conditions.row_at_place(stream)
+    description = f"three samples of {stream} are missing before row {row}"
+    return Fault(description, {TIMESTAMPS_OF[stream]: later_from(row, 3 * conditions.period_ns(stream))})
 
 
-def begins_late(ground: Ground) -> Fault:
+def begins_late(conditions: CanaryConditions) -> Fault:
     """A stream lies later than the others as a whole."""
-    stream = ground.measured_stream("begins_late")
+    stream = conditions.measured_stream("begins_late")
     if stream is None:
         raise UnplantableError("fewer than two streams have a regular clock")
-    late_ms = ground.size(f"{stream}.begins_late")
+    late_ms = conditions.size(f"{stream}.begins_late")
     return Fault(f"{stream} begins {late_ms:.4g} ms late", {TIMESTAMPS_OF[stream]: shifted_ns(late_ms * NS_PER_MS)})
 
 
-def coarse_grid(ground: Ground) -> Fault:
+def coarse_grid(conditions: CanaryConditions) -> Fault:
     """Event stamps are rounded down to a grid a thousand times as coarse as declared."""
-    grid_us = next((m.expected for m in ground.measurements if m.name == "events.grid" and m.expected), None)
+    grid_us = next((m.expected for m in conditions.measurements if m.name == "events.grid" and m.expected), None)
     if grid_us is None:
         raise UnplantableError("stamps of sampled streams show a coarse grid only where their clock is irregular")
     grid_ns = round(grid_us * NS_PER_US) * _COARSE_TICKS
-    said = f"event stamps lie on a grid of {grid_ns / NS_PER_MS:g} ms"
-    return Fault(said, {TIMESTAMPS_OF["events"]: values(lambda t: t - t % grid_ns)})
+    description = f"event stamps lie on a grid of {grid_ns / NS_PER_MS:g} ms"
+    return Fault(description, {TIMESTAMPS_OF["events"]: values(lambda t: t - t % grid_ns)})
 
 
-def next_event(ground: Ground, index_map: str) -> Fault:
+def next_event(conditions: CanaryConditions, index_map: str) -> Fault:
     """An index map points to the event after the right one."""
     return Fault(f"{index_map} is one event too far", {f"metadata/{index_map}": values(lambda index: index + 1)})
 
 
-def late_imu(ground: Ground) -> Fault:
+def late_imu(conditions: CanaryConditions) -> Fault:
     """The stamps of the IMU are late."""
-    late_ms = ground.size("time_offset")
+    late_ms = conditions.size("time_offset")
     return Fault(f"imu {late_ms:.3g} ms late", {TIMESTAMPS_OF["imu"]: shifted_ns(late_ms * NS_PER_MS)})
 
 
-def late_events(ground: Ground) -> Fault:
+def late_events(conditions: CanaryConditions) -> Fault:
     """The stamps of events are late."""
-    late_ms = ground.size("time_offset")
+    late_ms = conditions.size("time_offset")
     return Fault(f"events {late_ms:.3g} ms late", {TIMESTAMPS_OF["events"]: shifted_ns(late_ms * NS_PER_MS)})
 
 
-def gap_in_events(ground: Ground) -> Fault:
+def gap_in_events(conditions: CanaryConditions) -> Fault:
     """Nothing happens for a while: from the place on, events are later."""
-    gap_ms = ground.size("gap")
+    gap_ms = conditions.size("gap")
 
     def alter(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        return times_ns + np.where(times_ns >= ground.place_ns, round(gap_ms * NS_PER_MS), 0)
+        return times_ns + np.where(times_ns >= conditions.place_ns, round(gap_ms * NS_PER_MS), 0)
 
     return Fault(f"there is no event for {gap_ms:.3g} ms", {TIMESTAMPS_OF["events"]: values(alter)})

@@ -5,8 +5,8 @@ from typing import Final
 
 from fedora_qa.engine.code import PACKAGE, code_digest
 
-MEASURED: Final = ("checks", "estimators", "geometry", "judgement")
-"""The folders whose code decides what is found."""
+MEASURED: Final = ("checks", "diagnosis", "estimators", "faults", "geometry", "judgement", "views")
+"""The folders whose code and data decide what is found and named."""
 
 
 def estimators_digest(package: Path = PACKAGE) -> str:

@@ -134,7 +134,7 @@ def test_a_crashed_check_is_told(fedora_qa: Command, corpus: Path, monkeypatch: 
     def crash(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("fedora_qa.checks.clocks.timestamps.Order.examine", crash, raising=False)
+    monkeypatch.setattr("fedora_qa.checks.clocks.order.ClocksOrder.examine", crash, raising=False)
     done = fedora_qa("power", corpus, "--select", "clocks.order")
     assert done.code == 3
     assert "A check crashed in 5 files" in done.out

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fedora_qa.engine.prepare import prepare
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.faults.canaries import CANARIES
-from fedora_qa.faults.canary_conditions import Ground, UnplantableError
+from fedora_qa.faults.canary_conditions import CanaryConditions, UnplantableError
 from fedora_qa.faults.fault import Fault, rows_from, values_by_row
 from fedora_qa.faults.faulty_sequence import FaultySequence
 from fedora_qa.record.types import Measurement
@@ -66,21 +66,23 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 @pytest.fixture(scope="module")
-def ground(sequence: Sequence) -> Ground:
+def conditions(sequence: Sequence) -> CanaryConditions:
     """The file, with every limit that a canary may ask for at a size that its values can carry."""
     names = ("imu.rate_error", "imu.missing", "imu.begins_late", "events.grid", "gap", "loudest_pixel_excess",
              "threshold_on", "time_offset", "shift_right", "gain", "endpoint_error", "by 25hz error", "deviation",
              "scale", "position_jump", "bias_x", "repeats", "position_noise", "gyro_noise")  # fmt: skip
     facts = prepare(sequence, 1 << 26).facts
     measurements = tuple(Measurement(name, 0.0, "", 0.1, 1.0, 0.5, 1.0) for name in names)
-    return Ground(facts, measurements, place_ns=50_000_000, multiple=3.0)
+    return CanaryConditions(facts, measurements, place_ns=50_000_000, multiple=3.0)
 
 
 @pytest.mark.parametrize("check", CANARIES)
 @pytest.mark.parametrize("cut", [0.0, 0.3])
-def test_fault_does_not_depend_on_pieces(check: str, cut: float, sequence: Sequence, ground: Ground) -> None:
+def test_fault_does_not_depend_on_pieces(
+    check: str, cut: float, sequence: Sequence, conditions: CanaryConditions
+) -> None:
     """Every fault alters something; its rows are as many as stored, and the same read in one piece or in two."""
-    fault = CANARIES[check](ground)
+    fault = CANARIES[check](conditions)
     faulty = FaultySequence(sequence, fault)
     assert fault.rows or fault.declared is not None or fault.layout is not None
     assert faulty.declared is (fault.declared or sequence.declared)
@@ -106,10 +108,10 @@ def test_size_is_clearly_above_the_sharpest_limit() -> None:
     """Of all measurements with the name the sharpest counts; a floor holds where it is higher."""
     facts: Any = None
     limits = (measured("imu time_offset", 2.0), measured("time_offset", 0.5), measured("other", 0.1))
-    ground = Ground(facts, limits, 0, multiple=3.0)
-    assert ground.size("time_offset") == 1.5
-    assert ground.size("time_offset", at_least=4.0) == 4.0
-    assert ground.size("unheard", at_least=1.0) == 1.0
+    conditions = CanaryConditions(facts, limits, 0, multiple=3.0)
+    assert conditions.size("time_offset") == 1.5
+    assert conditions.size("time_offset", at_least=4.0) == 4.0
+    assert conditions.size("unheard", at_least=1.0) == 1.0
 
 
 @pytest.mark.parametrize("limit", [None, 0.0])
@@ -117,7 +119,7 @@ def test_no_size_without_a_limit(limit: float | None) -> None:
     """Where a check states no limit there is no fault that it would have to see."""
     facts: Any = None
     with pytest.raises(UnplantableError, match="no limit of gap"):
-        Ground(facts, (measured("gap", limit),), 0, multiple=3.0).size("gap")
+        CanaryConditions(facts, (measured("gap", limit),), 0, multiple=3.0).size("gap")
 
 
 def test_only_timestamps_and_index_maps_move_time() -> None:

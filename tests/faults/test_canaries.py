@@ -126,7 +126,7 @@ def test_nothing_is_seen_where_nothing_is_planted(park_day: Path, monkeypatch: p
         return islice(growing(chosen, place_ns), 2)
 
     monkeypatch.setattr(canaries, "growing", few)
-    monkeypatch.setattr(canaries, "CANARIES", dict.fromkeys(CHECK_NAMES, lambda ground: Fault("nothing at all")))
+    monkeypatch.setattr(canaries, "CANARIES", dict.fromkeys(CHECK_NAMES, lambda conditions: Fault("nothing at all")))
     planted = [canary for canary in proven(park_day).canaries if canary.outcome != "not_planted"]
     assert len(planted) > 40
     assert [canary.check for canary in planted if canary.outcome not in {"silent", "withheld"}] == []
@@ -174,9 +174,9 @@ def test_deaf_check_makes_the_command_exit_with_3(
     assert run(command) == 0
     capsys.readouterr()
     assert run([*command, "--canary"]) == 3
-    said = capsys.readouterr().out
-    assert "canaries seen by 1 of 2 checks; not seen by imu.timing" in said
-    assert "it did not see its own canary in 6 windows: imu 0.00" in said
+    description = capsys.readouterr().out
+    assert "canaries seen by 1 of 2 checks; not seen by imu.timing" in description
+    assert "it did not see its own canary in 6 windows: imu 0.00" in description
 
 
 def test_check_that_crashes_on_its_canary_shows_where(park_day: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -196,7 +196,7 @@ def test_check_that_crashes_on_its_canary_shows_where(park_day: Path, monkeypatc
 
 def test_canary_that_fails_itself_proves_nothing(handmade: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A fault that cannot be made counts as not seen: never a silent pass."""
-    monkeypatch.setattr(canaries, "CANARIES", {"clocks.rate": lambda ground: 1 / 0})
+    monkeypatch.setattr(canaries, "CANARIES", {"clocks.rate": lambda conditions: 1 / 0})
     (result,) = proven(handmade, "clocks.rate").results
     assert result.outcome == "crashed"
     assert "ZeroDivisionError" in result.traceback
