@@ -131,7 +131,14 @@ def settings_from(config: Path | None, given: dict[str, Any]) -> CheckConfig:
 def check_options(settings: CheckConfig) -> CheckOptions:
     """Return the engine's options; raises ``MisuseError`` for a check, dialect or amount that does not exist."""
     if settings.required_coverage or settings.select or settings.ignore:
-        _require_checks(settings)
+        # Raise ``MisuseError`` where a name is that of no check, or none is left to run.
+        from fedora_qa.engine.run import select_checks  # noqa: PLC0415 - loads every check
+
+        select_checks(tuple(settings.required_coverage), ())
+        if not select_checks(settings.select, settings.ignore):
+            raise MisuseError(
+                "Expected at least one check to run, got a selection that leaves none; see `fedora-qa checks`"
+            )
     return CheckOptions(
         effort=settings.effort,
         select=settings.select,
@@ -151,17 +158,6 @@ def folders_named(names: tuple[str, ...]) -> tuple[Path, ...]:
         if not folder.is_dir():
             raise MisuseError(f"Expected a folder in which other files may be read, got {folder}")
     return folders
-
-
-def _require_checks(settings: CheckConfig) -> None:
-    """Raise ``MisuseError`` where a name is that of no check, or none is left to run."""
-    from fedora_qa.engine.run import select_checks  # noqa: PLC0415 - loads every check
-
-    select_checks(tuple(settings.required_coverage), ())
-    if not select_checks(settings.select, settings.ignore):
-        raise MisuseError(
-            "Expected at least one check to run, got a selection that leaves none; see `fedora-qa checks`"
-        )
 
 
 def _dialect(name_or_path: str) -> "Dialect":

@@ -18,7 +18,7 @@ from fedora_qa.comparison.json_io import comparison_to_json
 from fedora_qa.comparison.paper_tables import paper_tables
 from fedora_qa.comparison.tables import comparison_to_markdown, headline, how_it_is_told, pair_tables
 from fedora_qa.comparison.text_table import SOURCE, TextTable
-from fedora_qa.comparison.types import Comparison, Design
+from fedora_qa.comparison.types import Design
 from fedora_qa.config import parse_bytes
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import load_dialect
@@ -77,18 +77,9 @@ def compare(
     if markdown_path:
         write_text(markdown_path, comparison_to_markdown(comparison))
     if html_path:
-        _write_html(html_path, comparison)
-    _show(comparison)
-    return 0
+        from fedora_reports.comparison import render_comparison  # noqa: PLC0415 - an extra
 
-
-def _write_html(target: Path, comparison: Comparison) -> None:
-    from fedora_reports.comparison import render_comparison  # noqa: PLC0415 - an extra
-
-    write_text(target, render_comparison(comparison))
-
-
-def _show(comparison: Comparison) -> None:
+        write_text(html_path, render_comparison(comparison))
     console = stdout_console()
     for table in paper_tables(comparison):
         _show_table(table)
@@ -102,6 +93,7 @@ def _show(comparison: Comparison) -> None:
         console.print(text(note, "yellow"))
     console.print(text(headline(comparison), "bold"))
     console.print(text(how_it_is_told(comparison), "dim"))
+    return 0
 
 
 def _show_table(source: TextTable) -> None:

@@ -1,7 +1,7 @@
 """What the arguments of ``fedora-qa compare`` name: records, files to be measured, and folders of either."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,6 @@ from fedora_qa.engine.statistics import FileStatistics, measure_file
 from fedora_qa.errors import MisuseError
 from fedora_qa.layout.dialect import Dialect
 from fedora_qa.record.json_io import read_record
-from fedora_qa.record.types import Scalar
 
 _SEQUENCES: Final = {".h5", ".hdf5"}
 _RECORD: Final = ".json"
@@ -98,7 +97,11 @@ def _measured(
     for path in paths:
         with progress_bar(path.name) as report:
             counted = apart(partial(_counted, path, dialect, memory_bytes, allow_external), path, report)
-        statistics = {name: _finite(group) for name, group in counted.statistics.items()}
+        # The statistics as a record would hold them: what is not finite is not known.
+        statistics = {
+            name: {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in group.items()}
+            for name, group in counted.statistics.items()
+        }
         yield GivenFile(str(path), statistics, sampled_from(counted.arrays))
 
 
@@ -107,8 +110,3 @@ def _counted(
 ) -> FileStatistics:
     require_end_of_opening(path, dialect, allow_external)
     return measure_file(path, dialect, memory_bytes, progress, allow_external)
-
-
-def _finite(group: Mapping[str, Scalar]) -> dict[str, Scalar]:
-    """Return the statistics as a record would hold them: what is not finite is not known."""
-    return {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in group.items()}

@@ -17,14 +17,13 @@ def hold_to_coverage(file: FileRecord, required: Mapping[str, float]) -> FileRec
     required
         Least share, 0 to 1, by subject or check. Where both are named, the check counts.
     """
-    results = tuple(_held(result, _required_of(result.check, required)) for result in file.results)
+    results = tuple(
+        _held(result, required.get(result.check, required.get(result.check.partition(".")[0], 0.0)))
+        for result in file.results
+    )
     if results == file.results:
         return file
     return replace(file, results=results, verdict="incomplete")
-
-
-def _required_of(check: str, required: Mapping[str, float]) -> float:
-    return required.get(check, required.get(check.partition(".")[0], 0.0))
 
 
 def _held(result: Result, required: float) -> Result:

@@ -13,7 +13,9 @@ def detection_power_text(check: str) -> str:
     detection_power = read_detection_power()
     if detection_power is None:
         return ""
-    lines = [_line(row) for row in detection_power.of(check)] or ["No cause that was planted is surely found by it."]
+    lines = [(f"{row.cause}: {_found(row)}") for row in detection_power.of(check)] or [
+        "No cause that was planted is surely found by it."
+    ]
     return "\n".join([*lines, "", _whence(detection_power)])
 
 
@@ -49,10 +51,6 @@ def _least(row: DetectableCause) -> float:
     return 0.0 if row.at_95.value is None else row.at_95.value
 
 
-def _line(row: DetectableCause) -> str:
-    return f"{row.cause}: {_found(row)}"
-
-
 def _found(row: DetectableCause) -> str:
     if row.at_95.value is None:
         return f"found {share_words(row.found)}"
@@ -61,4 +59,5 @@ def _found(row: DetectableCause) -> str:
 
 def _whence(detection_power: DetectionPower) -> str:
     stale = " The code has changed since: make power measures it anew." if detection_power.is_stale() else ""
-    return f"Over {detection_power.files} short and small files, {detection_power.clean} of them clean (fedora-qa power).{stale}"
+    files = f"{detection_power.files} short and small files, {detection_power.clean} of them clean"
+    return f"Over {files} (fedora-qa power).{stale}"

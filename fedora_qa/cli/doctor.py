@@ -68,7 +68,10 @@ def examine() -> Iterator[Symptom]:
     yield _report()
     yield _drawn("trajectory render", try_pyvista(), "No check needs it.")
     yield _drawn("mesh scenes", try_pyrender(), "No check needs it, and no scene of the exact world.")
-    yield _browser()
+    path = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    detail = path or "only the tests of this project need it: apt install chromium"
+    browser = Symptom("Chromium", "ok" if path else "missing", detail, needed=False)
+    yield browser
 
 
 def _blosc() -> Symptom:
@@ -109,9 +112,3 @@ def _report() -> Symptom:
 def _drawn(what: str, trial: DrawingTrial, without: str) -> Symptom:
     detail = trial.detail if trial.works else f"{trial.detail} {without}"
     return Symptom(what, "ok" if trial.works else "missing", detail, needed=False)
-
-
-def _browser() -> Symptom:
-    path = next(filter(None, map(shutil.which, _BROWSERS)), None)
-    detail = path or "only the tests of this project need it: apt install chromium"
-    return Symptom("Chromium", "ok" if path else "missing", detail, needed=False)

@@ -21,12 +21,10 @@ OUTPUT_CLOSED: Final = 141
 def exit_code(files: Iterable[FileRecord], fail_on: Literal["failed", "warned"]) -> int:
     """Return the exit code for the records of all files together."""
     files = tuple(files)
-    if any(_is_incomplete(file) for file in files):
+    if any(
+        (file.verdict == "incomplete" or any(result.outcome == "crashed" for result in file.results)) for file in files
+    ):
         return INCOMPLETE
     grave = {"failed"} if fail_on == "failed" else {"failed", "warned"}
     has_grave = any(result.outcome in grave for file in files for result in file.results)
     return FINDINGS if has_grave else CLEAN
-
-
-def _is_incomplete(file: FileRecord) -> bool:
-    return file.verdict == "incomplete" or any(result.outcome == "crashed" for result in file.results)

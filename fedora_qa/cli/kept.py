@@ -21,7 +21,6 @@ from fedora_qa.engine.digest import file_digest
 from fedora_qa.engine.options import CheckOptions, FileRun
 from fedora_qa.errors import MisuseError
 from fedora_qa.record.json_io import read_record, write_record
-from fedora_qa.record.types import Record
 from fedora_qa.storage.place import Place
 from fedora_qa.storage.server import version_of
 
@@ -70,7 +69,9 @@ class KeptFile:
             return None
         reached = str(record.run.host.get("budget_reached", ""))
         whole = replace(file, path=str(self.path))
-        return FileRun(whole, arrays, record.run.seconds, _decoded_bytes(record), reached=reached)
+        stated = record.run.host.get("decoded_bytes")
+        decoded_bytes = stated if isinstance(stated, int) else 0
+        return FileRun(whole, arrays, record.run.seconds, decoded_bytes, reached=reached)
 
     def store(self, run: FileRun, started: str) -> None:
         """Keep what was found of the file, entirely or not at all; nothing where the file was changed meanwhile."""
@@ -104,8 +105,3 @@ def kept_folder(folder: Path, settings: CheckConfig, options: CheckOptions) -> K
     libraries = [package_version(name) for name in PACKAGES]
     parts = [__version__, RULESET_VERSION, code_digest(), libraries, settings.digest, repr(options)]
     return KeptFolder(folder, settings, hashlib.sha256(json.dumps(parts).encode()).hexdigest())
-
-
-def _decoded_bytes(record: Record) -> int:
-    stated = record.run.host.get("decoded_bytes")
-    return stated if isinstance(stated, int) else 0

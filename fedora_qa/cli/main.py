@@ -115,12 +115,20 @@ def run(arguments: Sequence[str]) -> int:
     except click.exceptions.Exit as request:  # --help and --version end here
         return request.exit_code
     except (click.ClickException, FedoraError) as error:
-        return _complain(error)
+        # Say what cannot be done, and return the exit code that it means.
+        if isinstance(error, click.ClickException):
+            error.show()
+            return MISUSE
+        click.echo(f"fedora-qa: {unobeyed(str(error))}", err=True)
+        if isinstance(error, MisuseError):
+            return MISUSE
+        return FINDINGS if isinstance(error, UnreadableFileError) else INCOMPLETE
     except (click.Abort, KeyboardInterrupt):
         click.echo("fedora-qa: interrupted", err=True)
         return INTERRUPTED
     except BrokenPipeError:
-        _discard_stdout()
+        # Keep Python from complaining, when it exits, about a reader that went away.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OUTPUT_CLOSED
     except Exception as error:  # noqa: BLE001 - a person gets one sentence, whatever happened
         return _cannot_write(error) if isinstance(error, OSError) and error.errno in _FULL else _internal_error(error)
@@ -132,17 +140,6 @@ def _invoke(arguments: list[str]) -> int:
         code: int = fedora_qa.invoke(context)
     sys.stdout.flush()
     return code
-
-
-def _complain(error: click.ClickException | FedoraError) -> int:
-    """Say what cannot be done, and return the exit code that it means."""
-    if isinstance(error, click.ClickException):
-        error.show()
-        return MISUSE
-    click.echo(f"fedora-qa: {unobeyed(str(error))}", err=True)
-    if isinstance(error, MisuseError):
-        return MISUSE
-    return FINDINGS if isinstance(error, UnreadableFileError) else INCOMPLETE
 
 
 def _cannot_write(error: OSError) -> int:
@@ -162,11 +159,6 @@ def _internal_error(error: Exception) -> int:
         err=True,
     )
     return INCOMPLETE
-
-
-def _discard_stdout() -> None:
-    """Keep Python from complaining, when it exits, about a reader that went away."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

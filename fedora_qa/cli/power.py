@@ -70,7 +70,17 @@ def power(
     started = datetime.now(UTC).isoformat(timespec="seconds")
     trials: list[Trial] = []
     for corpus, manifest in manifests.items():
-        kept = State(_made(state_folder(corpus, state)), corpus, measured_with(settings.digest))
+        # A folder that is there and can be written to.
+        folder = state_folder(corpus, state)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as problem:
+            raise MisuseError(
+                f"Expected to be able to keep results in {folder}, got: {problem.strerror}; use --state"
+            ) from None
+        if not os.access(folder, os.W_OK):
+            raise MisuseError(f"Expected to be able to write into {folder}; use --state")
+        kept = State(folder, corpus, measured_with(settings.digest))
         with progress_bar(corpus.name) as report:
             trials += run_study(manifest, kept, options, jobs, report)
     measured_power = power_of(trials, Origin(", ".join(corpus.resolve().name for corpus in corpora), started, settings))
@@ -82,36 +92,15 @@ def power(
         drawing = svg_path.name if svg_path and svg_path.parent.resolve() == markdown_path.parent.resolve() else ""
         write_text(markdown_path, power_to_markdown(measured_power, drawing))
     if html_path:
-        _write_html(html_path, measured_power)
+        from fedora_reports.power import render_power  # noqa: PLC0415 - an extra
+
+        write_text(html_path, render_power(measured_power))
     if svg_path:
-        _write_drawing(svg_path, measured_power)
+        from fedora_reports.power_drawing import draw_power  # noqa: PLC0415 - an extra
+
+        write_text(svg_path, draw_power(measured_power))
     _show(measured_power)
     return INCOMPLETE if measured_power.crashed else CLEAN
-
-
-def _made(folder: Path) -> Path:
-    """Return a folder that is there and can be written to."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise MisuseError(
-            f"Expected to be able to keep results in {folder}, got: {problem.strerror}; use --state"
-        ) from None
-    if not os.access(folder, os.W_OK):
-        raise MisuseError(f"Expected to be able to write into {folder}; use --state")
-    return folder
-
-
-def _write_html(target: Path, power: Power) -> None:
-    from fedora_reports.power import render_power  # noqa: PLC0415 - an extra
-
-    write_text(target, render_power(power))
-
-
-def _write_drawing(target: Path, power: Power) -> None:
-    from fedora_reports.power_drawing import draw_power  # noqa: PLC0415 - an extra
-
-    write_text(target, draw_power(power))
 
 
 def _show(power: Power) -> None:

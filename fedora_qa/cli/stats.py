@@ -54,7 +54,18 @@ def stats(
         write_text(json_path, _as_json(by_file))
     if markdown_path:
         write_text(markdown_path, _as_markdown(tables))
-    _show(tables)
+    console = stdout_console()
+    for source in tables:
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        table.add_column(source.head[0], overflow="fold")
+        for head in source.head[1:]:
+            table.add_column(head, justify="right", overflow="fold")
+        for row in source.rows:
+            table.add_row(*(text(cell) for cell in row))
+        console.print(Text(source.title, style="bold"))
+        console.print(table)
+        console.print()
+    console.print(text(NOTES, "dim"))
     return 0
 
 
@@ -81,18 +92,3 @@ def _as_json(by_file: Mapping[str, Statistics]) -> str:
 def _as_markdown(tables: Sequence[StatsTable]) -> str:
     sections = [f"## {source.title}\n\n{table(source.head, source.rows)}" for source in tables]
     return "\n\n".join([*sections, escape(NOTES)]) + "\n"
-
-
-def _show(tables: Sequence[StatsTable]) -> None:
-    console = stdout_console()
-    for source in tables:
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-        table.add_column(source.head[0], overflow="fold")
-        for head in source.head[1:]:
-            table.add_column(head, justify="right", overflow="fold")
-        for row in source.rows:
-            table.add_row(*(text(cell) for cell in row))
-        console.print(Text(source.title, style="bold"))
-        console.print(table)
-        console.print()
-    console.print(text(NOTES, "dim"))

@@ -89,7 +89,13 @@ class BudgetedWork(FileWork):
         while len(self._under_way) < self._workers and self._next_step(densities):
             pass
         if not self._under_way:
-            self._judge(densities)
+            now = densities.now
+            for other in densities.tried:
+                if other is not now:
+                    self._traffic = sum((part.traffic for part in other.passes.values()), self._traffic)
+            passes = SampledPasses(self._steady_parts(), now.passes)
+            lost = sorted(set(self._lost) - now.passes.keys())
+            self._do("being judged", partial(finish_sampled, self._visited(now), passes, lost), self._finished)
 
     def _next_step(self, densities: Densities) -> bool:
         """Make the next step ready; False where there is none for now."""
@@ -153,15 +159,6 @@ class BudgetedWork(FileWork):
         self._start(
             partial(rehearse, self._visited(now), SampledPasses(self._steady_parts(), dict(now.passes))), rehearsed
         )
-
-    def _judge(self, densities: Densities) -> None:
-        now = densities.now
-        for other in densities.tried:
-            if other is not now:
-                self._traffic = sum((part.traffic for part in other.passes.values()), self._traffic)
-        passes = SampledPasses(self._steady_parts(), now.passes)
-        lost = sorted(set(self._lost) - now.passes.keys())
-        self._do("being judged", partial(finish_sampled, self._visited(now), passes, lost), self._finished)
 
     def _visited(self, density: Density) -> Survey:
         """Return the survey whose plan is what was visited, or lost."""

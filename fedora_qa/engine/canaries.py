@@ -127,9 +127,12 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
     faulty = _with_fault(run, fault)
     sampling = sampling_of(run.effort, faulty.frame_pixels)
     canary, reason = Canary(check.name, "silent", fault.description), ""
-    for spans in growing(_shown(check, run, faulty), place_ns):
+    for spans in growing((faulty.spans if sees_every_window(check.needs) else _planned(run, faulty)), place_ns):
         states = measure([check], spans, faulty.facts, faulty.decoder, sampling, _quiet, faulty.images)
-        results = _judged(check, states, faulty, run)
+        # The check's result by the limits of the plain run, whose comparisons share one false-alarm rate.
+        observed = conclude([check], states, faulty.facts)
+        judged = judge({**run.observations, **observed}, [check] if observed else [], run.false_alarm_rate)
+        results = [check_result.result for check_result in judged]
         canary = replace(canary, windows=len(spans))
         if _rules(results) - known_rules:
             return Proof(replace(canary, outcome="seen"))
@@ -137,13 +140,6 @@ def _plant(check: Check[Any], fault: Fault, run: PlainRun, place_ns: int, *, kno
             return Proof(canary, states.crashes[check.name])
         reason = "".join(result.reason for result in results if result.outcome == "not_observable")
     return Proof(replace(canary, outcome="withheld", reason=reason) if reason else canary)
-
-
-def _judged(check: Check[Any], states: PassState, faulty: Prepared, run: PlainRun) -> list[Result]:
-    """Return the check's result by the limits of the plain run, whose comparisons share one false-alarm rate."""
-    observed = conclude([check], states, faulty.facts)
-    judged = judge({**run.observations, **observed}, [check] if observed else [], run.false_alarm_rate)
-    return [check_result.result for check_result in judged]
 
 
 def _rules(results: Sequence[Result]) -> frozenset[str]:
@@ -159,10 +155,6 @@ def _with_fault(run: PlainRun, fault: Fault) -> Prepared:
     facts = replace(ready.facts, declared=sequence.declared, layout=sequence.layout)
     decoder = BlockDecoder(sequence, ready.scanned, ready.decoder.cache_bytes, ready.decoder.memory_budget)
     return replace(ready, facts=facts, decoder=decoder, images=SharedImages(ready.images.limit_bytes))
-
-
-def _shown(check: Check[Any], run: PlainRun, ready: Prepared) -> Sequence[Span]:
-    return ready.spans if sees_every_window(check.needs) else _planned(run, ready)
 
 
 def _planned(run: PlainRun, ready: Prepared) -> list[Span]:

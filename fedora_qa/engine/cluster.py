@@ -6,7 +6,6 @@ A task whose worker dies is given to another by the cluster itself, and is lost 
 
 import socket
 import time
-from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cache
@@ -73,7 +72,9 @@ class DaskExecutor:
         self._dask: Any = dask
         self._distributed: Any = distributed
         try:
-            _require_listener(address, get_address_host_port)
+            # Raise ``OSError`` or ``ValueError`` where nobody listens: a client that has failed tells of it again at
+            # exit.
+            socket.create_connection(get_address_host_port(address), timeout=_CONNECT_S).close()
             self._client: Any = self._distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as problem:
             raise MisuseError(f"Expected a Dask scheduler at {address}, got: {problem}") from None
@@ -148,11 +149,6 @@ class DaskExecutor:
             future.set_exception(FedoraError(f"Expected the Dask scheduler at {self._address} to stay, got its end"))
         except Exception as error:  # noqa: BLE001 - whoever asks for the result gets it
             future.set_exception(error)
-
-
-def _require_listener(address: str, host_and_port: Callable[[str], tuple[str, int]]) -> None:
-    """Raise ``OSError`` or ``ValueError`` where nobody listens: a client that has failed tells of it again at exit."""
-    socket.create_connection(host_and_port(address), timeout=_CONNECT_S).close()
 
 
 def do_if_same_code(code: str, task: Task[Result], arguments: tuple[Any, ...] | None = None) -> Result:

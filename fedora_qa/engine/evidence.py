@@ -50,7 +50,9 @@ def evidence_of_pass(
         How many of them checks have looked at again: the places share one budget with those.
     """
     facts, source = ready.facts, ready.decoder
-    images = _follow_up_images(chosen, looked_again)
+    # How many images may still be looked at again: a share of all, and at least those of one window.
+    mean = images_of(chosen) / max(len(chosen), 1)
+    images = round(mean * max(1.0, FOLLOW_UP_SHARE * len(chosen) - looked_again))
     parts = (
         attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts)),
         attempt(states, collector.name, lambda: keep_trajectory(facts, source, options.trajectory_points)),
@@ -62,9 +64,3 @@ def evidence_of_pass(
 def distributions_of(collector: DistributionsCollector, states: PassState, facts: Facts) -> Kept:
     """Return what was counted by block of time; nothing, and a note among the crashes, where that failed."""
     return attempt(states, collector.name, lambda: collector.conclude(states.states[collector.name], facts)) or Kept()
-
-
-def _follow_up_images(chosen: Sequence[Span], looked_again: int) -> int:
-    """Return how many images may still be looked at again: a share of all, and at least those of one window."""
-    mean = images_of(chosen) / max(len(chosen), 1)
-    return round(mean * max(1.0, FOLLOW_UP_SHARE * len(chosen) - looked_again))

@@ -1,6 +1,6 @@
 """What is known of a file before its windows are measured: enough for any process to measure any of them."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -160,7 +160,8 @@ def opened(survey: Survey) -> Iterator[OpenSurvey]:
         require_same(survey, sequence.version)
         ready = ready_to_measure(sequence, survey.scanned, options.memory_bytes)
         chosen = tuple(ready.spans[number] for number in survey.plan.chosen)
-        needed = _needed_by(asked) if options.select else None
+        # The streams that the checks ask for: where some are selected, statistics shall cost no others.
+        needed = frozenset(stream for check in asked for stream in check.needs) if options.select else None
         yield OpenSurvey(
             sequence=sequence,
             ready=ready,
@@ -181,8 +182,3 @@ def require_same(survey: Survey, version: Version) -> None:
         raise (StorageError if isinstance(survey.path, RemoteFile) else FedoraError)(
             f"Expected {survey.path} to stay as it is while it is checked, got a change; check it again"
         )
-
-
-def _needed_by(checks: Iterable[Check[Any]]) -> frozenset[str]:
-    """Return the streams that the checks ask for: where some are selected, statistics shall cost no others."""
-    return frozenset(stream for check in checks for stream in check.needs)

@@ -17,31 +17,9 @@ _TELLING_CHECK: Final = "integrity.readable"
 def unreadable_record(path: Place, digest: Digest, checks: Iterable[Check[Any]], reason: str) -> FileRecord:
     """Return the record of a file that HDF5 refuses to open; ``reason`` is what it says."""
     finding = Finding("F1", "integrity.readable.file", "critical", reason, Where())
-    return FileRecord(
-        path=str(path),
-        size=digest.version.size,
-        sha256=digest.sha256,
-        digest_kind=digest.kind,
-        dialect="",
-        inferred={},
-        statistics={},
-        verdict="findings",
-        results=tuple(_result(check, finding) for check in checks),
-        diagnoses=(_diagnosis(reason),),
-    )
-
-
-def _result(check: Check[Any], finding: Finding) -> Result:
-    result = not_applicable(check, "the file cannot be opened")
-    if check.name != _TELLING_CHECK:
-        return result
-    return replace(result, outcome="failed", reason="", findings=(finding,), coverage=Coverage(0, 1, "files"))
-
-
-def _diagnosis(reason: str) -> Diagnosis:
-    """HDF5 compares the length that the file states with the one that it has; whatever else is wrong is damage."""
+    # HDF5 compares the length that the file states with the one that it has; whatever else is wrong is damage.
     cause = "truncated" if "truncated" in reason else "corrupt_chunk"
-    return Diagnosis(
+    diagnosis = Diagnosis(
         id="D1",
         cause=cause,
         stream="file",
@@ -53,3 +31,22 @@ def _diagnosis(reason: str) -> Diagnosis:
         remedy=CAUSES[cause].remedy,
         explains=("F1",),
     )
+    return FileRecord(
+        path=str(path),
+        size=digest.version.size,
+        sha256=digest.sha256,
+        digest_kind=digest.kind,
+        dialect="",
+        inferred={},
+        statistics={},
+        verdict="findings",
+        results=tuple(_result(check, finding) for check in checks),
+        diagnoses=(diagnosis,),
+    )
+
+
+def _result(check: Check[Any], finding: Finding) -> Result:
+    result = not_applicable(check, "the file cannot be opened")
+    if check.name != _TELLING_CHECK:
+        return result
+    return replace(result, outcome="failed", reason="", findings=(finding,), coverage=Coverage(0, 1, "files"))

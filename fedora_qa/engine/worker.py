@@ -55,7 +55,10 @@ class TaskFailure:
 def serve(pipe: "Connection[Any, Any]", threads: int) -> None:
     """Do tasks until the other end of the pipe is closed, or gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the interrupt is the parent's to handle
-    _use_threads(threads)
+    use_one_thread_of_blas()
+    os.environ.setdefault(_OPENCV_THREADS, str(threads))
+    if opencv := sys.modules.get("cv2"):
+        opencv.setNumThreads(int(os.environ[_OPENCV_THREADS]))
     keep_unused_memory()
     open_file = OpenFile(keeps=True)
     while True:
@@ -78,13 +81,6 @@ def use_one_thread_of_blas() -> None:
     os.environ.setdefault(_BLAS_THREADS, "1")
 
 
-def _use_threads(threads: int) -> None:
-    use_one_thread_of_blas()
-    os.environ.setdefault(_OPENCV_THREADS, str(threads))
-    if opencv := sys.modules.get("cv2"):
-        opencv.setNumThreads(int(os.environ[_OPENCV_THREADS]))
-
-
 def _answer(pickled: bytes, pipe: "Connection[Any, Any]", open_file: OpenFile) -> bytes:
     def tell(what: str, done: int, of: int) -> None:
         pipe.send(ProgressReport(what, done, of))
@@ -92,14 +88,11 @@ def _answer(pickled: bytes, pipe: "Connection[Any, Any]", open_file: OpenFile) -
     try:
         task = pickle.loads(pickled)
         result = task(tell, open_file) if isinstance(task, FileTask) else task(tell)
-        return pickle.dumps(TaskResult(result, _peak_mib()), pickle.HIGHEST_PROTOCOL)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        peak_mib = peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere
+        return pickle.dumps(TaskResult(result, peak_mib), pickle.HIGHEST_PROTOCOL)
     except Exception as error:  # noqa: BLE001 - whoever asked for the result gets it
         return pickle.dumps(TaskFailure(_that_travels(error)))
-
-
-def _peak_mib() -> int:
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak >> 20 if sys.platform == "darwin" else peak >> 10  # bytes there, KiB elsewhere
 
 
 def _that_travels(error: Exception) -> Exception:

@@ -64,7 +64,17 @@ class Cutter:
         self._elsewhere = elsewhere
         self._sequence = sequence
         self._scanned = scanned
-        self._datasets = _stream_datasets(file, dialect, elsewhere)
+        # Every dataset of a stream that can be opened, by canonical key, whether or not its stream is whole.
+        datasets: dict[str, h5py.Dataset] = {}
+        for key, spec in DATASETS.items():
+            place = dialect.place_of(key)
+            if place is None or not spec.chunk_rows:
+                continue
+            with suppress(RefusedError):
+                dataset = find_dataset(file, place.path or key, elsewhere)
+                if dataset is not None and dataset.shape:
+                    datasets[key] = beside_its_file(dataset) if dataset.external else dataset
+        self._datasets = datasets
 
     def write(self, piece: Piece, target: Path) -> tuple[dict[str, CutRows], tuple[str, ...]]:
         """Write a piece over what lies at the target.
@@ -104,20 +114,6 @@ class Cutter:
         with suppress(*READ_ERRORS):
             return shifted(np.asarray(dataset[frames.start : _stop(frames, dataset)]).astype(np.int64), events)
         return None
-
-
-def _stream_datasets(file: h5py.File, dialect: Dialect, elsewhere: Elsewhere | None) -> dict[str, h5py.Dataset]:
-    """Return every dataset of a stream that can be opened, by canonical key, whether or not its stream is whole."""
-    datasets: dict[str, h5py.Dataset] = {}
-    for key, spec in DATASETS.items():
-        place = dialect.place_of(key)
-        if place is None or not spec.chunk_rows:
-            continue
-        with suppress(RefusedError):
-            dataset = find_dataset(file, place.path or key, elsewhere)
-            if dataset is not None and dataset.shape:
-                datasets[key] = beside_its_file(dataset) if dataset.external else dataset
-    return datasets
 
 
 def _row_counts(datasets: Mapping[str, h5py.Dataset]) -> dict[str, int]:

@@ -116,12 +116,14 @@ def _rows_of(where: Where) -> tuple[str, int, int] | None:
         stop = where.index_start if where.index_stop is None else where.index_stop
         return where.stream, where.index_start, max(stop, where.index_start + 1)
     if where.frame is not None:
-        return where.stream if _has_frames(where.stream) else "rgb", where.frame, where.frame + 1
+        return (
+            where.stream
+            if (where.stream in {"rgb", "depth", *FRAMES_OF_MAP} or where.stream.startswith("flow/"))
+            else "rgb",
+            where.frame,
+            where.frame + 1,
+        )
     return None
-
-
-def _has_frames(stream: str) -> bool:
-    return stream in {"rgb", "depth", *FRAMES_OF_MAP} or stream.startswith("flow/")
 
 
 def _time_of_row(stream: str, row: int, scanned: Scan) -> int | None:

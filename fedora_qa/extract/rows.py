@@ -9,7 +9,6 @@ import numpy as np
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.extract.place import Piece, shared_time_ns
 from fedora_qa.layout.canonical import TIMESTAMPS_OF
-from fedora_qa.sequence.facts import Clock
 from fedora_qa.sequence.scan import FRAMES_OF_MAP, Runs, Scan
 from fedora_qa.sequence.sequence import SequenceRows
 
@@ -63,7 +62,10 @@ def _range(stream: str, piece: Piece, sequence: SequenceRows, scanned: Scan, cou
     clock, runs = scanned.facts.clocks.get(stream), scanned.runs.get(stream)
     first, last = shared_time_ns(scanned)
     if clock is not None and clock.usable and _is_of(first, last, clock.times_ns[0], clock.times_ns.max()):
-        return _range_of_clock(clock, piece)
+        starts = np.maximum.accumulate(clock.times_ns)
+        stops = starts if clock.ends_ns is None else np.maximum.accumulate(clock.ends_ns)
+        start = int(np.searchsorted(starts, piece.start_ns, "left"))
+        return start, max(start, int(np.searchsorted(stops, piece.stop_ns, "right")))
     events = scanned.facts.events
     if stream == "events" and runs and events and _is_of(first, last, events.first_ns, events.last_ns):
         return _range_of_events(runs, piece, sequence, scanned)
@@ -76,13 +78,6 @@ def _is_of(first_ns: int, last_ns: int, own_first_ns: int, own_last_ns: int) -> 
     length, own = max(last_ns - first_ns, 1), max(own_last_ns - own_first_ns, 1)
     meets = own_first_ns <= last_ns and own_last_ns >= first_ns
     return meets and 1 / _ANOTHER_UNIT < own / length < _ANOTHER_UNIT
-
-
-def _range_of_clock(clock: Clock, piece: Piece) -> tuple[int, int]:
-    starts = np.maximum.accumulate(clock.times_ns)
-    stops = starts if clock.ends_ns is None else np.maximum.accumulate(clock.ends_ns)
-    start = int(np.searchsorted(starts, piece.start_ns, "left"))
-    return start, max(start, int(np.searchsorted(stops, piece.stop_ns, "right")))
 
 
 def _range_of_events(runs: Runs, piece: Piece, sequence: SequenceRows, scanned: Scan) -> tuple[int, int]:

@@ -51,7 +51,11 @@ def needs_whole_chunks(dataset: h5py.Dataset, start: int, stop: int) -> bool:
     if dataset.chunks is None or start % dataset.chunks[0] == 0:
         return False
     try:
-        if len(_written_corners(dataset, start, stop)) < _chunk_count(dataset, start, stop):
+        # How many chunks hold any of the rows.
+        along = ceil(stop / dataset.chunks[0]) - start // dataset.chunks[0]
+        across = (ceil(size / chunk) for size, chunk in zip(dataset.shape[1:], dataset.chunks[1:], strict=True))
+        chunk_count = along * prod(across) if stop > start else 0
+        if len(_written_corners(dataset, start, stop)) < chunk_count:
             return True
         for _ in _blocks(dataset, start, stop):
             continue
@@ -70,7 +74,9 @@ def copy_rows(dataset: h5py.Dataset, parent: h5py.Group, name: str, start: int, 
     """
     copy = new_dataset(dataset, parent, name, stop - start)
     if dataset.chunks is not None and start % dataset.chunks[0] == 0 and not _points_elsewhere(dataset):
-        _copy_chunks(dataset, copy, start, stop)
+        for corner in _written_corners(dataset, start, stop):
+            filters, stored = dataset.id.read_direct_chunk(corner)
+            copy.id.write_direct_chunk((corner[0] - start, *corner[1:]), stored, filters)
     elif dataset.chunks is not None or lies_elsewhere(dataset) or dataset.id.get_storage_size():
         for first, rows in _blocks(dataset, start, stop):
             copy[first - start : first - start + len(rows)] = rows
@@ -125,12 +131,6 @@ def new_dataset(dataset: h5py.Dataset, parent: h5py.Group, name: str, rows: int)
     return h5py.Dataset(made)
 
 
-def _copy_chunks(dataset: h5py.Dataset, copy: h5py.Dataset, start: int, stop: int) -> None:
-    for corner in _written_corners(dataset, start, stop):
-        filters, stored = dataset.id.read_direct_chunk(corner)
-        copy.id.write_direct_chunk((corner[0] - start, *corner[1:]), stored, filters)
-
-
 def _written_corners(dataset: h5py.Dataset, start: int, stop: int) -> list[tuple[int, ...]]:
     """Return the first index of every chunk that holds any of the rows and was ever written."""
     first, corners = start // dataset.chunks[0] * dataset.chunks[0], []
@@ -141,13 +141,6 @@ def _written_corners(dataset: h5py.Dataset, start: int, stop: int) -> list[tuple
 
     dataset.id.chunk_iter(note)
     return corners
-
-
-def _chunk_count(dataset: h5py.Dataset, start: int, stop: int) -> int:
-    """Return how many chunks hold any of the rows."""
-    along = ceil(stop / dataset.chunks[0]) - start // dataset.chunks[0]
-    across = (ceil(size / chunk) for size, chunk in zip(dataset.shape[1:], dataset.chunks[1:], strict=True))
-    return along * prod(across) if stop > start else 0
 
 
 def _blocks(dataset: h5py.Dataset, start: int, stop: int) -> Iterator[tuple[int, NDArray[Any]]]:

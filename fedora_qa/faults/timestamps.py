@@ -33,18 +33,14 @@ def exchanged_timestamps(conditions: CanaryConditions) -> Fault:
     counts = {stream: len(clock.times_ns) for stream, clock in conditions.facts.clocks.items()}
     stream = next((stream for stream, count in counts.items() if count > 2), None)
     if stream is None:
-        return _backwards(conditions)
+        events = conditions.facts.events
+        if events is None or events.first_ns == events.last_ns:
+            raise UnplantableError("no stream has three stamps")
+        last_ns = events.last_ns
+        return Fault("the stamps of events run backwards", {TIMESTAMPS_OF["events"]: values(lambda t: last_ns - t)})
     row = conditions.row_at_place(stream)
     exchange = rows_from(lambda rows: np.where(rows // 2 == row // 2, rows ^ 1, rows), counts[stream])
     return Fault(f"stamps {row} and {row ^ 1} of {stream} are exchanged", {TIMESTAMPS_OF[stream]: exchange})
-
-
-def _backwards(conditions: CanaryConditions) -> Fault:
-    events = conditions.facts.events
-    if events is None or events.first_ns == events.last_ns:
-        raise UnplantableError("no stream has three stamps")
-    last_ns = events.last_ns
-    return Fault("the stamps of events run backwards", {TIMESTAMPS_OF["events"]: values(lambda t: last_ns - t)})
 
 
 def in_nanoseconds(conditions: CanaryConditions) -> Fault:

@@ -75,7 +75,18 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
         key = _key(name, result, finding)
         if finding.severity not in GRAVE or not left[key]:
             return finding
-        if _grown_worse(result, baseline.results[name, result.check], false_alarm_rate):
+        # Whether any value lies farther out than before, beyond the errors of both.
+        # The difference of two honest deviations is normal with the variances of both; the rate is shared by the
+        # check's measurements (Bonferroni).
+        before = baseline.results[name, result.check]
+        sigmas = NormalDist().inv_cdf(1 - false_alarm_rate / max(len(result.measurements), 1))
+        earlier = {measurement.name: measurement for measurement in before.measurements}
+        grown_worse = any(
+            _farther_out(measurement, earlier[measurement.name], sigmas)
+            for measurement in result.measurements
+            if measurement.name in earlier
+        )
+        if grown_worse:
             return replace(finding, message=f"{finding.message} Worse than in the baseline.")
         left[key] -= 1
         return replace(finding, severity="warning", message=f"{finding.message} Known from the baseline.")
@@ -86,21 +97,6 @@ def accept_known(name: str, file: FileRecord, baseline: Baseline, false_alarm_ra
 def _key(name: str, result: Result, finding: Finding) -> Key:
     message = finding.message.removesuffix(" Known from the baseline.") if result.check.startswith("release.") else ""
     return name, result.check, finding.code, finding.where.stream, message
-
-
-def _grown_worse(now: Result, before: Result, false_alarm_rate: float) -> bool:
-    """Whether any value lies farther out than before, beyond the errors of both.
-
-    The difference of two honest deviations is normal with the variances of both; the rate is shared by the check's
-    measurements (Bonferroni).
-    """
-    sigmas = NormalDist().inv_cdf(1 - false_alarm_rate / max(len(now.measurements), 1))
-    earlier = {measurement.name: measurement for measurement in before.measurements}
-    return any(
-        _farther_out(measurement, earlier[measurement.name], sigmas)
-        for measurement in now.measurements
-        if measurement.name in earlier
-    )
 
 
 def _farther_out(now: Measurement, before: Measurement, sigmas: float) -> bool:

@@ -51,7 +51,11 @@ def find_sequences(folder: Path, patterns: Iterable[str]) -> tuple[SequenceFile,
             raise MisuseError(f"Expected patterns beneath the folder with a release, got {pattern!r}")
     paths = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file()}
     names = sorted(path.relative_to(folder).as_posix() for path in paths)
-    return tuple(SequenceFile(name, inside(folder, name)) for name in names if not _is_hidden(name))
+    return tuple(
+        SequenceFile(name, inside(folder, name))
+        for name in names
+        if not any(part.startswith(".") for part in PurePosixPath(name).parts)
+    )
 
 
 def is_plain(name: str) -> bool:
@@ -75,7 +79,3 @@ def inside(folder: Path, name: str) -> Path:
     if not path.resolve().is_relative_to(folder.resolve()):
         raise MisuseError(f"Expected files within {folder}, got a link that leads out of it: {name!r}")
     return path
-
-
-def _is_hidden(name: str) -> bool:
-    return any(part.startswith(".") for part in PurePosixPath(name).parts)

@@ -38,7 +38,8 @@ def rule_on_splits(
     ]
     for first, other in combinations(contents_by_name, 2):
         apart = set(homes[first]).isdisjoint(homes[other])
-        if apart and (shared := _shared(contents_by_name, first, other)):
+        # What two sequences have in common, in words; empty where they differ.
+        if apart and (shared := " and ".join(_alike(contents_by_name, first, other))):
             split = " and ".join(homes[first]) or "no split"
             message = f"Expected splits that do not leak, got {shared} of {first}, which is in {split}"
             violations.append(Violation(other, "leak", message))
@@ -53,11 +54,6 @@ def _splits_of(name: str, splits: Mapping[str, tuple[str, ...]]) -> list[str]:
 
 def _home_message(home: list[str]) -> str:
     return f"Expected a sequence in one split, got it in {', '.join(home) or 'none'}"
-
-
-def _shared(contents_by_name: ContentsByName, first: str, other: str) -> str:
-    """Return what two sequences have in common, in words; empty where they differ."""
-    return " and ".join(_alike(contents_by_name, first, other))
 
 
 def _alike(contents_by_name: ContentsByName, first: str, other: str) -> Iterator[str]:

@@ -137,7 +137,15 @@ def raw_rows(file: h5py.File, binding: Binding, start: int, stop: int, opened: O
     UnreadableRowsError
         The rows cannot be decoded: damaged bytes, a wrong checksum, or an unknown codec.
     """
-    return _select(_read(file, binding, start, stop, None, opened), binding)
+    stored = _read(file, binding, start, stop, None, opened)
+    if binding.columns is None:
+        return stored
+    rank = len(DATASETS[binding.key].shape)
+    if rank == 1:
+        return stored[:, binding.columns[0]]
+    if stored.ndim < rank:
+        stored = stored[..., np.newaxis]
+    return stored[..., list(binding.columns)]
 
 
 def _read(
@@ -205,7 +213,9 @@ def canonical_rows(
     if binding.ns_per_unit is not None:
         return timestamps_ns(raw, binding, origin_ns)
     if binding.key == "path/events/p":
-        return _polarity(raw, binding.polarity)
+        if raw.dtype.kind in "iu" and raw.itemsize == 1:  # looked up: to go through a million four times takes longer
+            return _told_polarity(np.arange(256, dtype=np.uint8).view(raw.dtype), binding.polarity)[raw.view(np.uint8)]
+        return _told_polarity(raw, binding.polarity)
     canonical = np.dtype(DATASETS[binding.key].dtype)
     if canonical.kind in "iu":
         return _integers(raw, canonical)
@@ -250,23 +260,6 @@ def _ns_per_unit(binding: Binding) -> int:
     if binding.ns_per_unit is None:
         raise ValueError(f"Expected the stamps of a stream, got {binding.key}; values have no unit of time")
     return binding.ns_per_unit
-
-
-def _select(stored: NDArray[Any], binding: Binding) -> NDArray[Any]:
-    if binding.columns is None:
-        return stored
-    rank = len(DATASETS[binding.key].shape)
-    if rank == 1:
-        return stored[:, binding.columns[0]]
-    if stored.ndim < rank:
-        stored = stored[..., np.newaxis]
-    return stored[..., list(binding.columns)]
-
-
-def _polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:
-    if raw.dtype.kind in "iu" and raw.itemsize == 1:  # looked up: to go through a million four times takes longer
-        return _told_polarity(np.arange(256, dtype=np.uint8).view(raw.dtype), code)[raw.view(np.uint8)]
-    return _told_polarity(raw, code)
 
 
 def _told_polarity(raw: NDArray[Any], code: Polarity) -> NDArray[np.uint8]:

@@ -46,7 +46,12 @@ def require_bounded(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None
         A chunk, an image or a stream of samples beyond the limits above; chunks that lie over each other; far more
         claimed than written.
     """
-    _require_small_pieces(spec, dataset, path)
+    require_small_chunks(dataset, path)
+    pixels = prod(dataset.shape[1:3])
+    if spec.is_image and pixels > LARGEST_IMAGE_PIXELS:
+        _refuse_size(path, f"images of {LARGEST_IMAGE_PIXELS} pixels", f"{pixels} pixels")
+    if not spec.is_image and spec.stream != "events" and dataset.shape[0] > MOST_SAMPLES:
+        _refuse_size(path, f"{MOST_SAMPLES} rows", f"{dataset.shape[0]} rows")
     if dataset.is_virtual or dataset.external:
         return  # its sources have been held to the same
     decoded, stored = prod(dataset.shape) * dataset.dtype.itemsize, int(dataset.id.get_storage_size())
@@ -85,15 +90,6 @@ def require_small_chunks(dataset: h5py.Dataset, path: str) -> None:
     chunk_bytes = prod(dataset.chunks) * dataset.dtype.itemsize if dataset.chunks else 0
     if chunk_bytes > LARGEST_CHUNK_BYTES:
         _refuse_size(path, f"chunks of {LARGEST_CHUNK_BYTES} bytes", f"{chunk_bytes} bytes")
-
-
-def _require_small_pieces(spec: DatasetSpec, dataset: h5py.Dataset, path: str) -> None:
-    require_small_chunks(dataset, path)
-    pixels = prod(dataset.shape[1:3])
-    if spec.is_image and pixels > LARGEST_IMAGE_PIXELS:
-        _refuse_size(path, f"images of {LARGEST_IMAGE_PIXELS} pixels", f"{pixels} pixels")
-    if not spec.is_image and spec.stream != "events" and dataset.shape[0] > MOST_SAMPLES:
-        _refuse_size(path, f"{MOST_SAMPLES} rows", f"{dataset.shape[0]} rows")
 
 
 def _refuse_size(path: str, most: str, size: str) -> None:

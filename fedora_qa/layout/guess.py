@@ -110,14 +110,13 @@ def _images(items: Sequence[StoredObject]) -> Iterator[Guess]:
             grey = Guess("path/rgb", {"path": item.path, "columns": [0, 0, 0]}, "8-bit grey images, read as R = G = B")
             yield from _with_timestamps(items, item, grey)
         elif kind.kind == "f" and rank == 3 and min(item.shape[1:]) > 4:
-            yield from _with_timestamps(items, item, _depth(item))
-
-
-def _depth(item: StoredObject) -> Guess:
-    values = item.head[np.isfinite(item.head) & (item.head > 0)]
-    median = float(np.median(values)) if values.size else 0.0
-    unit = "m" if 0 < median < _METRES_BELOW else "mm"
-    return Guess("path/depth", {"path": item.path, "value_unit": unit}, f"float images; median {median:.4g} is {unit}")
+            values = item.head[np.isfinite(item.head) & (item.head > 0)]
+            median = float(np.median(values)) if values.size else 0.0
+            unit = "m" if 0 < median < _METRES_BELOW else "mm"
+            depth = Guess(
+                "path/depth", {"path": item.path, "value_unit": unit}, f"float images; median {median:.4g} is {unit}"
+            )
+            yield from _with_timestamps(items, item, depth)
 
 
 def _flow(items: Sequence[StoredObject]) -> Iterator[Guess]:

@@ -40,7 +40,9 @@ class RefusedError(Exception):
     """
 
     def __init__(self, rule: str, cause: str, message: str, magnitude: float | None = None) -> None:
-        super().__init__(_shortened(message))
+        half = LONGEST_MESSAGE // 2
+        shortened = message if len(message) <= LONGEST_MESSAGE else f"{message[:half]} ... {message[-half:]}"
+        super().__init__(shortened)
         self.rule = rule
         self.cause = cause
         self.magnitude = magnitude
@@ -75,11 +77,6 @@ def find_dataset(file: h5py.File, path: str, elsewhere: "Elsewhere | None" = Non
             )
             raise RefusedError("outside_link", "missing_stream", message)
         return target
-
-
-def _shortened(message: str) -> str:
-    half = LONGEST_MESSAGE // 2
-    return message if len(message) <= LONGEST_MESSAGE else f"{message[:half]} ... {message[-half:]}"
 
 
 @contextmanager

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fedora_qa.power.binomial import chance_of, share_of, upper_bound
 from fedora_qa.power.manifest import PlantedFault
@@ -118,12 +117,16 @@ def curve_of(sizes: Sequence[float], detected: Sequence[bool], *, worse_when_sma
     if log_sizes[answers].mean() <= log_sizes[~answers].mean():
         return Curve("not_rising", separated=False, at_50=UNKNOWN, at_95=UNKNOWN, points=())
     fit = fit_probit(log_sizes, answers)
+    # The curve over the sizes that were tried, in order of magnitude.
+    places = np.linspace(log_sizes.min(), log_sizes.max(), _POINTS)
+    columns = zip(np.exp(direction * places), *fit.probability_at(places), strict=True)
+    points = tuple(sorted((CurvePoint(*map(float, column)) for column in columns), key=lambda point: point.magnitude))
     return Curve(
         "fitted",
         separated=fit.separated,
         at_50=_estimate(fit, 0.50, direction),
         at_95=_estimate(fit, 0.95, direction),
-        points=_points(fit, log_sizes, direction),
+        points=points,
     )
 
 
@@ -142,13 +145,6 @@ def _estimate(fit: ProbitFit, probability: float, direction: float) -> Estimate:
         None if log_size is None else float(np.exp(direction * log_size)) for log_size in fit.log_size_at(probability)
     )
     return Estimate(value, low, high) if direction > 0 else Estimate(value, high, low)
-
-
-def _points(fit: ProbitFit, log_sizes: NDArray[np.float64], direction: float) -> tuple[CurvePoint, ...]:
-    """Return the curve over the sizes that were tried, in order of magnitude."""
-    places = np.linspace(log_sizes.min(), log_sizes.max(), _POINTS)
-    columns = zip(np.exp(direction * places), *fit.probability_at(places), strict=True)
-    return tuple(sorted((CurvePoint(*map(float, column)) for column in columns), key=lambda point: point.magnitude))
 
 
 def _tried(sizes: Sequence[float], detected: Sequence[bool]) -> tuple[Tried, ...]:

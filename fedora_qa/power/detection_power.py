@@ -43,7 +43,13 @@ class DetectionPower:
 
     def of(self, check: str) -> tuple[DetectableCause, ...]:
         """Return the causes that a check finds at some size 95% of the time, in the order of the study."""
-        return tuple(row for row in self.found if row.check == check and _is_detectable(row))
+        # Whether the check can be relied on to find the cause: from a known size on, or at every size that was tried.
+        return tuple(
+            row
+            for row in self.found
+            if row.check == check
+            and (row.at_95.value is not None or (row.found.count == row.found.of and row.found.of > 0))
+        )
 
     def is_stale(self, digest: str | None = None) -> bool:
         """Whether it was measured with other code than that of this installation (or of the digest given)."""
@@ -92,8 +98,3 @@ def read_detection_power(source: Path = PUBLISHED) -> DetectionPower | None:
     except (OSError, ValidationError) as problem:
         first = str(problem).splitlines()[0]
         raise MisuseError(f"Expected a table of power at {source}, got: {first}; run `make power`") from None
-
-
-def _is_detectable(row: DetectableCause) -> bool:
-    """Whether the check can be relied on to find the cause: from a known size on, or at every size that was tried."""
-    return row.at_95.value is not None or (row.found.count == row.found.of and row.found.of > 0)

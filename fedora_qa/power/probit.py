@@ -124,7 +124,16 @@ def _climb(log_sizes: Array, detected: NDArray[np.bool_]) -> Array:
     def cost(at: Array) -> float:
         allowed = np.clip(at[1:], *_LOG_SLOPES)
         likelihood = _log_likelihoods(at[:1], allowed, log_sizes, detected)[0, 0]
-        prior = _log_prior(float(at[0]), float(allowed[0]), log_sizes)
+        # Ln |I| / 4, I being the Fisher information of (a, b).
+        # It is the sum of w (1, x; x, x^2) with w = phi^2 / (Phi (1 - Phi)); x is taken about its mean, which leaves
+        # the determinant as it is and keeps its digits.
+        half = float(at[0])
+        log_slope = float(allowed[0])
+        scores = np.exp(log_slope) * (log_sizes - half)
+        weights = np.exp(-(scores**2) - np.log(2 * np.pi) - log_ndtr(scores) - log_ndtr(-scores))
+        x = log_sizes - log_sizes.mean()
+        determinant = weights.sum() * (weights * x**2).sum() - (weights * x).sum() ** 2
+        prior = _POWER * float(np.log(max(determinant, np.finfo(float).tiny)))
         return float(np.abs(at[1:] - allowed)[0] - likelihood - prior)
 
     half, log_slope = np.median(log_sizes), -np.log(log_sizes.std())
@@ -145,16 +154,3 @@ def _log_likelihoods(halves: Array, log_slopes: Array, log_sizes: Array, detecte
     signs = np.where(detected, 1.0, -1.0)
     distances = signs * (log_sizes - halves[:, None, None])
     return np.asarray(log_ndtr(np.exp(log_slopes)[None, :, None] * distances).sum(axis=2))
-
-
-def _log_prior(half: float, log_slope: float, log_sizes: Array) -> float:
-    """Return ln |I| / 4, I being the Fisher information of (a, b).
-
-    It is the sum of w (1, x; x, x^2) with w = phi^2 / (Phi (1 - Phi)); x is taken about its mean, which leaves the
-    determinant as it is and keeps its digits.
-    """
-    scores = np.exp(log_slope) * (log_sizes - half)
-    weights = np.exp(-(scores**2) - np.log(2 * np.pi) - log_ndtr(scores) - log_ndtr(-scores))
-    x = log_sizes - log_sizes.mean()
-    determinant = weights.sum() * (weights * x**2).sum() - (weights * x).sum() ** 2
-    return _POWER * float(np.log(max(determinant, np.finfo(float).tiny)))

@@ -178,13 +178,14 @@ def _responses(
     """Yield the unit and the comparison of each trial whose reading and whose clean reading are known."""
     for trial in sized.trials:
         before, after = _stated(trial, check, clean).get(name), _of_check(trial, check).get(name)
-        if before and after and before.least_detectable and not _is_disturbed(before, after):
+        if (
+            before
+            and after
+            and before.least_detectable
+            and not (bool(before.limit) and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0))
+        ):
             ratio = before.harm(after.deviation - before.deviation) / before.least_detectable
             yield before.unit, _Comparison(before.least_detectable, ratio, after.exceeds, trial.checked.is_found)
-
-
-def _is_disturbed(before: Reading, after: Reading) -> bool:
-    return bool(before.limit) and (after.limit or 0.0) > _DISTURBED * (before.limit or 0.0)
 
 
 def _names_exceeded(sized: CauseTrials, check: str) -> dict[str, int]:

@@ -18,7 +18,10 @@ def replacing(target: Path) -> Iterator[Path]:
     temporary = Path(name)
     try:
         yield temporary
-        temporary.chmod(0o666 & ~_umask())  # mkstemp makes a private file; a record is as public as its folder allows
+        # The process's file mode mask, which can only be read by setting it.
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o666 & ~mask)  # mkstemp makes a private file; a record is as public as its folder allows
         temporary.replace(target)
     except BaseException:
         temporary.unlink(missing_ok=True)
@@ -29,10 +32,3 @@ def write_text(target: Path, text: str) -> None:
     """Write UTF-8 text entirely or not at all."""
     with replacing(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
-
-
-def _umask() -> int:
-    """Return the process's file mode mask, which can only be read by setting it."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -1,6 +1,5 @@
 """A study of detection as tables of text, the same in the terminal and in the report."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Final
@@ -10,7 +9,6 @@ from fedora_qa.record.power_types import (
     NOT_FOUND,
     WHOLE_FILE,
     Curve,
-    Detection,
     Estimate,
     Fitted,
     Power,
@@ -54,7 +52,14 @@ class PowerTable:
 
 def tables_of(power: Power) -> tuple[PowerTable, ...]:
     """Return the tables of a study that have rows."""
-    tables = (_alarms(power), _kinds(power), _found(power), _wrong(power), _sizes(power), _limits(power))
+    head = ("faults", "found", "of those expected to be", "named first, of those found", "95% interval", "all named")
+    rows = [
+        (naming.kind, share_words(naming.found), share_words(naming.observable), share_words(naming.named_first),
+         interval_words(naming.named_first), share_words(naming.all_named))
+        for naming in power.naming
+    ]  # fmt: skip
+    kinds = PowerTable("Faults found and named", head, tuple(rows))
+    tables = (_alarms(power), kinds, _found(power), _wrong(power), _sizes(power), _limits(power))
     return tuple(candidate for candidate in tables if candidate.rows)
 
 
@@ -121,20 +126,11 @@ def _alarms(power: Power) -> PowerTable:
     return PowerTable("False alarms on clean files", ("check", "failed", "95% interval"), tuple(rows), note=note)
 
 
-def _kinds(power: Power) -> PowerTable:
-    head = ("faults", "found", "of those expected to be", "named first, of those found", "95% interval", "all named")
-    rows = [
-        (naming.kind, share_words(naming.found), share_words(naming.observable), share_words(naming.named_first),
-         interval_words(naming.named_first), share_words(naming.all_named))
-        for naming in power.naming
-    ]  # fmt: skip
-    return PowerTable("Faults found and named", head, tuple(rows))
-
-
 def _found(power: Power) -> PowerTable:
     rows: list[tuple[str, ...]] = []
     for _, group in groupby(power.detections, key=lambda detection: (detection.cause, detection.unit)):
-        for detection in _best(list(group)):
+        # How any check finds a cause, and the checks that find it most often.
+        for detection in list(group)[: 1 + _CHECKS_SHOWN]:
             name = detection.cause if detection.check == WHOLE_FILE else ""
             rows.append(
                 (
@@ -147,11 +143,6 @@ def _found(power: Power) -> PowerTable:
     head = ("cause", "check", "found", "found 95% of the time")
     note = "Faults of whole files; sizes with 95% intervals. Of each cause the checks that find it most often."
     return PowerTable("Detection", head, tuple(rows), words=2, note=note)
-
-
-def _best(detections: Sequence[Detection]) -> Sequence[Detection]:
-    """Return how any check finds a cause, and the checks that find it most often."""
-    return detections[: 1 + _CHECKS_SHOWN]
 
 
 def _wrong(power: Power) -> PowerTable:

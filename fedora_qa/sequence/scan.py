@@ -94,7 +94,20 @@ class _EventTally:
         envelope = np.maximum(np.maximum.accumulate(times_ns), floor)
         self.behind += int(np.count_nonzero(times_ns < envelope))
         self._place(start, envelope)
-        self._count_before_frames(times_ns, low, high)
+        # Add, for each frame, the events of this block that are earlier (left) and not later (right).
+        ordered: Int64 | None = None
+        for name, frames in self.frame_timestamps.items():
+            left = self.left.setdefault(name, np.zeros(len(frames), np.int64))
+            right = self.right.setdefault(name, np.zeros(len(frames), np.int64))
+            after = frames > high
+            left[after] += len(times_ns)
+            right[after] += len(times_ns)
+            within = np.flatnonzero((frames >= low) & ~after)
+            if len(within):
+                if ordered is None:
+                    ordered = np.sort(times_ns) if np.any(np.diff(times_ns) < 0) else times_ns
+                left[within] += np.searchsorted(ordered, frames[within], "left")
+                right[within] += np.searchsorted(ordered, frames[within], "right")
         self.latest = max(floor, high)
         self.previous = int(times_ns[-1])
         self.count += len(times_ns)
@@ -112,22 +125,6 @@ class _EventTally:
         if len(changes):
             self.cells.append(cells[changes])
             self.starts.append(changes + start)
-
-    def _count_before_frames(self, times_ns: Int64, low: int, high: int) -> None:
-        """Add, for each frame, the events of this block that are earlier (left) and not later (right)."""
-        ordered: Int64 | None = None
-        for name, frames in self.frame_timestamps.items():
-            left = self.left.setdefault(name, np.zeros(len(frames), np.int64))
-            right = self.right.setdefault(name, np.zeros(len(frames), np.int64))
-            after = frames > high
-            left[after] += len(times_ns)
-            right[after] += len(times_ns)
-            within = np.flatnonzero((frames >= low) & ~after)
-            if len(within):
-                if ordered is None:
-                    ordered = np.sort(times_ns) if np.any(np.diff(times_ns) < 0) else times_ns
-                left[within] += np.searchsorted(ordered, frames[within], "left")
-                right[within] += np.searchsorted(ordered, frames[within], "right")
 
 
 def scan(sequence: SequenceRows, cell_ns: int) -> Scan:

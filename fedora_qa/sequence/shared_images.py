@@ -42,7 +42,16 @@ class SharedImages:
                 kept.move_to_end(key)
                 return cast(Image, kept[key])
         value = compute()
-        self._keep(key, value, in_a_moment=in_a_moment)
+        self._kept_bytes += value.nbytes
+        if value.nbytes <= _LITTLE * self.limit_bytes:
+            self._little[key] = value
+            self._little_bytes += value.nbytes
+            while self._little_bytes > _ALL_LITTLE * self.limit_bytes:
+                self._drop_little()
+        else:
+            (self._passing if in_a_moment else self._large)[key] = value
+        while self._kept_bytes > self.limit_bytes and self._drop_another_than(key):
+            pass
         return value
 
     def forget(self) -> None:
@@ -50,18 +59,6 @@ class SharedImages:
         for kept in (self._passing, self._large, self._little):
             kept.clear()
         self._kept_bytes = self._little_bytes = 0
-
-    def _keep(self, key: Hashable, image: NDArray[Any], *, in_a_moment: bool) -> None:
-        self._kept_bytes += image.nbytes
-        if image.nbytes <= _LITTLE * self.limit_bytes:
-            self._little[key] = image
-            self._little_bytes += image.nbytes
-            while self._little_bytes > _ALL_LITTLE * self.limit_bytes:
-                self._drop_little()
-        else:
-            (self._passing if in_a_moment else self._large)[key] = image
-        while self._kept_bytes > self.limit_bytes and self._drop_another_than(key):
-            pass
 
     def _drop_another_than(self, key: Hashable) -> bool:
         """Drop one result; return whether there was any but that of the key."""

@@ -56,7 +56,10 @@ class Server:
             raise StorageError(
                 f"Expected a server that tells the length of a file, got one that does not: {self._place}"
             )
-        return Version(int(size), _tag(facts))
+        # What the server tells versions apart by; empty where it tells nothing but the size.
+        return Version(
+            int(size), str(facts.get("ETag") or facts.get("LastModified") or facts.get("Last-Modified") or "")
+        )
 
     def fetch(self, start: int, stop: int) -> bytes:
         """Return the bytes from ``start`` to ``stop``, both within the file, of the version that it had at first."""
@@ -118,11 +121,6 @@ def _without_collection() -> Iterator[None]:
 def version_of(place: Place) -> Version:
     """Return which version a file is now, wherever it lies; raises ``StorageError`` where its server does not tell."""
     return Server(place).version if isinstance(place, RemoteFile) else local_version(place)
-
-
-def _tag(facts: Mapping[str, Any]) -> str:
-    """Return what the server tells versions apart by; empty where it tells nothing but the size."""
-    return str(facts.get("ETag") or facts.get("LastModified") or facts.get("Last-Modified") or "")
 
 
 def _filesystem(place: RemoteFile) -> Any:
