@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M, R_BODY_OPTICAL
 from fedora_qa.estimators.flow.motion_fit import FlowSample, fit_motion, weigh_templates
+from fedora_qa.features import Feature
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import depths_by_flow, rigid_flow
 from fedora_qa.geometry.so3 import compose, log
@@ -36,13 +37,27 @@ _NEARBY: Final = (-1, 1, -2, 2, -3, 3)
 
 
 @dataclass(frozen=True, slots=True)
-class Weighed:
-    """A gross fault and the share of one field's deviation (in px) that undoing it removes, 0 to 1."""
+class ConventionTrial(Feature):
+    """An inverse transform of the data, tried on one field that is off.
+
+    Attributes
+    ----------
+    rate
+        The rate of the field that it was tried on, or what else the trial was made on as a whole (``flow``, ``depth``).
+    transform
+        What was done to the data: "mirrored", "transposed_axes", ...
+    stream
+        The stream that was transformed.
+    removed_share
+        Share of the field's deviation that the transform removes, 0 (none) to 1 (all).
+    magnitude
+        Size of the fault that the transform would undo, in the unit of that fault; None where it has no size.
+    """
 
     rate: str
-    cause: str
+    transform: str
     stream: str
-    weight: float
+    removed_share: float
     magnitude: float | None = None
 
 
@@ -60,7 +75,7 @@ class _Hypothesis:
 
 def weigh_hypotheses(
     window: Window, track: PoseTrack, interval: Interval, frame: int, region: Region | None = None
-) -> list[Weighed]:
+) -> list[ConventionTrial]:
     """Weigh every gross fault against one field, or against the part of it that is off.
 
     What a hypothesis leaves is compared with the deviation as stored, or with either flow itself where that is smaller,
@@ -76,14 +91,14 @@ def weigh_hypotheses(
     reference = min(as_stored, _deviation(track, interval, still, motion, window), stored_px or np.inf)
     if not 0 < reference < np.inf:
         reference = stored_px
-    best: dict[tuple[str, str], Weighed] = {}
+    best: dict[tuple[str, str], ConventionTrial] = {}
     for hypothesis in _hypotheses(window, track, interval, sample, motion, frame, region):
         if hypothesis.sample is None or hypothesis.motion is None:
             continue
         left = _deviation(track, interval, hypothesis.sample, hypothesis.motion, window)
         key, weight = (hypothesis.cause, hypothesis.stream), hypothesis.likeliness * max(1.0 - left / reference, 0.0)
-        if key not in best or best[key].weight < weight:
-            best[key] = Weighed(interval.stream, *key, weight, hypothesis.magnitude)
+        if key not in best or best[key].removed_share < weight:
+            best[key] = ConventionTrial(interval.stream, *key, weight, hypothesis.magnitude)
     return list(best.values())
 
 

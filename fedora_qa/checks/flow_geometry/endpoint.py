@@ -13,7 +13,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_motion import motion_over
 from fedora_qa.views.flow_comparison import FieldError, compare_field, is_noisy
-from fedora_qa.views.flow_conventions import Weighed, weigh_hypotheses
+from fedora_qa.views.flow_conventions import ConventionTrial, weigh_hypotheses
 from fedora_qa.views.flow_intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
 from fedora_qa.views.flow_suspects import spreads_over
 from fedora_qa.views.static_depth import why_not_told_apart
@@ -39,7 +39,7 @@ class WindowErrors:
     without_depth: int = 0
     without_pose: int = 0
     too_few_pixels: int = 0
-    weighed: tuple[Weighed, ...] = ()
+    weighed: tuple[ConventionTrial, ...] = ()
 
 
 class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
@@ -130,7 +130,7 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
         """
         track = pose_track(window, window.facts.declared.cameras["depth"])
         fields = [field for errors in state if errors.window == window.span.index for field in errors.fields]
-        weighed: list[Weighed] = []
+        weighed: list[ConventionTrial] = []
         for stream in window.facts.flow_streams:
             off = [field for field in fields if field.interval.stream == stream and field.suspicion > 1]
             if off:

@@ -15,7 +15,7 @@ from fedora_qa.estimators.flow.motion_fit import Evidence, sum_of
 from fedora_qa.estimators.flow.templates import FLOW_GAIN, SMALL_FAULTS, TIME_OFFSET, SmallFault
 from fedora_qa.sequence.declared import Declared, PoseModel
 from fedora_qa.views.flow_comparison import FieldError, is_noisy
-from fedora_qa.views.flow_conventions import Weighed
+from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.flow_suspects import gain_suspect, gross_suspects, most_probable, spreads_over, weakened
 
 _CERTAIN: Final = 0.98
@@ -40,7 +40,7 @@ _LINEAR_GAIN: Final = 0.1
 def geometry_suspects(
     stream: str,
     fields: Sequence[FieldError],
-    weighed: Sequence[Weighed],
+    weighed: Sequence[ConventionTrial],
     off: Mapping[str, bool],
     declared: Declared,
 ) -> tuple[Suspect, ...]:

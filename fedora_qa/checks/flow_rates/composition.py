@@ -11,7 +11,7 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_chains import segments
-from fedora_qa.views.flow_conventions import Weighed
+from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.flow_rate_agreement import MOST_LOST, Deviation, RateAgreement, compare
 
 _CLOSER_LOOKS: Final = 4
@@ -27,7 +27,7 @@ class WindowComposition:
     window: int
     segments: tuple[RateAgreement, ...] = ()
     not_compared: int = 0
-    weighed: tuple[Weighed, ...] = ()
+    weighed: tuple[ConventionTrial, ...] = ()
 
 
 class FlowRatesComposition(WindowCheck[WindowComposition]):
@@ -98,7 +98,7 @@ class FlowRatesComposition(WindowCheck[WindowComposition]):
     def follow_up(self, state: list[WindowComposition], window: Window) -> None:
         """Undo faults on the window's worst interval of each pair of rates."""
         of_window = [s for one in state if one.window == window.span.index for s in one.segments]
-        weighed: list[Weighed] = []
+        weighed: list[ConventionTrial] = []
         for group in _by_pair(of_window).values():
             worst = max(group, key=lambda one: one.suspicion)
             if worst.suspicion > 1:

@@ -11,7 +11,7 @@ from fedora_qa.checks.protocol import Suspect
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_chains import Chain, Change, Composed, Segment, compose, exists
-from fedora_qa.views.flow_conventions import Weighed
+from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.flow_rate_agreement import FEWEST_PIXELS, lattice_of, median_error_px
 from fedora_qa.views.flow_suspects import gain_suspect, gross_suspects, most_probable
 
@@ -67,21 +67,21 @@ class _Undone:
     magnitude: float | None = None
 
 
-def weigh_hypotheses(window: Window, segment: Segment) -> list[Weighed]:
+def weigh_hypotheses(window: Window, segment: Segment) -> list[ConventionTrial]:
     """Weigh faults of either rate, and of both, against one segment: the share of the error that undoing removes."""
     columns, rows = _pixels_off(window, segment)
     slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
     moved_px = np.linalg.norm(slow.displacement_px[slow.clear], axis=-1)
     reference_px = min(median_error_px(slow, fast), float(np.median(moved_px)) if len(moved_px) else np.inf)
-    best: dict[tuple[str, str], Weighed] = {}
+    best: dict[tuple[str, str], ConventionTrial] = {}
     for one in (
         *_of_one_rate(window, segment, slow, fast, (columns, rows)),
         *_of_both(window, segment, (columns, rows)),
     ):
         weight = max(1.0 - one.left_px / reference_px, 0.0) if reference_px > 0 else 0.0
         key = one.stream, one.cause
-        if key not in best or best[key].weight < weight:
-            best[key] = Weighed(one.stream, one.cause, one.stream, weight, one.magnitude)
+        if key not in best or best[key].removed_share < weight:
+            best[key] = ConventionTrial(one.stream, one.cause, one.stream, weight, one.magnitude)
     return list(best.values())
 
 
@@ -97,13 +97,13 @@ def _pixels_off(window: Window, segment: Segment) -> tuple[Float64, Float64]:
     return columns[::4], rows[::4]
 
 
-def rates_suspects(pair: Pair, off: Mapping[Pair, float], weighed: Sequence[Weighed]) -> tuple[Suspect, ...]:
+def rates_suspects(pair: Pair, off: Mapping[Pair, float], weighed: Sequence[ConventionTrial]) -> tuple[Suspect, ...]:
     """Return the suspects for one pair of rates, most probable first.
 
     ``off`` is the share of the common intervals of each pair that are off.
     """
     copies = _copied(weighed)
-    weighed = [one for one in weighed if one.stream not in copies or one.cause in _COPIES]
+    weighed = [one for one in weighed if one.stream not in copies or one.transform in _COPIES]
     found: list[Suspect] = []
     for stream in pair:
         blame = _blame(stream, pair, off)
@@ -113,7 +113,7 @@ def rates_suspects(pair: Pair, off: Mapping[Pair, float], weighed: Sequence[Weig
         ]
     if all(off.values()):
         found += gross_suspects("flow", weighed, "flow", share_off=off[pair])
-        mixed = {one.stream for one in weighed if one.cause == "flow_rate_mixed" and one.weight > 0}
+        mixed = {one.stream for one in weighed if one.transform == "flow_rate_mixed" and one.removed_share > 0}
         found += [Suspect("flow_rate_mixed", "flow", 1.0)] if len(mixed) > 2 else []
     named = most_probable(found)
     known = {(one.cause, one.stream) for one in named}
@@ -122,12 +122,12 @@ def rates_suspects(pair: Pair, off: Mapping[Pair, float], weighed: Sequence[Weig
     return named + tuple(one for one in others if (one.cause, one.stream) not in known)
 
 
-def _copied(weighed: Sequence[Weighed]) -> set[str]:
+def _copied(weighed: Sequence[ConventionTrial]) -> set[str]:
     """Return the streams that a copy explains wherever they were looked at."""
     weights: dict[Pair, list[float]] = {}
     for one in weighed:
-        if one.cause in _COPIES:
-            weights.setdefault((one.stream, one.cause), []).append(one.weight)
+        if one.transform in _COPIES:
+            weights.setdefault((one.stream, one.transform), []).append(one.removed_share)
     return {stream for (stream, _), found in weights.items() if min(found) == 1.0}
 
 
