@@ -158,5 +158,5 @@ def _geometric(total: Evidence, everything: float, flow: str, interval_s: float)
         size = fault.size(scale * sizes)
         if abs(size) <= _LINEAR * fault.largest:
             simple = _FEWER_NUMBERS ** len(sizes)
-            suspects.append(Suspect(fault.cause, flow, simple * share / everything, size, fault.unit))
+            suspects.append(Suspect(fault.parameter, flow, simple * share / everything, size, fault.unit))
     return suspects

@@ -112,7 +112,7 @@ def _of_either_rate(
             if unit is None:
                 yield residual_of("scaled", residual_px, 100 * gain)
             else:
-                yield residual_of("rescaled_by_interval", residual_px, unit)
+                yield residual_of("another_unit", residual_px, unit)
         yield residual_of("field_of_another_rate", 0.0 if _holds_field_of_another_rate(window, chain) else np.inf)
         repetitions = _count_repetitions(window, chain)
         yield residual_of("repeated_field", 0.0 if repetitions else np.inf, float(repetitions))
