@@ -4,6 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+from fedora_qa.diagnosis.flow_geometry.endpoint import propose_endpoint
+from fedora_qa.diagnosis.flow_geometry.validity import propose_validity
+from fedora_qa.diagnosis.flow_rates import propose_composition
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -11,7 +14,11 @@ from fedora_qa.sequence.facts import Facts
 Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 """Gives the hypotheses for an alarm of one check, best supported first."""
 
-PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({})
+PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
+    "flow_geometry.endpoint": propose_endpoint,
+    "flow_geometry.validity": propose_validity,
+    "flow_rates.composition": propose_composition,
+})  # fmt: skip
 """By the name of the check."""
 
 

@@ -14,7 +14,7 @@ from fedora_qa.estimators.depth.pair_fit import Family, fit_depth, noise_directi
 from fedora_qa.estimators.depth.warp import DepthModel, Lattice, lattice_of, ray_lengths
 from fedora_qa.geometry.so3 import compose
 from fedora_qa.views.depth_pairs import DepthPair, standing_m, step_share
-from fedora_qa.views.flow_conventions import Weighed, other_mountings
+from fedora_qa.views.flow_conventions import ConventionTrial, other_mountings
 from fedora_qa.views.flow_intervals import PoseTrack
 
 Depth = NDArray[np.float32]
@@ -60,13 +60,13 @@ class _Hypothesis:
     possible: Callable[[float], bool] = lambda _: True
 
 
-def weigh_hypotheses(pair: DepthPair, as_stored: float, tile: Tile | None = None) -> list[Weighed]:
+def weigh_hypotheses(pair: DepthPair, as_stored: float, tile: Tile | None = None) -> list[ConventionTrial]:
     """Weigh every gross fault against one pair: the share of the typical residual that undoing it removes.
 
     ``as_stored`` is that residual, infinite where the frames could not be compared as they stand. Only the pixels of
     the tile are looked at, where one is given.
     """
-    best: dict[tuple[str, str, str], Weighed] = {}
+    best: dict[tuple[str, str, str], ConventionTrial] = {}
     for hypothesis in _hypotheses(pair) if tile is None else _hypotheses_of_a_tile(pair):
         noise = pair.noise if hypothesis.noise is None else hypothesis.noise
         fit = fit_depth(
@@ -78,8 +78,8 @@ def weigh_hypotheses(pair: DepthPair, as_stored: float, tile: Tile | None = None
         for cause, stream, likeliness, size in hypothesis.blames:
             weight = likeliness * max(1.0 - fit.typical / as_stored, 0.0)
             key = (hypothesis.of, cause, stream)
-            if key not in best or best[key].weight < weight:
-                best[key] = Weighed(hypothesis.of, cause, stream, weight, size(float(fit.value)))
+            if key not in best or best[key].removed_share < weight:
+                best[key] = ConventionTrial(hypothesis.of, cause, stream, weight, size(float(fit.value)))
     return list(best.values())
 
 

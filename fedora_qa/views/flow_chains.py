@@ -15,7 +15,7 @@ from fedora_qa.views.flow_intervals import frame_at
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Change = Callable[[Float32], NDArray[np.floating]]
+FieldTransform = Callable[[Float32], NDArray[np.floating]]
 """What is done to a stored field (H, W, 2) before it is composed."""
 
 _MOST_FIELDS: Final = 12
@@ -54,8 +54,8 @@ class Segment:
 
 
 @dataclass(frozen=True, slots=True)
-class Composed:
-    """Where pixels are taken.
+class ComposedPaths:
+    """Where pixels are taken by the fields of a chain.
 
     Attributes
     ----------
@@ -115,7 +115,9 @@ def exists(facts: Facts, chain: Chain) -> bool:
     return chain.rows[0] >= 0 and chain.rows[-1] < facts.sizes[f"path/{chain.stream}"]
 
 
-def compose(window: Window, chain: Chain, columns: Float64, rows: Float64, change: Change | None = None) -> Composed:
+def compose(
+    window: Window, chain: Chain, columns: Float64, rows: Float64, change: FieldTransform | None = None
+) -> ComposedPaths:
     """Follow pixels (n,) of integer coordinates along a chain, each field changed as asked."""
     x, y = columns.copy(), rows.copy()
     bound_px = np.zeros(len(x))
@@ -129,10 +131,10 @@ def compose(window: Window, chain: Chain, columns: Float64, rows: Float64, chang
         errors_px = _kept(window, "errors of reading", stored, errors_of_reading, lines) if are_many else _UNKNOWN
         rounding_px = _ROUNDING_PX * (lines.shape[0] + lines.shape[1] // 2)
         step(lines, spans, errors_px, rounding_px, place == 0, last > 0, x, y, bound_px, clear, stays)
-    return Composed(np.stack((x - columns, y - rows), axis=-1), bound_px, clear, stays)
+    return ComposedPaths(np.stack((x - columns, y - rows), axis=-1), bound_px, clear, stays)
 
 
-def _lines(window: Window, stream: str, row: int, change: Change | None) -> Float32:
+def _lines(window: Window, stream: str, row: int, change: FieldTransform | None) -> Float32:
     """Return a field as lines (H, 2 W) of u and v."""
     flow_px = window.flow_px(stream, row)
     if change is not None:

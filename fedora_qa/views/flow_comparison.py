@@ -18,7 +18,7 @@ from fedora_qa.estimators.flow.motion_fit import (
     twist_statistic,
     weigh_templates,
 )
-from fedora_qa.estimators.flow.templates import small_fault_templates
+from fedora_qa.estimators.flow.templates import parameter_templates
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import moved_points, rigid_flow, rounding_px, twist_jacobian
 from fedora_qa.geometry.so3 import exp
@@ -183,7 +183,7 @@ def templates_of(
         delayed_motion = track.motion(interval.start_ns + shift_ns, interval.end_ns + shift_ns)
         return None if delayed_motion is None else corrected(delayed_motion)
 
-    return small_fault_templates(track.camera.K, corrected(motion), sample, remounted, delayed)
+    return parameter_templates(track.camera.K, corrected(motion), sample, remounted, delayed)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Gross faults, tried one by one on a field that is off: undo each and see whether the field then agrees."""
+"""Inverse transforms, tried one by one on a field that is off, and the share of its deviation that each removes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M, R_BODY_OPTICAL
 from fedora_qa.estimators.flow.motion_fit import FlowSample, fit_motion, weigh_templates
+from fedora_qa.features import Feature
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import depths_by_flow, rigid_flow
 from fedora_qa.geometry.so3 import compose, log
@@ -27,44 +28,67 @@ _ANOTHER_GAIN: Final = 0.02
 _ANOTHER_CONVENTION_RAD: Final = 0.7
 """Mountings that lie closer to straight ahead are turned, not written in another convention."""
 
-_FREE: Final = 0.8
-"""Depths of any value fit more than those of one fault do: that is meant first where it fits as well."""
-
 _MS_PER_NS: Final = 1e-6
-_NEIGHBOURS: Final = (-2, -1, 1, 2)
-_NEARBY: Final = (-1, 1, -2, 2, -3, 3)
+_FRAME_SHIFTS: Final = (-2, -1, 1, 2)
+_INTERVAL_SHIFTS: Final = (-1, 1, -2, 2, -3, 3)
 
 
 @dataclass(frozen=True, slots=True)
-class Weighed:
-    """A gross fault and the share of one field's deviation (in px) that undoing it removes, 0 to 1."""
+class ConventionTrial(Feature):
+    """An inverse transform of the data, tried on one field that is off.
+
+    Attributes
+    ----------
+    rate
+        The rate of the field that it was tried on, or what else the trial was made on as a whole (``flow``, ``depth``).
+    transform
+        What was done to the data: "mirrored", "transposed_axes", ...
+    stream
+        The stream that was transformed.
+    removed_share
+        Share of the field's deviation that the transform removes, 0 (none) to 1 (all).
+    magnitude
+        Size of the fault that the transform would undo, in the unit of that fault; None where it has no size.
+    """
 
     rate: str
-    cause: str
+    transform: str
     stream: str
-    weight: float
+    removed_share: float
     magnitude: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class _Hypothesis:
-    """What the field and its ingredients would be without the fault."""
+class _TransformedField:
+    """The field and its ingredients after a transform; None where that leaves too few pixels, or no pose."""
 
-    cause: str
+    transform: str
     stream: str
     sample: FlowSample | None
     motion: RigidMotion | None
     magnitude: float | None = None
-    likeliness: float = 1.0
 
 
-def weigh_hypotheses(
+def try_inverse_transforms(
     window: Window, track: PoseTrack, interval: Interval, frame: int, region: Region | None = None
-) -> list[Weighed]:
-    """Weigh every gross fault against one field, or against the part of it that is off.
+) -> list[ConventionTrial]:
+    """Try every inverse transform on one field, or on the part of it that is off.
 
-    What a hypothesis leaves is compared with the deviation as stored, or with either flow itself where that is smaller,
+    The deviation that remains is compared with the one as stored, or with either flow itself where that is smaller,
     so that dividing a field of garbage, or recomputing it from other garbage, explains nothing.
+
+    Parameters
+    ----------
+    track
+        Poses of the depth camera.
+    frame
+        Depth frame at the start of the interval.
+    region
+        Part of the image, in px; all of it if None.
+
+    Returns
+    -------
+    The best trial of each transform and stream; empty where too few pixels are valid or no pose covers the interval.
     """
     sample = sample_field(window, interval, frame, region)
     motion = track.motion(interval.start_ns, interval.end_ns)
@@ -76,85 +100,74 @@ def weigh_hypotheses(
     reference = min(as_stored, _deviation(track, interval, still, motion, window), stored_px or np.inf)
     if not 0 < reference < np.inf:
         reference = stored_px
-    best: dict[tuple[str, str], Weighed] = {}
-    for hypothesis in _hypotheses(window, track, interval, sample, motion, frame, region):
-        if hypothesis.sample is None or hypothesis.motion is None:
+    best: dict[tuple[str, str], ConventionTrial] = {}
+    for field in (
+        *_of_the_values(window, track, interval, sample, motion, frame),
+        *_of_the_interval(window, track, interval, region),
+        *_of_the_depth(window, track, sample, motion, frame),
+        *_of_the_pose(window, track, interval, sample),
+    ):
+        if field.sample is None or field.motion is None:
             continue
-        left = _deviation(track, interval, hypothesis.sample, hypothesis.motion, window)
-        key, weight = (hypothesis.cause, hypothesis.stream), hypothesis.likeliness * max(1.0 - left / reference, 0.0)
-        if key not in best or best[key].weight < weight:
-            best[key] = Weighed(interval.stream, *key, weight, hypothesis.magnitude)
+        residual = _deviation(track, interval, field.sample, field.motion, window)
+        key, removed_share = (field.transform, field.stream), max(1.0 - residual / reference, 0.0)
+        if key not in best or best[key].removed_share < removed_share:
+            best[key] = ConventionTrial(interval.stream, *key, removed_share, field.magnitude)
     return list(best.values())
-
-
-def _hypotheses(
-    window: Window,
-    track: PoseTrack,
-    interval: Interval,
-    sample: FlowSample,
-    motion: RigidMotion,
-    frame: int,
-    region: Region | None,
-) -> Iterator[_Hypothesis]:
-    yield from _of_the_values(window, track, interval, sample, motion, frame)
-    yield from _of_the_interval(window, track, interval, region)
-    yield from _of_the_depth(window, track, sample, motion, frame)
-    yield from _of_the_pose(window, track, interval, sample)
 
 
 def _of_the_values(
     window: Window, track: PoseTrack, interval: Interval, sample: FlowSample, motion: RigidMotion, frame: int
-) -> Iterator[_Hypothesis]:
-    """Undo what may have happened to the stored numbers, and to the grid that they lie on."""
+) -> Iterator[_TransformedField]:
+    """Transform the stored numbers, and the grid that they lie on."""
     flow, seconds = sample.flow_px, interval.duration_s
     stored = window.flow_px(interval.stream, interval.row)
     height, width = stored.shape[:2]
     column, row = sample.columns.astype(int), sample.rows.astype(int)
 
-    def undone(cause: str, values: NDArray[np.floating], magnitude: float | None = None) -> _Hypothesis:
-        return _Hypothesis(cause, "flow", _with_flow(sample, values), motion, magnitude)
+    def transformed(name: str, values: NDArray[np.floating], magnitude: float | None = None) -> _TransformedField:
+        return _TransformedField(name, "flow", _with_flow(sample, values), motion, magnitude)
 
-    yield undone("flow_sign", -flow)
-    yield undone("axes_swapped", flow[:, ::-1])
-    yield undone("frame_convention", flow * (1, -1))
+    yield transformed("negated", -flow)
+    yield transformed("transposed_axes", flow[:, ::-1])
+    yield transformed("flipped_v", flow * (1, -1))
     if seconds > 0:
-        yield undone("flow_unit", flow * seconds, 1 / seconds)
-        yield undone("flow_unit", flow / seconds, seconds)
-    yield undone("flow_unit", flow * (width, height), 1 / width)
+        yield transformed("another_unit", flow * seconds, 1 / seconds)
+        yield transformed("another_unit", flow / seconds, seconds)
+    yield transformed("another_unit", flow * (width, height), 1 / width)
+    # The factor that fits best, by least squares of stored = factor * recomputed.
     recomputed = rigid_flow(track.camera.K, motion, sample.columns, sample.rows, sample.depths_m)
     ratio = float(np.nansum(flow * recomputed) / max(float(np.nansum(recomputed**2)), 1e-300))
     units = (seconds, 1 / seconds) if seconds > 0 else ()
     for factor in (ratio, 2.0, 0.5):
         if factor > 0 and all(abs(factor / unit - 1) > _ANOTHER_GAIN for unit in units):
-            yield undone("flow_gain", flow / factor, 100 * (factor - 1))
+            yield transformed("scaled", flow / factor, 100 * (factor - 1))
     for columns, rows in ((width - 1 - column, row), (column, height - 1 - row)):
-        depths_m = _at(window.depth_m(frame), columns, rows)
+        depths_m = _depths_at(window.depth_m(frame), columns, rows)
         for signs in ((1, 1), (-1, 1), (1, -1)):
-            there = FlowSample(columns.astype(np.float64), rows.astype(np.float64), depths_m, flow, sample.sigma_px)
-            yield _Hypothesis("mirrored", "flow", _with_flow(there, flow * np.array(signs)), motion)
+            mirror = FlowSample(columns.astype(np.float64), rows.astype(np.float64), depths_m, flow, sample.sigma_px)
+            yield _TransformedField("mirrored", "flow", _with_flow(mirror, flow * np.array(signs)), motion)
     for shift in _SHIFTS_PX:
         for dx, dy in ((shift, 0), (0, shift), (shift, shift)):
             moved = stored[np.clip(row + dy, 0, height - 1), np.clip(column + dx, 0, width - 1)]
-            yield undone("spatial_offset", moved, float(shift))
+            yield transformed("shifted_pixels", moved, float(shift))
 
 
 def _of_the_interval(
     window: Window, track: PoseTrack, interval: Interval, region: Region | None
-) -> Iterator[_Hypothesis]:
-    """Suppose that the field belongs to a neighbouring interval, or to another rate."""
+) -> Iterator[_TransformedField]:
+    """Assign the field to a neighbouring interval, or to one of another rate."""
 
-    def belonging(other: Interval, cause: str, magnitude: float | None = None) -> _Hypothesis:
+    def moved_to(other: Interval, name: str, magnitude: float | None = None) -> _TransformedField:
         frame = frame_at(window.facts.clocks["depth"], other.start_ns)
         sample = None if frame is None else sample_field(window, interval, frame, region)
-        return _Hypothesis(cause, "flow", sample, track.motion(other.start_ns, other.end_ns), magnitude)
+        return _TransformedField(name, "flow", sample, track.motion(other.start_ns, other.end_ns), magnitude)
 
-    for intervals in _NEARBY:
-        neighbour = interval.shifted(intervals)
-        yield belonging(neighbour, "flow_interval_shifted", float(-intervals))
-        yield belonging(neighbour, "swapped_frames", float(abs(intervals)))
+    for intervals in _INTERVAL_SHIFTS:
+        yield moved_to(interval.shifted(intervals), "neighbouring_interval", float(-intervals))
     step_ns = _step_ns(window.facts.clocks["depth"])
-    for frames in _NEIGHBOURS:
-        yield belonging(interval.moved(round(frames * step_ns)), "time_offset", -frames * step_ns * _MS_PER_NS)
+    for frames in _FRAME_SHIFTS:
+        yield moved_to(interval.moved(round(frames * step_ns)), "delayed", -frames * step_ns * _MS_PER_NS)
     for stream in window.facts.flow_streams:
         starts_ns = window.facts.clocks[stream].times_ns
         if stream == interval.stream or not len(starts_ns):
@@ -162,74 +175,76 @@ def _of_the_interval(
         latest = max(int(np.searchsorted(starts_ns, interval.start_ns, "right")) - 1, 0)
         for row in {latest, min(interval.row, len(starts_ns) - 1)}:
             other = interval_at(window.facts, stream, row)
-            yield belonging(other, "flow_rate_mixed")
-            from_here = replace(other, start_ns=interval.start_ns, end_ns=interval.start_ns + other.length_ns)
-            yield belonging(from_here, "flow_rate_mixed")
+            yield moved_to(other, "field_of_another_rate")
+            same_start = replace(other, start_ns=interval.start_ns, end_ns=interval.start_ns + other.length_ns)
+            yield moved_to(same_start, "field_of_another_rate")
 
 
 def _of_the_depth(
     window: Window, track: PoseTrack, sample: FlowSample, motion: RigidMotion, frame: int
-) -> Iterator[_Hypothesis]:
-    """Undo what may have happened to the depth."""
+) -> Iterator[_TransformedField]:
+    """Transform the depth."""
 
-    def undone(cause: str, depths_m: Float64, magnitude: float | None = None) -> _Hypothesis:
-        likeliness = _FREE if cause == "other_sequence" else 1.0
-        return _Hypothesis(cause, "depth", replace(sample, depths_m=depths_m), motion, magnitude, likeliness)
+    def transformed(name: str, depths_m: Float64, magnitude: float | None = None) -> _TransformedField:
+        return _TransformedField(name, "depth", replace(sample, depths_m=depths_m), motion, magnitude)
 
     K = track.camera.K
     slopes = ((sample.columns - K[0, 2]) / K[0, 0], (sample.rows - K[1, 2]) / K[1, 1])
-    yield undone("depth_ray_not_z", sample.depths_m / np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2))
+    yield transformed("ray_lengths", sample.depths_m / np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2))
     if not depths_plausible(window.facts, sample.depths_m):
-        yield undone("unit_mm_m", sample.depths_m * MM_PER_M, 1 / MM_PER_M)
-        yield undone("unit_mm_m", sample.depths_m / MM_PER_M, MM_PER_M)
+        yield transformed("metric_unit", sample.depths_m * MM_PER_M, 1 / MM_PER_M)
+        yield transformed("metric_unit", sample.depths_m / MM_PER_M, MM_PER_M)
     by_flow_m = depths_by_flow(K, motion, sample.columns, sample.rows, sample.flow_px)
-    yield undone("other_sequence", np.where(by_flow_m > 0, by_flow_m, np.nan))
+    yield transformed("triangulated_depth", np.where(by_flow_m > 0, by_flow_m, np.nan))
     column, row = sample.columns.astype(int), sample.rows.astype(int)
     stored = window.depth_m(frame)
     width = stored.shape[1]
-    yield undone("mirrored", _at(stored, width - 1 - column, row))
+    yield transformed("mirrored", _depths_at(stored, width - 1 - column, row))
     for shift in _SHIFTS_PX:
         for dx, dy in ((shift, 0), (0, shift), (shift, shift)):
-            yield undone("spatial_offset", _at(stored, column + dx, row + dy), float(shift))
+            yield transformed("shifted_pixels", _depths_at(stored, column + dx, row + dy), float(shift))
     step_ns = _step_ns(window.facts.clocks["depth"])
-    for frames in _NEIGHBOURS:
+    for frames in _FRAME_SHIFTS:
         if 0 <= frame + frames < window.facts.sizes["path/depth"]:
-            depths_m = _at(window.depth_m(frame + frames), column, row)
-            yield undone("time_offset", depths_m, frames * step_ns * _MS_PER_NS)
-            yield undone("swapped_frames", depths_m, float(abs(frames)))
+            depths_m = _depths_at(window.depth_m(frame + frames), column, row)
+            yield transformed("delayed", depths_m, frames * step_ns * _MS_PER_NS)
+            yield transformed("neighbouring_frame", depths_m, float(abs(frames)))
 
 
-def _of_the_pose(window: Window, track: PoseTrack, interval: Interval, sample: FlowSample) -> Iterator[_Hypothesis]:
-    """Undo what may have happened to the pose, at both ends of the interval or at one, and to the camera's mounting."""
+def _of_the_pose(
+    window: Window, track: PoseTrack, interval: Interval, sample: FlowSample
+) -> Iterator[_TransformedField]:
+    """Transform the pose, at both ends of the interval or at one, and the camera's mounting."""
 
-    def turned(order: tuple[int, ...], signs: tuple[int, ...]) -> PoseTrack:
+    def reordered(order: tuple[int, ...], signs: tuple[int, ...]) -> PoseTrack:
         return track.transformed(
             lambda poses: replace(poses, orientations_xyzw=poses.orientations_xyzw[:, order] * signs)
         )
 
-    def moved(change: Float64) -> PoseTrack:
+    def with_axes(change: Float64) -> PoseTrack:
         return track.transformed(lambda poses: replace(poses, positions_world_m=poses.positions_world_m @ change))
 
     mountings = [track.mounted(T_body_camera) for T_body_camera in other_mountings(track.camera.T_body_camera)]
-    for cause, stream, corrected, magnitude in (
-        ("quaternion_inverted", "pose", turned((0, 1, 2, 3), (-1, -1, -1, 1)), None),
-        ("quaternion_order", "pose", turned((1, 2, 3, 0), (1, 1, 1, 1)), None),
+    # depths of the scene tell metres from millimetres of the pose only where they are plausible themselves
+    for name, stream, corrected, magnitude in (
+        ("conjugated_quaternion", "pose", reordered((0, 1, 2, 3), (-1, -1, -1, 1)), None),
+        ("reordered_quaternion", "pose", reordered((1, 2, 3, 0), (1, 1, 1, 1)), None),
         (
-            "unit_mm_m",
+            "metric_unit",
             "pose",
-            moved(np.eye(3) / MM_PER_M) if depths_plausible(window.facts, sample.depths_m) else None,
+            with_axes(np.eye(3) / MM_PER_M) if depths_plausible(window.facts, sample.depths_m) else None,
             MM_PER_M,
         ),
-        ("axes_swapped", "pose", moved(np.eye(3)[[1, 0, 2]]), None),
-        ("frame_convention", "pose", _from_north_east_down(track), None),
-        *(("frame_convention", "metadata", mounted, None) for mounted in mountings),
+        ("transposed_axes", "pose", with_axes(np.eye(3)[[1, 0, 2]]), None),
+        ("north_east_down", "pose", _from_north_east_down(track), None),
+        *(("other_mounting", "metadata", mounted, None) for mounted in mountings),
     ):
         if corrected is None:
             continue
         ends = ((corrected, corrected), (track, corrected), (corrected, track))
         for first, last in ends[:1] if stream == "metadata" else ends:
             motion = first.motion_into(last, interval.start_ns, interval.end_ns)
-            yield _Hypothesis(cause, stream, sample, motion, magnitude)
+            yield _TransformedField(name, stream, sample, motion, magnitude)
 
 
 def other_mountings(T_body_camera: Float64) -> list[Float64]:
@@ -261,7 +276,7 @@ def _step_ns(clock: Clock) -> float:
     return float(np.median(np.diff(times_ns))) if len(times_ns) > 1 else 0.0
 
 
-def _at(depth_m: NDArray[np.float32], columns: NDArray[np.int_], rows: NDArray[np.int_]) -> Float64:
+def _depths_at(depth_m: NDArray[np.float32], columns: NDArray[np.int_], rows: NDArray[np.int_]) -> Float64:
     """Return depths at pixels, NaN where invalid or outside."""
     height, width = depth_m.shape
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
@@ -275,17 +290,17 @@ def _deviation(track: PoseTrack, interval: Interval, sample: FlowSample, motion:
     Pixels whose points fall behind the camera do not count; infinite where they are the most.
     """
     recomputed = rigid_flow(track.camera.K, motion, sample.columns, sample.rows, sample.depths_m)
-    seen = np.logical_and(*np.isfinite(recomputed).T)
-    if 2 * np.count_nonzero(seen) < len(seen):
+    in_front = np.logical_and(*np.isfinite(recomputed).T)
+    if 2 * np.count_nonzero(in_front) < len(in_front):
         return float("inf")
     noise = window.facts.declared.pose
     covariance = field_covariance(track, interval, noise)
     fit = None if covariance is None else fit_motion(track.camera.K, motion, sample)
     if covariance is not None and fit is None:
         return float("inf")
-    nothing = np.zeros((len(sample.columns), 2, 0))
-    evidence = weigh_templates(track.camera.K, motion, sample, nothing, fit, covariance)
-    return float(np.sqrt(evidence.total / np.count_nonzero(seen)) * sample.sigma_px)
+    no_templates = np.zeros((len(sample.columns), 2, 0))
+    evidence = weigh_templates(track.camera.K, motion, sample, no_templates, fit, covariance)
+    return float(np.sqrt(evidence.total / np.count_nonzero(in_front)) * sample.sigma_px)
 
 
 def _with_flow(sample: FlowSample, values: NDArray[np.floating]) -> FlowSample | None:

@@ -11,7 +11,7 @@ from fedora_qa.estimators.depth.warp import lattice_stride
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.estimators.flow.path_kernels import medians_of_parts
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
-from fedora_qa.views.flow_chains import Composed, Segment, compose
+from fedora_qa.views.flow_chains import ComposedPaths, Segment, compose
 
 Float64 = NDArray[np.float64]
 
@@ -34,8 +34,8 @@ and return, but never most, however few stay."""
 
 
 @dataclass(frozen=True, slots=True)
-class Deviation:
-    """A median endpoint error in px, and the median of what it may honestly be."""
+class MedianEndpointError:
+    """A median endpoint error in px, and the median of its bound from interpolation and rounding."""
 
     typical_px: float
     bound_px: float
@@ -48,7 +48,7 @@ class Deviation:
 
 @dataclass(frozen=True, slots=True)
 class RateAgreement:
-    """One segment.
+    """How well two rates agree over one common interval.
 
     Attributes
     ----------
@@ -60,46 +60,70 @@ class RateAgreement:
     """
 
     segment: Segment
-    whole: Deviation | None
-    worst_tile: Deviation | None
+    whole: MedianEndpointError | None
+    worst_tile: MedianEndpointError | None
     tile: tuple[int, int, int, int] | None
     lost: float
 
     @property
     def suspicion(self) -> float:
         """Above 1 where the segment, or a tile of it, is off."""
-        found = [self.lost / MOST_LOST]
-        found += [deviation.suspicion for deviation in (self.whole, self.worst_tile) if deviation is not None]
-        return max(found)
+        suspicions = [self.lost / MOST_LOST]
+        suspicions += [error.suspicion for error in (self.whole, self.worst_tile) if error is not None]
+        return max(suspicions)
 
 
-def compare(window: Window, segment: Segment) -> RateAgreement | None:
-    """Compare two rates over a segment; None where a field's size is not the other's, or no flow is known."""
+def compare_rates(window: Window, segment: Segment) -> RateAgreement | None:
+    """Compare two rates over a segment.
+
+    Returns
+    -------
+    None where a field's size is not the other's, or where fewer than ``FEWEST_PIXELS`` pixels have a flow of either
+    rate.
+    """
     shapes = _shapes(window, segment)
     if len(shapes) != 1:
         return None
     height, width = shapes.pop()
-    places = _places(height, width, _steps(height, width, window.sampling.tile_share))
-    columns, rows = places.columns, places.rows
+    starts = _path_starts(height, width, _steps(height, width, window.sampling.tile_share))
+    columns, rows = starts.columns, starts.rows
     slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
-    known = slow.clear & slow.stays
-    if np.count_nonzero(known | (fast.clear & fast.stays)) < FEWEST_PIXELS:
+    usable = slow.clear & slow.stays
+    if np.count_nonzero(usable | (fast.clear & fast.stays)) < FEWEST_PIXELS:
         return None
     lost = np.count_nonzero(slow.stays != fast.stays) / len(columns)
-    compared = np.flatnonzero(known & fast.clear & fast.stays)
+    compared = np.flatnonzero(usable & fast.clear & fast.stays)
     if len(compared) < FEWEST_PIXELS:
         return RateAgreement(segment, None, None, None, lost)
     apart_px = slow.displacement_px[compared] - fast.displacement_px[compared]
     error_px = np.sqrt(np.square(apart_px[:, 0]) + np.square(apart_px[:, 1]))
     bound_px = slow.bound_px[compared] + fast.bound_px[compared]
-    whole = Deviation(median_of(error_px), median_of(bound_px))
-    worst, tile = _worst_tile(error_px, bound_px, places.tiles[compared]) or (whole, None)
-    return RateAgreement(segment, whole, worst, None if tile is None else _edges(tile, height, width), lost)
+    whole = MedianEndpointError(median_of(error_px), median_of(bound_px))
+    # The worst tile, of those that hold enough pixels, is the one whose error exceeds its bound most.
+    tiles = starts.tiles[compared]
+    order = np.argsort(tiles, kind="stable")
+    counts = np.bincount(tiles, minlength=_TILES[0] * _TILES[1])
+    part_starts = np.concatenate(([0], np.cumsum(counts)))
+    typical_px, limits_px = (medians_of_parts(values[order], part_starts) for values in (error_px, bound_px))
+    enough = counts >= _FEWEST_IN_TILE
+    if not enough.any():
+        return RateAgreement(segment, whole, whole, None, lost)
+    number = int(np.argmax(np.where(enough, typical_px / limits_px, -1.0)))
+    worst = MedianEndpointError(float(typical_px[number]), float(limits_px[number]))
+    (across, down), (top, left) = _TILES, divmod(number, _TILES[0])
+    tile = (left * width // across, top * height // down, (left + 1) * width // across, (top + 1) * height // down)
+    return RateAgreement(segment, whole, worst, tile, lost)
 
 
-def median_error_px(slow: Composed, fast: Composed) -> float:
+def compared_pixels(path: ComposedPaths, other: ComposedPaths) -> NDArray[np.bool_]:
+    """Return (n,) which pixels both compositions keep within the image and clear of breaks."""
+    both: NDArray[np.bool_] = path.clear & path.stays & other.clear & other.stays
+    return both
+
+
+def median_error_px(slow: ComposedPaths, fast: ComposedPaths) -> float:
     """Return the median endpoint error of two compositions; infinite where too few pixels can be compared."""
-    compared = slow.clear & slow.stays & fast.clear & fast.stays
+    compared = compared_pixels(slow, fast)
     if np.count_nonzero(compared) < FEWEST_PIXELS:
         return np.inf
     errors_px = np.linalg.norm(slow.displacement_px[compared] - fast.displacement_px[compared], axis=-1)
@@ -107,8 +131,8 @@ def median_error_px(slow: Composed, fast: Composed) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _Places:
-    """Columns, rows (n,) of a lattice, and the tile that each lies in."""
+class _PathStarts:
+    """Columns, rows (n,) of a lattice, and the number of the tile that each lies in."""
 
     columns: Float64
     rows: Float64
@@ -116,20 +140,20 @@ class _Places:
 
 
 @lru_cache(maxsize=4)
-def _places(height: int, width: int, steps: tuple[int, int]) -> _Places:
+def _path_starts(height: int, width: int, steps: tuple[int, int]) -> _PathStarts:
     """Return every so many-th pixel of an image along columns and rows; they are the same in every field of a file."""
     columns, rows = np.meshgrid(np.arange(0.0, width - 1, steps[0]), np.arange(0.0, height - 1, steps[1]))
     columns, rows = columns.ravel(), rows.ravel()
     across, down = _TILES
     tiles = (rows * down / height).astype(np.intp) * across + (columns * across / width).astype(np.intp)
-    return _Places(columns, rows, tiles)
+    return _PathStarts(columns, rows, tiles)
 
 
-def lattice_of(window: Window, segment: Segment) -> tuple[Float64, Float64]:
+def path_starts(window: Window, segment: Segment) -> tuple[Float64, Float64]:
     """Return columns and rows (n,) of the pixels that the effort asks for, if the image has so many."""
     height, width = _shapes(window, segment).pop()
-    places = _places(height, width, _steps(height, width, window.sampling.tile_share))
-    return places.columns, places.rows
+    starts = _path_starts(height, width, _steps(height, width, window.sampling.tile_share))
+    return starts.columns, starts.rows
 
 
 def _steps(height: int, width: int, share: float) -> tuple[int, int]:
@@ -149,22 +173,3 @@ def _shapes(window: Window, segment: Segment) -> set[tuple[int, int]]:
     """Return the different heights and widths of the fields of a segment; those of one rate are of one shape."""
     images = (window.flow_px(chain.stream, chain.rows[0]) for chain in (segment.slow, segment.fast))
     return {(image.shape[0], image.shape[1]) for image in images}
-
-
-def _edges(tile: int, height: int, width: int) -> tuple[int, int, int, int]:
-    """Return left, top, right, bottom of a tile of an image."""
-    (across, down), (top, left) = _TILES, divmod(tile, _TILES[0])
-    return left * width // across, top * height // down, (left + 1) * width // across, (top + 1) * height // down
-
-
-def _worst_tile(error_px: Float64, bound_px: Float64, tiles: NDArray[np.intp]) -> tuple[Deviation, int] | None:
-    """Return the tile that is off most, of pixels (n,) in the tiles of these numbers; None where none holds enough."""
-    order = np.argsort(tiles, kind="stable")
-    counts = np.bincount(tiles, minlength=_TILES[0] * _TILES[1])
-    starts = np.concatenate(([0], np.cumsum(counts)))
-    typical_px, limits_px = (medians_of_parts(values[order], starts) for values in (error_px, bound_px))
-    enough = counts >= _FEWEST_IN_TILE
-    if not enough.any():
-        return None
-    tile = int(np.argmax(np.where(enough, typical_px / limits_px, -1.0)))
-    return Deviation(float(typical_px[tile]), float(limits_px[tile])), tile

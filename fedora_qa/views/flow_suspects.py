@@ -8,7 +8,7 @@ import numpy as np
 
 from fedora_qa.causes import CAUSES
 from fedora_qa.checks.protocol import Suspect
-from fedora_qa.views.flow_conventions import Weighed
+from fedora_qa.views.flow_conventions import ConventionTrial
 
 _ENOUGH: Final = 0.3
 """Causes that remove less than this share of the deviation are not named."""
@@ -43,22 +43,22 @@ def spreads_over(stream: str, off: Mapping[str, bool]) -> str:
     return "flow" if all(off.values()) else stream
 
 
-def gross_suspects(stream: str, weighed: Sequence[Weighed], flow: str, *, share_off: float) -> list[Suspect]:
+def gross_suspects(stream: str, weighed: Sequence[ConventionTrial], flow: str, *, share_off: float) -> list[Suspect]:
     """Average the weights of each inverse transform over the fields of one rate that it was tried on.
 
     ``share_off`` is the share of fields that are off. Where these are most, faults of single frames lose half of their
     weight; where they are few, the other faults do.
     """
-    by_cause: dict[tuple[str, str], list[Weighed]] = {}
+    by_cause: dict[tuple[str, str], list[ConventionTrial]] = {}
     for one in weighed:
         if one.rate == stream:
-            by_cause.setdefault((one.cause, one.stream), []).append(one)
+            by_cause.setdefault((one.transform, one.stream), []).append(one)
     suspects = []
     for (cause, fault_stream), group in by_cause.items():
-        weight = float(np.mean([one.weight for one in group]))
+        weight = float(np.mean([one.removed_share for one in group]))
         unlikely = share_off > _MOST if cause in _OF_FRAMES else share_off < _FEW
         weight *= 0.5 if unlikely else 1.0
-        magnitude = max(group, key=lambda one: one.weight).magnitude
+        magnitude = max(group, key=lambda one: one.removed_share).magnitude
         unit = "" if magnitude is None else CAUSES[cause].unit
         suspects.append(Suspect(cause, flow if fault_stream == "flow" else fault_stream, weight, magnitude, unit))
     return suspects

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.checks.flow_geometry.another_motion import as_noise
-from fedora_qa.checks.flow_geometry.endpoint import FlowGeometryEndpoint
-from fedora_qa.checks.protocol import Suspect
+from fedora_qa.checks.flow_geometry.endpoint import FlowGeometryEndpoint, correction_growth
+from fedora_qa.diagnosis.flow_geometry.endpoint import noise_likeness
+from fedora_qa.diagnosis.hypotheses import hypotheses_of
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.views.flow_comparison import FieldError
@@ -50,8 +51,8 @@ def test_what_moves_by_itself_is_left_out_where_it_is_marked(share: float) -> No
     assert judged(FlowGeometryEndpoint(), with_mover(marked=True), tile_share=share).result.outcome == "passed"
     assert judged(FlowGeometryEndpoint(), with_mover(marked=False), tile_share=share).result.outcome == "failed"
     gain = with_mover(marked=True).with_flow(lambda _, flow: flow * 1.02)
-    suspect = first_suspect(judged(FlowGeometryEndpoint(), gain, tile_share=share))
-    assert (suspect.cause, suspect.stream) == ("flow_gain", "flow")
+    hypothesis = most_probable_cause(gain, tile_share=share)
+    assert (hypothesis.cause, hypothesis.stream) == ("flow_gain", "flow")
 
 
 def with_camera(world: FlowWorld, K_declared: np.ndarray = K, T: np.ndarray = T_BODY_CAMERA) -> FlowWorld:
@@ -61,9 +62,13 @@ def with_camera(world: FlowWorld, K_declared: np.ndarray = K, T: np.ndarray = T_
     return world.declaring(cameras=cameras)
 
 
-def first_suspect(result: Judged) -> Suspect:
+def first_hypothesis(result: Judged, world: FlowWorld) -> Hypothesis:
     assert result.result.outcome == "failed"
-    return result.alarms[0].statistic.suspects[0]
+    return hypotheses_of(result.alarms[0], world.facts)[0]
+
+
+def most_probable_cause(world: FlowWorld, **options: float) -> Hypothesis:
+    return first_hypothesis(judged(FlowGeometryEndpoint(), world, **options), world)
 
 
 @pytest.mark.parametrize("world", [clean, noisy], ids=["exact pose", "noisy pose"])
@@ -80,8 +85,8 @@ def test_sampled_efforts_agree(share: float) -> None:
     """A coarser lattice passes the clean file and still finds a gain of 0.1%."""
     assert judged(FlowGeometryEndpoint(), clean(), tile_share=share).result.outcome == "passed"
     off = clean().with_flow(lambda _, flow: flow * 1.001)
-    suspect = first_suspect(judged(FlowGeometryEndpoint(), off, tile_share=share))
-    assert suspect.magnitude == pytest.approx(0.1, rel=1e-2)
+    hypothesis = most_probable_cause(off, tile_share=share)
+    assert hypothesis.magnitude == pytest.approx(0.1, rel=1e-2)
 
 
 VALUE_FAULTS = {
@@ -100,11 +105,11 @@ VALUE_FAULTS = {
 
 @pytest.mark.parametrize(("change", "cause", "magnitude"), VALUE_FAULTS.values(), ids=VALUE_FAULTS)
 def test_fault_of_the_values_is_named(change: object, cause: str, magnitude: float | None) -> None:
-    """The first suspect is what was done to the fields, with its size; all rates are off, so it is flow as a whole."""
-    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_flow(change)))  # type: ignore[arg-type]
-    assert (suspect.cause, suspect.stream) == (cause, "flow")
+    """The first hypothesis is what was done to the fields, with its size; all rates are off, so flow as a whole is."""
+    hypothesis = most_probable_cause(clean().with_flow(change))  # type: ignore[arg-type]
+    assert (hypothesis.cause, hypothesis.stream) == (cause, "flow")
     if magnitude is not None:
-        assert suspect.magnitude == pytest.approx(magnitude, rel=1e-3)
+        assert hypothesis.magnitude == pytest.approx(magnitude, rel=1e-3)
 
 
 def test_one_rate_alone_is_named() -> None:
@@ -112,14 +117,14 @@ def test_one_rate_alone_is_named() -> None:
     off = clean().with_flow(lambda stream, flow: flow * (1.01 if stream == "flow/25hz" else 1.0))
     result = judged(FlowGeometryEndpoint(), off)
     assert {alarm.finding.where.stream for alarm in result.alarms} == {"flow/25hz"}
-    assert first_suspect(result).stream == "flow/25hz"
+    assert first_hypothesis(result, off).stream == "flow/25hz"
 
 
 def test_rate_mixed_up_is_named() -> None:
     """10 Hz fields that hold the 50 Hz ones that begin with them belong to another rate."""
     fast = clean().rows_by_key["path/flow/50hz"][::5]
-    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_rows(path_flow_10hz=fast)))
-    assert (suspect.cause, suspect.stream) == ("flow_rate_mixed", "flow/10hz")
+    hypothesis = most_probable_cause(clean().with_rows(path_flow_10hz=fast))
+    assert (hypothesis.cause, hypothesis.stream) == ("flow_rate_mixed", "flow/10hz")
 
 
 LONGER_K = K * np.array([[1.005, 1.0, 1.0], [1.0, 1.005, 1.0], [1.0, 1.0, 1.0]])
@@ -144,13 +149,14 @@ def test_fault_of_the_declared_camera_is_named(
 ) -> None:
     """Wrong intrinsics show whatever the pose's noise; a wrong mounting needs an exact pose."""
     base: FlowWorld = world()  # type: ignore[operator]
-    result = judged(FlowGeometryEndpoint(), with_camera(base, K_declared, T))
+    declared = with_camera(base, K_declared, T)
+    result = judged(FlowGeometryEndpoint(), declared)
     if base is noisy() and cause in ("extrinsic_rotation", "lever_arm"):
         assert result.result.outcome == "passed"
         return
-    suspect = first_suspect(result)
-    assert (suspect.cause, suspect.stream) == (cause, "metadata")
-    assert suspect.magnitude == pytest.approx(size, rel=0.02)
+    hypothesis = first_hypothesis(result, declared)
+    assert (hypothesis.cause, hypothesis.stream) == (cause, "metadata")
+    assert hypothesis.magnitude == pytest.approx(size, rel=0.02)
 
 
 def test_late_poses_are_measured() -> None:
@@ -158,16 +164,16 @@ def test_late_poses_are_measured() -> None:
     world = clean()
     late = world.facts.clocks["pose"]
     clocks = {**world.facts.clocks, "pose": replace(late, times_ns=late.times_ns + 2_000_000)}
-    suspect = first_suspect(judged(FlowGeometryEndpoint(), replace(world, facts=replace(world.facts, clocks=clocks))))
-    assert (suspect.cause, suspect.stream) == ("time_offset", "pose")
-    assert suspect.magnitude == pytest.approx(2.0, rel=0.02)
+    hypothesis = most_probable_cause(replace(world, facts=replace(world.facts, clocks=clocks)))
+    assert (hypothesis.cause, hypothesis.stream) == ("time_offset", "pose")
+    assert hypothesis.magnitude == pytest.approx(2.0, rel=0.02)
 
 
 def test_mirrored_depth_is_named() -> None:
     """Undoing the fault of the depth makes flow agree, so the depth is suspected and not the flow."""
     mirrored = clean().rows_by_key["path/depth"][:, :, ::-1]
-    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_rows(path_depth=mirrored)))
-    assert (suspect.cause, suspect.stream) == ("mirrored", "depth")
+    hypothesis = most_probable_cause(clean().with_rows(path_depth=mirrored))
+    assert (hypothesis.cause, hypothesis.stream) == ("mirrored", "depth")
 
 
 def test_ray_length_is_told_from_depth() -> None:
@@ -175,8 +181,8 @@ def test_ray_length_is_told_from_depth() -> None:
     columns, rows = np.meshgrid(np.arange(192), np.arange(144))
     stretch = np.sqrt(1 + ((columns - K[0, 2]) / K[0, 0]) ** 2 + ((rows - K[1, 2]) / K[1, 1]) ** 2)
     depth = (clean().rows_by_key["path/depth"] * stretch).astype(np.float32)
-    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_rows(path_depth=depth)))
-    assert (suspect.cause, suspect.stream) == ("depth_ray_not_z", "depth")
+    hypothesis = most_probable_cause(clean().with_rows(path_depth=depth))
+    assert (hypothesis.cause, hypothesis.stream) == ("depth_ray_not_z", "depth")
 
 
 POSE_FAULTS = {
@@ -189,8 +195,8 @@ POSE_FAULTS = {
 def test_quaternion_convention_is_named(order: list[int], signs: list[int], cause: str) -> None:
     """Undoing another order or direction of the quaternion makes flow agree."""
     orientations = clean().rows_by_key["path/pose/orientation"][:, order] * signs
-    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_rows(path_pose_orientation=orientations)))
-    assert (suspect.cause, suspect.stream) == (cause, "pose")
+    hypothesis = most_probable_cause(clean().with_rows(path_pose_orientation=orientations))
+    assert (hypothesis.cause, hypothesis.stream) == (cause, "pose")
 
 
 def test_single_pixel_is_found_and_placed() -> None:
@@ -210,9 +216,8 @@ def test_flow_from_the_noisy_pose_is_named() -> None:
         (make_world((50,)).rows_by_key[key] for key in ("path/pose/position", "path/pose/orientation")),
         strict=True,
     ))  # fmt: skip
-    result = judged(FlowGeometryEndpoint(), replace(world, rows_by_key=exact))
-    suspect = first_suspect(result)
-    assert (suspect.cause, suspect.stream) == ("flow_from_noisy_pose", "flow")
+    hypothesis = most_probable_cause(replace(world, rows_by_key=exact))
+    assert (hypothesis.cause, hypothesis.stream) == ("flow_from_noisy_pose", "flow")
 
 
 def test_noise_that_is_larger_than_declared_is_measured() -> None:
@@ -220,8 +225,8 @@ def test_noise_that_is_larger_than_declared_is_measured() -> None:
     world = noisy().declaring(pose=PoseModel(NOISE.position_sigma_m / 2, NOISE.rotation_sigma_rad / 2))
     result = judged(FlowGeometryEndpoint(), world)
     assert {alarm.finding.code for alarm in result.alarms} == {"flow_geometry.endpoint.pose_correction"}
-    assert first_suspect(result).cause == "noise_misdeclared"
-    assert first_suspect(result).magnitude == pytest.approx(-50, abs=15)
+    assert first_hypothesis(result, world).cause == "noise_misdeclared"
+    assert first_hypothesis(result, world).magnitude == pytest.approx(-50, abs=15)
 
 
 def test_what_cannot_be_asked_or_seen_is_said() -> None:
@@ -270,25 +275,26 @@ PARTS_OF_THE_POSE = {
 @pytest.mark.parametrize(("key", "change", "cause"), PARTS_OF_THE_POSE.values(), ids=PARTS_OF_THE_POSE)
 def test_poses_that_are_wrong_for_a_while_are_named(key: str, change: object, cause: str) -> None:
     """Fields across the fault's edges, whose recomputed flow is garbage, do not make the flow look shifted in time."""
-    result = judged(FlowGeometryEndpoint(), from_the_middle_on(key, change))
-    for alarm in result.alarms:
-        assert (alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) == (cause, "pose")
-        assert not any(suspect.cause == "flow_gain" and suspect.weight > 0.9 for suspect in alarm.statistic.suspects)
+    world = from_the_middle_on(key, change)
+    for alarm in judged(FlowGeometryEndpoint(), world).alarms:
+        hypotheses = hypotheses_of(alarm, world.facts)
+        assert (hypotheses[0].cause, hypotheses[0].stream) == (cause, "pose")
+        assert not any(hypothesis.cause == "flow_gain" and hypothesis.support > 0.9 for hypothesis in hypotheses)
 
 
 def test_poses_far_away_for_a_while_are_poses() -> None:
     """Where half a kilometre makes the recomputed flow absurd, poses are named: no exchange of fields, no gain."""
-    result = judged(FlowGeometryEndpoint(), from_the_middle_on("path/pose/position", lambda p: p + 500.0))
-    for alarm in result.alarms:
-        first = alarm.statistic.suspects[0]
+    world = from_the_middle_on("path/pose/position", lambda p: p + 500.0)
+    for alarm in judged(FlowGeometryEndpoint(), world).alarms:
+        first = hypotheses_of(alarm, world.facts)[0]
         assert (first.cause, first.stream) == ("teleport", "pose")
         assert first.magnitude == pytest.approx(500.0 * np.sqrt(3), rel=0.01)
 
 
 def test_flow_of_zeros_is_a_gain() -> None:
     """No flow at all is a gain of -100%."""
-    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_flow(lambda _, flow: 0 * flow)))
-    assert (suspect.cause, suspect.magnitude) == ("flow_gain", pytest.approx(-100.0))
+    hypothesis = most_probable_cause(clean().with_flow(lambda _, flow: 0 * flow))
+    assert (hypothesis.cause, hypothesis.magnitude) == ("flow_gain", pytest.approx(-100.0))
 
 
 def test_depth_of_another_scene_is_told_by_the_lines_that_flow_keeps_to() -> None:
@@ -296,8 +302,8 @@ def test_depth_of_another_scene_is_told_by_the_lines_that_flow_keeps_to() -> Non
     rng = np.random.default_rng(3)
     steps_m = rng.uniform(0.5, 2.0, (6, 8)).repeat(24, axis=0).repeat(24, axis=1)
     depth = (clean().rows_by_key["path/depth"] * steps_m).astype(np.float32)
-    suspect = first_suspect(judged(FlowGeometryEndpoint(), clean().with_rows(path_depth=depth)))
-    assert (suspect.cause, suspect.stream) == ("other_sequence", "depth")
+    hypothesis = most_probable_cause(clean().with_rows(path_depth=depth))
+    assert (hypothesis.cause, hypothesis.stream) == ("other_sequence", "depth")
 
 
 def test_poses_of_another_flight_are_no_noise() -> None:
@@ -308,10 +314,9 @@ def test_poses_of_another_flight_are_no_noise() -> None:
     turned = Rotation.from_quat(clean().rows_by_key["path/pose/orientation"]) * Rotation.from_rotvec(
         np.outer(times_s, [0, 0.2, 0])
     )
-    result = judged(
-        FlowGeometryEndpoint(), clean().with_rows(path_pose_position=aside, path_pose_orientation=turned.as_quat())
-    )
-    causes = [(one.cause, one.stream) for one in result.alarms[0].statistic.suspects]
+    world = clean().with_rows(path_pose_position=aside, path_pose_orientation=turned.as_quat())
+    alarm = judged(FlowGeometryEndpoint(), world).alarms[0]
+    causes = [(hypothesis.cause, hypothesis.stream) for hypothesis in hypotheses_of(alarm, world.facts)]
     assert causes[0][0] == "other_sequence"
     assert ("other_sequence", "pose") in causes
     assert ("noise_misdeclared", "pose") not in causes
@@ -324,4 +329,4 @@ def test_corrections_of_noise_cancel_from_field_to_field(drift_rad: float, least
     twists = np.diff(noise, axis=0) + drift_rad
     field = FieldError(Interval("flow/50hz", 0, 0, 1), 0, 1, 1.0, 1.0, 1.0, 1.0, (0, 0))
     fields = [replace(field, free_twist=tuple(twist)) for twist in twists]
-    assert least <= as_noise(fields) <= most
+    assert least <= noise_likeness(correction_growth(fields)) <= most

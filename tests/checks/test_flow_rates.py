@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from fedora_qa.checks.flow_rates.composition import FlowRatesComposition
-from fedora_qa.checks.protocol import Suspect
+from fedora_qa.diagnosis.hypotheses import hypotheses_of
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.window import Sampling
 from fedora_qa.views.flow_chains import Chain, compose, segments
@@ -30,16 +31,16 @@ def with_rate(rate_hz: int, change: Callable[[Fields], Fields]) -> FlowWorld:
     return clean().with_flow(lambda name, fields: change(fields.copy()) if name == stream else fields)
 
 
-def best(result: Judged) -> Suspect:
-    """The suspect that explains most, over all alarms."""
+def best(result: Judged) -> Hypothesis:
+    """The hypothesis that explains most, over all alarms."""
     assert result.result.outcome == "failed", result.result
-    weights: dict[tuple[str, str], float] = {}
-    suspects = [suspect for alarm in result.alarms for suspect in alarm.statistic.suspects]
-    for suspect in suspects:
-        key = suspect.cause, suspect.stream
-        weights[key] = weights.get(key, 0.0) + suspect.weight
-    cause = max(weights, key=lambda key: weights[key])
-    return max((s for s in suspects if (s.cause, s.stream) == cause), key=lambda suspect: suspect.weight)
+    support: dict[tuple[str, str], float] = {}
+    hypotheses = [hypothesis for alarm in result.alarms for hypothesis in hypotheses_of(alarm, clean().facts)]
+    for hypothesis in hypotheses:
+        key = hypothesis.cause, hypothesis.stream
+        support[key] = support.get(key, 0.0) + hypothesis.support
+    cause = max(support, key=lambda key: support[key])
+    return max((h for h in hypotheses if (h.cause, h.stream) == cause), key=lambda hypothesis: hypothesis.support)
 
 
 def test_composition_is_the_true_flow() -> None:
@@ -123,17 +124,17 @@ def test_the_odd_rate_is_named(
     rate_hz: int, change: Callable[[Fields], Fields], cause: str, size: float | None
 ) -> None:
     """Of three rates the one that disagrees with the others is named, with its fault and size."""
-    suspect = best(judged(FlowRatesComposition(), with_rate(rate_hz, change)))
-    assert (suspect.cause, suspect.stream) == (cause, f"flow/{rate_hz}hz")
+    hypothesis = best(judged(FlowRatesComposition(), with_rate(rate_hz, change)))
+    assert (hypothesis.cause, hypothesis.stream) == (cause, f"flow/{rate_hz}hz")
     if size is not None:
-        assert suspect.magnitude == pytest.approx(size, rel=0.03)
+        assert hypothesis.magnitude == pytest.approx(size, rel=0.03)
 
 
 def test_fields_of_another_rate_are_recognised() -> None:
     """Fields of 50 Hz under the name of 25 Hz are recognised bit for bit, and not taken for a gain of a half."""
     fast = clean().rows_by_key["path/flow/50hz"]
-    suspect = best(judged(FlowRatesComposition(), with_rate(25, lambda flow: fast[::2][: len(flow)])))
-    assert (suspect.cause, suspect.stream) == ("flow_rate_mixed", "flow/25hz")
+    hypothesis = best(judged(FlowRatesComposition(), with_rate(25, lambda flow: fast[::2][: len(flow)])))
+    assert (hypothesis.cause, hypothesis.stream) == ("flow_rate_mixed", "flow/25hz")
 
 
 @pytest.mark.parametrize("cause", ["flow_sign", "axes_swapped", "mirrored"])
@@ -144,8 +145,8 @@ def test_faults_of_all_rates_are_faults_of_flow(cause: str) -> None:
         "axes_swapped": lambda flow: flow[..., ::-1],
         "mirrored": lambda flow: flow[:, :, ::-1],
     }
-    suspect = best(judged(FlowRatesComposition(), clean().with_flow(lambda _, flow: changes[cause](flow))))
-    assert (suspect.cause, suspect.stream) == (cause, "flow")
+    hypothesis = best(judged(FlowRatesComposition(), clean().with_flow(lambda _, flow: changes[cause](flow))))
+    assert (hypothesis.cause, hypothesis.stream) == (cause, "flow")
 
 
 def test_two_rates_leave_both_suspected() -> None:
@@ -153,9 +154,9 @@ def test_two_rates_leave_both_suspected() -> None:
     world = with_rate(50, lambda flow: 1.05 * flow).without("flow/10hz")
     result = judged(FlowRatesComposition(), world)
     gains = {
-        suspect.stream: suspect.weight
-        for suspect in result.alarms[0].statistic.suspects
-        if suspect.cause == "flow_gain"
+        hypothesis.stream: hypothesis.support
+        for hypothesis in hypotheses_of(result.alarms[0], world.facts)
+        if hypothesis.cause == "flow_gain"
     }
     assert gains["flow/25hz"] == pytest.approx(gains["flow/50hz"], rel=0.05)
     assert "flow/25hz" in result.alarms[0].finding.message

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.checks.flow_geometry.timestamp_patterns import timestamp_patterns
+from fedora_qa.checks.flow_geometry.interval_timestamps import timestamp_patterns
 
 MS = 1_000_000
 FRAMES_NS = np.arange(0, 1_001 * MS, 20 * MS)
@@ -19,16 +19,16 @@ def rounded_to_us(instants_ns: np.ndarray) -> np.ndarray:
 def test_constant_offset_is_recovered(offset_us: int, sign: int) -> None:
     """An offset of less than half a frame step, of either sign, is named with its size, exactly."""
     best = timestamp_patterns(FRAMES_NS + 1000 * sign * offset_us, FRAMES_NS)[0]
-    assert best.cause == "time_offset"
+    assert best.pattern == "constant"
     assert best.magnitude == pytest.approx(sign * offset_us / 1000)
-    assert best.weight == 1.0
+    assert best.removed_share == 1.0
 
 
 @given(ppm=st.floats(50.0, 5_000.0), sign=st.sampled_from([-1, 1]))
 def test_drift_is_recovered(ppm: float, sign: int) -> None:
     """A rate is named with its size, to what rounding to microseconds leaves of a second."""
     best = timestamp_patterns(rounded_to_us(FRAMES_NS * (1 + sign * ppm * 1e-6)), FRAMES_NS)[0]
-    assert best.cause == "clock_rate"
+    assert best.pattern == "drift"
     assert best.magnitude == pytest.approx(sign * ppm, abs=51.0)
 
 
@@ -38,22 +38,22 @@ def test_grid_is_recovered(grid_ms: int) -> None:
     grid_ns = grid_ms * MS
     instants_ns = (FRAMES_NS + grid_ns // 2) // grid_ns * grid_ns
     best = timestamp_patterns(instants_ns, FRAMES_NS)[0]
-    assert (best.cause, best.magnitude) == ("quantised_time", grid_ms)
+    assert (best.pattern, best.magnitude) == ("grid", grid_ms)
 
 
 def test_stray_timestamps_follow_no_pattern() -> None:
     """Stamps that scatter over a frame step are explained by nothing."""
     stray_ns = FRAMES_NS + np.random.default_rng(3).integers(-9 * MS, 9 * MS, len(FRAMES_NS))
-    assert timestamp_patterns(stray_ns, FRAMES_NS)[0].weight < 0.5
+    assert timestamp_patterns(stray_ns, FRAMES_NS)[0].removed_share < 0.5
 
 
 def test_a_single_timestamp_is_an_offset() -> None:
     """One stamp beside one frame is late, and neither a drift nor a grid."""
     best = timestamp_patterns(np.array([3 * MS]), np.array([0]))[0]
-    assert (best.cause, best.magnitude) == ("time_offset", pytest.approx(3.0))
+    assert (best.pattern, best.magnitude) == ("constant", pytest.approx(3.0))
 
 
 def test_another_unit_is_no_offset() -> None:
     """Stamps in nanoseconds, read as microseconds, lie beyond all frames and step a thousand times as far."""
-    assert [(p.cause, p.magnitude) for p in timestamp_patterns(1000 * FRAMES_NS, FRAMES_NS)] == [("time_unit", 1000.0)]
+    assert [(p.pattern, p.magnitude) for p in timestamp_patterns(1000 * FRAMES_NS, FRAMES_NS)] == [("unit", 1000.0)]
     assert timestamp_patterns(FRAMES_NS + 5_000 * MS, FRAMES_NS) == ()

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from fedora_qa.checks.flow_geometry.validity import FlowGeometryValidity
+from fedora_qa.diagnosis.hypotheses import hypotheses_of
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Alarm, Judged
 from fedora_qa.sequence.facts import Clock, Facts
 from tests.support.facts import MS
@@ -35,6 +37,10 @@ def alarm_of(result: Judged, rule: str) -> Alarm:
     return next(a for a in result.alarms if a.finding.code == f"flow_geometry.validity.{rule}")
 
 
+def most_probable_cause(alarm: Alarm) -> Hypothesis:
+    return hypotheses_of(alarm, clean().facts)[0]
+
+
 def value_of(result: Judged, name: str) -> float | None:
     return next(m.value for m in result.result.measurements if m.name == name)
 
@@ -59,7 +65,8 @@ def test_values_in_holes_are_counted_and_placed() -> None:
     assert value_of(result, "values_without_depth") == 200 * 30
     alarm = alarm_of(result, "unfounded")
     assert alarm.finding.where.pixel == (40, 20)
-    assert (alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) == ("invalid_encoding", "flow")
+    hypothesis = most_probable_cause(alarm)
+    assert (hypothesis.cause, hypothesis.stream) == ("invalid_encoding", "flow")
 
 
 def test_flow_where_a_depth_was_lost_is_no_encoding() -> None:
@@ -67,7 +74,8 @@ def test_flow_where_a_depth_was_lost_is_no_encoding() -> None:
     depth = clean().rows_by_key["path/depth"].copy()
     depth[4:6, 60:80, 60:90] = np.nan
     alarm = alarm_of(judged(FlowGeometryValidity(), clean().with_rows(path_depth=depth)), "unfounded")
-    assert (alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) == ("nan_in_stream", "depth")
+    hypothesis = most_probable_cause(alarm)
+    assert (hypothesis.cause, hypothesis.stream) == ("nan_in_stream", "depth")
 
 
 def test_missing_values_are_counted() -> None:
@@ -82,7 +90,8 @@ def test_missing_values_are_counted() -> None:
     result = judged(FlowGeometryValidity(), clean().with_flow(spoilt))
     assert value_of(result, "missing_values") == 2 * 5 * 7
     alarm = alarm_of(result, "missing")
-    assert (alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) == ("nan_in_stream", "flow/25hz")
+    hypothesis = most_probable_cause(alarm)
+    assert (hypothesis.cause, hypothesis.stream) == ("nan_in_stream", "flow/25hz")
     assert (alarm.finding.where.index_start, alarm.finding.where.index_stop) == (2, 4)
 
 
@@ -96,7 +105,8 @@ def test_points_behind_the_camera_must_have_no_value() -> None:
     """Depth a thousand times too small puts all points behind the moving camera; the depth is suspected."""
     shallow = clean().with_rows(path_depth=clean().rows_by_key["path/depth"] / np.float32(1000))
     alarm = alarm_of(judged(FlowGeometryValidity(), shallow), "unfounded")
-    assert (alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) == ("unit_mm_m", "depth")
+    hypothesis = most_probable_cause(alarm)
+    assert (hypothesis.cause, hypothesis.stream) == ("unit_mm_m", "depth")
 
 
 def test_without_poses_missing_values_are_left_open() -> None:
@@ -172,10 +182,10 @@ TIMESTAMP_FAULTS = {
 @pytest.mark.parametrize(("change", "rule", "cause", "size"), TIMESTAMP_FAULTS.values(), ids=TIMESTAMP_FAULTS)
 def test_fault_of_the_timestamps_is_named(change: object, rule: str, cause: str, size: float | None) -> None:
     """Intervals off frames, gaps and wrong lengths are named and sized; what befalls all rates befalls flow."""
-    suspect = alarm_of(judged(FlowGeometryValidity(), with_timestamps(clean(), change)), rule).statistic.suspects[0]
-    assert (suspect.cause, suspect.stream) == (cause, "flow/50hz" if cause == "flow_rate_mixed" else "flow")
+    hypothesis = most_probable_cause(alarm_of(judged(FlowGeometryValidity(), with_timestamps(clean(), change)), rule))
+    assert (hypothesis.cause, hypothesis.stream) == (cause, "flow/50hz" if cause == "flow_rate_mixed" else "flow")
     if size is not None:
-        assert suspect.magnitude == pytest.approx(size, rel=0.02)
+        assert hypothesis.magnitude == pytest.approx(size, rel=0.02)
 
 
 def test_late_depth_is_told_from_late_flow() -> None:
@@ -184,9 +194,9 @@ def test_late_depth_is_told_from_late_flow() -> None:
     depth = facts.clocks["depth"]
     clocks = {**facts.clocks, "depth": replace(depth, times_ns=depth.times_ns + 3 * MS)}
     result = judged(FlowGeometryValidity(), replace(clean(), facts=replace(facts, clocks=clocks)))
-    suspect = max(alarm_of(result, "off_frames").statistic.suspects, key=lambda one: one.weight)
-    assert (suspect.cause, suspect.stream) == ("time_offset", "depth")
-    assert suspect.magnitude == pytest.approx(3.0)
+    hypothesis = max(hypotheses_of(alarm_of(result, "off_frames"), facts), key=lambda hypothesis: hypothesis.support)
+    assert (hypothesis.cause, hypothesis.stream) == ("time_offset", "depth")
+    assert hypothesis.magnitude == pytest.approx(3.0)
 
 
 def broken(facts: Facts) -> Facts:

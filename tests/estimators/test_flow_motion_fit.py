@@ -12,7 +12,7 @@ from fedora_qa.estimators.flow.motion_fit import (
     twist_statistic,
     weigh_templates,
 )
-from fedora_qa.estimators.flow.templates import SMALL_FAULTS, small_fault_templates
+from fedora_qa.estimators.flow.templates import PARAMETER_TEMPLATES, parameter_templates
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import rigid_flow
 
@@ -73,7 +73,7 @@ def templates_for(fields: FlowSample, motion: RigidMotion) -> np.ndarray:
     def delayed(seconds: float) -> RigidMotion:
         return motion.corrected(seconds * np.array([0.1, 0.3, -0.2, 0.5, 0.4, -0.3]))
 
-    return small_fault_templates(K, motion, fields, remounted, delayed)
+    return parameter_templates(K, motion, fields, remounted, delayed)
 
 
 K_LONG, K_RIGHT = K.copy(), K.copy()
@@ -91,8 +91,8 @@ FAULTS = {
 def test_small_fault_is_explained_by_its_own_template(fields: FlowSample, cause: str, size: float) -> None:
     """Its template explains all but 0.01% of the squares and gives the size; no other explains as much."""
     evidence = weigh_templates(K, MOTION, fields, templates_for(fields, MOTION), None, None)
-    explained = {fault.cause: evidence.explained_by(fault.columns) for fault in SMALL_FAULTS}
-    own = next(fault for fault in SMALL_FAULTS if fault.cause == cause)
+    explained = {fault.parameter: evidence.explained_by(fault.columns) for fault in PARAMETER_TEMPLATES}
+    own = next(fault for fault in PARAMETER_TEMPLATES if fault.parameter == cause)
     assert explained[cause][1] > 0.9999
     assert own.size(explained[cause][0]) == pytest.approx(size, rel=0.01)
     assert max(share for other, (_, share) in explained.items() if other != cause) < explained[cause][1]
@@ -112,7 +112,7 @@ def test_small_fault_is_found_under_pose_noise(cause: str) -> None:
         assert fit is not None
         templates = templates_for(fields, fit.motion)
         evidences.append(weigh_templates(K, MOTION, fields, templates, fit, SPREAD))
-    own = next(fault for fault in SMALL_FAULTS if fault.cause == name)
+    own = next(fault for fault in PARAMETER_TEMPLATES if fault.parameter == name)
     sizes, share = sum_of(evidences).explained_by(own.columns)
     assert own.size(sizes) == pytest.approx(size, rel=0.02)
     assert share > 0.99

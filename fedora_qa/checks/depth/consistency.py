@@ -15,7 +15,7 @@ from fedora_qa.views.depth_agreement import Deviation, PairAgreement, compare
 from fedora_qa.views.depth_conventions import DEPTH, PART, weigh_hypotheses
 from fedora_qa.views.depth_pairs import owned_pairs, place, why_no_geometry
 from fedora_qa.views.flow_comparison import is_noisy
-from fedora_qa.views.flow_conventions import Weighed
+from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.flow_suspects import gross_suspects, most_probable
 
 _CLOSER_LOOKS: Final = 4
@@ -43,7 +43,7 @@ class WindowAgreement:
     pairs: tuple[PairAgreement, ...] = ()
     without_pose: int = 0
     too_few_pixels: int = 0
-    weighed: tuple[Weighed, ...] = ()
+    weighed: tuple[ConventionTrial, ...] = ()
 
 
 class DepthConsistency(WindowCheck[WindowAgreement]):
@@ -220,7 +220,7 @@ def _correction(
     )
 
 
-def _suspects(pairs: Sequence[PairAgreement], weighed: Sequence[Weighed], facts: Facts) -> tuple[Suspect, ...]:
+def _suspects(pairs: Sequence[PairAgreement], weighed: Sequence[ConventionTrial], facts: Facts) -> tuple[Suspect, ...]:
     """Return what a closer look found, most probable first, and what other checks may know better."""
     off = [pair for pair in pairs if pair.suspicion > 1]
     if not off:

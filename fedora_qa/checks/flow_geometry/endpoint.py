@@ -1,45 +1,148 @@
 """Flow against depth and pose: the paper's own equations, recomputed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fedora_qa.checks.flow_geometry.geometry_suspects import geometry_suspects
-from fedora_qa.checks.protocol import ANY_CAUSE, Notice, Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.flow.motion_fit import Evidence, sum_of
+from fedora_qa.estimators.flow.templates import FLOW_GAIN, PARAMETER_TEMPLATES, TIME_OFFSET
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_motion import motion_over
 from fedora_qa.views.flow_comparison import FieldError, compare_field, is_noisy
-from fedora_qa.views.flow_conventions import Weighed, weigh_hypotheses
+from fedora_qa.views.flow_conventions import ConventionTrial, try_inverse_transforms
 from fedora_qa.views.flow_intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
-from fedora_qa.views.flow_suspects import spreads_over
 from fedora_qa.views.static_depth import why_not_told_apart
 
-_CLOSER_LOOKS: Final = 8
+_MOST_FOLLOW_UPS: Final = 8
 
-_SHOWN: Final = 2.0
-"""Times its bound by which a fault must exceed it in proportion to be surely seen at another rate."""
+_DETECTABLE: Final = 2.0
+"""Times its bound by which a fault must exceed it in proportion to be surely detected at another rate."""
 
-_UNMOVED: Final = 0.01
-"""Squared corrections below this share of their expectation are none: the flow knows the noise."""
+_AFFECTED: Final = 0.1
+"""Of the typical excess of fields that are off: fields that move little show a common fault by less, not much less."""
 
-_MATTERS_PX: Final = 0.1
+_LINEAR_GAIN: Final = 0.1
+"""Where the pose may be corrected it follows a larger gain, and the template is no longer the change of the flow."""
+
+_PPM_PER_MS_PER_S, _PERCENT_PER_MS_PER_S = 1e3, 0.1
+
+_MATERIAL_PX: Final = 0.1
 """An endpoint error that no use of the flow would notice."""
 
 
 @dataclass(frozen=True, slots=True)
 class WindowErrors:
-    """The fields that a window owns, how many of them could not be compared, and what a closer look showed."""
+    """The fields that a window owns, how many of them could not be compared, and the trials of a follow-up."""
 
     window: int
     fields: tuple[FieldError, ...] = ()
     without_depth: int = 0
     without_pose: int = 0
     too_few_pixels: int = 0
-    weighed: tuple[Weighed, ...] = ()
+    trials: tuple[ConventionTrial, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FlowRatesOff(Feature):
+    """Which rates are off, or too short for the fault that another rate has to exceed their bound."""
+
+    off: Mapping[str, bool]
+
+
+@dataclass(frozen=True, slots=True)
+class FieldsOff(Feature):
+    """The fields of one rate that are off.
+
+    Attributes
+    ----------
+    count
+        How many are off.
+    affected_share
+        Share of fields that the fault touches: off, or as far from exact as a smaller motion would make them. Clean
+        fields lie a hundred times within their bounds.
+    in_part
+        Whether most of them are off in a rectangle of the image only.
+    repeats_of_flow, repeats_of_depth
+        How many equal the field before, or start with a depth frame that equals the one before, bit for bit.
+    """
+
+    count: int
+    affected_share: float
+    in_part: bool
+    repeats_of_flow: int
+    repeats_of_depth: int
+
+
+@dataclass(frozen=True, slots=True)
+class FlowGainFit(Feature):
+    """A gain of all fields of one rate.
+
+    Attributes
+    ----------
+    gain, standard_error
+        Shares: 0.1 for flow that is 10% too large.
+    removed_share
+        Share of the rms deviation that the gain removes, 0 to 1.
+    correlation
+        Of the stored flow with the recomputed one, which a gain leaves at 1.
+    interval_s
+        Length of an interval of the rate.
+    """
+
+    gain: float
+    standard_error: float
+    removed_share: float
+    correlation: float
+    interval_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class FlowParameterFit(Feature):
+    """An error of one parameter of the recomputed flow, fitted alone to all fields of one rate.
+
+    ``parameter`` and ``unit`` are those of its template; ``removed_share`` is the share of the rms deviation that the
+    error explains, 0 to 1.
+    """
+
+    parameter: str
+    value: float
+    unit: str
+    standard_error: float
+    removed_share: float
+
+
+@dataclass(frozen=True, slots=True)
+class FreeMotionCorrection(Feature):
+    """What correcting the relative pose of each field that is off removes, whatever the declared noise.
+
+    Attributes
+    ----------
+    removed_share
+        Share of the typical rms deviation.
+    shift_m
+        Typical length of the corrections of the position.
+    growth
+        Square of the sum of corrections over their mean square, for rotation or position, whichever is larger.
+    """
+
+    removed_share: float
+    shift_m: float
+    growth: float
+
+
+@dataclass(frozen=True, slots=True)
+class PoseCorrectionRatios(Feature):
+    """For each rate the squared corrections over what declared pose noise makes them; 1 where none was tested."""
+
+    of_rate: Mapping[str, float]
 
 
 class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
@@ -90,7 +193,7 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
     needs = ("flow", "depth", "pose")
 
     def not_applicable(self, facts: Facts) -> str:
-        """Say what of the model does not hold."""
+        """State what of the model does not hold."""
         camera = facts.declared.cameras.get("depth")
         if camera is None:
             return "the depth camera's intrinsics and mounting are not declared"
@@ -121,131 +224,200 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
     def follow_up_windows(self, state: list[WindowErrors], facts: Facts) -> tuple[int, ...]:
         """Ask for the windows of the worst fields, the worst first."""
         worst = sorted((-_suspicion(errors.fields), errors.window) for errors in state)
-        return tuple(window for suspicion, window in worst[:_CLOSER_LOOKS] if suspicion < -1)
+        return tuple(window for suspicion, window in worst[:_MOST_FOLLOW_UPS] if suspicion < -1)
 
     def follow_up(self, state: list[WindowErrors], window: Window) -> None:
         """Try inverse transforms on a field of each rate: the middle one of those that the window has off.
 
-        The worst is often one in whose interval a fault begins or ends, and then half of it is honest.
+        The worst is often one in whose interval a fault begins or ends, and then half of it is as it should be.
         """
         track = pose_track(window, window.facts.declared.cameras["depth"])
         fields = [field for errors in state if errors.window == window.span.index for field in errors.fields]
-        weighed: list[Weighed] = []
+        trials: list[ConventionTrial] = []
         for stream in window.facts.flow_streams:
             off = [field for field in fields if field.interval.stream == stream and field.suspicion > 1]
             if off:
                 chosen = sorted(off, key=lambda field: field.suspicion)[(len(off) - 1) // 2]
-                weighed += weigh_hypotheses(window, track, chosen.interval, chosen.frame, chosen.region)
-        state.append(WindowErrors(window.span.index, weighed=tuple(weighed)))
+                trials += try_inverse_transforms(window, track, chosen.interval, chosen.frame, chosen.region)
+        state.append(WindowErrors(window.span.index, trials=tuple(trials)))
 
     def conclude(self, state: Sequence[WindowErrors], facts: Facts) -> Observation:
         """State the endpoint error of each rate, and how large the corrections were."""
         fields = sorted(
             (f for errors in state for f in errors.fields), key=lambda f: (f.interval.stream, f.interval.row)
         )
-        weighed = [one for errors in state for one in errors.weighed]
+        trials = [trial for errors in state for trial in errors.trials]
         total = sum(facts.sizes.get(f"path/{stream}", 0) for stream in facts.flow_streams)
         coverage = Coverage(len(fields), total, "flow fields")
         if not fields:
-            return Observation(coverage, unobservable=_why_none(state))
-        noise = facts.declared.pose
+            counts = {
+                "start or end on no frame": sum(errors.without_depth for errors in state),
+                "are not covered by poses": sum(errors.without_pose for errors in state),
+                "share too few valid pixels with the depth": sum(errors.too_few_pixels for errors in state),
+            }
+            reasons = [f"{count} {reason}" for reason, count in counts.items() if count]
+            none_why = "of the fields of flow " + ", ".join(reasons) if reasons else "there is no field of flow"
+            return Observation(coverage, unobservable=none_why)
         by_stream = {s: [f for f in fields if f.interval.stream == s] for s in facts.flow_streams}
         by_stream = {stream: group for stream, group in by_stream.items() if group}
-        off = _off(by_stream)
-        unmoved = {stream: _squares_ratio(group) < _UNMOVED for stream, group in by_stream.items()}
-        measurements: list[Statistic] = []
+        of_all_rates = (
+            FlowRatesOff(_rates_off(by_stream)),
+            PoseCorrectionRatios({stream: _squares_ratio(group) for stream, group in by_stream.items()}),
+        )
+        statistics: list[Statistic] = []
         for stream, group in by_stream.items():
-            suspects = geometry_suspects(stream, group, weighed, off, facts.declared)
-            measurements += [_typical(stream, group, facts, suspects), _worst(stream, group, facts, suspects)]
-            if noise and is_noisy(noise):
-                measurements += _correction(stream, group, facts, suspects, unmoved)
-        notices = () if noise else (_noise_not_declared(),)
-        return Observation(coverage, tuple(measurements), notices)
+            of_rate = (trial for trial in trials if trial.rate == stream)
+            features = (*of_all_rates, *of_rate, *_features(group, facts))
+            statistics += [replace(statistic, features=features) for statistic in _statistics(stream, group, facts)]
+        if facts.declared.pose:
+            return Observation(coverage, tuple(statistics))
+        undeclared = Notice(
+            "flow_geometry.endpoint.undeclared",
+            "The pose's noise is not declared, so that each field was allowed any correction of its relative pose: "
+            "faults of time and mounting cannot be seen.",
+        )
+        return Observation(coverage, tuple(statistics), (undeclared,))
 
 
-def _typical(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: tuple[Suspect, ...]) -> Statistic:
+def _statistics(stream: str, fields: Sequence[FieldError], facts: Facts) -> list[Statistic]:
+    """State one rate's rms endpoint error, its worst pixel, and, with declared noise, the size of its corrections."""
     pixels = sum(field.pixels for field in fields)
     rms_px = float(np.sqrt(sum(field.squares for field in fields) / pixels))
     bound_px = float(np.sqrt(sum(field.bound_squares for field in fields) / pixels))
     off = [field for field in fields if field.suspicion > 1]
-    return Statistic(
+    typical = Statistic(
         name=f"{stream} endpoint_error",
         value=rms_px,
         unit="px",
         standard_error=0.0,
         model_error_bound=bound_px,
         side="upper",
-        material=_MATTERS_PX,
+        material=_MATERIAL_PX,
         statement=f"{stream} differs from the flow of depth and pose by {rms_px:.3g} px rms, and rounding explains "
         f"{bound_px:.1g} px; {len(off)} of {len(fields)} fields are off.",
         code="flow_geometry.endpoint.error",
         where=_where(off or fields, facts),
-        suspects=suspects,
     )
-
-
-def _worst(stream: str, fields: Sequence[FieldError], facts: Facts, suspects: tuple[Suspect, ...]) -> Statistic:
-    worst = max(fields, key=lambda field: field.worst_px / field.worst_bound_px)
-    column, row = worst.worst_pixel
-    return Statistic(
+    field = max(fields, key=lambda field: field.worst_px / field.worst_bound_px)
+    column, row = field.worst_pixel
+    worst = Statistic(
         name=f"{stream} worst_endpoint_error",
-        value=worst.worst_px,
+        value=field.worst_px,
         unit="px",
         standard_error=0.0,
-        model_error_bound=worst.worst_bound_px,
+        model_error_bound=field.worst_bound_px,
         side="upper",
-        material=_MATTERS_PX,
-        statement=f"Field {worst.interval.row} of {stream} differs from the flow of depth and pose by "
-        f"{worst.worst_px:.3g} px at column {column}, row {row}; rounding explains {worst.worst_bound_px:.1g} px.",
+        material=_MATERIAL_PX,
+        statement=f"Field {field.interval.row} of {stream} differs from the flow of depth and pose by "
+        f"{field.worst_px:.3g} px at column {column}, row {row}; rounding explains {field.worst_bound_px:.1g} px.",
         code="flow_geometry.endpoint.worst_pixel",
-        where=place(facts, (worst.interval, worst.interval), frame=worst.frame, pixel=worst.worst_pixel),
-        suspects=suspects,
+        where=place(facts, (field.interval, field.interval), frame=field.frame, pixel=field.worst_pixel),
     )
-
-
-def _correction(
-    stream: str,
-    fields: Sequence[FieldError],
-    facts: Facts,
-    suspects: tuple[Suspect, ...],
-    unmoved: Mapping[str, bool],
-) -> list[Statistic]:
-    """Hold the corrections of every second field (no pose in common) to the declared noise.
-
-    With Q chi-square of n degrees of freedom, (Q/n)^(1/3) is normal about 1 - 2/(9n) with variance 2/(9n) (Wilson and
-    Hilferty, PNAS 17 (1931) 684; at n = 6 its five-sigma tails are right within a factor of three).
-    """
-    tested = _independent(fields)
-    if not tested:
-        return []
-    spread = 2 / (9 * sum(field.twist_dof for field in tested))
+    noise, tested = facts.declared.pose, _independent(fields)
+    if not noise or not is_noisy(noise) or not tested:
+        return [typical, worst]
+    # With Q chi-square of n degrees of freedom, (Q/n)^(1/3) is normal about 1 - 2/(9n) with variance 2/(9n) (Wilson and
+    # Hilferty, PNAS 17 (1931) 684); at n = 6 its five-sigma tails are right within a factor of three.
+    variance = 2 / (9 * sum(field.twist_dof for field in tested))
     ratio = float(np.cbrt(_squares_ratio(fields)))
-    if ratio < 1 - spread:
-        from_noisy = 0.95 if unmoved[stream] else 0.3
-        suspects = (
-            Suspect("flow_from_noisy_pose", spreads_over(stream, unmoved), from_noisy),
-            Suspect("noise_misdeclared", "pose", 0.9 - from_noisy / 2, 100 * (1 / ratio**1.5 - 1) if ratio else None),
-        )
-    elif not suspects or suspects[0].cause in ("unknown", "noise_misdeclared"):
-        suspects = (
-            Suspect("noise_misdeclared", "pose", 0.9, 100 * (1 / ratio**1.5 - 1), "percent"),
-            Suspect(ANY_CAUSE, "pose", 0.8),
-            *suspects,
-        )
-    return [
-        Statistic(
-            name=f"{stream} pose_correction",
-            value=ratio,
-            unit="1",
-            standard_error=float(np.sqrt(spread)),
-            expected=1 - spread,
-            statement=f"The corrections of the pose that {stream} asks for are {ratio**1.5:.3g} times as large as the "
-            "declared pose noise makes them.",
-            code="flow_geometry.endpoint.pose_correction",
-            where=_where(tested, facts),
-            suspects=suspects,
-        )
-    ]
+    correction = Statistic(
+        name=f"{stream} pose_correction",
+        value=ratio,
+        unit="1",
+        standard_error=float(np.sqrt(variance)),
+        expected=1 - variance,
+        statement=f"The corrections of the pose that {stream} asks for are {ratio**1.5:.3g} times as large as the "
+        "declared pose noise makes them.",
+        code="flow_geometry.endpoint.pose_correction",
+        where=_where(tested, facts),
+    )
+    return [typical, worst, correction]
+
+
+def _features(fields: Sequence[FieldError], facts: Facts) -> list[Feature]:
+    """Measure what the deviation of one rate looks like: its extent, fits of small errors, and corrections."""
+    off = [field for field in fields if field.suspicion > 1]
+    typical = float(np.median([field.suspicion for field in off])) if off else np.inf
+    extent = FieldsOff(
+        count=len(off),
+        affected_share=sum(field.suspicion > _AFFECTED * typical for field in fields) / len(fields),
+        in_part=2 * sum(field.region is not None for field in off) > len(off),
+        repeats_of_flow=sum(field.repeats == "flow" for field in off),
+        repeats_of_depth=sum(field.repeats == "depth" for field in off),
+    )
+    features: list[Feature] = [extent, *_parameter_fits(fields, facts)]
+    corrected = [field for field in off if field.free_pixels]
+    if corrected:
+        remaining = np.median([np.sqrt(field.free_squares / field.free_pixels) for field in corrected])
+        stored = np.median([np.sqrt(field.squares / field.pixels) for field in corrected])
+        shift_m = float(np.median([np.linalg.norm(field.free_twist[3:]) for field in corrected]))
+        removed_share = max(1.0 - float(remaining / stored), 0.0)
+        features.append(FreeMotionCorrection(removed_share, shift_m, correction_growth(corrected)))
+    return features
+
+
+def _parameter_fits(fields: Sequence[FieldError], facts: Facts) -> list[Feature]:
+    """Fit each template alone to all fields together, and an offset of timestamps that grows from the file's origin."""
+    measured = [(field, field.evidence) for field in fields if field.evidence]
+    if not measured:
+        return []
+    total = sum_of([evidence for _, evidence in measured])
+    fits: list[Feature] = []
+    for template in PARAMETER_TEMPLATES:
+        sizes, removed_share, error = total.fit(template.columns)
+        if np.abs(sizes).max() > template.largest:
+            continue
+        if template is FLOW_GAIN:
+            gain = 0.01 * float(sizes[0])
+            if not (is_noisy(facts.declared.pose) and abs(gain) > _LINEAR_GAIN):
+                correlation, interval_s = _correlation(total, gain), fields[0].interval.duration_s
+                fits.append(FlowGainFit(gain, 0.01 * error, removed_share, correlation, interval_s))
+        else:
+            size = template.size(sizes)
+            fits.append(FlowParameterFit(template.parameter, size, template.unit, error, removed_share))
+    # A drift offsets an interval by its rate times the middle, and makes it too long or too short, which is a gain.
+    drifting = []
+    for field, evidence in measured:
+        direction = np.zeros(len(evidence.vector))
+        direction[TIME_OFFSET.columns] = (field.interval.start_ns + field.interval.end_ns) / (2 * NS_PER_S)
+        direction[FLOW_GAIN.columns] = _PERCENT_PER_MS_PER_S
+        drifting.append(evidence.along(direction))
+    ms_per_s, removed_share, error = sum_of(drifting).fit(slice(None))
+    last_s = max(field.interval.end_ns for field, _ in measured) / NS_PER_S
+    if not abs(ms_per_s[0]) * last_s > TIME_OFFSET.largest:
+        ppm, error_ppm = _PPM_PER_MS_PER_S * float(ms_per_s[0]), _PPM_PER_MS_PER_S * error
+        fits.append(FlowParameterFit("clock_rate", ppm, "ppm", error_ppm, removed_share))
+    return fits
+
+
+def _correlation(total: Evidence, gain: float) -> float:
+    """Return the correlation of the stored flow with the recomputed one, which a gain leaves at 1.
+
+    Where the recomputed flow is far too large, any other is nearly none of it: a gain of -100% then removes nearly all
+    of the deviation and explains nothing. Where only rounding remains, no flow at all is a gain.
+    """
+    column = FLOW_GAIN.columns.start
+    recomputed = float(total.matrix[column, column]) * 100.0**2
+    if recomputed <= 0:  # all that a gain does, poses of unknown noise do as well
+        return 1.0
+    common = (1 + gain) ** 2 * recomputed
+    remaining = max(total.total - gain**2 * recomputed, 0.0)
+    return float(np.sqrt(min((common + total.count) / max(remaining + common, 1.0), 1.0)))
+
+
+def correction_growth(fields: Sequence[FieldError]) -> float:
+    """Return the square of the sum of the fields' corrections over their mean square, the larger of both parts.
+
+    Each field ends at the pose where the next begins, so that pose noise cancels in the sum: it is as large as one
+    correction, however many there are. What another motion asks for adds up.
+    """
+
+    def growth(corrections: NDArray[np.float64]) -> float:
+        square = float(np.mean(np.sum(corrections**2, axis=1)))
+        return float(np.sum(corrections.sum(axis=0) ** 2)) / square if square > 0 else 0.0
+
+    twists = np.array([field.free_twist for field in fields if field.free_twist])
+    return max(growth(twists[:, :3]), growth(twists[:, 3:])) if len(twists) else 0.0
 
 
 def _independent(fields: Sequence[FieldError]) -> list[FieldError]:
@@ -265,34 +437,16 @@ def _where(fields: Sequence[FieldError], facts: Facts) -> Where:
     return place(facts, (fields[0].interval, fields[-1].interval), frame=worst.frame, pixel=worst.worst_pixel)
 
 
-def _off(by_stream: Mapping[str, Sequence[FieldError]]) -> Mapping[str, bool]:
-    """Say which rates are off, or would not show it: what is wrong with all rates grows with their intervals."""
+def _rates_off(by_stream: Mapping[str, Sequence[FieldError]]) -> Mapping[str, bool]:
+    """Return which rates are off, or would not show it: what is wrong with all rates grows with their intervals."""
     suspicions = {stream: _suspicion(fields) for stream, fields in by_stream.items()}
     lengths_s = {stream: fields[0].interval.duration_s for stream, fields in by_stream.items()}
     growth = max(
         (suspicion / max(lengths_s[stream], 1e-9) for stream, suspicion in suspicions.items() if suspicion > 1),
         default=0.0,
     )
-    return {stream: suspicions[stream] > 1 or 0 < growth * lengths_s[stream] <= _SHOWN for stream in by_stream}
+    return {stream: suspicions[stream] > 1 or 0 < growth * lengths_s[stream] <= _DETECTABLE for stream in by_stream}
 
 
 def _suspicion(fields: Sequence[FieldError]) -> float:
     return max((field.suspicion for field in fields), default=0.0)
-
-
-def _why_none(state: Sequence[WindowErrors]) -> str:
-    reasons: Mapping[str, int] = {
-        "start or end on no frame": sum(errors.without_depth for errors in state),
-        "are not covered by poses": sum(errors.without_pose for errors in state),
-        "share too few valid pixels with the depth": sum(errors.too_few_pixels for errors in state),
-    }
-    found = [f"{count} {reason}" for reason, count in reasons.items() if count]
-    return "of the fields of flow " + ", ".join(found) if found else "there is no field of flow"
-
-
-def _noise_not_declared() -> Notice:
-    return Notice(
-        "flow_geometry.endpoint.undeclared",
-        "The pose's noise is not declared, so that each field was allowed any correction of its relative pose: "
-        "faults of time and mounting cannot be seen.",
-    )

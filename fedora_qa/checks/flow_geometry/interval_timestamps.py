@@ -1,86 +1,171 @@
-"""The intervals of flow, held against the stamps of the frames that they lead from and to."""
+"""The intervals of flow against the timestamps of the frames that they lead from and to.
 
-from dataclasses import replace
+Timestamps leave the frames that they should lie on by a constant, by a drift, or onto a grid of their own. Each pattern
+is fitted to the offsets of the timestamps from their nearest frames; its share of removed offset is a feature.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.causes import CAUSES, stream_family
-from fedora_qa.checks.flow_geometry.timestamp_patterns import offsets_from_nearest, timestamp_patterns
-from fedora_qa.checks.protocol import Statistic, Suspect
+from fedora_qa.checks.protocol import Statistic
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Clock, Facts
 
 Int64 = NDArray[np.int64]
+Float64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
 
-_MISSING: Final = 0.75
-"""Share of the frame step beyond which the nearest frame is another one: stamps within a step are half of it off."""
+_NEXT_FRAME: Final = 0.75
+"""Share of the frame step beyond which the nearest frame is another one: offsets within a step are half of it."""
+
+_ROUNDING_NS: Final = 1_000
+"""Timestamps are whole microseconds: an offset of two rounded ones errs by at most one."""
+
+_FEWEST_ON_A_GRID: Final = 3
+"""Instants from which on a common divisor of their steps means something."""
+
+_UNITS: Final = (1e-6, 1e-3, 1e3, 1e6)
+_SAME_UNIT: Final = 0.02
 
 
-def timestamp_measurements(facts: Facts) -> list[Statistic]:
+@dataclass(frozen=True, slots=True)
+class FlowRatesCounted(Feature):
+    """Which rates have intervals that the statistic counts."""
+
+    counted: Mapping[str, bool]
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalsOffFrames(Feature):
+    """How the intervals that are off lie to the frames.
+
+    Attributes
+    ----------
+    beyond_all_frames
+        All of them begin before the first depth frame or end after the last.
+    at_missing_frame
+        Their ends lie so far from the nearest depth frame that it is not the one they belong to.
+    on_colour_frames
+        All of their ends are timestamps of colour frames.
+    """
+
+    beyond_all_frames: bool
+    at_missing_frame: bool = False
+    on_colour_frames: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class TimestampPattern(Feature):
+    """A way in which the timestamps of a stream left the frames.
+
+    Attributes
+    ----------
+    pattern
+        ``constant``, ``drift``, ``grid`` or ``unit``.
+    magnitude
+        Offset in ms, rate in ppm, grid in ms, factor of the unit; positive where the timestamps are too late.
+    removed_share
+        Share of the rms offset that the pattern removes, 0 to 1.
+    stream
+        The stream whose timestamps left the other's.
+    """
+
+    pattern: str
+    magnitude: float
+    removed_share: float
+    stream: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalOrder(Feature):
+    """Sorted intervals of one rate: how many gaps and overlaps there are, and how many rows sorting moves."""
+
+    gaps: int
+    overlaps: int
+    moved: int
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalLengths(Feature):
+    """Median length of the intervals of one rate that do not last as long as its name says."""
+
+    median_ns: float
+
+
+def timestamp_statistics(facts: Facts) -> list[Statistic]:
     """Count, for each rate, interval ends that lie on no depth frame, gaps, and lengths that are not the rate's."""
-    measured = [one for stream in facts.flow_streams for one in _of_stream(facts, stream)]
-    spread = {
-        code for code in {one.code for one in measured} if all(one.value > 0 for one in measured if one.code == code)
+    statistics = [statistic for stream in facts.flow_streams for statistic in _of_one_rate(facts, stream)]
+    counted = {
+        code: FlowRatesCounted({str(s.where.stream): s.value > 0 for s in statistics if s.code == code})
+        for code in {statistic.code for statistic in statistics}
     }
-    return [_of_all_rates(one) if one.code in spread else one for one in measured]
+    return [replace(s, features=(counted[s.code], *s.features)) if s.features else s for s in statistics]
 
 
-def _of_all_rates(measured: Statistic) -> Statistic:
-    """Suspect flow as a whole: every rate has the same fault."""
-    suspects = tuple(
-        replace(suspect, stream="flow") if stream_family(suspect.stream) == "flow" else suspect
-        for suspect in measured.suspects
-    )
-    return replace(measured, suspects=suspects)
-
-
-def _of_stream(facts: Facts, stream: str) -> list[Statistic]:
-    clock = facts.clocks[stream]
+def _of_one_rate(facts: Facts, stream: str) -> list[Statistic]:
+    clock, frames = facts.clocks[stream], facts.clocks["depth"]
     if clock.ends_ns is None or not len(clock.times_ns):
         return []
-    frames = facts.clocks["depth"]
     off_frames = np.flatnonzero(~(_on(frames, clock.times_ns) & _on(frames, clock.ends_ns)))
     gaps = np.flatnonzero(clock.times_ns[1:] != clock.ends_ns[:-1]) + 1
     lengths_ns = clock.ends_ns - clock.times_ns
     nominal_ns = NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
     wrong_length = np.flatnonzero(np.abs(lengths_ns - nominal_ns) > _frame_step_ns(frames) / 2)
-    suspects = _suspects_off_frames(facts, stream, clock, off_frames)
+
+    of_frames = _features_off_frames(facts, stream, clock, clock.ends_ns, off_frames)
+    of_gaps = of_frames
+    # Steps of less than half an interval are timestamps that left their frames; larger ones are missing intervals,
+    # doubled ones, or another order, which sorting tells apart.
+    if len(gaps) and 2 * np.abs(clock.times_ns[gaps] - clock.ends_ns[gaps - 1]).max() >= np.median(lengths_ns):
+        order = np.argsort(clock.times_ns, kind="stable")
+        steps_ns = clock.times_ns[order][1:] - clock.ends_ns[order][:-1]
+        of_gaps = (
+            IntervalOrder(
+                gaps=int(np.count_nonzero(steps_ns > 0)),
+                overlaps=int(np.count_nonzero(steps_ns < 0)),
+                moved=int(np.count_nonzero(order != np.arange(len(order)))),
+            ),
+            *of_frames,
+        )
+    of_lengths = of_frames
+    if len(wrong_length):
+        of_lengths = (IntervalLengths(float(np.median(lengths_ns[wrong_length]))), *of_frames)
     return [
-        _count(facts, stream, "off_frames", off_frames, "start or end on no depth frame", suspects),
-        _count(facts, stream, "not_abutting", gaps, "do not begin where the one before them ends",
-               _suspects_of_gaps(stream, clock, gaps, suspects)),
-        _count(facts, stream, "wrong_length", wrong_length, f"do not last {nominal_ns / NS_PER_MS:g} ms",
-               _suspects_of_length(facts, stream, lengths_ns, wrong_length, suspects)),
-    ]  # fmt: skip
+        _count(facts, stream, "off_frames", off_frames, "start or end on no depth frame", of_frames),
+        _count(facts, stream, "not_abutting", gaps, "do not begin where the one before them ends", of_gaps),
+        _count(facts, stream, "wrong_length", wrong_length, f"do not last {nominal_ns / NS_PER_MS:g} ms", of_lengths),
+    ]
 
 
-def _count(
-    facts: Facts, stream: str, rule: str, wrong: NDArray[np.intp], what: str, suspects: tuple[Suspect, ...]
-) -> Statistic:
+def _count(facts: Facts, stream: str, rule: str, rows: Rows, text: str, features: Sequence[Feature]) -> Statistic:
     clock = facts.clocks[stream]
     where = Where(stream=stream)
-    if len(wrong):
-        first, last = int(wrong[0]), int(wrong[-1])
+    if len(rows):
+        first, last = int(rows[0]), int(rows[-1])
         start_us, stop_us = (facts.to_file_us(float(clock.times_ns[row])) for row in (first, last))
         where = Where(stream, start_us, stop_us, index_start=first, index_stop=last + 1)
     return Statistic(
         name=f"{stream} intervals_{rule}",
-        value=float(len(wrong)),
+        value=float(len(rows)),
         unit="intervals",
         standard_error=0.0,
         resolution=1.0,
         side="upper",
-        statement=f"{len(wrong)} of {len(clock.times_ns)} intervals of {stream} {what}.",
+        statement=f"{len(rows)} of {len(clock.times_ns)} intervals of {stream} {text}.",
         code=f"flow_geometry.validity.{rule}",
         where=where,
-        suspects=suspects if len(wrong) else (),
+        features=tuple(features) if len(rows) else (),
     )
 
 
-def _on(frames: Clock, times_ns: Int64) -> NDArray[np.bool_]:
+def _on(frames: Clock, times_ns: Int64) -> Mask:
     return np.isin(times_ns, frames.times_ns)
 
 
@@ -89,76 +174,96 @@ def _frame_step_ns(frames: Clock) -> float:
     return float(np.median(steps_ns)) if len(steps_ns) else float(NS_PER_S)
 
 
-def _suspects_off_frames(facts: Facts, stream: str, clock: Clock, off: NDArray[np.intp]) -> tuple[Suspect, ...]:
-    """Say in what way the stamps left the frames, and ask the colour frames whose fault it is."""
-    if not len(off) or clock.ends_ns is None:
+def _features_off_frames(facts: Facts, stream: str, clock: Clock, ends_ns: Int64, off: Rows) -> tuple[Feature, ...]:
+    """Measure in what way the timestamps left the depth frames, and whether they lie on colour frames."""
+    if not len(off):
         return ()
     depth = facts.clocks["depth"]
-    if _outlasts(depth, clock, off):
-        return (Suspect("truncated", "depth", 0.6), Suspect("time_offset", stream, 0.5))
+    if len(depth.times_ns):
+        before, after = clock.times_ns[off] < depth.times_ns.min(), ends_ns[off] > depth.times_ns.max()
+        if np.all(before | after):
+            return (IntervalsOffFrames(beyond_all_frames=True),)
     frames_ns = depth.times_ns[depth.advancing]
-    instants_ns = np.unique(np.concatenate((clock.times_ns[off], clock.ends_ns[off])))
+    instants_ns = np.unique(np.concatenate((clock.times_ns[off], ends_ns[off])))
+    of_flow = _patterns_of(stream, instants_ns, frames_ns)
     far_ns = np.abs(offsets_from_nearest(frames_ns, instants_ns[~_on(depth, instants_ns)]))
-    if np.median(far_ns) > _MISSING * _frame_step_ns(depth):
-        return (Suspect("dropped_samples", "depth", 0.8), *_of_patterns(stream, instants_ns, frames_ns, 0.3))
+    if np.median(far_ns) > _NEXT_FRAME * _frame_step_ns(depth):
+        return (IntervalsOffFrames(beyond_all_frames=False, at_missing_frame=True), *of_flow)
     rgb = facts.clocks.get("rgb")
     if rgb is not None and _on(rgb, instants_ns).all():
-        alone = np.flatnonzero(~_on(rgb, frames_ns))
-        astray_ns = frames_ns[alone[0] : alone[-1] + 1] if len(alone) else instants_ns[:0]
-        by_depth = _of_patterns("depth", astray_ns, rgb.times_ns[rgb.advancing], 0.9) if len(alone) else ()
-        return (*by_depth, *_of_patterns(stream, instants_ns, frames_ns, 0.3))
-    return (*_of_patterns(stream, instants_ns, frames_ns, 0.9), *_of_patterns("depth", frames_ns, instants_ns, 0.3))
+        # Flow keeps to the colour frames: depth frames that do not are those that left them.
+        without_colour = np.flatnonzero(~_on(rgb, frames_ns))
+        of_depth: tuple[Feature, ...] = ()
+        if len(without_colour):
+            left_ns = frames_ns[without_colour[0] : without_colour[-1] + 1]
+            of_depth = _patterns_of("depth", left_ns, rgb.times_ns[rgb.advancing])
+        return (IntervalsOffFrames(beyond_all_frames=False, on_colour_frames=True), *of_depth, *of_flow)
+    return (IntervalsOffFrames(beyond_all_frames=False), *of_flow, *_patterns_of("depth", frames_ns, instants_ns))
 
 
-def _of_patterns(stream: str, instants_ns: Int64, frames_ns: Int64, weight: float) -> tuple[Suspect, ...]:
-    return tuple(
-        Suspect(pattern.cause, stream, weight * pattern.weight, pattern.magnitude, CAUSES[pattern.cause].unit)
-        for pattern in timestamp_patterns(instants_ns, frames_ns)
-        if pattern.weight > 0
-    )
+def _patterns_of(stream: str, instants_ns: Int64, frames_ns: Int64) -> tuple[Feature, ...]:
+    return tuple(replace(pattern, stream=stream) for pattern in timestamp_patterns(instants_ns, frames_ns))
 
 
-def _outlasts(frames: Clock, clock: Clock, off: NDArray[np.intp]) -> bool:
-    """Whether all intervals that are off begin before the first frame or end after the last."""
-    if clock.ends_ns is None or not len(frames.times_ns):
-        return False
-    before, after = clock.times_ns[off] < frames.times_ns.min(), clock.ends_ns[off] > frames.times_ns.max()
-    return bool(np.all(before | after))
+def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampPattern, ...]:
+    """Fit each pattern to the offsets of instants from their frames.
+
+    Offsets are seen modulo the frame step. Where several patterns remove all but the rounding of timestamps, the one
+    with the fewest numbers comes first.
+
+    Parameters
+    ----------
+    instants_ns, frames_ns
+        (n,) and (m,) from the file's origin; n and m at least 1.
+
+    Returns
+    -------
+    The patterns, best first; only another unit, or nothing, where the instants lie beyond all frames.
+    """
+    offsets_ns = offsets_from_nearest(frames_ns, instants_ns)
+    steps_ns = np.diff(np.sort(frames_ns))
+    step_ns = float(np.median(steps_ns)) if len(steps_ns) else np.inf
+    instant_steps_ns = np.diff(np.unique(instants_ns))
+    if np.median(np.abs(offsets_ns)) > step_ns:
+        # So far away no offset is measured; instants that step by a thousand times as much, or less, are in a unit.
+        ratio = float(np.median(instant_steps_ns)) / step_ns if len(instant_steps_ns) else 0.0
+        unit = next((unit for unit in _UNITS if abs(ratio / unit - 1) < _SAME_UNIT), None)
+        return () if unit is None else (TimestampPattern("unit", unit, 1.0),)
+    middle_ns = float(np.median(offsets_ns))
+    constant = ("constant", middle_ns / NS_PER_MS, offsets_ns - middle_ns)
+    # A line through the offsets: its slope is the median of steps, so that a step across a frame does not count.
+    order = np.argsort(instants_ns, kind="stable")
+    runs_ns, rises_ns = np.diff(instants_ns[order]), np.diff(offsets_ns[order])
+    advancing = runs_ns > 0
+    slope = float(np.median(rises_ns[advancing] / runs_ns[advancing])) if advancing.any() else 0.0
+    detrended_ns = offsets_ns - slope * (instants_ns - instants_ns.min())
+    drift = ("drift", 1e6 * slope, detrended_ns - np.median(detrended_ns))
+    # Instants that are whole multiples of a grid explain offsets of up to half of it.
+    grid_ns = int(np.gcd.reduce(instant_steps_ns)) if len(instant_steps_ns) >= _FEWEST_ON_A_GRID - 1 else 0
+    beyond_ns = np.maximum(np.abs(offsets_ns) - grid_ns / 2, 0.0) if grid_ns > 2 * _ROUNDING_NS else offsets_ns
+    grid = ("grid", grid_ns / NS_PER_MS, beyond_ns)
+
+    rms_ns = _rms(offsets_ns)
+    patterns = []
+    for name, magnitude, residual_ns in (constant, drift, grid):
+        remaining_ns = np.abs(residual_ns)
+        if np.isfinite(step_ns):
+            remaining_ns = np.minimum(remaining_ns % step_ns, -remaining_ns % step_ns)
+        remaining = _rms(np.maximum(remaining_ns - _ROUNDING_NS, 0.0))
+        removed_share = max(1.0 - remaining / rms_ns, 0.0) if rms_ns > 0 else 0.0
+        patterns.append(TimestampPattern(name, magnitude, removed_share))
+    return tuple(sorted(patterns, key=lambda pattern: -round(pattern.removed_share, 2)))
 
 
-def _suspects_of_gaps(
-    stream: str, clock: Clock, gaps: NDArray[np.intp], off_frames: tuple[Suspect, ...]
-) -> tuple[Suspect, ...]:
-    """Tell intervals that are missing, doubled, or in another order from stamps that merely left the frames."""
-    if not len(gaps) or clock.ends_ns is None:
-        return ()
-    lengths_ns = clock.ends_ns - clock.times_ns
-    if 2 * np.abs(clock.times_ns[gaps] - clock.ends_ns[gaps - 1]).max() < np.median(lengths_ns):
-        return off_frames
-    order = np.argsort(clock.times_ns, kind="stable")
-    behind_ns = clock.times_ns[order][1:] - clock.ends_ns[order][:-1]
-    displaced = int(np.count_nonzero(order != np.arange(len(order))))
-    counts = {
-        "dropped_samples": int(np.count_nonzero(behind_ns > 0)),
-        "duplicated_samples": int(np.count_nonzero(behind_ns < 0)),
-        "unsorted": (displaced + 1) // 2,
-    }
-    total = max(sum(counts.values()), 1)
-    suspects = [Suspect(name, stream, 0.9 * n / total, float(n), "samples") for name, n in counts.items() if n]
-    return (*sorted(suspects, key=lambda suspect: -suspect.weight), *off_frames)
+def offsets_from_nearest(frames_ns: Int64, instants_ns: Int64) -> Float64:
+    """Return how much later each instant (n,) is than the frame nearest to it, ns."""
+    ordered = np.sort(frames_ns)
+    after = np.clip(np.searchsorted(ordered, instants_ns), 1, max(len(ordered) - 1, 1))
+    neighbours_ns = np.stack((ordered[after - 1], ordered[np.minimum(after, len(ordered) - 1)]))
+    offsets = (instants_ns - neighbours_ns).astype(np.float64)
+    nearest: Float64 = np.where(np.abs(offsets[0]) <= np.abs(offsets[1]), offsets[0], offsets[1])
+    return nearest
 
 
-def _suspects_of_length(
-    facts: Facts, stream: str, lengths_ns: Int64, wrong: NDArray[np.intp], off_frames: tuple[Suspect, ...]
-) -> tuple[Suspect, ...]:
-    """Tell the length of another rate, and another unit, from stamps that merely left the frames."""
-    if not len(wrong):
-        return ()
-    typical_ns = float(np.median(lengths_ns[wrong]))
-    rates_hz = [int(other.removeprefix("flow/").removesuffix("hz")) for other in facts.flow_streams]
-    if any(abs(typical_ns - NS_PER_S / rate) < 0.02 * typical_ns for rate in rates_hz):
-        return (Suspect("flow_rate_mixed", stream, 0.8), *off_frames)
-    thousands = typical_ns * int(stream.removeprefix("flow/").removesuffix("hz")) / NS_PER_S
-    another_unit = thousands > 0 and any(abs(thousands / unit - 1) < 0.02 for unit in (1e-6, 1e-3, 1e3, 1e6))
-    return (Suspect("time_unit", stream, 0.8 if another_unit else 0.2), *off_frames,
-            Suspect("dropped_samples", stream, 0.3))  # fmt: skip
+def _rms(values_ns: Float64) -> float:
+    return float(np.sqrt(np.mean(values_ns**2)))

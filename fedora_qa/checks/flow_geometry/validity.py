@@ -7,9 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow_geometry.interval_timestamps import timestamp_measurements
-from fedora_qa.checks.protocol import ANY_CAUSE, Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.flow_geometry.interval_timestamps import timestamp_statistics
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.flow.validity_kernels import compare_patterns, depth_range_m
+from fedora_qa.features import Feature
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import moved_points
 from fedora_qa.record.types import Coverage, Where
@@ -26,7 +27,6 @@ from fedora_qa.views.flow_intervals import (
     place,
     pose_track,
 )
-from fedora_qa.views.flow_suspects import DISPLACEMENTS, spreads_over
 from fedora_qa.views.static_depth import standing_depth_m
 
 Mask = NDArray[np.bool_]
@@ -37,11 +37,19 @@ _SIGMAS: Final = 8.0
 
 @dataclass(frozen=True, slots=True)
 class FieldPattern:
-    """Wrong pixels of one field; ``pixel`` is the first, (column, row).
+    """Wrong pixels of one field.
 
-    ``unfounded`` values stand where there can be none: ``unfounded_zero`` of them are zero, ``unfounded_alike`` equal
-    their median, ``behind`` of them belong to points behind the camera. ``deep`` says that the depths of these, or of
-    all where there are none, are plausible.
+    Attributes
+    ----------
+    unfounded, unfounded_zero, unfounded_alike, behind
+        Values where there can be none; those of them that are zero, that equal their median, and that belong to points
+        behind the camera.
+    deep
+        Whether the depths of the points behind the camera, or of all where there are none, are plausible.
+    infinite, missing
+        Infinite values; valid depths without a value.
+    pixel
+        The first wrong one, (column, row).
     """
 
     interval: Interval
@@ -54,6 +62,30 @@ class FieldPattern:
     infinite: int
     missing: int
     pixel: tuple[int, int] | None
+
+
+@dataclass(frozen=True, slots=True)
+class WrongFlowValues(Feature):
+    """Pixels of all fields whose pattern is wrong.
+
+    Attributes
+    ----------
+    streams
+        Rates with pixels that the statistic counts.
+    unfounded, missing
+        Values where there can be none, and valid depths without a value.
+    alike, behind
+        Unfounded values that equal their field's median, and those of points behind the camera.
+    deep
+        Whether the depths of the unfounded values are plausible in every field.
+    """
+
+    streams: frozenset[str]
+    unfounded: int
+    missing: int
+    alike: int
+    behind: int
+    deep: bool
 
 
 class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
@@ -88,7 +120,7 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
 
     Sources
     -------
-    First principles: format.md fixes where flow is finite; `checks/flow_geometry/timestamp_patterns.py` derives the
+    First principles: format.md fixes where flow is finite; `checks/flow_geometry/interval_timestamps.py` derives the
     patterns.
     """
 
@@ -114,7 +146,7 @@ class FlowGeometryValidity(WindowCheck[tuple[FieldPattern, ...]]):
         coverage = Coverage(len(patterns), total, "flow fields")
         if not facts.clocks["depth"].usable:
             return Observation(coverage, unobservable="the stamps of depth do not advance")
-        return Observation(coverage, (*_pixel_measurements(patterns, facts), *timestamp_measurements(facts)))
+        return Observation(coverage, (*_pixel_statistics(patterns, facts), *timestamp_statistics(facts)))
 
 
 def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame: int) -> FieldPattern | None:
@@ -122,33 +154,26 @@ def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame:
     if depth_m.shape != flow_px.shape[:2]:
         return None
     standing_m = standing_depth_m(window, frame)
-    passes = track is not None and standing_m is not None and _may_pass(window, track, interval, frame, standing_m)
+    may_pass = False
+    if track is not None and standing_m is not None:
+        # Whether any static point may end behind the camera's plane, or too near to it to be sure.
+        motion = motion_over(window, track, interval)
+        range_m = window.once(("range of depth", frame), lambda: depth_range_m(depth_m, standing_m))
+        may_pass = motion is None or (
+            range_m is not None and not _all_before(track, motion, depth_m.shape, range_m, window)
+        )
     lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
     unfounded, missing, infinite = compare_patterns(lines, depth_m, depth_m if standing_m is None else standing_m)
-    is_known = track is not None and standing_m is not None
-    if not passes and not unfounded and not infinite and not (missing and is_known):
+    are_missing = missing and track is not None and standing_m is not None
+    if not may_pass and not unfounded and not infinite and not are_missing:
         return FieldPattern(interval, frame, 0, 0, 0, 0, deep=True, infinite=0, missing=0, pixel=None)
-    return _examined(window, track, interval, frame, standing_m)
+    return _count_wrong_pixels(window, track, interval, frame, standing_m)
 
 
-def _may_pass(
-    window: Window, track: PoseTrack, interval: Interval, frame: int, standing_m: NDArray[np.float32]
-) -> bool:
-    """Whether any point that stands may end behind the camera's plane, or too near to it to tell."""
-    motion = motion_over(window, track, interval)
-    depth_m = window.depth_m(frame)
-    range_m = window.once(("range of depth", frame), lambda: depth_range_m(depth_m, standing_m))
-    return motion is None or (range_m is not None and not _all_before(track, motion, depth_m.shape, range_m, window))
-
-
-def _examined(
-    window: Window,
-    track: PoseTrack | None,
-    interval: Interval,
-    frame: int,
-    standing_m: NDArray[np.float32] | None,
+def _count_wrong_pixels(
+    window: Window, track: PoseTrack | None, interval: Interval, frame: int, standing_m: NDArray[np.float32] | None
 ) -> FieldPattern:
-    """Look at every pixel of a field in which something is odd, or may be."""
+    """Count the wrong pixels of a field by their kind."""
     depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
     u, v = flow_px[..., 0], flow_px[..., 1]
     present = np.isfinite(u) & np.isfinite(v)
@@ -162,6 +187,9 @@ def _examined(
         missing &= before
     else:
         missing[:] = False
+    # Of a fill value most values equal their median, of a flow hardly any.
+    values_px = flow_px[unfounded]
+    alike = int(np.count_nonzero(np.all(values_px == np.median(values_px, axis=0), axis=1))) if len(values_px) else 0
     wrong = unfounded | missing
     first = int(np.argmax(wrong)) if wrong.any() else None
     width = depth_m.shape[1]
@@ -170,18 +198,13 @@ def _examined(
         frame,
         unfounded=int(np.count_nonzero(unfounded)),
         unfounded_zero=int(np.count_nonzero(unfounded & (u == 0) & (v == 0))),
-        unfounded_alike=_alike(flow_px[unfounded]),
+        unfounded_alike=alike,
         behind=int(np.count_nonzero(present & behind)),
         deep=not valid.any() or depths_plausible(window.facts, depth_m[behind if behind.any() else valid]),
         infinite=int(np.count_nonzero(np.isinf(u) | np.isinf(v))),
         missing=int(np.count_nonzero(missing)),
         pixel=None if first is None else (first % width, first // width),
     )
-
-
-def _alike(flow_px: NDArray[np.float32]) -> int:
-    """Count the values (n, 2) that equal their median: of a fill value most do, of a flow hardly any."""
-    return int(np.count_nonzero(np.all(flow_px == np.median(flow_px, axis=0), axis=1))) if len(flow_px) else 0
 
 
 def _before_and_behind(
@@ -207,9 +230,10 @@ def _all_before(
     """Whether all points of an image end surely before the camera's plane, as the nearest in its corners does."""
     height, width = shape
     corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=np.float64)
-    turned = moved_points(track.camera.K, motion, corners[:, 0], corners[:, 1], np.ones(4))[2] - motion.t_m[2]
+    # Z1 = Z0 (R K^-1 x)_z + t_z: linear in the pixel, so that its least coefficient lies in a corner.
+    per_metre = moved_points(track.camera.K, motion, corners[:, 0], corners[:, 1], np.ones(4))[2] - motion.t_m[2]
     margin_m = _margin_m(window.facts.declared.pose, range_m[1])
-    return bool(turned.min() > 0 and range_m[0] * turned.min() + motion.t_m[2] > margin_m)
+    return bool(per_metre.min() > 0 and range_m[0] * per_metre.min() + motion.t_m[2] > margin_m)
 
 
 def _margin_m(noise: PoseModel | None, distance_m: float) -> float:
@@ -220,62 +244,46 @@ def _margin_m(noise: PoseModel | None, distance_m: float) -> float:
     return _SIGMAS * float(np.hypot(noise.position_sigma_m, noise.rotation_sigma_rad * distance_m)) + rounding_m
 
 
-def _pixel_measurements(patterns: Sequence[FieldPattern], facts: Facts) -> list[Statistic]:
+def _pixel_statistics(patterns: Sequence[FieldPattern], facts: Facts) -> list[Statistic]:
     unfounded = [pattern for pattern in patterns if pattern.unfounded]
     missing = [pattern for pattern in patterns if pattern.missing]
     infinite = [pattern for pattern in patterns if pattern.infinite]
-    wrong = max(sum(p.unfounded for p in unfounded), 1)
-    mostly_zero = 2 * sum(p.unfounded_zero for p in unfounded) > wrong
-    mostly_behind = 2 * sum(p.behind for p in unfounded) > wrong
-    where = "stand where the point falls behind the camera" if mostly_behind else "stand where depth is invalid"
-    misplaced: tuple[tuple[str, str, float], ...] = (
-        ("invalid_encoding", "flow", 0.9),
-        ("invalid_encoding", "depth", 0.4),
-    )
-    if 2 * sum(p.unfounded_alike for p in unfounded) <= wrong:  # flow of its own, which was made of a depth
-        misplaced = (("nan_in_stream", "depth", 0.8), *((cause, stream, 0.5 * w) for cause, stream, w in misplaced))
-    if mostly_behind:
-        blamed = "pose" if all(pattern.deep for pattern in unfounded) else "depth"
-        misplaced = (("unit_mm_m", blamed, 0.6), (ANY_CAUSE, blamed, 0.5))
-    absent: tuple[tuple[str, str, float], ...] = (("nan_in_stream", "flow", 0.8), ("invalid_encoding", "depth", 0.4))
-    if unfounded and missing:
-        misplaced = absent = DISPLACEMENTS
-    return [
-        _count("values_without_depth", "unfounded", sum(p.unfounded for p in patterns), unfounded, facts,
-               where + (", most of them 0" if mostly_zero else ""), misplaced),
-        _count("missing_values", "missing", sum(p.missing for p in patterns), missing, facts,
-               "are absent where depth is valid", absent),
-        _count("infinite_values", "infinite", sum(p.infinite for p in patterns), infinite, facts,
-               "are infinite", (("invalid_encoding", "flow", 0.9),)),
-    ]  # fmt: skip
-
-
-def _count(
-    name: str,
-    rule: str,
-    count: int,
-    wrong: Sequence[FieldPattern],
-    facts: Facts,
-    what: str,
-    causes: Sequence[tuple[str, str, float]],
-) -> Statistic:
-    where, suspects = Where(), tuple[Suspect, ...]()
-    if wrong:
-        first, last = wrong[0], wrong[-1]
-        streams = {pattern.interval.stream for pattern in wrong}
-        off = {stream: stream in streams for stream in facts.flow_streams}
-        flow = spreads_over(first.interval.stream, off)
-        where = place(facts, (first.interval, last.interval), frame=first.frame, pixel=first.pixel)
-        suspects = tuple(Suspect(cause, flow if stream == "flow" else stream, w) for cause, stream, w in causes)
-    return Statistic(
-        name=name,
-        value=float(count),
-        unit="pixels",
-        standard_error=0.0,
-        resolution=1.0,
-        side="upper",
-        statement=f"{count} values of flow, in {len(wrong)} fields, {what}.",
-        code=f"flow_geometry.validity.{rule}",
-        where=where,
-        suspects=suspects,
-    )
+    count = max(sum(p.unfounded for p in unfounded), 1)
+    mostly_zero = 2 * sum(p.unfounded_zero for p in unfounded) > count
+    mostly_behind = 2 * sum(p.behind for p in unfounded) > count
+    text = "stand where the point falls behind the camera" if mostly_behind else "stand where depth is invalid"
+    statistics = []
+    for name, rule, number, wrong, where_text in (
+        ("values_without_depth", "unfounded", sum(p.unfounded for p in patterns), unfounded,
+         text + (", most of them 0" if mostly_zero else "")),
+        ("missing_values", "missing", sum(p.missing for p in patterns), missing, "are absent where depth is valid"),
+        ("infinite_values", "infinite", sum(p.infinite for p in patterns), infinite, "are infinite"),
+    ):  # fmt: skip
+        where, features = Where(), tuple[Feature, ...]()
+        if wrong:
+            first, last = wrong[0], wrong[-1]
+            where = place(facts, (first.interval, last.interval), frame=first.frame, pixel=first.pixel)
+            values = WrongFlowValues(
+                streams=frozenset(pattern.interval.stream for pattern in wrong),
+                unfounded=sum(p.unfounded for p in unfounded),
+                missing=sum(p.missing for p in missing),
+                alike=sum(p.unfounded_alike for p in unfounded),
+                behind=sum(p.behind for p in unfounded),
+                deep=all(pattern.deep for pattern in unfounded),
+            )
+            features = (values,)
+        statistics.append(
+            Statistic(
+                name=name,
+                value=float(number),
+                unit="pixels",
+                standard_error=0.0,
+                resolution=1.0,
+                side="upper",
+                statement=f"{number} values of flow, in {len(wrong)} fields, {where_text}.",
+                code=f"flow_geometry.validity.{rule}",
+                where=where,
+                features=features,
+            )
+        )
+    return statistics

@@ -11,7 +11,7 @@ from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.flow.residual import TileResiduals
 from fedora_qa.estimators.flow.tiles import TileGrid, patches_of
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.flow_conventions import Weighed
+from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.flow_intervals import Interval, interval_at
 from fedora_qa.views.flow_residuals import (
     FEWEST_TILES,
@@ -48,7 +48,7 @@ class _Candidate:
     likeliness: float = 1.0
 
 
-def weigh_candidates(window: Window, optics: Optics, interval: Interval) -> list[Weighed]:
+def weigh_candidates(window: Window, optics: Optics, interval: Interval) -> list[ConventionTrial]:
     """Weigh every gross fault against one field: the share of the frames' mismatch that undoing it removes."""
     frames = frame_pair(window, optics, interval)
     tiles = sample_tiles(frames, interval, 1.0) if frames else None
@@ -60,17 +60,17 @@ def weigh_candidates(window: Window, optics: Optics, interval: Interval) -> list
         return []
     tiles = tiles.chosen(_off(residuals, can_tell))
     as_stored = _mismatch(tiles, frames)
-    best: dict[tuple[str, str], Weighed] = {}
+    best: dict[tuple[str, str], ConventionTrial] = {}
     if frozen := _repeated_frames(window, frames):
-        best["frozen_frames", "rgb"] = Weighed(interval.stream, "frozen_frames", "rgb", 1.0, float(frozen))
+        best["frozen_frames", "rgb"] = ConventionTrial(interval.stream, "frozen_frames", "rgb", 1.0, float(frozen))
     for candidate in _candidates(window, optics, interval, tiles, frames):
         if candidate.flow_px is None or candidate.frames is None:
             continue
         left = _mismatch(replace(tiles, flow_px=candidate.flow_px), candidate.frames)
         weight = candidate.likeliness * max(1.0 - left / as_stored, 0.0) if as_stored > 0 else 0.0
         key = (candidate.cause, candidate.stream)
-        if key not in best or best[key].weight < weight:
-            best[key] = Weighed(interval.stream, *key, weight, candidate.magnitude)
+        if key not in best or best[key].removed_share < weight:
+            best[key] = ConventionTrial(interval.stream, *key, weight, candidate.magnitude)
     return list(best.values())
 
 

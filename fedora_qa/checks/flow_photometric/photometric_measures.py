@@ -11,7 +11,7 @@ from fedora_qa.estimators.flow.field_fit import GAIN, MEAN
 from fedora_qa.estimators.flow.motion_fit import Evidence
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.flow_conventions import Weighed
+from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.flow_intervals import place
 from fedora_qa.views.flow_residuals import UNMATCHED, FieldResidual
 
@@ -174,7 +174,9 @@ def is_off(rate: RateEstimate | None, fields: Sequence[FieldResidual]) -> bool:
 
 
 def inferred_unit(
-    rates: Mapping[str, RateEstimate | None], groups: Mapping[str, Sequence[FieldResidual]], weighed: Sequence[Weighed]
+    rates: Mapping[str, RateEstimate | None],
+    groups: Mapping[str, Sequence[FieldResidual]],
+    weighed: Sequence[ConventionTrial],
 ) -> str:
     """Return the unit that the frames give the flow: px, px/s, px s; unknown where they give none, or several."""
     units = {_unit_of(stream, rates[stream], groups[stream], weighed) for stream in groups} - {None}
@@ -182,11 +184,11 @@ def inferred_unit(
 
 
 def _unit_of(
-    stream: str, rate: RateEstimate | None, fields: Sequence[FieldResidual], weighed: Sequence[Weighed]
+    stream: str, rate: RateEstimate | None, fields: Sequence[FieldResidual], weighed: Sequence[ConventionTrial]
 ) -> str | None:
     """Return the unit of one rate; None where its gain is not known well enough to tell."""
-    best = max((one for one in weighed if one.rate == stream), key=lambda one: one.weight, default=None)
-    if best is not None and best.cause == "flow_unit" and best.magnitude is not None:
+    best = max((one for one in weighed if one.rate == stream), key=lambda one: one.removed_share, default=None)
+    if best is not None and best.transform == "flow_unit" and best.magnitude is not None:
         return "px/s" if best.magnitude > 1 else "px s"
     unmatched = sum(one.unmatched for one in fields) / sum(one.textured for one in fields)
     if rate is None or unmatched > _UNMATCHED_SHARE:

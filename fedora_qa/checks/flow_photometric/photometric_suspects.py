@@ -25,7 +25,7 @@ from fedora_qa.estimators.flow.templates import MOUNTING as MOUNTING_FAULT
 from fedora_qa.estimators.flow.templates import TIME_OFFSET
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.views.flow_comparison import is_noisy
-from fedora_qa.views.flow_conventions import Weighed
+from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.flow_residuals import FieldResidual
 from fedora_qa.views.flow_suspects import gain_suspect, gross_suspects, most_probable, spreads_over, weakened
 
@@ -36,7 +36,7 @@ _SAME_GAIN: Final = 0.1
 def photometric_suspects(
     stream: str,
     fields: Sequence[FieldResidual],
-    weighed: Sequence[Weighed],
+    weighed: Sequence[ConventionTrial],
     off: Mapping[str, bool],
     fields_off: Sequence[FieldResidual],
     noise: PoseModel | None,
@@ -158,5 +158,5 @@ def _geometric(total: Evidence, everything: float, flow: str, interval_s: float)
         size = fault.size(scale * sizes)
         if abs(size) <= _LINEAR * fault.largest:
             simple = _FEWER_NUMBERS ** len(sizes)
-            suspects.append(Suspect(fault.cause, flow, simple * share / everything, size, fault.unit))
+            suspects.append(Suspect(fault.parameter, flow, simple * share / everything, size, fault.unit))
     return suspects

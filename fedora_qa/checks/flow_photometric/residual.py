@@ -14,7 +14,7 @@ from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.flow_conventions import Weighed
+from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.flow_intervals import owned_intervals
 from fedora_qa.views.flow_residuals import FEWEST_TILES, FieldResidual, measure_field
 from fedora_qa.views.warped_frames import frame_pair, optics_of
@@ -29,7 +29,7 @@ class WindowResiduals:
     window: int
     fields: tuple[FieldResidual, ...] = ()
     without_frames: int = 0
-    weighed: tuple[Weighed, ...] = ()
+    weighed: tuple[ConventionTrial, ...] = ()
     maps: Mapping[str, tuple[NDArray[Any], str]] = field(default_factory=dict)
 
 
@@ -114,7 +114,7 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
         off = sorted((one for one in fields if suspicion(one) > 1), key=suspicion, reverse=True)
         if isinstance(optics, str) or not off:
             return
-        weighed: list[Weighed] = []
+        weighed: list[ConventionTrial] = []
         for stream in window.facts.flow_streams:
             of_stream = [one for one in off if one.interval.stream == stream]
             if of_stream:

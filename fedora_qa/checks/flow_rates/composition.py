@@ -5,29 +5,41 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Final
 
-from fedora_qa.checks.flow_rates.rates_suspects import Pair, rates_suspects, weigh_hypotheses
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.flow_rates.inverse_trials import try_inverse_transforms
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_chains import segments
-from fedora_qa.views.flow_conventions import Weighed
-from fedora_qa.views.flow_rate_agreement import MOST_LOST, Deviation, RateAgreement, compare
+from fedora_qa.views.flow_conventions import ConventionTrial
+from fedora_qa.views.flow_rate_agreement import MOST_LOST, MedianEndpointError, RateAgreement, compare_rates
 
-_CLOSER_LOOKS: Final = 4
+RatePair = tuple[str, str]
+"""Two rates, the slower one first."""
 
-_MATTERS_PX: Final = 0.1
+_MOST_FOLLOW_UPS: Final = 4
+
+_MATERIAL_PX: Final = 0.1
 """An endpoint error that no use of the flow would notice."""
 
 
 @dataclass(frozen=True, slots=True)
 class WindowComposition:
-    """The common intervals that begin in a window, those that could not be compared, and what a closer look showed."""
+    """The common intervals that begin in a window, those that could not be compared, and the trials of a follow-up."""
 
     window: int
     segments: tuple[RateAgreement, ...] = ()
     not_compared: int = 0
-    weighed: tuple[Weighed, ...] = ()
+    trials: tuple[ConventionTrial, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class RatePairsOff(Feature):
+    """The pair of rates that was compared, and the share of common intervals that are off, for every pair."""
+
+    pair: RatePair
+    shares_off: Mapping[RatePair, float]
 
 
 class FlowRatesComposition(WindowCheck[WindowComposition]):
@@ -75,110 +87,116 @@ class FlowRatesComposition(WindowCheck[WindowComposition]):
     needs = ("flow",)
 
     def not_applicable(self, facts: Facts) -> str:
-        """Say that there is nothing to compare with."""
+        """State that there is nothing to compare with."""
         return "" if len(facts.flow_streams) > 1 else "there is one rate of flow only"
 
     def measure(self, window: Window) -> WindowComposition | None:
         """Compare every pair of rates over the intervals that begin in the window."""
-        found, not_compared = [], 0
+        agreements, not_compared = [], 0
         for slow, fast in combinations(window.facts.flow_streams, 2):
             for segment in segments(window, slow, fast):
                 if segment.slow.rows[0] % window.sampling.field_stride:
                     continue
-                agreement = compare(window, segment)
-                found += [agreement] if agreement else []
+                agreement = compare_rates(window, segment)
+                agreements += [agreement] if agreement else []
                 not_compared += agreement is None
-        return WindowComposition(window.span.index, tuple(found), not_compared)
+        return WindowComposition(window.span.index, tuple(agreements), not_compared)
 
     def follow_up_windows(self, state: list[WindowComposition], facts: Facts) -> tuple[int, ...]:
         """Ask for the windows of the worst intervals."""
-        worst = sorted((-max((s.suspicion for s in one.segments), default=0.0), one.window) for one in state)
-        return tuple(window for suspicion, window in worst[:_CLOSER_LOOKS] if suspicion < -1)
+        worst = sorted(
+            (-max((agreement.suspicion for agreement in summary.segments), default=0.0), summary.window)
+            for summary in state
+        )
+        return tuple(window for suspicion, window in worst[:_MOST_FOLLOW_UPS] if suspicion < -1)
 
     def follow_up(self, state: list[WindowComposition], window: Window) -> None:
-        """Undo faults on the window's worst interval of each pair of rates."""
-        of_window = [s for one in state if one.window == window.span.index for s in one.segments]
-        weighed: list[Weighed] = []
+        """Try inverse transforms on the window's worst interval of each pair of rates."""
+        of_window = [
+            agreement for summary in state if summary.window == window.span.index for agreement in summary.segments
+        ]
+        trials: list[ConventionTrial] = []
         for group in _by_pair(of_window).values():
-            worst = max(group, key=lambda one: one.suspicion)
+            worst = max(group, key=lambda agreement: agreement.suspicion)
             if worst.suspicion > 1:
-                weighed += weigh_hypotheses(window, worst.segment)
-        state.append(WindowComposition(window.span.index, weighed=tuple(weighed)))
+                trials += try_inverse_transforms(window, worst.segment)
+        state.append(WindowComposition(window.span.index, trials=tuple(trials)))
 
     def conclude(self, state: Sequence[WindowComposition], facts: Facts) -> Observation:
         """State the endpoint error of each pair of rates."""
-        pairs = _by_pair([segment for one in state for segment in one.segments])
+        pairs = _by_pair([agreement for summary in state for agreement in summary.segments])
         count = sum(len(group) for group in pairs.values())
-        left_out = sum(one.not_compared for one in state)
-        coverage = Coverage(count, count + left_out, "common intervals")
+        not_compared = sum(summary.not_compared for summary in state)
+        coverage = Coverage(count, count + not_compared, "common intervals")
         if not pairs:
             return Observation(coverage, unobservable="no two rates cover a common interval by whole fields")
-        weighed = [one for each in state for one in each.weighed]
-        off = {pair: sum(one.suspicion > 1 for one in group) / len(group) for pair, group in pairs.items()}
-        measured: list[Statistic] = []
+        trials = [trial for summary in state for trial in summary.trials]
+        shares_off = {
+            pair: sum(agreement.suspicion > 1 for agreement in group) / len(group) for pair, group in pairs.items()
+        }
+        statistics: list[Statistic] = []
         for pair, group in pairs.items():
-            suspects = rates_suspects(pair, off, weighed) if off[pair] else ()
-            measured += _measured(pair, group, facts, suspects)
-        return Observation(coverage, tuple(measured))
+            features = (RatePairsOff(pair, shares_off), *trials)
+            statistics += [replace(statistic, features=features) for statistic in _statistics(pair, group, facts)]
+        return Observation(coverage, tuple(statistics))
 
 
-def _by_pair(found: Sequence[RateAgreement]) -> Mapping[Pair, list[RateAgreement]]:
-    pairs: dict[Pair, list[RateAgreement]] = {}
-    for one in sorted(found, key=lambda one: one.segment.start_ns):
-        pairs.setdefault((one.segment.slow.stream, one.segment.fast.stream), []).append(one)
+def _by_pair(agreements: Sequence[RateAgreement]) -> Mapping[RatePair, list[RateAgreement]]:
+    pairs: dict[RatePair, list[RateAgreement]] = {}
+    for agreement in sorted(agreements, key=lambda agreement: agreement.segment.start_ns):
+        pairs.setdefault((agreement.segment.slow.stream, agreement.segment.fast.stream), []).append(agreement)
     return pairs
 
 
-def _measured(
-    pair: Pair, group: Sequence[RateAgreement], facts: Facts, suspects: tuple[Suspect, ...]
-) -> list[Statistic]:
+def _statistics(pair: RatePair, group: Sequence[RateAgreement], facts: Facts) -> list[Statistic]:
     name = f"{pair[0]} by {pair[1].removeprefix('flow/')}"
-    lost = max(group, key=lambda one: one.lost)
-    measured = [
+    most_lost = max(group, key=lambda agreement: agreement.lost)
+    statistics = [
         Statistic(
             name=f"{name} leaving",
-            value=lost.lost,
+            value=most_lost.lost,
             unit="share",
             standard_error=0.0,
             model_error_bound=MOST_LOST,
             side="upper",
-            statement=f"{lost.lost:.0%} of the pixels leave the image by {pair[0]} or by {pair[1]}, but not by both.",
+            statement=f"{most_lost.lost:.0%} of the pixels leave the image by {pair[0]} or by {pair[1]}, "
+            "but not by both.",
             code="flow_rates.composition.leaving",
-            where=_where([one for one in group if one.lost > MOST_LOST] or [lost], facts),
-            suspects=suspects,
+            where=_where([agreement for agreement in group if agreement.lost > MOST_LOST] or [most_lost], facts),
         )
     ]
-    compared = [(one, one.whole, one.worst_tile) for one in group if one.whole and one.worst_tile]
+    compared = [
+        (agreement, agreement.whole, agreement.worst_tile)
+        for agreement in group
+        if agreement.whole and agreement.worst_tile
+    ]
     if compared:
-        whole = max(compared, key=lambda each: each[1].suspicion)
-        tile = max(compared, key=lambda each: each[2].suspicion)
-        off = [one for one, deviation, _ in compared if deviation.suspicion > 1]
-        off_tile = [one for one, _, deviation in compared if deviation.suspicion > 1]
-        said = f"{len(off)} of {len(compared)} intervals are off"
-        measured += [
-            _error(f"{name} error", pair, whole[1], said, "error", _where(off or [whole[0]], facts), suspects),
+        whole = max(compared, key=lambda errors: errors[1].suspicion)
+        tile = max(compared, key=lambda errors: errors[2].suspicion)
+        off = [agreement for agreement, error, _ in compared if error.suspicion > 1]
+        off_tile = [agreement for agreement, _, error in compared if error.suspicion > 1]
+        extent = f"{len(off)} of {len(compared)} intervals are off"
+        statistics += [
+            _error(f"{name} error", pair, whole[1], extent, "error", _where(off or [whole[0]], facts)),
             _error(f"{name} worst_tile", pair, tile[2], "in the worst tile", "tile",
-                   replace(_where(off_tile or [tile[0]], facts), tile=tile[0].tile), suspects),
+                   replace(_where(off_tile or [tile[0]], facts), tile=tile[0].tile)),
         ]  # fmt: skip
-    return measured
+    return statistics
 
 
-def _error(
-    name: str, pair: Pair, deviation: Deviation, said: str, rule: str, where: Where, suspects: tuple[Suspect, ...]
-) -> Statistic:
+def _error(name: str, pair: RatePair, error: MedianEndpointError, extent: str, rule: str, where: Where) -> Statistic:
     return Statistic(
         name=name,
-        value=deviation.typical_px,
+        value=error.typical_px,
         unit="px",
         standard_error=0.0,
-        model_error_bound=deviation.bound_px,
+        model_error_bound=error.bound_px,
         side="upper",
-        material=_MATTERS_PX,
-        statement=f"{pair[0]} leads {deviation.typical_px:.3g} px away from where fields of {pair[1]} lead together, "
-        f"and interpolation explains {deviation.bound_px:.1g} px; {said}.",
+        material=_MATERIAL_PX,
+        statement=f"{pair[0]} leads {error.typical_px:.3g} px away from where fields of {pair[1]} lead together, "
+        f"and interpolation explains {error.bound_px:.1g} px; {extent}.",
         code=f"flow_rates.composition.{rule}",
         where=where,
-        suspects=suspects,
     )
 
 

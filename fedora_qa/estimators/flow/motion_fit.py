@@ -1,4 +1,4 @@
-"""Fit the camera's motion to a flow field, and see which small faults explain what a field disagrees in.
+"""Fit the camera's motion to a flow field, and fit small changes of parameters to what remains.
 
 The flow comes from the noise-free pose while the file holds a noisy one. So each field may correct the relative pose by
 a twist whose covariance follows from the declared noise; what remains must be rounding, and the twist itself must be
@@ -7,7 +7,7 @@ as large as the noise.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ class FlowSample:
 
 @dataclass(frozen=True, slots=True)
 class MotionFit:
-    """A field seen from the best relative pose.
+    """The relative pose that fits a field best.
 
     Attributes
     ----------
@@ -73,9 +73,20 @@ class MotionFit:
 
 
 def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit | None:
-    """Correct the motion by Gauss-Newton until the flow fits best; None where that leads nowhere, or past most points.
+    """Correct the motion by Gauss-Newton until the flow fits best.
 
     Directions that the sample does not determine (far or few points) are left as they are.
+
+    Parameters
+    ----------
+    K
+        (3, 3) camera matrix.
+    motion
+        Of points in the camera's frame, from the start of the interval to its end, to start from.
+
+    Returns
+    -------
+    None where the steps do not stay within the linearisation, or where most points end behind the camera.
     """
     fitted = motion
     for _ in range(_ITERATIONS):
@@ -83,6 +94,7 @@ def fit_motion(K: Float64, motion: RigidMotion, sample: FlowSample) -> MotionFit
         information = np.einsum("nki,nkj->ij", jacobian, jacobian)
         scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
         gradient = np.einsum("nki,nk->i", jacobian, residual)
+        # Columns are scaled to unit norm before the solution: radians and metres are then conditioned alike.
         step: Float64 = np.linalg.lstsq(information / np.outer(scale, scale), gradient / scale, rcond=1e-12)[0] / scale
         if not np.all(np.isfinite(step)) or np.linalg.norm(step[:3]) > _LARGEST_TURN_RAD:
             return None
@@ -103,27 +115,36 @@ def fit_most(K: Float64, motion: RigidMotion, sample: FlowSample, fit: MotionFit
 
     Concentration steps of least trimmed squares (P. J. Rousseeuw, K. Van Driessen, Data Min. Knowl. Discov. 12 (2006)
     29), none of which makes the half's squares larger, from a fit to the whole sample and from each half of the image:
-    a part of a quarter leaves two of these whole. The residuals returned are of the whole sample.
+    a part of a quarter leaves two of these whole.
+
+    Parameters
+    ----------
+    fit
+        Of the whole sample, from ``fit_motion``.
+
+    Returns
+    -------
+    The best fit, with the residuals of the whole sample.
     """
     starts = [fit]
-    for places in (sample.columns, sample.rows):
-        middle = float(np.median(places))
-        halves = (np.flatnonzero(places <= middle), np.flatnonzero(places > middle))
-        starts += [start for half in halves if (start := _of_part(K, motion, sample, half)) is not None]
-    return min((_concentrated(K, motion, sample, start) for start in starts), key=_least_squares)
+    for coordinates in (sample.columns, sample.rows):
+        middle = float(np.median(coordinates))
+        halves = (np.flatnonzero(coordinates <= middle), np.flatnonzero(coordinates > middle))
+        starts += [start for half in halves if (start := _fit_part(K, motion, sample, half)) is not None]
+    concentrated = []
+    for start in starts:
+        best = start
+        for _ in range(_CONCENTRATIONS):
+            half = np.argsort(_squares(best))[: len(sample.columns) // 2]
+            better = _fit_part(K, motion, sample, half)
+            if better is None or not _trimmed_squares(better) < _trimmed_squares(best):
+                break
+            best = better
+        concentrated.append(best)
+    return min(concentrated, key=_trimmed_squares)
 
 
-def _concentrated(K: Float64, motion: RigidMotion, sample: FlowSample, fit: MotionFit) -> MotionFit:
-    for _ in range(_CONCENTRATIONS):
-        half = np.argsort(_squares(fit))[: len(sample.columns) // 2]
-        better = _of_part(K, motion, sample, half)
-        if better is None or not _least_squares(better) < _least_squares(fit):
-            break
-        fit = better
-    return fit
-
-
-def _of_part(K: Float64, motion: RigidMotion, sample: FlowSample, part: NDArray[np.intp]) -> MotionFit | None:
+def _fit_part(K: Float64, motion: RigidMotion, sample: FlowSample, part: NDArray[np.intp]) -> MotionFit | None:
     fit = fit_motion(K, motion, sample.chosen(part)) if len(part) else None
     if fit is None:
         return None
@@ -136,7 +157,7 @@ def _squares(fit: MotionFit) -> Float64:
     return np.where(np.isfinite(squares), squares, np.inf)
 
 
-def _least_squares(fit: MotionFit) -> float:
+def _trimmed_squares(fit: MotionFit) -> float:
     """Return the sum of the smaller half of the squared residuals, px^2."""
     return float(np.sum(np.sort(_squares(fit))[: len(fit.residual_px) // 2]))
 
@@ -145,19 +166,25 @@ def _linearised(K: Float64, motion: RigidMotion, sample: FlowSample) -> tuple[Fl
     """Return the residual (n, 2) and its Jacobian by twist (n, 2, 6); zero where a point falls behind the camera."""
     points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
     residual = sample.flow_px - rigid_flow(K, motion, sample.columns, sample.rows, sample.depths_m)
-    seen = np.logical_and(*np.isfinite(residual).T)
-    points1_m[~seen] = (0.0, 0.0, 1.0)
-    jacobian = twist_jacobian(K, points1_m) * seen[:, None, None]
-    residual[~seen] = 0.0
+    in_front = np.logical_and(*np.isfinite(residual).T)
+    points1_m[~in_front] = (0.0, 0.0, 1.0)
+    jacobian = twist_jacobian(K, points1_m) * in_front[:, None, None]
+    residual[~in_front] = 0.0
     return residual, jacobian
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Normal equations of small faults against the residuals of fields, the pose correction eliminated.
+    """Normal equations of templates against the residuals of fields, the pose correction eliminated.
 
-    Additive over fields: ``matrix`` (m, m), ``vector`` (m,) and ``total``, the squared residuals that are to be
-    explained, all weighted; ``count`` of them.
+    Additive over fields.
+
+    Attributes
+    ----------
+    matrix, vector
+        (m, m) and (m,), for m templates, weighted.
+    total, count
+        The weighted squares of the residuals that are to be explained, and how many these are.
     """
 
     matrix: Float64
@@ -171,16 +198,33 @@ class Evidence:
         )
 
     def along(self, direction: Float64) -> "Evidence":
-        """Return the evidence for one fault that is made of so much (m,) of each."""
+        """Return the evidence for one template that is made of so much (m,) of each."""
         matrix, vector = direction @ self.matrix @ direction, direction @ self.vector
         return Evidence(np.array([[matrix]]), np.array([vector]), self.total, self.count)
 
     def explained_by(self, columns: slice) -> tuple[Float64, float]:
-        """Return the fitted sizes of some faults taken alone, and the share of the residuals they explain."""
+        """Return the fitted sizes of some templates taken alone, and the share of the squares that they explain."""
         matrix, vector = self.matrix[columns, columns], self.vector[columns]
         sizes: Float64 = np.asarray(np.linalg.lstsq(matrix, vector, rcond=1e-9)[0], dtype=np.float64)
         share = float(vector @ sizes) / self.total if self.total > 0 else 0.0
         return sizes, share
+
+    def fit(self, columns: slice) -> "TemplateFit":
+        """Fit some templates alone; their error is larger where much of the residuals remains."""
+        sizes, share = self.explained_by(columns)
+        remaining = float(np.clip(1.0 - share, 0.0, 1.0))
+        information = np.diag(self.matrix[columns, columns])
+        by_rounding = float(np.max(1.0 / np.sqrt(np.maximum(information, 1e-300))))
+        error = by_rounding * max(1.0, float(np.sqrt(remaining * self.total / self.count)))
+        return TemplateFit(sizes, 1.0 - float(np.sqrt(remaining)), error)
+
+
+class TemplateFit(NamedTuple):
+    """Fitted sizes (m,), the share of the rms residual that they remove, 0 to 1, and the largest standard error."""
+
+    sizes: Float64
+    removed_share: float
+    standard_error: float
 
 
 def sum_of(evidences: Sequence[Evidence]) -> Evidence:
@@ -199,8 +243,19 @@ def weigh_templates(
     fit: MotionFit | None,
     twist_covariance: Float64 | None,
 ) -> Evidence:
-    """Set up the normal equations of templates (n, 2, m), px per unit of each fault, for one field.
+    """Set up the normal equations of templates for one field.
 
+    Parameters
+    ----------
+    templates
+        (n, 2, m) px per unit of each; NaN where the point falls behind the camera.
+    fit
+        Of the same sample, from ``fit_motion``; None where the motion is not corrected.
+    twist_covariance
+        (6, 6) prior covariance of the motion's twist, rad and metres; None where the motion is exact.
+
+    Notes
+    -----
     Without ``twist_covariance`` the pose is exact and nothing is eliminated. With it, the twist x of prior covariance
     S is: minimising ``|e - J x - G a|^2 / sigma^2 + x^T S^-1 x`` over x leaves normal equations in a (Schur's
     complement). The residual e is linearised about the fitted motion, whose second-order terms are then rounding.
@@ -208,11 +263,12 @@ def weigh_templates(
     if twist_covariance is None or fit is None:
         return _normal_equations(_linearised(K, motion, sample)[0], templates, sample.sigma_px)
     residual, jacobian = _linearised(K, fit.motion, sample)
-    residual = residual + jacobian @ fit.twist
+    residual = residual + jacobian @ fit.twist  # about the given motion: the prior's mean
     plain = _normal_equations(residual, templates, sample.sigma_px)
     weight = 1.0 / sample.sigma_px**2
     cross = weight * np.einsum("nki,nkm->im", jacobian, np.nan_to_num(templates))
     pull = weight * np.einsum("nki,nk->i", jacobian, residual)
+    # Schur's complement: (J^T J / sigma^2 + S^-1)^-1, with S possibly singular, applied to both right-hand sides.
     solved = parallel_sum(twist_covariance, fit.information) @ np.column_stack((cross, pull))
     return Evidence(
         plain.matrix - cross.T @ solved[:, :-1],
@@ -222,29 +278,28 @@ def weigh_templates(
     )
 
 
-def parallel_sum(one: Float64, other: Float64) -> Float64:
-    """Return ``(one^-1 + other)^-1`` of symmetric matrices without negative eigenvalues; either may be singular.
+def parallel_sum(covariance: Float64, information: Float64) -> Float64:
+    """Return ``(covariance^-1 + information)^-1`` of symmetric matrices without negative eigenvalues.
 
-    With ``one = L L^T`` it is ``L (1 + L^T other L)^-1 L^T``. The eigenvalues are taken apart: however large they are,
-    none of what is inverted is less than 1.
+    Either may be singular. With ``covariance = L L^T`` it is ``L (1 + L^T information L)^-1 L^T``. The eigenvalues are
+    taken apart: however large they are, none of what is inverted is less than 1.
     """
-    sizes, directions = np.linalg.eigh(one)
-    L = directions * np.sqrt(np.maximum(sizes, 0.0))
-    values, vectors = np.linalg.eigh(L.T @ other @ L)
-    turned = L @ vectors
-    found: Float64 = (turned / (1.0 + np.maximum(values, 0.0))) @ turned.T
-    return found
+    eigenvalues, directions = np.linalg.eigh(covariance)
+    L = directions * np.sqrt(np.maximum(eigenvalues, 0.0))
+    gains, rotation = np.linalg.eigh(L.T @ information @ L)
+    rotated = L @ rotation
+    combined: Float64 = (rotated / (1.0 + np.maximum(gains, 0.0))) @ rotated.T
+    return combined
 
 
 def twist_statistic(fit: MotionFit, twist_covariance: Float64) -> tuple[float, float]:
-    """Return ``x^T (S + A^-1)^-1 x`` of the fitted twist, and its expectation under the prior covariance S.
+    """Return ``x^T (S + A^-1)^-1 x`` of the fitted twist x, and its expectation under the prior covariance S (6, 6).
 
     A is the information of the fit. The expectation, ``trace((S + A^-1)^-1 S)``, counts the determined directions:
     under the prior the statistic is chi-square with about so many degrees of freedom.
     """
-    S = twist_covariance
-    weight = parallel_sum(fit.information, S)
-    return float(fit.twist @ weight @ fit.twist), float(np.trace(weight @ S))
+    weight = parallel_sum(fit.information, twist_covariance)  # (S + A^-1)^-1
+    return float(fit.twist @ weight @ fit.twist), float(np.trace(weight @ twist_covariance))
 
 
 def _normal_equations(residual: Float64, templates: Float64, sigma_px: float) -> Evidence:

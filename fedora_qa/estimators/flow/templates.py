@@ -1,4 +1,4 @@
-"""How the recomputed flow changes under small faults of what it is recomputed from: templates for diagnosis."""
+"""How the recomputed flow changes with the parameters that it is recomputed from: templates of small errors."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,57 +15,49 @@ Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class SmallFault:
-    """A cause, the unit of its size, and the columns of its templates.
+class ParameterTemplate:
+    """A parameter of the recomputed flow and the columns of its templates.
 
-    ``streams`` are those that it can befall with the same effect here, each with the weight that it is given: where
-    nothing else tells them apart the first is meant. A stream among ``opposite`` has it with the other sign. Beyond
-    ``largest`` the template, a derivative, says nothing.
+    Attributes
+    ----------
+    parameter, unit
+        Its name, and the unit of an error of it.
+    columns
+        Of ``parameter_templates``.
+    largest
+        Error beyond which the template, a derivative, is not the change of the flow any more.
     """
 
-    cause: str
-    streams: tuple[tuple[str, float], ...]
+    parameter: str
     unit: str
     columns: slice
     largest: float
-    opposite: tuple[str, ...] = ()
 
     def size(self, fitted: Float64) -> float:
-        """Return one signed number for a fault of several components: their norm, with the largest one's sign."""
+        """Return one signed number for an error of several components: their norm, with the largest one's sign."""
         return float(np.copysign(np.linalg.norm(fitted), fitted[np.argmax(np.abs(fitted))]))
 
 
-_DECLARED: Final = (("metadata", 1.0), ("flow", 0.95))
+FLOW_GAIN: Final = ParameterTemplate("flow_gain", "percent", slice(0, 1), np.inf)
+FOCAL: Final = ParameterTemplate("intrinsics_focal", "percent", slice(1, 2), 30.0)
+CENTRE: Final = ParameterTemplate("intrinsics_centre", "px", slice(2, 4), 100.0)
+MOUNTING: Final = ParameterTemplate("extrinsic_rotation", "deg", slice(4, 7), 15.0)
+LEVER_ARM: Final = ParameterTemplate("lever_arm", "m", slice(7, 10), 3.0)
+TIME_OFFSET: Final = ParameterTemplate("time_offset", "ms", slice(10, 11), 50.0)
 
-FLOW_GAIN: Final = SmallFault("flow_gain", (("flow", 1.0),), "percent", slice(0, 1), np.inf)
-TIME_OFFSET: Final = SmallFault(
-    "time_offset", (("pose", 1.0), ("flow", 0.95)), "ms", slice(10, 11), 50.0, opposite=("flow",)
-)
-
-FOCAL: Final = SmallFault("intrinsics_focal", _DECLARED, "percent", slice(1, 2), 30.0, opposite=("flow",))
-CENTRE: Final = SmallFault("intrinsics_centre", _DECLARED, "px", slice(2, 4), 100.0, opposite=("flow",))
-MOUNTING: Final = SmallFault("extrinsic_rotation", _DECLARED, "deg", slice(4, 7), 15.0, opposite=("flow",))
-
-SMALL_FAULTS: Final = (
-    FLOW_GAIN,
-    FOCAL,
-    CENTRE,
-    MOUNTING,
-    SmallFault("lever_arm", (("metadata", 1.0), ("pose", 0.95)), "m", slice(7, 10), 3.0),
-    TIME_OFFSET,
-)
+PARAMETER_TEMPLATES: Final = (FLOW_GAIN, FOCAL, CENTRE, MOUNTING, LEVER_ARM, TIME_OFFSET)
 
 _PERCENT, _DEG, _MS = 0.01, np.pi / 180, 1e-3
 
 
-def small_fault_templates(
+def parameter_templates(
     K: Float64,
     motion: RigidMotion,
     sample: FlowSample,
     remounted: Callable[[Float64, Float64], RigidMotion],
     delayed: Callable[[float], RigidMotion | None],
 ) -> Float64:
-    """Return templates (n, 2, 11): stored minus recomputed flow in px per unit of each of ``SMALL_FAULTS``.
+    """Return templates (n, 2, 11): stored minus recomputed flow in px per unit of each of ``PARAMETER_TEMPLATES``.
 
     Parameters
     ----------
@@ -90,6 +82,7 @@ def small_fault_templates(
         changed[axis, 2] -= shift_px
         return changed
 
+    # Central differences: their error is of third order in steps of a thousandth.
     step, step_s = 1e-3, 1e-3
     columns = [
         flow(K, motion) * _PERCENT,
@@ -97,11 +90,11 @@ def small_fault_templates(
     ]
     for axis in (0, 1):
         columns.append(_slope(flow(recentred(axis, step), motion), flow(recentred(axis, -step), motion), step))
-    none = np.zeros(3)
+    unchanged = np.zeros(3)
     for turn in np.eye(3) * step:
-        columns.append(_slope(flow(K, remounted(turn, none)), flow(K, remounted(-turn, none)), step / _DEG))
+        columns.append(_slope(flow(K, remounted(turn, unchanged)), flow(K, remounted(-turn, unchanged)), step / _DEG))
     for shift in np.eye(3) * step:
-        columns.append(_slope(flow(K, remounted(none, shift)), flow(K, remounted(none, -shift)), step))
+        columns.append(_slope(flow(K, remounted(unchanged, shift)), flow(K, remounted(unchanged, -shift)), step))
     later, earlier = delayed(step_s), delayed(-step_s)
     if later is None or earlier is None:
         columns.append(np.zeros_like(columns[0]))

@@ -1,0 +1,1 @@
+"""Causes of disagreements between flow, depth and the camera's motion."""

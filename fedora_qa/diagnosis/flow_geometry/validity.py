@@ -1,0 +1,139 @@
+"""Causes that would explain that flow has values where there can be none, or lies on intervals of its own."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Final
+
+from fedora_qa.causes import CAUSES, stream_family
+from fedora_qa.checks.flow_geometry.interval_timestamps import (
+    FlowRatesCounted,
+    IntervalLengths,
+    IntervalOrder,
+    IntervalsOffFrames,
+    TimestampPattern,
+)
+from fedora_qa.checks.flow_geometry.validity import WrongFlowValues
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.diagnosis.flow import DISPLACEMENTS, spreads_over
+from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
+from fedora_qa.diagnosis.support import support
+from fedora_qa.features import Feature
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.facts import Facts
+
+_CAUSE_OF_PATTERN: Final = MappingProxyType(
+    {"constant": "time_offset", "drift": "clock_rate", "grid": "quantised_time", "unit": "time_unit"}
+)
+_THOUSANDS: Final = (1e-6, 1e-3, 1e3, 1e6)
+_SAME_LENGTH: Final = 0.02
+
+
+def propose_validity(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses for wrong pixels, or for wrong intervals of one rate."""
+    features = alarm.statistic.features
+    values = next((feature for feature in features if isinstance(feature, WrongFlowValues)), None)
+    if values is not None:
+        return _of_the_values(alarm, values, facts)
+    counted = next((feature for feature in features if isinstance(feature, FlowRatesCounted)), None)
+    if counted is None:
+        return ()
+    hypotheses = _of_the_intervals(alarm.finding.where.stream or "flow", features, facts)
+    if not all(counted.counted.values()):
+        return hypotheses
+    # Every rate has intervals of this kind: that is one fault of the flow as a whole.
+    return tuple(replace(h, stream="flow") if stream_family(h.stream) == "flow" else h for h in hypotheses)
+
+
+def _of_the_values(alarm: Alarm, values: WrongFlowValues, facts: Facts) -> tuple[Hypothesis, ...]:
+    flow = spreads_over(
+        alarm.finding.where.stream or "flow", {stream: stream in values.streams for stream in facts.flow_streams}
+    )
+    rule = alarm.finding.code.rpartition(".")[2]
+    encoding_of_depth = support("flow_geometry.encoding_of_depth")
+    causes: tuple[tuple[str, str, float], ...]
+    if rule == "infinite":
+        causes = (("invalid_encoding", "flow", support("flow_geometry.infinite_flow")),)
+    elif values.unfounded and values.missing:  # values without depth, and depth without values
+        causes = DISPLACEMENTS
+    elif rule == "missing":
+        causes = (("nan_in_stream", "flow", support("flow_geometry.missing_flow")),
+                  ("invalid_encoding", "depth", encoding_of_depth))  # fmt: skip
+    elif 2 * values.behind > values.unfounded:
+        blamed = "pose" if values.deep else "depth"
+        causes = (("unit_mm_m", blamed, support("flow_geometry.points_behind_camera")),
+                  (ANY_CAUSE, blamed, support("flow_geometry.any_fault_behind_camera")))  # fmt: skip
+    else:
+        causes = (("invalid_encoding", "flow", support("flow_geometry.encoding_of_flow")),
+                  ("invalid_encoding", "depth", encoding_of_depth))  # fmt: skip
+        if 2 * values.alike <= values.unfounded:  # flow of its own, which was made of a depth
+            factor = support("flow_geometry.encoding_of_varied_flow")
+            causes = (("nan_in_stream", "depth", support("flow_geometry.lost_depth")),
+                      *((cause, stream, factor * weight) for cause, stream, weight in causes))  # fmt: skip
+    return tuple(Hypothesis(cause, flow if stream == "flow" else stream, weight) for cause, stream, weight in causes)
+
+
+def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) -> tuple[Hypothesis, ...]:
+    """Name what moved the timestamps, after what is missing, doubled, out of order, or of another length."""
+    of_frames = _of_the_timestamps(stream, features)
+    for feature in features:
+        if isinstance(feature, IntervalOrder):
+            counts = {
+                "dropped_samples": feature.gaps,
+                "duplicated_samples": feature.overlaps,
+                "unsorted": (feature.moved + 1) // 2,  # an exchange moves two rows
+            }
+            total, disorder = max(sum(counts.values()), 1), support("flow_geometry.disordered_intervals")
+            hypotheses = [
+                Hypothesis(cause, stream, disorder * count / total, float(count), "samples")
+                for cause, count in counts.items()
+                if count
+            ]
+            return (*sorted(hypotheses, key=lambda hypothesis: -hypothesis.support), *of_frames)
+        if isinstance(feature, IntervalLengths):
+            length_ns = feature.median_ns
+            rates_hz = [int(rate.removeprefix("flow/").removesuffix("hz")) for rate in facts.flow_streams]
+            if any(abs(length_ns - NS_PER_S / rate) < _SAME_LENGTH * length_ns for rate in rates_hz):
+                mixed = Hypothesis("flow_rate_mixed", stream, support("flow_geometry.length_of_another_rate"))
+                return (mixed, *of_frames)
+            lengths = length_ns * int(stream.removeprefix("flow/").removesuffix("hz")) / NS_PER_S
+            is_unit = lengths > 0 and any(abs(lengths / factor - 1) < _SAME_LENGTH for factor in _THOUSANDS)
+            row = "length_in_another_unit" if is_unit else "length_of_no_unit"
+            return (
+                Hypothesis("time_unit", stream, support(f"flow_geometry.{row}")),
+                *of_frames,
+                Hypothesis("dropped_samples", stream, support("flow_geometry.length_beside_missing")),
+            )
+    return of_frames
+
+
+def _of_the_timestamps(stream: str, features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
+    """Name the pattern by which timestamps left the frames; colour frames tell whose timestamps these are."""
+    relation = next((feature for feature in features if isinstance(feature, IntervalsOffFrames)), None)
+    if relation is None:
+        return ()
+    if relation.beyond_all_frames:
+        return (
+            Hypothesis("truncated", "depth", support("flow_geometry.depth_ends_early")),
+            Hypothesis("time_offset", stream, support("flow_geometry.offset_beyond_frames")),
+        )
+    suspected, other = (support(f"flow_geometry.pattern_of_{which}_stream") for which in ("suspected", "other"))
+    # Flow on colour frames is where it should be; without them nothing tells, and flow has fewer timestamps.
+    flow_is_suspected = not relation.at_missing_frame and not relation.on_colour_frames
+    hypotheses = []
+    for pattern in features:
+        if isinstance(pattern, TimestampPattern) and pattern.removed_share > 0:
+            is_suspected = flow_is_suspected is (pattern.stream != "depth")
+            cause = _CAUSE_OF_PATTERN[pattern.pattern]
+            hypotheses.append(
+                Hypothesis(
+                    cause,
+                    pattern.stream,
+                    (suspected if is_suspected else other) * pattern.removed_share,
+                    pattern.magnitude,
+                    CAUSES[cause].unit,
+                )
+            )
+    if relation.at_missing_frame:
+        return (Hypothesis("dropped_samples", "depth", support("flow_geometry.frames_missing")), *hypotheses)
+    return tuple(hypotheses)

@@ -1,0 +1,76 @@
+"""Causes that would explain that fields of a faster rate do not compose to those of a slower one."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+from fedora_qa.checks.flow_rates.composition import RatePair, RatePairsOff
+from fedora_qa.checks.flow_rates.inverse_trials import COPIES
+from fedora_qa.diagnosis.flow import convention_hypotheses, most_probable
+from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.support import support
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.flow_conventions import ConventionTrial
+
+_CAUSES: Final = (
+    "flow_gain", "flow_unit", "flow_sign", "flow_interval_shifted", "flow_rate_mixed", "axes_swapped",
+    "frame_convention", "mirrored", "spatial_offset", "swapped_frames", "frozen_frames", "other_sequence",
+    "time_offset", "intrinsics_focal", "intrinsics_centre", "extrinsic_rotation", "nan_in_stream", "clock_rate",
+    "time_unit", "unsorted", "duplicated_samples",
+)  # fmt: skip
+"""Causes that let rates disagree, though no inverse transform of theirs may have been tried."""
+
+
+def propose_composition(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses for one pair of rates, most probable first."""
+    rates_off = next((feature for feature in alarm.statistic.features if isinstance(feature, RatePairsOff)), None)
+    if rates_off is None or not rates_off.shares_off[rates_off.pair]:
+        return ()
+    pair, shares_off = rates_off.pair, rates_off.shares_off
+    trials = [feature for feature in alarm.statistic.features if isinstance(feature, ConventionTrial)]
+    # A copy is recognised bit for bit; transforms that come near it are then not named.
+    copied = _copied_rates(trials)
+    trials = [trial for trial in trials if trial.stream not in copied or trial.transform in COPIES]
+    hypotheses: list[Hypothesis] = []
+    for rate in pair:
+        factor = _support_of_rate(rate, pair, shares_off)
+        of_rate = convention_hypotheses(rate, trials, rate, share_off=shares_off[pair])
+        hypotheses += [replace(hypothesis, support=factor * hypothesis.support) for hypothesis in of_rate]
+    all_off = all(shares_off.values())
+    if all_off:
+        hypotheses += convention_hypotheses("flow", trials, "flow", share_off=shares_off[pair])
+        mixed = {
+            trial.stream for trial in trials if trial.transform == "field_of_another_rate" and trial.removed_share > 0
+        }
+        if len(mixed) > 2:  # of two rates that are exchanged only one holds fields of the other's
+            hypotheses.append(Hypothesis("flow_rate_mixed", "flow", support("flow_rates.every_rate_mixed")))
+    named = most_probable(hypotheses)
+    already_named = {(hypothesis.cause, hypothesis.stream) for hypothesis in named}
+    weak = support("flow_rates.any_disagreement")
+    return named + tuple(
+        Hypothesis(cause, stream, weak)
+        for stream in (("flow", *pair) if all_off else pair)
+        for cause in _CAUSES
+        if (cause, stream) not in already_named
+    )
+
+
+def _copied_rates(trials: Sequence[ConventionTrial]) -> set[str]:
+    """Return the rates that a copy explains wherever it was tried."""
+    shares: dict[tuple[str, str], list[float]] = {}
+    for trial in trials:
+        if trial.transform in COPIES:
+            shares.setdefault((trial.stream, trial.transform), []).append(trial.removed_share)
+    return {stream for (stream, _), of_transform in shares.items() if min(of_transform) == 1.0}
+
+
+def _support_of_rate(rate: str, pair: RatePair, shares_off: Mapping[RatePair, float]) -> float:
+    """Return how probably a rate is the wrong one of a pair: by whether each of the two agrees with a third rate."""
+    agrees = {
+        of_pair: any(of_pair in another and not share for another, share in shares_off.items()) for of_pair in pair
+    }
+    if agrees[rate]:
+        return support("flow_rates.agrees_with_third")
+    other = pair[1] if rate == pair[0] else pair[0]
+    return 1.0 if agrees[other] else support("flow_rates.either_of_two")
