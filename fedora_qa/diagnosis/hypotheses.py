@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+from fedora_qa.diagnosis import alignment, depth
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -11,7 +12,14 @@ from fedora_qa.sequence.facts import Facts
 Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 """Gives the hypotheses for an alarm of one check, best supported first."""
 
-PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({})
+PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
+    "alignment.events": alignment.propose_events,
+    "alignment.depth": alignment.propose_depth,
+    "depth.range": depth.propose_range,
+    "depth.scale": depth.propose_scale,
+    "depth.projection": depth.propose_projection,
+    "depth.consistency": depth.propose_consistency,
+})  # fmt: skip
 """By the name of the check."""
 
 
