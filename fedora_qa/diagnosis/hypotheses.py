@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+from fedora_qa.diagnosis import alignment, depth
 from fedora_qa.diagnosis.flow_geometry.endpoint import propose_endpoint
 from fedora_qa.diagnosis.flow_geometry.validity import propose_validity
 from fedora_qa.diagnosis.flow_rates import propose_composition
@@ -15,9 +16,15 @@ Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 """Gives the hypotheses for an alarm of one check, best supported first."""
 
 PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
+    "alignment.depth": alignment.propose_depth,
+    "alignment.events": alignment.propose_events,
     "flow_geometry.endpoint": propose_endpoint,
     "flow_geometry.validity": propose_validity,
     "flow_rates.composition": propose_composition,
+    "depth.range": depth.propose_range,
+    "depth.consistency": depth.propose_consistency,
+    "depth.scale": depth.propose_scale,
+    "depth.projection": depth.propose_projection,
 })  # fmt: skip
 """By the name of the check."""
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.depth.pair_fit_kernels import medians_by_group
-from fedora_qa.estimators.depth.warp import Lattice, warp
+from fedora_qa.estimators.depth.warp import warp
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.views.depth_pairs import DepthPair
 
@@ -21,15 +21,15 @@ _FEWEST_IN_TILE: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Deviation:
-    """A median absolute residual, relative to the depth, and the median of what it may honestly be."""
+class DepthDeviation:
+    """A median absolute residual, relative to the depth, and the median of its bounds."""
 
     typical: float
     bound: float
 
     @property
-    def suspicion(self) -> float:
-        """Above 1 where most pixels deviate by more than they may."""
+    def excess(self) -> float:
+        """The residual over its bound: above 1 most pixels deviate by more than they may."""
         return self.typical / self.bound
 
 
@@ -39,6 +39,8 @@ class PairAgreement:
 
     Attributes
     ----------
+    first, second
+        Rows of the depth stream.
     whole, worst_tile, tile
         Over all compared pixels; in the tile that is off most; and that tile: left, top, right, bottom, in pixels.
     pixels
@@ -51,8 +53,8 @@ class PairAgreement:
 
     first: int
     second: int
-    whole: Deviation
-    worst_tile: Deviation
+    whole: DepthDeviation
+    worst_tile: DepthDeviation
     tile: tuple[int, int, int, int] | None
     pixels: int
     noise_square: float
@@ -60,62 +62,70 @@ class PairAgreement:
     repeats: bool
 
     @property
-    def suspicion(self) -> float:
+    def excess(self) -> float:
         """Above 1 where the pair, or a tile of it, is off, or the motion by ten times the variance of its noise."""
         by_noise = self.noise_square / (10 * self.noise_dof) if self.noise_dof > 0 else 0.0
-        return max(self.whole.suspicion, self.worst_tile.suspicion, by_noise)
+        return max(self.whole.excess, self.worst_tile.excess, by_noise)
 
 
 def compare(pair: DepthPair) -> PairAgreement | None:
-    """Compare a pair, its motion corrected within its noise; None where the frames share too few pixels."""
+    """Compare the frames of a pair.
+
+    Parameters
+    ----------
+    pair
+        Two depth frames and the motion between them, which is corrected within its noise first.
+
+    Returns
+    -------
+    PairAgreement | None
+        None where the frames share too few pixels.
+    """
     model, lattice = pair.model(), pair.lattice()
     fit = pair.fit_as_declared()
     if fit is None:
         return None
     warped = warp(replace(model, motion=model.motion.corrected(fit.twist)), lattice, pair.image1)
-    known = np.isfinite(warped.residuals)
-    sizes, bounds = np.abs(warped.residuals[known]), warped.bounds[known]
-    whole = Deviation(median_of(sizes), median_of(bounds))
-    tiles = _tiles(lattice, pair.image1.depths_m.shape)[known]
-    worst, tile = _worst_tile(sizes, bounds, tiles, pair.image1.depths_m.shape, pair.every_px) or (whole, None)
+    compared = np.isfinite(warped.residuals)
+    residuals, bounds = np.abs(warped.residuals[compared]), warped.bounds[compared]
+    whole = DepthDeviation(median_of(residuals), median_of(bounds))
+
+    # Tiles of the first frame, numbered row by row.
+    across, down = _TILES
+    height, width = pair.image1.depths_m.shape
+    tile_columns = (lattice.columns * across / width).astype(np.uint8)
+    tile_rows = (lattice.rows * down / height).astype(np.uint8)
+    tiles = (tile_rows * np.uint8(across) + tile_columns)[compared]
+    worst, tile_px = _worst_tile(residuals, bounds, tiles, (height, width), pair.every_px) or (whole, None)
+
+    # Only pairs that are off are compared value by value.
+    repeats = max(whole.excess, worst.excess) > 1 and np.array_equal(
+        pair.window.depth_m(pair.first), pair.window.depth_m(pair.second), equal_nan=True
+    )
     return PairAgreement(
         pair.first,
         pair.second,
         whole,
         worst,
-        tile,
+        tile_px,
         pixels=warped.seen,
         noise_square=fit.noise_square,
         noise_dof=fit.noise_dof,
-        repeats=max(whole.suspicion, worst.suspicion) > 1 and _same(pair),
+        repeats=repeats,
     )
 
 
-def _tiles(lattice: Lattice, shape: tuple[int, ...]) -> NDArray[np.uint8]:
-    """Return the number of the tile in which each pixel of a lattice lies, row by row."""
-    across, down = _TILES
-    height, width = shape
-    column = (lattice.columns * across / width).astype(np.uint8)
-    row = (lattice.rows * down / height).astype(np.uint8)
-    return row * np.uint8(across) + column
-
-
 def _worst_tile(
-    sizes: Float64, bounds: Float64, tiles: NDArray[np.uint8], shape: tuple[int, ...], every_px: int
-) -> tuple[Deviation, tuple[int, int, int, int]] | None:
-    """Return the tile that is off most, and where it lies; None where no tile holds enough pixels."""
+    residuals: Float64, bounds: Float64, tiles: NDArray[np.uint8], shape: tuple[int, int], every_px: int
+) -> tuple[DepthDeviation, tuple[int, int, int, int]] | None:
+    """Return the tile that is off most, and its edges in px of the frame; None where no tile holds enough pixels."""
     across, down = _TILES
     height, width = shape
-    typical, limits = medians_by_group(sizes, bounds, tiles, across * down, _FEWEST_IN_TILE)
+    typical, limits = medians_by_group(residuals, bounds, tiles, across * down, _FEWEST_IN_TILE)
     if not np.isfinite(typical).any():
         return None
     tile = int(np.nanargmax(typical / limits))
-    top, left = divmod(tile, across)
-    edges = (left * width // across, top * height // down, (left + 1) * width // across, (top + 1) * height // down)
+    row, column = divmod(tile, across)
+    edges = (column * width // across, row * height // down, (column + 1) * width // across, (row + 1) * height // down)
     left_px, top_px, right_px, bottom_px = (every_px * edge for edge in edges)
-    return Deviation(float(typical[tile]), float(limits[tile])), (left_px, top_px, right_px, bottom_px)
-
-
-def _same(pair: DepthPair) -> bool:
-    first, second = (pair.window.depth_m(row) for row in (pair.first, pair.second))
-    return np.array_equal(first, second, equal_nan=True)
+    return DepthDeviation(float(typical[tile]), float(limits[tile])), (left_px, top_px, right_px, bottom_px)

@@ -188,7 +188,7 @@ def image_of(window: Window, frame: int, every_px: int) -> DepthImage:
     """Return every so many-th row and column of a depth frame ready to be read, made once a window."""
 
     def made() -> DepthImage:
-        looked_at_m = standing_m(window, frame)[::every_px, ::every_px]
+        looked_at_m = static_depth_of_frame_m(window, frame)[::every_px, ::every_px]
         return depth_image(looked_at_m, step_share(window), least_block_px=min(every_px, 2))
 
     return window.once(("depth image", frame, every_px), made)
@@ -202,7 +202,7 @@ def _every_px(window: Window) -> int:
     return max(1, round(sqrt(camera.height * camera.width / _PIXELS)))
 
 
-def standing_m(window: Window, frame: int) -> NDArray[np.float32]:
+def static_depth_of_frame_m(window: Window, frame: int) -> NDArray[np.float32]:
     """Return what of a depth frame stands, NaN elsewhere: everywhere, where the file does not tell."""
     depth_m = standing_depth_m(window, frame)
     return np.full_like(window.depth_m(frame), np.nan) if depth_m is None else depth_m
@@ -230,7 +230,7 @@ def why_no_geometry(facts: Facts) -> str:
     return why_not_told_apart(facts)
 
 
-def place(facts: Facts, first: int, last: int, pixel: tuple[int, int] | None = None,
+def where_of_frames(facts: Facts, first: int, last: int, pixel: tuple[int, int] | None = None,
           tile: tuple[int, int, int, int] | None = None) -> Where:  # fmt: skip
     """Return where depth frames from the first to the last row (both included) lie in the file."""
     times_ns = facts.clocks["depth"].times_ns

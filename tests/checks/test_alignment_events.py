@@ -6,19 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fedora_qa.checks.alignment.odd_one_out import PairShift, shift_suspects
 from fedora_qa.record.types import Result
-from fedora_qa.sequence.declared import Camera
 from tests.checks.event_file import SHAPE, EventFile, linear_file, log_file
-from tests.estimators.event_world import camera_matrix
 from tests.support.checked import rules, run_check
 
 CHECK = "alignment.events"
-CAMERAS = {
-    name: Camera(width, 3 * width // 4, camera_matrix(width, 3 * width // 4), np.eye(4))
-    for name, width in (("depth", 1440), ("rgb", 1440), ("events", 640))
-}
-RATIO = 640 / 1440
 
 
 def shifted(file: EventFile, right_px: int) -> EventFile:
@@ -95,31 +87,3 @@ def test_what_cannot_be_told_is_said(tmp_path: Path) -> None:
     x, y = (rng.integers(0, size, len(events)).astype(np.uint16) for size in (SHAPE[1], SHAPE[0]))
     chance = log_file().altered(events=replace(events, x=x, y=y))
     assert run_check(chance.write(tmp_path / "chance.h5"), CHECK).outcome == "not_observable"
-
-
-def pair(first: str, second: str, right_px: float) -> PairShift:
-    return PairShift(first, second, np.array([right_px, 0.0]), np.array([0.05, 0.05]))
-
-
-@pytest.mark.parametrize(
-    ("odd", "size_px", "shifts"),
-    [
-        ("rgb", 3.0, (3.0, -3.0 * RATIO, 0.0)),
-        ("depth", 3.0, (-3.0, 0.0, -3.0 * RATIO)),
-        ("events", 2.0, (0.0, 2.0, 2.0)),
-    ],
-)
-def test_odd_camera_is_told(odd: str, size_px: float, shifts: tuple[float, float, float]) -> None:
-    """Of three cameras the one whose shift explains all pairs comes first, with its size in its own pixels."""
-    pairs = [pair("depth", "rgb", shifts[0]), pair("rgb", "events", shifts[1]), pair("depth", "events", shifts[2])]
-    first = shift_suspects(pairs, CAMERAS)[0]
-    assert (first.cause, first.stream) == ("spatial_offset", odd)
-    assert first.magnitude == pytest.approx(size_px)
-
-
-def test_centres_of_all_cameras_are_sized() -> None:
-    """Principal points declared 2 px too far right in all cameras move events back by 2 px (1 - ratio) against both."""
-    moved_px = -2.0 * (1 - RATIO)
-    pairs = [pair("depth", "rgb", 0.0), pair("rgb", "events", moved_px), pair("depth", "events", moved_px)]
-    (centre,) = (s for s in shift_suspects(pairs, CAMERAS) if s.cause == "intrinsics_centre")
-    assert centre.magnitude == pytest.approx(2.0)

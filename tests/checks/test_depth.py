@@ -13,7 +13,9 @@ from fedora_qa.checks.depth.consistency import DepthConsistency
 from fedora_qa.checks.depth.projection import DepthProjection
 from fedora_qa.checks.depth.range import DepthRange
 from fedora_qa.checks.depth.scale import DepthScale
-from fedora_qa.checks.protocol import Check, Suspect
+from fedora_qa.checks.protocol import Check
+from fedora_qa.diagnosis.hypotheses import hypotheses_of
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Clock
@@ -52,9 +54,9 @@ def late(milliseconds: float) -> FlowWorld:
     return replace(clean(), facts=replace(facts, clocks=clocks))
 
 
-def named(result: Judged) -> Suspect:
+def named(result: Judged) -> Hypothesis:
     assert result.result.outcome == "failed", result.result
-    return result.alarms[0].statistic.suspects[0]
+    return hypotheses_of(result.alarms[0], clean().facts)[0]
 
 
 def value(result: Judged, name: str) -> float:
@@ -99,10 +101,8 @@ def test_plausible_depths_leave_it_to_the_positions(factor: float) -> None:
     The lever arm stays in metres: its part of the path does not count.
     """
     positions_m = clean().rows_by_key["path/pose/position"]
-    suspects = (
-        judged(DepthScale(), clean().with_rows(path_pose_position=factor * positions_m)).alarms[0].statistic.suspects
-    )
-    best = max(suspects, key=lambda suspect: suspect.weight)
+    (alarm,) = judged(DepthScale(), clean().with_rows(path_pose_position=factor * positions_m)).alarms
+    best = max(hypotheses_of(alarm, clean().facts), key=lambda hypothesis: hypothesis.support)
     assert (best.cause, best.stream) == ("unit_mm_m", "pose")
     assert best.magnitude == pytest.approx(factor, rel=2e-3)
 
@@ -158,10 +158,10 @@ FAULTS: dict[str, tuple[Callable[[Depths], Depths], str, float | None]] = {
 @pytest.mark.parametrize(("change", "cause", "size"), FAULTS.values(), ids=FAULTS)
 def test_faults_of_depth_are_named(change: Callable[[Depths], Depths], cause: str, size: float | None) -> None:
     """A fault of the frames is found and named first, with its size."""
-    suspect = named(judged(DepthConsistency(), with_depth(change)))
-    assert (suspect.cause, suspect.stream) == (cause, "depth")
+    hypothesis = named(judged(DepthConsistency(), with_depth(change)))
+    assert (hypothesis.cause, hypothesis.stream) == (cause, "depth")
     if size is not None:
-        assert suspect.magnitude == pytest.approx(size, rel=0.05)
+        assert hypothesis.magnitude == pytest.approx(size, rel=0.05)
 
 
 @pytest.mark.parametrize(("change", "cause", "size"), FAULTS.values(), ids=FAULTS)
@@ -170,10 +170,10 @@ def test_faults_of_large_frames_are_named(
 ) -> None:
     """Where every second row and column is looked at, as in large frames, faults are found and named all the same."""
     monkeypatch.setattr(pairs, "_PIXELS", 192 * 144 // 4)
-    suspect = named(judged(DepthConsistency(), with_depth(change), tile_share=0.5))
-    assert (suspect.cause, suspect.stream) == (cause, "depth")
+    hypothesis = named(judged(DepthConsistency(), with_depth(change), tile_share=0.5))
+    assert (hypothesis.cause, hypothesis.stream) == (cause, "depth")
     if size is not None:
-        assert suspect.magnitude == pytest.approx(size, rel=0.05)
+        assert hypothesis.magnitude == pytest.approx(size, rel=0.05)
 
 
 @pytest.mark.parametrize("check", AGREEMENT, ids=lambda check: check.name)
@@ -186,10 +186,10 @@ def test_large_frames_pass(check: Check[Any], monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize("milliseconds", [1.0, 5.0, -20.0])
 def test_late_timestamps_are_measured(milliseconds: float) -> None:
     """Stamps that are late by a constant are found and measured to a percent."""
-    suspect = named(judged(DepthConsistency(), late(milliseconds)))
-    assert suspect.cause == "time_offset"
-    assert suspect.stream == "depth"
-    assert suspect.magnitude == pytest.approx(milliseconds, rel=0.01)
+    hypothesis = named(judged(DepthConsistency(), late(milliseconds)))
+    assert hypothesis.cause == "time_offset"
+    assert hypothesis.stream == "depth"
+    assert hypothesis.magnitude == pytest.approx(milliseconds, rel=0.01)
 
 
 def test_frozen_frames_are_placed() -> None:
@@ -223,9 +223,9 @@ def test_a_region_that_is_shifted_is_named() -> None:
         corner[:, :, 3:] = corner[:, :, :-3].copy()
         return depth
 
-    suspect = named(judged(DepthConsistency(), with_depth(shift_corner)))
-    assert (suspect.cause, suspect.stream) == ("spatial_offset", "depth")
-    assert suspect.magnitude == pytest.approx(3.0, rel=0.1)
+    hypothesis = named(judged(DepthConsistency(), with_depth(shift_corner)))
+    assert (hypothesis.cause, hypothesis.stream) == ("spatial_offset", "depth")
+    assert hypothesis.magnitude == pytest.approx(3.0, rel=0.1)
 
 
 def test_noise_that_is_declared_too_small_is_found() -> None:
@@ -236,8 +236,8 @@ def test_noise_that_is_declared_too_small_is_found() -> None:
     world = noisy().declaring(pose=PoseModel(NOISE.position_sigma_m / 3, NOISE.rotation_sigma_rad / 3))
     result = judged(DepthConsistency(), world)
     alarm = next(one for one in result.alarms if one.finding.code.endswith("pose_correction"))
-    suspect = next(one for one in alarm.statistic.suspects if one.cause == "noise_misdeclared")
-    assert suspect.magnitude == pytest.approx(-67, abs=0.12 * 4 * 33)
+    hypothesis = next(h for h in hypotheses_of(alarm, world.facts) if h.cause == "noise_misdeclared")
+    assert hypothesis.magnitude == pytest.approx(-67, abs=0.12 * 4 * 33)
 
 
 @pytest.mark.parametrize("check", AGREEMENT, ids=lambda check: check.name)

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from typing import Final
 
-from fedora_qa.checks.alignment.edge_shifts import Edges, colour_edges, event_edges
-from fedora_qa.checks.alignment.odd_one_out import shift_suspects
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.alignment.edge_shifts import EventEdges, colour_edges, event_edges
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.depth.edge_profiles import FARTHEST_PX
-from fedora_qa.estimators.depth.edge_shift import EdgeShift
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -19,6 +17,7 @@ from fedora_qa.views.depth_edges import (
 )
 
 _WHERE: Final = Where(stream="depth")
+_MATERIAL_PX: Final = 2.0
 
 
 class AlignmentDepth(WindowCheck[DepthEdges]):
@@ -65,7 +64,6 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
 
     name = "alignment.depth"
     needs = ("depth", "rgb")
-    _MATTERS_PX: Final = 2.0
 
     def not_applicable(self, facts: Facts) -> str:
         """Need both cameras, as pinholes that look in about one direction."""
@@ -76,75 +74,54 @@ class AlignmentDepth(WindowCheck[DepthEdges]):
         return depth_edges(window)
 
     def conclude(self, state: Sequence[DepthEdges], facts: Facts) -> Observation:
-        """Find the peaks."""
-        coverage = Coverage(sum(one.frames for one in state), len(facts.clocks["depth"].times_ns), "depth frames")
+        """Find the peaks of the summed profiles."""
+        coverage = Coverage(sum(edges.frames for edges in state), len(facts.clocks["depth"].times_ns), "depth frames")
         if not state:
             return Observation(coverage, unobservable="no depth frame has the stamp of a colour frame")
-        stored, *mirrored = colour_edges(state)
-        best = max(range(len(mirrored)), key=lambda i: mirrored[i].share)
-        if not stored.certain and not mirrored[best].certain:
-            return Observation(coverage, unobservable=_why_none(stored))
+        stored, *mirrored_variants = colour_edges(state)
+        best = max(range(len(mirrored_variants)), key=lambda i: mirrored_variants[i].peak_fraction)
+        mirrored = mirrored_variants[best]
+        if not stored.significant and not mirrored.significant:
+            why = (
+                f"edges of colour frames do not stand out at steps of depth within {FARTHEST_PX} px: "
+                f"a share of {stored.peak_fraction:.2g} +/- {stored.peak_fraction_error:.1g}"
+            )
+            return Observation(coverage, unobservable=why)
         events = event_edges(state)
-        orientation = self._orientation(stored, mirrored[best], VARIANTS[best + 1], events, facts)
-        if mirrored[best].share > stored.share:
-            return Observation(coverage, (orientation,))
-        pairs = [pair for pair in (stored.pair("rgb"), events.pair("events")) if pair is not None]
-        suspects = (*shift_suspects(pairs, facts.declared.cameras), *_OTHERS)
-        axes = (("shift_right", stored.right, "right"), ("shift_down", stored.down, "down"))
-        shifts = [self._shift(name, one, word, suspects) for name, one, word in axes if one is not None]
-        return Observation(coverage, (*shifts, orientation))
-
-    def _shift(self, name: str, found: EdgeShift, word: str, suspects: tuple[Suspect, ...]) -> Statistic:
-        return Statistic(
-            name=name,
-            value=found.shift_px,
-            unit="px",
-            standard_error=found.standard_error_px,
-            model_error_bound=found.model_error_bound_px,
-            material=self._MATTERS_PX,
-            statement=f"Edges of colour frames lie {found.shift_px:+.3g} +/- {found.standard_error_px:.2g} px "
-            f"({word} positive) from the steps of depth.",
-            code="alignment.depth.shift",
-            where=_WHERE,
-            suspects=suspects,
-        )
-
-    def _orientation(self, stored: Edges, mirrored: Edges, how: str, events: Edges, facts: Facts) -> Statistic:
-        error = (stored.share_error**2 + mirrored.share_error**2) ** 0.5
-        return Statistic(
+        orientation = Statistic(
             name="advantage_of_mirrored_frames",
-            value=mirrored.share - stored.share,
+            value=mirrored.peak_fraction - stored.peak_fraction,
             unit="1",
-            standard_error=error,
+            standard_error=(stored.peak_fraction_error**2 + mirrored.peak_fraction_error**2) ** 0.5,
             side="upper",
-            material=max(stored.share, mirrored.share),
+            material=max(stored.peak_fraction, mirrored.peak_fraction),
+            # The better of the mirrored variants was chosen.
             tests=len(VARIANTS) - 1,
-            statement=f"Steps of depth hold {mirrored.share:.2g} of the edges around them in colour frames {how}, "
-            f"{stored.share:.2g} in frames as stored.",
+            statement=f"Steps of depth hold {mirrored.peak_fraction:.2g} of the edges around them in colour frames "
+            f"{VARIANTS[best + 1]}, {stored.peak_fraction:.2g} in frames as stored.",
             code="alignment.depth.mirrored",
             where=_WHERE,
-            suspects=_mirrored_suspects(events, facts),
+            features=(EventEdges(events.significant),),
         )
-
-
-_OTHERS: Final = (
-    Suspect("time_offset", "rgb", 0.3),
-    Suspect("time_offset", "depth", 0.3),
-    Suspect("swapped_frames", "rgb", 0.1),
-    Suspect("swapped_frames", "depth", 0.1),
-)
-"""What moves edges with the motion of the image."""
-
-
-def _mirrored_suspects(events: Edges, facts: Facts) -> tuple[Suspect, ...]:
-    """Events that lie at the steps of depth say that depth is right; events that do not, that it is wrong."""
-    by_events = "events" in facts.streams and "events" in facts.declared.cameras
-    depth, rgb = (0.7, 0.7) if not by_events else (0.3, 0.9) if events.certain else (0.9, 0.5)
-    return Suspect("mirrored", "depth", depth), Suspect("mirrored", "rgb", rgb)
-
-
-def _why_none(stored: Edges) -> str:
-    return (
-        f"edges of colour frames do not stand out at steps of depth within {FARTHEST_PX} px: "
-        f"a share of {stored.share:.2g} +/- {stored.share_error:.1g}"
-    )
+        # Frames that fit better mirrored have no shift as stored.
+        if mirrored.peak_fraction > stored.peak_fraction:
+            return Observation(coverage, (orientation,))
+        pairs = (stored.against_depth("rgb"), events.against_depth("events"))
+        shifts = [
+            Statistic(
+                name=f"shift_{direction}",
+                value=shift.shift_px,
+                unit="px",
+                standard_error=shift.standard_error_px,
+                model_error_bound=shift.model_error_bound_px,
+                material=_MATERIAL_PX,
+                statement=f"Edges of colour frames lie {shift.shift_px:+.3g} +/- {shift.standard_error_px:.2g} px "
+                f"({direction} positive) from the steps of depth.",
+                code="alignment.depth.shift",
+                where=_WHERE,
+                features=tuple(pair for pair in pairs if pair is not None),
+            )
+            for direction, shift in (("right", stored.right), ("down", stored.down))
+            if shift is not None
+        ]
+        return Observation(coverage, (*shifts, orientation))

@@ -1,4 +1,4 @@
-"""What the edge profiles of all windows tell of depth against colour, and against events."""
+"""Shifts of image edges against steps of depth over all windows, in colour frames and in images of events."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,55 +6,88 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.alignment.odd_one_out import PairShift
 from fedora_qa.estimators.depth.edge_shift import EdgeShift, edge_shift
+from fedora_qa.features import Feature
 from fedora_qa.views.depth_edges import DepthEdges
 
-CERTAIN: Final = 4.0
+SIGNIFICANT: Final = 4.0
 """Standard errors by which a peak must stand out: chance gives one among 17 places in 5 of 10,000 pictures."""
+
+_UNMEASURED_PX: Final = 1e6
+"""Standard error of the shift along an axis without edges."""
 
 
 @dataclass(frozen=True, slots=True)
-class Edges:
+class CameraPairShift(Feature):
+    """Shift of the second camera's image against the first one's.
+
+    Attributes
+    ----------
+    first, second
+        Names of the cameras.
+    shift_px, error_px
+        Right and down, in pixels of the second camera; the error includes the bound of the model's error.
+    """
+
+    first: str
+    second: str
+    shift_px: tuple[float, float]
+    error_px: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class EventEdges(Feature):
+    """Whether edges of event counts stand out at the steps of depth."""
+
+    significant: bool
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeShifts:
     """Shifts of edges to the right and down; None where there are too few steps of depth."""
 
     right: EdgeShift | None
     down: EdgeShift | None
 
     @property
-    def share(self) -> float:
-        """Share of edge strength at the steps of depth, over both axes."""
-        return sum(one.share for one in (self.right, self.down) if one is not None)
+    def peak_fraction(self) -> float:
+        """Fraction of the edge strength that lies at the steps of depth, summed over both axes."""
+        return sum(shift.share for shift in (self.right, self.down) if shift is not None)
 
     @property
-    def share_error(self) -> float:
-        """Standard error of the share."""
-        return float(np.sqrt(sum(one.share_error**2 for one in (self.right, self.down) if one is not None)))
+    def peak_fraction_error(self) -> float:
+        """Standard error of ``peak_fraction``."""
+        errors = (shift.share_error for shift in (self.right, self.down) if shift is not None)
+        return float(np.sqrt(sum(error**2 for error in errors)))
 
     @property
-    def certain(self) -> bool:
+    def significant(self) -> bool:
         """Whether edges stand out at the steps of depth at all."""
-        return self.share > CERTAIN * self.share_error
+        return self.peak_fraction > SIGNIFICANT * self.peak_fraction_error
 
-    def pair(self, second: str) -> PairShift | None:
-        """Return the shift against depth as a pair of cameras; an axis without edges has a boundless error."""
-        if not self.certain:
+    def against_depth(self, camera: str) -> CameraPairShift | None:
+        """Return the shift of a camera against the depth camera; None where no edges stand out."""
+        if not self.significant:
             return None
-        both = (self.right, self.down)
-        shifts = [0.0 if one is None else one.shift_px for one in both]
-        errors = [
-            1e6 if one is None else float(np.hypot(one.standard_error_px, one.model_error_bound_px)) for one in both
+        # Right, then down: px and its error.
+        shifts = [
+            (0.0, _UNMEASURED_PX)
+            if shift is None
+            else (shift.shift_px, float(np.hypot(shift.standard_error_px, shift.model_error_bound_px)))
+            for shift in (self.right, self.down)
         ]
-        return PairShift("depth", second, np.array(shifts), np.array(errors))
+        return CameraPairShift("depth", camera, (shifts[0][0], shifts[1][0]), (shifts[0][1], shifts[1][1]))
 
 
-def colour_edges(state: Sequence[DepthEdges]) -> tuple[Edges, ...]:
-    """Return the edges of colour frames as stored, and of mirrored ones, as in ``VARIANTS``."""
-    sums = np.array([one.colour for one in state])
-    return tuple(Edges(*(edge_shift(sums[:, variant, axis]) for axis in (0, 1))) for variant in range(sums.shape[1]))
+def colour_edges(windows: Sequence[DepthEdges]) -> tuple[EdgeShifts, ...]:
+    """Return the edges of colour frames as stored, and of mirrored ones, in the order of ``VARIANTS``."""
+    sums = np.array([edges.colour for edges in windows])
+    return tuple(
+        EdgeShifts(*(edge_shift(sums[:, variant, axis]) for axis in (0, 1))) for variant in range(sums.shape[1])
+    )
 
 
-def event_edges(state: Sequence[DepthEdges]) -> Edges:
-    """Return the edges that events show, in pixels of the event camera."""
-    sums = np.array([one.events for one in state])
-    return Edges(*(edge_shift(sums[:, axis]) for axis in (0, 1)))
+def event_edges(windows: Sequence[DepthEdges]) -> EdgeShifts:
+    """Return the edges of images of events, in pixels of the event camera."""
+    sums = np.array([edges.events for edges in windows])
+    return EdgeShifts(*(edge_shift(sums[:, axis]) for axis in (0, 1)))

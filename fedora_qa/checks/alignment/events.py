@@ -7,9 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.alignment.edge_shifts import colour_edges, event_edges
-from fedora_qa.checks.alignment.odd_one_out import PairShift, shift_suspects
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, colour_edges, event_edges
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
 from fedora_qa.estimators.events.frame_changes import change_and_events
 from fedora_qa.estimators.events.registration_errors import open_level_errors, slope_sums
@@ -27,12 +26,13 @@ Float64 = NDArray[np.float64]
 
 INTERVALS: Final = 3
 """Frame intervals of a window that are correlated, evenly spread; shorter windows than usual take up to twice as many a
-second. Beyond that stretches of time err alike: of a second of 1440 x 1080, all 50 intervals told no more than 30."""
+second. More intervals share their errors: of a second of 1440 x 1080, 50 intervals constrain the shift no more than 30.
+"""
 
 FEWEST_INTERVALS: Final = 4
 
 REACH_PX: Final = RADIUS_PX - PEAK_RADIUS_PX
-"""Farthest shift that is registered; farther ones are told by blocks of pixels."""
+"""Farthest shift that is registered; farther ones are measured on blocks of pixels."""
 
 _MOST_GROUPS: Final = 12
 """Groups of successive intervals that are left out in turn."""
@@ -40,9 +40,11 @@ _MOST_GROUPS: Final = 12
 LEAST_CORRELATION: Final = 0.1
 """Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
 
+_MATERIAL_PX: Final = 2.0
+
 
 @dataclass(frozen=True, slots=True)
-class Registration:
+class IntervalCorrelations:
     """Sums over the lit pixels of some frame intervals of a window.
 
     Attributes
@@ -56,7 +58,7 @@ class Registration:
     far
         The same pixels at half the resolution, for shifts beyond the reach of ``cross``.
     edges
-        The same window's depth against colour and events, which tells the odd one out.
+        The window's depth against colour and events, which separates a shift of the one camera from one of the other.
     """
 
     auto: Float64
@@ -67,7 +69,7 @@ class Registration:
     edges: DepthEdges | None
 
 
-class AlignmentEvents(WindowCheck[Registration]):
+class AlignmentEvents(WindowCheck[IntervalCorrelations]):
     """Do events lie at the pixels where frames change, whatever their polarity, thresholds and sensor model?
 
     The shift of events against colour frames, in px of the event camera, to the right and down.
@@ -109,123 +111,119 @@ class AlignmentEvents(WindowCheck[Registration]):
 
     name = "alignment.events"
     needs = ("events", "rgb")
-    _MATTERS_PX: Final = 2.0
 
     def not_applicable(self, facts: Facts) -> str:
         """Need both cameras at one place."""
         return why_not_one_view(facts, "events", "rgb")
 
-    def measure(self, window: Window) -> Registration | None:
+    def measure(self, window: Window) -> IntervalCorrelations | None:
         """Correlate some intervals of the window."""
-        seen = seen_frames(window)
-        if len(seen) < 2:
+        frames = seen_frames(window)
+        if len(frames) < 2:
             return None
-        wanted = min(INTERVALS, intervals_due(window, seen, 2 * INTERVALS))
-        if wanted <= 0:
+        intervals = min(INTERVALS, intervals_due(window, frames, 2 * INTERVALS))
+        if intervals <= 0:
             return None
-        chosen = np.unique(np.linspace(0, len(seen) - 2, wanted).round().astype(int))
+        chosen = np.unique(np.linspace(0, len(frames) - 2, intervals).round().astype(int))
         rgb = window.facts.declared.cameras["rgb"]
-        quarters = is_large(rgb.width * rgb.height, window)
-        parts = [_interval(seen, int(i), _quarter(seen, int(i)) if quarters else slice(None)) for i in chosen]
-        *near, far = zip(*parts, strict=True)
-        auto, cross, sums, slopes = (np.array(part) for part in near)
-        return Registration(auto, cross, sums, slopes, joined(far), depth_edges(window))
+        by_quarters = is_large(rgb.width * rgb.height, window)
+        *near, far = zip(*(_correlated(frames, int(i), by_quarters=by_quarters) for i in chosen), strict=True)
+        auto, cross, sums, slopes = (np.array(of_intervals) for of_intervals in near)
+        return IntervalCorrelations(auto, cross, sums, slopes, joined(far), depth_edges(window))
 
-    def conclude(self, state: Sequence[Registration], facts: Facts) -> Observation:
+    def conclude(self, state: Sequence[IntervalCorrelations], facts: Facts) -> Observation:
         """Register the sums of all intervals."""
         intervals = max(len(facts.clocks["rgb"].times_ns) - 1, 0)
-        coverage = Coverage(sum(len(one.sums) for one in state), intervals, "frame intervals")
+        coverage = Coverage(sum(len(window.sums) for window in state), intervals, "frame intervals")
         if coverage.seen < FEWEST_INTERVALS:
             return Observation(coverage, unobservable="fewer than four frame intervals with events")
         auto, cross, sums, slopes = (
-            np.concatenate([getattr(one, name) for one in state]) for name in ("auto", "cross", "sums", "slopes")
+            np.concatenate([getattr(window, name) for window in state]) for name in ("auto", "cross", "sums", "slopes")
         )
         change, events, change_squares, event_squares = sums.sum(axis=0)
-        far = far_shift(joined([one.far for one in state]), REACH_PX, LEAST_CORRELATION)
+        far = far_shift(joined([window.far for window in state]), REACH_PX, LEAST_CORRELATION)
         if far is None:
             strength = float(cross.sum(axis=0).max() / max(np.sqrt(change_squares * event_squares), 1e-300))
-            found = registered_shift(auto.sum(axis=0), cross.sum(axis=0))
-            if strength < LEAST_CORRELATION or found is None or events == 0:
+            shift = registered_shift(auto.sum(axis=0), cross.sum(axis=0))
+            if strength < LEAST_CORRELATION or shift is None or events == 0:
                 why = f"events and frames correlate by no more than {strength:.2g} within {REACH_PX} px"
                 return Observation(coverage, unobservable=why)
-            spread = _jackknife(auto, cross)
-            if spread is None:
+            spread_px = _jackknife_px(auto, cross)
+            if spread_px is None:
                 return Observation(coverage, unobservable="the peak depends on single stretches of time")
         else:
-            found, spread = far.shift, far.errors_px
-        left_open, lags = open_level_errors(slopes.mean(axis=0), float(change / events))
-        shift_px, errors = np.array([found.right_px, found.down_px]), np.maximum(spread, left_open)
-        suspects = (*_suspects(state, shift_px, np.hypot(errors, lags), facts), *_OTHERS)
-        return Observation(coverage, tuple(self._one(axis, shift_px, errors, lags, suspects) for axis in (0, 1)))
+            shift, spread_px = far.shift, far.errors_px
+        level_errors_px, lags_px = open_level_errors(slopes.mean(axis=0), float(change / events))
+        errors_px = np.maximum(spread_px, level_errors_px)
 
-    def _one(
-        self, axis: int, shift_px: Float64, errors: Float64, lags: Float64, suspects: tuple[Suspect, ...]
-    ) -> Statistic:
-        name, word = (("shift_right", "right"), ("shift_down", "down"))[axis]
-        value, error = float(shift_px[axis]), float(errors[axis])
-        return Statistic(
-            name=name,
-            value=value,
-            unit="px",
-            standard_error=error,
-            model_error_bound=float(lags[axis]),
-            material=self._MATTERS_PX,
-            statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from where the frames change.",
-            code="alignment.events.shift",
-            where=Where(stream="events"),
-            suspects=suspects,
+        # Depth against colour and against events: a shift of one camera must explain all pairs.
+        total_errors_px = np.hypot(errors_px, lags_px)
+        shift_px = (float(shift.right_px), float(shift.down_px))
+        pairs = [CameraPairShift("rgb", "events", shift_px, (float(total_errors_px[0]), float(total_errors_px[1])))]
+        edges = [window.edges for window in state if window.edges is not None]
+        if edges:
+            against_depth = (
+                colour_edges(edges)[0].against_depth("rgb"),
+                event_edges(edges).against_depth("events"),
+            )
+            pairs += [pair for pair in against_depth if pair is not None]
+
+        return Observation(
+            coverage,
+            tuple(
+                Statistic(
+                    name=f"shift_{direction}",
+                    value=value_px,
+                    unit="px",
+                    standard_error=float(error_px),
+                    model_error_bound=float(lag_px),
+                    material=_MATERIAL_PX,
+                    statement=f"Events lie {value_px:+.3g} +/- {error_px:.2g} px ({direction} positive) from where "
+                    "the frames change.",
+                    code="alignment.events.shift",
+                    where=Where(stream="events"),
+                    features=tuple(pairs),
+                )
+                for direction, value_px, error_px, lag_px in zip(
+                    ("right", "down"), shift_px, errors_px, lags_px, strict=True
+                )
+            ),
         )
 
 
-_OTHERS: Final = (
-    Suspect("time_offset", "events", 0.5),
-    Suspect("time_offset", "rgb", 0.5),
-    Suspect("clock_rate", "events", 0.4),
-)
-"""What shifts events along the motion of the image."""
+def _correlated(
+    frames: SeenFrames, interval: int, *, by_quarters: bool
+) -> tuple[Float64, Float64, Float64, Float64, FarSums]:
+    """Return the sums of one frame interval, as in ``IntervalCorrelations``; of large frames, over a quarter of it.
 
-
-def _quarter(seen: SeenFrames, i: int) -> slice:
-    """Return the rows that are looked at between two large frames: each quarter of the image has its turn.
-
-    What events leave open differs from place to place more than over time, so that all quarters together err as the
-    whole image does: of 1 s of 1440x1080 standard errors are 0.014 and 0.030 px, for 0.011 and 0.018, and limits, which
-    are those of the lag for the most part, 9% and 23% larger.
+    In large frames each quarter of the image has its turn. What events leave open differs from place to place more
+    than over time, so that all quarters together err as the whole image does: of 1 s of 1440x1080 standard errors are
+    0.014 and 0.030 px, for 0.011 and 0.018, and limits, which are those of the lag for the most part, 9% and 23%
+    larger.
     """
-    number, height = int(4 * turn_of(int(seen.frames[i]))), seen.even_dn.shape[1]
-    return slice(number * height // 4, (number + 1) * height // 4)
-
-
-def _interval(seen: SeenFrames, i: int, rows: slice) -> tuple[Float64, Float64, Float64, Float64, FarSums]:
-    """Return the sums of one frame interval over some rows, as in ``Registration``; slopes as if all were like them."""
-    before, after = (np.log(seen.even_dn[frame, rows] + DARK_DN) for frame in (i, i + 1))
-    earlier, later = seen.error_dn[i, rows], seen.error_dn[i + 1, rows]
-    counts = np.ascontiguousarray(seen.counts[i, :, rows])
-    change, events, usable, sums = change_and_events(before, after, earlier, later, counts)
+    height, rows = frames.even_dn.shape[1], slice(None)
+    if by_quarters:
+        quarter = int(4 * turn_of(int(frames.frames[interval])))
+        rows = slice(quarter * height // 4, (quarter + 1) * height // 4)
+    before, after = (np.log(frames.even_dn[frame, rows] + DARK_DN) for frame in (interval, interval + 1))
+    error_before_dn, error_after_dn = frames.error_dn[interval, rows], frames.error_dn[interval + 1, rows]
+    counts = np.ascontiguousarray(frames.counts[interval, :, rows])
+    change, events, usable, sums = change_and_events(before, after, error_before_dn, error_after_dn, counts)
     slopes = slope_sums(before, change, usable)
     slopes[:2] = slope_sums(before, change, events > 0)[:2]
-    slopes *= seen.even_dn.shape[1] / len(before)
+    # Slopes are sums over pixels: a quarter counts as if all rows were like its own.
+    slopes *= height / len(before)
     auto, cross = auto_correlation(change, usable), cross_correlation(change, events, usable)
     return auto, cross, sums, slopes, far_sums(change, events, usable)
 
 
-def _jackknife(auto: Float64, cross: Float64) -> Float64 | None:
-    """Return the spread (2,) of the shift when groups of intervals are left out in turn; None where it is lost."""
+def _jackknife_px(auto: Float64, cross: Float64) -> Float64 | None:
+    """Return the spread (2,) of the shift when groups of intervals are left out in turn; None where a fit fails."""
     groups = np.array_split(np.arange(len(auto)), min(len(auto), _MOST_GROUPS))
     all_auto, all_cross = auto.sum(axis=0), cross.sum(axis=0)
-    found = [registered_shift(all_auto - auto[g].sum(axis=0), all_cross - cross[g].sum(axis=0)) for g in groups]
-    known = [(shift.right_px, shift.down_px) for shift in found if shift is not None]
-    if len(known) < len(found):
+    shifts = [registered_shift(all_auto - auto[g].sum(axis=0), all_cross - cross[g].sum(axis=0)) for g in groups]
+    fitted_px = [(shift.right_px, shift.down_px) for shift in shifts if shift is not None]
+    if len(fitted_px) < len(shifts):
         return None
-    spread: Float64 = np.sqrt((len(known) - 1) * np.var(known, axis=0))
-    return spread
-
-
-def _suspects(state: Sequence[Registration], shift_px: Float64, error_px: Float64, facts: Facts) -> tuple[Suspect, ...]:
-    """Weigh the cameras by all pairs that can be had."""
-    pairs = [PairShift("rgb", "events", shift_px, error_px)]
-    edges = [one.edges for one in state if one.edges is not None]
-    if edges:
-        against_depth = (colour_edges(edges)[0].pair("rgb"), event_edges(edges).pair("events"))
-        pairs += [pair for pair in against_depth if pair is not None]
-    return shift_suspects(pairs, facts.declared.cameras)
+    spread_px: Float64 = np.sqrt((len(fitted_px) - 1) * np.var(fitted_px, axis=0))
+    return spread_px

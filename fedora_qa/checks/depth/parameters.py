@@ -10,10 +10,11 @@ import numpy as np
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth
 from fedora_qa.estimators.depth.warp import ModelNumber
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.depth_pairs import DepthPair, owned_pairs, place, why_no_geometry
+from fedora_qa.views.depth_pairs import DepthPair, owned_pairs, where_of_frames, why_no_geometry
 from fedora_qa.views.flow_intervals import depths_plausible
 
 _TO_SIGMA: Final = 1.4826
@@ -24,12 +25,29 @@ _FAR: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class PairFit:
-    """A parameter as one pair of frames shows it.
+class ResidualReduction(Feature):
+    """Share of the typical residual of depth pairs that the fitted parameter removes, 0 to 1."""
 
-    ``standard_error`` and ``bound`` are its errors at random and in the worst direction, ``as_declared`` and
-    ``after_fit`` the typical residuals; ``as_declared`` is infinite where frames cannot be compared as declared.
-    ``of_path`` is the size of the fault if the camera's path has it, NaN where it cannot.
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class PairParameter:
+    """A parameter fitted to one pair of frames.
+
+    Attributes
+    ----------
+    first, second
+        Rows of the depth stream.
+    value, standard_error, bound
+        The parameter, its random error, and its error in the worst direction.
+    declared_residual, fit_residual
+        Typical (median absolute relative) residuals as declared and after the fit; the former is infinite where the
+        frames cannot be compared as declared.
+    plausible
+        Whether the depths lie in the declared range.
+    path_factor
+        How many times too long the camera's path is, were it at fault instead of the depths; NaN where not fitted.
     """
 
     first: int
@@ -37,23 +55,23 @@ class PairFit:
     value: float
     standard_error: float
     bound: float
-    as_declared: float
-    after_fit: float
+    declared_residual: float
+    fit_residual: float
     plausible: bool
-    of_path: float
+    path_factor: float
 
 
 @dataclass(frozen=True, slots=True)
-class Pooled:
-    """All pairs together. ``explains`` is the share of the typical residual that the parameter removes."""
+class PooledParameter:
+    """The parameter of all pairs together; ``residual_reduction`` is the share of the typical residual it removes."""
 
     value: float
     standard_error: float
     bound: float
-    explains: float
+    residual_reduction: float
 
 
-class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
+class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
     """What is the parameter that depth and pose agree on?
 
     What the checks of one parameter share: the fit of each pair, and the pooling over pairs.
@@ -73,26 +91,26 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
 
     @abstractmethod
     def family(self, pair: DepthPair) -> Family:
-        """Return what the parameter does to a pair."""
+        """Return the models of a pair by the parameter's value."""
 
-    def of_path(self, pair: DepthPair, fit: DepthFit) -> float:
-        """Return the size of the fault that the camera's path would have instead; NaN where it has none."""
+    def path_factor(self, pair: DepthPair, fit: DepthFit) -> float:
+        """Return how many times too long the path would be instead of the depths; NaN where it has no such factor."""
         return float("nan")
 
-    def pooled(self, fits: Sequence[PairFit]) -> Pooled | None:
+    def pooled(self, fits: Sequence[PairParameter]) -> PooledParameter | None:
         """Pool the pairs."""
         return pool(fits)
 
     @abstractmethod
-    def stated(self, pooled: Pooled, fits: Sequence[PairFit]) -> Statistic:
+    def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:
         """State the parameter."""
 
-    def measure(self, window: Window) -> tuple[PairFit, ...] | None:
+    def measure(self, window: Window) -> tuple[PairParameter, ...] | None:
         """Fit every pair that the window owns."""
         fits = (self._fit(pair) for pair in owned_pairs(window) if pair is not None)
         return tuple(fit for fit in fits if fit is not None)
 
-    def conclude(self, state: Sequence[tuple[PairFit, ...]], facts: Facts) -> Observation:
+    def conclude(self, state: Sequence[tuple[PairParameter, ...]], facts: Facts) -> Observation:
         """Pool the pairs."""
         fits = sorted((fit for fits in state for fit in fits), key=lambda fit: fit.first)
         total = max(int(np.count_nonzero(facts.clocks["depth"].advancing)) - 1, 0)
@@ -101,19 +119,22 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
         if pooled is None:
             why = "no two depth frames show the same surfaces from places that poses tell apart"
             return Observation(coverage, unobservable=why)
-        measured = replace(self.stated(pooled, fits), where=place(facts, fits[0].first, fits[-1].second))
-        return Observation(coverage, (measured,))
+        where = where_of_frames(facts, fits[0].first, fits[-1].second)
+        return Observation(coverage, (replace(self.statistic(pooled, fits), where=where),))
 
-    def _fit(self, pair: DepthPair) -> PairFit | None:
+    def _fit(self, pair: DepthPair) -> PairParameter | None:
         lattice, image1 = pair.lattice_to_fit(), pair.image1
         as_declared = pair.fit_as_declared()
-        start, parts = self.from_value, None
+        # Frames that agree as declared start from the declared value and the motion fitted with it.
+        start, coefficients = self.from_value, None
         if as_declared is not None and as_declared.agrees:
-            start, parts = self.declared_value, as_declared.parts
-        fit = fit_depth(self.family(pair), lattice, image1, pair.noise, start=start, step=self.number, parts=parts)
+            start, coefficients = self.declared_value, as_declared.parts
+        fit = fit_depth(
+            self.family(pair), lattice, image1, pair.noise, start=start, step=self.number, parts=coefficients
+        )
         if fit is None or not np.isfinite(fit.standard_error):
             return None
-        return PairFit(
+        return PairParameter(
             pair.first,
             pair.second,
             fit.value,
@@ -122,12 +143,12 @@ class FittedParameter(WindowCheck[tuple[PairFit, ...]]):
             as_declared.typical if as_declared else np.inf,
             fit.typical,
             depths_plausible(pair.window.facts, lattice.depths_m),
-            self.of_path(pair, fit),
+            self.path_factor(pair, fit),
         )
 
 
-def pool(fits: Sequence[PairFit]) -> Pooled | None:
-    """Average the pairs, each weighted by how well it tells; None where there is none.
+def pool(fits: Sequence[PairParameter]) -> PooledParameter | None:
+    """Average the pairs, each weighted by its precision; None where there is none.
 
     Pairs that share a pose err against each other, so that their average errs by less than is stated. Where pairs
     spread more than they should, the spread is the standard error; pairs far from the others weigh less (Cauchy's
@@ -135,20 +156,22 @@ def pool(fits: Sequence[PairFit]) -> Pooled | None:
     """
     if not fits:
         return None
-    values, errors, bounds, declared, after = np.array(
-        [(fit.value, fit.standard_error, fit.bound, fit.as_declared, fit.after_fit) for fit in fits]
+    values, errors, bounds, declared, fitted = np.array(
+        [(fit.value, fit.standard_error, fit.bound, fit.declared_residual, fit.fit_residual) for fit in fits]
     ).T
     sigmas = np.hypot(errors, bounds)
-    middle = float(np.median(values))
-    scale = np.maximum(sigmas, _TO_SIGMA * float(np.median(np.abs(values - middle))))
-    weights = 1.0 / (sigmas**2 * (1.0 + ((values - middle) / (_FAR * scale)) ** 2))
+    median = float(np.median(values))
+    scale = np.maximum(sigmas, _TO_SIGMA * float(np.median(np.abs(values - median))))
+    # Inverse variances times Cauchy's weights 1 / (1 + u^2).
+    weights = 1.0 / (sigmas**2 * (1.0 + ((values - median) / (_FAR * scale)) ** 2))
     weights /= weights.sum()
     value = float(weights @ values)
+    # Standard error of a weighted mean from the scatter of its values, with n / (n - 1) for the fitted mean.
     spread = np.sqrt(weights**2 @ (values - value) ** 2 * len(fits) / max(len(fits) - 1, 1))
-    left = np.divide(after, declared, out=np.ones_like(after), where=declared > 0)
-    return Pooled(
+    residual_ratios = np.divide(fitted, declared, out=np.ones_like(fitted), where=declared > 0)
+    return PooledParameter(
         value=value,
         standard_error=float(max(np.sqrt(weights**2 @ errors**2), spread)),
         bound=float(weights @ bounds),
-        explains=max(float(np.median(1.0 - left)), 0.0),
+        residual_reduction=max(float(np.median(1.0 - residual_ratios)), 0.0),
     )

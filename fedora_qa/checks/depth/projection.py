@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 from typing import Final
 
-from fedora_qa.checks.depth.parameters import FittedParameter, PairFit, Pooled
-from fedora_qa.checks.depth.suspects import ANY_MISFIT
-from fedora_qa.checks.protocol import Statistic, Suspect
+from fedora_qa.checks.depth.parameters import FittedParameter, PairParameter, PooledParameter, ResidualReduction
+from fedora_qa.checks.protocol import Statistic
 from fedora_qa.estimators.depth.pair_fit import Family
 from fedora_qa.views.depth_pairs import DepthPair
 
-_MATTERS: Final = 0.5
-"""Depths are z or lengths of rays: half of the way tells them apart."""
+_MATERIAL: Final = 0.5
+"""Depths are z or lengths of rays: an error of half the difference leaves it open which."""
 
 
 class DepthProjection(FittedParameter):
@@ -49,10 +48,10 @@ class DepthProjection(FittedParameter):
     number = "ray"
 
     def family(self, pair: DepthPair) -> Family:
-        """Let depths be lengths of rays in part."""
+        """Return models whose depths are z times a power of the ray's length."""
         return pair.as_rays
 
-    def stated(self, pooled: Pooled, fits: Sequence[PairFit]) -> Statistic:
+    def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:
         """State the exponent."""
         return Statistic(
             name="ray_exponent",
@@ -61,8 +60,8 @@ class DepthProjection(FittedParameter):
             standard_error=pooled.standard_error,
             expected=0.0,
             model_error_bound=pooled.bound,
-            material=_MATTERS,
+            material=_MATERIAL,
             statement=f"Depths are z times |m| to the power of {pooled.value:.3g}: 0 is z, 1 the length of the ray.",
             code="depth.projection.ray",
-            suspects=(Suspect("depth_ray_not_z", "depth", 0.95 * pooled.explains), *ANY_MISFIT),
+            features=(ResidualReduction(pooled.residual_reduction),),
         )

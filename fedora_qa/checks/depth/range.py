@@ -8,28 +8,38 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.estimators.depth.stored_step import DepthStep
 from fedora_qa.estimators.images.values import positive_extremes
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.depth_pairs import place, step_of
+from fedora_qa.views.depth_pairs import step_of, where_of_frames
 
-_ROUNDING: Final = 2.0**-22
+RANGE_ROUNDING: Final = 2.0**-22
 """Rounding to float32 (2^-24), of the depths and of the range, with two bits to spare; relative."""
 
-_NEIGHBOURHOOD: Final = 64 * _ROUNDING
-"""Depths between this and ``_ROUNDING`` of an end are its neighbourhood: 63 times as wide as the end itself."""
+_NEIGHBOURHOOD: Final = 64 * RANGE_ROUNDING
+"""Depths between this and ``RANGE_ROUNDING`` of an end are its neighbourhood: 63 times as wide as the end itself."""
 
 _COARSE: Final = 1e-3
 """Steps of this share of the depth move a parallax of 10 px by 0.01 px, which flow is held to."""
 
 
 @dataclass(frozen=True, slots=True)
-class FrameRange:
+class DepthExtent(Feature):
+    """The nearest and farthest valid depth of the file, and the declared range, metres."""
+
+    nearest_m: float
+    farthest_m: float
+    range_m: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameExtent:
     """One depth frame: its ends in metres, and the pixels on each end of the range and close to it.
 
     ``contour`` is its width and height together: as many pixels as a line of equal depth has.
@@ -44,14 +54,14 @@ class FrameRange:
 
 
 @dataclass(frozen=True, slots=True)
-class WindowRange:
+class WindowExtents:
     """The frames of a window, and the step of their depths."""
 
-    frames: tuple[FrameRange, ...]
+    frames: tuple[FrameExtent, ...]
     step: DepthStep | None
 
 
-class DepthRange(WindowCheck[WindowRange]):
+class DepthRange(WindowCheck[WindowExtents]):
     """Do depths keep to the declared range without being cut off at it?
 
     The nearest and the farthest valid depth of all frames against ``depth_range``, the pixels that lie exactly on
@@ -90,55 +100,57 @@ class DepthRange(WindowCheck[WindowRange]):
     name = "depth.range"
     needs = ("depth",)
 
-    def measure(self, window: Window) -> WindowRange | None:
-        """Tally every frame that the window owns."""
+    def measure(self, window: Window) -> WindowExtents | None:
+        """Count pixels at the ends of the range in every frame that the window owns."""
         range_m = window.facts.declared.depth_range_m
         frames = []
         for frame in window.owned("depth"):
             with suppress(UnreadableRowsError):  # a finding of integrity.readable
-                frames += _tally(frame, window.depth_m(frame), range_m)
-        return WindowRange(tuple(frames), step_of(window)) if frames else None
+                extent = _extent(frame, window.depth_m(frame), range_m)
+                frames += [] if extent is None else [extent]
+        return WindowExtents(tuple(frames), step_of(window)) if frames else None
 
-    def conclude(self, state: Sequence[WindowRange], facts: Facts) -> Observation:
-        """State the ends, and what lies on them."""
-        frames = sorted((frame for one in state for frame in one.frames), key=lambda frame: frame.frame)
+    def conclude(self, state: Sequence[WindowExtents], facts: Facts) -> Observation:
+        """State the ends, and the pixels that lie on them."""
+        frames = sorted((frame for window in state for frame in window.frames), key=lambda frame: frame.frame)
         coverage = Coverage(len(frames), facts.sizes.get("path/depth", 0), "depth frames")
         range_m = facts.declared.depth_range_m
         if not frames:
             return Observation(coverage, unobservable="no depth frame has a valid pixel")
-        steps = [one.step for one in state if one.step]
+        steps = [window.step for window in state if window.step]
         step = max(steps, key=lambda step: step.relative) if steps else None
-        notices = _coarse(step) if step else ()
+        notices = (_coarse_steps(step),) if step and step.relative >= _COARSE else ()
         inferred = {"depth_step_mm": MM_PER_M * step.size_m} if step else {}
         if range_m is None:
             why = "the file declares no depth range"
             ends = _ends(frames, facts, (0.0, np.inf))
             return Observation(coverage, ends, notices, unobservable=why, inferred=inferred)
-        measured = (*_ends(frames, facts, range_m), *_piles(frames, facts, range_m))
-        return Observation(coverage, measured, notices, inferred=inferred)
+        clipped = [_pixels_on_end(frames, facts, end, range_m[end]) for end in (0, 1)]
+        return Observation(coverage, (*_ends(frames, facts, range_m), *clipped), notices, inferred=inferred)
 
 
-def _tally(frame: int, depth_m: NDArray[np.float32], range_m: tuple[float, float] | None) -> list[FrameRange]:
-    """Tally a frame; nothing where it has no valid pixel."""
+def _extent(frame: int, depth_m: NDArray[np.float32], range_m: tuple[float, float] | None) -> FrameExtent | None:
+    """Count a frame's pixels at the ends of the range; None where it has no valid pixel."""
     ends_m = [(i, end_m) for i, end_m in enumerate(range_m or ()) if end_m > 0]
     # A little more than the neighbourhood: its ends are rounded to single precision.
-    wide = 2 * _NEIGHBOURHOOD
-    found = positive_extremes(depth_m, [(end_m * (1 - wide), end_m * (1 + wide)) for _, end_m in ends_m])
-    if found is None:
-        return []
-    nearest_m, farthest_m, around = found
+    width = 2 * _NEIGHBOURHOOD
+    extremes = positive_extremes(depth_m, [(end_m * (1 - width), end_m * (1 + width)) for _, end_m in ends_m])
+    if extremes is None:
+        return None
+    nearest_m, farthest_m, near_ends_m = extremes
     on_end, near_end = [0, 0], [0, 0]
     for i, end_m in ends_m:
-        distances = np.abs(around.astype(np.float64) / end_m - 1.0)
-        on_end[i] = int(np.count_nonzero(distances <= _ROUNDING))
+        distances = np.abs(near_ends_m.astype(np.float64) / end_m - 1.0)
+        on_end[i] = int(np.count_nonzero(distances <= RANGE_ROUNDING))
         near_end[i] = int(np.count_nonzero(distances <= _NEIGHBOURHOOD)) - on_end[i]
     on, near = (on_end[0], on_end[1]), (near_end[0], near_end[1])
-    return [FrameRange(frame, nearest_m, farthest_m, sum(depth_m.shape), on, near)]
+    return FrameExtent(frame, nearest_m, farthest_m, sum(depth_m.shape), on, near)
 
 
-def _ends(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, float]) -> tuple[Statistic, ...]:
-    nearest, farthest = min(frames, key=lambda one: one.nearest_m), max(frames, key=lambda one: one.farthest_m)
-    suspects = _suspects(nearest.nearest_m, farthest.farthest_m, range_m)
+def _ends(frames: Sequence[FrameExtent], facts: Facts, range_m: tuple[float, float]) -> tuple[Statistic, ...]:
+    nearest = min(frames, key=lambda frame: frame.nearest_m)
+    farthest = max(frames, key=lambda frame: frame.farthest_m)
+    extent = DepthExtent(nearest.nearest_m, farthest.farthest_m, range_m)
     low_m, high_m = range_m
     return (
         Statistic(
@@ -147,12 +159,12 @@ def _ends(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, floa
             unit="m",
             standard_error=0.0,
             expected=low_m,
-            model_error_bound=_ROUNDING * low_m,
+            model_error_bound=RANGE_ROUNDING * low_m,
             side="lower",
             statement=f"The nearest depth is {nearest.nearest_m:.4g} m; {low_m:g} m or more is declared.",
             code="depth.range.nearest",
-            where=place(facts, nearest.frame, nearest.frame),
-            suspects=suspects,
+            where=where_of_frames(facts, nearest.frame, nearest.frame),
+            features=(extent,),
         ),
         Statistic(
             name="farthest",
@@ -160,36 +172,22 @@ def _ends(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, floa
             unit="m",
             standard_error=0.0,
             expected=high_m,
-            model_error_bound=_ROUNDING * high_m,
+            model_error_bound=RANGE_ROUNDING * high_m,
             side="upper",
             statement=f"The farthest depth is {farthest.farthest_m:.4g} m; {high_m:g} m or less is declared.",
             code="depth.range.farthest",
-            where=place(facts, farthest.frame, farthest.frame),
-            suspects=suspects,
+            where=where_of_frames(facts, farthest.frame, farthest.frame),
+            features=(extent,),
         ),
     )
 
 
-def _suspects(nearest_m: float, farthest_m: float, range_m: tuple[float, float]) -> tuple[Suspect, ...]:
-    """Suspect the unit where another one would bring both ends within the range; otherwise values that are codes."""
-    for factor in (1 / MM_PER_M, MM_PER_M):
-        if range_m[0] <= nearest_m / factor * (1 + _ROUNDING) and farthest_m / factor * (1 - _ROUNDING) <= range_m[1]:
-            return (Suspect("unit_mm_m", "depth", 0.9, factor, "1"),)
-    return (
-        Suspect("invalid_encoding", "depth", 0.5),
-        Suspect("depth_ray_not_z", "depth", 0.3),
-        Suspect("unit_mm_m", "depth", 0.3),
-    )
-
-
-def _piles(frames: Sequence[FrameRange], facts: Facts, range_m: tuple[float, float]) -> list[Statistic]:
-    return [_pile(frames, facts, end, name, range_m[end]) for end, name in enumerate(("near", "far"))]
-
-
-def _pile(frames: Sequence[FrameRange], facts: Facts, end: int, name: str, end_m: float) -> Statistic:
+def _pixels_on_end(frames: Sequence[FrameExtent], facts: Facts, end: int, end_m: float) -> Statistic:
     """State the excess of pixels on one end of the range over what the neighbourhood's density would put there."""
+    name = ("near", "far")[end]
     on_end = sum(frame.on_end[end] for frame in frames)
-    expected = sum(frame.near_end[end] for frame in frames) * _ROUNDING / (_NEIGHBOURHOOD - _ROUNDING)
+    # A uniform density of the neighbourhood, over the width of the end itself.
+    expected = sum(frame.near_end[end] for frame in frames) * RANGE_ROUNDING / (_NEIGHBOURHOOD - RANGE_ROUNDING)
     worst = max(frames, key=lambda frame: frame.on_end[end])
     return Statistic(
         name=f"on_{name}_end",
@@ -203,19 +201,14 @@ def _pile(frames: Sequence[FrameRange], facts: Facts, end: int, name: str, end_m
         statement=f"{on_end} pixels lie exactly on the {name} end of the range, {end_m:g} m: depth was cut off there "
         "instead of being NaN.",
         code=f"depth.range.{name}_end",
-        where=place(facts, worst.frame, worst.frame),
-        suspects=(Suspect("invalid_encoding", "depth", 0.95),),
+        where=where_of_frames(facts, worst.frame, worst.frame),
     )
 
 
-def _coarse(step: DepthStep) -> tuple[Notice, ...]:
-    if step.relative < _COARSE:
-        return ()
-    return (
-        Notice(
-            "depth.range.steps",
-            f"Depths come in steps of {MM_PER_M * step.size_m:.3g} mm at {step.depth_m:.3g} m, "
-            f"{100 * step.relative:.2g}% of the depth.",
-            Where(stream="depth"),
-        ),
+def _coarse_steps(step: DepthStep) -> Notice:
+    return Notice(
+        "depth.range.steps",
+        f"Depths come in steps of {MM_PER_M * step.size_m:.3g} mm at {step.depth_m:.3g} m, "
+        f"{100 * step.relative:.2g}% of the depth.",
+        Where(stream="depth"),
     )

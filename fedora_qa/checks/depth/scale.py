@@ -1,27 +1,49 @@
-"""The scale of depth: how far points lie, told by how they move when the camera does."""
+"""The scale of depth: how far points lie, measured by how they move when the camera does."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
 import numpy as np
 
-from fedora_qa.checks.depth.parameters import FittedParameter, PairFit, Pooled, pool
-from fedora_qa.checks.depth.suspects import ANY_MISFIT
-from fedora_qa.checks.protocol import Statistic, Suspect
+from fedora_qa.checks.depth.parameters import (
+    FittedParameter,
+    PairParameter,
+    PooledParameter,
+    ResidualReduction,
+    pool,
+)
+from fedora_qa.checks.protocol import Statistic
 from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth
+from fedora_qa.features import Feature
 from fedora_qa.views.depth_pairs import DepthPair
 
-Known = TypeVar("Known", PairFit, Pooled)
+Parameter = TypeVar("Parameter", PairParameter, PooledParameter)
 
-_SURELY: Final = 10.0
+_SIGNIFICANT: Final = 10.0
 """Errors from 1 at which a pair's factor is wrong, whatever the file's false-alarm rate."""
 
-_STEP: Final = 1e-3
-"""Share of the factor by which it is changed to see its effect."""
+_RELATIVE_STEP: Final = 1e-3
+"""Share of the factor by which it is changed to differentiate by it."""
 
-_MATTERS: Final = 0.5
+_MATERIAL: Final = 0.5
 """Metres, millimetres, feet, yards: units differ by more, but for the last of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class PathScale(Feature):
+    """The scale as one of the camera's path.
+
+    Attributes
+    ----------
+    factor
+        How many times too long the path would be, were the depths right; None where it could not be fitted.
+    depths_plausible
+        Whether most pairs' depths lie in the declared range.
+    """
+
+    factor: float | None
+    depths_plausible: bool
 
 
 class DepthScale(FittedParameter):
@@ -66,35 +88,36 @@ class DepthScale(FittedParameter):
     declared_value = 1.0
 
     def family(self, pair: DepthPair) -> Family:
-        """Let depths be too large by a factor."""
+        """Return models whose depths are too large by a factor."""
         return pair.scaled
 
-    def of_path(self, pair: DepthPair, fit: DepthFit) -> float:
+    def path_factor(self, pair: DepthPair, fit: DepthFit) -> float:
         """Fit, where the factor is surely not 1, that of the positions instead: the lever arm does not scale with them.
 
         The fit begins from the path that the factor of the depths asks for; a factor of zero, of positions beyond all
         measure, asks for none.
         """
-        if not fit.value or abs(fit.value - 1) <= _SURELY * (fit.standard_error + fit.bound):
+        if not fit.value or abs(fit.value - 1) <= _SIGNIFICANT * (fit.standard_error + fit.bound):
             return float("nan")
-        lattice, image1 = pair.lattice_to_fit(), pair.image1
-        found = fit_depth(pair.with_path, lattice, image1, pair.noise, start=fit.value, step=_STEP * abs(fit.value))
-        return 1 / found.value if found is not None and found.value else float("nan")
+        path_fit = fit_depth(
+            pair.with_path, pair.lattice_to_fit(), pair.image1, pair.noise,
+            start=fit.value, step=_RELATIVE_STEP * abs(fit.value),
+        )  # fmt: skip
+        return 1 / path_fit.value if path_fit is not None and path_fit.value else float("nan")
 
-    def pooled(self, fits: Sequence[PairFit]) -> Pooled | None:
+    def pooled(self, fits: Sequence[PairParameter]) -> PooledParameter | None:
         """Pool reciprocals: noise of the positions is normal in the path over the depths, and skew the other way."""
         pooled = pool([_reciprocal(fit) for fit in fits if fit.value != 0])
         return None if pooled is None or pooled.value == 0 else _reciprocal(pooled)
 
-    def stated(self, pooled: Pooled, fits: Sequence[PairFit]) -> Statistic:
+    def statistic(self, pooled: PooledParameter, fits: Sequence[PairParameter]) -> Statistic:
         """State the factor."""
-        plausible = 2 * sum(fit.plausible for fit in fits) > len(fits)
-        of_positions = np.array([fit.of_path for fit in fits])
-        known = of_positions[np.isfinite(of_positions)]
-        of_pose = float(np.median(known)) if len(known) else None
-        turned_round = of_pose is not None and of_pose <= 0  # no unit does that to lengths
-        explains = pooled.explains if pooled.value > 0 else 0.0
-        of_depth_share, of_pose_share = (0.5, 0.9) if plausible and not turned_round else (0.95, 0.3)
+        path_factors = np.array([fit.path_factor for fit in fits])
+        fitted = path_factors[np.isfinite(path_factors)]
+        path_scale = PathScale(
+            factor=float(np.median(fitted)) if len(fitted) else None,
+            depths_plausible=2 * sum(fit.plausible for fit in fits) > len(fits),
+        )
         return Statistic(
             name="scale",
             value=pooled.value,
@@ -102,24 +125,19 @@ class DepthScale(FittedParameter):
             standard_error=pooled.standard_error,
             expected=1.0,
             model_error_bound=pooled.bound,
-            material=_MATTERS,
+            material=_MATERIAL,
             statement=f"Depths are {pooled.value:.4g} times as large as the camera's path in metres makes them.",
             code="depth.scale.factor",
-            suspects=(
-                Suspect("unit_mm_m", "depth", of_depth_share * explains, pooled.value, "1",
-                        pooled.standard_error),
-                Suspect("unit_mm_m", "pose", of_pose_share * explains, of_pose, "1"),
-                *ANY_MISFIT,
-            ),
-        )  # fmt: skip
+            features=(ResidualReduction(pooled.residual_reduction), path_scale),
+        )
 
 
-def _reciprocal(known: Known) -> Known:
-    """Return the reciprocal of a value with its errors."""
-    slope = known.value**-2
+def _reciprocal(parameter: Parameter) -> Parameter:
+    """Return the reciprocal of a value with its errors, to first order: d(1/x) = dx / x^2."""
+    slope = parameter.value**-2
     return replace(
-        known,
-        value=1 / known.value,
-        standard_error=slope * known.standard_error,
-        bound=slope * known.bound,
+        parameter,
+        value=1 / parameter.value,
+        standard_error=slope * parameter.standard_error,
+        bound=slope * parameter.bound,
     )

@@ -1,0 +1,115 @@
+"""Which camera is shifted or mirrored, where the images of two cameras lie apart.
+
+One shift of one camera must explain the shifts of all pairs of cameras.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.alignment.edge_shifts import CameraPairShift, EventEdges
+from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.support import support
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.declared import Camera
+from fedora_qa.sequence.facts import Facts
+
+_LEAST_SUPPORT: Final = 0.3
+"""Cameras whose shift explains less than this are not proposed."""
+
+_LEAST_ERROR_PX: Final = 1e-3
+"""Standard error that a shift has at least: no pair alone decides by an error of zero."""
+
+
+def propose_depth(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Propose causes for ``alignment.depth``: which camera is mirrored, or which is shifted."""
+    if alarm.finding.code == "alignment.depth.mirrored":
+        return _mirrored(alarm, facts)
+    return (
+        *shift_hypotheses(_pairs(alarm), facts.declared.cameras),
+        # Both move edges with the motion of the image.
+        Hypothesis("time_offset", "rgb", support("alignment.frame_time_offset")),
+        Hypothesis("time_offset", "depth", support("alignment.frame_time_offset")),
+        Hypothesis("swapped_frames", "rgb", support("alignment.swapped_frames")),
+        Hypothesis("swapped_frames", "depth", support("alignment.swapped_frames")),
+    )
+
+
+def propose_events(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Propose causes for ``alignment.events``: which camera is shifted, or which stream is late."""
+    return (
+        *shift_hypotheses(_pairs(alarm), facts.declared.cameras),
+        # Both shift events along the motion of the image.
+        Hypothesis("time_offset", "events", support("alignment.event_time_offset")),
+        Hypothesis("time_offset", "rgb", support("alignment.event_time_offset")),
+        Hypothesis("clock_rate", "events", support("alignment.event_clock_rate")),
+    )
+
+
+def _pairs(alarm: Alarm) -> list[CameraPairShift]:
+    return [feature for feature in alarm.statistic.features if isinstance(feature, CameraPairShift)]
+
+
+def _mirrored(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Weigh depth against colour by the events: where their edges lie at the steps of depth, depth is right."""
+    events_at_steps = any(edges.significant for edges in alarm.statistic.features if isinstance(edges, EventEdges))
+    if "events" not in facts.streams or "events" not in facts.declared.cameras:
+        depth = rgb = support("alignment.mirrored_without_events")
+    elif events_at_steps:
+        depth, rgb = support("alignment.mirrored_depth_with_events"), support("alignment.mirrored_rgb_with_events")
+    else:
+        depth, rgb = support("alignment.mirrored_depth_against_events"), support("alignment.mirrored_rgb_unopposed")
+    return Hypothesis("mirrored", "depth", depth), Hypothesis("mirrored", "rgb", rgb)
+
+
+def shift_hypotheses(pairs: Sequence[CameraPairShift], cameras: Mapping[str, Camera]) -> tuple[Hypothesis, ...]:
+    """Support each camera's shift by the share of all pairs' shifts, in squared errors, that it explains.
+
+    Parameters
+    ----------
+    pairs
+        Measured shifts of pairs of cameras.
+    cameras
+        Declared cameras by name: a shift in pixels of one camera is scaled by the focal lengths into the other.
+
+    Returns
+    -------
+    tuple[Hypothesis, ...]
+        Best supported first; sizes in pixels of the shifted camera, along its larger component.
+    """
+    focal_px = {name: float(camera.K[0, 0]) for name, camera in cameras.items()}
+    names = dict.fromkeys(name for pair in pairs for name in (pair.second, pair.first))
+    hypotheses = []
+    for name in names:
+        # How far each pair's shift moves when the image of this camera is shifted by 1 px of its own.
+        gains = [
+            1.0 if name == pair.second else -focal_px[pair.second] / focal_px[pair.first] if name == pair.first else 0.0
+            for pair in pairs
+        ]
+        hypotheses.append(_fitted_shift("spatial_offset", name, support("alignment.spatial_offset"), gains, pairs))
+    # The centre of each camera moves by the same number of its own pixels, the image of the second one back.
+    differences = [1.0 - focal_px[pair.second] / focal_px[pair.first] for pair in pairs]
+    if any(abs(difference) > 1e-6 for difference in differences):
+        centre, gains = support("alignment.intrinsics_centre"), [-difference for difference in differences]
+        hypotheses.append(_fitted_shift("intrinsics_centre", "metadata", centre, gains, pairs))
+    supported = [hypothesis for hypothesis in hypotheses if hypothesis.support >= _LEAST_SUPPORT]
+    return tuple(sorted(supported, key=lambda hypothesis: -hypothesis.support))
+
+
+def _fitted_shift(
+    cause: str, stream: str, prior: float, gains: Sequence[float], pairs: Sequence[CameraPairShift]
+) -> Hypothesis:
+    """Fit one shift to all pairs by weighted least squares; its support is the share of their squares it explains."""
+    precisions = np.array([1.0 / np.maximum(pair.error_px, _LEAST_ERROR_PX) ** 2 for pair in pairs])
+    shifts_px = np.array([pair.shift_px for pair in pairs])
+    gain = np.array(gains)[:, np.newaxis]
+    # Normal equations of one unknown an axis: information * fit = projection.
+    information = (precisions * gain**2).sum(axis=0)
+    projection = (precisions * gain * shifts_px).sum(axis=0)
+    fit_px = np.divide(projection, information, out=np.zeros(2), where=information > 0)
+    total = float((precisions * shifts_px**2).sum())
+    explained = float((projection * fit_px).sum()) / total if total > 0 else 0.0
+    axis = int(np.argmax(np.abs(fit_px)))
+    error_px = float(information[axis]) ** -0.5 if information[axis] > 0 else None
+    return Hypothesis(cause, stream, prior * explained, float(fit_px[axis]), "px", error_px)

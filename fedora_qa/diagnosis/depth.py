@@ -1,0 +1,243 @@
+"""Hypotheses for alarms of depth: the range of values, and the agreement of depth frames with each other and the pose.
+
+Depth and pose contradict each other wherever either is wrong, so that most alarms also name, weakly, every cause for
+which other checks have the stronger evidence.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Final, TypeVar
+
+import numpy as np
+
+from fedora_qa.causes import CAUSES
+from fedora_qa.checks.depth.consistency import MotionCorrections, PairsOff
+from fedora_qa.checks.depth.parameters import ResidualReduction
+from fedora_qa.checks.depth.range import RANGE_ROUNDING, DepthExtent
+from fedora_qa.checks.depth.scale import PathScale
+from fedora_qa.conventions import MM_PER_M
+from fedora_qa.diagnosis.flow import most_probable
+from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
+from fedora_qa.diagnosis.support import support
+from fedora_qa.features import Feature
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.depth_conventions import DepthTrial, Extent, PairTrials, Transform
+
+AnyFeature = TypeVar("AnyFeature", bound=Feature)
+Size = Callable[[float], float | None]
+"""The parameter of a transform -> the size of the fault in the unit of its cause; None where it has no size."""
+
+_MISFIT_CAUSES: Final = {
+    "depth": (
+        "unit_mm_m", "depth_ray_not_z", "mirrored", "spatial_offset", "frozen_frames", "swapped_frames", "time_offset",
+        "clock_rate", "quantised_time", "time_unit", "unsorted", "other_sequence",
+    ),
+    "pose": (
+        "unit_mm_m", "quaternion_order", "quaternion_inverted", "quaternion_not_unit", "axes_swapped",
+        "frame_convention", "frozen_frames", "time_offset", "clock_rate", "quantised_time", "time_unit", "unsorted",
+        "teleport", "interpolated_pose", "noise_misdeclared", "lever_arm", "other_sequence", "dropped_samples",
+        "duplicated_samples",
+    ),
+    "metadata": ("intrinsics_focal", "intrinsics_centre", "extrinsic_rotation", "lever_arm", "frame_convention"),
+}  # fmt: skip
+
+_ANY_MISFIT: Final = tuple(
+    Hypothesis(cause, stream, support("depth.any_misfit"))
+    for stream, causes in _MISFIT_CAUSES.items()
+    for cause in causes
+)
+"""Whatever makes depth frames and poses contradict each other."""
+
+_SINGLE_FRAME_CAUSES: Final = ("swapped_frames", "frozen_frames", "dropped_samples", "teleport")
+"""Faults of single frames: they spoil some pairs, the others all, or all from some time on."""
+
+_MOST_PAIRS: Final = 0.5
+_FEW_PAIRS: Final = 0.25
+"""Shares of pairs that are off above which single frames, and below which the other faults, are less likely."""
+
+_ANOTHER_SEQUENCE: Final = 1.6
+"""Support of another sequence's frames, in units of that of one wrong pose, where most pairs are off.
+
+Of a pair between frames of other sequences, a free motion explains as much as of one wrong pose. Hypotheses of a single
+pose are halved where most pairs are off: twice that is the whole, less a fifth for a cause of one number that removes
+as much, which is meant first.
+"""
+
+
+def _no_size(_: float) -> None:
+    return None
+
+
+def _reciprocal(factor: float) -> float | None:
+    return 1 / factor if factor else None
+
+
+_ALL_OF_IT: Final = 1.0
+"""The one cause that has the effect of the transform explains all that undoing it removes."""
+
+_CAUSES_OF_TRANSFORM: Final[Mapping[Transform, tuple[tuple[str, str, float, Size], ...]]] = MappingProxyType({
+    "depth_scale": (
+        ("unit_mm_m", "depth", _ALL_OF_IT, float),
+        ("unit_mm_m", "pose", support("depth.seen_by_other_streams"), _reciprocal),
+    ),
+    "ray_length": (("depth_ray_not_z", "depth", _ALL_OF_IT, _no_size),),
+    "mirrored": (("mirrored", "depth", _ALL_OF_IT, _no_size),),
+    "image_shift": (
+        ("spatial_offset", "depth", _ALL_OF_IT, float),
+        ("intrinsics_centre", "metadata", support("depth.seen_by_other_streams"), lambda shift_px: -shift_px),
+    ),
+    "focal_length": (("intrinsics_focal", "metadata", _ALL_OF_IT, lambda relative_change: -100 * relative_change),),
+    "frame_order": (("swapped_frames", "depth", _ALL_OF_IT, float),),
+    "clock_offset": (
+        ("time_offset", "depth", _ALL_OF_IT, float),
+        ("time_offset", "pose", support("depth.seen_by_other_streams"), lambda offset_ms: -offset_ms),
+    ),
+    "conjugate_quaternion": (("quaternion_inverted", "pose", _ALL_OF_IT, _no_size),),
+    "scalar_first_quaternion": (("quaternion_order", "pose", _ALL_OF_IT, _no_size),),
+    "exchanged_axes": (("axes_swapped", "pose", _ALL_OF_IT, _no_size),),
+    "north_east_down": (("frame_convention", "pose", _ALL_OF_IT, _no_size),),
+    "mounting": (("frame_convention", "metadata", _ALL_OF_IT, _no_size),),
+    "free_motion": (
+        ("teleport", "pose", support("depth.single_pose"), _no_size),
+        ("frozen_frames", "pose", support("depth.frozen_pose"), _no_size),
+    ),
+})  # fmt: skip
+"""Causes that a transform undoes: cause, stream, support for a transform that removes everything, and size."""
+
+
+def propose_range(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Propose causes for ``depth.range``: a unit that brings both ends into the range, or values that are codes."""
+    if alarm.finding.code.endswith("_end"):
+        return (Hypothesis("invalid_encoding", "depth", support("depth.clipped_values")),)
+    extent = _feature(alarm, DepthExtent)
+    low_m, high_m = extent.range_m
+    for factor in (1 / MM_PER_M, MM_PER_M):
+        nearest_m, farthest_m = extent.nearest_m / factor, extent.farthest_m / factor
+        if low_m <= nearest_m * (1 + RANGE_ROUNDING) and farthest_m * (1 - RANGE_ROUNDING) <= high_m:
+            return (Hypothesis("unit_mm_m", "depth", support("depth.unit_that_fits_range"), factor, "1"),)
+    return (
+        Hypothesis("invalid_encoding", "depth", support("depth.codes_beyond_range")),
+        Hypothesis("depth_ray_not_z", "depth", support("depth.rays_beyond_range")),
+        Hypothesis("unit_mm_m", "depth", support("depth.unit_beyond_range")),
+    )
+
+
+def propose_scale(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Propose causes for ``depth.scale``: depths or positions in another unit."""
+    statistic, path_scale = alarm.statistic, _feature(alarm, PathScale)
+    # No change of unit gives lengths another sign.
+    reduction = _feature(alarm, ResidualReduction).share if statistic.value > 0 else 0.0
+    path_reversed = path_scale.factor is not None and path_scale.factor <= 0
+    if path_scale.depths_plausible and not path_reversed:
+        of_depth, of_pose = support("depth.scale_of_plausible_depths"), support("depth.scale_of_path")
+    else:
+        of_depth, of_pose = support("depth.scale_of_implausible_depths"), support("depth.scale_of_unlikely_path")
+    return (
+        Hypothesis("unit_mm_m", "depth", of_depth * reduction, statistic.value, "1", statistic.standard_error),
+        Hypothesis("unit_mm_m", "pose", of_pose * reduction, path_scale.factor, "1"),
+        *_ANY_MISFIT,
+    )
+
+
+def propose_projection(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Propose causes for ``depth.projection``: lengths of rays."""
+    reduction = _feature(alarm, ResidualReduction).share
+    return (Hypothesis("depth_ray_not_z", "depth", support("depth.ray_exponent") * reduction), *_ANY_MISFIT)
+
+
+def propose_consistency(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Propose causes for ``depth.consistency``: transforms that let the pairs agree, or noise that was misdeclared."""
+    of_pairs = _of_pairs(alarm)
+    if alarm.finding.code not in ("depth.consistency.pose_correction", "depth.consistency.worst_pose_correction"):
+        return of_pairs
+    ratio = _feature(alarm, MotionCorrections).variance_ratio
+    percent = 100 * (1 / ratio**0.5 - 1) if ratio else None
+    of_all, of_worst = (
+        Hypothesis("noise_misdeclared", "pose", support(f"depth.{name}"), percent, "percent")
+        for name in ("noise_of_all_pairs", "noise_of_worst_pair")
+    )
+    any_pose = Hypothesis(ANY_CAUSE, "pose", support("depth.any_pose") * of_all.support)
+    if alarm.finding.code == "depth.consistency.pose_correction":
+        return (of_all, any_pose, *of_pairs)
+    return (*of_pairs, any_pose, of_worst)
+
+
+def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
+    """Return the causes whose undoing lets the pairs agree, best supported first, and those other checks measure."""
+    pairs = _feature(alarm, PairsOff)
+    if not pairs.off:
+        return ()
+    trials = [feature for feature in alarm.statistic.features if isinstance(feature, PairTrials)]
+    # What begins between the frames of the worst pair spoils that pair alone, whatever part of the file it has.
+    hypotheses = _best_of_each((
+        *_by_trials(trials, "all", share_off=pairs.off / pairs.compared),
+        *_by_trials(trials, "part", share_off=1.0),
+    ))  # fmt: skip
+    if pairs.repeated:
+        # Frames that are equal bit for bit are counted, not fitted.
+        hypotheses.append(Hypothesis("frozen_frames", "depth", _ALL_OF_IT, float(pairs.repeated), "samples", 0.0))
+    single_pose = max((h.support for h in hypotheses if (h.cause, h.stream) == ("teleport", "pose")), default=0.0)
+    if 2 * pairs.off > pairs.compared:
+        least = support("depth.another_sequence")
+        hypotheses += [
+            Hypothesis("other_sequence", stream, max(least, _ANOTHER_SEQUENCE * single_pose))
+            for stream in ("depth", "pose")
+        ]
+    named = most_probable(hypotheses)
+    causes = {(hypothesis.cause, hypothesis.stream) for hypothesis in named}
+    return (
+        *named,
+        Hypothesis(ANY_CAUSE, "pose", support("depth.any_pose") * single_pose),
+        *(hypothesis for hypothesis in _ANY_MISFIT if (hypothesis.cause, hypothesis.stream) not in causes),
+    )
+
+
+def _by_trials(pairs: Sequence[PairTrials], extent: Extent, *, share_off: float) -> list[Hypothesis]:
+    """Average what each cause explains over the pairs on which its transform was tried.
+
+    ``share_off`` is the share of pairs that are off. Where these are most, faults of single frames lose half of their
+    support; where they are few, the other faults do.
+    """
+    by_cause: dict[tuple[str, str], list[tuple[float, float | None]]] = {}
+    for pair in pairs:
+        for key, of_pair in _best_by_cause(pair.trials, extent).items():
+            by_cause.setdefault(key, []).append(of_pair)
+    hypotheses = []
+    for (cause, stream), of_pairs in by_cause.items():
+        mean_support = float(np.mean([of_pair[0] for of_pair in of_pairs]))
+        unlikely = share_off > _MOST_PAIRS if cause in _SINGLE_FRAME_CAUSES else share_off < _FEW_PAIRS
+        mean_support *= support("depth.unlikely_extent") if unlikely else 1.0
+        _, size = max(of_pairs, key=lambda of_pair: of_pair[0])
+        unit = "" if size is None else CAUSES[cause].unit
+        hypotheses.append(Hypothesis(cause, stream, mean_support, size, unit))
+    return hypotheses
+
+
+def _best_by_cause(trials: Iterable[DepthTrial], extent: Extent) -> dict[tuple[str, str], tuple[float, float | None]]:
+    """Return the support of the best trial of each cause and stream on one pair, and the size of the fault."""
+    best: dict[tuple[str, str], tuple[float, float | None]] = {}
+    for trial in trials:
+        if trial.extent != extent:
+            continue
+        for cause, stream, full_support, size in _CAUSES_OF_TRANSFORM[trial.transform]:
+            # Pose and camera are common to all pixels: what befalls a part of the depth is a fault of depth.
+            if extent == "part" and stream != "depth":
+                continue
+            explained = full_support * trial.residual_reduction
+            if (cause, stream) not in best or best[cause, stream][0] < explained:
+                best[cause, stream] = explained, size(trial.parameter)
+    return best
+
+
+def _best_of_each(hypotheses: Iterable[Hypothesis]) -> list[Hypothesis]:
+    """Keep the best supported hypothesis of each cause and stream."""
+    best: dict[tuple[str, str], Hypothesis] = {}
+    for hypothesis in sorted(hypotheses, key=lambda hypothesis: hypothesis.support):
+        best[hypothesis.cause, hypothesis.stream] = hypothesis
+    return list(best.values())
+
+
+def _feature(alarm: Alarm, kind: type[AnyFeature]) -> AnyFeature:
+    """Return the one feature of a kind that every statistic of the check has."""
+    return next(feature for feature in alarm.statistic.features if isinstance(feature, kind))
