@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+from fedora_qa.diagnosis import images
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -11,7 +12,13 @@ from fedora_qa.sequence.facts import Facts
 Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 """Gives the hypotheses for an alarm of one check, best supported first."""
 
-PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({})
+PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType(
+    {
+        "images.repeats": images.propose_repeats,
+        "images.order": images.propose_order,
+        "images.exposure": images.propose_exposure,
+    }
+)
 """By the name of the check."""
 
 
