@@ -13,7 +13,7 @@ from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.record.types import Scalar
 from fedora_qa.sequence.facts import Clock, Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.statistics.moments import Moments, added, sampled_depth_m, sampled_luma_dn, sampled_speeds_px
+from fedora_qa.statistics.moments import ValueMoments, added, sampled_depth_m, sampled_luma_dn, sampled_speeds_px
 from fedora_qa.statistics.trajectory import Motion, rotation, translation
 
 Image = TypeVar("Image")
@@ -36,10 +36,10 @@ class WindowStatistics:
     orientations_xyzw: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 4)))
     events: int = 0
     brighter_events: int = 0
-    speeds_px: Mapping[str, Moments] = field(default_factory=dict)
-    depth_m: Moments = field(default_factory=Moments)
-    disparity_per_m: Moments = field(default_factory=Moments)
-    luma_dn: Moments = field(default_factory=Moments)
+    speeds_px: Mapping[str, ValueMoments] = field(default_factory=dict)
+    depth_m: ValueMoments = field(default_factory=ValueMoments)
+    disparity_per_m: ValueMoments = field(default_factory=ValueMoments)
+    luma_dn: ValueMoments = field(default_factory=ValueMoments)
 
 
 class StatisticsCollector:
@@ -71,7 +71,7 @@ class StatisticsCollector:
                 events=events,
                 brighter_events=brighter,
                 speeds_px={stream: _flow_speeds(window, stream, streams) for stream in window.facts.flow_streams},
-                depth_m=added(Moments.of(depth, positive=True) for depth in depths_m),
+                depth_m=added(ValueMoments.of(depth, positive=True) for depth in depths_m),
                 disparity_per_m=added(_disparities(depth) for depth in depths_m),
                 luma_dn=added(_readable(window, "rgb", lambda frame: _luma(window, frame), streams)),
             )
@@ -148,18 +148,18 @@ def _count_events(window: Window, streams: frozenset[str]) -> tuple[int, int]:
         return 0, 0
 
 
-def _flow_speeds(window: Window, stream: str, streams: frozenset[str]) -> Moments:
+def _flow_speeds(window: Window, stream: str, streams: frozenset[str]) -> ValueMoments:
     speeds = _readable(window, stream, lambda row: sampled_speeds_px(window, stream, row), streams)
-    return added(Moments.of(speed) for speed in speeds)
+    return added(ValueMoments.of(speed) for speed in speeds)
 
 
-def _disparities(depth_m: NDArray[np.float32]) -> Moments:
+def _disparities(depth_m: NDArray[np.float32]) -> ValueMoments:
     with np.errstate(divide="ignore"):
-        return Moments.of(np.float32(1) / depth_m, positive=True)
+        return ValueMoments.of(np.float32(1) / depth_m, positive=True)
 
 
-def _luma(window: Window, frame: int) -> Moments:
-    return Moments.of(sampled_luma_dn(window, frame))
+def _luma(window: Window, frame: int) -> ValueMoments:
+    return ValueMoments.of(sampled_luma_dn(window, frame))
 
 
 def _sequence(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar]:
@@ -226,7 +226,7 @@ def _events(state: Sequence[WindowStatistics], facts: Facts) -> dict[str, Scalar
     }
 
 
-def _flow(speed_px: Moments) -> dict[str, Scalar]:
+def _flow(speed_px: ValueMoments) -> dict[str, Scalar]:
     return {
         "mean_px": speed_px.mean,
         "variance_px2": speed_px.variance,
@@ -236,7 +236,7 @@ def _flow(speed_px: Moments) -> dict[str, Scalar]:
     }
 
 
-def _depth(depth_m: Moments, disparity_per_m: Moments) -> dict[str, Scalar]:
+def _depth(depth_m: ValueMoments, disparity_per_m: ValueMoments) -> dict[str, Scalar]:
     return {
         "min_m": depth_m.least if depth_m.count else None,
         "max_m": depth_m.greatest if depth_m.count else None,

@@ -6,11 +6,11 @@ from math import inf, sqrt
 from typing import Any, Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import LUMA_WEIGHTS_RGB
+from fedora_qa.estimators.images.luma import LUMA_WEIGHTS, sampled_luma
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
-from fedora_qa.statistics.moment_kernels import lengths_at, lumas_at, sums_of
 
 _STRIDE: Final = 4
 _SMALL_IMAGE_PX: Final = 128
@@ -26,7 +26,7 @@ the least depth by 9 in 1000.
 
 
 @dataclass(frozen=True, slots=True)
-class Moments:
+class ValueMoments:
     """Count, sum, sum of squares and extremes of the valid values, and how many values were looked at."""
 
     looked_at: int = 0
@@ -37,10 +37,10 @@ class Moments:
     greatest: float = -inf
 
     @classmethod
-    def of(cls, values: NDArray[np.floating[Any]], *, positive: bool = False) -> "Moments":
+    def of(cls, values: NDArray[np.floating[Any]], *, positive: bool = False) -> "ValueMoments":
         """Sum the values of an array that are finite, and positive if asked, in double precision."""
         flat = np.ascontiguousarray(values).ravel()
-        return cls(flat.size, *sums_of(flat, positive))
+        return cls(flat.size, *_sums_of(flat, positive))
 
     @property
     def mean(self) -> float | None:
@@ -58,11 +58,11 @@ class Moments:
         return self.count / self.looked_at if self.looked_at else None
 
 
-def added(parts: Iterable[Moments]) -> Moments:
+def added(parts: Iterable[ValueMoments]) -> ValueMoments:
     """Add moments in the order given."""
-    whole = Moments()
+    whole = ValueMoments()
     for part in parts:
-        whole = Moments(
+        whole = ValueMoments(
             looked_at=whole.looked_at + part.looked_at,
             count=whole.count + part.count,
             total=whole.total + part.total,
@@ -97,11 +97,11 @@ def _sampled(image: NDArray[np.float32], window: Window) -> NDArray[np.float32]:
 
 
 def _speeds_px(flow_px: NDArray[np.float32], window: Window) -> NDArray[np.float32]:
-    return lengths_at(np.ascontiguousarray(flow_px, dtype=np.float32), *_lattice(flow_px, window))
+    return _lengths_at(np.ascontiguousarray(flow_px, dtype=np.float32), *_lattice(flow_px, window))
 
 
 def _luma_dn(rgb: NDArray[np.uint8], window: Window) -> NDArray[np.float32]:
-    return lumas_at(np.ascontiguousarray(rgb), *_lattice(rgb, window), *LUMA_WEIGHTS_RGB)
+    return sampled_luma(np.ascontiguousarray(rgb), *_lattice(rgb, window), LUMA_WEIGHTS)
 
 
 def _lattice(image: NDArray[Any], window: Window) -> tuple[int, int]:
@@ -112,3 +112,37 @@ def _lattice(image: NDArray[Any], window: Window) -> tuple[int, int]:
     fewer = height * width > USUAL_PIXELS and window.sampling.tile_share < 1.0
     stride = _STRIDE * (max(1, round(sqrt(height * width / _STRIDE**2 / _ENOUGH))) if fewer else 1)
     return stride // 2, stride
+
+
+@njit(cache=True)
+def _sums_of(values: NDArray[np.floating[Any]], positive: bool) -> tuple[int, float, float, float, float]:
+    """Return count, sum, sum of squares, least and greatest of the values (n,) that are finite, and positive if asked.
+
+    Sums are taken in double precision, of blocks of 1024 first, so that rounding does not pile up.
+    """
+    count, total, squares, least, greatest = 0, 0.0, 0.0, np.inf, -np.inf
+    for start in range(0, len(values), 1024):
+        block_total, block_squares = 0.0, 0.0
+        for i in range(start, min(start + 1024, len(values))):
+            value = np.float64(values[i])
+            if abs(value) < np.inf and (value > 0.0 or not positive):
+                count += 1
+                block_total += value
+                block_squares += value * value
+                least = value if value < least else least
+                greatest = value if value > greatest else greatest
+        total, squares = total + block_total, squares + block_squares
+    return count, total, squares, least, greatest
+
+
+@njit(cache=True)
+def _lengths_at(flow_px: NDArray[np.float32], first: int, stride: int) -> NDArray[np.float32]:
+    """Return the length of a flow (H, W, 2) at every ``stride``-th row and column from ``first`` on, (h, w)."""
+    rows, columns = len(range(first, flow_px.shape[0], stride)), len(range(first, flow_px.shape[1], stride))
+    lengths = np.empty((rows, columns), np.float32)
+    for row in range(rows):
+        line = flow_px[first + row * stride]
+        for column in range(columns):
+            u, v = line[first + column * stride, 0], line[first + column * stride, 1]
+            lengths[row, column] = np.sqrt(u * u + v * v)
+    return lengths

@@ -20,10 +20,10 @@ from fedora_qa.views.warped_frames import Optics, optics_of
 Float32 = NDArray[np.float32]
 
 SAMPLED_COLUMNS: Final = 160
-"""About so many columns of points are compared: exposure is the same everywhere."""
+"""About so many columns of points are compared: exposure is the same in all of the image."""
 
 _FEWER_COLUMNS: Final = 100
-"""Columns of points in large frames, but where everything is looked at (``exhaustive``).
+"""Columns of points in large frames, but where all of them are used (``exhaustive``).
 
 There each point is fetched from memory by itself. With two fifths of the points in the same tiles a pair's error grows
 by a third, and the least jump that is found in park-day, most of it what points may move, by 5%.
@@ -31,7 +31,7 @@ by a third, and the least jump that is found in park-day, most of it what points
 
 
 @dataclass(frozen=True, slots=True)
-class Pair:
+class FrameTransition:
     """Two frames by row, ``before`` being the earlier one, and the flow (H, W, 2) from it to the other, if there is."""
 
     before: int
@@ -40,7 +40,7 @@ class Pair:
 
 
 def flow_rate_of(window: Window) -> str | None:
-    """Return the fastest flow stream, if frames can be seen on its grid, and are of its size whatever is declared."""
+    """Return the fastest flow stream, if frames can be mapped onto its grid and then have its size, as stored."""
     return window.once("flow rate of frames", lambda: _flow_rate_of(window.facts, _optics(window)))
 
 
@@ -51,22 +51,19 @@ def _optics(window: Window) -> Optics | str:
 def _flow_rate_of(facts: Facts, optics: Optics | str) -> str | None:
     if not facts.flow_streams or isinstance(optics, str):
         return None
-    stream = facts.flow_streams[-1]
-    return stream if _sizes_agree(facts, stream, optics) else None
+    stream, bindings = facts.flow_streams[-1], facts.layout.bindings
+    image, *_ = (spec.key for spec in datasets_of(stream) if spec.is_image)
+    if image not in bindings or "path/rgb" not in bindings:  # sizes are not given: they cannot disagree
+        return stream
+    # A colour frame, mapped onto the grid of the flow, must have its rows and columns.
+    size = bindings["path/rgb"].shape[1:3]
+    if optics.H_rgb_flow is not None:
+        depth = facts.declared.cameras["depth"]  # whose grid frames are mapped to
+        size = (depth.height, depth.width)
+    return stream if bindings[image].shape[1:3] == size else None
 
 
-def _sizes_agree(facts: Facts, stream: str, optics: Optics) -> bool:
-    """Whether a colour frame, mapped onto the grid of the flow, has its rows and columns, as far as these are known."""
-    bindings, (image, *_) = facts.layout.bindings, (spec.key for spec in datasets_of(stream) if spec.is_image)
-    if image not in bindings or "path/rgb" not in bindings:
-        return True
-    if optics.H_rgb_flow is None:
-        return bindings[image].shape[1:3] == bindings["path/rgb"].shape[1:3]
-    depth = facts.declared.cameras["depth"]  # whose grid frames are mapped to
-    return bindings[image].shape[1:3] == (depth.height, depth.width)
-
-
-def pairs_with_flow(window: Window) -> Iterator[Pair]:
+def pairs_with_flow(window: Window) -> Iterator[FrameTransition]:
     """Yield the frames at both ends of each field of the fastest flow that the window owns."""
     stream = flow_rate_of(window)
     if stream is None:
@@ -75,14 +72,14 @@ def pairs_with_flow(window: Window) -> Iterator[Pair]:
     for interval in owned_intervals(window, stream):
         before, after = frame_at(clock, interval.start_ns), frame_at(clock, interval.end_ns)
         if before is not None and after is not None:
-            yield Pair(before, after, window.flow_px(stream, interval.row))
+            yield FrameTransition(before, after, window.flow_px(stream, interval.row))
 
 
-def neighbours(window: Window) -> Iterator[Pair]:
+def neighbours(window: Window) -> Iterator[FrameTransition]:
     """Yield each frame that the window owns with the one before it, without flow."""
     for frame in window.owned("rgb"):
         if frame > 0:
-            yield Pair(frame - 1, frame, None)
+            yield FrameTransition(frame - 1, frame, None)
 
 
 def luma_on_flow_grid(window: Window, frame: int) -> Float32:
@@ -90,18 +87,17 @@ def luma_on_flow_grid(window: Window, frame: int) -> Float32:
     optics = _optics(window)
     if not isinstance(optics, Optics) or optics.H_rgb_flow is None:
         return luma_dn(window, frame)
-    H_rgb_flow = optics.H_rgb_flow
-    return window.of_image("luma on the flow's grid", frame, lambda: _warped(window, frame, H_rgb_flow))
+    H_rgb_flow, camera = optics.H_rgb_flow, window.facts.declared.cameras["depth"]
+    size, flags = (camera.width, camera.height), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+
+    def warped() -> Float32:
+        warped_dn = cv2.warpPerspective(luma_dn(window, frame), H_rgb_flow, size, flags=flags)
+        return np.asarray(warped_dn, dtype=np.float32)
+
+    return window.of_image("luma on the flow's grid", frame, warped)
 
 
-def _warped(window: Window, frame: int, H_rgb_flow: NDArray[np.float64]) -> Float32:
-    camera = window.facts.declared.cameras["depth"]
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    warped = cv2.warpPerspective(luma_dn(window, frame), H_rgb_flow, (camera.width, camera.height), flags=flags)
-    return np.asarray(warped, dtype=np.float32)
-
-
-def same_points(window: Window, pair: Pair) -> tuple[Float32, Float32]:
+def same_points(window: Window, pair: FrameTransition) -> tuple[Float32, Float32]:
     """Return the luma of both frames at points that both show, on a coarse grid, NaN where one does not.
 
     Without flow the points are the same pixels, averaged over coarse ones.
@@ -109,8 +105,7 @@ def same_points(window: Window, pair: Pair) -> tuple[Float32, Float32]:
     if pair.flow_px is None:
         return _coarse(luma_dn(window, pair.before)), _coarse(luma_dn(window, pair.after))
     before, after = (luma_on_flow_grid(window, frame) for frame in (pair.before, pair.after))
-    few = is_large(before.size, window)
-    step = max(1, before.shape[1] // (_FEWER_COLUMNS if few else SAMPLED_COLUMNS))
+    step = max(1, before.shape[1] // (_FEWER_COLUMNS if is_large(before.size, window) else SAMPLED_COLUMNS))
     return along_the_flow(before, after, pair.flow_px, step)
 
 

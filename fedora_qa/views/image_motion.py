@@ -1,4 +1,4 @@
-"""Whether an image must have changed between two frames, by what other streams say."""
+"""Whether an image must have changed between two frames: by flow, poses or the number of events."""
 
 from dataclasses import dataclass
 from math import hypot, sqrt
@@ -26,11 +26,11 @@ HIDDEN_DN: Final = 2.0
 """Rounding hides changes of up to 1 DN; twice that must show."""
 
 STEEP_PERCENTILE: Final = 99.0
-"""The image's steep places: one pixel in a hundred is as steep."""
+"""One pixel in a hundred is as steep as the places at which a change is looked for."""
 
 NOISE_SIGMAS: Final = 6.0
 FARTHEST_M: Final = 30.0
-"""Where no range of depth is declared: the paper's."""
+"""Where no range of depth is declared: that of the paper."""
 
 FEWEST_EVENTS: Final = 50
 AS_MANY_AS_USUAL: Final = 0.5
@@ -40,45 +40,47 @@ AS_MANY_AS_USUAL: Final = 0.5
 def must_have_changed(window: Window, frame: int) -> bool | None:
     """Whether flow or pose move the image since the frame before so far that it must have changed.
 
-    None where neither is there.
+    None where the file has neither.
     """
-    answers = [answer for answer in (_by_flow(window, frame), _by_pose(window, frame)) if answer is not None]
-    return any(answers) if answers else None
+    moved_px = _least_motion_px(window, frame)
+    # What the pose moves the image by, along steep gradients, against what rounding hides.
+    by_pose = None if moved_px is None else moved_px * _steepness(window, frame) > 2 * HIDDEN_DN
+    changes = [change for change in (_by_flow(window, frame), by_pose) if change is not None]
+    return any(changes) if changes else None
 
 
-def surely_turned(window: Window, frame: int) -> bool | None:
+def moved_by_pose(window: Window, frame: int) -> bool | None:
     """Whether the pose moves the image by a pixel or more since the frame before; None where there is no pose."""
     moved_px = _least_motion_px(window, frame)
     return None if moved_px is None else moved_px > 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class View:
-    """From where a frame was taken, and by how much the image must move for that to show."""
+class Viewpoint:
+    """From where a frame was taken, and by how much the image must move for that to be visible."""
 
     R_world_body: Float64
     position_world_m: Float64
-    shows_px: float
+    visible_motion_px: float
 
 
-def view_of(window: Window, frame: int) -> View | None:
-    """Return the view of a frame; None where there is no pose."""
+def viewpoint_of(window: Window, frame: int) -> Viewpoint | None:
+    """Return from where a frame was taken; None where there is no pose."""
     camera = window.facts.declared.cameras.get("rgb")
     if camera is None or "pose" not in window.facts.streams:
         return None
     R_world_body, position_world_m = _pose_of(window, frame, camera)
     if not (np.isfinite(R_world_body).all() and np.isfinite(position_world_m).all()):
         return None
-    return View(R_world_body, position_world_m, 2 * HIDDEN_DN / max(_steepness(window, frame), 1e-9))
+    return Viewpoint(R_world_body, position_world_m, 2 * HIDDEN_DN / max(_steepness(window, frame), 1e-9))
 
 
-def is_elsewhere(view: View, earlier: View, facts: Facts) -> bool:
-    """Whether two views differ by so much that their images must; a camera that comes back may see the same."""
+def is_elsewhere(viewpoint: Viewpoint, earlier: Viewpoint, facts: Facts) -> bool:
+    """Whether two viewpoints differ by so much that their images must; a camera that returns may take the same one."""
     camera = facts.declared.cameras["rgb"]
-    motion = camera_motion(
-        earlier.R_world_body, earlier.position_world_m, view.R_world_body, view.position_world_m, camera.T_body_camera
-    )
-    return _least_shift_px(motion, camera, facts) > view.shows_px
+    poses = earlier.R_world_body, earlier.position_world_m, viewpoint.R_world_body, viewpoint.position_world_m
+    motion = camera_motion(*poses, camera.T_body_camera)
+    return _least_shift_px(motion, camera, facts) > viewpoint.visible_motion_px
 
 
 def moved_by_events(facts: Facts, repeats: set[int]) -> NDArray[np.bool_]:
@@ -92,8 +94,8 @@ def moved_by_events(facts: Facts, repeats: set[int]) -> NDArray[np.bool_]:
     if not len(changing):
         return np.zeros(count, np.bool_)
     usual = float(np.median(events[changing]))
-    busy: NDArray[np.bool_] = (events >= FEWEST_EVENTS) & (events >= AS_MANY_AS_USUAL * usual)
-    return busy
+    is_moved: NDArray[np.bool_] = (events >= FEWEST_EVENTS) & (events >= AS_MANY_AS_USUAL * usual)
+    return is_moved
 
 
 def _by_flow(window: Window, frame: int) -> bool | None:
@@ -106,19 +108,17 @@ def _by_flow(window: Window, frame: int) -> bool | None:
     if row < 0 or interval_at(window.facts, stream, row).end_ns < times_ns[frame]:
         return None
     interval = interval_at(window.facts, stream, row)
-    share = float(times_ns[frame] - times_ns[frame - 1]) / max(interval.length_ns, 1)
-    right, down = _gradients(luma_on_flow_grid(window, frame))
+    interval_ratio = float(times_ns[frame] - times_ns[frame - 1]) / max(interval.length_ns, 1)
+    # Slopes to the right and down, DN per px, of the smoothed image; none along an axis of one pixel.
+    smoothed = np.asarray(cv2.GaussianBlur(luma_on_flow_grid(window, frame), (0, 0), 1.0), dtype=np.float32)
+    right, down = (
+        np.gradient(smoothed, axis=axis) if smoothed.shape[axis] > 1 else np.zeros_like(smoothed) for axis in (1, 0)
+    )
     flow_px = window.flow_px(stream, row)
     with np.errstate(invalid="ignore"):
-        change = np.abs(right * flow_px[..., 0] + down * flow_px[..., 1]) * np.float32(share)
-    finite = change[np.isfinite(change)]
-    return bool(len(finite) and np.percentile(finite, STEEP_PERCENTILE) > HIDDEN_DN)
-
-
-def _by_pose(window: Window, frame: int) -> bool | None:
-    """Compare what the pose moves the image by, along steep gradients, with what rounding hides."""
-    moved_px = _least_motion_px(window, frame)
-    return None if moved_px is None else moved_px * _steepness(window, frame) > 2 * HIDDEN_DN
+        change_dn = np.abs(right * flow_px[..., 0] + down * flow_px[..., 1]) * np.float32(interval_ratio)
+    finite_dn = change_dn[np.isfinite(change_dn)]
+    return bool(len(finite_dn) and np.percentile(finite_dn, STEEP_PERCENTILE) > HIDDEN_DN)
 
 
 def _steepness(window: Window, frame: int) -> float:
@@ -147,16 +147,7 @@ def _least_shift_px(motion: RigidMotion, camera: Camera, facts: Facts) -> float:
     """
     focal_px, noise = float(camera.K[0, 0]), facts.declared.pose
     farthest_m = facts.declared.depth_range_m[1] if facts.declared.depth_range_m else FARTHEST_M
-    turned_rad = log(motion.R) * [1.0, 1.0, camera.width / (4 * focal_px)]
-    apart_rad = max(float(np.linalg.norm(turned_rad)), float(np.linalg.norm(motion.t_m)) / farthest_m)
+    rotation_rad = log(motion.R) * [1.0, 1.0, camera.width / (4 * focal_px)]
+    motion_rad = max(float(np.linalg.norm(rotation_rad)), float(np.linalg.norm(motion.t_m)) / farthest_m)
     noise_rad = 0.0 if noise is None else hypot(noise.rotation_sigma_rad, noise.position_sigma_m / farthest_m)
-    return focal_px * (apart_rad - NOISE_SIGMAS * sqrt(2.0) * noise_rad)
-
-
-def _gradients(luma: Float32) -> tuple[Float32, Float32]:
-    """Return the slopes to the right and down, DN per px, of the smoothed image; none along an axis of one pixel."""
-    smooth = np.asarray(cv2.GaussianBlur(luma, (0, 0), 1.0), dtype=np.float32)
-    right, down = (
-        np.gradient(smooth, axis=axis) if smooth.shape[axis] > 1 else np.zeros_like(smooth) for axis in (1, 0)
-    )
-    return right, down
+    return focal_px * (motion_rad - NOISE_SIGMAS * sqrt(2.0) * noise_rad)

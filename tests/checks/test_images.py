@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.checks.images.exposure import ImagesExposure, PairGain, WindowExposure
+from fedora_qa.checks.images.exposure import FramePairGain, ImagesExposure, WindowExposure
 from fedora_qa.checks.images.order import ImagesOrder
 from fedora_qa.checks.images.repeats import ImagesRepeats
-from fedora_qa.checks.protocol import Check, Suspect
-from fedora_qa.diagnosis.diagnose import diagnose
+from fedora_qa.checks.protocol import Check
+from fedora_qa.diagnosis.diagnose import conclude
+from fedora_qa.diagnosis.hypotheses import hypotheses_of
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.estimators.images.code_gain import CODES
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.record.types import Finding, Where
@@ -53,10 +55,10 @@ def exposed(frames: Frames, percent: float, count: int = 1) -> Frames:
 
 
 def first(result: Judged) -> tuple[str, float | None, int | None]:
-    """Cause, size and frame of the first alarm's first suspect."""
+    """Cause, size and frame of the first alarm's best supported hypothesis."""
     alarm = result.alarms[0]
-    suspect = max(alarm.statistic.suspects, key=lambda one: one.weight)
-    return f"{suspect.stream}:{suspect.cause}", suspect.magnitude, alarm.finding.where.frame
+    best = max(hypotheses_of(alarm, exact_facts()), key=lambda hypothesis: hypothesis.support)
+    return f"{best.stream}:{best.cause}", best.magnitude, alarm.finding.where.frame
 
 
 @pytest.mark.parametrize("name", CHECKS)
@@ -171,9 +173,9 @@ def test_a_gain_of_all_frames_betrays_itself_where_it_came_after_rounding(world:
     every = np.rint(frames_of(world) * (1 + percent / 100)).astype(np.uint8)
     result = judged(ImagesExposure(), world.with_rows(path_rgb=every))
     assert [alarm.finding.code for alarm in result.alarms] == ["images.exposure.rounded_before"]
-    suspect = result.alarms[0].statistic.suspects[0]
-    assert (suspect.cause, suspect.stream) == ("exposure_or_gamma", "rgb")
-    assert suspect.magnitude == pytest.approx(percent, abs=0.1)
+    hypothesis = hypotheses_of(result.alarms[0], exact_facts())[0]
+    assert (hypothesis.cause, hypothesis.stream) == ("exposure_or_gamma", "rgb")
+    assert hypothesis.magnitude == pytest.approx(percent, abs=0.1)
 
 
 def test_slow_light_is_no_jump(world: FlowWorld) -> None:
@@ -262,16 +264,14 @@ def test_frames_on_another_grid_than_the_flow(world: FlowWorld) -> None:
 
 def test_a_jump_of_brightness_with_wrong_weights_is_of_exchanged_channels() -> None:
     """Exchanged channels change luma and the weights that events give them; a jump alone is one of the exposure."""
-    gains = tuple(PairGain(i, i + 1, -0.08 if i == 10 else 0.0, 1e-3) for i in range(25))
+    gains = tuple(FramePairGain(i, i + 1, -0.08 if i == 10 else 0.0, 1e-3) for i in range(25))
     window = WindowExposure(gains, (), 0.0, range(26), np.zeros(CODES, np.int64))
     jumped = {"images.exposure": ImagesExposure().conclude([window], exact_facts())}
     jump = judge(jumped, [ImagesExposure()], 1e-4)[0].alarms[0]
-    order = replace(
-        jump,
-        finding=Finding("F9", "images.channels.order", "error", "off", Where(stream="rgb")),
-        statistic=replace(
-            jump.statistic, suspects=(Suspect("channel_order", "rgb", 0.95), Suspect("exposure_or_gamma", "rgb", 0.4))
-        ),
-    )
-    assert diagnose([jump], exact_facts())[0].cause == "exposure_or_gamma"
-    assert [diagnosis.cause for diagnosis in diagnose([jump, order], exact_facts())] == ["channel_order"]
+    order = replace(jump, finding=Finding("F9", "images.channels.order", "error", "off", Where(stream="rgb")))
+    hypotheses = {
+        jump.finding.id: hypotheses_of(jump, exact_facts()),
+        "F9": (Hypothesis("channel_order", "rgb", 0.95), Hypothesis("exposure_or_gamma", "rgb", 0.4)),
+    }
+    assert conclude([jump], {jump.finding.id: hypotheses[jump.finding.id]})[0].cause == "exposure_or_gamma"
+    assert [diagnosis.cause for diagnosis in conclude([jump, order], hypotheses)] == ["channel_order"]

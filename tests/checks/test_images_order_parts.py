@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.checks.images.order import ImagesOrder
-from fedora_qa.checks.images.order_causes import Interval, exceeds_limit, order_suspects
+from fedora_qa.checks.images.order import FrameInterval, ImagesOrder, intervals_out_of_order
+from fedora_qa.diagnosis.hypotheses import hypotheses_of
+from fedora_qa.diagnosis.images import hypotheses_of_order
 from fedora_qa.judgement.judge import Judged
+from tests.support.facts import exact_facts
 from tests.support.flow_world import HEIGHT, WIDTH, FlowWorld, judged, make_world, observe
 
 FRAME = 8
@@ -22,14 +24,14 @@ def part(frames: NDArray[np.uint8]) -> tuple[slice, slice]:
 
 
 def first(result: Judged, code: str) -> str:
-    alarm = next(one for one in result.alarms if one.finding.code == code)
-    suspect = max(alarm.statistic.suspects, key=lambda one: one.weight)
-    return f"{suspect.stream}:{suspect.cause}"
+    alarm = next(alarm for alarm in result.alarms if alarm.finding.code == code)
+    best = max(hypotheses_of(alarm, exact_facts()), key=lambda hypothesis: hypothesis.support)
+    return f"{best.stream}:{best.cause}"
 
 
 def make_large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take frames for ones of four times as many pixels as usual."""
-    for user in ("views.large_frames", "checks.images.order_parts"):
+    for user in ("views.large_frames", "checks.images.order"):
         monkeypatch.setattr(f"fedora_qa.{user}.USUAL_PIXELS", WIDTH * HEIGHT // 4)
 
 
@@ -88,30 +90,31 @@ def test_frames_moved_for_a_while_are_not_frozen() -> None:
     assert first(judged(ImagesOrder(), world.with_rows(path_rgb=frames)), "images.order.share") == "rgb:spatial_offset"
 
 
-def intervals(*shares: float) -> list[Interval]:
-    return [(i, i + 1, share) for i, share in enumerate(shares)]
+def intervals(*ratios: float) -> list[FrameInterval]:
+    return [FrameInterval(i, i + 1, ratio) for i, ratio in enumerate(ratios)]
 
 
 @pytest.mark.parametrize(
-    ("found", "cause"),
+    ("measured", "cause"),
     [
         pytest.param(intervals(1, 1, 0, 2, 1), "frozen_frames", id="frozen"),
         pytest.param(intervals(1, 0, 0, 0, 3.1, 1), "frozen_frames", id="three frozen"),
         pytest.param(intervals(1, 0.1, 1.4, 1, 1), "frozen_frames", id="catches up in part"),
         pytest.param(intervals(1, 2, -1, 2, 1), "swapped_frames", id="neighbours exchanged"),
         pytest.param(intervals(1, 3, -1, 1, -1, 3, 1), "swapped_frames", id="farther ones exchanged"),
-        pytest.param([*intervals(1, 1, -1), (4, 5, 1.0)], "swapped_frames", id="nothing known beside"),
+        pytest.param([*intervals(1, 1, -1), FrameInterval(4, 5, 1.0)], "swapped_frames", id="nothing known beside"),
         pytest.param(intervals(1, 1, 0), "frozen_frames", id="frozen at the end"),
         pytest.param(intervals(1, 2.9, 1, 1, -0.2, 1), "spatial_offset", id="moved and moved back"),
         pytest.param(intervals(1, 0.7, 0.3, -0.6, -1, -1, -0.4, 0.8, 1), "mirrored", id="turned for long"),
     ],
 )
-def test_what_is_out_of_order_is_told_from_the_run(found: list[Interval], cause: str) -> None:
+def test_what_is_out_of_order_is_told_from_the_run(measured: list[FrameInterval], cause: str) -> None:
     """Frames out of place fall short and catch up side by side; whatever does not is the image's own."""
-    assert max(order_suspects(exceeds_limit(found)), key=lambda one: one.weight).cause == cause
+    hypotheses = hypotheses_of_order(intervals_out_of_order(measured))
+    assert max(hypotheses, key=lambda hypothesis: hypothesis.support).cause == cause
 
 
 def test_order_alone_is_in_order() -> None:
     """Without an interval out of order nothing stands alone."""
-    found = exceeds_limit(intervals(1, 1.1, 0.9))
-    assert (found.shares, found.alone) == ((), False)
+    feature = intervals_out_of_order(intervals(1, 1.1, 0.9))
+    assert (feature.relative_ratios, feature.isolated) == ((), False)

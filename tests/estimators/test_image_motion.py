@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.images.order import motion_of_parts, motion_share
+from fedora_qa.estimators.images.order import flow_ratio, flow_ratios_of_parts
 
 Float32 = NDArray[np.float32]
 HEIGHT, WIDTH = 150, 200
@@ -33,18 +33,18 @@ def expansion(rate: float) -> Float32:
 @pytest.mark.parametrize("flow_px", [pan(1.2, -0.7), pan(6.0, 3.0), expansion(0.01)], ids=["pan", "fast", "forward"])
 def test_share_is_found(share: float, flow_px: Float32) -> None:
     """Frozen, right, reversed and skipped frames read nearer to 0, 1, -1, 2 than to each other."""
-    found = motion_share(frame(0.0, flow_px), frame(share, flow_px), flow_px)
+    found = flow_ratio(frame(0.0, flow_px), frame(share, flow_px), flow_px)
     assert found is not None
-    assert found.share == pytest.approx(share, abs=0.05 + 0.3 * abs(share))
+    assert found.ratio == pytest.approx(share, abs=0.05 + 0.3 * abs(share))
     assert found.rounding_error < 0.01
 
 
 def test_exposure_is_no_motion() -> None:
     """A frame that is 20% brighter lies where it lies."""
     flow_px = pan(1.0, 0.5)
-    found = motion_share(frame(0.0, flow_px), frame(1.0, flow_px, gain=1.2), flow_px)
+    found = flow_ratio(frame(0.0, flow_px), frame(1.0, flow_px, gain=1.2), flow_px)
     assert found is not None
-    assert found.share == pytest.approx(1.0, abs=0.1)
+    assert found.ratio == pytest.approx(1.0, abs=0.1)
 
 
 def test_missing_flow_is_left_out() -> None:
@@ -53,9 +53,9 @@ def test_missing_flow_is_left_out() -> None:
     before, after = frame(0.0, flow_px), frame(1.0, flow_px)
     flow_px[: HEIGHT // 2] = np.nan
     flow_px[HEIGHT // 2 : HEIGHT // 2 + 5] = 1e9
-    found = motion_share(before, after, flow_px)
+    found = flow_ratio(before, after, flow_px)
     assert found is not None
-    assert found.share == pytest.approx(1.0, abs=0.1)
+    assert found.ratio == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize(
@@ -70,13 +70,13 @@ def test_missing_flow_is_left_out() -> None:
 )
 def test_what_cannot_tell_says_nothing(before: Float32, flow_px: Float32) -> None:
     """Without texture, flow or pixels there is no share."""
-    assert motion_share(before, before, flow_px) is None
+    assert flow_ratio(before, before, flow_px) is None
 
 
 def test_resting_camera_has_no_share() -> None:
     """Where nothing moves the share is unknown: no value, or an error that says so."""
     still = pan(0.0, 0.0)
-    found = motion_share(frame(0.0, still), frame(0.0, still), still)
+    found = flow_ratio(frame(0.0, still), frame(0.0, still), still)
     assert found is None or found.standard_error > 1
 
 
@@ -88,9 +88,9 @@ def test_parts_together_tell_what_the_whole_does(share: float) -> None:
     """Some parts, each reduced by its own flow, give the share of the whole frame, brighter by a tenth or not."""
     flow_px = expansion(0.04)
     before, after = frame(0.0, flow_px), frame(share, flow_px, gain=1.1)
-    together, apart = motion_of_parts(before, after, flow_px, PARTS)
+    together, apart = flow_ratios_of_parts(before, after, flow_px, PARTS)
     assert together is not None
-    assert together.share == pytest.approx(share, abs=0.05 + 0.3 * abs(share))
+    assert together.ratio == pytest.approx(share, abs=0.05 + 0.3 * abs(share))
     assert together.standard_error < 0.1
     assert [one is not None for one in apart] == [True] * len(PARTS)
 
@@ -98,10 +98,10 @@ def test_parts_together_tell_what_the_whole_does(share: float) -> None:
 def test_one_part_together_is_that_part() -> None:
     """The sums of one part say together what they say alone."""
     flow_px = expansion(0.03)
-    together, (alone,) = motion_of_parts(frame(0.0, flow_px), frame(1.0, flow_px), flow_px, PARTS[:1])
+    together, (alone,) = flow_ratios_of_parts(frame(0.0, flow_px), frame(1.0, flow_px), flow_px, PARTS[:1])
     assert together is not None
     assert alone is not None
-    assert together.share == pytest.approx(alone.share, rel=1e-9)
+    assert together.ratio == pytest.approx(alone.ratio, rel=1e-9)
     assert together.standard_error == pytest.approx(alone.standard_error, rel=1e-9)
     assert together.rounding_error == pytest.approx(alone.rounding_error, rel=1e-9)
 
@@ -110,4 +110,4 @@ def test_parts_that_cannot_tell_say_nothing() -> None:
     """Without valid flow neither the parts nor all of them together have a share."""
     flow_px = np.full((HEIGHT, WIDTH, 2), np.nan, np.float32)
     image = frame(0.0, pan(0, 0))
-    assert motion_of_parts(image, image, flow_px, PARTS) == (None, [None] * len(PARTS))
+    assert flow_ratios_of_parts(image, image, flow_px, PARTS) == (None, [None] * len(PARTS))

@@ -11,7 +11,7 @@ from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 from fedora_qa.estimators.events.footprint import footprints
 from fedora_qa.estimators.images.footprints import sharp_colours
 from fedora_qa.estimators.images.luma import cut_off, luma_of, luma_of_linear
-from fedora_qa.estimators.images.order_kernels import is_of_one_value, reduced, reduced_flow
+from fedora_qa.estimators.images.order import is_constant, reduced, reduced_flow
 from fedora_qa.estimators.images.samples import along_the_flow, steepness
 from fedora_qa.estimators.images.values import count_not_finite, count_outside, positive_extremes
 
@@ -79,9 +79,9 @@ def test_reduced_images_are_means_of_blocks(step: int, skip: int) -> None:
 def test_one_value() -> None:
     """One pixel is enough for an image to be of more than one value."""
     image = np.full((5, 7), 3.0, np.float32)
-    assert is_of_one_value(image)
+    assert is_constant(image)
     image[4, 6] = 4.0
-    assert not is_of_one_value(image)
+    assert not is_constant(image)
 
 
 def test_luma_and_what_is_cut_off() -> None:

@@ -24,7 +24,7 @@ from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.motion import interpolate_poses
 from fedora_qa.geometry.rigid_flow import rigid_flow, rounding_px
 from fedora_qa.layout.binding import FARTHEST_TIMESTAMP_NS, Binding, timestamps_ns
-from fedora_qa.statistics.moments import Moments
+from fedora_qa.statistics.moments import ValueMoments
 from fedora_qa.statistics.trajectory import translation
 
 Float64 = NDArray[np.float64]
@@ -175,7 +175,7 @@ def distance_flown(speed_m_s: float, radius_m: float, seconds: int) -> float:
 
 def variance_of_a_constant(value: float) -> float:
     """Zero variance, of a million equal numbers: what is left, relative to the square of the number."""
-    variance = Moments.of(np.full(1_000_000, value)).variance
+    variance = ValueMoments.of(np.full(1_000_000, value)).variance
     assert variance is not None
     return variance / value**2
 

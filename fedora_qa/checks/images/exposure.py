@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.images.code_gains import frames_with_gain
-from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
-from fedora_qa.estimators.images.code_gain import CODES
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
+from fedora_qa.estimators.images.code_gain import CODES, gain_after_rounding, is_informative
 from fedora_qa.estimators.images.gain import brightness_gain
 from fedora_qa.estimators.images.values import count_codes, is_of_one_code
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
@@ -22,23 +22,23 @@ from fedora_qa.views.frame_pairs import flow_rate_of, neighbours, pairs_with_flo
 Float64 = NDArray[np.float64]
 
 NEIGHBOURS: Final = 3
-"""Pairs on either side that tell what the brightness does by itself: light that changes slowly, the sky coming in."""
+"""Pairs on either side that give what the brightness does by itself: light that changes slowly, the sky coming in."""
 
 FEWEST_PAIRS: Final = 4
 
 CLIPPED_SHARE: Final = 0.25
 """Share of pixels at 255 beyond which a file is said to be overexposed: a judgement, no more than a notice."""
 
-MATTERS_PERCENT: Final = 20.0
+MATERIAL_PERCENT: Final = 20.0
 
 _SAMPLED_EVERY_PX: Final = 4
 
-MOVED_ON_PERCENT: Final = 0.2
+MISREGISTRATION_PERCENT: Final = 0.2
 """What points of one place differ in brightness where the flow misses them by part of a pixel: bias, not noise."""
 
 
 @dataclass(frozen=True, slots=True)
-class PairGain:
+class FramePairGain:
     """Two frames, the logarithm of the later one's brightness over the earlier one's, and its error."""
 
     before: int
@@ -49,7 +49,7 @@ class PairGain:
 
 @dataclass(frozen=True, slots=True)
 class WindowExposure:
-    """What a window shows.
+    """Brightness of a window's frames.
 
     Attributes
     ----------
@@ -63,11 +63,27 @@ class WindowExposure:
         Its frames, and how often each code (256,) occurs in them.
     """
 
-    gains: tuple[PairGain, ...]
+    gains: tuple[FramePairGain, ...]
     blank: tuple[int, ...]
     clipped: float
     frames: range
     codes: NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class BrightnessJump(Feature):
+    """A step of the brightness from one frame to the next, positive where the later frame is brighter."""
+
+    percent: float
+    standard_error_percent: float
+
+
+@dataclass(frozen=True, slots=True)
+class CodesMultiplied(Feature):
+    """A gain of frames that were rounded before, and half the range of gains that leave the same codes out."""
+
+    percent: float
+    half_range_percent: float
 
 
 class ImagesExposure(WindowCheck[WindowExposure]):
@@ -117,30 +133,33 @@ class ImagesExposure(WindowCheck[WindowExposure]):
         """Compare every pair that the window owns."""
         gains = []
         for pair in pairs_with_flow(window) if flow_rate_of(window) else neighbours(window):
-            found = brightness_gain(*same_points(window, pair))
-            if found is not None:
-                gains.append(PairGain(pair.before, pair.after, found.log_gain, found.standard_error))
+            gain = brightness_gain(*same_points(window, pair))
+            if gain is not None:
+                gains.append(FramePairGain(pair.before, pair.after, gain.log_gain, gain.standard_error))
         blank, clipped, codes = [], [], np.zeros(CODES, dtype=np.int64)
         for frame in window.owned("rgb"):
             rgb = window.rgb(frame)
             if is_of_one_code(rgb):
                 blank.append(frame)
-            looked_at = ceil(rgb.shape[0] / _SAMPLED_EVERY_PX) * ceil(rgb.shape[1] / _SAMPLED_EVERY_PX)
-            clipped.append(count_codes(rgb, _SAMPLED_EVERY_PX, codes) / max(looked_at, 1))
+            sampled = ceil(rgb.shape[0] / _SAMPLED_EVERY_PX) * ceil(rgb.shape[1] / _SAMPLED_EVERY_PX)
+            clipped.append(count_codes(rgb, _SAMPLED_EVERY_PX, codes) / max(sampled, 1))
         return WindowExposure(tuple(gains), tuple(blank), float(np.sum(clipped)), window.owned("rgb"), codes)
 
     def conclude(self, state: Sequence[WindowExposure], facts: Facts) -> Observation:
         """Find the largest jump, and count blank frames."""
-        gains = sorted((one for w in state for one in w.gains), key=lambda one: one.before)
+        gains = sorted((gain for w in state for gain in w.gains), key=lambda gain: gain.before)
         blank = [frame for w in state for frame in w.blank]
         frames = sum(len(w.frames) for w in state)
         coverage = Coverage(len(gains), max(facts.sizes.get("path/rgb", 0) - 1, 0), "frame intervals")
         if frames and len(blank) == frames:
             return Observation(coverage, unobservable="every frame is of one value throughout")
-        measured = [_blank(blank, facts)]
+        measurements = [_blank_frames(blank, facts)]
         if len(gains) >= FEWEST_PAIRS:
-            measured.append(_jump(gains, facts))
-        measured += frames_with_gain([(w.frames, w.codes) for w in state], facts)
+            measurements.append(_largest_jump(gains, facts))
+        # Without enough frequent codes a gain after rounding leaves no trace: the count is then not stated at all.
+        codes = np.sum([w.codes for w in state], axis=0) if state else np.zeros(CODES, dtype=np.int64)
+        if is_informative(codes):
+            measurements.append(_frames_with_gain(state, codes, facts))
         clipped = sum(w.clipped for w in state) / max(frames, 1)
         notices = (
             (Notice("images.exposure.clipped", f"{clipped:.0%} of the pixels are at 255.", Where(stream="rgb")),)
@@ -152,18 +171,19 @@ class ImagesExposure(WindowCheck[WindowExposure]):
             if len(gains) >= FEWEST_PAIRS
             else "too few frames at the ends of the flow, or too little lit and not clipped"
         )
-        return Observation(coverage, tuple(measured), notices, why)
+        return Observation(coverage, tuple(measurements), notices, why)
 
 
-def _jump(gains: Sequence[PairGain], facts: Facts) -> Statistic:
-    jumps = departures(np.array([one.log_gain for one in gains]))
-    spread = 1.4826 * float(np.median(np.abs(jumps)))
-    errors = np.hypot(spread, [one.standard_error for one in gains])
-    model_error_bound = MOVED_ON_PERCENT / 100
+def _largest_jump(gains: Sequence[FramePairGain], facts: Facts) -> Statistic:
+    jumps = departures(np.array([gain.log_gain for gain in gains]))
+    scatter = 1.4826 * float(np.median(np.abs(jumps)))
+    errors = np.hypot(scatter, [gain.standard_error for gain in gains])
+    model_error_bound = MISREGISTRATION_PERCENT / 100
     worst = int(np.argmax((np.abs(jumps) - model_error_bound) / errors))
-    first = _first_of(jumps, worst, float(errors[worst]))
+    # One frame, or several, that are brighter give a jump up and one down of like size: the first of these is named.
+    size, tolerance = abs(jumps[worst]), max(5 * float(errors[worst]), 0.2 * abs(jumps[worst]))
+    first = int(np.flatnonzero(np.abs(np.abs(jumps) - size) < tolerance)[0])
     frame, percent = gains[first].after, 100 * expm1(float(jumps[first]))
-    times_ns = facts.clocks["rgb"].times_ns
     error = 100 * float(errors[worst])
     return Statistic(
         name="largest_jump",
@@ -173,22 +193,12 @@ def _jump(gains: Sequence[PairGain], facts: Facts) -> Statistic:
         model_error_bound=100 * model_error_bound,
         side="upper",
         tests=len(gains),
-        material=MATTERS_PERCENT,
+        material=MATERIAL_PERCENT,
         statement=f"Frame {frame} is {abs(percent):.3g} +/- {error:.2g}% {'brighter' if percent > 0 else 'darker'} "
         f"than frame {gains[first].before} at the same points.",
         code="images.exposure.jump",
-        where=Where(
-            stream="rgb",
-            start_us=facts.to_file_us(int(times_ns[frame])),
-            stop_us=facts.to_file_us(int(times_ns[min(frame + 1, len(times_ns) - 1)])),
-            frame=frame,
-        ),
-        suspects=(
-            Suspect("exposure_or_gamma", "rgb", 0.95, percent, "percent", error),
-            # Luma weighs the channels, so that exchanged ones are brighter or darker; images.channels tells them.
-            Suspect("channel_order", "rgb", 0.6),
-            *(Suspect(cause, "rgb", 0.2) for cause in ("other_sequence", "swapped_frames", "frozen_frames")),
-        ),
+        where=_where(frame, frame + 1, facts),
+        features=(BrightnessJump(percent, error),),
     )
 
 
@@ -198,31 +208,62 @@ def departures(log_gains: Float64) -> Float64:
         np.concatenate([log_gains[max(i - NEIGHBOURS, 0) : i], log_gains[i + 1 : i + 1 + NEIGHBOURS]])
         for i in range(len(log_gains))
     ]
-    apart: Float64 = log_gains - np.array([np.median(values) for values in around])
-    return apart
+    residuals: Float64 = log_gains - np.array([np.median(values) for values in around])
+    return residuals
 
 
-def _first_of(jumps: Float64, worst: int, error: float) -> int:
-    """Return the jump with which a departure of the worst size begins: up and down again is one frame, or several."""
-    like = np.flatnonzero(np.abs(np.abs(jumps) - abs(jumps[worst])) < max(5 * error, 0.2 * abs(jumps[worst])))
-    return int(like[0])
-
-
-def _blank(blank: Sequence[int], facts: Facts) -> Statistic:
+def _blank_frames(blank: Sequence[int], facts: Facts) -> Statistic:
     if not blank:
         return no_faults("blank_frames", "frames", "images.exposure.blank")
-    times_ns = facts.clocks["rgb"].times_ns
     return count_of_faults(
         "blank_frames",
         len(blank),
         "frames",
         statement=f"{len(blank)} frames are of one value throughout, the first of them frame {blank[0]}.",
         code="images.exposure.blank",
-        where=Where(
-            stream="rgb",
-            start_us=facts.to_file_us(int(times_ns[blank[0]])),
-            stop_us=facts.to_file_us(int(times_ns[min(blank[-1] + 1, len(times_ns) - 1)])),
-            frame=blank[0],
-        ),
-        suspects=(Suspect("exposure_or_gamma", "rgb", 0.9), Suspect("dropped_samples", "rgb", 0.3)),
+        where=_where(blank[0], blank[-1] + 1, facts),
+    )
+
+
+def _where(first: int, stop: int, facts: Facts) -> Where:
+    """Return the time from a frame on until that of another, or until the last one."""
+    times_ns = facts.clocks["rgb"].times_ns
+    start_us, stop_us = (facts.to_file_us(int(times_ns[row])) for row in (first, min(stop, len(times_ns) - 1)))
+    return Where(stream="rgb", start_us=start_us, stop_us=stop_us, frame=first)
+
+
+def _frames_with_gain(windows: Sequence[WindowExposure], codes: NDArray[np.int64], facts: Facts) -> Statistic:
+    """Count the frames whose codes show a gain: ``codes`` of all windows together, or else of each.
+
+    A gain of a part of the file shows only in that part, as the codes that it leaves out occur elsewhere.
+    """
+    of_all = gain_after_rounding(codes)
+    gains = [
+        (w.frames, gain)
+        for w in windows
+        if len(w.frames) and (gain := of_all or gain_after_rounding(w.codes)) is not None
+    ]
+    where, statement, features = Where(stream="rgb"), "", tuple[Feature, ...]()
+    if gains:
+        first, last = gains[0][0].start, gains[-1][0].stop - 1
+        sharpest = min((gain for _, gain in gains), key=lambda gain: gain.half_range)
+        percent, half_range_percent = 100 * (sharpest.gain - 1), 100 * sharpest.half_range
+        start_us, stop_us = (facts.to_file_us(int(facts.clocks["rgb"].times_ns[row])) for row in (first, last))
+        where = Where("rgb", start_us, stop_us, index_start=first, index_stop=last + 1, frame=first)
+        statement = (
+            f"Frames {first} to {last} were made {percent:+.4g} +/- {half_range_percent:.2g}% brighter after they had "
+            "been rounded to 8 bits: just the codes that this leaves out are missing, or those that it puts on another "
+            "doubled."
+        )
+        features = (CodesMultiplied(percent, half_range_percent),)
+    return Statistic(
+        name="frames_with_gain_after_rounding",
+        value=float(sum(len(frames) for frames, _ in gains)),
+        unit="frames",
+        standard_error=0.0,
+        resolution=1.0,
+        statement=statement,
+        code="images.exposure.rounded_before",
+        where=where,
+        features=features,
     )

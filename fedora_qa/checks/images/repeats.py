@@ -5,19 +5,19 @@ from dataclasses import dataclass
 from typing import Final
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.estimators.images.digest import digest_of
 from fedora_qa.estimators.images.values import is_of_one_code
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.image_motion import (
-    View,
+    Viewpoint,
     is_elsewhere,
     moved_by_events,
+    moved_by_pose,
     must_have_changed,
-    surely_turned,
-    view_of,
+    viewpoint_of,
 )
 
 FEWEST_FRAMES: Final = 2
@@ -25,7 +25,7 @@ FEWEST_FRAMES: Final = 2
 
 @dataclass(frozen=True, slots=True)
 class FrameDigest:
-    """What is kept of a frame.
+    """A frame's digest, and whether and where the camera had moved.
 
     Attributes
     ----------
@@ -34,8 +34,8 @@ class FrameDigest:
     repeats
         It equals the frame before it, bit for bit.
     moved
-        Pose or flow say that the camera moved since the frame before; None where they are not there.
-    view
+        Whether by pose or flow the camera moved since the frame before; None where the file has neither.
+    viewpoint
         From where it was taken; None where there is no pose.
     """
 
@@ -44,7 +44,7 @@ class FrameDigest:
     blank: bool
     repeats: bool
     moved: bool | None
-    view: View | None
+    viewpoint: Viewpoint | None
 
 
 class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
@@ -87,61 +87,62 @@ class ImagesRepeats(WindowCheck[tuple[FrameDigest, ...]]):
 
     def measure(self, window: Window) -> tuple[FrameDigest, ...]:
         """Take the digest of every frame that the window owns."""
-        seen = []
+        digests = []
         for frame in window.owned("rgb"):
             rgb = window.rgb(frame)
             digest = _digest(window, frame)
             repeats = frame > 0 and _digest(window, frame - 1) == digest
-            moved = (must_have_changed if repeats else surely_turned)(window, frame) if frame > 0 else None
+            moved = (must_have_changed if repeats else moved_by_pose)(window, frame) if frame > 0 else None
             blank = is_of_one_code(rgb)
-            seen.append(FrameDigest(frame, digest, blank, repeats, moved, view_of(window, frame)))
-        return tuple(seen)
+            digests.append(FrameDigest(frame, digest, blank, repeats, moved, viewpoint_of(window, frame)))
+        return tuple(digests)
 
     def conclude(self, state: Sequence[tuple[FrameDigest, ...]], facts: Facts) -> Observation:
         """Count repeats between which the image must have changed."""
-        frames = sorted((one for seen in state for one in seen), key=lambda one: one.frame)
+        frames = sorted((digest for digests in state for digest in digests), key=lambda digest: digest.frame)
         coverage = Coverage(len(frames), facts.sizes.get("path/rgb", len(frames)), "frames")
-        if sum(not one.blank for one in frames) < FEWEST_FRAMES:
+        if sum(not digest.blank for digest in frames) < FEWEST_FRAMES:
             return Observation(coverage, unobservable=f"fewer than {FEWEST_FRAMES} frames show anything at all")
         repeats = repeated(frames)
         by_events = moved_by_events(facts, {frame for frame, _ in repeats})
-        moved = {one.frame: one.moved or bool(by_events[one.frame]) for one in frames}
-        views = {one.frame: one.view for one in frames}
-        known = "rgb_to_event" in facts.index_maps or any(one.moved is not None for one in frames)
+        moved = {digest.frame: digest.moved or bool(by_events[digest.frame]) for digest in frames}
+        viewpoints = {digest.frame: digest.viewpoint for digest in frames}
+        motion_measured = "rgb_to_event" in facts.index_maps or any(digest.moved is not None for digest in frames)
         frozen = [
             (frame, first)
             for frame, first in repeats
-            if any(moved.get(i) for i in range(first + 1, frame + 1)) and not _came_back(frame, first, views, facts)
+            if any(moved.get(i) for i in range(first + 1, frame + 1))
+            and not _came_back(frame, first, viewpoints, facts)
         ]
         if frozen:
-            return Observation(coverage, (_count(frozen, facts),))
-        if repeats and known and not any(moved.values()):
+            return Observation(coverage, (_repeated_frames(frozen, facts),))
+        if repeats and motion_measured and not any(moved.values()):
             at_rest = (
                 f"{len(repeats)} frames repeat an earlier one, and the camera rests: no frame must differ from others"
             )
             return Observation(coverage, unobservable=at_rest)
-        notices = () if known or not repeats else (_noted(repeats),)
+        notices = () if motion_measured or not repeats else (_unexplained(repeats),)
         return Observation(coverage, (no_faults("repeated_frames", "frames", "images.repeats.frames"),), notices)
 
 
 def repeated(frames: Sequence[FrameDigest]) -> list[tuple[int, int]]:
     """Return each frame that is not blank and equals one before it, with the latest such frame."""
     latest: dict[bytes, int] = {}
-    found = []
-    for one in frames:
-        if not one.blank:
-            if one.repeats:
-                found.append((one.frame, one.frame - 1))
-            elif one.digest in latest:
-                found.append((one.frame, latest[one.digest]))
-            latest[one.digest] = one.frame
-    return found
+    repeats = []
+    for digest in frames:
+        if not digest.blank:
+            if digest.repeats:
+                repeats.append((digest.frame, digest.frame - 1))
+            elif digest.digest in latest:
+                repeats.append((digest.frame, latest[digest.digest]))
+            latest[digest.digest] = digest.frame
+    return repeats
 
 
-def _came_back(frame: int, first: int, views: Mapping[int, View | None], facts: Facts) -> bool:
+def _came_back(frame: int, first: int, viewpoints: Mapping[int, Viewpoint | None], facts: Facts) -> bool:
     """Whether by its pose a camera that was away saw the later frame from where it saw the first."""
-    view, earlier = views.get(frame), views.get(first)
-    return frame - first > 1 and view is not None and earlier is not None and not is_elsewhere(view, earlier, facts)
+    later, earlier = viewpoints.get(frame), viewpoints.get(first)
+    return frame - first > 1 and later is not None and earlier is not None and not is_elsewhere(later, earlier, facts)
 
 
 def _digest(window: Window, frame: int) -> bytes:
@@ -149,7 +150,7 @@ def _digest(window: Window, frame: int) -> bytes:
     return window.of_image("digest", frame, lambda: digest_of(window.rgb(frame))).tobytes()
 
 
-def _count(frozen: Sequence[tuple[int, int]], facts: Facts) -> Statistic:
+def _repeated_frames(frozen: Sequence[tuple[int, int]], facts: Facts) -> Statistic:
     first, original = frozen[0]
     last = frozen[-1][0]
     times_ns = facts.clocks["rgb"].times_ns
@@ -168,14 +169,10 @@ def _count(frozen: Sequence[tuple[int, int]], facts: Facts) -> Statistic:
             index_stop=last + 1,
             frame=first,
         ),
-        suspects=(
-            Suspect("frozen_frames", "rgb", 0.95, float(len(frozen)), "samples", 0.0),
-            Suspect("duplicated_samples", "rgb", 0.5, float(len(frozen)), "samples", 0.0),
-        ),
     )
 
 
-def _noted(repeats: Sequence[tuple[int, int]]) -> Notice:
+def _unexplained(repeats: Sequence[tuple[int, int]]) -> Notice:
     return Notice(
         "images.repeats.unexplained",
         f"{len(repeats)} frames repeat an earlier one bit for bit, the first is frame {repeats[0][0]}; no pose, flow "

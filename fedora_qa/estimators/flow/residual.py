@@ -20,10 +20,6 @@ TILE_PX: Final = 32
 HALO_PX: Final = 2
 """The derivative's reach."""
 
-LUMA_ROUNDING_VARIANCE_DN2: Final = (0.299**2 + 0.587**2 + 0.114**2) / 12
-"""Variance of luma whose three channels are rounded to whole DN."""
-
-
 _CORRELATED_PIXELS: Final = 4 * np.pi
 """Sum of the autocorrelation of white noise seen through a kernel of variance 1 px^2: so many pixels count as one."""
 

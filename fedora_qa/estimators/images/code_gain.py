@@ -1,4 +1,4 @@
-"""Whether values of 8 bits were multiplied after they had been rounded, told from the codes that then cannot occur.
+"""Whether values of 8 bits were multiplied after they had been rounded, by the codes that then cannot occur.
 
 Codes k times a gain g, rounded again, leave out every code between rint(g k) and rint(g (k + 1)) where g > 1, and put
 two on one where g < 1. In a histogram of many values neighbouring codes are about as frequent, so that a code without
@@ -29,17 +29,17 @@ _FREQUENT_TWICE: Final = 400
 
 _FEWEST_CODES: Final = 40
 _FEWEST_MARKS: Final = 3
-"""Frequent codes that are looked at, and those among them that must be marked: 40 choose 3 is 9880, a hundred gains
-are tried, and each code without any value among frequent ones is itself a rarity."""
+"""Frequent codes, and those among them that must be marked: 40 choose 3 is 9880, a hundred gains are tried, and each
+code without any value among frequent ones is itself a rarity."""
 
 _FIRST: Final = 2
-"""The first code that is looked at: at 0 and 255 values are clipped."""
+"""The first code that is used: at 0 and 255 values are clipped."""
 
 _TWICE: Final = 1.5
 """Times as frequent as both neighbours: half-way, in squares about, between once and twice."""
 
-_MOST_BEFORE: Final = 100
-"""Codes left out, or doubled, below the first that is known: a gain of a factor 1.6 in a bright scene."""
+_LARGEST_RANK: Final = 100
+"""Codes left out, or doubled, up to the first frequent one: a gain of a factor 1.6 in a bright scene."""
 
 _TIES: Final = 1 + 1e-12
 """Gains of whole percents put codes exactly half-way, where the bounds meet but for the last bits."""
@@ -53,63 +53,71 @@ class CodeGain:
     half_range: float
 
 
-def could_betray(counts: NDArray[np.integer]) -> bool:
-    """Whether enough codes of a histogram (256,) are frequent for a gain to be told."""
+def is_informative(counts: NDArray[np.integer]) -> bool:
+    """Return whether enough codes of a histogram (256,) are frequent for a gain to be estimated."""
     values = np.asarray(counts, dtype=np.int64)
     return bool(np.count_nonzero(np.minimum(values[1:-3], values[3:-1]) >= _FREQUENT) >= _FEWEST_CODES)
 
 
 def gain_after_rounding(counts: NDArray[np.integer]) -> CodeGain | None:
-    """Return the gain that a histogram (256,) of codes betrays; None where it betrays none.
+    """Estimate the gain that values had after they were rounded.
 
-    The ends, 0 and 255, where values are clipped, are left out.
+    Parameters
+    ----------
+    counts
+        (256,) values of each code. The ends, 0 and 255, where values are clipped, are left out.
+
+    Returns
+    -------
+    The gain; None where the codes are those of no gain.
     """
-    if not could_betray(counts):
+    if not is_informative(counts):
         return None
     values = np.asarray(counts, dtype=np.int64)
     before, middle, after = values[1:-3], values[2:-2], values[3:-1]
     fewest, most = np.minimum(before, after), np.maximum(before, after)
-    return _explained(middle == 0, fewest >= _FREQUENT, 1) or _explained(
+    # A gain above 1 leaves codes out; one below 1 puts two codes on one.
+    return _gain_of_pattern(middle == 0, fewest >= _FREQUENT, 1) or _gain_of_pattern(
         middle > _TWICE * most, fewest >= _FREQUENT_TWICE, -1
     )
 
 
-def _explained(marked: Bools, known: Bools, sign: int) -> CodeGain | None:
-    """Return the gain, above 1 for sign 1 and below for -1, whose marks are those of the known codes (2 to 253)."""
-    codes = np.flatnonzero(marked & known) + _FIRST
+def _gain_of_pattern(marked: Bools, frequent: Bools, sign: int) -> CodeGain | None:
+    """Return the gain, above 1 for sign 1 and below for -1, whose marks are those of the frequent codes (2 to 253)."""
+    codes = np.flatnonzero(marked & frequent) + _FIRST
     if len(codes) < _FEWEST_MARKS:
         return None
-    for place in range(1, _MOST_BEFORE):
-        low, high = _bounds(codes, place, sign)
-        pattern = _pattern(0.5 * (low + high), sign)[_FIRST : _FIRST + len(known)]
-        if low <= high * _TIES and np.array_equal(pattern[known], marked[known]):
-            return CodeGain(0.5 * (low + high), 0.5 * abs(high - low))
+    # The first marked code is the j-th of all: j is not known, as codes before it may be rare.
+    for rank in range(1, _LARGEST_RANK):
+        low, high = _gain_bounds(codes, rank, sign)
+        if low > high * _TIES:
+            continue
+        gain = 0.5 * (low + high)
+        reached = np.rint(gain * np.arange(CODES)).astype(np.int64)
+        hits = np.bincount(reached[(reached >= 0) & (reached < CODES)], minlength=CODES)
+        pattern = (hits == 0 if sign > 0 else hits > 1)[_FIRST : _FIRST + len(frequent)]
+        if np.array_equal(pattern[frequent], marked[frequent]):
+            return CodeGain(gain, 0.5 * abs(high - low))
     return None
 
 
-def _bounds(codes: NDArray[np.intp], place: int, sign: int) -> tuple[float, float]:
-    """Return the gains between which all of the codes can be marked, the first of them as the ``place``-th of all.
+def _gain_bounds(codes: NDArray[np.intp], rank: int, sign: int) -> tuple[float, float]:
+    """Return the gains between which all of the codes can be marked, the first of them as the ``rank``-th of all.
 
-    The places of the others follow, one by one, from the gain that is known so far: marks between them may be unknown.
+    The ranks of the rest follow, one by one, from the bounds so far: marks between them may be on rare codes.
     """
     low, high = 0.0, np.inf
     for code in codes.tolist():
         if high < np.inf:
             gain = 0.5 * (low + high)
-            place = round(sign * (code - 0.5 * (sign > 0)) * (gain - 1) / gain + 0.5)
-        source = code - sign * place
+            rank = round(sign * (code - 0.5 * (sign > 0)) * (gain - 1) / gain + 0.5)
+        source = code - sign * rank
         if source <= 0:
             return 1.0, 0.0
+        # The bounds of the module's docstring, c being ``code`` and j ``rank``.
         if sign > 0:
             edges = (code + 0.5) / (source + 1), (code - 0.5) / source
         else:
             edges = (code - 0.5) / (source - 1), (code + 0.5) / source
         low, high = max(low, edges[0]), min(high, edges[1])
     return low, high
-
-
-def _pattern(gain: float, sign: int) -> Bools:
-    """Return the codes (256,) that a gain leaves out, or on which it puts two."""
-    reached = np.rint(gain * np.arange(CODES)).astype(np.int64)
-    hits = np.bincount(reached[(reached >= 0) & (reached < CODES)], minlength=CODES)
-    return np.asarray(hits == 0 if sign > 0 else hits > 1)

@@ -1,8 +1,8 @@
 """A digest of an image: eight lanes of 64 bits, each of which folds in every eighth word, and SHA-256 over them.
 
 Each step of a lane is one to one in the lane and in the word, so that images that differ in one word of a lane never
-share it; of others a lane is shared by chance, one in 2^64. It tells accidents, not forgery: in a seventh of the time
-that SHA-256 takes over all of an image.
+share it; of other images a lane is shared by chance, one in 2^64. It detects accidents, not forgery, in a seventh of
+the time that SHA-256 takes over all of an image.
 """
 
 from hashlib import sha256
@@ -23,18 +23,29 @@ _HALF: Final = np.uint64(32)
 
 
 def digest_of(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the digest (16,) of an image of any shape: of its shape and of all its bytes."""
+    """Return the digest of an image: of its shape and of all its bytes.
+
+    Parameters
+    ----------
+    image
+        Of any shape.
+
+    Returns
+    -------
+    (16,).
+    """
     flat = np.ascontiguousarray(image).reshape(-1)
     whole = flat.size // (8 * _LANES) * (8 * _LANES)
     words = flat[:whole].view(np.uint64)
     words = words.view() if words.flags.aligned else words.copy()
     words.flags.writeable = False  # as decoded images are: compiled once
-    lanes = _folded(words).tobytes() + flat[whole:].tobytes() + repr(image.shape).encode()
+    # Bytes that fill no row of lanes, and the shape, go into the last step as they are.
+    lanes = _fold_all(words).tobytes() + flat[whole:].tobytes() + repr(image.shape).encode()
     return np.frombuffer(sha256(lanes).digest()[:DIGEST_BYTES], np.uint8)
 
 
 @njit(cache=True)
-def _folded(words: Words) -> Words:
+def _fold_all(words: Words) -> Words:
     """Return the lanes (8,) after all words, whose number is a multiple of eight."""
     a = b = c = d = e = f = g = h = _ODD
     for i in range(0, len(words), 8):

@@ -18,7 +18,7 @@ TILES: Final = (9, 12)
 
 FEWEST_TILES: Final = 12
 FEWEST_PIXELS: Final = 4
-"""Tiles, and pixels in a tile, below which nothing is said."""
+"""Tiles, and pixels in a tile, below which no gain is estimated."""
 
 LEVELS_DN: Final = (8.0, 240.0)
 """Between which a pixel counts, by the geometric mean of both frames: neither rounded away nor clipped.
@@ -33,30 +33,37 @@ _MAD_TO_SIGMA: Final = 1.4826
 
 
 @dataclass(frozen=True, slots=True)
-class Gain:
+class BrightnessGain:
     """Natural logarithm of later over earlier brightness, and its standard error from the spread over tiles."""
 
     log_gain: float
     standard_error: float
 
 
-def brightness_gain(before_dn: NDArray[np.floating], after_dn: NDArray[np.floating]) -> Gain | None:
-    """Return the gain between two images (h, w) of the same points, NaN where a point is not shown by both.
+def brightness_gain(before_dn: NDArray[np.floating], after_dn: NDArray[np.floating]) -> BrightnessGain | None:
+    """Estimate the gain between two images of the same points.
 
-    None where too few tiles are bright and not clipped.
+    Parameters
+    ----------
+    before_dn, after_dn
+        (h, w), NaN where a point is not visible in both.
+
+    Returns
+    -------
+    The gain; None where too few tiles are bright and not clipped.
     """
     before, after = (np.ascontiguousarray(image) for image in (before_dn, after_dn))
-    pixels, of_before, of_after = _sums_of_tiles(before, after, TILES, LEVELS_DN[0] ** 2, LEVELS_DN[1] ** 2)
-    enough = pixels >= FEWEST_PIXELS
-    if np.count_nonzero(enough) < FEWEST_TILES:
+    pixels, before_sums, after_sums = _sums_of_tiles(before, after, TILES, LEVELS_DN[0] ** 2, LEVELS_DN[1] ** 2)
+    usable = pixels >= FEWEST_PIXELS
+    if np.count_nonzero(usable) < FEWEST_TILES:
         return None
-    sums = of_before[enough], of_after[enough]
-    gains = np.log(sums[1] / sums[0])
-    middle = float(np.median(gains))
-    spread = _MAD_TO_SIGMA * float(np.median(np.abs(gains - middle)))
-    # Rounding, uniform over a step in either frame, is what is left where nothing moves.
-    rounding = float(np.sqrt(np.mean(pixels[enough] * (1 / 12) * (1 / sums[0] ** 2 + 1 / sums[1] ** 2))))
-    return Gain(middle, _MEDIAN_EFFICIENCY * max(spread, rounding) / float(np.sqrt(len(gains))))
+    sums = before_sums[usable], after_sums[usable]
+    log_gains = np.log(sums[1] / sums[0])
+    median = float(np.median(log_gains))
+    scatter = _MAD_TO_SIGMA * float(np.median(np.abs(log_gains - median)))
+    # Where nothing moves, rounding remains: uniform over a step in either frame, of variance 1/12 a pixel.
+    rounding = float(np.sqrt(np.mean(pixels[usable] * (1 / 12) * (1 / sums[0] ** 2 + 1 / sums[1] ** 2))))
+    return BrightnessGain(median, _MEDIAN_EFFICIENCY * max(scatter, rounding) / float(np.sqrt(len(log_gains))))
 
 
 @njit(cache=True)
@@ -65,19 +72,19 @@ def _sums_of_tiles(
 ) -> tuple[NDArray[np.int64], Float64, Float64]:
     """Return how many pixels of each tile count, and the sums of both images over them: (tiles,), row by row.
 
-    They do where the product of both lies between two values.
+    Pixels count where the product of both lies between two values.
     """
     height, width = before.shape
     count = tiles[0] * tiles[1]
-    pixels, of_before, of_after = np.zeros(count, np.int64), np.zeros(count), np.zeros(count)
+    pixels, before_sums, after_sums = np.zeros(count, np.int64), np.zeros(count), np.zeros(count)
     for row in range(height):
         first = row * tiles[0] // height * tiles[1]
         for column in range(width):
-            one, other = np.float64(before[row, column]), np.float64(after[row, column])
-            square = one * other
-            if one > 0 and other > 0 and least <= square <= most:
+            earlier, later = np.float64(before[row, column]), np.float64(after[row, column])
+            square = earlier * later
+            if earlier > 0 and later > 0 and least <= square <= most:
                 tile = first + column * tiles[1] // width
                 pixels[tile] += 1
-                of_before[tile] += one
-                of_after[tile] += other
-    return pixels, of_before, of_after
+                before_sums[tile] += earlier
+                after_sums[tile] += later
+    return pixels, before_sums, after_sums

@@ -1,71 +1,124 @@
-"""Compiled loops over the pixels of a colour frame: luma, and where it may be cut off."""
+"""Luma of colour frames, whole or at some pixels, and where a frame may be cut off: the only place of its weights."""
+
+from typing import Any, Final
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import LUMA_WEIGHTS_RGB
+
+Bools = NDArray[np.bool_]
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 UInt8 = NDArray[np.uint8]
 
+LUMA_WEIGHTS: Final[Float64] = np.array(LUMA_WEIGHTS_RGB, dtype=np.float64)
+
+LUMA_ROUNDING_VARIANCE_DN2: Final = sum(weight**2 for weight in LUMA_WEIGHTS_RGB) / 12
+"""Variance of luma whose three channels are rounded to whole DN: each error is uniform over a step."""
+
+
+def luma_table(linear_dn: NDArray[np.floating[Any]]) -> Float32:
+    """Return what each code (3, 256) of a channel adds to the luma of linear R, G, B, in DN.
+
+    Parameters
+    ----------
+    linear_dn
+        (256,) linear value that each code stands for, DN.
+    """
+    return np.outer(LUMA_WEIGHTS_RGB, linear_dn).astype(np.float32)
+
 
 @njit(cache=True)
-def luma_of(rgb: UInt8, of_codes: Float32) -> Float32:
-    """Return the luma (H, W) of a frame (H, W, 3), from what each code adds to it, (3, 256)."""
+def luma_of(rgb: UInt8, table: Float32) -> Float32:
+    """Return the luma of a frame, in DN.
+
+    Parameters
+    ----------
+    rgb
+        (H, W, 3) codes.
+    table
+        (3, 256) what each code of a channel adds to it.
+
+    Returns
+    -------
+    (H, W).
+    """
     height, width = rgb.shape[:2]
     luma = np.empty((height, width), np.float32)
-    red, green, blue = of_codes[0], of_codes[1], of_codes[2]
+    red, green, blue = table[0], table[1], table[2]
     for row in range(height):
-        codes, into = rgb[row], luma[row]
+        codes, luma_row = rgb[row], luma[row]
         for column in range(width):
-            into[column] = red[codes[column, 0]] + green[codes[column, 1]] + blue[codes[column, 2]]
+            luma_row[column] = red[codes[column, 0]] + green[codes[column, 1]] + blue[codes[column, 2]]
     return luma
 
 
 @njit(cache=True)
 def luma_of_linear(rgb: UInt8, weights: Float64) -> Float32:
-    """Return the same, to the bit, where a code adds itself times its channel's weight (3,): half the time."""
+    """Return the same, to the bit, of codes that are linear, by the weights (3,) of the channels: in half the time."""
     height, width = rgb.shape[:2]
     luma = np.empty((height, width), np.float32)
     red, green, blue = weights[0], weights[1], weights[2]
     for row in range(height):
-        codes, into = rgb[row].reshape(3 * width), luma[row]
+        codes, luma_row = rgb[row].reshape(3 * width), luma[row]
         for column in range(width):  # each is rounded before they are added, as a table of single precision holds them
             of_red = np.float32(red * np.float64(codes[3 * column]))
             of_green = np.float32(green * np.float64(codes[3 * column + 1]))
-            into[column] = of_red + of_green + np.float32(blue * np.float64(codes[3 * column + 2]))
+            luma_row[column] = of_red + of_green + np.float32(blue * np.float64(codes[3 * column + 2]))
     return luma
 
 
 @njit(cache=True)
-def cut_off(rgb: UInt8, luma: Float32, saturated: float) -> NDArray[np.bool_]:
-    """Return where any channel is at 255, or luma at least at a level, (H, W)."""
+def sampled_luma(rgb: UInt8, first: int, stride: int, weights: Float64) -> Float32:
+    """Return the luma of the codes of a frame (H, W, 3) at every ``stride``-th row and column from ``first`` on.
+
+    Codes are taken as they are stored, whatever their transfer curve; sums are rounded once, (h, w).
+    """
+    rows, columns = len(range(first, rgb.shape[0], stride)), len(range(first, rgb.shape[1], stride))
+    luma = np.empty((rows, columns), np.float32)
+    red, green, blue = weights[0], weights[1], weights[2]
+    for row in range(rows):
+        codes = rgb[first + row * stride]
+        for column in range(columns):
+            pixel = codes[first + column * stride]
+            luma[row, column] = red * pixel[0] + green * pixel[1] + blue * pixel[2]
+    return luma
+
+
+@njit(cache=True)
+def cut_off(rgb: UInt8, luma: Float32, saturated: float) -> Bools:
+    """Return where any channel is at 255, or luma at least at a level.
+
+    Parameters
+    ----------
+    rgb
+        (H, W, 3) codes.
+    luma
+        (H, W) of the same frame, DN.
+    saturated
+        Level of the luma, DN.
+
+    Returns
+    -------
+    (H, W).
+    """
     height, width = luma.shape
-    lost = np.empty((height, width), np.bool_)
+    clipped = np.empty((height, width), np.bool_)
     most, level = np.uint8(255), np.float32(saturated)
     for row in range(height):
-        codes, values, into = rgb[row].reshape(3 * width), luma[row], lost[row]
-        if not (_any_code(codes, most) or _any_from(values, level)):
-            into[:] = False
+        codes, values, clipped_row = rgb[row].reshape(3 * width), luma[row], clipped[row]
+        # Most rows have no such pixel. Without a way out of the loop several are compared at a time.
+        any_clipped = np.uint8(0)
+        for i in range(len(codes)):
+            any_clipped |= np.uint8(codes[i] == most)
+        for i in range(len(values)):
+            any_clipped |= np.uint8(values[i] >= level)
+        if not any_clipped:
+            clipped_row[:] = False
             continue
         for column in range(width):
             is_most = (codes[3 * column] == most) | (codes[3 * column + 1] == most) | (codes[3 * column + 2] == most)
-            into[column] = is_most | (values[column] >= level)
-    return lost
-
-
-@njit(cache=True)
-def _any_code(codes: UInt8, wanted: np.uint8) -> bool:
-    """Return whether a code is among those of a row: all are looked at, many at a time."""
-    found = np.uint8(0)
-    for i in range(len(codes)):
-        found |= np.uint8(codes[i] == wanted)
-    return bool(found)
-
-
-@njit(cache=True)
-def _any_from(values: Float32, level: np.float32) -> bool:
-    found = np.uint8(0)
-    for i in range(len(values)):
-        found |= np.uint8(values[i] >= level)
-    return bool(found)
+            clipped_row[column] = is_most | (values[column] >= level)
+    return clipped

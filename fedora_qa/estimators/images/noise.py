@@ -1,8 +1,8 @@
-"""How noisy patches of an image are at most, from what is left of them at the finest scale.
+"""How noisy patches of an image are at most, from their changes at the finest scale.
 
 J. Immerkaer, Fast Noise Variance Estimation, Comput. Vis. Image Underst. 64 (1996) 300: the difference of two discrete
-Laplacians answers to white noise of variance s^2 with variance 36 s^2, and not at all to anything that bends along one
-axis only. Fine texture answers as well, so that this is an upper bound.
+Laplacians of white noise of variance s^2 has the variance 36 s^2, and is zero for anything that bends along one axis
+only. Fine texture adds to it, so that this is an upper bound.
 """
 
 from typing import Final
@@ -14,24 +14,33 @@ from numpy.typing import NDArray
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
-_OF_WHITE_NOISE: Final = 36.0
+_WHITE_NOISE_GAIN: Final = 36.0
 """Sum of the squares of the operator's weights, 1 -2 1 by 1 -2 1."""
 
 
 def noise_variances(patches: Float32) -> Float64:
-    """Return the variance (n,) of white noise that patches (n, h, w), h and w at least 3, may hold; in their unit^2.
+    """Estimate the variance of white noise that patches of an image may hold.
 
-    From the mean of the absolute answers, sqrt(2 / pi) times the standard deviation for normal noise: few large
-    answers, at edges, count less than by their squares.
+    From the mean of the absolute responses, sqrt(2 / pi) times the standard deviation for normal noise: few large
+    responses, at edges, count less than by their squares.
+
+    Parameters
+    ----------
+    patches
+        (n, h, w), h and w at least 3.
+
+    Returns
+    -------
+    (n,), in the square of their unit.
     """
-    typical = _mean_answers(patches)
-    variances: Float64 = np.pi / 2 * typical**2 / _OF_WHITE_NOISE
+    mean_responses = _mean_responses(patches)
+    variances: Float64 = np.pi / 2 * mean_responses**2 / _WHITE_NOISE_GAIN  # Immerkaer's sqrt(pi / 2) mean / 6, squared
     return variances
 
 
 @njit(cache=True, fastmath={"reassoc"})
-def _mean_answers(patches: Float32) -> Float64:
-    """Return the mean absolute answer (n,) of the difference of two Laplacians to each patch (n, h, w)."""
+def _mean_responses(patches: Float32) -> Float64:
+    """Return the mean absolute response (n,) of the difference of two Laplacians to each patch (n, h, w)."""
     height, width = patches.shape[1] - 2, patches.shape[2] - 2
     means, down = np.empty(len(patches)), np.empty(width + 2, np.float32)
     for i in range(len(patches)):

@@ -16,9 +16,23 @@ _MOST_ROWS: Final = 32_766
 def read_at(
     image: Image, columns: Float32, rows: Float32, interpolation: int, border: int = cv2.BORDER_CONSTANT
 ) -> Image:
-    """Return an image (H, W) at positions (n, m), of any n, and m below 32767; ``border`` says what lies beyond."""
+    """Return an image at positions between its pixels.
+
+    Parameters
+    ----------
+    image
+        (H, W).
+    columns, rows
+        (n, m) positions, of any n, and m below 32767.
+    interpolation, border
+        Flags of OpenCV: how values between pixels, and beyond the image, are made.
+
+    Returns
+    -------
+    (n, m).
+    """
     if not columns.size:
         return cast(Image, np.empty(columns.shape, image.dtype))
     parts = (slice(first, first + _MOST_ROWS) for first in range(0, len(columns), _MOST_ROWS))
-    read = [cv2.remap(image, columns[part], rows[part], interpolation, borderMode=border) for part in parts]
-    return cast(Image, read[0] if len(read) == 1 else np.concatenate(read))
+    values = [cv2.remap(image, columns[part], rows[part], interpolation, borderMode=border) for part in parts]
+    return cast(Image, values[0] if len(values) == 1 else np.concatenate(values))

@@ -1,4 +1,4 @@
-"""Compiled reading of images at some of their pixels: slopes, and the same points in two frames along a flow."""
+"""Images at some of their pixels: slopes, and the same points in two frames along a flow."""
 
 from math import isqrt
 from typing import Final
@@ -12,7 +12,7 @@ Float64 = NDArray[np.float64]
 
 _REACH: Final = 5
 _POINTS: Final = 5_000
-"""About so many points tell how steep an image is: fifty of them are among its steepest hundredth."""
+"""About so many points give how steep an image is: fifty of them are among its steepest hundredth."""
 
 _DENSER: Final = 4
 """Where points would lie at least twice as far apart, they lie so many times denser along so many times fewer rows.
@@ -21,18 +21,30 @@ Rows are smoothed as a whole, which costs more than their points; at two pixels 
 """
 
 
-def _taps() -> tuple[Float64, Float64]:
+def _gaussian_and_slope_taps() -> tuple[Float64, Float64]:
     """Return the weights (11,) of a Gaussian of sigma 1, cut at 4 sigma, and of its central differences."""
     gaussian = np.exp(-0.5 * np.arange(-_REACH + 1, _REACH) ** 2)
     gaussian = np.pad(gaussian / gaussian.sum(), 2)
     return gaussian[1:-1], (gaussian[:-2] - gaussian[2:]) / 2
 
 
-_SMOOTH, _SLOPE = _taps()
+_SMOOTH, _SLOPE = _gaussian_and_slope_taps()
 
 
 def steepness(luma: Float32, percentile: float) -> float:
-    """Return a percentile of the slopes of an image (H, W), smoothed with sigma 1, per px, from some of its points."""
+    """Estimate how steep an image is, from some of its points.
+
+    Parameters
+    ----------
+    luma
+        (H, W).
+    percentile
+        Of the slopes of the image, smoothed with sigma 1 px.
+
+    Returns
+    -------
+    Slope in units of the image per px.
+    """
     stride = max(1, isqrt(luma.size // _POINTS))
     denser = _DENSER if stride >= 2 * _DENSER else 1
     return float(np.percentile(_slopes(luma, (stride * denser, stride // denser), _SMOOTH, _SLOPE), percentile))
@@ -49,27 +61,45 @@ def _slopes(luma: Float32, strides: tuple[int, int], smooth: Float64, slope: Flo
     for i in range(len(slopes) // across):
         level[:], change[:] = 0.0, 0.0
         for k in range(taps):  # along columns first, for a whole row at once
-            line, of_level, of_change = luma[min(max(i * strides[0] + k - reach, 0), height - 1)], smooth[k], slope[k]
+            line = luma[min(max(i * strides[0] + k - reach, 0), height - 1)]
+            level_weight, change_weight = smooth[k], slope[k]
             for column in range(width):
-                level[column + reach] += of_level * line[column]
-                change[column + reach] -= of_change * line[column]
+                level[column + reach] += level_weight * line[column]
+                change[column + reach] -= change_weight * line[column]
         for k in range(reach):
             level[k], change[k] = level[reach], change[reach]
             level[width + reach + k], change[width + reach + k] = level[width + reach - 1], change[width + reach - 1]
         for j in range(across):
             right = down = 0.0
-            at = level[j * strides[1] : j * strides[1] + taps], change[j * strides[1] : j * strides[1] + taps]
+            start, stop = j * strides[1], j * strides[1] + taps
+            levels, changes = level[start:stop], change[start:stop]
             for k in range(taps):
-                right -= slope[k] * at[0][k]
-                down += smooth[k] * at[1][k]
+                right -= slope[k] * levels[k]
+                down += smooth[k] * changes[k]
             slopes[i * across + j] = np.sqrt(right * right + down * down)
     return slopes
 
 
 def along_the_flow(before: Float32, after: Float32, flow_px: Float32, step: int) -> tuple[Float32, Float32]:
-    """Return both images (H, W), averaged over 3 x 3 pixels, where a flow (H, W, 2) leads every so many-th pixel.
+    """Return the same points in two images, each averaged over 3 x 3 pixels.
 
-    NaN in the second where that lies outside the image, or the flow is not known.
+    Parameters
+    ----------
+    before, after
+        (H, W).
+    flow_px
+        (H, W, 2) from the first image to the second.
+    step
+        Points are every so many-th row and column of the first image.
+
+    Returns
+    -------
+    (h, w) of each; NaN in the second where a point lies outside the image, or the flow is not finite.
+
+    Raises
+    ------
+    ValueError
+        Images and flow differ in their size.
     """
     if not before.shape == after.shape == flow_px.shape[:2]:
         raise ValueError(f"Expected frames on the flow's grid {flow_px.shape[:2]}, got {before.shape}, {after.shape}")
@@ -85,59 +115,59 @@ def _along_the_flow(before: Float32, after: Float32, flow_px: Float32, step: int
     for i in range(rows):
         row = i * step
         for k in range(columns):
-            first[i, k] = _around(before, row, k * step)
+            first[i, k] = _mean_around(before, row, k * step)
         for k in range(columns):
             column = k * step
             x = column + np.float64(flow_px[row, column, 0])
             y = row + np.float64(flow_px[row, column, 1])
             if 1.0 <= x < width - 2 and 1.0 <= y < height - 2:
-                second[i, k] = _within(pixels, width, x, y)
-            elif 0.0 <= x <= width - 1 and 0.0 <= y <= height - 1:  # so it is not where it is NaN
-                second[i, k] = _at_border(after, x, y)
+                second[i, k] = _mean_within(pixels, width, x, y)
+            elif 0.0 <= x <= width - 1 and 0.0 <= y <= height - 1:  # false where the flow is NaN
+                second[i, k] = _mean_at_border(after, x, y)
     return first, second
 
 
 @njit(cache=True)
-def _within(pixels: Float32, width: int, x: float, y: float) -> float:
+def _mean_within(pixels: Float32, width: int, x: float, y: float) -> float:
     """Return the mean of 3 x 3 pixels of an image, row by row, around a place within it, bilinearly.
 
     The four means share sixteen pixels.
     """
     left, top = int(x), int(y)
-    share, down = x - left, y - top
-    at, wide = np.uint64((top - 1) * width + left - 1), np.uint64(width)  # a signed index costs a comparison
+    right_weight, down_weight = x - left, y - top
+    first, wide = np.uint64((top - 1) * width + left - 1), np.uint64(width)  # a signed index costs a comparison
     total = 0.0
     for i in range(4):
-        a, b = pixels[at], pixels[at + np.uint64(1)]
-        c, d = pixels[at + np.uint64(2)], pixels[at + np.uint64(3)]
-        across = (1.0 - share) * a + b + c + share * d
-        total += across * (1.0 - down if i == 0 else down if i == 3 else 1.0)
-        at += wide
+        a, b = pixels[first], pixels[first + np.uint64(1)]
+        c, d = pixels[first + np.uint64(2)], pixels[first + np.uint64(3)]
+        across = (1.0 - right_weight) * a + b + c + right_weight * d
+        total += across * (1.0 - down_weight if i == 0 else down_weight if i == 3 else 1.0)
+        first += wide
     return float(total / 9.0)
 
 
 @njit(cache=True)
-def _at_border(image: Float32, x: float, y: float) -> float:
+def _mean_at_border(image: Float32, x: float, y: float) -> float:
     """Return the same at a place near the border, from the four means."""
     height, width = image.shape
     left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
-    share, down = x - left, y - top
+    right_weight, down_weight = x - left, y - top
     right, below = min(left + 1, width - 1), min(top + 1, height - 1)
-    above = (1.0 - share) * _around(image, top, left) + share * _around(image, top, right)
-    under = (1.0 - share) * _around(image, below, left) + share * _around(image, below, right)
-    return float((1.0 - down) * above + down * under)
+    above = (1.0 - right_weight) * _mean_around(image, top, left) + right_weight * _mean_around(image, top, right)
+    under = (1.0 - right_weight) * _mean_around(image, below, left) + right_weight * _mean_around(image, below, right)
+    return float((1.0 - down_weight) * above + down_weight * under)
 
 
 @njit(cache=True)
-def _around(image: Float32, row: int, column: int) -> float:
+def _mean_around(image: Float32, row: int, column: int) -> float:
     """Return the mean of a pixel and its eight neighbours; beyond the border the image is mirrored."""
     height, width = image.shape
     total = 0.0
     if 0 < row < height - 1 and 0 < column < width - 1:
-        at = np.uint64(column - 1)
+        first = np.uint64(column - 1)
         for i in range(row - 1, row + 2):
             line = image[np.uint64(i)]
-            total += line[at] + line[at + np.uint64(1)] + line[at + np.uint64(2)]
+            total += line[first] + line[first + np.uint64(1)] + line[first + np.uint64(2)]
         return float(total / 9.0)
     for i in range(row - 1, row + 2):
         line = image[min(abs(i), 2 * (height - 1) - abs(i)) if height > 1 else 0]

@@ -1,7 +1,7 @@
-"""Compiled counts over all values of an image, in one pass.
+"""Counts over all values of an image, in one pass.
 
-Numbers of single precision are read as the whole numbers that their bits are: those of positive numbers are in the same
-order, infinity is 0x7F800000, and what lies above is NaN. Whole numbers are compared several at a time.
+Numbers of single precision are read as the integers that their bits are: those of positive numbers are in the same
+order, infinity is 0x7F800000, and what lies above is NaN. Integers are compared several at a time.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ def bits_of(values: NDArray[Any]) -> Bits:
 
 
 def is_of_one_code(image: NDArray[np.uint8]) -> bool:
-    """Return whether there are values (H, W, C), and all are one; most images say no in their first row."""
+    """Return whether there are values (H, W, C), and all are the same; most images differ in their first row."""
     if not image.size:
         return False
     first = image.flat[0]
@@ -56,8 +56,8 @@ def count_not_finite(values: NDArray[np.float32], most: float = inf) -> tuple[in
         words = words.view()
         words.flags.writeable = False  # as decoded images are: compiled once
         above = int(_SIGN) - int(most_bits)
-        nan, others = _count_nan(words, np.uint64(above << 32 | above))
-        if not others:  # as a rule
+        nan, any_beyond = _count_nan(words, np.uint64(above << 32 | above))
+        if not any_beyond:  # as a rule
             return int(nan), 0, 0
     nan, infinite, beyond = _count_not_finite(bits, most_bits)
     return int(nan), int(infinite), int(beyond)
@@ -82,11 +82,11 @@ def positive_extremes(
     for i, (low, high) in enumerate(near):
         ends[i] = bits_of(np.array([low, high]))
     flat = bits_of(values).ravel()
-    least, most, found = _positive_extremes(flat, *ends.ravel())
+    least, most, within = _positive_extremes(flat, *ends.ravel())
     if most == 0:
         return None
     low, high = np.array([least, most], np.int32).view(np.float32).tolist()
-    return low, high, found.view(np.float32)
+    return low, high, within.view(np.float32)
 
 
 @njit(cache=True)
@@ -105,18 +105,18 @@ def _count_codes(rgb: NDArray[np.uint8], every_px: int, counts: NDArray[np.int64
 
 @njit(cache=True)
 def _count_nan(words: Words, to_most: np.uint64) -> tuple[int, bool]:
-    """Count the vectors of two numbers (n,) of which any is NaN; return whether others are beyond a bound as well.
+    """Count the vectors of two numbers (n,) of which any is NaN; return whether any is beyond a bound as well.
 
-    Both numbers of a word are looked at in one: what is added to their bits lifts those above a bound, and no others,
-    to the bit of the sign, and no further. So a processor looks at eight numbers in the time of four.
+    Both numbers of a word are compared in one step: what is added to their bits lifts those above a bound, and none
+    below it, to the bit of the sign, and no further. So eight numbers are compared in the time of four.
     """
-    nan, others = np.uint64(0), np.uint64(0)
+    nan, beyond = np.uint64(0), np.uint64(0)
     for i in range(len(words)):
         sizes = words[i] & _SIGNS
         are_nan, are_beyond = ((sizes + _TO_NAN) >> _SIGN_AT) & _ONES, ((sizes + to_most) >> _SIGN_AT) & _ONES
         nan += (are_nan | (are_nan >> _HALF)) & np.uint64(1)
-        others |= are_nan ^ are_beyond
-    return int(nan), others != 0
+        beyond |= are_nan ^ are_beyond
+    return int(nan), beyond != 0
 
 
 @njit(cache=True)
@@ -145,26 +145,26 @@ def _positive_extremes(
 ) -> tuple[np.int32, np.int32, Bits]:
     """Return the extremes, and what lies between ``low`` and ``high``, or ``low_too`` and ``high_too``, both included.
 
-    Stretches whose own extremes reach neither range are not looked at for that.
+    Blocks whose own extremes reach neither range are not searched for that.
     """
     least, most = _INFINITY, np.int32(0)
-    found, m = np.empty(0, np.int32), 0
+    within, count = np.empty(0, np.int32), 0
     for start in range(0, len(bits), 4096):
-        some = bits[start : start + 4096]
+        block = bits[start : start + 4096]
         nearest, farthest = _INFINITY, np.int32(0)
-        for i in range(len(some)):
-            value = some[i]
+        for i in range(len(block)):
+            value = block[i]
             valid = (value > 0) & (value < _INFINITY)
             nearest = min(nearest, value if valid else _INFINITY)
             farthest = max(farthest, value if valid else np.int32(0))
         least, most = min(least, nearest), max(most, farthest)
         if (nearest <= high and low <= farthest) or (nearest <= high_too and low_too <= farthest):
-            if len(found) < m + len(some):
-                longer = np.empty(2 * m + len(some), np.int32)
-                longer[:m] = found[:m]
-                found = longer
-            for i in range(len(some)):
-                value = some[i]
-                found[m] = value
-                m += ((low <= value) & (value <= high)) | ((low_too <= value) & (value <= high_too))
-    return least, most, found[:m]
+            if len(within) < count + len(block):
+                longer = np.empty(2 * count + len(block), np.int32)
+                longer[:count] = within[:count]
+                within = longer
+            for i in range(len(block)):  # written without a branch: the next value overwrites one out of range
+                value = block[i]
+                within[count] = value
+                count += ((low <= value) & (value <= high)) | ((low_too <= value) & (value <= high_too))
+    return least, most, within[:count]
