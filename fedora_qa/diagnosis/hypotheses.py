@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+from fedora_qa.diagnosis import flow_events, flow_photometric
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -11,7 +12,12 @@ from fedora_qa.sequence.facts import Facts
 Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 """Gives the hypotheses for an alarm of one check, best supported first."""
 
-PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({})
+PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType(
+    {
+        "flow_photometric.residual": flow_photometric.propose_residual,
+        "flow_events.sharpness": flow_events.propose_sharpness,
+    }
+)
 """By the name of the check."""
 
 

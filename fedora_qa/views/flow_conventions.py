@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import MM_PER_M, R_BODY_OPTICAL
 from fedora_qa.estimators.flow.motion_fit import FlowSample, fit_motion, weigh_templates
+from fedora_qa.features import Feature
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import depths_by_flow, rigid_flow
 from fedora_qa.geometry.so3 import compose, log
@@ -33,6 +34,31 @@ _FREE: Final = 0.8
 _MS_PER_NS: Final = 1e-6
 _NEIGHBOURS: Final = (-2, -1, 1, 2)
 _NEARBY: Final = (-1, 1, -2, 2, -3, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class ConventionTrial(Feature):
+    """An inverse transform of the data, tried on one field that is off.
+
+    Attributes
+    ----------
+    rate
+        The rate of the field that it was tried on, or what else the trial was made on as a whole (``flow``, ``depth``).
+    transform
+        What was done to the data: "mirrored", "transposed_axes", ...
+    stream
+        The stream that was transformed.
+    removed_share
+        Share of the field's deviation that the transform removes, 0 (none) to 1 (all).
+    magnitude
+        Size of the fault that the transform would undo, in the unit of that fault; None where it has no size.
+    """
+
+    rate: str
+    transform: str
+    stream: str
+    removed_share: float
+    magnitude: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ import pytest
 from fedora_qa.checks.flow_geometry.endpoint import FlowGeometryEndpoint
 from fedora_qa.checks.flow_rates.composition import FlowRatesComposition
 from fedora_qa.checks.protocol import Check
+from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.sequence.declared import PoseModel
 from tests.support.flow_world import HEIGHT, WIDTH, FlowWorld, judged, make_world
 
@@ -55,28 +56,32 @@ NOISY_TOO = ("sign", "gain", "interval, the first field kept")
     ("name", "noisy"), [*((name, False) for name in FAULTS), *((name, True) for name in NOISY_TOO)]
 )
 def test_part_is_held_against_depth_and_pose(name: str, noisy: bool) -> None:
-    """The first suspect of the endpoint error is what was done to a quarter of the image."""
+    """The first hypothesis for the endpoint error is what was done to a quarter of the image."""
     change, cause = FAULTS[name]
-    result = judged(FlowGeometryEndpoint(), in_a_quarter(change, noisy), tile_share=0.25)
-    first = next(alarm.statistic.suspects[0] for alarm in result.alarms if alarm.finding.code.endswith("worst_pixel"))
+    world = in_a_quarter(change, noisy)
+    result = judged(FlowGeometryEndpoint(), world, tile_share=0.25)
+    alarm = next(alarm for alarm in result.alarms if alarm.finding.code.endswith("worst_pixel"))
+    first = hypotheses_of(alarm, world.facts)[0]
     assert (first.cause, first.stream) == (cause, "flow")
 
 
 @pytest.mark.parametrize("check", [FlowGeometryEndpoint(), FlowRatesComposition()], ids=["geometry", "rates"])
 def test_part_of_one_rate_is_named(check: Check[object]) -> None:
     """Backward flow in a quarter of one rate: that rate is suspected by either check."""
-    result = judged(check, in_a_quarter(lambda flow: -flow, only="flow/25hz", rates_hz=(25, 50)), tile_share=0.25)
+    world = in_a_quarter(lambda flow: -flow, only="flow/25hz", rates_hz=(25, 50))
+    result = judged(check, world, tile_share=0.25)
     named = {
-        s.stream
+        hypothesis.stream
         for alarm in result.alarms
-        for s in alarm.statistic.suspects
-        if s.cause == "flow_sign" and s.weight > 0.3
+        for hypothesis in hypotheses_of(alarm, world.facts)
+        if hypothesis.cause == "flow_sign" and hypothesis.support > 0.3
     }
     assert "flow/25hz" in named
 
 
 def test_pose_is_not_blamed_for_a_part() -> None:
     """A constant beside the flow of a quarter looks like a turned camera there; what spoils all is not named."""
-    result = judged(FlowGeometryEndpoint(), in_a_quarter(lambda flow: flow + np.float32(0.05)), tile_share=0.25)
-    streams = {suspect.stream for alarm in result.alarms for suspect in alarm.statistic.suspects}
+    world = in_a_quarter(lambda flow: flow + np.float32(0.05))
+    result = judged(FlowGeometryEndpoint(), world, tile_share=0.25)
+    streams = {hypothesis.stream for alarm in result.alarms for hypothesis in hypotheses_of(alarm, world.facts)}
     assert streams <= {"flow", "flow/25hz", "depth"}

@@ -1,0 +1,138 @@
+"""What the hypotheses of all checks of flow have in common: inverse transforms, gains that have a name, and ranks."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.causes import CAUSES
+from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.support import support
+from fedora_qa.views.flow_conventions import ConventionTrial
+
+_LEAST_SUPPORT: Final = 0.3
+"""Causes that remove less than this share of the deviation are not named."""
+
+_COMPARABLE: Final = 0.6
+"""Causes that explain less than this share of what the best one does are not rivals."""
+
+_MOST_HYPOTHESES: Final = 6
+
+CAUSES_OF_TRANSFORM: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType({
+    "negated": ("flow_sign",),
+    "transposed_axes": ("axes_swapped",),
+    "flipped_v": ("frame_convention",),
+    "north_east_down": ("frame_convention",),
+    "other_mounting": ("frame_convention",),
+    "rescaled_by_interval": ("flow_unit",),
+    "rescaled_by_size": ("flow_unit",),
+    "scaled": ("flow_gain",),
+    "shifted_pixels": ("spatial_offset",),
+    "neighbouring_interval": ("flow_interval_shifted", "swapped_frames"),
+    "neighbouring_frame": ("swapped_frames",),
+    "delayed": ("time_offset",),
+    "field_of_another_rate": ("flow_rate_mixed",),
+    "repeated_field": ("frozen_frames",),
+    "ray_lengths": ("depth_ray_not_z",),
+    "metric_unit": ("unit_mm_m",),
+    "triangulated_depth": ("other_sequence",),
+    "conjugated_quaternion": ("quaternion_inverted",),
+    "reordered_quaternion": ("quaternion_order",),
+})  # fmt: skip
+"""Causes that a transform of the data would undo. A transform without a row has the name of its cause ("mirrored")."""
+
+_SUPPORT_OF_TRANSFORM: Final = MappingProxyType({"triangulated_depth": support("flow.triangulated_depth")})
+"""What the removed share is multiplied by; 1 for transforms without a row."""
+
+_UNSIGNED: Final = ("swapped_frames",)
+"""Causes whose size is a distance, of whichever direction the transform is."""
+
+_SINGLE_FRAME_CAUSES: Final = ("swapped_frames", "frozen_frames", "dropped_samples", "teleport")
+"""Faults of single frames: they spoil some fields, the others all, or all from some time on."""
+
+_MOST: Final = 0.5
+_FEW: Final = 0.25
+"""Shares of fields that are off above which single frames, and below which the other faults, are less likely."""
+
+
+def _displacements() -> tuple[tuple[str, str, float], ...]:
+    weight = support("flow.displacement")
+    of_depth = ("mirrored", "spatial_offset", "frozen_frames", "swapped_frames", "time_offset", "other_sequence")
+    of_flow = ("flow_interval_shifted", "flow_rate_mixed", "mirrored", "spatial_offset", "frozen_frames",
+               "swapped_frames", "time_offset", "other_sequence")  # fmt: skip
+    return (*((cause, "flow", weight) for cause in of_flow), *((cause, "depth", weight) for cause in of_depth))
+
+
+DISPLACEMENTS: Final = _displacements()
+"""Causes that put flow and depth out of register: cause, stream, and a support that joins them to stronger evidence."""
+
+
+def spreads_over(stream: str, off: Mapping[str, bool]) -> str:
+    """Return ``flow`` where every rate is off, otherwise the one rate: all rates off alike are one fault."""
+    return "flow" if all(off.values()) else stream
+
+
+def convention_hypotheses(
+    rate: str, trials: Sequence[ConventionTrial], flow: str, *, share_off: float
+) -> list[Hypothesis]:
+    """Average the removed shares of each inverse transform over the fields of one rate that it was tried on.
+
+    Parameters
+    ----------
+    rate
+        Only trials of this rate count.
+    flow
+        The stream to name in place of ``flow``: all rates or one.
+    share_off
+        Share of fields that are off. Where these are most, faults of single frames lose half of their support; where
+        they are few, the other faults do.
+    """
+    by_cause: dict[tuple[str, str], list[ConventionTrial]] = {}
+    for trial in trials:
+        if trial.rate == rate:
+            for cause in CAUSES_OF_TRANSFORM.get(trial.transform, (trial.transform,)):
+                by_cause.setdefault((cause, trial.stream), []).append(trial)
+    hypotheses = []
+    for (cause, stream), group in by_cause.items():
+        supports = [_SUPPORT_OF_TRANSFORM.get(trial.transform, 1.0) * trial.removed_share for trial in group]
+        mean_support = float(np.mean(supports))
+        # One wrong frame cannot spoil most fields, and a fault of all fields does not spare most.
+        unlikely = share_off > _MOST if cause in _SINGLE_FRAME_CAUSES else share_off < _FEW
+        mean_support *= support("flow.unlikely_extent") if unlikely else 1.0
+        magnitude = max(zip(supports, group, strict=True), key=lambda pair: pair[0])[1].magnitude
+        if magnitude is not None and cause in _UNSIGNED:
+            magnitude = abs(magnitude)
+        unit = "" if magnitude is None else CAUSES[cause].unit
+        hypotheses.append(Hypothesis(cause, flow if stream == "flow" else stream, mean_support, magnitude, unit))
+    return hypotheses
+
+
+def gain_hypothesis(
+    flow: str, gain: float, error: float | None, removed_share: float, seconds: float, tolerance: float
+) -> Hypothesis:
+    """Name a gain: minus two is a sign, the reciprocal of the interval or the interval itself is another unit.
+
+    ``gain`` and its ``error`` are shares (0.1 for 10% too large), ``seconds`` is the length of the interval; a gain
+    within the relative ``tolerance`` of a name has that name. ``removed_share`` becomes the support.
+    """
+    factor = 1 + gain
+    if abs(factor + 1) < tolerance:
+        return Hypothesis("flow_sign", flow, removed_share)
+    for unit_factor in (seconds, 1 / seconds) if seconds > 0 else ():
+        if abs(factor / unit_factor - 1) < tolerance:
+            return Hypothesis("flow_unit", flow, removed_share, unit_factor, "1")
+    return Hypothesis("flow_gain", flow, removed_share, 100 * gain, "percent", None if error is None else 100 * error)
+
+
+def most_probable(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses that explain enough, most probable first."""
+    best = max((hypothesis.support for hypothesis in hypotheses), default=0.0)
+    enough = [hypothesis for hypothesis in hypotheses if hypothesis.support >= max(_LEAST_SUPPORT, _COMPARABLE * best)]
+    return tuple(sorted(enough, key=lambda hypothesis: -hypothesis.support)[:_MOST_HYPOTHESES])
+
+
+def weakened(hypotheses: Iterable[Hypothesis], factor: float) -> list[Hypothesis]:
+    """Return the hypotheses with less support."""
+    return [replace(hypothesis, support=factor * hypothesis.support) for hypothesis in hypotheses]
