@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.diagnosis import alignment, depth
+from fedora_qa.diagnosis import flow_events, flow_photometric
 from fedora_qa.diagnosis import images
 from fedora_qa.diagnosis.flow_geometry.endpoint import propose_endpoint
 from fedora_qa.diagnosis.flow_geometry.validity import propose_validity
@@ -19,6 +20,7 @@ Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
     "alignment.depth": alignment.propose_depth,
     "alignment.events": alignment.propose_events,
+    "flow_photometric.residual": flow_photometric.propose_residual,
     "flow_geometry.endpoint": propose_endpoint,
     "flow_geometry.validity": propose_validity,
     "flow_rates.composition": propose_composition,
@@ -26,6 +28,10 @@ PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
     "depth.consistency": depth.propose_consistency,
     "depth.scale": depth.propose_scale,
     "depth.projection": depth.propose_projection,
+    "images.repeats": images.propose_repeats,
+    "images.order": images.propose_order,
+    "images.exposure": images.propose_exposure,
+    "flow_events.sharpness": flow_events.propose_sharpness,
 })  # fmt: skip
 """By the name of the check."""
 

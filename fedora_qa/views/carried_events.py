@@ -46,8 +46,16 @@ to 13% larger; with 4,000 those of rivals would be 24%, and exchanged axes were 
 
 FEWEST_EVENTS: Final = 500
 
-RIVALS: Final = ("flow_sign", "axes_swapped", "frame_convention", "flow_unit", "flow_unit", "mirrored", "mirrored")
-"""What the field might be instead: backwards, (v, u), v upwards, px/s, px s, mirrored in columns, mirrored in rows."""
+TRANSFORMS: Final = (
+    "negated",
+    "transposed_axes",
+    "flipped_v",
+    "times_interval",
+    "divided_by_interval",
+    "mirrored_columns",
+    "mirrored_rows",
+)
+"""What is done to a field to compare it with the one that is stored; the first five keep the place of its values."""
 
 _UNIT: Final = np.eye(2)
 
@@ -60,8 +68,8 @@ class FieldSharpness:
     ----------
     sharpness
         (1 + gains,): not carried at all, and by the field times each of ``GAINS``.
-    rivals
-        (rivals, 2): by the field, and by each of ``RIVALS``, of events that have a flow in both.
+    transformed
+        (transforms, 2): by the field, and by each of ``TRANSFORMS``, of events that have a flow in both.
     carried
         Events that were carried.
     way_px
@@ -72,7 +80,7 @@ class FieldSharpness:
 
     interval: Interval
     sharpness: Float64
-    rivals: Float64
+    transformed: Float64
     carried: int
     way_px: float
     way_rad: float
@@ -134,9 +142,11 @@ def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpne
     placed, flow = placed.chosen(as_stored.carried), flow.chosen(as_stored.carried)
     mirrored = (view.mirrored(seen, axis, stored.shape).at(placed) for axis in range(2))
     pairs = [sharpness_under(placed, [(flow, [_UNIT]), (other, [_UNIT])]).sharpness for other in mirrored]
-    rivals = np.array([*((own, one) for one in turned), *pairs])
+    transformed = np.array([*((own, sharpness) for sharpness in turned), *pairs])
     way_rad = as_stored.way_px / _RMS_OF_TIME / focal_px
-    return FieldSharpness(interval, as_stored.sharpness[: 1 + len(GAINS)], rivals, count, as_stored.way_px, way_rad)
+    return FieldSharpness(
+        interval, as_stored.sharpness[: 1 + len(GAINS)], transformed, count, as_stored.way_px, way_rad
+    )
 
 
 def _around(events: Events, interval: Interval, half_ns: int) -> slice:
@@ -171,7 +181,7 @@ _FOR_SPEED: Final = 5_000
 
 
 def _turns(seconds: float) -> tuple[Float64, ...]:
-    """Return the matrices of the rivals that keep their place, as in ``RIVALS``."""
+    """Return the matrices of the transforms that keep the place of values, as in ``TRANSFORMS``."""
     return -_UNIT, _UNIT[::-1], np.diag([1.0, -1.0]), seconds * _UNIT, _UNIT / seconds
 
 

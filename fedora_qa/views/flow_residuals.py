@@ -60,7 +60,7 @@ _EVERY_PX: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Tiles:
+class FieldTiles:
     """Tiles of one field: origins (n, 2), flow patches (n, 36, 36, 2), finite; and the pixels to use.
 
     ``noise_dn2`` (n,) is the variance of noise that the frames' pixels may hold, texture of one pixel's size included.
@@ -73,7 +73,7 @@ class Tiles:
     noise_dn2: Float64
     by_depth: bool
 
-    def read(self, frames: FramePair, extra_px: Float64 | None = None) -> TileResiduals:
+    def residuals(self, frames: FramePair, extra_px: Float64 | None = None) -> TileResiduals:
         """Warp the second frame back by the flow, less ``extra_px`` (n, 2), and estimate what is left."""
         less_px = np.zeros(self.origins.shape) if extra_px is None else extra_px
         warped = frames.second(*places_of(self.flow_px, self.origins, HALO_PX, less_px.astype(np.float32)))
@@ -81,9 +81,11 @@ class Tiles:
         noisier = self.noise_dn2 / LUMA_ROUNDING_VARIANCE_DN2
         return replace(found, noise_covariances_px2=found.noise_covariances_px2 * noisier[:, None, None])
 
-    def chosen(self, mask: Mask) -> "Tiles":
+    def chosen(self, mask: Mask) -> "FieldTiles":
         """Return some of the tiles, (n,) True for each."""
-        return Tiles(self.origins[mask], self.flow_px[mask], self.usable[mask], self.noise_dn2[mask], self.by_depth)
+        return FieldTiles(
+            self.origins[mask], self.flow_px[mask], self.usable[mask], self.noise_dn2[mask], self.by_depth
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +133,7 @@ class FieldResidual:
         return self.unmatched / self.textured if self.textured else 0.0
 
 
-def sample_tiles(frames: FramePair, interval: Interval, share: float) -> Tiles | None:
+def sample_tiles(frames: FramePair, interval: Interval, share: float) -> FieldTiles | None:
     """Choose tiles of a field and the pixels of them that may be compared; None where the image has no tile."""
     stored = frames.window.flow_px(interval.stream, interval.row)
     origins = _sampled(stored, interval, share)
@@ -150,9 +152,9 @@ def _sampled(stored: Float32, interval: Interval, share: float) -> Int64:
     return grid.sample(share, rate_hz, interval.row)
 
 
-def _tiles_at(frames: FramePair, stored: Float32, origins: Int64, shown: Mask, *, by_depth: bool) -> Tiles:
+def _tiles_at(frames: FramePair, stored: Float32, origins: Int64, shown: Mask, *, by_depth: bool) -> FieldTiles:
     flow_px, known = known_patches(stored, origins, TILE_PX, HALO_PX, LARGEST_FLOW_PX)
-    return Tiles(origins, flow_px, known & shown, frames.noise_variances_dn2(origins), by_depth)
+    return FieldTiles(origins, flow_px, known & shown, frames.noise_variances_dn2(origins), by_depth)
 
 
 def textured(residuals: TileResiduals) -> Mask:
@@ -178,13 +180,13 @@ def measure_field(frames: FramePair, interval: Interval, share: float) -> FieldR
     if not enough.any():
         return FieldResidual(interval, frames.before, len(origins), textured=0, unmatched=0)
     tiles = _tiles_at(frames, stored, origins[enough], shown[enough], by_depth=by_depth)
-    residuals = tiles.read(frames)
+    residuals = tiles.residuals(frames)
     can_tell = textured(residuals)
     matched = can_tell & (residuals.unexplained < UNMATCHED)
     errors_px, covariances_px2 = residuals.flow_errors_px, residuals.covariances_px2
     far = matched & (np.abs(errors_px).max(axis=1) > _SECOND_STEP_PX)
     if far.any():
-        again = tiles.read(frames, np.where(far[:, None], errors_px, 0.0))
+        again = tiles.residuals(frames, np.where(far[:, None], errors_px, 0.0))
         better = far & (again.unexplained < residuals.unexplained)
         errors_px = errors_px + np.where(better[:, None], again.flow_errors_px, 0.0)
         covariances_px2 = np.where(better[:, None, None], again.covariances_px2, covariances_px2)

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.checks.flow_photometric.residual import FlowPhotometricResidual
+from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.judgement.judge import Judged
 from tests.support.flow_world import (
     HEIGHT,
@@ -30,9 +31,10 @@ def clean() -> FlowWorld:
 
 
 def causes(result: Judged) -> set[tuple[str, str]]:
-    """The first suspect of every alarm."""
+    """The first hypothesis for every alarm."""
     assert result.result.outcome == "failed"
-    return {(alarm.statistic.suspects[0].cause, alarm.statistic.suspects[0].stream) for alarm in result.alarms}
+    first = [hypotheses_of(alarm, clean().facts)[0] for alarm in result.alarms]
+    return {(hypothesis.cause, hypothesis.stream) for hypothesis in first}
 
 
 def value_of(result: Judged, name: str) -> float:
@@ -104,10 +106,13 @@ def test_frames_out_of_step_are_named() -> None:
     late = with_rgb(clean(), np.concatenate([rgb[:1], rgb[:-1]]))
     result = judged(FlowPhotometricResidual(), late)
     assert ("time_offset", "rgb") in causes(result)
-    suspects = [
-        s for alarm in result.alarms for s in alarm.statistic.suspects if s.cause == "time_offset" and s.magnitude
+    delays = [
+        hypothesis
+        for alarm in result.alarms
+        for hypothesis in hypotheses_of(alarm, clean().facts)
+        if hypothesis.cause == "time_offset" and hypothesis.magnitude
     ]
-    assert suspects[0].magnitude == pytest.approx(20.0)
+    assert delays[0].magnitude == pytest.approx(20.0)
 
 
 def test_swapped_frames_are_placed() -> None:

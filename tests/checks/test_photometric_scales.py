@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fedora_qa.checks.flow_photometric.photometric_rates import estimate_rate, scales_of
+from fedora_qa.checks.flow_photometric.rate_statistics import fit_fields, scales_of
 from fedora_qa.estimators.fitting.few_groups import student_factor
 from fedora_qa.estimators.flow.field_fit import fit_field, templates_of_flow
 from fedora_qa.views.flow_intervals import Interval
@@ -33,8 +33,8 @@ def test_a_field_of_motion_among_equal_frames_keeps_its_error() -> None:
     scales = scales_of([still[0], moving, still[1]])
     assert scales[0] == scales[2] < 1e-4
     assert scales[1] == pytest.approx(student_factor(moving.freedom) * np.sqrt(moving.spread))
-    rate = estimate_rate([still[0], moving, still[1]])
-    alone = estimate_rate([moving])
+    rate = fit_fields([still[0], moving, still[1]])
+    alone = fit_fields([moving])
     assert rate is not None
     assert alone is not None
     assert rate.gain.errors[0] == pytest.approx(alone.gain.errors[0], rel=0.05)

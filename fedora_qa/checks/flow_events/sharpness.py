@@ -1,29 +1,29 @@
 """Flow against events: carried along the flow, the events of an edge meet in a line."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.flow.contrast import best_gain
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import why_not_one_view
-from fedora_qa.views.carried_events import RIVALS, FieldSharpness, measure_fields
+from fedora_qa.views.carried_events import TRANSFORMS, FieldSharpness, measure_fields
 from fedora_qa.views.flow_intervals import place
-from fedora_qa.views.flow_suspects import gain_suspect, spreads_over
 
 Float64 = NDArray[np.float64]
 
 FEWEST_FIELDS: Final = 4
 
 ADVANTAGE: Final = 0.2
-"""A rival that is less than a fifth sharper (in the logarithm) is not another flow: v upwards where all move sideways,
-or an even motion that fits a bent path a little better."""
+"""A transformed flow under which events are less than a fifth sharper (in the logarithm) is not another flow: v upwards
+where all move sideways, or an even motion that fits a bent path a little better."""
 
 PIXEL_VARIANCE_PX2: Final = 1 / 12
 """Where in its pixel an edge was when an event fired is not known: uniform, of this variance."""
@@ -32,25 +32,59 @@ BEND: Final = 2.0
 """Bound of the share by which a path bends, over the square of the angle that it turns by (4/3 at 30 degrees)."""
 
 _MOST_GROUPS: Final = 12
-_SURE: Final = 5.0
-_SAME_GAIN: Final = 0.1
-_TURNED: Final = slice(0, 5)
-"""Rivals that carry the same events as the field itself."""
+_SIGNIFICANT_SIGMAS: Final = 5.0
+_SAME_EVENTS: Final = slice(0, 5)
+"""Transforms that carry the same events as the field itself."""
+
+_WORDS: Final = (
+    "turned round",
+    "with its axes exchanged",
+    "with v upwards",
+    "times the interval (as if it were px/s)",
+    "divided by the interval (as if it were px s)",
+    "mirrored left to right",
+    "mirrored top to bottom",
+)
+"""The transforms in words, in the order of ``TRANSFORMS``."""
+
+
+@dataclass(frozen=True, slots=True)
+class SharpestFlow(Feature):
+    """The flow under which the events of one rate are sharpest.
+
+    Attributes
+    ----------
+    deviates_by_rate
+        Whether events of each rate that can be judged are sharper under another flow.
+    interval_s
+        Length of a field's interval.
+    gain
+        Of the stored flow on the one among its multiples under which events are sharpest.
+    transform
+        The one of ``TRANSFORMS`` under which events are sharpest.
+    """
+
+    rate: str
+    deviates_by_rate: Mapping[str, bool]
+    interval_s: float
+    gain: float
+    transform: str
 
 
 @dataclass(frozen=True, slots=True)
 class RateSharpness:
-    """What all fields of one rate tell, with standard errors: its gain, and how much sharper its best rival is.
+    """All fields of one rate together, with standard errors: gain, and how much sharper its best transform is.
 
     The advantage is the logarithm of the ratio. Its error is that of counting: a sum of squares of densities H of N
     events varies by 2 sqrt(<H^2>) / (sqrt(N) <H>), with densities that vary as an exponential 2 sqrt(2 / N); both
-    together, as if they were independent, 4 / sqrt(N).
+    together, as if they were independent, 4 / sqrt(N). ``transform`` is an index into ``TRANSFORMS``, ``sharpening``
+    the largest relative gain of sharpness over events that are not carried.
     """
 
     fields: tuple[FieldSharpness, ...]
     gain: float
     gain_error: float
-    rival: int
+    transform: int
     advantage: float
     advantage_error: float
     sharpening: float
@@ -58,26 +92,24 @@ class RateSharpness:
     @property
     def gain_model_error_bound(self) -> float:
         """Bound of what pixels and bent paths do to the gain (see ``Sharpness``)."""
-        way_px2, way_rad2 = (float(np.mean(np.square(ways))) for ways in zip(*self._ways(), strict=True))
+        way_px2 = float(np.mean(np.square([field.way_px for field in self.fields])))
+        way_rad2 = float(np.mean(np.square([field.way_rad for field in self.fields])))
         return PIXEL_VARIANCE_PX2 / max(way_px2, 1e-12) + BEND * way_rad2
 
     @property
-    def tells(self) -> bool:
+    def is_informative(self) -> bool:
         """Whether events become surely sharper, by the field or by what it might be."""
-        return self.sharpening > _SURE * self.advantage_error
+        return self.sharpening > _SIGNIFICANT_SIGMAS * self.advantage_error
 
     @property
-    def gain_is_off(self) -> bool:
-        """Whether the gain lies outside what an honest field gives, for naming only."""
-        return abs(self.gain - 1) > self.gain_model_error_bound + _SURE * self.gain_error
+    def gain_deviates(self) -> bool:
+        """Whether the gain lies outside what a correct field gives, for naming only."""
+        return abs(self.gain - 1) > self.gain_model_error_bound + _SIGNIFICANT_SIGMAS * self.gain_error
 
     @property
-    def rival_wins(self) -> bool:
-        """Whether a rival is sharper, for naming only."""
-        return self.advantage > ADVANTAGE + _SURE * self.advantage_error
-
-    def _ways(self) -> Iterable[tuple[float, float]]:
-        return ((one.way_px, one.way_rad) for one in self.fields)
+    def transform_is_sharper(self) -> bool:
+        """Whether events are sharper under a transform, for naming only."""
+        return self.advantage > ADVANTAGE + _SIGNIFICANT_SIGMAS * self.advantage_error
 
 
 class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
@@ -136,101 +168,97 @@ class FlowEventsSharpness(WindowCheck[tuple[FieldSharpness, ...]]):
         return measure_fields(window)
 
     def conclude(self, state: Sequence[tuple[FieldSharpness, ...]], facts: Facts) -> Observation:
-        """State gain and best rival of each rate."""
-        fields = [one for window in state for one in window]
+        """State gain and best transform of each rate."""
+        fields = [field for window in state for field in window]
         total = sum(facts.sizes.get(f"path/{stream}", 0) for stream in facts.flow_streams)
         coverage = Coverage(len(fields), total, "flow fields")
-        rates = {stream: [f for f in fields if f.interval.stream == stream] for stream in facts.flow_streams}
-        rates = {stream: of_rate for stream, of_rate in rates.items() if len(of_rate) >= FEWEST_FIELDS}
-        if not rates:
+        by_rate = {stream: [f for f in fields if f.interval.stream == stream] for stream in facts.flow_streams}
+        by_rate = {stream: of_rate for stream, of_rate in by_rate.items() if len(of_rate) >= FEWEST_FIELDS}
+        if not by_rate:
             return Observation(coverage, unobservable="fewer than four fields of any rate with enough events")
-        found = {stream: _estimate(of_rate) for stream, of_rate in rates.items()}
-        telling = {stream: one for stream, one in found.items() if one.tells}
-        if not telling:
-            best = max(one.sharpening for one in found.values())
+        rates = {stream: _estimate(of_rate) for stream, of_rate in by_rate.items()}
+        informative = {stream: rate for stream, rate in rates.items() if rate.is_informative}
+        if not informative:
+            best = max(rate.sharpening for rate in rates.values())
             return Observation(
                 coverage,
                 unobservable=f"events become sharper by {100 * best:.2g}% at most when they are carried by the flow "
                 "or by what it might be: edges cross too few pixels",
             )
-        off = {stream: _is_off(one, telling.values()) for stream, one in telling.items()}
-        measured = (self._state(stream, one, spreads_over(stream, off), facts) for stream, one in telling.items())
-        return Observation(coverage, tuple(one for of_rate in measured for one in of_rate))
+        # A rate deviates, too, where its gain is too uncertain for that and nearer to one that deviates than to 1.
+        deviating_gains = [rate.gain for rate in informative.values() if rate.gain_deviates]
+        deviates_by_rate = {
+            stream: rate.transform_is_sharper
+            or rate.gain_deviates
+            or any(abs(rate.gain - gain) < abs(rate.gain - 1) for gain in deviating_gains)
+            for stream, rate in informative.items()
+        }
+        statistics = [
+            statistic
+            for stream, rate in informative.items()
+            for statistic in self._statistics(stream, rate, deviates_by_rate, facts)
+        ]
+        return Observation(coverage, tuple(statistics))
 
-    def _state(self, stream: str, found: RateSharpness, flow: str, facts: Facts) -> tuple[Statistic, ...]:
+    def _statistics(
+        self, stream: str, sharpness: RateSharpness, deviates_by_rate: Mapping[str, bool], facts: Facts
+    ) -> tuple[Statistic, ...]:
         rate = stream.removeprefix("flow/")
-        where = place(facts, (found.fields[0].interval, found.fields[-1].interval))
-        cause = RIVALS[found.rival]
-        seconds = found.fields[0].interval.duration_s
-        size = {3: 1 / seconds, 4: seconds}.get(found.rival)
-        rival = Statistic(
+        where = place(facts, (sharpness.fields[0].interval, sharpness.fields[-1].interval))
+        interval_s = sharpness.fields[0].interval.duration_s
+        transform = TRANSFORMS[sharpness.transform]
+        features = (SharpestFlow(stream, deviates_by_rate, interval_s, sharpness.gain, transform),)
+        advantage = Statistic(
             name=f"advantage_of_another_{rate}",
-            value=found.advantage,
+            value=sharpness.advantage,
             unit="1",
-            standard_error=found.advantage_error,
+            standard_error=sharpness.advantage_error,
             model_error_bound=ADVANTAGE,
             side="upper",
-            tests=len(RIVALS),
-            statement=f"Events are {np.exp(found.advantage):.3g} times as sharp when the {rate} flow that carries them "
-            f"is taken {_WORDS[found.rival]}.",
+            tests=len(TRANSFORMS),
+            statement=f"Events are {np.exp(sharpness.advantage):.3g} times as sharp when the {rate} flow that carries "
+            f"them is taken {_WORDS[sharpness.transform]}.",
             code="flow_events.sharpness.other",
             where=where,
-            suspects=(Suspect(cause, flow, 0.9, size, "1" if size else ""),),
+            features=features,
         )
-        if found.rival_wins:
-            return (rival,)
-        error, model_error_bound = 100 * found.gain_error, 100 * found.gain_model_error_bound
+        # Where another flow is sharper, the gain of the stored one means nothing.
+        if sharpness.transform_is_sharper:
+            return (advantage,)
+        error_percent = 100 * sharpness.gain_error
         gain = Statistic(
             name=f"gain_{rate}",
-            value=100 * (found.gain - 1),
+            value=100 * (sharpness.gain - 1),
             unit="%",
-            standard_error=error,
-            model_error_bound=model_error_bound,
+            standard_error=error_percent,
+            model_error_bound=100 * sharpness.gain_model_error_bound,
             material=self._MATTERS_PERCENT,
-            statement=f"Events are sharpest when the {rate} flow is divided by {found.gain:.3g} "
-            f"+/- {0.01 * error:.2g}.",
+            statement=f"Events are sharpest when the {rate} flow is divided by {sharpness.gain:.3g} "
+            f"+/- {0.01 * error_percent:.2g}.",
             code="flow_events.sharpness.gain",
             where=where,
-            suspects=(
-                gain_suspect(flow, found.gain - 1, 0.01 * (error + model_error_bound), 0.8, seconds, _SAME_GAIN),
-                Suspect("intrinsics_focal", flow, 0.5),
-                Suspect("flow_rate_mixed", flow, 0.4),
-            ),
+            features=features,
         )
-        return gain, rival
-
-
-_WORDS: Final = (
-    "turned round",
-    "with its axes exchanged",
-    "with v upwards",
-    "times the interval (as if it were px/s)",
-    "divided by the interval (as if it were px s)",
-    "mirrored left to right",
-    "mirrored top to bottom",
-)
-"""The rivals in words, in the order of ``RIVALS``."""
-
-
-def _is_off(one: RateSharpness, all_rates: Iterable[RateSharpness]) -> bool:
-    """Whether a rate is off, or too uncertain for that and nearer to one that is off than to what is due."""
-    nearer = (abs(one.gain - other.gain) < abs(one.gain - 1) for other in all_rates if other.gain_is_off)
-    return one.rival_wins or one.gain_is_off or any(nearer)
+        return gain, advantage
 
 
 def _estimate(fields: Sequence[FieldSharpness]) -> RateSharpness:
-    curves, rivals = (np.array([getattr(one, name) for one in fields]) for name in ("sharpness", "rivals"))
-    total, of_rivals = curves.sum(axis=0), rivals.sum(axis=0)
-    rival = int(np.argmax(of_rivals[:, 1] / np.maximum(of_rivals[:, 0], 1e-300)))
-    groups = np.array_split(curves, min(len(fields), _MOST_GROUPS))
+    by_gain, by_transform = (
+        np.array([getattr(field, name) for field in fields]) for name in ("sharpness", "transformed")
+    )
+    total, of_transforms = by_gain.sum(axis=0), by_transform.sum(axis=0)
+    transform = int(np.argmax(of_transforms[:, 1] / np.maximum(of_transforms[:, 0], 1e-300)))
+    # Jackknife: the gain without each group of consecutive fields.
+    groups = np.array_split(by_gain, min(len(fields), _MOST_GROUPS))
     gains = np.array([1.0 / best_gain((total - group.sum(axis=0))[1:]) for group in groups])
-    sharpest = max(float(total[1:].max()), float(of_rivals[_TURNED, 1].max()))
+    sharpest = max(float(total[1:].max()), float(of_transforms[_SAME_EVENTS, 1].max()))
+    stored, best = of_transforms[transform]
     return RateSharpness(
         fields=tuple(fields),
         gain=1.0 / best_gain(total[1:]),
         gain_error=float(np.sqrt((len(groups) - 1) * gains.var())),
-        rival=rival,
-        advantage=float(np.log(np.maximum(of_rivals[rival, 1], 1e-300) / np.maximum(of_rivals[rival, 0], 1e-300))),
-        advantage_error=4.0 / sum(one.carried for one in fields) ** 0.5,
+        transform=transform,
+        advantage=float(np.log(np.maximum(best, 1e-300) / np.maximum(stored, 1e-300))),
+        advantage_error=4.0 / sum(field.carried for field in fields) ** 0.5,
         sharpening=sharpest / max(float(total[0]), 1e-300) - 1.0,
     )

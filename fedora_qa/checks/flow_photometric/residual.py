@@ -4,32 +4,45 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.flow_photometric.candidates import residual_maps, weigh_candidates
-from fedora_qa.checks.flow_photometric.photometric_measures import inferred_unit, is_off, place_measurements, suspicion
-from fedora_qa.checks.flow_photometric.photometric_rates import estimate_rate, rate_measurements
-from fedora_qa.checks.flow_photometric.photometric_suspects import photometric_suspects
+from fedora_qa.checks.flow_photometric.rate_statistics import (
+    SIGNIFICANT_SIGMAS,
+    UNMATCHED_SHARE,
+    deviates,
+    deviation_ratio,
+    fit_fields,
+    mean_statistics,
+    rate_features,
+    worst_statistics,
+)
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.estimators.flow.rate_fit import RateFit
+from fedora_qa.estimators.flow.tiles import TileGrid
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_conventions import ConventionTrial
-from fedora_qa.views.flow_intervals import owned_intervals
-from fedora_qa.views.flow_residuals import FEWEST_TILES, FieldResidual, measure_field
-from fedora_qa.views.warped_frames import frame_pair, optics_of
+from fedora_qa.views.flow_intervals import Interval, owned_intervals
+from fedora_qa.views.flow_residuals import FEWEST_TILES, FieldResidual, measure_field, sample_tiles, textured
+from fedora_qa.views.frame_conventions import try_transforms
+from fedora_qa.views.warped_frames import Optics, frame_pair, optics_of
 
-_CLOSER_LOOKS: Final = 8
+_MOST_FOLLOW_UPS: Final = 8
+
+_ANOTHER_UNIT: Final = 0.5
+"""Gains of less than half are no other unit."""
 
 
 @dataclass(frozen=True, slots=True)
 class WindowResiduals:
-    """The fields that a window owns, those without frames, and what a closer look showed."""
+    """The fields that a window owns, the number of those without frames, and the trials and maps of a follow-up."""
 
     window: int
     fields: tuple[FieldResidual, ...] = ()
     without_frames: int = 0
-    weighed: tuple[ConventionTrial, ...] = ()
+    trials: tuple[ConventionTrial, ...] = ()
     maps: Mapping[str, tuple[NDArray[Any], str]] = field(default_factory=dict)
 
 
@@ -74,7 +87,7 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
     -------
     B. D. Lucas, T. Kanade, IJCAI (1981) 674; S. Birchfield (1997) for the symmetric gradient; M. Unser, IEEE Signal
     Process. Mag. 16 (1999) 22 for the spline; J. Westerweel, Meas. Sci. Technol. 8 (1997) 1379 for peak locking; R.
-    T. Birge, Phys. Rev. 40 (1932) 207. Derivations: `estimators/flow/residual.py`, `flow_field_fit.py`.
+    T. Birge, Phys. Rev. 40 (1932) 207. Derivations: `estimators/flow/residual.py`, `field_fit.py`.
     """
 
     name = "flow_photometric.residual"
@@ -104,62 +117,109 @@ class FlowPhotometricResidual(WindowCheck[WindowResiduals]):
 
     def follow_up_windows(self, state: list[WindowResiduals], facts: Facts) -> tuple[int, ...]:
         """Ask for the windows of the worst fields, the worst first."""
-        worst = sorted((-max((suspicion(one) for one in w.fields), default=0.0), w.window) for w in state)
-        return tuple(window for suspicion, window in worst[:_CLOSER_LOOKS] if suspicion < -1)
+        worst = sorted((-max(map(deviation_ratio, w.fields), default=0.0), w.window) for w in state)
+        return tuple(window for negative_ratio, window in worst[:_MOST_FOLLOW_UPS] if negative_ratio < -1)
 
     def follow_up(self, state: list[WindowResiduals], window: Window) -> None:
-        """Try inverse transforms on the window's worst field of each rate, and draw the worst of all."""
+        """Try inverse transforms on the window's worst field of each rate, and map the worst of all."""
         optics = optics_of(window.facts)
-        fields = [one for w in state if w.window == window.span.index for one in w.fields]
-        off = sorted((one for one in fields if suspicion(one) > 1), key=suspicion, reverse=True)
-        if isinstance(optics, str) or not off:
+        fields = [residual for w in state if w.window == window.span.index for residual in w.fields]
+        deviating = sorted(
+            (residual for residual in fields if deviation_ratio(residual) > 1), key=deviation_ratio, reverse=True
+        )
+        if isinstance(optics, str) or not deviating:
             return
-        weighed: list[ConventionTrial] = []
+        trials: list[ConventionTrial] = []
         for stream in window.facts.flow_streams:
-            of_stream = [one for one in off if one.interval.stream == stream]
+            of_stream = [residual for residual in deviating if residual.interval.stream == stream]
             if of_stream:
-                weighed += weigh_candidates(window, optics, of_stream[0].interval)
-        maps = residual_maps(window, optics, off[0].interval)
-        state.append(WindowResiduals(window.span.index, weighed=tuple(weighed), maps=maps))
+                trials += try_transforms(window, optics, of_stream[0].interval)
+        maps = _residual_maps(window, optics, deviating[0].interval)
+        state.append(WindowResiduals(window.span.index, trials=tuple(trials), maps=maps))
 
     def conclude(self, state: Sequence[WindowResiduals], facts: Facts) -> Observation:
         """State the residual flow of each rate."""
-        fields = [one for w in state for one in w.fields]
-        fields.sort(key=lambda one: (one.interval.stream, one.interval.row))
+        fields = [residual for w in state for residual in w.fields]
+        fields.sort(key=lambda residual: (residual.interval.stream, residual.interval.row))
         total = sum(facts.sizes.get(f"path/{stream}", 0) for stream in facts.flow_streams)
         coverage = Coverage(len(fields), total, "flow fields")
-        can_tell = [one for one in fields if one.textured >= FEWEST_TILES]
-        telling = {stream: [f for f in can_tell if f.interval.stream == stream] for stream in facts.flow_streams}
-        telling = {stream: group for stream, group in telling.items() if group}
-        if not telling:
+        informative = [residual for residual in fields if residual.textured >= FEWEST_TILES]
+        by_rate = {
+            stream: [residual for residual in informative if residual.interval.stream == stream]
+            for stream in facts.flow_streams
+        }
+        by_rate = {stream: of_rate for stream, of_rate in by_rate.items() if of_rate}
+        if not by_rate:
             return Observation(coverage, unobservable=_why_none(state, fields))
-        weighed = [one for w in state for one in w.weighed]
-        rates = {stream: estimate_rate(group) for stream, group in telling.items()}
-        off = {stream: is_off(rates[stream], group) for stream, group in telling.items()}
-        measurements: list[Statistic] = []
-        for stream, group in telling.items():
-            fields_off = [one for one in group if suspicion(one) > 1]
-            suspects = photometric_suspects(stream, group, weighed, off, fields_off, facts.declared.pose)
-            measurements += rate_measurements(stream, group, rates[stream], facts, suspects)
-            measurements += place_measurements(stream, group, facts, suspects)
+        trials = [trial for w in state for trial in w.trials]
+        rates = {stream: fit_fields(of_rate) for stream, of_rate in by_rate.items()}
+        deviates_by_rate = {stream: deviates(rates[stream], of_rate) for stream, of_rate in by_rate.items()}
+        statistics: list[Statistic] = []
+        for stream, of_rate in by_rate.items():
+            of_trials = tuple(trial for trial in trials if trial.rate == stream)
+            features = (*rate_features(stream, of_rate, deviates_by_rate), *of_trials)
+            statistics += mean_statistics(stream, of_rate, rates[stream], facts, features)
+            statistics += worst_statistics(stream, of_rate, facts, features)
         maps = next((w.maps for w in state if w.maps), {})
+        # The unit is known where all rates that determine one agree.
+        units = {_inferred_unit(stream, rates[stream], of_rate, trials) for stream, of_rate in by_rate.items()} - {None}
         return Observation(
             coverage,
-            tuple(measurements),
+            tuple(statistics),
             evidence={name: values for name, (values, _) in maps.items()},
             titles={name: title for name, (_, title) in maps.items()},
-            inferred={"flow_unit": inferred_unit(rates, telling, weighed)},
+            inferred={"flow_unit": units.pop() or "unknown" if len(units) == 1 else "unknown"},
         )
 
 
+def _inferred_unit(
+    stream: str, rate: RateFit | None, fields: Sequence[FieldResidual], trials: Sequence[ConventionTrial]
+) -> str | None:
+    """Return the unit that the frames give one rate: px, px/s, px s, unknown; None where its gain is too uncertain."""
+    best = max((trial for trial in trials if trial.rate == stream), key=lambda trial: trial.removed_share, default=None)
+    if best is not None and best.transform == "rescaled_by_interval" and best.magnitude is not None:
+        return "px/s" if best.magnitude > 1 else "px s"
+    unmatched_share = sum(residual.unmatched for residual in fields) / sum(residual.textured for residual in fields)
+    if rate is None or unmatched_share > UNMATCHED_SHARE:
+        return "unknown"
+    if SIGNIFICANT_SIGMAS * rate.gain.errors[0] > _ANOTHER_UNIT:
+        return None
+    return "px" if abs(rate.gain.sizes[0]) < _ANOTHER_UNIT else "unknown"
+
+
+def _residual_maps(window: Window, optics: Optics, interval: Interval) -> Mapping[str, tuple[NDArray[Any], str]]:
+    """Return maps of one field, each with its title: residual u and v in px, and the unexplained share, by tile.
+
+    Tiles without texture are NaN.
+    """
+    frames = frame_pair(window, optics, interval)
+    tiles = sample_tiles(frames, interval, 1.0) if frames else None
+    if frames is None or tiles is None:
+        return {}
+    residuals = tiles.residuals(frames)
+    stored = window.flow_px(interval.stream, interval.row)
+    columns = len(np.unique(TileGrid.of(*stored.shape[:2]).origins[:, 0]))
+    is_textured = textured(residuals)
+    of_field = f"of tiles of 32 px, worst field (row {interval.row} of {interval.stream})"
+    by_tile = {
+        "residual_u_px": (residuals.flow_errors_px[:, 0], f"Residual flow u (right) {of_field} [px]"),
+        "residual_v_px": (residuals.flow_errors_px[:, 1], f"Residual flow v (down) {of_field} [px]"),
+        "unexplained_share": (residuals.unexplained, f"Share of the contrast left unexplained {of_field} [1]"),
+    }
+    return {
+        name: (np.where(is_textured, values, np.nan).reshape(-1, columns).astype(np.float32), title)
+        for name, (values, title) in by_tile.items()
+    }
+
+
 def _why_none(state: Sequence[WindowResiduals], fields: Sequence[FieldResidual]) -> str:
-    without = sum(w.without_frames for w in state)
+    without_frames = sum(w.without_frames for w in state)
     if fields:
-        tiles = sum(one.tiles for one in fields)
+        tiles = sum(residual.tiles for residual in fields)
         return (
             f"too few of {tiles} tiles in {len(fields)} fields have texture enough to tell its flow to 0.1 px "
             "where depth and pose let both frames show the same"
         )
-    if without:
-        return f"of {without} fields none starts and ends on the stamp of a colour frame"
+    if without_frames:
+        return f"of {without_frames} fields none starts and ends on the stamp of a colour frame"
     return "there is no field of flow whose image holds a tile of 32 px"

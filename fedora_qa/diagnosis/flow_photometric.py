@@ -1,0 +1,124 @@
+"""Which causes would explain that flow disagrees with the frames, and of what size they would be."""
+
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from fedora_qa.checks.flow_photometric.rate_statistics import RateResidual, TemplateExplanation
+from fedora_qa.diagnosis.flow import convention_hypotheses, gain_hypothesis, most_probable, spreads_over, weakened
+from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.support import support
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.flow_comparison import is_noisy
+from fedora_qa.views.flow_conventions import ConventionTrial
+
+_GAIN_TOLERANCE: Final = 0.1
+"""Relative error of gains near the capture range, within which one with a name has that name."""
+
+_FEW_FIELDS: Final = 0.5
+"""Share of deviating fields up to which a fault is one of single frames, and not of all fields."""
+
+_LARGEST_SHIFT_PX: Final = 10.0
+"""Beyond it a flow's slopes say little about its values."""
+
+_MS_PER_PERCENT_OF_S: Final = 10.0
+
+_LINEAR: Final = 1 / 3
+"""Share of the largest size of a fault up to which tiles, which capture 3 to 4 px, follow its template."""
+
+_FAULT_OF_TEMPLATE: Final = MappingProxyType({
+    "focal": ("intrinsics_focal", "percent", 30.0),
+    "centre": ("intrinsics_centre", "px", 100.0),
+    "mounting": ("extrinsic_rotation", "deg", 15.0),
+    "time": ("time_offset", "ms", 50.0),
+})  # fmt: skip
+"""Cause, unit and largest size, beyond which the template, a derivative, says nothing."""
+
+_CAUSE_OF_TRANSFORM: Final = MappingProxyType({
+    "shifted_interval": "flow_interval_shifted",
+    "exchanged_frames": "swapped_frames",
+    "repeated_frame": "frozen_frames",
+})  # fmt: skip
+"""Causes that transforms of the frames would undo, besides those of ``diagnosis.flow``."""
+
+_DISPLACEMENTS: Final = tuple(
+    (cause, stream)
+    for stream, causes in (
+        ("flow", ("flow_gain", "flow_unit", "flow_sign", "flow_interval_shifted", "flow_rate_mixed", "axes_swapped",
+                  "frame_convention", "mirrored", "spatial_offset", "swapped_frames", "frozen_frames",
+                  "time_offset", "other_sequence")),
+        ("rgb", ("mirrored", "spatial_offset", "time_offset", "swapped_frames", "frozen_frames", "other_sequence")),
+    )
+    for cause in causes
+)  # fmt: skip
+"""What leads the flow to other places than the frames."""
+
+
+def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses for one rate against the frames, most probable first."""
+    features = alarm.statistic.features
+    (rate,) = (feature for feature in features if isinstance(feature, RateResidual))
+    flow = spreads_over(rate.rate, rate.deviates_by_rate)
+    by_templates = _template_hypotheses(
+        rate, {feature.template: feature for feature in features if isinstance(feature, TemplateExplanation)}, flow
+    )
+    if not rate.deviating_fields:
+        unknown = Hypothesis("unknown", flow, support("flow_photometric.unknown"))
+        return most_probable(by_templates) or (unknown,)
+    # Single frames cannot give most fields the same gain.
+    deviating_share = 1.0 if rate.has_common_gain else rate.deviating_fields / rate.fields
+    trials = [
+        replace(feature, transform=_CAUSE_OF_TRANSFORM.get(feature.transform, feature.transform))
+        for feature in features
+        if isinstance(feature, ConventionTrial)
+    ]
+    by_trials = convention_hypotheses(rate.rate, trials, flow, share_off=deviating_share)
+    if deviating_share <= _FEW_FIELDS:
+        factor = support("flow_photometric.templates_of_few_fields")
+    else:
+        factor = support("flow_photometric.templates_of_most_fields") * (1 - rate.unmatched_share)
+    by_templates = weakened(by_templates, factor)
+    noise = facts.declared.pose
+    if noise and is_noisy(noise):
+        # Noise befalls all fields alike, frames out of place only few.
+        noisy = support("flow_photometric.noisy_pose") * rate.own_mean_share * rate.chance_of_largest_mean
+        by_templates.append(Hypothesis("flow_from_noisy_pose", flow, noisy))
+    displaced = support("flow_photometric.displacement")
+    displacements = tuple(
+        Hypothesis(cause, flow if stream == "flow" else stream, displaced) for cause, stream in _DISPLACEMENTS
+    )
+    return most_probable([*by_trials, *by_templates]) + displacements
+
+
+def _template_hypotheses(rate: RateResidual, templates: dict[str, TemplateExplanation], flow: str) -> list[Hypothesis]:
+    """Rate gain, shift of an image, and geometry by the share of what all templates together explain."""
+    if rate.explained_share <= 0:
+        return []
+    gain, shift = templates["gain"], templates["shift"]
+    by_gain, by_shift = gain.explained_share / rate.explained_share, shift.explained_share / rate.explained_share
+    shift_px = _signed_norm(np.array(shift.sizes))
+    if abs(shift_px) > _LARGEST_SHIFT_PX:
+        by_shift = 0.0
+    gain_support = support("flow_photometric.gain") * by_gain
+    hypotheses = [
+        gain_hypothesis(flow, gain.sizes[0], gain.standard_error, gain_support, rate.interval_s, _GAIN_TOLERANCE),
+        Hypothesis("spatial_offset", "rgb", by_shift, shift_px, "px"),
+        Hypothesis("spatial_offset", flow, support("flow_photometric.image_shift_of_flow") * by_shift, -shift_px, "px"),
+    ]
+    for name, (cause, unit, largest) in _FAULT_OF_TEMPLATE.items():
+        sizes = np.array(templates[name].sizes)
+        scale = _MS_PER_PERCENT_OF_S * rate.interval_s if name == "time" else 1.0
+        size = _signed_norm(scale * sizes)
+        if abs(size) <= _LINEAR * largest:
+            simplicity = support("flow_photometric.further_number") ** len(sizes)
+            share = simplicity * templates[name].explained_share / rate.explained_share
+            hypotheses.append(Hypothesis(cause, flow, share, size, unit))
+    return hypotheses
+
+
+def _signed_norm(sizes: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    """Return one number for a fault of several components: their norm, with the sign of the largest."""
+    return float(np.copysign(np.linalg.norm(sizes), sizes[np.argmax(np.abs(sizes))]))
