@@ -4,9 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
-from fedora_qa.diagnosis import alignment, depth
-from fedora_qa.diagnosis import flow_events, flow_photometric
-from fedora_qa.diagnosis import images
+from fedora_qa.diagnosis import alignment, depth, flow_events, flow_photometric, images
 from fedora_qa.diagnosis.flow_geometry.endpoint import propose_endpoint
 from fedora_qa.diagnosis.flow_geometry.validity import propose_validity
 from fedora_qa.diagnosis.flow_rates import propose_composition
