@@ -4,6 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+from fedora_qa.diagnosis.event_response.alignment import propose_alignment
+from fedora_qa.diagnosis.event_response.conservation import propose_conservation
+from fedora_qa.diagnosis.event_response.frames import propose_frames
+from fedora_qa.diagnosis.event_response.orientation import propose_orientation
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -11,7 +15,14 @@ from fedora_qa.sequence.facts import Facts
 Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 """Gives the hypotheses for an alarm of one check, best supported first."""
 
-PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({})
+PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType(
+    {
+        "event_response.orientation": propose_orientation,
+        "event_response.alignment": propose_alignment,
+        "event_response.frames": propose_frames,
+        "event_response.conservation": propose_conservation,
+    }
+)
 """By the name of the check."""
 
 
