@@ -5,6 +5,10 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.diagnosis import alignment, depth, flow_events, flow_photometric, images
+from fedora_qa.diagnosis.event_response.alignment import propose_alignment
+from fedora_qa.diagnosis.event_response.conservation import propose_conservation
+from fedora_qa.diagnosis.event_response.frames import propose_frames
+from fedora_qa.diagnosis.event_response.orientation import propose_orientation
 from fedora_qa.diagnosis.flow_geometry.endpoint import propose_endpoint
 from fedora_qa.diagnosis.flow_geometry.validity import propose_validity
 from fedora_qa.diagnosis.flow_rates import propose_composition
@@ -16,6 +20,10 @@ Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 """Gives the hypotheses for an alarm of one check, best supported first."""
 
 PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
+    "event_response.orientation": propose_orientation,
+    "event_response.alignment": propose_alignment,
+    "event_response.frames": propose_frames,
+    "event_response.conservation": propose_conservation,
     "alignment.depth": alignment.propose_depth,
     "alignment.events": alignment.propose_events,
     "flow_photometric.residual": flow_photometric.propose_residual,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.events.orientation import (
-    Moments,
+    ChangeMoments,
     add_events_beyond,
     event_blocks,
     level_blocks,
@@ -41,7 +41,7 @@ class BlockMoments:
 
     frames: NDArray[np.int64]
     steps: NDArray[np.float64]
-    span: Moments
+    span: ChangeMoments
 
 
 def block_moments(window: Window) -> BlockMoments | None:
@@ -62,7 +62,7 @@ def _block_moments(window: Window) -> BlockMoments | None:
         add_events_beyond(events, *columns, seen.times_ns, shape, declared.threshold_on, declared.threshold_off)
     steps = step_moments(levels, events, GRID)
     # Between two frames there is but one step.
-    span = Moments(steps[0].sum(axis=0)) if len(steps) == 1 else span_moments(levels, events)
+    span = ChangeMoments(steps[0].sum(axis=0)) if len(steps) == 1 else span_moments(levels, events)
     return BlockMoments(seen.frames, steps, span)
 
 

@@ -1,31 +1,116 @@
-"""Two seconds of frames at a time: stretches are followed window by window, joined, and closed.
+"""Runs of frames over which events must add up, and the pixels in which they do not.
 
-A longer stretch sees rarer losses, but gives every flaw of the frames' antialiasing more chances; it also tells less of
-the place. States of any windows merge exactly: what may still grow stays open, at both ends of a state only.
+Two seconds of frames are followed window by window, joined, and summarised. A longer run detects rarer losses, but
+gives every flaw of the frames' antialiasing more chances, and it localises less in time. States of any windows merge
+exactly: what may still grow stays open, at both ends of a state only.
 """
 
 from dataclasses import dataclass, field
+from math import sqrt
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.events.excursions import Excursions
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
+from fedora_qa.estimators.events.excursions import EVERY_FRAME, ConservationLaw, Excursions, bound
+from fedora_qa.estimators.events.linear_runs import EventFreeRuns, follow_runs
+from fedora_qa.estimators.events.row_kernels import add_counts, mark_bursts
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import ROUNDING_DN, seen_frames
-from fedora_qa.views.frame_run_sums import ALL, EVEN, Stretch, excused_pixels, join, telling_pixels, violations
+from fedora_qa.views.event_camera import ROUNDING_DN, SeenFrames, seen_frames, sensor_events, sensor_shape
 
 Bool = NDArray[np.bool_]
+Float64 = NDArray[np.float64]
 
 GROUP_NS: Final = 2 * NS_PER_S
 """Windows that begin within the same two seconds are joined."""
 
+PHASE_RANGE: Final = 1.2
+"""Multiple of a threshold by which E must vary to show where it began. From a start at random at least a third of such
+pixels leave the thresholds around it: of a range of r thresholds, 2 - r may be left before it is passed. First runs of
+the linear model end with an event; there a range of one threshold has to do, and shows less."""
+FEWEST_FOR_PHASE: Final = 30
+MOST_BEYOND_PHASE: Final = 0.1
+
+MISMATCH_SIGMAS: Final = 5.0
+"""Of the declared spread of thresholds: beyond lies one pixel in two million."""
+
+EVEN, ALL = 0, 1
+"""Which frames are accepted: those that are even enough to add to what the events bound, and every frame. Where only
+the bounds of all are broken, frames are not the means of their pixels.
+
+Frames are left out where the pixels that a footprint cuts leave the signal open by C+ + C- or more: where their
+error is not below rounding and (C+ + C-) / 2 times the light (log; of the linear model, (C+ + C-) / 2).
+
+The signal is known that well without them, from the events. They would add something only where their bound holds
+to the last, and that is so if the frame is the mean over its pixel. Of a renderer with n samples a side, a step of
+d DN makes it err by up to d / (2 n); the bound of ``footprint`` is 0.27 d on average (at 9/4 frame pixels an
+event pixel: two cut pixels a side of 1/6 d each over 9/4, in both directions). Four samples a side may thus err by
+half the bound, which is most where the bound is.
+"""
+
+
+@dataclass(slots=True)
+class FrameRun:
+    """Consecutive frames whose bounds have been joined.
+
+    Attributes
+    ----------
+    bounds
+        By the law of the declared model, by each rule which frames are accepted: ``EVEN`` and ``ALL``.
+    events
+        (h, w) events in the run.
+    excused
+        (h, w): a correct sensor may lack events (declared hot pixels, bursts within a declared refractory period).
+    """
+
+    bounds: Excursions | tuple[EventFreeRuns, ...]
+    events: NDArray[np.int32]
+    excused: Bool
+
+    @property
+    def first_frame(self) -> int:
+        """The first frame."""
+        return self.bounds.first_frame if isinstance(self.bounds, Excursions) else self.bounds[EVEN].first_frame
+
+    @property
+    def last_frame(self) -> int:
+        """The last frame, included."""
+        return self.bounds.last_frame if isinstance(self.bounds, Excursions) else self.bounds[EVEN].last_frame
+
+    def follow(self, seen: SeenFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> None:
+        """Go on, in place, over frames of which the first is this run's last."""
+        if isinstance(self.bounds, Excursions):
+            self.bounds.follow(seen.even_dn, seen.error_dn, seen.counts, _drift(seen, declared), seen.frames)
+        else:
+            following = _event_free_runs(seen, declared, rounding_dn)
+            self.bounds = tuple(runs.then(later) for runs, later in zip(self.bounds, following, strict=True))
+        add_counts(seen.counts, self.events)
+        self.excused |= excused
+
+    def then(self, later: "FrameRun") -> "FrameRun":
+        """Join with the run that begins at this one's last frame. Exact.
+
+        Raises
+        ------
+        TypeError
+            The runs are bounded by the laws of different sensor models.
+        """
+        bounds: Excursions | tuple[EventFreeRuns, ...]
+        if isinstance(self.bounds, Excursions) and isinstance(later.bounds, Excursions):
+            bounds = self.bounds.then(later.bounds)
+        elif isinstance(self.bounds, tuple) and isinstance(later.bounds, tuple):
+            bounds = tuple(runs.then(following) for runs, following in zip(self.bounds, later.bounds, strict=True))
+        else:
+            models = type(self.bounds).__name__, type(later.bounds).__name__
+            raise TypeError(f"Expected frame runs of one model, got {models[0]} and {models[1]}")
+        return FrameRun(bounds, self.events + later.events, self.excused | later.excused)
+
 
 @dataclass(frozen=True, slots=True)
-class Closed:
-    """What is kept of the stretches of one group.
+class FrameRunSummary:
+    """What is kept of the frame runs of one group.
 
     Attributes
     ----------
@@ -36,15 +121,15 @@ class Closed:
     pixels
         (h, w) the law was broken, eight pixels a byte.
     suspected
-        The frame interval that most of the violations may lie in; the first one where nothing tells.
+        The frame interval that most of the violations may lie in; the first one where none is bounded.
     events_per_pixel
         Mean number of events.
-    mute
+    without_events
         Pixels that broke the law without a single event.
-    telling
+    informative
         Pixels in which a single event too many or too few could break the law.
     flawed
-        Pixels that break the law only where uneven frames are believed: how often antialiasing fails here.
+        Pixels that break the law only where uneven frames are accepted: how often antialiasing fails here.
     from_start
         Whether the reference was held to be the signal at the first frame.
     """
@@ -55,10 +140,15 @@ class Closed:
     pixels: NDArray[np.uint8]
     suspected: int
     events_per_pixel: float
-    mute: int
-    telling: int
+    without_events: int
+    informative: int
     flawed: int
     from_start: bool
+
+    @property
+    def violations(self) -> int:
+        """The number of pixels that broke the law."""
+        return int(np.bitwise_count(self.pixels).sum())
 
     def unpacked(self, shape: tuple[int, int]) -> Bool:
         """Return the pixels (h, w) that broke the law."""
@@ -66,18 +156,26 @@ class Closed:
 
 
 @dataclass(slots=True)
-class Ledger:
-    """Groups of stretches in the order of time; all but the last, and the first that may go on before, are closed."""
+class FrameRuns:
+    """Groups of frame runs in the order of time; all but the last, and the first that may go on before, are summarised.
+
+    Attributes
+    ----------
+    phase_declared
+        Whether the first reference is declared to be the signal at frame 0, and no event comes before it.
+    groups
+        The number of each group, and its runs or what is kept of them.
+    from_start
+        Whether nothing comes before the first group.
+    """
 
     model: EventModel
-    phase_known: bool = False
-    """Whether the first reference is declared to be the signal at frame 0, and no event comes before it."""
-    groups: list[tuple[int, list[Stretch] | Closed]] = field(default_factory=list)
+    phase_declared: bool = False
+    groups: list[tuple[int, list[FrameRun] | FrameRunSummary]] = field(default_factory=list)
     from_start: bool = False
-    """Whether nothing comes before the first group."""
 
     def follow(self, window: Window) -> None:
-        """Take in the frames of the window that comes next, in place where they go on from the last stretch."""
+        """Add the frames of the window that comes next, in place where they go on from the last run."""
         seen, declared = seen_frames(window), window.facts.declared.events
         if declared is None or len(seen) < 2:
             return
@@ -90,73 +188,164 @@ class Ledger:
         self.from_start |= not self.groups and window.span.index == 0
         self.add(group, [join(seen, declared, rounding_dn, excused)])
 
-    def add(self, group: int, stretches: list[Stretch] | Closed) -> None:
-        """Append what comes next, joined to what it continues."""
-        if self.groups and self.groups[-1][0] == group:
-            number, known = self.groups.pop()
-            stretches = _joined(known, stretches)
-        elif self.groups and (len(self.groups) > 1 or self.from_start):
-            number, known = self.groups[-1]
-            self.groups[-1] = number, self._closed(known)
-        self.groups.append((group, stretches))
+    def add(self, group: int, runs: list[FrameRun] | FrameRunSummary) -> None:
+        """Append what comes next, joined to what it continues.
 
-    def then(self, later: "Ledger") -> "Ledger":
-        """Return the ledger of both."""
+        Raises
+        ------
+        TypeError
+            What comes next continues a group that has been summarised.
+        """
+        if self.groups and self.groups[-1][0] == group:
+            number, earlier = self.groups.pop()
+            if isinstance(earlier, FrameRunSummary) or isinstance(runs, FrameRunSummary):
+                raise TypeError(
+                    "Expected groups at the ends of frame runs to be open; add windows in the order of time"
+                )
+            joined = list(earlier)
+            for run in runs:
+                if joined and joined[-1].last_frame == run.first_frame:
+                    joined[-1] = joined[-1].then(run)
+                else:
+                    joined.append(run)
+            runs = joined
+        elif self.groups and (len(self.groups) > 1 or self.from_start):
+            # Nothing can join the last group any more; the first one may still go on before.
+            number, earlier = self.groups[-1]
+            self.groups[-1] = number, self._summary(earlier)
+        self.groups.append((group, runs))
+
+    def then(self, later: "FrameRuns") -> "FrameRuns":
+        """Return the groups of both."""
         if not self.groups:
             return later
-        merged = Ledger(self.model, self.phase_known, list(self.groups), self.from_start)
-        for group, stretches in later.groups:
-            merged.add(group, stretches)
+        merged = FrameRuns(self.model, self.phase_declared, list(self.groups), self.from_start)
+        for group, runs in later.groups:
+            merged.add(group, runs)
         return merged
 
-    def closed(self) -> list[Closed]:
-        """Return all groups, closed."""
-        return [self._closed(stretches) for _, stretches in self.groups]
+    def summaries(self) -> list[FrameRunSummary]:
+        """Return what is kept of each group."""
+        return [self._summary(runs) for _, runs in self.groups]
 
-    def _closed(self, stretches: list[Stretch] | Closed) -> Closed:
-        return stretches if isinstance(stretches, Closed) else _close(stretches, self.model, self.phase_known)
-
-
-def _joined(known: list[Stretch] | Closed, following: list[Stretch] | Closed) -> list[Stretch]:
-    if isinstance(known, Closed) or isinstance(following, Closed):
-        raise TypeError("Expected groups at the ends of a ledger to be open; add windows in the order of time")
-    joined = list(known)
-    for stretch in following:
-        if joined and joined[-1].last_frame == stretch.first_frame:
-            joined[-1] = joined[-1].then(stretch)
-        else:
-            joined.append(stretch)
-    return joined
+    def _summary(self, runs: list[FrameRun] | FrameRunSummary) -> FrameRunSummary:
+        return runs if isinstance(runs, FrameRunSummary) else _summarised(runs, self.model, self.phase_declared)
 
 
-def _close(stretches: list[Stretch], declared: EventModel, phase_known: bool) -> Closed:
-    first, last = stretches[0].first_frame, stretches[-1].last_frame
-    pixels = np.zeros(stretches[0].excused.shape, np.bool_)
-    mute, telling, flawed = pixels.copy(), pixels.copy(), pixels.copy()
+def excused_pixels(window: Window, declared: EventModel) -> Bool:
+    """Return the pixels (h, w) of a window in which a correct sensor may lack events."""
+    excused = np.zeros(sensor_shape(window.facts.declared), np.bool_)
+    if declared.refractory_us > 0:
+        events = sensor_events(window)
+        mark_bursts(events.x, events.y, events.times_ns, int(2 * declared.refractory_us * NS_PER_US), excused)
+    for column, row in declared.hot_pixels:
+        if 0 <= row < excused.shape[0] and 0 <= column < excused.shape[1]:
+            excused[row, column] = True
+    return excused
+
+
+def join(seen: SeenFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> FrameRun:
+    """Return the run of two frames or more; ``excused`` (h, w) as in ``FrameRun``."""
+    events = np.zeros(excused.shape, np.int32)
+    add_counts(seen.counts, events)
+    if declared.model == "linear":
+        return FrameRun(_event_free_runs(seen, declared, rounding_dn), events, excused)
+    rules = _rules(declared, rounding_dn)
+    law = ConservationLaw(declared.threshold_on, declared.threshold_off, declared.log_eps_dn, rules)
+    bounds = bound(seen.even_dn, seen.error_dn, seen.counts, _drift(seen, declared), law, seen.frames)
+    return FrameRun(bounds, events, excused)
+
+
+def violations(run: FrameRun, rule: int, declared: EventModel, phase_declared: bool) -> tuple[Bool, bool]:
+    """Return where (h, w) the law is broken by a rule, and whether a declared start was part of the law."""
+    mismatch = _mismatch(run, declared)
+    if isinstance(run.bounds, Excursions):
+        broken = run.bounds.excess(rule) > declared.threshold_on + declared.threshold_off + mismatch
+    else:
+        broken = run.bounds[rule].broken
+    beyond = _beyond_start(run, rule, declared, mismatch) if phase_declared else None
+    if beyond is not None:
+        broken = broken | beyond
+    return broken & ~run.excused, beyond is not None
+
+
+def _summarised(runs: list[FrameRun], declared: EventModel, phase_declared: bool) -> FrameRunSummary:
+    first, last = runs[0].first_frame, runs[-1].last_frame
+    pixels = np.zeros(runs[0].excused.shape, np.bool_)
+    without_events, informative, flawed = pixels.copy(), pixels.copy(), pixels.copy()
     from_start = False
     # How many violations begin at or end with a frame: their running sum counts those that a frame interval may hold.
     changes = np.zeros(last - first + 2, np.int64)
-    for stretch in stretches:
-        known = phase_known and stretch.first_frame == 0
-        broken, from_start_too = violations(stretch, EVEN, declared, known)
-        from_start |= from_start_too
-        telling |= telling_pixels(stretch, declared)
+    for run in runs:
+        broken, start_in_law = violations(run, EVEN, declared, phase_declared and run.first_frame == 0)
+        from_start |= start_in_law
         pixels |= broken
-        flawed |= violations(stretch, ALL, declared, from_start_too)[0]
-        mute |= broken & (stretch.events == 0)
-        if isinstance(stretch.bounds, Excursions):
-            highest, lowest = stretch.bounds.highest_at[broken] - first, stretch.bounds.lowest_at[broken] - first
+        flawed |= violations(run, ALL, declared, start_in_law)[0]
+        without_events |= broken & (run.events == 0)
+        if isinstance(run.bounds, Excursions):
+            # Where E varies by more than a threshold, an event more or less may break the law.
+            informative |= run.bounds.excess(EVEN) > max(declared.threshold_on, declared.threshold_off)
+            highest, lowest = run.bounds.highest_at[broken] - first, run.bounds.lowest_at[broken] - first
             np.add.at(changes, np.minimum(highest, lowest), 1)
             np.add.at(changes, np.maximum(highest, lowest), -1)
-    return Closed(
+        else:
+            informative |= np.all(np.isfinite(run.bounds[EVEN].tail), axis=0)
+    return FrameRunSummary(
         first,
         last,
-        sum(stretch.last_frame - stretch.first_frame + 1 for stretch in stretches),
+        sum(run.last_frame - run.first_frame + 1 for run in runs),
         np.packbits(pixels),
         first + int(np.argmax(np.cumsum(changes))),
-        sum(float(stretch.events.mean()) for stretch in stretches),
-        int(np.count_nonzero(mute)),
-        int(np.count_nonzero(telling)),
+        sum(float(run.events.mean()) for run in runs),
+        int(np.count_nonzero(without_events)),
+        int(np.count_nonzero(informative)),
         int(np.count_nonzero(flawed & ~pixels)),
         from_start,
     )
+
+
+def _rules(declared: EventModel, rounding_dn: float) -> tuple[tuple[float, float], ...]:
+    return (rounding_dn, (declared.threshold_on + declared.threshold_off) / 2), EVERY_FRAME
+
+
+def _drift(seen: SeenFrames, declared: EventModel) -> Float64:
+    """Return what leak adds to the signal between the frames (n - 1,), nat: a threshold for each leaked event."""
+    drift: Float64 = declared.leak_rate_hz * declared.threshold_on * np.diff(seen.times_ns) / NS_PER_S
+    return drift
+
+
+def _event_free_runs(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> tuple[EventFreeRuns, ...]:
+    def by_rule(uneven: tuple[float, float]) -> EventFreeRuns:
+        # The event camera rounds luma to whole values itself.
+        error = np.where(seen.error_dn < sum(uneven), seen.error_dn + 0.5, np.inf)
+        return follow_runs(
+            seen.even_dn - error,
+            seen.even_dn + error,
+            seen.counts,
+            threshold_on=declared.threshold_on + MISMATCH_SIGMAS * declared.threshold_sigma,
+            threshold_off=declared.threshold_off + MISMATCH_SIGMAS * declared.threshold_sigma,
+            frames=seen.frames,
+        )
+
+    return tuple(by_rule(uneven) for uneven in _rules(declared, rounding_dn))
+
+
+def _beyond_start(run: FrameRun, rule: int, declared: EventModel, mismatch: Float64) -> Bool | None:
+    """Return where E left the thresholds around its start; None where the file contradicts the declared phase."""
+    if isinstance(run.bounds, Excursions):
+        departure, excess, enough = run.bounds.departure(rule), run.bounds.excess(rule), PHASE_RANGE
+    else:
+        runs, enough = run.bounds[rule], 1.0
+        departure, excess = runs.departure(declared.threshold_on, declared.threshold_off), runs.excess()
+    beyond: Bool = departure > mismatch
+    informative = excess > enough * max(declared.threshold_on, declared.threshold_off) + mismatch
+    if np.count_nonzero(informative) < FEWEST_FOR_PHASE or beyond[informative].mean() > MOST_BEYOND_PHASE:
+        return None
+    return beyond
+
+
+def _mismatch(run: FrameRun, declared: EventModel) -> Float64:
+    """Return (h, w) what the spread of thresholds adds: each event steps by the pixel's own, and so are the ends."""
+    # n events of independent errors add sqrt(n) sigma; both ends of the range a threshold each, sqrt(2) sigma.
+    mismatch: Float64 = MISMATCH_SIGMAS * declared.threshold_sigma * (sqrt(2.0) + np.sqrt(run.events))
+    return mismatch

@@ -5,9 +5,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, shift
 
-from fedora_qa.checks.event_response.shifted import CLEAR, PartSums, most_shifted, tile_sums
-from fedora_qa.checks.event_response.turned import causes_of, words_for
+from fedora_qa.checks.event_response.orientation import EventSymmetry
+from fedora_qa.diagnosis.event_response.orientation import hypotheses_of_symmetry
 from fedora_qa.estimators.events.orientation import SYMMETRIES
+from fedora_qa.estimators.events.shift import CLEAR, IntervalChanges, ShiftSums, most_shifted
+from fedora_qa.estimators.events.shift_kernels import USABLE
 from fedora_qa.views.event_tiles import GRID, tile_around
 
 SHAPE = (96, 128)
@@ -20,7 +22,14 @@ def scene(seed: int = 0) -> NDArray[np.float64]:
     return image / image.std()
 
 
-def sums_with(moved: NDArray[np.bool_], right_px: float) -> PartSums:
+def tile_sums(
+    level: NDArray[np.float64], change: NDArray[np.float64], events: NDArray[np.float64], usable: NDArray[np.bool_]
+) -> ShiftSums:
+    """Sums of each of the tiles of an image."""
+    return IntervalChanges(level, change, events, usable.view(np.uint8)).tile_sums(USABLE, GRID)
+
+
+def sums_with(moved: NDArray[np.bool_], right_px: float) -> ShiftSums:
     """Sums of the tiles of a change whose events lie farther right where ``moved``."""
     change = scene()
     elsewhere = shift(change, (0, right_px), order=3, mode="wrap")
@@ -69,6 +78,7 @@ def test_dark_tiles_are_left_out() -> None:
 def test_mirrored_frames_are_suspected_beside_mirrored_events() -> None:
     """Against frames alone one cannot tell which of the two is mirrored; exchanged axes only events can have."""
     for rival in range(2 * len(SYMMETRIES) - 1):
-        words, suspects = words_for(rival), {(one.cause, one.stream) for one in causes_of(rival)}
-        assert (("mirrored", "rgb") in suspects) == ("mirrored" in words and "axes" not in words)
-        assert (("mirrored", "events") in suspects) == ("mirrored" in words)
+        symmetry = EventSymmetry.numbered(rival)
+        words, causes = symmetry.text, {(each.cause, each.stream) for each in hypotheses_of_symmetry(symmetry)}
+        assert (("mirrored", "rgb") in causes) == ("mirrored" in words and "axes" not in words)
+        assert (("mirrored", "events") in causes) == ("mirrored" in words)

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from fedora_qa.estimators.events.excursions import EVERY_FRAME, Excursions, Law, bound
+from fedora_qa.estimators.events.excursions import EVERY_FRAME, ConservationLaw, Excursions, bound
 from fedora_qa.sequence.declared import EventModel
-from fedora_qa.views.frame_run_sums import Stretch
-from fedora_qa.views.frame_runs import Ledger
+from fedora_qa.views.frame_runs import FrameRun, FrameRuns
 
 LEVELS = np.log(np.array([100.0, 100.0, 180.0, 100.0]))
 
@@ -15,7 +14,7 @@ def excursions(believed: tuple[float, float]) -> Excursions:
     light = np.exp(LEVELS)[:, np.newaxis, np.newaxis]
     error = light * np.expm1(np.array([0.05, 0.05, 0.06, 0.05]))[:, np.newaxis, np.newaxis]
     silent = np.zeros((3, 2, 1, 1), np.int32)
-    law = Law(0.2, 0.2, uneven=(believed, EVERY_FRAME))
+    law = ConservationLaw(0.2, 0.2, uneven=(believed, EVERY_FRAME))
     return bound(light, error, silent, np.zeros(3), law, np.arange(4))
 
 
@@ -24,8 +23,8 @@ def test_what_only_uneven_frames_contradict_is_their_flaw() -> None:
     model = EventModel(model="log", threshold_on=0.2, threshold_off=0.2)
     none, no_events = np.zeros((1, 1), np.bool_), np.zeros((1, 1), np.int32)
     for believed, flawed in (((0.0, 0.055), 1), (EVERY_FRAME, 0)):
-        ledger = Ledger(model)
-        ledger.add(0, [Stretch(excursions(believed), no_events, none)])
-        (closed,) = ledger.closed()
-        assert closed.flawed == flawed
-        assert closed.unpacked((1, 1)).sum() == 1 - flawed
+        runs = FrameRuns(model)
+        runs.add(0, [FrameRun(excursions(believed), no_events, none)])
+        (summary,) = runs.summaries()
+        assert summary.flawed == flawed
+        assert summary.unpacked((1, 1)).sum() == 1 - flawed

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.checks.event_response.inverse_trials import most_mended
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Diagnosis
 from fedora_qa.views.event_tiles import GRID
+from fedora_qa.views.inverse_trials import most_resolved
 from tests.checks.event_file import SHAPE, SMOOTH_WORLD, EventFile, log_file
 from tests.estimators.event_world import MS, Stream
 
@@ -88,7 +88,7 @@ def test_a_repair_that_only_moves_what_is_broken_mends_nothing(seed: int) -> Non
     before = np.random.default_rng(seed).random((4 * GRID, 6 * GRID)) < 0.3
     for left, up in ((True, False), (False, True), (True, True)):
         after = before[:: -1 if up else 1, :: -1 if left else 1]
-        assert most_mended(before, after, (False, left, up)) == 0
+        assert most_resolved(before, after, (False, left, up)) == 0
 
 
 def test_a_repair_of_a_region_counts_what_it_mends_there() -> None:
@@ -96,4 +96,4 @@ def test_a_repair_of_a_region_counts_what_it_mends_there() -> None:
     before, after = np.zeros((2, 4 * GRID, 4 * GRID), np.bool_)
     before[4:8, 8:12] = True
     after[12:, :] = True
-    assert most_mended(before, after) == 16
+    assert most_resolved(before, after) == 16

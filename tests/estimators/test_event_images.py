@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter, shift
 
 from fedora_qa.estimators.events.orientation import (
     SYMMETRIES,
-    Moments,
+    ChangeMoments,
     add_events_beyond,
     event_blocks,
     level_blocks,
@@ -62,7 +62,7 @@ def test_each_symmetry_is_undone_by_its_own(done: tuple[bool, bool, bool]) -> No
     add_events_beyond(events, columns, rows, times_ns, p, np.array([0, 10]), SHAPE, 0.2, 0.3)
     levels = np.stack([0 * bright, bright]).astype(np.float32)
     blocks = np.stack([log_blocks(level, ALL) for level in levels])
-    correlations = Moments(step_moments(blocks, events, 4)[0].sum(axis=0)).correlations()
+    correlations = ChangeMoments(step_moments(blocks, events, 4)[0].sum(axis=0)).correlations()
     assert correlations[SYMMETRIES.index(done)] == pytest.approx(1.0)
     assert np.sum(np.abs(correlations) > 0.6) == 1
     assert np.allclose(span_moments(blocks, events).correlations(), correlations)
@@ -80,11 +80,11 @@ def test_moments_are_those_of_numpy(seed: int) -> None:
     sums = step_moments(blocks, event_blocks(counts, 0.2, 0.3), 1)
     d, e = block_means(levels[1] - levels[0]), block_means(0.2 * counts[0, 1] - 0.3 * counts[0, 0])
     whole = block_means((lit[0] & lit[1]).astype(float)) == 1
-    assert Moments(sums[0, 0]).correlations()[0] == pytest.approx(np.corrcoef(d[whole], e[whole])[0, 1], abs=1e-5)
-    assert Moments(sums[0, 0]).frame_variance() == pytest.approx(np.var(d[whole]), abs=1e-5)
+    assert ChangeMoments(sums[0, 0]).correlations()[0] == pytest.approx(np.corrcoef(d[whole], e[whole])[0, 1], abs=1e-5)
+    assert ChangeMoments(sums[0, 0]).frame_variance() == pytest.approx(np.var(d[whole]), abs=1e-5)
     tiled = step_moments(blocks, event_blocks(counts, 0.2, 0.3), 4)
     assert np.allclose(tiled.sum(axis=1), sums[:, 0])
-    assert Moments(np.zeros((1, 6))).correlations()[0] == 0
+    assert ChangeMoments(np.zeros((1, 6))).correlations()[0] == 0
 
 
 @pytest.mark.parametrize("dark", [None, 0.0, 0.5])

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from fedora_qa.estimators.events.pixels import by_pixel
 from fedora_qa.estimators.events.rates import Tally
-from fedora_qa.estimators.events.registration_errors import slope_sums
 from fedora_qa.estimators.events.row_kernels import (
     count_between_frames,
     count_repeats,
@@ -19,7 +18,7 @@ from fedora_qa.estimators.events.row_kernels import (
     mark_bursts,
     survey_columns,
 )
-from fedora_qa.estimators.events.shift import Interval, intervals
+from fedora_qa.estimators.events.shift import IntervalChanges, intervals, slope_sums
 from fedora_qa.estimators.events.shift_kernels import KEPT, SETTLED, USABLE
 from fedora_qa.estimators.events.timestamp_kernels import are_crowded, longest_silences
 from tests.estimators.event_world import Stream
@@ -174,7 +173,7 @@ def test_slopes_are_those_of_their_definition() -> None:
     rng = np.random.default_rng(4)
     level, change = rng.normal(size=(2, 9, 12))
     flags = rng.integers(0, 8, (9, 12)).astype(np.uint8)
-    part = Interval(level, change, change, flags).sums(KEPT, [(2, 8, 1, 11)])
+    part = IntervalChanges(level, change, change, flags).sums(KEPT, [(2, 8, 1, 11)])
     inside = slice(2, 8), slice(1, 11)
     used = (flags & KEPT > 0)[inside]
     for axis, along in ((0, 1), (1, 0)):

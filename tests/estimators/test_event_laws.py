@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.events.excursions import EVERY_FRAME, Excursions, Law, bound
-from fedora_qa.estimators.events.linear_runs import Runs, follow_runs
+from fedora_qa.estimators.events.excursions import EVERY_FRAME, ConservationLaw, Excursions, bound
+from fedora_qa.estimators.events.linear_runs import EventFreeRuns, follow_runs
 
 ON, OFF = 0.2, 0.3
 STEP_ON, STEP_OFF = 6.0, 8.0
-LAW = Law(ON, OFF)
+LAW = ConservationLaw(ON, OFF)
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -53,7 +53,7 @@ def excursions(level: np.ndarray, counts: np.ndarray, error: float = 0.0, first:
     return bound(light, off, counts, drift, LAW, frames)
 
 
-def runs(values: np.ndarray, counts: np.ndarray, error: float = 0.0, first: int = 0) -> Runs:
+def runs(values: np.ndarray, counts: np.ndarray, error: float = 0.0, first: int = 0) -> EventFreeRuns:
     frames = np.arange(first, first + len(values))
     return follow_runs(
         values - error, values + error, counts, threshold_on=STEP_ON, threshold_off=STEP_OFF, frames=frames
@@ -160,7 +160,7 @@ def test_uneven_light_tells_nothing() -> None:
     light, drift, frames = np.exp(level), np.zeros(len(counts)), np.arange(len(level))
     error = np.full(level.shape, 0.01)
     for uneven, broken in (((0.011, 0.0), True), ((0.0, 0.011), True), ((0.01, 0.0), False), ((0.0, 0.001), False)):
-        found = bound(light, error, counts, drift, Law(ON, OFF, uneven=(EVERY_FRAME, uneven)), frames)
+        found = bound(light, error, counts, drift, ConservationLaw(ON, OFF, uneven=(EVERY_FRAME, uneven)), frames)
         assert bool(found.excess(1) > ON + OFF) == broken
         assert bool(found.excess(0) > ON + OFF)
 
@@ -171,7 +171,7 @@ def test_bounds_are_those_of_a_plain_loop() -> None:
     light, error = rng.uniform(1, 9, (12, 3, 4)), rng.uniform(0, 3, (12, 3, 4))
     error[rng.uniform(size=error.shape) < 0.2] = np.inf
     counts = rng.poisson(0.2, (11, 2, 3, 4)).astype(np.int32)
-    found = bound(light, error, counts, np.zeros(11), Law(ON, OFF, dark=0.5), np.arange(12))
+    found = bound(light, error, counts, np.zeros(11), ConservationLaw(ON, OFF, dark=0.5), np.arange(12))
     known = error < light + 0.5
     with np.errstate(invalid="ignore", divide="ignore"):
         lower, upper = np.log(light + 0.5 - error), np.log(light + 0.5 + error)

@@ -7,8 +7,13 @@ from hypothesis import strategies as st
 from scipy.ndimage import fourier_shift, gaussian_filter
 from skimage.registration import phase_cross_correlation
 
-from fedora_qa.estimators.events.registration_errors import open_level_errors, slope_sums
-from fedora_qa.estimators.events.shift import RADIUS_PX, auto_correlation, cross_correlation
+from fedora_qa.estimators.events.shift import (
+    RADIUS_PX,
+    auto_correlation,
+    cross_correlation,
+    open_level_errors,
+    slope_sums,
+)
 from fedora_qa.estimators.images.registration import PEAK_RADIUS_PX, registered_shift
 
 AXIS = np.arange(-RADIUS_PX, RADIUS_PX + 1)

@@ -3,18 +3,28 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.event_response.shifted import CLEAR, PartSums, Shifted, added, most_shifted, stacked, tiles_of
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import US_PER_S
 from fedora_qa.estimators.events.far_shift import FarSums, far_shift, far_sums, joined
-from fedora_qa.estimators.events.registration_errors import open_level_errors
-from fedora_qa.estimators.events.shift import RADIUS_PX, Interval, Shift, intervals, peak
+from fedora_qa.estimators.events.shift import (
+    CLEAR,
+    RADIUS_PX,
+    PartShift,
+    Shift,
+    ShiftSums,
+    intervals,
+    most_shifted,
+    open_level_errors,
+    peak,
+    peak_spread,
+)
 from fedora_qa.estimators.events.shift_kernels import KEPT, SETTLED, USABLE
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
@@ -28,18 +38,18 @@ from fedora_qa.views.event_camera import (
     signal_of,
     why_frames_and_events_do_not_meet,
 )
-from fedora_qa.views.event_tiles import tile_around
+from fedora_qa.views.event_tiles import GRID, tile_around
 
 Float64 = NDArray[np.float64]
 
 INTERVALS: Final = 3
 INTERVALS_OF_LARGE: Final = (2, 1)
 """Frame intervals of 0.2 s that are correlated, evenly spread; fewer of large sensors, as errors hardly fall with their
-number: limits of 1 s of 640x480 grow by 2 to 5% with two, by another 3 to 4% with one. One will do in files from 1.6 s
-on, where images are looked at as densely as ``full`` does, which leaves out no window."""
+number: limits of 1 s of 640x480 grow by 2 to 5% with two, by another 3 to 4% with one. One suffices in files from 1.6 s
+on, where images are read as densely as by ``full``, which leaves out no window."""
 
 _DENSE_PX: Final = 0.2 * USUAL_PIXELS
-"""Pixels of the largest image that are looked at: ``full`` looks at 0.25 of so many, ``standard`` at 0.1."""
+"""Pixels of the largest image that are read: ``full`` reads 0.25 of so many, ``standard`` 0.1."""
 
 LEAST_CORRELATION: Final = 0.1
 """Below this, events and frames are not of one scene, and a peak is chance (unrelated ones reach 0.03)."""
@@ -47,18 +57,18 @@ LEAST_CORRELATION: Final = 0.1
 FEWEST_INTERVALS: Final = 4
 
 REACH_PX: Final = RADIUS_PX - 1
-"""Farthest shift whose peak can be seen from both sides; farther ones are told by blocks of pixels."""
-
-_OF_FRAMES: Final = (
-    Suspect("spatial_offset", "rgb", 0.7),
-    Suspect("swapped_frames", "rgb", 0.5),
-    Suspect("frozen_frames", "rgb", 0.5),
-)
-"""What frames do for a while to make events seem shifted; a region of events cannot come from them."""
+"""Farthest shift whose peak has values on both sides; farther ones are estimated on blocks of pixels."""
 
 
 @dataclass(frozen=True, slots=True)
-class Correlations:
+class ShiftAxis(Feature):
+    """The direction along which events are shifted against the frames."""
+
+    axis: Literal["right", "down"]
+
+
+@dataclass(frozen=True, slots=True)
+class ShiftCorrelations:
     """Sums over the lit pixels of some frame intervals.
 
     Attributes
@@ -70,7 +80,7 @@ class Correlations:
     squares
         (k, 2) squares of both changes, without pixels whose events have turned.
     slopes
-        (k, 3, 2) to the right and down: as ``registration_errors`` takes them.
+        (k, 3, 2) to the right and down: as ``slope_sums`` gives them.
     far
         The patches at half the resolution, for shifts beyond the reach of these.
     tiles
@@ -85,12 +95,12 @@ class Correlations:
     squares: Float64
     slopes: Float64
     far: FarSums
-    tiles: PartSums
+    tiles: ShiftSums
     start_ns: int
     stop_ns: int
 
 
-class EventResponseAlignment(WindowCheck[Correlations]):
+class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
     """Do events lie at the pixels where the frames change?
 
     The shift of events against frames, to the right and down, in px of the event camera (positive: events lie too far
@@ -140,171 +150,145 @@ class EventResponseAlignment(WindowCheck[Correlations]):
         """Need both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
-    def measure(self, window: Window) -> Correlations | None:
+    def measure(self, window: Window) -> ShiftCorrelations | None:
         """Correlate some intervals of the window."""
         seen, declared = seen_frames(window), window.facts.declared.events
         if declared is None or len(seen) < 2:
             return None
-        wanted, last = intervals_due(window, seen, _a_window(window)), len(seen) - 2
-        if wanted <= 0:
+        # Fewer intervals of large sensors: see INTERVALS_OF_LARGE.
+        per_window = INTERVALS
+        if is_large_sensor(window):
+            times_ns, cameras = window.facts.clocks["rgb"].times_ns, window.facts.declared.cameras.values()
+            is_long = int(times_ns[-1] - times_ns[0]) >= 2 * FEWEST_INTERVALS * WINDOW_NS
+            read_px = window.sampling.tile_share * max(camera.width * camera.height for camera in cameras)
+            per_window = INTERVALS_OF_LARGE[is_long and read_px >= _DENSE_PX]
+        due, last = intervals_due(window, seen, per_window), len(seen) - 2
+        if due <= 0:
             return None
-        # What came before the first interval is asked only where there is no other.
-        chosen = np.unique(np.linspace(min(1, last), last, wanted).round().astype(int)).tolist()
+        # What came before the first interval is read only where there is no other.
+        chosen = np.unique(np.linspace(min(1, last), last, due).round().astype(int)).tolist()
         before = events_before(seen, window) if last == 0 else None
         signals, thresholds = partial(signal_of, seen, declared), (declared.threshold_on, declared.threshold_off)
-        sums = [_sums(one) for one in intervals(signals, seen.counts, *thresholds, chosen, before)]
-        whole, dragged, settled, far, tiles = zip(*sums, strict=True)
-        return Correlations(
-            np.concatenate([one.patches for one in whole]),
-            np.array(dragged),
+        whole, tiles, far, with_turned, settled = [], [], [], [], []
+        # Each interval is overwritten by the next, so that its sums are taken at once.
+        for changes in intervals(signals, seen.counts, *thresholds, chosen, before):
+            height, width = changes.flags.shape
+            whole.append(changes.sums(KEPT, [(0, height, 0, width)]))
+            with_turned.append(changes.patch(USABLE))
+            settled.append(changes.patch(SETTLED))
+            far.append(far_sums(changes.change, changes.events, (changes.flags & KEPT).astype(np.bool_)))
+            tiles.append(changes.tile_sums(KEPT, GRID))
+        return ShiftCorrelations(
+            np.concatenate([sums.patches for sums in whole]),
+            np.array(with_turned),
             np.array(settled),
-            np.concatenate([one.squares for one in whole]),
-            np.concatenate([one.slopes for one in whole]),
+            np.concatenate([sums.squares for sums in whole]),
+            np.concatenate([sums.slopes for sums in whole]),
             joined(far),
-            added(tiles),
+            ShiftSums.added(tiles),
             window.span.start_ns,
             window.span.stop_ns,
         )
 
-    def conclude(self, state: Sequence[Correlations], facts: Facts) -> Observation:
+    def conclude(self, state: Sequence[ShiftCorrelations], facts: Facts) -> Observation:
         """Find the peak of all."""
-        coverage = Coverage(sum(len(one.patches) for one in state), _intervals(facts), "frame intervals")
+        of = max(len(facts.clocks["rgb"].times_ns) - 1, 0)
+        coverage = Coverage(sum(len(window.patches) for window in state), of, "frame intervals")
         if coverage.seen < FEWEST_INTERVALS:
             return Observation(coverage, unobservable="fewer than four frame intervals with events")
-        patches = np.concatenate([one.patches for one in state])
-        squares = np.sum([one.squares.sum(axis=0) for one in state], axis=0)
-        far = far_shift(joined([one.far for one in state]), REACH_PX, LEAST_CORRELATION)
-        found = _near(patches, squares) if far is None else (far.shift, far.errors_px)
-        if isinstance(found, str) or facts.declared.events is None:
-            return Observation(coverage, unobservable=str(found))
-        shift, spread = found
+        patches = np.concatenate([window.patches for window in state])
+        squares = np.sum([window.squares.sum(axis=0) for window in state], axis=0)
+        far = far_shift(joined([window.far for window in state]), REACH_PX, LEAST_CORRELATION)
+        estimate = _near_shift(patches, squares) if far is None else (far.shift, far.errors_px)
+        if isinstance(estimate, str) or facts.declared.events is None:
+            return Observation(coverage, unobservable=str(estimate))
+        shift, spread = estimate
         threshold = max(facts.declared.events.threshold_on, facts.declared.events.threshold_off)
-        slopes = np.concatenate([one.slopes for one in state])
-        left_open, lags = open_level_errors(slopes.mean(axis=0), threshold)
-        errors = np.maximum(spread, left_open)
+        slopes = np.concatenate([window.slopes for window in state])
+        open_errors, lags = open_level_errors(slopes.mean(axis=0), threshold)
+        errors = np.maximum(spread, open_errors)
         lags = np.minimum(lags, _drag(shift, state)) if far is None else lags
-        whole = [self._one(shift, errors, lags, axis) for axis in (0, 1)]
+        whole = (
+            self._whole("shift_right", shift.right_px, "right", float(errors[0]), float(lags[0])),
+            self._whole("shift_down", shift.down_px, "down", float(errors[1]), float(lags[1])),
+        )
         return Observation(coverage, (*whole, *self._parts(state, threshold, lags, facts)))
 
-    def _parts(self, state: Sequence[Correlations], threshold: float, lags: Float64, facts: Facts) -> list[Statistic]:
-        """State the stretch and the region that are shifted most against the rest."""
-        found = []
-        windows = [PartSums(*(getattr(one, name).sum(axis=0) for name in PartSums.__slots__)) for one in state]
-        usual = max(len(one.patches) for one in state)
-        dragged = np.array([one.with_turned.sum(axis=0) for one in state])
-        stretch = most_shifted(stacked(windows), usual, threshold, LEAST_CORRELATION, dragged)
-        if stretch is not None:
-            chosen = [one for one, alike in zip(state, stretch.alike, strict=True) if alike]
+    def _parts(
+        self, state: Sequence[ShiftCorrelations], threshold: float, lags: Float64, facts: Facts
+    ) -> list[Statistic]:
+        """Return the segment of time and the region that are shifted most against the rest."""
+        statistics = []
+        windows = [ShiftSums(*(getattr(each, name).sum(axis=0) for name in ShiftSums.__slots__)) for each in state]
+        usual = max(len(window.patches) for window in state)
+        with_turned = np.array([window.with_turned.sum(axis=0) for window in state])
+        segment = most_shifted(ShiftSums.stacked(windows), usual, threshold, LEAST_CORRELATION, with_turned)
+        if segment is not None:
+            chosen = [window for window, alike in zip(state, segment.alike, strict=True) if alike]
             start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
             where = Where(stream="events", start_us=start_us, stop_us=stop_us)
             place = f"From {start_us / US_PER_S:.2f} s to {stop_us / US_PER_S:.2f} s"
-            found.append(self._part("stretch", stretch, lags, where, place))
-        intervals = sum(len(one.patches) for one in state)
-        region = most_shifted(added([one.tiles for one in state]), intervals, threshold, CLEAR)
+            statistics.append(self._part("stretch", segment, lags, where, place))
+        count = sum(len(window.patches) for window in state)
+        region = most_shifted(ShiftSums.added([window.tiles for window in state]), count, threshold, CLEAR)
         if region is not None:
             tile = tile_around(region.alike, sensor_shape(facts.declared))
             place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
-            found.append(self._part("region", region, lags, Where(stream="events", tile=tile), place))
-        return found
+            statistics.append(self._part("region", region, lags, Where(stream="events", tile=tile), place))
+        return statistics
 
-    def _part(self, rule: str, found: Shifted, lags: Float64, where: Where, place: str) -> Statistic:
-        word, error = ("right", "down")[found.axis], found.standard_error_px
+    def _part(self, rule: str, part: PartShift, lags: Float64, where: Where, place: str) -> Statistic:
+        word, error = _AXES[part.axis], part.standard_error_px
         return Statistic(
             name=f"shift_in_a_{rule}",
-            value=found.shift_px,
+            value=part.shift_px,
             unit="px",
             standard_error=error,
-            model_error_bound=float(lags[found.axis]),
-            tests=2 * found.compared,
+            model_error_bound=float(lags[part.axis]),
+            tests=2 * part.compared,
             material=self._MATTERS_PX,
-            statement=f"{place} events lie {found.shift_px:+.3g} +/- {error:.2g} px ({word} positive) from where they "
+            statement=f"{place} events lie {part.shift_px:+.3g} +/- {error:.2g} px ({word} positive) from where they "
             "lie in the rest.",
             code=f"event_response.alignment.{rule}",
             where=where,
-            suspects=(
-                Suspect("spatial_offset", "events", 0.9, found.shift_px if found.axis == 0 else None, "px", error),
-                *(_OF_FRAMES if rule == "stretch" else ()),
-                Suspect("event_model_misdeclared", "events", 0.5),
-                Suspect("time_offset", "events", 0.5),
-                Suspect("clock_rate", "events", 0.4),
-            ),
+            features=(ShiftAxis(word),),
         )
 
-    def _one(self, shift: Shift, errors: Float64, lags: Float64, axis: int) -> Statistic:
-        name, value, word = (("shift_right", shift.right_px, "right"), ("shift_down", shift.down_px, "down"))[axis]
-        error = float(errors[axis])
-        magnitude = value if axis == 0 else None
+    def _whole(self, name: str, value: float, word: Literal["right", "down"], error: float, lag: float) -> Statistic:
         return Statistic(
             name=name,
             value=value,
             unit="px",
             standard_error=error,
-            model_error_bound=float(lags[axis]),
+            model_error_bound=lag,
             material=self._MATTERS_PX,
             statement=f"Events lie {value:+.3g} +/- {error:.2g} px ({word} positive) from where the frames change.",
             code="event_response.alignment.shift",
             where=Where(stream="events"),
-            suspects=(
-                Suspect("spatial_offset", "events", 0.8, magnitude, "px", error if magnitude is not None else None),
-                Suspect("spatial_offset", "rgb", 0.6, None if magnitude is None else -magnitude, "px"),
-                Suspect("time_offset", "events", 0.5),
-                Suspect("time_offset", "rgb", 0.5),
-                Suspect("clock_rate", "events", 0.4),
-                Suspect("event_model_misdeclared", "events", 0.3),
-                Suspect("intrinsics_centre", "metadata", 0.4),
-            ),
+            features=(ShiftAxis(word),),
         )
 
 
-def _a_window(window: Window) -> int:
-    """Return how many intervals of a window of the usual length are correlated."""
-    if not is_large_sensor(window):
-        return INTERVALS
-    times_ns, cameras = window.facts.clocks["rgb"].times_ns, window.facts.declared.cameras.values()
-    long = int(times_ns[-1] - times_ns[0]) >= 2 * FEWEST_INTERVALS * WINDOW_NS
-    dense = window.sampling.tile_share * max(one.width * one.height for one in cameras) >= _DENSE_PX
-    return INTERVALS_OF_LARGE[long and dense]
+_AXES: Final[tuple[Literal["right", "down"], ...]] = ("right", "down")
 
 
-def _near(patches: Float64, squares: Float64) -> tuple[Shift, Float64] | str:
+def _near_shift(patches: Float64, squares: Float64) -> tuple[Shift, Float64] | str:
     """Return the shift within reach and its spread (right, down), or why there is none."""
     total = patches.sum(axis=0)
     strength = float(total.max()) / max(float(np.sqrt(squares.prod())), 1e-300)
     shift = peak(total)
     if shift is None or strength < LEAST_CORRELATION:
         return f"events and frames correlate by no more than {strength:.2g} within {RADIUS_PX} px"
-    spread = _jackknife(patches, total)
+    spread = peak_spread(patches, total)
     return "the peak depends on single frame intervals" if spread is None else (shift, spread)
 
 
-def _drag(shift: Shift, state: Sequence[Correlations]) -> Float64:
+def _drag(shift: Shift, state: Sequence[ShiftCorrelations]) -> Float64:
     """Return (2,) how far pixels that have turned move the peak: those whose events turned, plus those yet to fire."""
-    moved = np.zeros(2)
-    for others in ([one.with_turned for one in state], [one.settled for one in state]):
-        other = peak(np.sum([patches.sum(axis=0) for patches in others], axis=0))
-        if other is None:
+    drag_px = np.zeros(2)
+    for by_window in ([window.with_turned for window in state], [window.settled for window in state]):
+        dragged = peak(np.sum([patches.sum(axis=0) for patches in by_window], axis=0))
+        if dragged is None:
             return np.full(2, np.inf)
-        moved += abs(np.array([other.right_px - shift.right_px, other.down_px - shift.down_px]))
-    return moved
-
-
-def _sums(interval: Interval) -> tuple[PartSums, Float64, Float64, FarSums, PartSums]:
-    """Return the sums of one frame interval, as in ``Correlations``."""
-    height, width = interval.flags.shape
-    whole = interval.sums(KEPT, [(0, height, 0, width)])
-    far = far_sums(interval.change, interval.events, (interval.flags & KEPT).astype(np.bool_))
-    return whole, interval.patch(USABLE), interval.patch(SETTLED), far, tiles_of(interval, KEPT)
-
-
-def _intervals(facts: Facts) -> int:
-    return max(len(facts.clocks["rgb"].times_ns) - 1, 0)
-
-
-def _jackknife(patches: Float64, total: Float64) -> Float64 | None:
-    """Return the spread of the peak (right, down) when intervals are left out in turn; None where it is lost."""
-    found = [peak(total - patch) for patch in patches]
-    known = [(shift.right_px, shift.down_px) for shift in found if shift is not None]
-    if len(known) < len(found):
-        return None
-    spread: Float64 = np.sqrt((len(known) - 1) * np.var(known, axis=0))
-    return spread
+        drag_px += abs(np.array([dragged.right_px - shift.right_px, dragged.down_px - shift.down_px]))
+    return drag_px

@@ -1,6 +1,5 @@
 """Events against log intensity: what must be conserved."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import ceil, expm1, pi, sqrt
 from typing import Final
@@ -8,31 +7,64 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.event_response.conservation_suspects import FEW, why_broken
-from fedora_qa.checks.event_response.inverse_trials import Trial, trials
-from fedora_qa.checks.protocol import Check, Observation, Statistic, Suspect
+from fedora_qa.checks.protocol import Check, Observation, Statistic
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import sensor_shape, why_frames_and_events_do_not_meet
-from fedora_qa.views.frame_runs import Closed, Ledger
+from fedora_qa.views.frame_runs import FrameRuns, FrameRunSummary
+from fedora_qa.views.inverse_trials import InverseTrial, inverse_trials
 
 Bool = NDArray[np.bool_]
 
 TILE_PX: Final = 8
 
 
+@dataclass(frozen=True, slots=True)
+class Violations(Feature):
+    """The number of pixels whose events contradict the frames, and their fraction of the image."""
+
+    pixels: int
+    fraction: float
+
+
+@dataclass(frozen=True, slots=True)
+class ViolationCluster(Feature):
+    """How close together the violating pixels of the whole file lie.
+
+    Attributes
+    ----------
+    side_px
+        Side of a square of as many pixels.
+    fraction_of_image
+        Of the pixels of the image that violate the law.
+    fraction_nearby
+        Of the violating pixels that lie around the worst tile, as near to it as such a square reaches.
+    fraction_without_events
+        Of the violating pixels that give no event at all.
+    fraction_in_densest_square
+        Of the violating pixels in one square of twice their number; 0 for less than a few.
+    """
+
+    side_px: float
+    fraction_of_image: float
+    fraction_nearby: float
+    fraction_without_events: float
+    fraction_in_densest_square: float
+
+
 @dataclass(slots=True)
-class Followed:
-    """Stretches of frames, and what undoing faults did to windows that break the law."""
+class ConservationState:
+    """Frame runs, and what inverse transforms do to windows that break the law."""
 
-    ledger: Ledger
-    trials: list[Trial] = field(default_factory=list)
+    runs: FrameRuns
+    trials: list[InverseTrial] = field(default_factory=list)
 
 
-class EventResponseConservation(Check[Followed]):
+class EventResponseConservation(Check[ConservationState]):
     """Do events add up to what the frames show, in every pixel?
 
     The share of pixels whose events contradict the frames, in the worst two seconds, and the same in the worst tile of
@@ -85,80 +117,106 @@ class EventResponseConservation(Check[Followed]):
     """Share of the pixels in which events are lost, or of those that could show it where these are fewer."""
     _TILE_MODEL_ERROR_BOUND: Final = 1 / TILE_PX
     """A structure one pixel wide runs through as many pixels of a tile as its side has."""
-    _ONE_REGION: Final = 0.6
-    """Share of the violating pixels that lie together, and share of them that give no event, where a region is dead
-    (in the diagnosis, after an alarm)."""
 
     def not_applicable(self, facts: Facts) -> str:
         """Need both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
-    def start(self, facts: Facts) -> Followed:
-        """Return no stretch."""
-        if facts.declared.events is None:
+    def start(self, facts: Facts) -> ConservationState:
+        """Return no frame run."""
+        declared = facts.declared.events
+        if declared is None:
             raise ValueError("Expected a declared event sensor, got none; the check is not applicable")
-        return Followed(Ledger(facts.declared.events, _phase_known(facts, facts.declared.events)))
+        # The signal at the first frame is the first reference only where no event comes before that frame.
+        times_ns = facts.clocks["rgb"].times_ns
+        events_follow = len(times_ns) > 0 and facts.events is not None and facts.events.first_ns > int(times_ns[0])
+        return ConservationState(FrameRuns(declared, declared.initial_phase == "zero" and events_follow))
 
-    def update(self, state: Followed, window: Window) -> None:
-        """Join the window's frames to the last stretch, or begin another, and try to undo faults where it is broken."""
-        state.ledger.follow(window)
-        state.trials.extend(trials(window))
+    def update(self, state: ConservationState, window: Window) -> None:
+        """Join the window's frames to the last run, or begin another, and try inverse transforms where it is broken."""
+        state.runs.follow(window)
+        state.trials.extend(inverse_trials(window))
 
-    def merge(self, state: Followed, later: Followed) -> Followed:
-        """Join the stretches that meet."""
-        return Followed(state.ledger.then(later.ledger), state.trials + later.trials)
+    def merge(self, state: ConservationState, later: ConservationState) -> ConservationState:
+        """Join the frame runs that meet."""
+        return ConservationState(state.runs.then(later.runs), state.trials + later.trials)
 
-    def conclude(self, state: Followed, facts: Facts) -> Observation:
+    def conclude(self, state: ConservationState, facts: Facts) -> Observation:
         """Count the pixels that broke the law, in the worst two seconds and by tile."""
-        closed, rgb_count = state.ledger.closed(), len(facts.clocks["rgb"].times_ns)
-        coverage = Coverage(min(sum(one.frames for one in closed), rgb_count), rgb_count, "frames")
-        if not closed:
+        groups, rgb_count = state.runs.summaries(), len(facts.clocks["rgb"].times_ns)
+        coverage = Coverage(min(sum(group.frames for group in groups), rgb_count), rgb_count, "frames")
+        if not groups:
             return Observation(coverage, unobservable="no two frames with events around them")
         shape = sensor_shape(facts.declared)
-        pixels = np.any([one.unpacked(shape) for one in closed], axis=0)
-        if not pixels.any() and not any(one.telling for one in closed):
+        pixels = np.any([group.unpacked(shape) for group in groups], axis=0)
+        if not pixels.any() and not any(group.informative for group in groups):
             return Observation(
                 coverage, unobservable="nowhere do frames show so much change that an event could be missed"
             )
-        tile, dead = self._tile(pixels, closed, facts, state.trials)
+        count, (tile_fraction, row, column, tiles) = int(np.count_nonzero(pixels)), _worst_tile(pixels)
+        cluster = _cluster(pixels, row, column, groups)
+        side = min(TILE_PX, *pixels.shape)
+        everywhere = cluster.fraction_of_image
+        tile = Statistic(
+            name="worst_tile",
+            value=tile_fraction,
+            unit="1",
+            standard_error=sqrt(max(everywhere * (1 - everywhere), 1 / side**2) / side**2),
+            expected=everywhere,
+            model_error_bound=self._TILE_MODEL_ERROR_BOUND,
+            side="upper",
+            material=min(1.0, max(group.informative for group in groups) / side**2),
+            tests=tiles,
+            statement=f"In {tile_fraction:.0%} of the pixels of the tile at ({column}, {row}) events do not add up; "
+            f"{everywhere:.2%} of all.",
+            code="event_response.conservation.region",
+            where=Where(stream="events", tile=(column, row, column + side, row + side)),
+            features=(Violations(count, everywhere), cluster, *state.trials),
+        )
+        worst_group = self._worst_group(groups, state.runs.model, facts, (cluster, *state.trials))
         return Observation(
             coverage,
-            (self._share(closed, state.ledger.model, facts, dead, state.trials), tile),
+            (worst_group, tile),
             evidence={"conservation_violations": pixels.astype(np.uint8)},
             titles={
                 "conservation_violations": "Pixels whose events do not add up to what the frames show [1: some do not]"
             },
         )
 
-    def _share(
-        self, closed: list[Closed], declared: EventModel, facts: Facts, dead: float, tried: Sequence[Trial]
+    def _worst_group(
+        self, groups: list[FrameRunSummary], declared: EventModel, facts: Facts, features: tuple[Feature, ...]
     ) -> Statistic:
-        shape = sensor_shape(facts.declared)
-        size = shape[0] * shape[1]
+        """Return the fraction of violating pixels, of the two seconds where it deviates most from what is allowed."""
+        height, width = sensor_shape(facts.declared)
+        size = height * width
         times_ns = facts.clocks["rgb"].times_ns
-        counts = [int(np.bitwise_count(one.pixels).sum()) for one in closed]
-        excused = [_excused_share(one, declared, times_ns) for one in closed]
-        model_error_bounds = [one.flawed / size + share for one, share in zip(closed, excused, strict=True)]
-        errors = [sqrt((one.flawed + 1) / size**2 + share / size) for one, share in zip(closed, excused, strict=True)]
+        counts = [group.violations for group in groups]
+        excused = [_excused_fraction(group, declared, times_ns) for group in groups]
+        # As many violations are allowed as uneven frames alone make, with the Poisson error of so many and one.
+        bounds = [group.flawed / size + fraction for group, fraction in zip(groups, excused, strict=True)]
+        errors = [
+            sqrt((group.flawed + 1) / size**2 + fraction / size)
+            for group, fraction in zip(groups, excused, strict=True)
+        ]
         deviations = [
             (count / size - model_error_bound) / error
-            for count, model_error_bound, error in zip(counts, model_error_bounds, errors, strict=True)
+            for count, model_error_bound, error in zip(counts, bounds, errors, strict=True)
         ]
         worst = int(np.argmax(deviations))
-        first = closed[worst].suspected
+        group, first = groups[worst], groups[worst].suspected
         last = min(first + 1, len(times_ns) - 1)
         return Statistic(
             name="violating_pixels",
             value=counts[worst] / size,
             unit="1",
             standard_error=errors[worst],
-            model_error_bound=model_error_bounds[worst],
+            model_error_bound=bounds[worst],
             side="upper",
             resolution=1 / size,
-            material=min(self._MATTERS, self._MOST * closed[worst].telling / size),
-            tests=len(closed),
+            material=min(self._MATTERS, self._MOST * group.informative / size),
+            tests=len(groups),
             statement=f"In {counts[worst]} of {size} pixels events do not add up to what the frames "
-            f"{closed[worst].first_frame} to {closed[worst].last_frame} show, most of them across frame {first}.",
+            f"{group.first_frame} to {group.last_frame} show, most of them across frame {first}.",
             code="event_response.conservation.pixels",
             where=Where(
                 stream="events",
@@ -166,100 +224,58 @@ class EventResponseConservation(Check[Followed]):
                 stop_us=facts.to_file_us(int(times_ns[last])),
                 frame=first,
             ),
-            suspects=why_broken(
-                closed[worst].unpacked(shape),
-                float(counts[worst]),
-                Suspect("dead_region", "events", 0.9 * dead),
-                tried,
-                facts,
-            ),
+            features=(Violations(counts[worst], counts[worst] / size), *features),
         )
 
-    def _tile(
-        self, pixels: Bool, closed: list[Closed], facts: Facts, tried: Sequence[Trial]
-    ) -> tuple[Statistic, float]:
-        """Return the worst tile, and how well a dead region around it explains the violations.
 
-        They lie together, and without events; or, of a region that is dead for some time, so close together that no
-        loss of single events could be: a lost packet spoils few pixels of any place.
-        """
-        silent = facts.events is None or not facts.events.count
-        share, row, column, tiles = _worst_tile(pixels)
-        everywhere = float(pixels.mean())
-        side = min(TILE_PX, *pixels.shape)
-        region = sqrt(float(np.count_nonzero(pixels)))
-        mute = sum(one.mute for one in closed) / max(sum(int(np.bitwise_count(one.pixels).sum()) for one in closed), 1)
-        mute_together = min(_gathered(pixels, row, column, region), mute) > self._ONE_REGION
-        dense = float(pixels.mean()) < FEW and _densest(pixels) > self._ONE_REGION
-        dead = 0.1 if silent else 0.8 if mute_together else 0.6 if dense else 0.1
-        measured = Statistic(
-            name="worst_tile",
-            value=share,
-            unit="1",
-            standard_error=sqrt(max(everywhere * (1 - everywhere), 1 / side**2) / side**2),
-            expected=everywhere,
-            model_error_bound=self._TILE_MODEL_ERROR_BOUND,
-            side="upper",
-            material=min(1.0, max(one.telling for one in closed) / side**2),
-            tests=tiles,
-            statement=f"In {share:.0%} of the pixels of the tile at ({column}, {row}) events do not add up; "
-            f"{everywhere:.2%} of all.",
-            code="event_response.conservation.region",
-            where=Where(stream="events", tile=(column, row, column + side, row + side)),
-            suspects=why_broken(pixels, None, Suspect("dead_region", "events", dead, region, "px"), tried, facts),
-        )
-        return measured, dead
-
-
-def _phase_known(facts: Facts, declared: EventModel) -> bool:
-    """Whether the signal at the first frame is declared to be the first reference, and no event comes before it."""
-    times_ns = facts.clocks["rgb"].times_ns
-    after = len(times_ns) > 0 and facts.events is not None and facts.events.first_ns > int(times_ns[0])
-    return declared.initial_phase == "zero" and after
-
-
-def _excused_share(closed: Closed, declared: EventModel, times_ns: NDArray[np.int64]) -> float:
-    """Return the share of pixels that declared effects may drive beyond the law.
+def _excused_fraction(group: FrameRunSummary, declared: EventModel, times_ns: NDArray[np.int64]) -> float:
+    """Return the fraction of pixels that declared effects may drive beyond the law.
 
     A spurious event moves a pixel by a threshold. A low-pass holds back the events of the last five time constants
     before a frame: pixels that fire that close to a frame time may lag by more than their bound.
     """
-    seconds = float(times_ns[closed.last_frame] - times_ns[closed.first_frame]) / NS_PER_S
+    seconds = float(times_ns[group.last_frame] - times_ns[group.first_frame]) / NS_PER_S
+    # A Poisson process of the declared rate gives at least one event in so many pixels.
     spurious = -expm1(-declared.shot_rate_hz * seconds)
     lagging = 0.0
     if declared.bandwidth_hz > 0:
         around_s = 10 / (2 * pi * declared.bandwidth_hz)
-        lagging = closed.events_per_pixel / max(seconds, 1e-9) * around_s * closed.frames
+        lagging = group.events_per_pixel / max(seconds, 1e-9) * around_s * group.frames
     return min(spurious + lagging, 1.0)
 
 
 def _worst_tile(pixels: Bool) -> tuple[float, int, int, int]:
-    """Return the largest share in a tile, its first row and column, and the number of tiles; they overlap by half.
+    """Return the largest fraction in a tile, its first row and column, and the number of tiles; they overlap by half.
 
     So a region of five pixels a side lies wholly in one of them, wherever it is.
     """
     side = min(TILE_PX, *pixels.shape)
     step = max(side // 2, 1)
-    sums = np.pad(pixels.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
-    counts = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
-    shares = counts[::step, ::step] / side**2
-    row, column = (int(i) for i in np.unravel_index(int(np.argmax(shares)), shares.shape))
-    return float(shares[row, column]), row * step, column * step, shares.size
+    fractions = _square_counts(pixels, side)[::step, ::step] / side**2
+    row, column = (int(i) for i in np.unravel_index(int(np.argmax(fractions)), fractions.shape))
+    return float(fractions[row, column]), row * step, column * step, fractions.size
 
 
-def _densest(pixels: Bool) -> float:
-    """Return the largest share of the marked pixels in one square of twice their number; 0 for less than a few."""
+def _cluster(pixels: Bool, row: int, column: int, groups: list[FrameRunSummary]) -> ViolationCluster:
+    """Return how close the violating pixels (h, w) lie together; the worst tile begins at a row and a column."""
     count = int(np.count_nonzero(pixels))
-    side = min(ceil(sqrt(2 * count)), *pixels.shape)
-    if count < TILE_PX:
-        return 0.0
-    sums = np.pad(pixels.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
-    counts = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
-    return float(counts.max()) / count
-
-
-def _gathered(pixels: Bool, row: int, column: int, region: float) -> float:
-    """Return the share of the marked pixels around a tile, as near to it as a square of their number reaches."""
-    reach = int(region) + TILE_PX
+    side_px = sqrt(float(count))
+    reach = int(side_px) + TILE_PX
     near = pixels[max(row - reach, 0) : row + TILE_PX + reach, max(column - reach, 0) : column + TILE_PX + reach]
-    return float(np.count_nonzero(near)) / max(int(np.count_nonzero(pixels)), 1)
+    densest = 0.0
+    if count >= TILE_PX:
+        densest = float(_square_counts(pixels, min(ceil(sqrt(2 * count)), *pixels.shape)).max()) / count
+    return ViolationCluster(
+        side_px,
+        float(pixels.mean()),
+        float(np.count_nonzero(near)) / max(count, 1),
+        sum(group.without_events for group in groups) / max(sum(group.violations for group in groups), 1),
+        densest,
+    )
+
+
+def _square_counts(pixels: Bool, side: int) -> NDArray[np.int64]:
+    """Return the number of marked pixels in each square of a side, by its first row and column."""
+    sums = np.pad(pixels.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    counts: NDArray[np.int64] = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
+    return counts

@@ -5,29 +5,38 @@ An ideal pixel keeps ``-C- < L - ref < C+``, and ``ref`` moves by C+ and C- only
 the largest lower bound of E exceeds the smallest upper bound by C+ + C- or more. Where the reference is the signal at
 the first frame, E is nothing there, and stays within the thresholds of it: -C- < E < C+.
 
-Signals are int64 multiples of 2^-40 nat, so that neighbouring stretches join exactly in any order.
+Signals are int64 multiples of 2^-40 nat, so that neighbouring frame runs join exactly in any order.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.events.excursion_kernels import FARTHEST, follow_excursions
-
+Bool = NDArray[np.bool_]
 Float64 = NDArray[np.float64]
 Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
+Images = NDArray[np.floating]
 
 UNITS_PER_NAT: Final = 2.0**40
 EVERY_FRAME: Final = (np.inf, 0.0)
-"""The rule that believes every frame."""
+"""The rule that accepts every frame."""
+
+FARTHEST = 1 << 61
+"""A bound that bounds nothing, in units."""
+
+_MANTISSA_BITS = 52
+_ROOT_OF_HALF = 0x3FE6A09E667F3BCD
+"""The bits of sqrt(1/2) as a number of double precision: from there to sqrt(2) a logarithm is taken of the mantissa."""
+_LN_2 = float(np.log(2.0))
 
 
 @dataclass(frozen=True, slots=True)
-class Law:
-    """What an ideal pixel does, and which frames are believed.
+class ConservationLaw:
+    """What an ideal pixel does, and which frames are accepted.
 
     Attributes
     ----------
@@ -36,7 +45,7 @@ class Law:
     dark
         The signal is the logarithm of the light and this.
     uneven
-        Rules: errors not below the first and the second times the light tell nothing.
+        Rules: frames bound nothing in a pixel whose error is not below the first and the second times the light.
     """
 
     threshold_on: float
@@ -60,11 +69,10 @@ class Excursions:
     highest_at, lowest_at
         (h, w) the frames of the first rule's.
     start
-        (2, h, w) light and its error at frame 0; (2, 0, 0) of a stretch that begins later, where no reference is
-        declared.
+        (2, h, w) light and its error at frame 0; (2, 0, 0) of a run that begins later, where no reference is declared.
     """
 
-    law: Law
+    law: ConservationLaw
     first_frame: int
     last_frame: int
     total: Int64
@@ -74,20 +82,14 @@ class Excursions:
     lowest_at: Int32
     start: NDArray[np.floating[Any]]
 
-    def follow(
-        self,
-        light: NDArray[np.floating],
-        error: NDArray[np.floating],
-        counts: Int32,
-        drift: Float64,
-        frames: Int64,
-    ) -> None:
+    def follow(self, light: Images, error: Images, counts: Int32, drift: Float64, frames: Int64) -> None:
         """Go on, in place, over frames of which the first is this one's last; arguments as those of ``bound``."""
-        self._take(light, error, counts, drift, frames, begun=True)
+        self._add_frames(light, error, counts, drift, frames, begun=True)
         self.last_frame = int(frames[-1])
 
     def then(self, later: "Excursions") -> "Excursions":
-        """Join with the stretch that begins at this one's last frame. Exact, hence associative."""
+        """Join with the excursions that begin at this one's last frame. Exact, hence associative."""
+        # E counted from this run's first frame is E counted from the later run's less the events in between.
         highest = np.where(later.highest > -FARTHEST, later.highest - self.total, -FARTHEST)
         lowest = np.where(later.lowest < FARTHEST, later.lowest - self.total, FARTHEST)
         # Of equal ones the earlier.
@@ -99,64 +101,44 @@ class Excursions:
         return Excursions(self.law, *ends, total, highest, lowest, highest_at, lowest_at, self.start)
 
     def excess(self, rule: int = 0) -> Float64:
-        """Return by how much (h, w) E has surely varied, nat; negative where nothing is sure."""
-        span: Float64 = (self.highest[rule].astype(np.float64) - self.lowest[rule]) / UNITS_PER_NAT
-        return span
+        """Return by how much (h, w) E varies at least, nat; negative where the bounds allow that it does not."""
+        variation: Float64 = (self.highest[rule].astype(np.float64) - self.lowest[rule]) / UNITS_PER_NAT
+        return variation
 
     def departure(self, rule: int = 0) -> Float64:
-        """Return how far (h, w) E has surely gone beyond the thresholds around its start, nat; mostly negative."""
+        """Return how far (h, w) E goes at least beyond the thresholds around its start, nat; mostly negative."""
         light, error = self.start[:, np.newaxis]
-        none, first = np.zeros((0, 2, *light.shape[1:]), np.int32), np.zeros(1, np.int64)
-        start = bound(light, error, none, np.zeros(0), replace(self.law, uneven=(self.law.uneven[rule],)), first)
+        no_counts, first = np.zeros((0, 2, *light.shape[1:]), np.int32), np.zeros(1, np.int64)
+        start = bound(light, error, no_counts, np.zeros(0), replace(self.law, uneven=(self.law.uneven[rule],)), first)
         rise = (self.highest[rule].astype(np.float64) - start.lowest[0]) / UNITS_PER_NAT - self.law.threshold_on
         fall = (start.highest[0].astype(np.float64) - self.lowest[rule]) / UNITS_PER_NAT - self.law.threshold_off
         farthest: Float64 = np.maximum(rise, fall)
         return farthest
 
-    def _take(
-        self,
-        light: NDArray[np.floating],
-        error: NDArray[np.floating],
-        counts: Int32,
-        drift: Float64,
-        frames: Int64,
-        *,
-        begun: bool,
+    def _add_frames(
+        self, light: Images, error: Images, counts: Int32, drift: Float64, frames: Int64, *, begun: bool
     ) -> None:
         law = self.law
         follow_excursions(
-            light,
-            error,
-            counts,
+            FrameBounds(light, error, counts, np.rint(drift * UNITS_PER_NAT).astype(np.int64), frames.astype(np.int32)),
             law.dark,
             (round(law.threshold_off * UNITS_PER_NAT), round(law.threshold_on * UNITS_PER_NAT)),
-            np.rint(drift * UNITS_PER_NAT).astype(np.int64),
-            frames.astype(np.int32),
             np.array(law.uneven, np.float64),
             UNITS_PER_NAT,
             begun,
-            self.total,
-            self.highest,
-            self.lowest,
-            self.highest_at,
-            self.lowest_at,
+            ExtremeBounds(self.total, self.highest, self.lowest, self.highest_at, self.lowest_at),
         )
 
 
 def bound(
-    light: NDArray[np.floating],
-    error: NDArray[np.floating],
-    counts: Int32,
-    drift: Float64,
-    law: Law,
-    frames: Int64,
+    light: Images, error: Images, counts: Int32, drift: Float64, law: ConservationLaw, frames: Int64
 ) -> Excursions:
     """Return the excursions over consecutive frames.
 
     Parameters
     ----------
     light, error
-        (n, h, w) light at each frame and what it may be off by; infinite where nothing is known.
+        (n, h, w) light at each frame, DN, and a bound of its error; infinite where nothing is known.
     counts
         (n - 1, 2, h, w) darker and brighter events between the frames.
     drift
@@ -166,7 +148,7 @@ def bound(
     """
     shape, rules = light.shape[1:], len(law.uneven)
     start = np.stack([light[0], error[0]]) if frames[0] == 0 else np.empty((2, 0, 0), light.dtype)
-    found = Excursions(
+    excursions = Excursions(
         law,
         int(frames[0]),
         int(frames[-1]),
@@ -177,5 +159,168 @@ def bound(
         np.zeros(shape, np.int32),
         start,
     )
-    found._take(light, error, counts, drift, frames, begun=False)
-    return found
+    excursions._add_frames(light, error, counts, drift, frames, begun=False)
+    return excursions
+
+
+class FrameBounds(NamedTuple):
+    """Light and its error at n frames, and what happens between them: the input of ``follow_excursions``.
+
+    Attributes
+    ----------
+    light, error
+        (n, h, w).
+    counts
+        (n - 1, 2, h, w) darker and brighter events between the frames.
+    drift
+        (n - 1,) what the signal gains besides, units.
+    frames
+        (n,) their numbers.
+    """
+
+    light: Images
+    error: Images
+    counts: Int32
+    drift: Int64
+    frames: Int32
+
+
+class ExtremeBounds(NamedTuple):
+    """What ``follow_excursions`` updates: ``total`` to ``lowest_at`` of ``Excursions``."""
+
+    total: Int64
+    highest: Int64
+    lowest: Int64
+    highest_at: Int32
+    lowest_at: Int32
+
+
+@njit(cache=True)
+def follow_excursions(
+    bounds: FrameBounds,
+    dark: float,
+    steps: tuple[int, int],
+    uneven: Float64,
+    units: float,
+    begun: bool,
+    extremes: ExtremeBounds,
+) -> None:
+    """Follow signal minus events of every pixel over the frames, by each of some rules which frames to accept.
+
+    The signal is the logarithm of light and ``dark``, and counts ``units`` times; a darker and a brighter event is each
+    a step of ``steps``. Bounds that are not finite, or of an error not below the first of a rule's ``uneven`` (k, 2)
+    and the second times the light, bound nothing. Where it has ``begun``, the first frame has been added before.
+    """
+    light, error, counts, drift, frames = bounds
+    total, highest, lowest, highest_at, lowest_at = extremes
+    width = light.shape[2]
+    ends, accepted = np.empty((2, width), np.int64), np.empty(width, np.bool_)
+    mantissas, exponents = np.empty((2, width)), np.empty((2, width))
+    # By rows, so that all frames of a row are followed while its bounds lie in the cache.
+    for row in range(light.shape[1]):
+        for frame in range(len(light)):
+            if frame > 0:
+                _add_events(counts[frame - 1, :, row], steps, drift[frame - 1], total[row])
+            elif begun:
+                continue
+            row_light, row_error = light[frame, row], error[frame, row]
+            _split_bounds(row_light, row_error, dark, mantissas, mantissas.view(np.int64), exponents)
+            _log_of_parts(mantissas, exponents, units, ends)
+            number = frames[frame]
+            for rule in range(len(uneven)):
+                _accept(row_light, row_error, dark, uneven[rule, 0], uneven[rule, 1], accepted)
+                higher, deeper = highest[rule, row], lowest[rule, row]
+                if rule == 0:
+                    _widen_and_note(ends, accepted, total[row], number, higher, deeper, highest_at[row], lowest_at[row])
+                else:
+                    _widen(ends, accepted, total[row], higher, deeper)
+
+
+@njit(cache=True)
+def _add_events(counts: Int32, steps: tuple[int, int], drift: int, total: Int64) -> None:
+    off, on = counts
+    for column in range(len(total)):
+        total[column] += on[column] * steps[1] - off[column] * steps[0] - drift
+
+
+@njit(cache=True)
+def _split_bounds(
+    light: Images, error: Images, dark: float, mantissas: Float64, bits: Int64, exponents: Float64
+) -> None:
+    """Split the lower and the upper bound of the light of a row into mantissa and exponent, (2, w) each.
+
+    ``bits`` are those of ``mantissas``. Where nothing is known it is the logarithm of 1.
+    """
+    for column in range(len(light)):
+        bright, off = light[column] + dark, float(error[column])
+        known = (bright > off) & (off < np.inf)
+        mantissas[0, column] = bright - off if known else 1.0
+        mantissas[1, column] = bright + off if known else 1.0
+    for end in range(2):
+        for column in range(len(light)):
+            whole = bits[end, column]
+            # Bits of a double are ordered as the numbers: above those of sqrt(1/2) the exponent counts octaves.
+            exponent = (whole - _ROOT_OF_HALF) >> _MANTISSA_BITS
+            bits[end, column] = whole - (exponent << _MANTISSA_BITS)
+            exponents[end, column] = exponent
+
+
+@njit(cache=True, error_model="numpy")
+def _log_of_parts(mantissas: Float64, exponents: Float64, units: float, logs: Int64) -> None:
+    """Write logarithms (2, w) in units, the first rounded down and the second up; without a branch.
+
+    ln m = 2 artanh s, s = (m - 1) / (m + 1), by its series: |s| < 0.1716, so that what is left out is below 1e-13.
+    """
+    for end in range(2):
+        for column in range(mantissas.shape[1]):
+            m = mantissas[end, column]
+            s = (m - 1.0) / (m + 1.0)
+            z = s * s
+            series = 1.0 / 9.0 + z * (1.0 / 11.0 + z * (1.0 / 13.0 + z * (1.0 / 15.0)))
+            series = 1.0 + z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * series)))
+            log = (exponents[end, column] * _LN_2 + 2.0 * s * series) * units
+            logs[end, column] = np.int64(np.floor(log) if end == 0 else np.ceil(log))
+
+
+@njit(cache=True)
+def _accept(
+    light: Images,
+    error: Images,
+    dark: float,
+    uneven: float,
+    by_light: float,
+    accepted: Bool,
+) -> None:
+    for column in range(len(light)):
+        bright, off = light[column] + dark, float(error[column])
+        accepted[column] = (bright > off) & (off < uneven + by_light * bright)
+
+
+@njit(cache=True)
+def _widen(ends: Int64, accepted: Bool, total: Int64, highest: Int64, lowest: Int64) -> None:
+    for column in range(len(total)):
+        least = ends[0, column] - total[column] if accepted[column] else -FARTHEST
+        most = ends[1, column] - total[column] if accepted[column] else FARTHEST
+        highest[column] = max(least, highest[column])
+        lowest[column] = min(most, lowest[column])
+
+
+@njit(cache=True)
+def _widen_and_note(
+    ends: Int64,
+    accepted: Bool,
+    total: Int64,
+    frame: int,
+    highest: Int64,
+    lowest: Int64,
+    highest_at: Int32,
+    lowest_at: Int32,
+) -> None:
+    """Take a frame's bounds of a row (w,) into the largest lower and the smallest upper one, with its number."""
+    for column in range(len(total)):
+        least = ends[0, column] - total[column] if accepted[column] else -FARTHEST
+        most = ends[1, column] - total[column] if accepted[column] else FARTHEST
+        highest_at[column] = frame if least > highest[column] else highest_at[column]
+        highest[column] = max(least, highest[column])
+        lowest_at[column] = frame if most < lowest[column] else lowest_at[column]
+        lowest[column] = min(most, lowest[column])

@@ -1,7 +1,7 @@
 """Shifts of events against frames that lie beyond what is searched pixel by pixel: the same at half the resolution.
 
 Blocks of 2 x 2 pixels are summed, so that the same number of shifts reaches twice as far for a fourth of the time. The
-peak is that of a smoother correlation and is read to a fraction of a block.
+peak is that of a smoother correlation and is known to a fraction of a block.
 """
 
 from collections.abc import Sequence
@@ -9,16 +9,16 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.events.far_shift_kernels import sum_blocks
-from fedora_qa.estimators.events.shift import Shift, cross_correlation, peak
+from fedora_qa.estimators.events.shift import Shift, cross_correlation, peak, peak_spread
 
 Float64 = NDArray[np.float64]
 
 BLOCK_PX: Final = 2
 
-_READ_TO_PX: Final = BLOCK_PX / 12**0.5
+_BLOCK_ERROR_PX: Final = BLOCK_PX / 12**0.5
 """Standard deviation of a shift that is somewhere within a block: what the parabola through three blocks may leave."""
 
 
@@ -42,16 +42,16 @@ class FarShift:
 def far_sums(change: Float64, events: Float64, usable: NDArray[np.bool_]) -> FarSums:
     """Return the sums of one interval (k = 1) of ``change`` and ``events`` (h, w), over the usable pixels."""
     height, width = (size // BLOCK_PX for size in usable.shape)
-    one, other = np.empty((2, height, width))
-    rest = sum_blocks(change, events, usable, one, other)
-    squares = np.array([np.sum(image * image) for image in (one, other)])
-    patch = cross_correlation(one, other, np.ones(one.shape, np.bool_), rest)
+    changed, fired = np.empty((2, height, width))
+    rest = sum_blocks(change, events, usable, changed, fired)
+    squares = np.array([np.sum(image * image) for image in (changed, fired)])
+    patch = cross_correlation(changed, fired, np.ones(changed.shape, np.bool_), rest)
     return FarSums(patch[np.newaxis], squares[np.newaxis])
 
 
 def joined(parts: Sequence[FarSums]) -> FarSums:
     """Return the sums of all intervals, in order."""
-    return FarSums(np.concatenate([one.patches for one in parts]), np.concatenate([one.squares for one in parts]))
+    return FarSums(np.concatenate([part.patches for part in parts]), np.concatenate([part.squares for part in parts]))
 
 
 def far_shift(sums: FarSums, beyond_px: float, least: float) -> FarShift | None:
@@ -60,15 +60,56 @@ def far_shift(sums: FarSums, beyond_px: float, least: float) -> FarShift | None:
     Also None where they correlate by less than ``least``, or the peak hangs on single intervals (delete-one jackknife).
     """
     total = sums.patches.sum(axis=0)
-    found, strength = peak(total), float(total.max() / max(float(np.sqrt(sums.squares.sum(axis=0).prod())), 1e-300))
-    if found is None or strength < least:
+    block_shift = peak(total)
+    strength = float(total.max() / max(float(np.sqrt(sums.squares.sum(axis=0).prod())), 1e-300))
+    if block_shift is None or strength < least:
         return None
-    shift = Shift(BLOCK_PX * found.right_px, BLOCK_PX * found.down_px)
+    shift = Shift(BLOCK_PX * block_shift.right_px, BLOCK_PX * block_shift.down_px)
     if max(abs(shift.right_px), abs(shift.down_px)) <= beyond_px:
         return None
-    others = [peak(total - patch) for patch in sums.patches]
-    known = [(other.right_px, other.down_px) for other in others if other is not None]
-    if len(known) < len(others):
+    spread = peak_spread(sums.patches, total)
+    if spread is None:
         return None
-    spread_px = BLOCK_PX * np.sqrt((len(known) - 1) * np.var(known, axis=0))
-    return FarShift(shift, np.hypot(spread_px, _READ_TO_PX), strength)
+    return FarShift(shift, np.hypot(BLOCK_PX * spread, _BLOCK_ERROR_PX), strength)
+
+
+@njit(cache=True)
+def sum_blocks(
+    change: Float64, events: Float64, usable: NDArray[np.bool_], change_blocks: Float64, event_blocks: Float64
+) -> float:
+    """Write sums of both images (h, w) beyond their means over blocks, (h // 2, w // 2); other pixels count nothing.
+
+    ``change_blocks`` and ``event_blocks`` receive those of the frames and of the events.
+
+    Returns
+    -------
+    What a block of usable pixels holds in which nothing fires.
+    """
+    count, change_sum, event_sum = 0, 0.0, 0.0
+    for row in range(usable.shape[0]):
+        row_sums = _sums_of_row(change[row], events[row], usable[row])
+        count, change_sum, event_sum = count + int(row_sums[0]), change_sum + row_sums[1], event_sum + row_sums[2]
+    change_mean, event_mean = change_sum / max(count, 1), event_sum / max(count, 1)
+    for row in range(change_blocks.shape[0]):
+        for column in range(change_blocks.shape[1]):
+            pixels, changed, fired = 0, 0.0, 0.0
+            for y in range(2 * row, 2 * row + 2):
+                for x in range(2 * column, 2 * column + 2):
+                    is_usable = usable[y, x]
+                    pixels += is_usable
+                    changed += change[y, x] if is_usable else 0.0
+                    fired += events[y, x] if is_usable else 0.0
+            change_blocks[row, column] = changed - pixels * change_mean
+            event_blocks[row, column] = fired - pixels * event_mean
+    return -4 * event_mean
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _sums_of_row(change: Float64, events: Float64, usable: NDArray[np.bool_]) -> tuple[float, float, float]:
+    """Return the number of usable pixels, and their sums; many pixels at a time."""
+    count, change_sum, event_sum = 0.0, 0.0, 0.0
+    for i in range(len(usable)):
+        count += 1.0 if usable[i] else 0.0
+        change_sum += change[i] if usable[i] else 0.0
+        event_sum += events[i] if usable[i] else 0.0
+    return count, change_sum, event_sum

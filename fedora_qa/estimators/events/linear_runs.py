@@ -17,7 +17,7 @@ Bool = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Runs:
+class EventFreeRuns:
     """Runs without events of every pixel over some consecutive frames.
 
     Attributes
@@ -25,12 +25,12 @@ class Runs:
     first_frame, last_frame
         Both included.
     head, tail
-        (2, h, w) largest lower and smallest upper bound of the value in the run that the stretch begins with, and in
-        the one that it ends with.
+        (2, h, w) largest lower and smallest upper bound of the value, DN, in the run that the frames begin with, and in
+        the one that they end with.
     quiet
         (h, w): no event at all, head and tail are one run.
     broken
-        (h, w): a law was violated within the stretch.
+        (h, w): a law was violated within the frames.
     limit
         C+ + C-, the most that a value may vary in a run.
     start
@@ -47,21 +47,22 @@ class Runs:
     start: Float64
 
     def departure(self, threshold_on: float, threshold_off: float) -> Float64:
-        """Return how far (h, w) the first run has surely gone beyond the thresholds around its start, DN."""
+        """Return how far (h, w) the first run goes at least beyond the thresholds around its start, DN."""
         rise = self.head[0] - self.start[1] - threshold_on
         fall = self.start[0] - self.head[1] - threshold_off
         farthest: Float64 = np.maximum(rise, fall)
         return farthest
 
     def excess(self) -> Float64:
-        """Return by how much (h, w) the value has surely varied in the first run, DN; negative where nothing is."""
-        varied: Float64 = self.head[0] - self.head[1]
-        return varied
+        """Return by how much (h, w) the value varies at least in the first run, DN; negative where it may not vary."""
+        variation: Float64 = self.head[0] - self.head[1]
+        return variation
 
-    def then(self, later: "Runs") -> "Runs":
-        """Join with the stretch that begins at this one's last frame. Exact, hence associative."""
+    def then(self, later: "EventFreeRuns") -> "EventFreeRuns":
+        """Join with the runs that begin at this one's last frame. Exact, hence associative."""
+        # The last run of these and the first of those are one run: no event lies at a frame.
         across = _tighter(self.tail, later.head)
-        return Runs(
+        return EventFreeRuns(
             self.first_frame,
             later.last_frame,
             np.where(self.quiet, across, self.head),
@@ -72,10 +73,6 @@ class Runs:
             self.start,
         )
 
-    def told(self) -> Bool:
-        """Return the pixels (h, w) whose value is bounded from both sides in the first run or in the last."""
-        return np.asarray(np.isfinite(self.head).all(axis=0) | np.isfinite(self.tail).all(axis=0))
-
 
 def follow_runs(
     lower: Float64,
@@ -85,29 +82,39 @@ def follow_runs(
     threshold_on: float,
     threshold_off: float,
     frames: NDArray[np.int64],
-) -> Runs:
+) -> EventFreeRuns:
     """Return the runs over consecutive frames.
 
-    ``lower`` and ``upper`` (n, h, w) bound the value at each frame, DN, infinite where nothing is known; ``counts``
-    (n - 1, 2, h, w) holds darker and brighter events between the frames, whose numbers are ``frames`` (n,).
+    Parameters
+    ----------
+    lower, upper
+        (n, h, w) bounds of the value at each frame, DN, infinite where nothing is known.
+    counts
+        (n - 1, 2, h, w) darker and brighter events between the frames.
+    threshold_on, threshold_off
+        DN.
+    frames
+        (n,) numbers of the frames.
     """
     limit = threshold_on + threshold_off
     quiet = np.ones(lower.shape[1:], np.bool_)
     bounds = np.stack([lower, upper], axis=1)
     numbers = frames.tolist()
-    runs = Runs(numbers[0], numbers[0], bounds[0], bounds[0], quiet, ~quiet, limit, bounds[0])
+    runs = EventFreeRuns(numbers[0], numbers[0], bounds[0], bounds[0], quiet, ~quiet, limit, bounds[0])
     for i in range(len(counts)):
         off, on = counts[i]
         silent = (on == 0) & (off == 0)
         step = _tighter(bounds[i], bounds[i + 1])
         rise, fall = bounds[i + 1, 1] - bounds[i, 0], bounds[i, 1] - bounds[i + 1, 0]
+        # A run without events varies by C+ + C- at most; P events of one sign move by P (C + 1) - C+ - C- at least.
         broken = silent & (step[0] - step[1] > limit)
         broken |= (on > 0) & (off == 0) & (rise < on * (threshold_on + 1) - limit)
         broken |= (off > 0) & (on == 0) & (fall < off * (threshold_off + 1) - limit)
         head, tail = np.where(silent, step, bounds[i]), np.where(silent, step, bounds[i + 1])
-        runs = runs.then(Runs(numbers[i], numbers[i + 1], head, tail, silent, broken, limit, bounds[i]))
+        runs = runs.then(EventFreeRuns(numbers[i], numbers[i + 1], head, tail, silent, broken, limit, bounds[i]))
     return runs
 
 
-def _tighter(one: Float64, other: Float64) -> Float64:
-    return np.stack([np.maximum(one[0], other[0]), np.minimum(one[1], other[1])])
+def _tighter(earlier: Float64, later: Float64) -> Float64:
+    """Return the tighter of two bounds (2, h, w) on each side."""
+    return np.stack([np.maximum(earlier[0], later[0]), np.minimum(earlier[1], later[1])])

@@ -1,25 +1,23 @@
 """Whether events and frames agree in axes, direction and sign: correlation of what both say has changed.
 
 The change of level between frames is compared with the sum of the events in between, averaged over blocks of pixels
-(which forgives small shifts), under the eight symmetries of the square and both signs.
+(which forgives small shifts), under the eight symmetries of the square and both signs. Blocks are squares of a side; as
+many as fit lie in the middle of an image (h, w), so that mirroring maps their grid onto itself (to half a pixel).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-
-from fedora_qa.estimators.events.orientation_kernels import (
-    add_blocks,
-    add_moments,
-    mean_blocks_beyond,
-    mean_event_blocks,
-    multiply_blocks,
-)
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Int32 = NDArray[np.int32]
+Int64 = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
 BLOCK_PX: Final = 4
 """Side of the blocks whose means are compared."""
@@ -30,9 +28,21 @@ LEAST_LIGHT: Final = 1e-3
 SYMMETRIES: Final = tuple((swap, left, up) for swap in (False, True) for left in (False, True) for up in (False, True))
 """What could have been done to the events: axes exchanged, then columns mirrored, then rows mirrored."""
 
+LEAST_PREDICTED: Final = 0.3
+"""Below this correlation the noise model of the prediction itself is in doubt."""
+
+FEWEST_BLOCKS: Final = 100
+"""A part with fewer blocks, over all its frames, correlates by chance."""
+
+FEWEST_UPRIGHT: Final = 0.25
+"""Fraction of the parts that must agree as declared, by half of what is due, for the rest to be outliers."""
+
+DEPENDENT: Final = 3.0
+"""Standard error of a correlation in those of independent blocks: blocks of one moving texture are not."""
+
 
 @dataclass(frozen=True, slots=True)
-class Moments:
+class ChangeMoments:
     """Sums over blocks of frame change d and event change e: (k, 6) of 1, d, e, d d, e e, d e."""
 
     sums: Float64
@@ -42,14 +52,89 @@ class Moments:
         n, d, e, dd, ee, de = self.sums.T
         n = np.maximum(n, 1.0)
         spread = np.sqrt(np.maximum((dd - d * d / n) * (ee - e * e / n), 0.0))
-        agreed = de - d * e / n
-        correlations: Float64 = np.divide(agreed, spread, out=np.zeros_like(spread), where=spread > 0)
+        covariance = de - d * e / n
+        correlations: Float64 = np.divide(covariance, spread, out=np.zeros_like(spread), where=spread > 0)
         return correlations
 
     def frame_variance(self) -> float:
         """Return the variance of d (of the first row)."""
         n, d, _, dd, *_ = self.sums[0]
         return max(float(dd - d * d / max(n, 1.0)), 0.0) / max(float(n), 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class PartOrientation:
+    """The part whose events gain most by another orientation.
+
+    Attributes
+    ----------
+    parts
+        (k,) those in which this orientation is the better one.
+    orientation
+        Its number, as ``other_correlations`` orders them.
+    declared, other
+        Correlations of the worst part, as declared and in that orientation.
+    standard_error
+        Of their difference.
+    compared
+        Parts that were compared.
+    """
+
+    parts: Bool
+    orientation: int
+    declared: float
+    other: float
+    standard_error: float
+    compared: int
+
+
+def other_correlations(correlations: Float64) -> Float64:
+    """Return the correlations of the fifteen other orientations: the inverted ones first, then the upright ones."""
+    upright = correlations[: len(SYMMETRIES)]
+    return np.concatenate([-upright, upright[1:]])
+
+
+def transformation(orientation: int) -> tuple[bool, tuple[bool, bool, bool]]:
+    """Return whether an orientation inverts polarity, and its symmetry; numbered as by ``other_correlations``."""
+    count = len(SYMMETRIES)
+    return orientation < count, SYMMETRIES[orientation if orientation < count else orientation - count + 1]
+
+
+def most_reoriented(parts: Sequence[ChangeMoments], noise: float) -> PartOrientation | None:
+    """Return the part that gains most by another orientation; None where few parts agree as declared.
+
+    Parameters
+    ----------
+    parts
+        Moments (8, 6) of each part under the eight symmetries.
+    noise
+        Variance that events leave open in the change of a block.
+    """
+    sums = np.array([part.sums for part in parts])
+    counts = sums[:, 0, 0]
+    frame_variance = np.array([part.frame_variance() for part in parts])
+    informative = (counts >= FEWEST_BLOCKS) & (sums[:, 0, 4] > 0)
+    # Correlation of a signal with itself and independent noise: sqrt(s / (s + noise)).
+    due = np.sqrt(frame_variance / (frame_variance + noise))
+    informative &= due >= LEAST_PREDICTED
+    declared = np.array([part.correlations()[0] for part in parts])
+    upright = np.count_nonzero(informative & (declared > due / 2))
+    if upright <= FEWEST_UPRIGHT * np.count_nonzero(informative):
+        return None
+    alternatives = np.array([other_correlations(part.correlations()) for part in parts])
+    gains = np.where(informative, alternatives.max(axis=1) - declared, -np.inf)
+    worst = int(np.argmax(gains))
+    orientation = int(np.argmax(alternatives[worst]))
+    alike = informative & (gains > 0) & (np.argmax(alternatives, axis=1) == orientation)
+    alike[worst] = True
+    return PartOrientation(
+        alike,
+        orientation,
+        float(declared[worst]),
+        float(alternatives[worst, orientation]),
+        float(DEPENDENT / np.sqrt(counts[worst])),
+        int(np.count_nonzero(informative)),
+    )
 
 
 def level_blocks(light: Float32, error: Float32, dark: float | None) -> Float64:
@@ -86,6 +171,15 @@ def event_blocks(counts: NDArray[np.int32], threshold_on: float, threshold_off: 
     return EventBlocks(upright, swapped)
 
 
+class EventColumns(NamedTuple):
+    """Events in the order of time, (m,) each, as stored: px, ns, and polarity (1 brighter, 0 darker)."""
+
+    x: Int64
+    y: Int64
+    times_ns: Int64
+    p: Int64
+
+
 def add_events_beyond(
     blocks: EventBlocks,
     x: NDArray[np.integer],
@@ -99,8 +193,8 @@ def add_events_beyond(
 ) -> None:
     """Add events that lie beyond the sensor (h, w) to blocks where they would lie on it with axes exchanged."""
     steps, side = (-threshold_off, threshold_on), _grid(shape)[0]
-    columns, rows, times, signs = (column.astype(np.int64) for column in (x, y, times_ns, p))
-    mean_blocks_beyond(columns, rows, times, signs, frame_times_ns, shape, steps, side, blocks.swapped)
+    events = EventColumns(*(column.astype(np.int64) for column in (x, y, times_ns, p)))
+    mean_blocks_beyond(events, frame_times_ns, shape, steps, side, blocks.swapped)
 
 
 def step_moments(levels: Float64, events: EventBlocks, tiles: int) -> Float64:
@@ -114,14 +208,188 @@ def step_moments(levels: Float64, events: EventBlocks, tiles: int) -> Float64:
     return sums
 
 
-def span_moments(levels: Float64, events: EventBlocks) -> Moments:
+def span_moments(levels: Float64, events: EventBlocks) -> ChangeMoments:
     """Return moments (8, 6) of the change from the first frame to the last and of all events in between."""
     sums = np.zeros((1, len(SYMMETRIES), 6))
     add_moments(levels[-1] - levels[0], events.upright.sum(axis=0), events.swapped.sum(axis=0), 1, sums)
-    return Moments(sums[0])
+    return ChangeMoments(sums[0])
 
 
 def _grid(shape: tuple[int, ...]) -> tuple[int, tuple[int, int]]:
     """Return the side of blocks, and how many rows and columns of them fit into an image (h, w)."""
     side = min(BLOCK_PX, *shape)
     return side, (shape[0] // side, shape[1] // side)
+
+
+@njit(cache=True)
+def add_blocks(light: Float32, error: Float32, side: int, sums: Float64) -> None:
+    """Write the sums (r, c) of an image (h, w) over blocks; NaN where it is not all above twice its error."""
+    rows, columns = sums.shape
+    top, left = (light.shape[0] - rows * side) // 2, (light.shape[1] - columns * side) // 2
+    line = np.empty(columns * side)
+    for row in range(rows):
+        line[:] = 0.0
+        for y in range(top + row * side, top + (row + 1) * side):
+            values, errors = light[y, left : left + len(line)], error[y, left : left + len(line)]
+            for x in range(len(line)):
+                line[x] += np.float64(values[x]) if values[x] > 2 * errors[x] else np.nan
+        sums[row] = 0.0
+        _add_line(line, 0, side, sums[row])
+
+
+@njit(cache=True)
+def multiply_blocks(light: Float32, error: Float32, dark: float, least: float, side: int, products: Float64) -> None:
+    """Write the products (r, c) over blocks of an image (h, w) and ``dark``, ``least`` at least.
+
+    NaN where the image is not all above twice its error.
+    """
+    rows, columns = products.shape
+    top, left = (light.shape[0] - rows * side) // 2, (light.shape[1] - columns * side) // 2
+    line = np.empty(columns * side)
+    for row in range(rows):
+        line[:] = 1.0
+        for y in range(top + row * side, top + (row + 1) * side):
+            values, errors = light[y, left : left + len(line)], error[y, left : left + len(line)]
+            for x in range(len(line)):
+                value = max(values[x] + dark, least)
+                line[x] *= value if values[x] > 2 * errors[x] else np.nan
+        for column in range(columns):
+            product = 1.0
+            for x in range(column * side, (column + 1) * side):
+                product *= line[np.uint64(x)]
+            products[row, column] = product
+
+
+@njit(cache=True)
+def mean_event_blocks(
+    counts: Int32, step_on: float, step_off: float, side: int, upright: Float64, swapped: Float64
+) -> None:
+    """Add the mean steps of darker and brighter events (2, h, w) to blocks (r, c): as they lie, and exchanged.
+
+    A pixel of row y and column x lies in row x and column y once axes are exchanged.
+    """
+    _, height, width = counts.shape
+    rows, columns = upright.shape
+    top, left = (height - rows * side) // 2, (width - columns * side) // 2
+    brighter, darker = step_on / side**2, step_off / side**2
+    # Steps of successive rows: of a row of blocks as they lie, and of a column of blocks once axes are exchanged.
+    band, other_band = np.zeros(width), np.zeros(width)
+    for y in range(height):
+        off, on = counts[0, y], counts[1, y]
+        for x in range(width):
+            step = brighter * on[x] - darker * off[x]
+            band[x] += step
+            other_band[x] += step
+        if (y + 1 - top) % side == 0:
+            if 0 <= y - top < rows * side:
+                _add_line(band, left, side, upright[(y - top) // side])
+            band[:] = 0.0
+        if (y + 1 - left) % side == 0 or y + 1 == height:
+            if 0 <= y - left < columns * side:
+                _add_column(other_band, top, side, swapped[:, (y - left) // side])
+            other_band[:] = 0.0
+
+
+@njit(cache=True)
+def _add_column(steps: Float64, first: int, side: int, blocks: Float64) -> None:
+    """Add the steps of a line of pixels to successive blocks as far as it reaches: the last may be cut."""
+    whole = min((len(steps) - first) // side, len(blocks))
+    _add_line(steps, first, side, blocks[:whole])
+    for x in range(first + whole * side, min(len(steps), first + len(blocks) * side)):
+        blocks[whole] += steps[x]
+
+
+@njit(cache=True)
+def _add_line(steps: Float64, first: int, side: int, blocks: Float64) -> None:
+    """Add the steps of a line of pixels to successive blocks."""
+    x = np.uint64(first)
+    for block in range(len(blocks)):
+        for _ in range(side):
+            blocks[block] += steps[x]
+            x += np.uint64(1)
+
+
+@njit(cache=True)
+def mean_blocks_beyond(
+    events: EventColumns,
+    frame_times: Int64,
+    shape: tuple[int, int],
+    steps: tuple[float, float],
+    side: int,
+    swapped: Float64,
+) -> None:
+    """Add events beyond the sensor to blocks (n - 1, r, c) on which they lie with axes exchanged.
+
+    ``steps`` are those of a darker and a brighter event.
+    """
+    x, y, t, p = events
+    (height, width), (rows, columns) = shape, swapped.shape[1:]
+    top, left = (height - rows * side) // 2, (width - columns * side) // 2
+    interval = -1
+    for i in range(len(t)):
+        while interval + 1 < len(frame_times) and frame_times[interval + 1] < t[i]:
+            interval += 1
+        if interval >= len(swapped):
+            break
+        on_sensor = 0 <= x[i] < width and 0 <= y[i] < height
+        if interval >= 0 and not on_sensor and x[i] >= 0 and y[i] >= 0 and 0 <= p[i] <= 1:
+            # With axes exchanged x is the row and y the column.
+            down, right = x[i] - top, y[i] - left
+            if 0 <= down < rows * side and 0 <= right < columns * side:
+                swapped[interval, down // side, right // side] += steps[p[i]] / side**2
+
+
+@njit(cache=True)
+def add_moments(change: Float64, upright: Float64, swapped: Float64, tiles: int, sums: Float64) -> None:
+    """Add moments of frame change d and event change e to ``sums`` (tiles^2, 8, 6): 1, d, e, d d, e e, d e.
+
+    Blocks whose change is NaN are left out. Events are taken under the eight symmetries of ``SYMMETRIES``: axes
+    exchanged, then columns mirrored, then rows. Tiles are those of the blocks, rows first.
+    """
+    rows, columns = change.shape
+    # A row of changes and its mirror image: that of the events' columns is the same thing.
+    known, changes, of_changes = np.empty((2, columns)), np.empty((2, columns)), np.empty(3)
+    for row in range(rows):
+        for column in range(columns):
+            is_known = not np.isnan(change[row, column])
+            known[0, column] = known[1, columns - 1 - column] = 1.0 if is_known else 0.0
+            changes[0, column] = changes[1, columns - 1 - column] = change[row, column] if is_known else 0.0
+        for tile in range(tiles):
+            # Columns of which ``column * tiles // columns`` is the tile.
+            first, stop = -(-tile * columns // tiles), -(-(tile + 1) * columns // tiles)
+            of_tile = sums[tiles * (row * tiles // rows) + tile]
+            _sum_changes(known[0, first:stop], changes[0, first:stop], of_changes)
+            for symmetry in range(8):
+                line = (swapped if symmetry & 4 else upright)[rows - 1 - row if symmetry & 1 else row]
+                mirrored = (symmetry >> 1) & 1
+                begin, end = (columns - stop, columns - first) if mirrored else (first, stop)
+                moments = of_tile[symmetry]
+                moments[0] += of_changes[0]
+                moments[1] += of_changes[1]
+                moments[3] += of_changes[2]
+                _add_products(known[mirrored, begin:end], changes[mirrored, begin:end], line[begin:end], moments)
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _sum_changes(known: Float64, changes: Float64, sums: Float64) -> None:
+    """Write the number of changes, their sum and that of their squares: alike under all symmetries."""
+    n, d, dd = 0.0, 0.0, 0.0
+    for i in range(len(known)):
+        n += known[i]
+        d += changes[i]
+        dd += changes[i] * changes[i]
+    sums[0], sums[1], sums[2] = n, d, dd
+
+
+@njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
+def _add_products(known: Float64, changes: Float64, events: Float64, sums: Float64) -> None:
+    """Add the sums of events, of their squares, and of their products with the changes."""
+    e, ee, de = 0.0, 0.0, 0.0
+    for i in range(len(known)):
+        event = known[i] * events[i]
+        e += event
+        ee += event * event
+        de += changes[i] * event
+    sums[2] += e
+    sums[4] += ee
+    sums[5] += de

@@ -1,7 +1,13 @@
-"""By how many pixels events are shifted against frames: the peak of their cross-correlation."""
+"""By how many pixels events are shifted against frames: the peak of their cross-correlation, and its errors.
+
+An event camera's pixel leaves its level open by a threshold C: what its events sum to differs from the change of the
+level by e, of variance 2/3 C^2 between two frames. Where the picture has slope g, the peak of a correlation moves by
+the regression of e on g.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -25,6 +31,16 @@ Float64 = NDArray[np.float64]
 RADIUS_PX: Final = RADIUS
 """Farthest shift that is tried in each direction."""
 
+CLEAR: Final = 0.5
+"""Correlation from which on the peak of a tile is that of its own scene: tiles hold few edges, which agree by chance
+where they are parallel."""
+
+FEWEST_PARTS: Final = 4
+"""Parts with a shift of their own below which none stands out."""
+
+_FREEDOM: Final = 8
+"""Parts beyond two from which on their scatter is a better scale than their errors are."""
+
 
 @dataclass(frozen=True, slots=True)
 class Shift:
@@ -34,7 +50,7 @@ class Shift:
     down_px: float
 
 
-def cross_correlation(change: Float64, events: Float64, usable: NDArray[np.bool_], rest: float = 0.0) -> Float64:
+def cross_correlation(change: Float64, events: Float64, usable: Bool, rest: float = 0.0) -> Float64:
     """Return the sum over pixels x of change(x) events(x + s) for all shifts s, rows down and columns right.
 
     ``change`` and ``events`` (h, w) are taken less their means over the usable pixels, 0 elsewhere. The result is
@@ -42,13 +58,13 @@ def cross_correlation(change: Float64, events: Float64, usable: NDArray[np.bool_
     hold where nothing fires; where that is most pixels, it costs less to know it.
     """
     patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
-    one, other = (np.ascontiguousarray(image, np.float64) for image in (change, events))
+    change, events = (np.ascontiguousarray(image, np.float64) for image in (change, events))
     flags = np.ascontiguousarray(usable).view(np.uint8)
-    correlate(one, other, flags, USABLE, (0, usable.shape[0], 0, usable.shape[1]), rest, patch)
+    correlate(change, events, flags, USABLE, (0, usable.shape[0], 0, usable.shape[1]), rest, patch)
     return patch
 
 
-def auto_correlation(change: Float64, usable: NDArray[np.bool_]) -> Float64:
+def auto_correlation(change: Float64, usable: Bool) -> Float64:
     """Return what ``cross_correlation`` gives of an image (h, w) and itself, for half the time."""
     patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
     flags = np.ascontiguousarray(usable).view(np.uint8)
@@ -58,18 +74,38 @@ def auto_correlation(change: Float64, usable: NDArray[np.bool_]) -> Float64:
 
 @dataclass(frozen=True, slots=True)
 class ShiftSums:
-    """Sums of parts of an interval: cross-correlations (k, s, s), squares (k, 2), slopes (k, 3, 2)."""
+    """Sums of k parts of an interval, or of one part of k intervals.
+
+    Attributes
+    ----------
+    patches
+        (k, s, s) cross-correlations of frame changes with event changes, no shift in the middle.
+    squares
+        (k, 2) squares of both changes.
+    slopes
+        (k, 3, 2) as ``slope_sums`` gives them.
+    """
 
     patches: Float64
     squares: Float64
     slopes: Float64
 
+    @staticmethod
+    def stacked(sums: "Sequence[ShiftSums]") -> "ShiftSums":
+        """Return sums of one part each as those of as many parts."""
+        return ShiftSums(*(np.array([getattr(each, name) for each in sums]) for name in ShiftSums.__slots__))
+
+    @staticmethod
+    def added(sums: "Sequence[ShiftSums]") -> "ShiftSums":
+        """Return the sums of the same parts over all of some intervals."""
+        return ShiftSums(*(np.sum([getattr(each, name) for each in sums], axis=0) for name in ShiftSums.__slots__))
+
 
 @dataclass(frozen=True, slots=True)
-class Interval:
-    """What frames and events say has changed between two frames (h, w), and flags of its pixels.
+class IntervalChanges:
+    """By how much frames and events change between two frames (h, w), and flags of its pixels.
 
-    ``level`` is that of the earlier frame; ``flags`` are those of ``event_shift_kernels``.
+    ``level`` is that of the earlier frame; ``flags`` are those of ``shift_kernels``.
     """
 
     level: NDArray[np.floating]
@@ -86,6 +122,11 @@ class Interval:
             add_slopes(self.level, self.change, self.flags, flag, box, slopes[i])
         return ShiftSums(patches, squares, slopes)
 
+    def tile_sums(self, flag: int, tiles: int) -> ShiftSums:
+        """Return the sums over flagged pixels of each of ``tiles`` by ``tiles`` parts of the image, rows first."""
+        rows, columns = ([-(-edge * size // tiles) for edge in range(tiles + 1)] for size in self.flags.shape)
+        return self.sums(flag, [(*down, *right) for down in pairwise(rows) for right in pairwise(columns)])
+
     def patch(self, flag: int) -> Float64:
         """Return the cross-correlation over the flagged pixels of the whole image."""
         patch = np.empty((2 * RADIUS_PX + 1, 2 * RADIUS_PX + 1))
@@ -101,13 +142,23 @@ def intervals(
     threshold_off: float,
     chosen: Sequence[int],
     before: NDArray[np.int32] | None = None,
-) -> Iterator[Interval]:
+) -> Iterator[IntervalChanges]:
     """Yield the chosen ones of successive intervals, in order; each is overwritten by the next.
 
-    ``signal_of`` gives the signal (h, w) of a frame, and where it is known; ``counts`` (n - 1, 2, h, w) are darker and
-    brighter events. A pixel whose signal changes against its last events is on its way back through both thresholds and
-    has not fired yet. ``before`` (2, h, w) are the events before the first interval; those of pixels of which nothing
-    is known before count as changed.
+    A pixel whose signal changes against its last events is on its way back through both thresholds and has not fired
+    yet.
+
+    Parameters
+    ----------
+    signal_of
+        Gives the signal (h, w) of a frame, and where it is known.
+    counts
+        (n - 1, 2, h, w) darker and brighter events.
+    chosen
+        Numbers of intervals, ascending.
+    before
+        (2, h, w) the events before the first interval; those of pixels of which nothing is known before count as
+        changed.
     """
     shape, steps = counts.shape[2:], (-threshold_off, threshold_on)
     change, events = np.empty(shape), np.empty(shape)
@@ -121,7 +172,7 @@ def intervals(
         (earlier, lit_before), (later, lit_after) = signal_of(i), signal_of(i + 1)
         step_between(earlier, later, lit_before, lit_after, counts[i], steps, change, events, flags)
         follow_turns(counts[i], change, signs, flags)
-        yield Interval(earlier, change, events, flags)
+        yield IntervalChanges(earlier, change, events, flags)
 
 
 def peak(correlation: Float64) -> Shift | None:
@@ -133,6 +184,116 @@ def peak(correlation: Float64) -> Shift | None:
     down = _vertex(correlation[row - 1 : row + 2, column])
     right = _vertex(correlation[row, column - 1 : column + 2])
     return Shift(column - RADIUS_PX + right, row - RADIUS_PX + down)
+
+
+def peak_spread(patches: Float64, total: Float64) -> Float64 | None:
+    """Return the spread (2,) of the peak, right and down, by the delete-one jackknife; None where a peak is lost.
+
+    ``patches`` (k, s, s) are correlations of single intervals and ``total`` (s, s) is their sum.
+    """
+    peaks = [peak(total - patch) for patch in patches]
+    shifts = [(shift.right_px, shift.down_px) for shift in peaks if shift is not None]
+    if len(shifts) < len(peaks):
+        return None
+    # Efron and Stein 1981: the variance of n leave-one-out values times n - 1.
+    spread: Float64 = np.sqrt((len(shifts) - 1) * np.var(shifts, axis=0))
+    return spread
+
+
+def slope_sums(level: NDArray[np.floating], change: Float64, usable: Bool) -> Float64:
+    """Return sums over usable pixels (3, 2), to the right and down.
+
+    They are of the slopes of the level and of their squares, and of the squares of the slopes of its change.
+    """
+    sums = np.zeros((3, 2))
+    add_slopes(level, change, usable.view(np.uint8), USABLE, (0, usable.shape[0], 0, usable.shape[1]), sums)
+    return sums
+
+
+def open_level_errors(sums: Float64, threshold: float) -> tuple[Float64, Float64]:
+    """Return the standard error (2,) and the lag (2,), px, to the right and down, from ``slope_sums`` of an interval.
+
+    Standard error: C sqrt(2/3 / sum g^2), g the slope of the change. Where little moves e hardly changes from interval
+    to interval, so this is not divided by their number. Lag: a level that has risen lies above its reference, by C/2 on
+    average, so that events follow the motion by at most C/2 mean|g| / mean g^2, g the slope of the level.
+    """
+    level, level_squares, change_squares = sums
+    errors = threshold * np.sqrt(2 / 3 / np.maximum(change_squares, 1e-300))
+    lags = threshold / 2 * level / np.maximum(level_squares, 1e-300)
+    return errors, lags
+
+
+@dataclass(frozen=True, slots=True)
+class PartShift:
+    """The part whose shift along an axis differs most from the usual one.
+
+    Attributes
+    ----------
+    part, axis
+        Its number, and 0 (right) or 1 (down).
+    alike
+        (k,) parts that are shifted by more than half as much.
+    shift_px, standard_error_px
+        Its shift less the median of all parts; the other way round where that lies farther from zero.
+    compared
+        Parts that were compared.
+    """
+
+    part: int
+    axis: int
+    alike: Bool
+    shift_px: float
+    standard_error_px: float
+    compared: int
+
+
+def most_shifted(
+    sums: ShiftSums, intervals: int, threshold: float, least: float, with_turned: Float64 | None = None
+) -> PartShift | None:
+    """Return the part that is shifted most against the others; None where too few have a shift of their own.
+
+    Parameters
+    ----------
+    sums
+        Of k parts.
+    intervals
+        So many were summed in each part; what events leave open hardly changes from one to the next.
+    threshold
+        C, in the unit of the level.
+    least
+        Parts that correlate by less have no peak of their own.
+    with_turned
+        (k, s, s) correlations with pixels that have turned: by how much these drag a peak is an error of its part.
+    """
+    count = len(sums.patches)
+    shifts, errors = np.full((count, 2), np.nan), np.full((count, 2), np.inf)
+    strengths = sums.patches.max(axis=(1, 2)) / np.maximum(np.sqrt(sums.squares.prod(axis=1)), 1e-300)
+    for i in np.flatnonzero(strengths >= least):
+        shift = peak(sums.patches[i])
+        if shift is not None:
+            shifts[i] = shift.right_px, shift.down_px
+            errors[i] = open_level_errors(sums.slopes[i] / intervals, threshold)[0]
+            dragged = peak(with_turned[i]) if with_turned is not None else None
+            if dragged is not None:
+                drag_px = dragged.right_px - shift.right_px, dragged.down_px - shift.down_px
+                errors[i] = np.hypot(errors[i], drag_px)
+    known = np.isfinite(shifts).all(axis=1)
+    if np.count_nonzero(known) < FEWEST_PARTS:
+        return None
+    usual = np.median(shifts[known], axis=0)
+    deviations = shifts - usual
+    scores = deviations[known] / errors[known]
+    if len(scores) >= _FREEDOM + 2:
+        # Where parts usually scatter beyond their errors, the errors are too small by as much.
+        errors = errors * max(1.0, 1.4826 * float(np.median(np.abs(scores))))
+    scores = np.where(known[:, np.newaxis], np.abs(deviations) / errors, -1.0)
+    part, axis = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))
+    shift_px = float(deviations[part, axis])
+    alike = known & (deviations[:, axis] / shift_px > 1 / 2) if shift_px else known
+    if abs(usual[axis] + shift_px) < abs(usual[axis]):
+        # Most parts are shifted, and this one is not.
+        alike, shift_px = known & ~alike, -shift_px
+    return PartShift(part, axis, alike, shift_px, float(errors[part, axis]), int(np.count_nonzero(known)))
 
 
 def _vertex(three: Float64) -> float:

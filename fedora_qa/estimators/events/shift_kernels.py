@@ -54,7 +54,7 @@ def follow_turns(counts: Int32, change: Float64, signs: Signs, flags: Flags) -> 
 
 @njit(cache=True)
 def follow_signs(counts: Int32, signs: Signs) -> None:
-    """Update ``signs`` (h, w) as ``follow_turns`` does, of an interval that is not asked for."""
+    """Update ``signs`` (h, w) as ``follow_turns`` does, of an interval that is not correlated."""
     for row in range(signs.shape[0]):
         off, on, sign = counts[0, row], counts[1, row], signs[row]
         for column in range(len(sign)):
@@ -75,10 +75,10 @@ def correlate(
     width = right - left
     count, change_sum, event_sum, change_squares, event_squares = 0, 0.0, 0.0, 0.0, 0.0
     for row in range(top, bottom):
-        of_row = _sums_of_row(change[row, left:right], events[row, left:right], flags[row, left:right], flag)
-        count += int(of_row[0])
-        change_sum, event_sum = change_sum + of_row[1], event_sum + of_row[2]
-        change_squares, event_squares = change_squares + of_row[3], event_squares + of_row[4]
+        row_sums = _sums_of_row(change[row, left:right], events[row, left:right], flags[row, left:right], flag)
+        count += int(row_sums[0])
+        change_sum, event_sum = change_sum + row_sums[1], event_sum + row_sums[2]
+        change_squares, event_squares = change_squares + row_sums[3], event_squares + row_sums[4]
     patch[:] = 0.0
     if count == 0:
         return change_squares, event_squares
@@ -88,21 +88,23 @@ def correlate(
     sums = np.zeros((bottom - top + 2 * RADIUS, _SIDE))
     for row in range(top, bottom):
         line = around[row - top + RADIUS]
-        _less(change[row, left:right], change_sum / count, flags[row, left:right], flag, line[RADIUS : RADIUS + width])
+        _centre(
+            change[row, left:right], change_sum / count, flags[row, left:right], flag, line[RADIUS : RADIUS + width]
+        )
         _shifted_sums(line[: width + 2 * RADIUS], sums[row - top + RADIUS])
-    fired, places = np.empty(width, np.float32), np.empty(width + 1, np.int64)
+    fired, columns = np.empty(width, np.float32), np.empty(width + 1, np.int64)
     products = np.empty((_SIDE, _WIDE), np.float32)
     for row in range(top, bottom):
-        _less(events[row, left:right], mean, flags[row, left:right], flag, fired)
-        found = _unlike(fired, beside, places)
+        _centre(events[row, left:right], mean, flags[row, left:right], flag, fired)
+        firing = _find_firing(fired, beside, columns)
         lines = around[row - top : row - top + _SIDE]
-        if found > width // _FEW:
+        if firing > width // _FEW:
             for down in range(_SIDE):
                 _add_products(fired, lines[_SIDE - 1 - down], patch[down])
         else:
             products[:] = 0.0
-            for i in range(found):
-                _add_around(fired[places[i]] - beside, places[i], lines, products)
+            for i in range(firing):
+                _add_around(fired[columns[i]] - beside, columns[i], lines, products)
             for down in range(_SIDE):
                 for i in range(_SIDE):
                     back = row - top + _SIDE - 1 - down
@@ -116,14 +118,14 @@ def correlate_with_itself(change: Float64, flags: Flags, flag: int, patch: Float
     height, width = change.shape
     count, total = 0, 0.0
     for row in range(height):
-        of_row = _sums_of_row(change[row], change[row], flags[row], flag)
-        count, total = count + int(of_row[0]), total + of_row[1]
+        row_sums = _sums_of_row(change[row], change[row], flags[row], flag)
+        count, total = count + int(row_sums[0]), total + row_sums[1]
     patch[:] = 0.0
     if count == 0:
         return
     around = np.zeros((height + RADIUS, width + 2 * RADIUS), np.float32)
     for row in range(height):
-        _less(change[row], total / count, flags[row], flag, around[row + RADIUS, RADIUS : RADIUS + width])
+        _centre(change[row], total / count, flags[row], flag, around[row + RADIUS, RADIUS : RADIUS + width])
     for row in range(height):
         # What lies above; what lies below is the same the other way round.
         for down in range(RADIUS, _SIDE):
@@ -139,17 +141,17 @@ def _sums_of_row(change: Float64, events: Float64, flags: Flags, flag: int) -> t
     count, change_sum, event_sum, change_squares, event_squares = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(len(flags)):
         used = (flags[i] & flag) != 0
-        one, other = change[i] if used else 0.0, events[i] if used else 0.0
+        changed, fired = change[i] if used else 0.0, events[i] if used else 0.0
         count += 1.0 if used else 0.0
-        change_sum += one
-        event_sum += other
-        change_squares += one * one
-        event_squares += other * other
+        change_sum += changed
+        event_sum += fired
+        change_squares += changed * changed
+        event_squares += fired * fired
     return count, change_sum, event_sum, change_squares, event_squares
 
 
 @njit(cache=True)
-def _less(values: Float64, mean: float, flags: Flags, flag: int, line: Float32) -> None:
+def _centre(values: Float64, mean: float, flags: Flags, flag: int, line: Float32) -> None:
     for i in range(len(flags)):
         line[i] = values[i] - mean if (flags[i] & flag) != 0 else 0.0
 
@@ -174,19 +176,19 @@ def _total(values: Float32) -> float:
 
 
 @njit(cache=True)
-def _unlike(values: Float32, usual: float, places: NDArray[np.int64]) -> int:
-    """Write where values (w,) are not the usual one; return how many. ``places`` (w + 1,) has one to spare."""
+def _find_firing(values: Float32, usual: float, columns: NDArray[np.int64]) -> int:
+    """Write where values (w,) are not the usual one; return how many. ``columns`` (w + 1,) has one to spare."""
     count = 0
     for i in range(len(values)):
-        places[count] = i
+        columns[count] = i
         count += values[i] != usual
     return count
 
 
 @njit(cache=True, fastmath={"contract"})
-def _add_around(value: float, at: int, lines: Float32, products: Float32) -> None:
-    """Add the products of a value with the pixels around its place in ``lines`` (2 R + 1, w + 2 R and more)."""
-    weight, first = np.float32(value), np.uint64(at)
+def _add_around(value: float, column: int, lines: Float32, products: Float32) -> None:
+    """Add the products of a value with the pixels around its column in ``lines`` (2 R + 1, w + 2 R and more)."""
+    weight, first = np.float32(value), np.uint64(column)
     for down in range(_SIDE):
         line, sums = lines[down], products[down]
         for i in range(len(sums)):  # not so many as are known beforehand: that would be a list, and no vectors
@@ -199,11 +201,11 @@ def _add_products(fired: Float32, line: Float32, sums: Float64) -> None:
     for first in range(0, _SIDE - 1, 4):
         a, b, c, d = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
         for i in range(len(fired)):
-            at, value = i + first, fired[i]
-            a += value * line[at]
-            b += value * line[at + 1]
-            c += value * line[at + 2]
-            d += value * line[at + 3]
+            column, value = i + first, fired[i]
+            a += value * line[column]
+            b += value * line[column + 1]
+            c += value * line[column + 2]
+            d += value * line[column + 3]
         right = _SIDE - 1 - first
         sums[right] += a
         sums[right - 1] += b
@@ -217,14 +219,14 @@ def _add_products(fired: Float32, line: Float32, sums: Float64) -> None:
 
 @njit(cache=True)
 def add_slopes(level: NDArray[np.floating], change: Float64, flags: Flags, flag: int, box: Box, sums: Float64) -> None:
-    """Add to ``sums`` (3, 2) what ``registration_errors.slope_sums`` adds up, of a part of the image."""
+    """Add to ``sums`` (3, 2) what ``shift.slope_sums`` adds up, of a part of the image."""
     top, bottom, left, right = box
     for row in range(top, bottom):
-        here = level[row, left:right], change[row, left:right], flags[row, left:right]
-        _add_slopes_of_row(*here, here[0][1:], here[1][1:], here[2][1:], flag, sums[:, 0])
+        line = level[row, left:right], change[row, left:right], flags[row, left:right]
+        _add_slopes_of_row(*line, line[0][1:], line[1][1:], line[2][1:], flag, sums[:, 0])
         if row > top:
             above = level[row - 1, left:right], change[row - 1, left:right], flags[row - 1, left:right]
-            _add_slopes_of_row(*above, *here, flag, sums[:, 1])
+            _add_slopes_of_row(*above, *line, flag, sums[:, 1])
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
@@ -263,7 +265,7 @@ def step_between(
     events: Float64,
     flags: Flags,
 ) -> None:
-    """Write what frames and events of an interval say has changed, (h, w), and flag the pixels lit in both frames.
+    """Write by how much frames and events of an interval change, (h, w), and flag the pixels lit in both frames.
 
     ``counts`` (2, h, w) are darker and brighter events, each a step of ``steps``.
     """

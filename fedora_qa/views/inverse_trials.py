@@ -1,0 +1,232 @@
+"""How many violations of conservation an inverse transform of the events resolves: tried where the law is broken.
+
+The law of conservation is certain, so that a wrong transform breaks it at other pixels as often as it resolves
+violations. What counts is the violations that are gone less those that are new, in the rectangle of tiles where this is
+most: a fault of a part of the image is resolved there and nowhere else. A window is tried as a whole and by halves, as
+a fault may begin or end within it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import ceil, sqrt
+from typing import Any, Final, Literal, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.estimators.events.row_kernels import count_between_frames
+from fedora_qa.estimators.events.shift import RADIUS_PX, cross_correlation
+from fedora_qa.features import Feature
+from fedora_qa.sequence.declared import EventModel
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.event_camera import ROUNDING_DN, SeenFrames, seen_frames, sensor_events, signal
+from fedora_qa.views.event_tiles import GRID
+from fedora_qa.views.frame_runs import EVEN, join, violations
+
+Bool = NDArray[np.bool_]
+Counts = NDArray[np.int32]
+Symmetry = tuple[bool, bool, bool]
+"""Whether axes are exchanged, columns mirrored, rows mirrored."""
+Transform = Literal["invert_polarity", "mirror", "swap_axes", "shift", "delay"]
+"""What is done to the events: polarities, columns or rows, axes, coordinates or timestamps."""
+
+UPRIGHT: Final = (False, False, False)
+
+Pixels = TypeVar("Pixels", bound=NDArray[Any])
+
+FEWEST_VIOLATIONS: Final = 10
+"""Violations of a part below which a transform resolves most of them by chance."""
+
+_TRIED_PX: Final = 12_000
+"""Pixels that are tried, evenly spread: more would add little on a fault that moves or turns a part of the image."""
+
+_FIRST_WINDOWS: Final = 8
+_WINDOW_STEP: Final = 8
+"""The first windows are tried, and every eighth of the others: which ones must not depend on the result of others."""
+
+_DELAYS_MS: Final = tuple(float(delay_ms) for delay_ms in range(-30, 31, 2) if delay_ms)
+"""Delays that are tried, as far as the halo of a window reaches. One off by a millisecond still resolves most."""
+
+_END_NS: Final = 2 * NS_PER_MS
+"""From an end of the events to the next frame: a step of the ladder of delays."""
+
+_PEAKS: Final = 3
+"""Shifts that are tried: the highest values of the cross-correlation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resolution:
+    """Violations that an inverse transform resolves, net.
+
+    Attributes
+    ----------
+    pixels
+        Violations that are gone less those that are new.
+    size
+        By how much the events are off if the transform is right: px to the right, or ms late; None where it has no size
+        or the shift is not along the columns.
+    """
+
+    transform: Transform
+    pixels: int
+    size: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class InverseTrial(Feature):
+    """A part of a window: how many of the tried pixels violate the law, and the best resolution by transform.
+
+    Attributes
+    ----------
+    window
+        Its number.
+    """
+
+    window: int
+    violations: int
+    resolutions: tuple[Resolution, ...]
+
+    @property
+    def best(self) -> int:
+        """Violations that the best transform resolves."""
+        return max(resolution.pixels for resolution in self.resolutions)
+
+
+@dataclass(frozen=True, slots=True)
+class _TransformedCounts:
+    """Counts (n - 1, 2, h, w) of events after an inverse transform; ``defined`` (h, w) where there are such.
+
+    Both are of the pixels that are tried. ``symmetry`` is how events were moved across the image.
+    """
+
+    transform: Transform
+    counts: Counts
+    defined: Bool
+    symmetry: Symmetry = UPRIGHT
+    size: float | None = None
+
+
+def inverse_trials(window: Window) -> list[InverseTrial]:
+    """Try inverse transforms on a window and on its halves.
+
+    Returns
+    -------
+    A trial for each part with ``FEWEST_VIOLATIONS``; none of windows that are not tried: most beyond the first ones.
+    """
+    seen, declared = seen_frames(window), window.facts.declared.events
+    is_tried = window.span.index < _FIRST_WINDOWS or window.span.index % _WINDOW_STEP == 0
+    if declared is None or len(seen) < 2 or not is_tried:
+        return []
+    rounding_dn = ROUNDING_DN[window.facts.declared.transfer]
+    images = (seen.sharp_dn, seen.even_dn, seen.error_dn, seen.counts)
+    sampled = SeenFrames(seen.frames, seen.times_ns, *(_every_few(image) for image in images))
+    middle = len(seen) // 2
+    parts = [part for part in ((0, len(seen)), (0, middle + 1), (middle, len(seen))) if part[1] - part[0] > 1]
+    before = {part: _violations(sampled, *part, declared, rounding_dn) for part in parts}
+    broken = {part: pixels for part, pixels in before.items() if np.count_nonzero(pixels) >= FEWEST_VIOLATIONS}
+    candidates = list(_transformed(window, seen, declared)) if broken else []
+    trials = []
+    for part, pixels in broken.items():
+        best: dict[Transform, Resolution] = {}
+        for candidate in candidates:
+            after = _violations(replace(sampled, counts=candidate.counts), *part, declared, rounding_dn)
+            # Where the transform has no counts, nothing is resolved and nothing broken.
+            net = most_resolved(pixels, np.where(candidate.defined, after, pixels), candidate.symmetry)
+            if candidate.transform not in best or net > best[candidate.transform].pixels:
+                best[candidate.transform] = Resolution(candidate.transform, net, candidate.size)
+        trials.append(InverseTrial(window.span.index, int(np.count_nonzero(pixels)), tuple(best.values())))
+    return trials
+
+
+def most_resolved(before: Bool, after: Bool, symmetry: Symmetry = UPRIGHT) -> int:
+    """Return by how much fewer pixels (h, w) are violated after than before, in the rectangle of tiles of most.
+
+    Events that a ``symmetry`` moves to the other side of the image break the law there if they do not belong there:
+    rectangles are those that it leaves in their place.
+    """
+    gain = before.astype(np.int64) - after
+    rows, columns = (np.linspace(0, size, GRID + 1).round().astype(int) for size in gain.shape)
+    # A summed-area table at the borders of tiles: the sum of any rectangle of tiles from its four corners.
+    sums = np.pad(gain.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))[np.ix_(rows, columns)]
+    swap, left, up = symmetry
+    edges = list(combinations(range(GRID + 1), 2))
+    return max(
+        int(sums[bottom, right] - sums[top, right] - sums[bottom, first] + sums[top, first])
+        for top, bottom in edges
+        for first, right in edges
+        if not (left and first + right != GRID)
+        and not (up and top + bottom != GRID)
+        and not (swap and (top, bottom) != (first, right))
+    )
+
+
+def _transformed(window: Window, seen: SeenFrames, declared: EventModel) -> Iterator[_TransformedCounts]:
+    """Yield the counts of events after each inverse transform."""
+    counts, (height, width) = seen.counts, seen.counts.shape[2:]
+    everywhere = _every_few(np.ones((height, width), np.bool_))
+    yield _TransformedCounts("invert_polarity", _every_few(counts[:, ::-1]), everywhere)
+    for left, up in ((True, False), (False, True), (True, True)):
+        mirrored = counts[..., :: -1 if up else 1, :: -1 if left else 1]
+        yield _TransformedCounts("mirror", _every_few(mirrored), everywhere, (False, left, up))
+    # Axes are exchanged in the square that both orders share.
+    side = min(height, width)
+    swapped, in_square = np.zeros_like(counts), np.zeros((height, width), np.bool_)
+    swapped[..., :side, :side] = counts[..., :side, :side].swapaxes(2, 3)
+    in_square[:side, :side] = True
+    yield _TransformedCounts("swap_axes", _every_few(swapped), _every_few(in_square), (True, False, False))
+    for right_px, down_px in _likely_shifts(seen, declared):
+        rows, columns = np.arange(height) + down_px, np.arange(width) + right_px
+        # Pixels whose events would have to come from beyond the sensor have none.
+        from_sensor = ((rows >= 0) & (rows < height))[:, np.newaxis] & (columns >= 0) & (columns < width)
+        moved = counts[:, :, rows.clip(0, height - 1)][..., columns.clip(0, width - 1)]
+        size = float(right_px) if down_px == 0 else None
+        yield _TransformedCounts("shift", _every_few(moved), _every_few(from_sensor), size=size)
+    for delay_ms in _DELAYS_MS:
+        advanced = _advanced_counts(window, seen, round(delay_ms * NS_PER_MS))
+        yield _TransformedCounts("delay", _every_few(advanced), everywhere, size=delay_ms)
+
+
+def _likely_shifts(seen: SeenFrames, declared: EventModel) -> list[tuple[int, int]]:
+    """Return the shifts, right and down, at which events correlate best with the frames; without that of nothing."""
+    levels, lit = signal(seen, declared)
+    signed = declared.threshold_on * seen.counts[:, 1] - declared.threshold_off * seen.counts[:, 0]
+    usable = lit[:-1] & lit[1:]
+    changes = np.where(usable, np.diff(levels, axis=0), 0.0)
+    patch = np.sum([cross_correlation(*each) for each in zip(changes, signed, usable, strict=True)], axis=0)
+    patch[RADIUS_PX, RADIUS_PX] = -np.inf
+    highest = np.argsort(-patch, axis=None)[:_PEAKS]
+    return [(int(column) - RADIUS_PX, int(row) - RADIUS_PX)
+            for row, column in zip(*np.unravel_index(highest, patch.shape), strict=True)]  # fmt: skip
+
+
+def _advanced_counts(window: Window, seen: SeenFrames, delay_ns: int) -> Counts:
+    """Return the counts of events moved back by a delay; as they are where the file would have to go on longer.
+
+    An interval that no event can have been moved from would be emptied, and nothing that contradicts a frame be left.
+    """
+    events, scan = sensor_events(window), window.facts.events
+    counts = np.zeros_like(seen.counts)
+    count_between_frames(events.x, events.y, events.times_ns - delay_ns, events.p, seen.times_ns, counts)
+    if scan is None:
+        return counts
+    start_ns, stop_ns = seen.times_ns[:-1] + delay_ns, seen.times_ns[1:] + delay_ns
+    beyond_file = (start_ns < scan.first_ns - _END_NS) | (stop_ns > scan.last_ns + _END_NS)
+    counts[beyond_file] = seen.counts[beyond_file]
+    return counts
+
+
+def _violations(seen: SeenFrames, first: int, stop: int, declared: EventModel, rounding_dn: float) -> Bool:
+    """Return the pixels (h, w) that violate the law over the frames from ``first`` to before ``stop``."""
+    part, counts = slice(first, stop), seen.counts[first : stop - 1]
+    images = (seen.sharp_dn[part], seen.even_dn[part], seen.error_dn[part])
+    frames = SeenFrames(seen.frames[part], seen.times_ns[part], *images, counts)
+    nowhere = np.zeros(seen.counts.shape[2:], np.bool_)
+    return violations(join(frames, declared, rounding_dn, nowhere), EVEN, declared, phase_declared=False)[0]
+
+
+def _every_few(image: Pixels) -> Pixels:
+    """Return every so many pixels of the last two axes, (h, w), that ``_TRIED_PX`` or a few more are left."""
+    step = ceil(sqrt(max(image.shape[-1] * image.shape[-2] / _TRIED_PX, 1.0)))
+    return cast(Pixels, np.ascontiguousarray(image[..., ::step, ::step]))
