@@ -10,14 +10,12 @@ import numpy as np
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.depth.pair_fit import DepthFit, Family, fit_depth
 from fedora_qa.estimators.depth.warp import ModelNumber
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.depth_pairs import DepthPair, owned_pairs, place, why_no_geometry
 from fedora_qa.views.flow_intervals import depths_plausible
-
-_TO_SIGMA: Final = 1.4826
-"""From the median absolute deviation to the standard deviation of a normal distribution."""
 
 _FAR: Final = 3.0
 """Pairs so many sigmas from the median count half."""
@@ -140,7 +138,7 @@ def pool(fits: Sequence[PairFit]) -> Pooled | None:
     ).T
     sigmas = np.hypot(errors, bounds)
     middle = float(np.median(values))
-    scale = np.maximum(sigmas, _TO_SIGMA * float(np.median(np.abs(values - middle))))
+    scale = np.maximum(sigmas, MAD_TO_SIGMA * float(np.median(np.abs(values - middle))))
     weights = 1.0 / (sigmas**2 * (1.0 + ((values - middle) / (_FAR * scale)) ** 2))
     weights /= weights.sum()
     value = float(weights @ values)

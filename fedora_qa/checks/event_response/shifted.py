@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.estimators.events.registration_errors import open_level_errors
 from fedora_qa.estimators.events.shift import Interval, ShiftSums, peak
 from fedora_qa.estimators.events.shift_kernels import USABLE
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.views.event_tiles import GRID
 
 Float64 = NDArray[np.float64]
@@ -116,4 +117,4 @@ def _scatter(scores: Float64) -> float:
     """Return by how much parts usually scatter beyond their errors, 1 at least (median absolute deviation)."""
     if len(scores) < _FREEDOM + 2:
         return 1.0
-    return max(1.0, 1.4826 * float(np.median(np.abs(scores))))
+    return max(1.0, MAD_TO_SIGMA * float(np.median(np.abs(scores))))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.images.code_gains import frames_with_gain
 from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.estimators.images.code_gain import CODES
 from fedora_qa.estimators.images.gain import brightness_gain
 from fedora_qa.estimators.images.values import count_codes, is_of_one_code
@@ -157,7 +158,7 @@ class ImagesExposure(WindowCheck[WindowExposure]):
 
 def _jump(gains: Sequence[PairGain], facts: Facts) -> Statistic:
     jumps = departures(np.array([one.log_gain for one in gains]))
-    spread = 1.4826 * float(np.median(np.abs(jumps)))
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(jumps)))
     errors = np.hypot(spread, [one.standard_error for one in gains])
     model_error_bound = MOVED_ON_PERCENT / 100
     worst = int(np.argmax((np.abs(jumps) - model_error_bound) / errors))

@@ -15,6 +15,7 @@ from fedora_qa.checks.images.order_parts import (
     shares_of_parts,
 )
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.estimators.images.order import MotionShare, motion_share
 from fedora_qa.estimators.images.order_kernels import is_of_one_value
 from fedora_qa.record.types import Coverage, Where
@@ -142,7 +143,7 @@ class ImagesOrder(WindowCheck[tuple[Share, ...]]):
         if middle < LEAST_SHARE:
             reason = f"frames do not follow the flow at all: {middle:.2g} of it (see flow_photometric.residual)"
             return Observation(coverage, unobservable=reason)
-        spread = 1.4826 * float(np.median(np.abs(shares - middle)))
+        spread = MAD_TO_SIGMA * float(np.median(np.abs(shares - middle)))
         errors = np.hypot(spread, [one.standard_error for one in clear])
         worst = int(np.argmax((np.abs(shares - middle) - ALLOWED * middle) / errors))
         measured = [self._worst(clear[worst], middle, float(errors[worst]), clear, facts)]

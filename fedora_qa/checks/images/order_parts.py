@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.images.order_causes import ALLOWED, exceeds_limit, order_suspects
 from fedora_qa.checks.protocol import Statistic
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.estimators.images.order import MotionShare, motion_of_parts, motion_share
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
@@ -99,7 +100,7 @@ def odd_part(pairs: Sequence[tuple[int, int, PartShares]], size: tuple[int, int]
     if not telling.any():
         return None
     relative = np.where(telling, shares / np.where(telling, usual, 1.0), np.nan)
-    scatter = 1.4826 * np.array([_median(np.abs(column - 1)) for column in relative.T])
+    scatter = MAD_TO_SIGMA * np.array([_median(np.abs(column - 1)) for column in relative.T])
     errors = np.hypot(scatter, own / np.where(telling, usual, 1.0))
     scores = np.where(np.isfinite(relative), (np.abs(relative - 1) - ALLOWED) / errors, -np.inf)
     pair, part = (int(i) for i in np.unravel_index(int(np.argmax(scores)), scores.shape))

@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
+
 Float64 = NDArray[np.float64]
 
 TILES: Final = (9, 12)
@@ -28,8 +30,6 @@ The mean of both and not one of them, so that the choice favours neither directi
 
 _MEDIAN_EFFICIENCY: Final = float(np.sqrt(np.pi / 2))
 """Standard error of a median over that of a mean, normal values."""
-
-_MAD_TO_SIGMA: Final = 1.4826
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def brightness_gain(before_dn: NDArray[np.floating], after_dn: NDArray[np.floati
     sums = of_before[enough], of_after[enough]
     gains = np.log(sums[1] / sums[0])
     middle = float(np.median(gains))
-    spread = _MAD_TO_SIGMA * float(np.median(np.abs(gains - middle)))
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(gains - middle)))
     # Rounding, uniform over a step in either frame, is what is left where nothing moves.
     rounding = float(np.sqrt(np.mean(pixels[enough] * (1 / 12) * (1 / sums[0] ** 2 + 1 / sums[1] ** 2))))
     return Gain(middle, _MEDIAN_EFFICIENCY * max(spread, rounding) / float(np.sqrt(len(gains))))

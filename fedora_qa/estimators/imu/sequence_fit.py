@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.grouped_fit import GroupedFit, Parameters
 from fedora_qa.estimators.fitting.normal_equations import BlockEquations, block_equations
+from fedora_qa.estimators.fitting.robust import NORMAL_QUARTILE
 from fedora_qa.estimators.imu.preintegration import (
     ROTATION_PARAMETERS,
     rotation_effects,
@@ -140,7 +141,7 @@ def _robust_fit(
     fit = _fit(stretches, kept, parameters, at, bias_walk)
     for _ in range(3):
         deviations = [_deviations(rows, fit.values_of_all() - at) for rows in stretches]
-        scale = max(1.0, float(np.median(np.concatenate(deviations))) / 0.6745)
+        scale = max(1.0, float(np.median(np.concatenate(deviations))) / NORMAL_QUARTILE)
         clean = [deviation <= OUTLIER * scale for deviation in deviations]
         out = sum(int(np.count_nonzero(~rows)) for rows in clean)
         if out > _MOST_OUTLIERS * sum(map(len, clean)) or all(map(np.array_equal, clean, kept)):
