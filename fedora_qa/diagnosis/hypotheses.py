@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+from fedora_qa.diagnosis import imu, pose
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -11,7 +12,17 @@ from fedora_qa.sequence.facts import Facts
 Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 """Gives the hypotheses for an alarm of one check, best supported first."""
 
-PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({})
+PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType(
+    {
+        "pose.orientation": pose.propose_orientation,
+        "pose.continuity": pose.propose_continuity,
+        "pose.noise": pose.propose_noise,
+        "imu.rotation": imu.propose_rotation,
+        "imu.translation": imu.propose_translation,
+        "imu.timing": imu.propose_timing,
+        "imu.noise": imu.propose_noise,
+    }
+)
 """By the name of the check."""
 
 

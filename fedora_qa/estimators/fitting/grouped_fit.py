@@ -48,7 +48,7 @@ class Parameters:
 
 
 @dataclass(frozen=True, slots=True)
-class Fitted:
+class FittedParameter:
     """One parameter as fitted.
 
     Attributes
@@ -133,9 +133,9 @@ class GroupedFit:
         """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
         self.free, self._explained = self._select()
 
-    def fitted(self) -> dict[str, Fitted]:
+    def fitted(self) -> dict[str, FittedParameter]:
         """Return every parameter by name: freed groups fitted together, every other group alone beside them."""
-        found: dict[str, Fitted] = {}
+        found: dict[str, FittedParameter] = {}
         for group in self.parameters.groups:
             columns = self._columns((*self.free, group) if group not in self.free else self.free)
             inverse = inverse_of(self._normal[np.ix_(columns, columns)])
@@ -147,7 +147,7 @@ class GroupedFit:
             errors = errors / shares
             for column in self.parameters.groups[group]:
                 place = columns.index(column)
-                found[self.parameters.names[column]] = Fitted(
+                found[self.parameters.names[column]] = FittedParameter(
                     float(values[place]), float(errors[place]), float(model_errors[place]),
                     group in self.free, self._explained[group],
                 )  # fmt: skip

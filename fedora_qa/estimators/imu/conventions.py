@@ -20,10 +20,10 @@ from fedora_qa.geometry import so3
 from fedora_qa.geometry.motion import interpolate_poses
 
 Float64 = NDArray[np.float64]
-Reading = Literal["xyzw", "wxyz", "inverse", "wxyz inverse"]
+QuaternionConvention = Literal["xyzw", "wxyz", "inverse", "wxyz inverse"]
 Gravity = Literal["declared", "missing", "reversed"]
 
-_READINGS: Final[tuple[Reading, ...]] = ("xyzw", "wxyz", "inverse", "wxyz inverse")
+_QUATERNION_CONVENTIONS: Final[tuple[QuaternionConvention, ...]] = ("xyzw", "wxyz", "inverse", "wxyz inverse")
 _DEGREES: Final = float(np.degrees(1.0))
 _MILLIMETRES: Final = 1e3
 _GRAVITIES: Final[dict[Gravity, float]] = {"declared": 1.0, "missing": 0.0, "reversed": -1.0}
@@ -50,7 +50,7 @@ _FITS: Final = 25.0
 
 
 @dataclass(frozen=True, slots=True)
-class Hypothesis:
+class InertialConvention:
     """How the file would have to be read for IMU and poses to agree.
 
     Attributes
@@ -73,42 +73,42 @@ class Hypothesis:
         Number of comparisons, three axes each.
     """
 
-    reading: Reading = "xyzw"
+    quaternions: QuaternionConvention = "xyzw"
     sensor_axes: tuple[tuple[int, ...], ...] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
     world_axes: tuple[tuple[int, ...], ...] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
     rate_unit: float = 1.0
     length_unit: float = 1.0
     gravity: Gravity = "declared"
-    left: float = 0.0
-    declared_left: float = 0.0
-    rows: int = 0
+    residual: float = 0.0
+    declared_residual: float = 0.0
+    count: int = 0
 
     @property
     def explained(self) -> float:
         """Share (0 to 1) of what the declared reading leaves beyond noise that this one accounts for."""
-        excess = max(self.declared_left - 1.0, 1e-30)
-        return max(0.0, 1.0 - max(self.left - 1.0, 0.0) / excess) if self.declared_left > 1.0 else 0.0
+        excess = max(self.declared_residual - 1.0, 1e-30)
+        return max(0.0, 1.0 - max(self.residual - 1.0, 0.0) / excess) if self.declared_residual > 1.0 else 0.0
 
     @property
     def disagreement(self) -> tuple[float, float]:
         """How many times as much as noise the declared reading leaves, as root mean square, and its error."""
-        return float(np.sqrt(self.declared_left)), 1.0 / float(np.sqrt(6 * self.rows))
+        return float(np.sqrt(self.declared_residual)), 1.0 / float(np.sqrt(6 * self.count))
 
     @property
-    def oddness(self) -> float:
+    def complexity(self) -> float:
         """How far from the declared reading: one for each thing that is otherwise, more for turned axes."""
         return (
-            float(self.reading != "xyzw")
-            + float(self.reading == "wxyz inverse")
-            + _oddness_of(self.sensor_axes)
-            + _oddness_of(self.world_axes)
+            float(self.quaternions != "xyzw")
+            + float(self.quaternions == "wxyz inverse")
+            + _axes_complexity(self.sensor_axes)
+            + _axes_complexity(self.world_axes)
             + float(self.rate_unit != 1.0)
             + float(self.length_unit != 1.0)
             + 0.5 * float(self.gravity != "declared")
         )
 
 
-def explain_rates(samples: InertialSamples, sigma_rad: float) -> Hypothesis | None:
+def explain_rates(samples: InertialSamples, sigma_rad: float) -> InertialConvention | None:
     """Find the reading under which mean angular velocities of pose and gyro agree; None where none does.
 
     ``sigma_rad`` is the noise of the orientations, as measured.
@@ -125,16 +125,18 @@ def explain_rates(samples: InertialSamples, sigma_rad: float) -> Hypothesis | No
     by_gyro = np.diff(angle(times_s), axis=0) / spans_s
     noise = 2 * (sigma_rad / float(np.median(spans_s))) ** 2
     candidates = []
-    for reading in _READINGS:
-        q = _read_as(samples.orientations_xyzw[edges], reading)
+    for quaternions in _QUATERNION_CONVENTIONS:
+        q = _read_as(samples.orientations_xyzw[edges], quaternions)
         by_pose = so3.log_quaternion(so3.compose(so3.inverse(q[:-1]), q[1:])) / spans_s
         for axes, unit in product(signed_permutations(), (1.0, _DEGREES, 1.0 / _DEGREES)):
-            left = _left(by_gyro / unit - by_pose @ np.array(axes).T, by_pose, noise)
-            candidates.append(Hypothesis(reading, sensor_axes=axes, rate_unit=unit, left=left, rows=len(by_pose)))
+            residual = _residual(by_gyro / unit - by_pose @ np.array(axes).T, by_pose, noise)
+            candidates.append(
+                InertialConvention(quaternions, sensor_axes=axes, rate_unit=unit, residual=residual, count=len(by_pose))
+            )
     return _simplest(candidates)
 
 
-def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float) -> Hypothesis | None:
+def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float) -> InertialConvention | None:
     """Find the reading under which second differences of position agree with specific force; None where none does.
 
     ``sigma_m`` is the noise of the positions, as measured, in the file's own unit.
@@ -149,11 +151,11 @@ def explain_forces(samples: InertialSamples, gravity_m_s2: float, sigma_m: float
     by_position = _accelerations(at_s, samples.positions_world_m[edges])
     noise = 6 * (sigma_m / float(np.median(np.diff(at_s))) ** 2) ** 2
     candidates = []
-    for reading in _READINGS:
-        turned = _turned_forces(samples, reading, at_s)
+    for quaternions in _QUATERNION_CONVENTIONS:
+        turned = _turned_forces(samples, quaternions, at_s)
         known = np.isfinite(turned).all(axis=(1, 2, 3))
         if np.count_nonzero(known) >= 2:
-            candidates += list(_force_candidates(by_position[known], turned[known], reading, gravity_m_s2, noise))
+            candidates += list(_force_candidates(by_position[known], turned[known], quaternions, gravity_m_s2, noise))
     return _simplest(candidates)
 
 
@@ -165,21 +167,21 @@ def _span(spans_s: tuple[float, ...], noises: Float64, motion: Float64) -> float
 
 
 def _force_candidates(
-    by_position: Float64, turned: Float64, reading: Reading, gravity_m_s2: float, noise: float
-) -> Iterator[Hypothesis]:
+    by_position: Float64, turned: Float64, quaternions: QuaternionConvention, gravity_m_s2: float, noise: float
+) -> Iterator[InertialConvention]:
     down = np.array([0.0, 0.0, -gravity_m_s2])
-    identity = Hypothesis().sensor_axes
+    identity = InertialConvention().sensor_axes
     turnings = [(axes, identity) for axes in signed_permutations()]
     turnings += [(identity, axes) for axes in signed_permutations()]
     for sensor, world in turnings:
         by_force = np.einsum("nijk,kj->ni", turned, np.array(sensor))
         for unit, (gravity, factor) in product((1.0, _MILLIMETRES), _GRAVITIES.items()):
             felt = by_position @ np.array(world) / unit
-            left = _left(felt - by_force - factor * down, felt, noise / unit**2)
-            yield Hypothesis(reading, sensor, world, 1.0, unit, gravity, left, rows=len(felt))
+            residual = _residual(felt - by_force - factor * down, felt, noise / unit**2)
+            yield InertialConvention(quaternions, sensor, world, 1.0, unit, gravity, residual, count=len(felt))
 
 
-def _left(residuals: Float64, motion: Float64, noise: float) -> float:
+def _residual(residuals: Float64, motion: Float64, noise: float) -> float:
     coarse = _COARSENESS**2 * float(np.mean(np.square(motion)))
     return float(np.mean(np.square(residuals))) / max(noise + coarse, 1e-30)
 
@@ -194,12 +196,12 @@ def _edges(samples: InertialSamples, span_s: float) -> NDArray[np.intp]:
     return within
 
 
-def _turned_forces(samples: InertialSamples, reading: Reading, at_s: Float64) -> Float64:
+def _turned_forces(samples: InertialSamples, quaternions: QuaternionConvention, at_s: Float64) -> Float64:
     """Return (n, 3, 3, 3): means of ``R[i, j] f[k]`` as the second difference between the instants weighs them."""
     R, _ = interpolate_poses(
         np.rint(samples.pose_times_s * NS_PER_S).astype(np.int64),
         samples.positions_world_m,
-        _read_as(samples.orientations_xyzw, reading),
+        _read_as(samples.orientations_xyzw, quaternions),
         at_ns=np.rint(samples.imu_times_s * NS_PER_S).astype(np.int64),
     )
     products = R[..., None] * samples.specific_forces_body_m_s2[:, None, None, :]
@@ -217,20 +219,20 @@ def _accelerations(times_s: Float64, values: Float64) -> Float64:
     return means
 
 
-def _simplest(candidates: list[Hypothesis]) -> Hypothesis | None:
+def _simplest(candidates: list[InertialConvention]) -> InertialConvention | None:
     """Return the least odd candidate that leaves at most twice what the best one leaves."""
-    best = min((candidate.left for candidate in candidates), default=np.inf)
+    best = min((candidate.residual for candidate in candidates), default=np.inf)
     if best > _FITS:
         return None
-    within = [candidate for candidate in candidates if candidate.left <= _WITHIN_REACH * max(best, 1.0)]
-    simplest = min(within, key=lambda candidate: (candidate.oddness, candidate.left))
-    declared = next(candidate.left for candidate in candidates if candidate.oddness == 0.0)
-    return replace(simplest, declared_left=declared)
+    within = [candidate for candidate in candidates if candidate.residual <= _WITHIN_REACH * max(best, 1.0)]
+    simplest = min(within, key=lambda candidate: (candidate.complexity, candidate.residual))
+    declared = next(candidate.residual for candidate in candidates if candidate.complexity == 0.0)
+    return replace(simplest, declared_residual=declared)
 
 
-def _read_as(stored: Float64, reading: Reading) -> Float64:
-    q = stored[:, [1, 2, 3, 0]] if reading.startswith("wxyz") else stored
-    return so3.inverse(q) if reading.endswith("inverse") else q
+def _read_as(stored: Float64, quaternions: QuaternionConvention) -> Float64:
+    q = stored[:, [1, 2, 3, 0]] if quaternions.startswith("wxyz") else stored
+    return so3.inverse(q) if quaternions.endswith("inverse") else q
 
 
 def signed_permutations() -> list[tuple[tuple[int, ...], ...]]:
@@ -243,7 +245,7 @@ def signed_permutations() -> list[tuple[tuple[int, ...], ...]]:
     ]
 
 
-def _oddness_of(axes: tuple[tuple[int, ...], ...]) -> float:
+def _axes_complexity(axes: tuple[tuple[int, ...], ...]) -> float:
     """0 for the identity, 1 for one exchange or a frame with Y and Z reversed, 2 for anything else."""
     matrix = np.array(axes)
     if np.array_equal(matrix, np.eye(3)):

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.grouped_fit import Fitted, GroupedFit
+from fedora_qa.estimators.fitting.grouped_fit import FittedParameter, GroupedFit
 from fedora_qa.estimators.imu.samples import Rows
 
 Float64 = NDArray[np.float64]
@@ -37,7 +37,7 @@ class WorstRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Uneven:
+class LocalDeviation:
     """The stretch in which a parameter differs most from its value in the whole sequence.
 
     Attributes
@@ -94,7 +94,7 @@ class InertialFit:
         runs of rows.
     """
 
-    parameters: Mapping[str, Fitted]
+    parameters: Mapping[str, FittedParameter]
     settled: bool
     misfit: float
     rms: float
@@ -105,7 +105,7 @@ class InertialFit:
     rows: int
     outliers: int
     worst: WorstRow
-    uneven: Mapping[str, Uneven]
+    local_deviations: Mapping[str, LocalDeviation]
     disturbed: tuple[float, float] | None
     course: Float64
 
@@ -138,7 +138,7 @@ def summarise(
         rows=sum(map(len, stretches)),
         outliers=sum(int(np.count_nonzero(~keep)) for keep in kept),
         worst=_worst(stretches, left),
-        uneven=_uneven(fit, stretches, kept),
+        local_deviations=_local_deviations(fit, stretches, kept),
         disturbed=disturbed,
         course=_course(stretches, left),
     )
@@ -154,10 +154,12 @@ def _error_of_rms(expected: float, sigmas: Float64) -> float:
     return float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (2 * sigmas.size)))
 
 
-def _uneven(fit: GroupedFit, stretches: list[Rows], kept: list[NDArray[np.bool_]]) -> dict[str, Uneven]:
+def _local_deviations(
+    fit: GroupedFit, stretches: list[Rows], kept: list[NDArray[np.bool_]]
+) -> dict[str, LocalDeviation]:
     """Return where each parameter differs most; of stretches that differ alike, where it is largest."""
     used = [rows for rows, keep in zip(stretches, kept, strict=True) if np.any(keep)]
-    found: dict[str, Uneven] = {}
+    found: dict[str, LocalDeviation] = {}
     if len(used) < _FEWEST_STRETCHES:
         return found
     values = fit.values_of_free()
@@ -166,7 +168,7 @@ def _uneven(fit: GroupedFit, stretches: list[Rows], kept: list[NDArray[np.bool_]
         scores = np.abs(local.deviations) / local.standard_errors
         alike = scores >= _ALIKE * scores.max()
         worst = int(np.argmax(np.where(alike, np.abs(values[column] + local.deviations), -1.0)))
-        found[name] = Uneven(
+        found[name] = LocalDeviation(
             start_s=float(used[worst].times_s[0]),
             stop_s=float(used[worst].times_s[-1]),
             value=float(values[column] + local.deviations[worst]),
