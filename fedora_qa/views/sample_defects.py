@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.displaced_timestamps import displaced_part
 from fedora_qa.estimators.clocks.rounded_timestamps import rounding_grid_ns
-from fedora_qa.estimators.imu.frozen_samples import unmoved
-from fedora_qa.estimators.imu.local_motion import Vectors
-from fedora_qa.estimators.imu.straight_lines import Interpolation, find_interpolation
+from fedora_qa.estimators.imu.local_motion import CurvatureEvenness, VectorSamples, find_interpolation, repeated_samples
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
@@ -72,13 +70,13 @@ class ExcessNoise(Feature):
     stream: str
 
 
-def interpolation_of(poses: PoseSamples) -> Interpolation | None:
+def interpolation_of(poses: PoseSamples) -> CurvatureEvenness | None:
     """Look for straight lines between every n-th position."""
     resolution = stored_resolution(poses.positions_world_m)
-    return find_interpolation(poses.times_ns, Vectors(poses.positions_world_m), resolution=resolution)
+    return find_interpolation(poses.times_ns, VectorSamples(poses.positions_world_m), resolution=resolution)
 
 
-def is_interpolated(interpolation: Interpolation | None) -> bool:
+def is_interpolated(interpolation: CurvatureEvenness | None) -> bool:
     """Whether the curvature is too uneven for a motion that was sampled."""
     return interpolation is not None and interpolation.evenness < LEAST_EVENNESS
 
@@ -91,14 +89,16 @@ def rate_hz(poses: PoseSamples) -> float:
 def frozen_poses(poses: PoseSamples) -> NDArray[np.intp]:
     """Return poses that repeat the one before while the body moves."""
     samples = poses.positions_world_m, poses.orientations_xyzw
-    return unmoved(*samples, roundings=[stored_resolution(values) for values in samples])
+    return repeated_samples(*samples, roundings=[stored_resolution(values) for values in samples])
 
 
 def frozen_imu(imu: ImuSamples) -> NDArray[np.intp]:
     """Return IMU samples that repeat the one before while others change."""
     if len(imu.times_ns) < 2:
         return np.empty(0, dtype=np.intp)
-    return unmoved(imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2, roundings=imu_roundings(imu))
+    return repeated_samples(
+        imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2, roundings=imu_roundings(imu)
+    )
 
 
 def timestamp_defects(facts: Facts, *streams: str) -> tuple[Feature, ...]:

@@ -9,7 +9,7 @@ from fedora_qa.checks.declared_noise import noise_against_declared
 from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.protocol import Observation, WindowCheck
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.imu.local_motion import Vectors, noise_level
+from fedora_qa.estimators.imu.local_motion import VectorSamples, noise_level
 from fedora_qa.estimators.imu.samples import TIMESTAMP_SIGMA_S
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import ImuModel
@@ -67,8 +67,8 @@ class ImuNoise(WindowCheck[ImuSamples]):
         imu = join_imu(state)
         coverage = Coverage(len(imu.times_ns), len(facts.clocks["imu"].times_ns), "samples")
         rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
-        gyro = noise_level(imu.times_ns, Vectors(rates), order=NOISE_ORDER)
-        accel = noise_level(imu.times_ns, Vectors(forces), order=NOISE_ORDER)
+        gyro = noise_level(imu.times_ns, VectorSamples(rates), order=NOISE_ORDER)
+        accel = noise_level(imu.times_ns, VectorSamples(forces), order=NOISE_ORDER)
         unusable = why_unusable(facts, "imu")
         if unusable or gyro is None or accel is None:
             return Observation(coverage, unobservable=unusable or "too few samples in a row to tell noise from motion")

@@ -49,7 +49,7 @@ class ImuRotation(WindowCheck[WindowMotion]):
     -------
     J. Bortz, IEEE Trans. AES 7 (1971) 61; P. Savage, J. Guidance 21 (1998) 19; C. Forster et al., On-manifold
     preintegration, IEEE Trans. Robotics 33 (2017) 1; ``fedora_qa/estimators/imu/preintegration.py``,
-    ``grouped_fit.py``, ``split_samples.py``.
+    ``grouped_fit.py``, ``sequence_fit.py``.
     """
 
     name = "imu.rotation"

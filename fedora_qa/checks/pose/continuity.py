@@ -10,13 +10,13 @@ from fedora_qa.checks.exact import count_of_faults
 from fedora_qa.checks.pose.conventions import orientation_transforms, position_transforms
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.imu.local_motion import (
-    Curve,
-    Orientations,
-    Steps,
-    Vectors,
+    OrientationSamples,
+    SampledCurve,
+    StepEstimates,
+    VectorSamples,
     find_steps,
+    most_precise_steps,
     noise_level,
-    sharpest,
 )
 from fedora_qa.features import Feature
 from fedora_qa.geometry import so3
@@ -135,9 +135,9 @@ class PoseContinuity(WindowCheck[PoseSamples]):
         frozen_rows, of_timestamps = frozen_poses(poses), timestamp_defects(facts, "pose")
         model = facts.declared.pose or PoseModel()
         measurements: list[Statistic] = []
-        kinds: tuple[tuple[str, str, float, float, Curve], ...] = (
-            ("position", "m", 1.0, 0.1, Vectors(poses.positions_world_m)),
-            ("rotation", "deg", float(np.degrees(1)), 2.0, Orientations(poses.orientations_xyzw)),
+        kinds: tuple[tuple[str, str, float, float, SampledCurve], ...] = (
+            ("position", "m", 1.0, 0.1, VectorSamples(poses.positions_world_m)),
+            ("rotation", "deg", float(np.degrees(1)), 2.0, OrientationSamples(poses.orientations_xyzw)),
         )
         least_sigmas = (
             max(model.position_sigma_m, position_floor_m(poses)),
@@ -210,7 +210,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
         return Observation(coverage, tuple(measurements))
 
 
-def _steps(poses: PoseSamples, curve: Curve, least_sigma: float) -> tuple[Steps, float]:
+def _steps(poses: PoseSamples, curve: SampledCurve, least_sigma: float) -> tuple[StepEstimates, float]:
     """Return the steps of the filter with the least error, and the noise of a sample that errors rest on."""
     level = noise_level(poses.times_ns, curve, order=NOISE_ORDER)
     sigma = max(least_sigma, 0.0 if level is None else level.sigma)
@@ -219,10 +219,10 @@ def _steps(poses: PoseSamples, curve: Curve, least_sigma: float) -> tuple[Steps,
         for width, degree in _STEP_FILTERS
         if 4 * width <= len(poses.times_ns)
     ]
-    return sharpest(candidates, sigma), sigma
+    return most_precise_steps(candidates, sigma), sigma
 
 
-def _paired_steps(poses: PoseSamples, steps: Steps, sigma_m: float, row: int) -> tuple[PairedSteps, ...]:
+def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row: int) -> tuple[PairedSteps, ...]:
     """Look for the jump that undoes the one in a row of the steps in the axes of the body.
 
     A point l of the body lies ``R_world_body l`` from its origin: poses that state that point for a while jump there by

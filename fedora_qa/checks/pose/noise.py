@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from fedora_qa.checks.declared_noise import noise_against_declared
 from fedora_qa.checks.protocol import Observation, WindowCheck
-from fedora_qa.estimators.imu.local_motion import Orientations, Vectors, noise_level
+from fedora_qa.estimators.imu.local_motion import OrientationSamples, VectorSamples, noise_level
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
@@ -67,8 +67,8 @@ class PoseNoise(WindowCheck[PoseSamples]):
         poses = join_poses(state)
         coverage = Coverage(len(poses.times_ns), len(facts.clocks["pose"].times_ns), "poses")
         unusable = why_unusable(facts, "pose")
-        position = noise_level(poses.times_ns, Vectors(poses.positions_world_m), order=NOISE_ORDER)
-        rotation = noise_level(poses.times_ns, Orientations(poses.orientations_xyzw), order=NOISE_ORDER)
+        position = noise_level(poses.times_ns, VectorSamples(poses.positions_world_m), order=NOISE_ORDER)
+        rotation = noise_level(poses.times_ns, OrientationSamples(poses.orientations_xyzw), order=NOISE_ORDER)
         if unusable or position is None or rotation is None:
             return Observation(coverage, unobservable=unusable or "too few poses in a row to tell noise from motion")
         model = facts.declared.pose or PoseModel()
