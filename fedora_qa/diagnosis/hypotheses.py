@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.diagnosis import alignment, depth, flow_events, flow_photometric, images
+from fedora_qa.diagnosis import imu, pose
 from fedora_qa.diagnosis.event_response.alignment import propose_alignment
 from fedora_qa.diagnosis.event_response.conservation import propose_conservation
 from fedora_qa.diagnosis.event_response.frames import propose_frames
@@ -38,6 +39,13 @@ PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
     "images.order": images.propose_order,
     "images.exposure": images.propose_exposure,
     "flow_events.sharpness": flow_events.propose_sharpness,
+    "pose.orientation": pose.propose_orientation,
+    "pose.continuity": pose.propose_continuity,
+    "pose.noise": pose.propose_noise,
+    "imu.rotation": imu.propose_rotation,
+    "imu.translation": imu.propose_translation,
+    "imu.timing": imu.propose_timing,
+    "imu.noise": imu.propose_noise,
 })  # fmt: skip
 """By the name of the check."""
 

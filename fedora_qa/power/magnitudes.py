@@ -2,18 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.power.binomial import share_of
 from fedora_qa.power.naming import is_named_first
 from fedora_qa.power.study import Trial
 from fedora_qa.power.units import factor_between
 from fedora_qa.record.power_types import MagnitudeError
-
-_GAUSSIAN: Final = 1.4826
-"""A Gaussian's standard deviation over its median absolute value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +56,6 @@ def _errors(cause: str, unit: str, sizes: Sequence[SizeEstimate]) -> MagnitudeEr
         median_relative_error=float(np.median(relative)),
         with_error=len(pulls),
         pull_median=float(np.median(pulls)) if len(pulls) else None,
-        pull_spread=float(_GAUSSIAN * np.median(np.abs(pulls))) if len(pulls) else None,
+        pull_spread=float(MAD_TO_SIGMA * np.median(np.abs(pulls))) if len(pulls) else None,
         within_two=share_of(int((np.abs(pulls) < 2).sum()), len(pulls)),
     )

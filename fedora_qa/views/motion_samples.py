@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.imu.local_motion import Curve, Orientations, Vectors, noise_level
+from fedora_qa.estimators.imu.local_motion import OrientationSamples, SampledCurve, VectorSamples, noise_level
 from fedora_qa.estimators.imu.samples import TIMESTAMP_SIGMA_S, InertialNoise, InertialSamples
 from fedora_qa.geometry import so3
 from fedora_qa.record.types import Where
@@ -109,7 +109,7 @@ def measured_pose_sigmas(poses: PoseSamples) -> tuple[float, float]:
     """Return the noise of positions and orientations as they are, whatever is declared; 0 where there are too few."""
     levels = (
         noise_level(poses.times_ns, curve, order=NOISE_ORDER)
-        for curve in (Vectors(poses.positions_world_m), Orientations(poses.orientations_xyzw))
+        for curve in (VectorSamples(poses.positions_world_m), OrientationSamples(poses.orientations_xyzw))
     )
     position_m, rotation_rad = (0.0 if level is None else level.sigma for level in levels)
     return position_m, rotation_rad
@@ -126,7 +126,7 @@ def stored_resolution(values: Float64) -> float:
     return float(np.spacing(largest))
 
 
-def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: Curve) -> float:
+def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCurve) -> float:
     """Return the step of stored numbers: that of their type, or the decimal one to which they were rounded before.
 
     Numbers of a few decimals need not be rounded, as those of a flight at one speed are not: rounding to a step leaves
@@ -142,7 +142,7 @@ def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: Curve) ->
 
 def _rounding_density(times_ns: NDArray[np.int64], values: Float64) -> float:
     """Return the noise density of samples that were rounded to a decimal step, 0 of others: uniform, so step^2/12."""
-    step = rounding_step(times_ns, values, Vectors(values))
+    step = rounding_step(times_ns, values, VectorSamples(values))
     if step <= stored_resolution(values):
         return 0.0
     return step * float(np.sqrt(np.median(np.diff(times_ns)) / NS_PER_S / 12))
@@ -169,8 +169,8 @@ def imu_roundings(imu: ImuSamples) -> tuple[float, float]:
     """
     sample_s = float(np.median(np.diff(imu.times_ns))) / NS_PER_S
     rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
-    rate = rounding_step(imu.times_ns, rates, Vectors(rates))
-    return max(rate, float(np.spacing(1.0)) / sample_s), rounding_step(imu.times_ns, forces, Vectors(forces))
+    rate = rounding_step(imu.times_ns, rates, VectorSamples(rates))
+    return max(rate, float(np.spacing(1.0)) / sample_s), rounding_step(imu.times_ns, forces, VectorSamples(forces))
 
 
 def position_floor_m(poses: PoseSamples) -> float:
@@ -184,16 +184,16 @@ def rotation_floor_rad(poses: PoseSamples) -> float:
     """Return the scatter of exact orientations, likewise, rad."""
     steps_s = np.diff(poses.times_ns) / NS_PER_S
     pairs = np.arange(len(steps_s))[:, None] + np.arange(2)
-    turns_rad = np.linalg.norm(Orientations(poses.orientations_xyzw).seen(pairs, 0)[:, 1], axis=1)
+    turns_rad = np.linalg.norm(OrientationSamples(poses.orientations_xyzw).relative_vectors(pairs, 0)[:, 1], axis=1)
     return _scatter(turns_rad / steps_s, _rotation_step_rad(poses))
 
 
 def _position_step_m(poses: PoseSamples) -> float:
-    return rounding_step(poses.times_ns, poses.positions_world_m, Vectors(poses.positions_world_m))
+    return rounding_step(poses.times_ns, poses.positions_world_m, VectorSamples(poses.positions_world_m))
 
 
 def _rotation_step_rad(poses: PoseSamples) -> float:
-    step = rounding_step(poses.times_ns, poses.orientations_xyzw, Orientations(poses.orientations_xyzw))
+    step = rounding_step(poses.times_ns, poses.orientations_xyzw, OrientationSamples(poses.orientations_xyzw))
     return _RADIANS_PER_COMPONENT * step
 
 

@@ -1,17 +1,16 @@
 """Defects of the samples themselves that disturb whatever is computed from them: looked for wherever that is done."""
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.protocol import Suspect
-from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
+from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.displaced_timestamps import displaced_part
 from fedora_qa.estimators.clocks.rounded_timestamps import rounding_grid_ns
-from fedora_qa.estimators.imu.frozen_samples import unmoved
-from fedora_qa.estimators.imu.local_motion import Vectors
-from fedora_qa.estimators.imu.straight_lines import Interpolation, find_interpolation
+from fedora_qa.estimators.imu.local_motion import CurvatureEvenness, VectorSamples, find_interpolation, repeated_samples
+from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, PoseSamples
@@ -20,20 +19,66 @@ from fedora_qa.views.motion_samples import imu_roundings, measured_pose_sigmas, 
 LEAST_EVENNESS: Final = 0.2
 """Curvature of a smooth motion does not change fivefold within a step, nor does the median of noise."""
 
-_NOISIER: Final = 1.2
-_OF_TIMESTAMPS: Final = 0.95
-"""Weight of what the stamps themselves show, exactly."""
+_EXCESS_NOISE: Final = 1.2
+"""Measured over declared sigma from which on poses are noisier than declared: sigma is measured to some percent."""
 
 
-def interpolation_of(poses: PoseSamples) -> Interpolation | None:
+@dataclass(frozen=True, slots=True)
+class SampleClockGrid(Feature):
+    """All timestamps of a stream lie on a grid coarser than a microsecond."""
+
+    stream: str
+    period_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class SampleClockDrift(Feature):
+    """A part of an otherwise exact clock runs fast by ``drift``, s/s."""
+
+    stream: str
+    drift: float
+
+
+@dataclass(frozen=True, slots=True)
+class SampleClockOffset(Feature):
+    """A part of an otherwise exact clock is late by ``offset_ns``."""
+
+    stream: str
+    offset_ns: float
+
+
+@dataclass(frozen=True, slots=True)
+class LinearInterpolation(Feature):
+    """Samples lie on straight lines between those of a lower rate, ``knot_rate_hz``."""
+
+    stream: str
+    knot_rate_hz: float
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatedSamples(Feature):
+    """So many samples of a stream equal the one before in every bit while the body moves."""
+
+    stream: str
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class ExcessNoise(Feature):
+    """White noise of a stream is larger than declared."""
+
+    stream: str
+
+
+def interpolation_of(poses: PoseSamples) -> CurvatureEvenness | None:
     """Look for straight lines between every n-th position."""
     resolution = stored_resolution(poses.positions_world_m)
-    return find_interpolation(poses.times_ns, Vectors(poses.positions_world_m), resolution=resolution)
+    return find_interpolation(poses.times_ns, VectorSamples(poses.positions_world_m), resolution=resolution)
 
 
-def is_interpolated(found: Interpolation | None) -> bool:
+def is_interpolated(interpolation: CurvatureEvenness | None) -> bool:
     """Whether the curvature is too uneven for a motion that was sampled."""
-    return found is not None and found.evenness < LEAST_EVENNESS
+    return interpolation is not None and interpolation.evenness < LEAST_EVENNESS
 
 
 def rate_hz(poses: PoseSamples) -> float:
@@ -44,51 +89,58 @@ def rate_hz(poses: PoseSamples) -> float:
 def frozen_poses(poses: PoseSamples) -> NDArray[np.intp]:
     """Return poses that repeat the one before while the body moves."""
     samples = poses.positions_world_m, poses.orientations_xyzw
-    return unmoved(*samples, roundings=[stored_resolution(values) for values in samples])
+    return repeated_samples(*samples, roundings=[stored_resolution(values) for values in samples])
 
 
 def frozen_imu(imu: ImuSamples) -> NDArray[np.intp]:
     """Return IMU samples that repeat the one before while others change."""
     if len(imu.times_ns) < 2:
         return np.empty(0, dtype=np.intp)
-    return unmoved(imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2, roundings=imu_roundings(imu))
+    return repeated_samples(
+        imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2, roundings=imu_roundings(imu)
+    )
 
 
-def timestamp_defects(facts: Facts, *streams: str) -> tuple[Suspect, ...]:
-    """Name what is wrong with the stamps themselves: all that is computed from these streams is disturbed.
+def timestamp_defects(facts: Facts, *streams: str) -> tuple[Feature, ...]:
+    """Return the defects that timestamps show by themselves, of each stream at most one.
 
-    Stamps on a coarse grid, and a part of an exact clock that was moved, show in the stamps alone.
+    Whatever is computed from the stream is disturbed by them.
     """
-    return tuple(suspect for stream in streams for suspect in _defects_of(stream, facts.clocks[stream].times_ns))
+    features: list[Feature] = []
+    for stream in streams:
+        times_ns = facts.clocks[stream].times_ns
+        if period_ns := rounding_grid_ns(times_ns, resolution_ns=NS_PER_US):
+            features.append(SampleClockGrid(stream, period_ns))
+        elif displaced := displaced_part(times_ns, resolution_ns=NS_PER_US):
+            if displaced.drift:
+                features.append(SampleClockDrift(stream, displaced.drift))
+            else:
+                features.append(SampleClockOffset(stream, displaced.offset_ns))
+    return tuple(features)
 
 
-def _defects_of(stream: str, times_ns: NDArray[np.int64]) -> tuple[Suspect, ...]:
-    grid_ns = rounding_grid_ns(times_ns, resolution_ns=NS_PER_US)
-    if grid_ns:
-        return (Suspect("quantised_time", stream, _OF_TIMESTAMPS, grid_ns / NS_PER_MS, "ms"),)
-    moved = displaced_part(times_ns, resolution_ns=NS_PER_US)
-    if moved is None:
-        return ()
-    if moved.drift:
-        return (Suspect("clock_rate", stream, _OF_TIMESTAMPS, 1e6 * moved.drift, "ppm"),)
-    return (Suspect("time_offset", stream, _OF_TIMESTAMPS, moved.offset_ns / NS_PER_MS, "ms"),)
+def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Feature, ...]:
+    """Return the defects of the poses themselves, of which some show in all that is computed from them.
 
-
-def pose_defects(facts: Facts, poses: PoseSamples, model: PoseModel) -> tuple[Suspect, ...]:
-    """Name what is wrong with the poses themselves and may show in all that is computed from them."""
+    Timestamps come first: a coarse grid looks like straight lines, repeats and noise, so that these are then not looked
+    for. Nor is noise where straight lines or repeats would be taken for it.
+    """
     of_timestamps = timestamp_defects(facts, "pose")
     if of_timestamps:
         return of_timestamps
-    suspects = []
-    found = interpolation_of(poses)
-    if found is not None and is_interpolated(found):
-        suspects.append(Suspect("interpolated_pose", "pose", 0.9, rate_hz(poses) / found.stride, "Hz"))
+    features: list[Feature] = []
+    interpolation = interpolation_of(poses)
+    if interpolation is not None and is_interpolated(interpolation):
+        features.append(LinearInterpolation("pose", rate_hz(poses) / interpolation.stride))
     frozen = frozen_poses(poses)
     if len(frozen):
-        suspects.append(Suspect("frozen_frames", "pose", 0.8, float(len(frozen)), "samples"))
-    if not suspects:
+        features.append(RepeatedSamples("pose", len(frozen)))
+    if not features:
         position_m, rotation_rad = measured_pose_sigmas(poses)
-        noisier = position_m > _NOISIER * model.position_sigma_m or rotation_rad > _NOISIER * model.rotation_sigma_rad
-        if noisier and max(model.position_sigma_m, model.rotation_sigma_rad) > 0:
-            suspects.append(Suspect("noise_misdeclared", "pose", 0.7))
-    return tuple(suspects)
+        exceeds = (
+            position_m > _EXCESS_NOISE * model.position_sigma_m
+            or rotation_rad > _EXCESS_NOISE * model.rotation_sigma_rad
+        )
+        if exceeds and max(model.position_sigma_m, model.rotation_sigma_rad) > 0:
+            features.append(ExcessNoise("pose"))
+    return tuple(features)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.grouped_fit import GroupedFit, Parameters, group_of
+from fedora_qa.estimators.fitting.grouped_fit import FitParameters, GroupedFit, group_of
 from fedora_qa.estimators.fitting.normal_equations import BlockEquations, block_equations
 
 NAMES = ("offset", "slope_x", "slope_y", "slope_z")
-PARAMETERS = Parameters(NAMES, {"offset": (0,), "slope": (1, 2, 3)}, (1e3,) * 4)
+PARAMETERS = FitParameters(NAMES, {"offset": (0,), "slope": (1, 2, 3)}, (1e3,) * 4)
 AT_ZERO = np.zeros(4)
 
 
@@ -170,7 +170,7 @@ def test_noise_that_regressors_share_with_residuals_is_taken_off(motion: float) 
 
     The noise that serves as scatter is another draw of both. Without it the mean is off by nearly 1 at rest.
     """
-    deviations, parameters = [], Parameters(("gain",), {"gain": (0,)}, (1e3,))
+    deviations, parameters = [], FitParameters(("gain",), {"gain": (0,)}, (1e3,))
     for seed in range(60):
         random = np.random.default_rng(seed)
         signal = motion * random.standard_normal((80, 3))

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
-from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, Comparison, fit_inertial
+from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, InertialComparison, fit_inertial
 from fedora_qa.estimators.imu.summary import InertialFit
 from tests.support.motion_world import EXACT, GRAVITY_M_S2, HOVER, NOISY, RESTLESS, sample_motion
 
@@ -64,7 +64,7 @@ def off_origin(arm_m: float) -> Plant:
     return plant
 
 
-def fitted(comparison: Comparison, samples: InertialSamples, noise: InertialNoise) -> InertialFit:
+def fitted(comparison: InertialComparison, samples: InertialSamples, noise: InertialNoise) -> InertialFit:
     walk = noise.gyro_walk if comparison is ROTATION else noise.accel_walk
     found = fit_inertial(samples, noise, comparison, bias_walk=walk)
     assert found is not None
@@ -73,7 +73,7 @@ def fitted(comparison: Comparison, samples: InertialSamples, noise: InertialNois
 
 @pytest.mark.parametrize("comparison", [ROTATION, TRANSLATION], ids=["rotation", "translation"])
 @pytest.mark.parametrize("motion", [RESTLESS, HOVER], ids=["restless", "hover"])
-def test_exact_streams_agree(comparison: Comparison, motion: object) -> None:
+def test_exact_streams_agree(comparison: InertialComparison, motion: object) -> None:
     """Nothing is freed, and every parameter is 0 within a thousandth of its error."""
     found = fitted(comparison, sample_motion(motion), EXACT)  # type: ignore[arg-type]
     assert found.settled
@@ -99,7 +99,7 @@ def test_exact_streams_agree(comparison: Comparison, motion: object) -> None:
     ],
 )
 def test_a_fault_moves_its_own_group_alone_and_to_size(
-    comparison: Comparison, plant: Plant, name: str, size: float
+    comparison: InertialComparison, plant: Plant, name: str, size: float
 ) -> None:
     """In exact streams the fault's group is freed, nothing else is off, and the size is right to six errors."""
     found = fitted(comparison, plant(sample_motion()), EXACT)

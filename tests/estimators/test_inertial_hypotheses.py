@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.imu.conventions import Hypothesis, explain_forces, explain_rates
+from fedora_qa.estimators.imu.conventions import InertialConvention, explain_forces, explain_rates
 from fedora_qa.estimators.imu.samples import InertialSamples
 from tests.support.motion_world import GRAVITY_M_S2, NOISY, RESTLESS, sample_motion
 
@@ -50,36 +50,36 @@ def north_east_down(s: InertialSamples) -> InertialSamples:
 
 
 RATE_CASES = {
-    "clean": (lambda s: s, Hypothesis()),
-    "degrees": (rates(np.degrees), Hypothesis(rate_unit=float(np.degrees(1.0)))),
-    "wxyz": (quaternions(lambda q: q[:, [3, 0, 1, 2]]), Hypothesis(reading="wxyz")),
-    "inverse": (quaternions(lambda q: q * [-1, -1, -1, 1]), Hypothesis(reading="inverse")),
-    "swapped": (both_sensors(lambda v: v[:, [1, 0, 2]]), Hypothesis(sensor_axes=SWAP_XY)),
-    "right-down": (both_sensors(lambda v: v * FRD), Hypothesis(sensor_axes=Y_Z_REVERSED)),
-    "ned": (north_east_down, Hypothesis(sensor_axes=Y_Z_REVERSED)),
+    "clean": (lambda s: s, InertialConvention()),
+    "degrees": (rates(np.degrees), InertialConvention(rate_unit=float(np.degrees(1.0)))),
+    "wxyz": (quaternions(lambda q: q[:, [3, 0, 1, 2]]), InertialConvention(quaternions="wxyz")),
+    "inverse": (quaternions(lambda q: q * [-1, -1, -1, 1]), InertialConvention(quaternions="inverse")),
+    "swapped": (both_sensors(lambda v: v[:, [1, 0, 2]]), InertialConvention(sensor_axes=SWAP_XY)),
+    "right-down": (both_sensors(lambda v: v * FRD), InertialConvention(sensor_axes=Y_Z_REVERSED)),
+    "ned": (north_east_down, InertialConvention(sensor_axes=Y_Z_REVERSED)),
 }
 
 FORCE_CASES = {
-    "clean": (lambda s: s, Hypothesis()),
-    "wxyz": (quaternions(lambda q: q[:, [3, 0, 1, 2]]), Hypothesis(reading="wxyz")),
-    "inverse": (quaternions(lambda q: q * [-1, -1, -1, 1]), Hypothesis(reading="inverse")),
-    "swapped sensor": (both_sensors(lambda v: v[:, [1, 0, 2]]), Hypothesis(sensor_axes=SWAP_XY)),
-    "right-down": (both_sensors(lambda v: v * FRD), Hypothesis(sensor_axes=Y_Z_REVERSED)),
-    "swapped world": (positions(lambda p: p[:, [1, 0, 2]]), Hypothesis(world_axes=SWAP_XY)),
-    "millimetres": (positions(lambda p: 1000 * p), Hypothesis(length_unit=1000.0)),
-    "ned": (north_east_down, Hypothesis(sensor_axes=Y_Z_REVERSED, gravity="reversed")),
-    "no gravity": (gravity(0.0), Hypothesis(gravity="missing")),
-    "gravity up": (gravity(-1.0), Hypothesis(gravity="reversed")),
+    "clean": (lambda s: s, InertialConvention()),
+    "wxyz": (quaternions(lambda q: q[:, [3, 0, 1, 2]]), InertialConvention(quaternions="wxyz")),
+    "inverse": (quaternions(lambda q: q * [-1, -1, -1, 1]), InertialConvention(quaternions="inverse")),
+    "swapped sensor": (both_sensors(lambda v: v[:, [1, 0, 2]]), InertialConvention(sensor_axes=SWAP_XY)),
+    "right-down": (both_sensors(lambda v: v * FRD), InertialConvention(sensor_axes=Y_Z_REVERSED)),
+    "swapped world": (positions(lambda p: p[:, [1, 0, 2]]), InertialConvention(world_axes=SWAP_XY)),
+    "millimetres": (positions(lambda p: 1000 * p), InertialConvention(length_unit=1000.0)),
+    "ned": (north_east_down, InertialConvention(sensor_axes=Y_Z_REVERSED, gravity="reversed")),
+    "no gravity": (gravity(0.0), InertialConvention(gravity="missing")),
+    "gravity up": (gravity(-1.0), InertialConvention(gravity="reversed")),
 }
 
 
-def is_like(found: Hypothesis | None, expected: Hypothesis) -> bool:
-    return found is not None and replace(found, left=0.0, declared_left=0.0, rows=0) == expected
+def is_like(found: InertialConvention | None, expected: InertialConvention) -> bool:
+    return found is not None and replace(found, residual=0.0, declared_residual=0.0, count=0) == expected
 
 
 @pytest.mark.parametrize("noise", [None, NOISY], ids=["exact", "noisy"])
 @pytest.mark.parametrize(("plant", "expected"), RATE_CASES.values(), ids=RATE_CASES)
-def test_rates_tell_how_the_file_must_be_read(plant: Plant, expected: Hypothesis, noise: object) -> None:
+def test_rates_tell_how_the_file_must_be_read(plant: Plant, expected: InertialConvention, noise: object) -> None:
     """Every odd reading of rotations is named, and none is invented, with and without noise."""
     samples = plant(sample_motion(noise=noise))  # type: ignore[arg-type]
     assert is_like(explain_rates(samples, NOISY.rotation_sigma_rad if noise else 1e-9), expected)
@@ -87,7 +87,7 @@ def test_rates_tell_how_the_file_must_be_read(plant: Plant, expected: Hypothesis
 
 @pytest.mark.parametrize("noise", [None, NOISY], ids=["exact", "noisy"])
 @pytest.mark.parametrize(("plant", "expected"), FORCE_CASES.values(), ids=FORCE_CASES)
-def test_forces_tell_how_the_file_must_be_read(plant: Plant, expected: Hypothesis, noise: object) -> None:
+def test_forces_tell_how_the_file_must_be_read(plant: Plant, expected: InertialConvention, noise: object) -> None:
     """Every odd reading of translations is named, and none is invented, with and without noise."""
     sigma_m = (NOISY.position_sigma_m if noise else 1e-9) * expected.length_unit
     samples = plant(sample_motion(noise=noise))  # type: ignore[arg-type]

@@ -4,14 +4,21 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.imu.samples import Rows, blocks_of, covered, every_second, smoothed, timestamp_scatter
+from fedora_qa.estimators.imu.samples import (
+    ComparisonRows,
+    covered,
+    every_second,
+    segments_of,
+    smoothed,
+    timestamp_scatter,
+)
 from tests.support.motion_world import sample_motion
 
 
-def rows_of(count: int) -> Rows:
+def rows_of(count: int) -> ComparisonRows:
     zeros = np.zeros((count, 3))
     bands = np.array([np.full(count, 1.0), np.full(count, -4.0), np.full(count, 6.0)])
-    return Rows(np.arange(count), np.arange(count) * 0.005, np.full(count, 0.005), zeros, zeros,
+    return ComparisonRows(np.arange(count), np.arange(count) * 0.005, np.full(count, 0.005), zeros, zeros,
                 np.zeros((count, 3, 2)), np.zeros((count, 3, 3)), np.tile(bands, (3, 1, 1)))  # fmt: skip
 
 
@@ -27,7 +34,7 @@ def test_intervals_outside_or_across_a_gap_are_not_covered() -> None:
 def test_blocks_cut_rows_without_loss(span_s: float, count: int, shortest_s: float) -> None:
     """Every row lies in just one stretch; there are eight, or as many as the least and greatest length allow."""
     times_s = np.linspace(3.0, 3.0 + span_s, count)
-    blocks = blocks_of(times_s, shortest_s)
+    blocks = segments_of(times_s, shortest_s)
     assert [row for block in blocks for row in range(block.start, block.stop)] == list(range(count))
     assert len(blocks) <= max(1, round(span_s / min(max(span_s / 8, shortest_s), 5.0)))
 
@@ -76,5 +83,5 @@ def test_every_second_keeps_both_ends(count: int) -> None:
 
 def test_no_more_stretches_than_rows_however_far_a_timestamp_lies() -> None:
     """One absurd stamp would ask for billions of stretches of five seconds."""
-    stretches = blocks_of(np.array([0.0, 0.1, 1e12]), 0.5)
-    assert [index for one in stretches for index in range(one.start, one.stop)] == [0, 1, 2]
+    segments = segments_of(np.array([0.0, 0.1, 1e12]), 0.5)
+    assert [index for one in segments for index in range(one.start, one.stop)] == [0, 1, 2]

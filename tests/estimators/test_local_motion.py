@@ -7,16 +7,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.imu.frozen_samples import unmoved
 from fedora_qa.estimators.imu.local_motion import (
-    Orientations,
-    Vectors,
+    OrientationSamples,
+    VectorSamples,
     divided_differences,
+    find_interpolation,
     find_steps,
+    most_precise_steps,
     noise_level,
-    sharpest,
+    repeated_samples,
 )
-from fedora_qa.estimators.imu.straight_lines import find_interpolation
 from tests.support.motion_world import RESTLESS
 
 TIMES_NS = np.arange(601) * 5_000_000
@@ -36,7 +36,7 @@ def polynomial(times_ns: NDArray[np.int64], coefficients: list[float]) -> NDArra
 def test_polynomials_have_no_noise(coefficients: list[float]) -> None:
     """A polynomial of degree 7 vanishes under differences of order 8, for even and uneven stamps, to rounding."""
     for times_ns in (TIMES_NS, uneven_ns(601)):
-        level = noise_level(times_ns, Vectors(polynomial(times_ns, coefficients)), order=8)
+        level = noise_level(times_ns, VectorSamples(polynomial(times_ns, coefficients)), order=8)
         assert level is not None
         assert level.sigma < 1e-12
 
@@ -48,7 +48,7 @@ def test_white_noise_is_measured_within_its_error(times_ns: NDArray[np.int64]) -
     found = []
     for seed in range(100):
         noisy = motion + 0.003 * np.random.default_rng(seed).standard_normal(motion.shape)
-        level = noise_level(times_ns, Vectors(noisy), order=8)
+        level = noise_level(times_ns, VectorSamples(noisy), order=8)
         assert level is not None
         found.append((level.sigma / 0.003 - 1) / (level.standard_error / level.sigma))
     assert abs(np.mean(found)) < 0.4
@@ -59,14 +59,14 @@ def test_noise_of_orientations_is_that_of_each_axis() -> None:
     """Rotations shaken by 2 mrad an axis have 2 mrad of noise, while the body turns at up to 5 rad/s."""
     random = np.random.default_rng(5)
     shaken = RESTLESS.orientations(TIMES_S) * Rotation.from_rotvec(0.002 * random.standard_normal((601, 3)))
-    level = noise_level(TIMES_NS, Orientations(shaken.as_quat()), order=8)
+    level = noise_level(TIMES_NS, OrientationSamples(shaken.as_quat()), order=8)
     assert level is not None
     assert level.sigma == pytest.approx(0.002, abs=4 * level.standard_error)
 
 
 def test_fast_motion_is_not_taken_for_noise() -> None:
     """What a motion of 1 Hz and 5 rad/s leaves is below the stated share of the motion and 1e-12 rad."""
-    level = noise_level(TIMES_NS, Orientations(RESTLESS.orientations(TIMES_S).as_quat()), order=8)
+    level = noise_level(TIMES_NS, OrientationSamples(RESTLESS.orientations(TIMES_S).as_quat()), order=8)
     assert level is not None
     assert level.sigma < level.motion + 1e-12
 
@@ -75,13 +75,13 @@ def test_fast_motion_is_not_taken_for_noise() -> None:
 def test_noise_needs_as_many_differences_as_their_order(count: int) -> None:
     """Of n samples n - 10 differences of order 10 say what motion leaves; fewer than eight are too few."""
     times_ns, shaken = TIMES_NS[:count], np.random.default_rng(0).standard_normal((count, 3))
-    assert (noise_level(times_ns, Vectors(shaken), order=8) is not None) == (count >= 18)
+    assert (noise_level(times_ns, VectorSamples(shaken), order=8) is not None) == (count >= 18)
 
 
 def test_a_gap_is_not_bridged_by_differences() -> None:
     """Samples on either side of a gap are never compared."""
     kept = np.r_[0:300, 310:601]
-    level = noise_level(TIMES_NS[kept], Vectors(RESTLESS.positions_m(TIMES_S)[kept]), order=8)
+    level = noise_level(TIMES_NS[kept], VectorSamples(RESTLESS.positions_m(TIMES_S)[kept]), order=8)
     assert level is not None
     assert level.count == 292 + 283
 
@@ -92,7 +92,7 @@ def test_a_jump_is_found_to_size_and_place(times_ns: NDArray[np.int64], half_wid
     """On a motion of the filter's degree the jump is exact, and nothing else is seen."""
     values = polynomial(times_ns, [0.3] * (degree - 1))
     values[300:] += [0.002, 0.0, -0.01]
-    steps = find_steps(times_ns, Vectors(values), half_width=half_width, degree=degree, sigma=1e-9)
+    steps = find_steps(times_ns, VectorSamples(values), half_width=half_width, degree=degree, sigma=1e-9)
     place = int(np.argmax(np.abs(steps.sizes).max(axis=1)))
     assert steps.before[place] == 299
     np.testing.assert_allclose(steps.sizes[place], [0.002, 0.0, -0.01], atol=1e-9)
@@ -103,13 +103,13 @@ def test_a_jump_is_found_to_size_and_place(times_ns: NDArray[np.int64], half_wid
 def test_the_gain_is_that_of_the_noise() -> None:
     """White noise comes out with the stated gain."""
     noise = np.random.default_rng(1).standard_normal((601, 3))
-    steps = find_steps(TIMES_NS, Vectors(noise), half_width=8, degree=5, sigma=1.0)
+    steps = find_steps(TIMES_NS, VectorSamples(noise), half_width=8, degree=5, sigma=1.0)
     assert np.std(steps.sizes) == pytest.approx(steps.gains[0], rel=0.1)
 
 
 def test_smooth_motion_stays_below_its_own_bound() -> None:
     """On a fast motion every filter's answer lies below what it states the motion may add."""
-    curve = Orientations(RESTLESS.orientations(TIMES_S).as_quat())
+    curve = OrientationSamples(RESTLESS.orientations(TIMES_S).as_quat())
     for half_width, degree in ((4, 5), (8, 5), (24, 5), (12, 3), (24, 3)):
         steps = find_steps(TIMES_NS, curve, half_width=half_width, degree=degree, sigma=1e-12)
         assert np.all(np.abs(steps.sizes).max(axis=1) <= steps.motion + 1e-11)
@@ -117,13 +117,13 @@ def test_smooth_motion_stays_below_its_own_bound() -> None:
 
 def test_noisy_poses_are_searched_by_long_filters_and_exact_ones_by_short() -> None:
     """The filter with the least error depends on the noise."""
-    curve = Vectors(RESTLESS.positions_m(TIMES_S))
+    curve = VectorSamples(RESTLESS.positions_m(TIMES_S))
     found = {
         sigma: [find_steps(TIMES_NS, curve, half_width=w, degree=d, sigma=sigma) for w, d in ((6, 7), (24, 3))]
         for sigma in (1e-9, 0.05)
     }
-    assert sharpest(found[1e-9], 1e-9) is found[1e-9][0]
-    assert sharpest(found[0.05], 0.05) is found[0.05][1]
+    assert most_precise_steps(found[1e-9], 1e-9) is found[1e-9][0]
+    assert most_precise_steps(found[0.05], 0.05) is found[0.05][1]
 
 
 def test_repeats_in_motion_are_stops_and_rest_is_not() -> None:
@@ -131,29 +131,31 @@ def test_repeats_in_motion_are_stops_and_rest_is_not() -> None:
     positions = RESTLESS.positions_m(TIMES_S)
     held = positions.copy()
     held[200:203] = held[199]
-    assert unmoved(held, held, roundings=(1e-16, 1e-16)).tolist() == [200, 201, 202]
+    assert repeated_samples(held, held, roundings=(1e-16, 1e-16)).tolist() == [200, 201, 202]
     resting = np.where(TIMES_S[:, None] < 1.0, (1.0 - TIMES_S[:, None]) ** 3 * positions[0], 0.0)
-    assert unmoved(resting, resting, roundings=(1e-16, 1e-16)).tolist() == []
-    assert unmoved(np.ones((50, 3)), roundings=(1e-16,)).tolist() == []
+    assert repeated_samples(resting, resting, roundings=(1e-16, 1e-16)).tolist() == []
+    assert repeated_samples(np.ones((50, 3)), roundings=(1e-16,)).tolist() == []
 
 
 def test_repeats_between_roundings_are_no_stops() -> None:
     """A value that creeps by one unit of rounding now and then repeats in between; a step of many units shows."""
     creeping = np.floor(np.arange(50) / 4.0)[:, None]
-    assert unmoved(creeping, roundings=(1.0,)).tolist() == []
-    assert len(unmoved(creeping, roundings=(0.01,))) == 37
+    assert repeated_samples(creeping, roundings=(1.0,)).tolist() == []
+    assert len(repeated_samples(creeping, roundings=(0.01,))) == 37
 
 
 def test_a_repeat_of_one_array_alone_is_no_stop() -> None:
     """A body that turns on the spot repeats its position."""
     turning = np.outer(TIMES_S, [0.0, 0.0, 1.0])
-    assert unmoved(np.zeros((601, 3)), turning, roundings=(1e-16, 1e-16)).tolist() == []
+    assert repeated_samples(np.zeros((601, 3)), turning, roundings=(1e-16, 1e-16)).tolist() == []
 
 
-@pytest.mark.parametrize("curve", [Vectors, Orientations])
-def test_even_clocks_are_weighed_alike_step_by_step_and_all_at_once(curve: type[Vectors] | type[Orientations]) -> None:
+@pytest.mark.parametrize("curve", [VectorSamples, OrientationSamples])
+def test_even_clocks_are_weighed_alike_step_by_step_and_all_at_once(
+    curve: type[VectorSamples] | type[OrientationSamples],
+) -> None:
     """A clock that is even by a nanosecond and less has the pattern of an even one, and so the same jumps and noise."""
-    of_curve = RESTLESS.positions_m(TIMES_S) if curve is Vectors else RESTLESS.orientations(TIMES_S).as_quat()
+    of_curve = RESTLESS.positions_m(TIMES_S) if curve is VectorSamples else RESTLESS.orientations(TIMES_S).as_quat()
     nearly_ns = TIMES_NS + np.arange(601) % 2
     for half_width, degree in ((4, 5), (24, 3)):
         even, nearly = (
@@ -173,14 +175,14 @@ def test_evenness_is_that_of_two_medians(sizes: list[int]) -> None:
     """Of any bends, equal ones too, the least even stride is the one that medians of both parts give."""
     values = np.zeros((len(sizes) + 2, 3))
     values[2:, 0] = np.cumsum(np.cumsum(sizes))
-    bends = np.linalg.norm(divided_differences(TIMES_NS[: len(values)], Vectors(values), 2), axis=-1)
+    bends = np.linalg.norm(divided_differences(TIMES_NS[: len(values)], VectorSamples(values), 2), axis=-1)
     expected = [
         (float(np.median(bends[~at])) / float(np.median(bends[at])), stride)
         for stride in range(2, min(20, len(bends) // 16) + 1)
         for phase in range(stride)
         if np.median(bends[at := np.arange(len(bends)) % stride == phase]) > 1e-6
     ]
-    found = find_interpolation(TIMES_NS[: len(values)], Vectors(values), resolution=1e-8)
+    found = find_interpolation(TIMES_NS[: len(values)], VectorSamples(values), resolution=1e-8)
     least = min(expected, key=lambda one: (round(one[0], 2), one[1]), default=None)
     assert (None if found is None else (found.evenness, found.stride)) == least
 
@@ -189,11 +191,11 @@ def test_evenness_is_that_of_two_medians(sizes: list[int]) -> None:
 def test_straight_lines_betray_the_rate_they_were_made_from(stride: int) -> None:
     """Linear interpolation from every n-th sample is found with its n; the motion itself is even."""
     positions = RESTLESS.positions_m(TIMES_S)
-    even = find_interpolation(TIMES_NS, Vectors(positions), resolution=1e-16)
+    even = find_interpolation(TIMES_NS, VectorSamples(positions), resolution=1e-16)
     assert even is not None
     assert even.evenness > 0.5
     lines = np.stack([np.interp(TIMES_S, TIMES_S[::stride], column[::stride]) for column in positions.T], axis=-1)
-    found = find_interpolation(TIMES_NS, Vectors(lines), resolution=1e-16)
+    found = find_interpolation(TIMES_NS, VectorSamples(lines), resolution=1e-16)
     assert found is not None
     assert found.evenness < 0.01
     assert found.stride == stride
@@ -203,7 +205,7 @@ def test_straight_lines_betray_the_rate_they_were_made_from(stride: int) -> None
 def test_noise_does_not_look_interpolated(seed: int) -> None:
     """White noise is even to every stride."""
     noise = np.random.default_rng(seed).standard_normal((201, 3))
-    found = find_interpolation(TIMES_NS[:201], Vectors(noise), resolution=1e-16)
+    found = find_interpolation(TIMES_NS[:201], VectorSamples(noise), resolution=1e-16)
     assert found is not None
     assert found.evenness > 0.3
 
@@ -211,8 +213,8 @@ def test_noise_does_not_look_interpolated(seed: int) -> None:
 @pytest.mark.parametrize("count", [0, 1, 5, 11])
 def test_too_few_samples_say_nothing(count: int) -> None:
     """No noise, no steps and no lines come of a handful of samples, and nothing breaks."""
-    curve = Vectors(np.zeros((count, 3)))
+    curve = VectorSamples(np.zeros((count, 3)))
     assert noise_level(TIMES_NS[:count], curve, order=8) is None
     assert len(find_steps(TIMES_NS[:count], curve, half_width=6, degree=5, sigma=1.0).before) == 0
     assert find_interpolation(TIMES_NS[:count], curve, resolution=0.0) is None
-    assert unmoved(curve.values, roundings=(1e-16,)).tolist() == []
+    assert repeated_samples(curve.values, roundings=(1e-16,)).tolist() == []

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from fedora_qa.estimators.imu.samples import InertialNoise, InertialSamples
-from fedora_qa.estimators.imu.sequence_fit import ROTATION, TRANSLATION, Comparison, fit_inertial
-from fedora_qa.estimators.imu.split_samples import halves, with_scatter
+from fedora_qa.estimators.imu.sequence_fit import (
+    ROTATION,
+    TRANSLATION,
+    InertialComparison,
+    fit_inertial,
+    halves,
+    with_scatter,
+)
 from fedora_qa.estimators.imu.summary import InertialFit
 from tests.support.motion_world import EXACT, Motion, sample_motion
 
@@ -22,7 +28,7 @@ QUIET = Motion(amplitudes=(1.5e-3, 8e-4, 8e-4, 0.02, 0.02, 0.01))
 
 
 def fitted(
-    samples: InertialSamples, noise: InertialNoise = IMU_NOISE, comparison: Comparison = ROTATION
+    samples: InertialSamples, noise: InertialNoise = IMU_NOISE, comparison: InertialComparison = ROTATION
 ) -> InertialFit:
     found = fit_inertial(samples, noise, comparison, bias_walk=0.0)
     assert found is not None
@@ -61,7 +67,7 @@ def test_halves_part_the_samples_and_keep_the_span() -> None:
 
 
 @pytest.mark.parametrize("comparison", [ROTATION, TRANSLATION], ids=["rotation", "translation"])
-def test_noise_alone_is_no_gain(comparison: Comparison) -> None:
+def test_noise_alone_is_no_gain(comparison: InertialComparison) -> None:
     """Where nothing moves, nothing is freed, the fit settles, and values lie within their errors, draw by draw."""
     scores = []
     for seed in range(10):

@@ -1,154 +1,358 @@
-"""The IMU against the poses: does integration of the one give the other?"""
+"""The IMU against the poses: how residuals and fitted parameters are stated."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fedora_qa.checks.imu.parameters import (
-    Shown,
-    local_measured,
-    parameters_measured,
-)
-from fedora_qa.checks.protocol import ANY_CAUSE, Observation, Statistic, Suspect
+from fedora_qa.checks.protocol import Observation, Statistic
 from fedora_qa.conventions import NS_PER_S, US_PER_S
+from fedora_qa.estimators.fitting.grouped_fit import FittedParameter, group_of
+from fedora_qa.estimators.imu.conventions import InertialConvention
 from fedora_qa.estimators.imu.summary import InertialFit
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.inertial_agreement import (
-    Kind,
-    Motion,
-    Streams,
+    InertialConventionTrial,
+    InertialStreams,
+    MotionKind,
+    WindowMotion,
+    convention_trial,
     coverage_of,
-    disagreement,
-    fit,
-    gross_cause,
-    gross_suspects,
-    is_absurd,
+    fit_of,
+    is_implausible,
     streams_of,
 )
 from fedora_qa.views.motion_samples import place
 from fedora_qa.views.sample_defects import frozen_imu, frozen_poses, pose_defects, timestamp_defects
-from fedora_qa.views.timing_cues import timing_cues_of
+
+_DEGREES: Final = float(np.degrees(1.0))
 
 
-def _agreement(
-    state: Sequence[Motion], facts: Facts, kind: Kind, shown: Mapping[str, Shown], unit: str, factor: float
+@dataclass(frozen=True, slots=True)
+class ParameterText:
+    """How a parameter is stated.
+
+    Attributes
+    ----------
+    sentence
+        With ``{size}``, ``{axis}`` and ``{sense}``.
+    senses
+        The words for a positive and a negative value.
+    unit, factor
+        The unit stated, and its multiple of the fit's unit.
+    material
+        The largest deviation that may go undetected, in the unit stated.
+    """
+
+    sentence: str
+    senses: tuple[str, str]
+    unit: str
+    factor: float
+    material: float
+
+
+_SIGNS: Final = ("", "-")
+
+ROTATION_TEXTS: Final[Mapping[str, ParameterText]] = {
+    "bias": ParameterText("The gyro has a bias of {sense}{size} rad/s about {axis}", _SIGNS, "rad/s", 1.0, 0.02),
+    "tilt": ParameterText("The gyro is turned by {sense}{size} deg about {axis} against the body of the poses",
+                          _SIGNS, "deg", _DEGREES, 1.0),
+    "scale": ParameterText("The gyro reads {size} percent too {sense}", ("much", "little"), "percent", 100.0, 2.0),
+}  # fmt: skip
+
+TRANSLATION_TEXTS: Final[Mapping[str, ParameterText]] = {
+    "gravity": ParameterText("Gravity is {size} m/s^2 {sense} than declared", ("larger", "smaller"), "m/s^2", 1.0, 0.2),
+    "bias": ParameterText("The accelerometer has a bias of {sense}{size} m/s^2 along {axis}", _SIGNS, "m/s^2", 1.0,
+                          0.2),
+    "slope": ParameterText("Gravity has a part of {sense}{size} m/s^2 along the world's {axis}", _SIGNS, "m/s^2", 1.0,
+                           0.2),
+    "lever": ParameterText("The IMU sits at {sense}{size} m along {axis} from the poses' origin", _SIGNS, "m", 1.0,
+                           0.1),
+}  # fmt: skip
+
+TIMING_TEXTS: Final[Mapping[str, ParameterText]] = {
+    "time_offset": ParameterText(
+        "The IMU's stamps are {size} ms {sense} against the poses'", ("late", "early"), "ms", 1e3, 1.0
+    ),
+    "clock_rate": ParameterText("The IMU's clock runs {size} ppm {sense}", ("fast", "slow"), "ppm", 1e6, 500.0),
+    "pose_clock_rate": ParameterText("The poses' clock runs {size} ppm {sense}", ("fast", "slow"), "ppm", 1e6, 500.0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class InertialParameter(Feature):
+    """A parameter of the fit of IMU against pose, of the whole or of a part of the sequence.
+
+    Attributes
+    ----------
+    kind
+        Of the comparison that was fitted.
+    name
+        Of the parameter, with its axis.
+    value, standard_error
+        In the unit of the fit.
+    component_ratio
+        Absolute value over that of the largest component of its group's vector.
+    explained
+        By group: share of what can be explained that it explains, as of ``FittedParameter``.
+    """
+
+    kind: MotionKind
+    name: str
+    value: float
+    standard_error: float
+    component_ratio: float
+    explained: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualSmoothness(Feature):
+    """Correlation of neighbouring residuals, not below 0: 0 for noise, near 1 for another motion."""
+
+    correlation: float
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatsNearby(Feature):
+    """Samples of a stream that repeat the one before lie near the worst residual; ``count`` is that of the stream."""
+
+    stream: str
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class UnsettledFit(Feature):
+    """The fit did not converge, or to parameters that no sensor has: the two motions differ otherwise."""
+
+
+def agreement_observation(
+    state: Sequence[WindowMotion],
+    facts: Facts,
+    kind: MotionKind,
+    texts: Mapping[str, ParameterText],
+    unit: str,
+    factor: float,
 ) -> Observation:
+    """State how far IMU and poses disagree in rotation or translation, and the parameters of their fit.
+
+    Parameters
+    ----------
+    state
+        All windows.
+    texts
+        Of the parameters to be stated, by group.
+    unit, factor
+        Of residuals, and its multiple of the fit's unit.
+    """
     streams = streams_of(state, facts)
-    seen = coverage_of(streams, facts)
+    coverage = coverage_of(streams, facts)
     if isinstance(streams, str):
-        return Observation(seen, unobservable=streams)
-    found = fit(streams, kind)
-    if found is None:
-        return Observation(seen, unobservable="too few poses with IMU samples all the way between them")
-    gross = gross_cause(streams, kind, found)
-    if gross is not None and gross.is_certain:
-        return Observation(seen, (disagreement(facts, streams, kind, gross),))
-    defects = (
-        *(gross_suspects(kind, gross.hypothesis) if gross else ()),
+        return Observation(coverage, unobservable=streams)
+    fit = fit_of(streams, kind)
+    if fit is None:
+        return Observation(coverage, unobservable="too few poses with IMU samples all the way between them")
+    trial = convention_trial(streams, kind, fit)
+    if trial is not None and trial.is_certain:
+        return Observation(coverage, (_disagreement(facts, streams, kind, trial),))
+    defects: tuple[Feature, ...] = (
+        *((trial,) if trial else ()),
         *timestamp_defects(facts, "imu"),
         *pose_defects(facts, streams.poses, facts.declared.pose or PoseModel()),
     )
-    residual = _residual(found, kind, unit, factor, defects)
-    worst = _worst(facts, streams, found, kind, unit, factor, defects)
-    timing_cues, check = timing_cues_of(facts), f"imu.{kind}"
-    besides = defects if found.settled and not is_absurd(found) else (*defects, *_other_sequence(1.0))
-    parameters = parameters_measured(kind, check, found.parameters, shown, timing_cues, besides)
-    local = local_measured(facts, streams, kind, check, found, "bias", shown["bias"], timing_cues, defects)
-    return Observation(
-        seen,
-        (residual, worst, *parameters, *local),
-        evidence={"residual": _course(facts, streams, found, factor)},
-        titles={"residual": f"Residuals of IMU and pose in {kind}; x time [s]; y length [{unit}]"},
-    )
+    smoothness = ResidualSmoothness(max(fit.smoothness, 0.0))
 
-
-def _course(facts: Facts, streams: Streams, found: InertialFit, factor: float) -> NDArray[np.float64]:
-    """Return the residuals over time (n, 2): s on the file's clock, and their lengths."""
-    seconds = facts.origin_us / US_PER_S + streams.origin_ns / NS_PER_S
-    return found.course * [1.0, factor] + [seconds, 0.0]
-
-
-def _residual(found: InertialFit, kind: Kind, unit: str, factor: float, defects: tuple[Suspect, ...]) -> Statistic:
-    """State the scatter that is left after the freed parameters.
-
-    The two streams may share the blame for noise. What is left of another motion is as smooth as that motion.
-    """
-    smooth = max(found.smoothness, 0.0)
-    rms, expected = factor * found.rms, factor * found.expected_rms
-    return Statistic(
+    rms, expected = factor * fit.rms, factor * fit.expected_rms
+    residual = Statistic(
         name=f"{kind}_residual",
         value=rms,
         unit=unit,
-        standard_error=factor * found.rms_error,
+        standard_error=factor * fit.rms_error,
         expected=expected,
-        model_error_bound=factor * found.model_rms,
+        model_error_bound=factor * fit.model_rms,
         side="upper",
         statement=f"Between neighbouring poses IMU and pose differ in {kind} by {rms:.4g} {unit} rms; noise explains "
         f"{expected:.4g}.",
         code=f"imu.{kind}.residual",
         where=Where(stream="imu"),
-        suspects=(
-            *defects,
-            Suspect("noise_misdeclared", "pose", 0.5 * (1 - smooth)),
-            Suspect("noise_misdeclared", "imu", 0.5 * (1 - smooth)),
-            *_anything(0.4 * (1 - smooth)),
-            *_other_sequence(smooth),
-        ),
+        features=(*defects, smoothness),
     )
 
-
-def _worst(
-    facts: Facts,
-    streams: Streams,
-    found: InertialFit,
-    kind: Kind,
-    unit: str,
-    factor: float,
-    defects: tuple[Suspect, ...],
-) -> Statistic:
-    """State the comparison that fits least."""
-    worst = found.worst
-    time_ns = streams.time_ns(worst.time_s)
-    return Statistic(
+    worst_ns = streams.time_ns(fit.worst.time_s)
+    worst = Statistic(
         name=f"worst_{kind}",
-        value=factor * worst.value,
+        value=factor * fit.worst.value,
         unit=unit,
-        standard_error=factor * worst.sigma,
-        model_error_bound=factor * worst.model_error,
-        tests=3 * found.rows,
-        statement=f"At {facts.to_file_us(time_ns):.0f} us IMU and pose differ in {kind} by {factor * worst.value:.4g} "
-        f"{unit}; noise is {factor * worst.sigma:.2g}.",
+        standard_error=factor * fit.worst.sigma,
+        model_error_bound=factor * fit.worst.model_error,
+        tests=3 * fit.rows,
+        statement=f"At {facts.to_file_us(worst_ns):.0f} us IMU and pose differ in {kind} by "
+        f"{factor * fit.worst.value:.4g} {unit}; noise is {factor * fit.worst.sigma:.2g}.",
         code=f"imu.{kind}.worst",
-        where=place(facts, "pose", time_ns),
-        suspects=(*_local_suspects(streams, kind, time_ns, max(found.smoothness, 0.0)), *defects),
+        where=place(facts, "pose", worst_ns),
+        features=(*defects, smoothness, *_repeats_near(streams, worst_ns)),
+    )
+
+    unsettled = () if fit.settled and not is_implausible(fit) else (UnsettledFit(),)
+    check = f"imu.{kind}"
+    parameters = parameter_statistics(kind, check, fit.parameters, texts, (*defects, *unsettled))
+    local = local_statistics(facts, streams, kind, check, fit, "bias", texts["bias"], defects)
+    seconds = facts.origin_us / US_PER_S + streams.origin_ns / NS_PER_S  # of the streams' origin on the file's clock
+    return Observation(
+        coverage,
+        (residual, worst, *parameters, *local),
+        evidence={"residual": fit.course * [1.0, factor] + [seconds, 0.0]},
+        titles={"residual": f"Residuals of IMU and pose in {kind}; x time [s]; y length [{unit}]"},
     )
 
 
-def _other_sequence(smooth: float) -> tuple[Suspect, ...]:
-    return tuple(Suspect("other_sequence", stream, 0.8 * smooth) for stream in ("imu", "pose"))
+def _disagreement(
+    facts: Facts, streams: InertialStreams, kind: MotionKind, trial: InertialConventionTrial
+) -> Statistic:
+    """State how far the streams disagree as declared, and which convention reconciles them."""
+    where, when = Where(stream="imu"), ""
+    value, error = trial.convention.disagreement
+    if trial.interval_s is not None:
+        where = place(facts, "imu", *(streams.time_ns(time_s) for time_s in trial.interval_s))
+        when = f" from {where.start_us:.0f} to {where.stop_us:.0f} us"
+    return Statistic(
+        name="disagreement",
+        value=value,
+        unit="1",
+        standard_error=error,
+        expected=1.0,
+        side="upper",
+        statement=f"Pose and IMU disagree in {kind}{when} {value:.3g} times as much as "
+        f"noise allows; they agree if {_convention_text(trial.convention)}.",
+        code=f"imu.{kind}.disagreement",
+        where=where,
+        severity="critical",
+        features=(trial,),
+    )
 
 
-def _anything(weight: float) -> tuple[Suspect, ...]:
-    """Suspect whatever else is found wrong with either stream, at its edges or all along."""
-    return tuple(Suspect(ANY_CAUSE, stream, weight) for stream in ("pose", "imu"))
+def _convention_text(convention: InertialConvention) -> str:
+    def axes_text(axes: tuple[tuple[int, ...], ...]) -> str:
+        columns = [int(np.argmax(np.abs(row))) for row in axes]
+        names = [("-" if row[i] < 0 else "") + "xyz"[i] for row, i in zip(axes, columns, strict=True)]
+        return "(" + ", ".join(names) + ")"
+
+    declared, parts = InertialConvention(), []
+    if convention.quaternions != declared.quaternions:
+        parts.append(f"quaternions are read as {convention.quaternions}")
+    if convention.sensor_axes != declared.sensor_axes:
+        parts.append(f"the sensor's axes are {axes_text(convention.sensor_axes)} of the body")
+    if convention.world_axes != declared.world_axes:
+        parts.append(f"positions are {axes_text(convention.world_axes)} of the world")
+    if convention.rate_unit != 1.0:
+        parts.append(f"angular velocity is divided by {convention.rate_unit:.4g}")
+    if convention.length_unit != 1.0:
+        parts.append(f"positions are divided by {convention.length_unit:g}")
+    if convention.gravity != "declared":
+        parts.append(f"gravity is {convention.gravity} in the specific force")
+    return " and ".join(parts)
 
 
-def _local_suspects(streams: Streams, kind: Kind, time_ns: int, smooth: float) -> tuple[Suspect, ...]:
-    """Causes at one instant: samples that do not move there, else a jump, else lost samples."""
+def _repeats_near(streams: InertialStreams, time_ns: int) -> tuple[RepeatsNearby, ...]:
+    """Return the streams of which samples within two steps of the poses repeat the one before."""
     imu, poses = streams.imu, streams.poses
     reach_ns = 2 * int(np.median(np.diff(poses.times_ns)))
-    suspects = [
-        Suspect("teleport", "pose", (1 - smooth) * (0.4 if kind == "translation" else 0.2)),
-        Suspect("dropped_samples", "imu", (1 - smooth) * 0.3),
-        Suspect("noise_misdeclared", "pose", (1 - smooth) * 0.3),
-        *_anything(0.3 * (1 - smooth)),
-        *_other_sequence(smooth),
-    ]
-    frozen = (("pose", poses.times_ns, frozen_poses(poses)), ("imu", imu.times_ns, frozen_imu(imu)))
-    for stream, times_ns, rows in frozen:
-        if len(rows) and int(np.min(np.abs(times_ns[rows] - time_ns))) <= reach_ns:
-            suspects.insert(0, Suspect("frozen_frames", stream, 0.9, float(len(rows)), "samples"))
-    return tuple(suspects)
+    frozen = (("imu", imu.times_ns, frozen_imu(imu)), ("pose", poses.times_ns, frozen_poses(poses)))
+    return tuple(
+        RepeatsNearby(stream, len(rows))
+        for stream, times_ns, rows in frozen
+        if len(rows) and int(np.min(np.abs(times_ns[rows] - time_ns))) <= reach_ns
+    )
+
+
+def parameter_statistics(
+    kind: MotionKind,
+    check: str,
+    fitted: Mapping[str, FittedParameter],
+    texts: Mapping[str, ParameterText],
+    defects: tuple[Feature, ...] = (),
+) -> tuple[Statistic, ...]:
+    """State the fitted parameters that have a text.
+
+    Parameters
+    ----------
+    kind, check
+        Of the comparison that was fitted; name of the check that states it.
+    fitted, texts
+        By name, and by group.
+    defects
+        Of the samples, that disturb the fit.
+    """
+    stated = {name: parameter for name, parameter in fitted.items() if group_of(name) in texts}
+    sizes: dict[str, float] = {}
+    for name, parameter in stated.items():
+        sizes[group_of(name)] = max(abs(parameter.value), sizes.get(group_of(name), 0.0))
+    statistics = []
+    for name, parameter in stated.items():
+        text = texts[group_of(name)]
+        value, error = text.factor * parameter.value, text.factor * parameter.standard_error
+        sentence = text.sentence.format(size=f"{abs(value):.4g}", axis=name[-1], sense=text.senses[int(value < 0)])
+        ratio = abs(parameter.value) / (sizes[group_of(name)] or 1.0)
+        statistics.append(
+            Statistic(
+                name=name,
+                value=value,
+                unit=text.unit,
+                standard_error=error,
+                model_error_bound=text.factor * parameter.model_error,
+                material=text.material,
+                statement=f"{sentence} (+- {error:.2g}).",
+                code=f"{check}.{group_of(name)}",
+                where=Where(stream="imu"),
+                features=(
+                    *defects,
+                    InertialParameter(
+                        kind, name, parameter.value, parameter.standard_error, ratio, parameter.explained
+                    ),
+                ),
+            )
+        )
+    return tuple(statistics)
+
+
+def local_statistics(
+    facts: Facts,
+    streams: InertialStreams,
+    kind: MotionKind,
+    check: str,
+    fit: InertialFit,
+    group: str,
+    text: ParameterText,
+    defects: tuple[Feature, ...] = (),
+) -> tuple[Statistic, ...]:
+    """State where a parameter of a group differs most from its value in the whole; nothing of very few segments."""
+    names = [name for name in fit.local_deviations if group_of(name) == group]
+    if not names or not fit.settled:
+        return ()
+    local = fit.local_deviations
+    name = max(names, key=lambda candidate: abs(local[candidate].deviation) / local[candidate].standard_error)
+    worst = local[name]
+    where = place(facts, "imu", streams.time_ns(worst.start_s), streams.time_ns(worst.stop_s))
+    size = f"{text.factor * worst.value:.4g} {text.unit}"
+    return (
+        Statistic(
+            name=f"local_{group}",
+            value=text.factor * worst.deviation,
+            unit=text.unit,
+            standard_error=text.factor * worst.standard_error,
+            model_error_bound=text.factor * worst.model_error,
+            material=text.material,
+            tests=worst.tests * len(names),
+            statement=f"From {where.start_us:.0f} to {where.stop_us:.0f} us {name} is {size}, "
+            f"{text.factor * worst.deviation:+.4g} off its value in the whole sequence.",
+            code=f"{check}.local_{group}",
+            where=where,
+            features=(
+                *defects,
+                InertialParameter(kind, name, worst.value, worst.standard_error, 1.0, fit.parameters[name].explained),
+            ),
+        ),
+    )

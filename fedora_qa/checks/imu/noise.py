@@ -1,27 +1,24 @@
 """The noise of the IMU against its declaration."""
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.checks.declared_noise import noise_against_declared
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, WindowCheck
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.imu.local_motion import Vectors, noise_level
+from fedora_qa.estimators.imu.local_motion import VectorSamples, noise_level
 from fedora_qa.estimators.imu.samples import TIMESTAMP_SIGMA_S
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, Window
 from fedora_qa.views.motion_samples import NOISE_ORDER, imu_roundings, join_imu, owned_imu, place, why_unusable
-from fedora_qa.views.noise_level import noise_against_declared
 from fedora_qa.views.sample_defects import frozen_imu, timestamp_defects
 
 Float64 = NDArray[np.float64]
-
-_DEGREES: Final = float(np.degrees(1.0))
 
 
 class ImuNoise(WindowCheck[ImuSamples]):
@@ -68,56 +65,48 @@ class ImuNoise(WindowCheck[ImuSamples]):
     def conclude(self, state: Sequence[ImuSamples], facts: Facts) -> Observation:
         """Compare both sensors with their declarations."""
         imu = join_imu(state)
-        seen = Coverage(len(imu.times_ns), len(facts.clocks["imu"].times_ns), "samples")
-        gyro = noise_level(imu.times_ns, Vectors(imu.angular_velocities_body_rad_s), order=NOISE_ORDER)
-        accel = noise_level(imu.times_ns, Vectors(imu.specific_forces_body_m_s2), order=NOISE_ORDER)
+        coverage = Coverage(len(imu.times_ns), len(facts.clocks["imu"].times_ns), "samples")
+        rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
+        gyro = noise_level(imu.times_ns, VectorSamples(rates), order=NOISE_ORDER)
+        accel = noise_level(imu.times_ns, VectorSamples(forces), order=NOISE_ORDER)
         unusable = why_unusable(facts, "imu")
         if unusable or gyro is None or accel is None:
-            return Observation(seen, unobservable=unusable or "too few samples in a row to tell noise from motion")
+            return Observation(coverage, unobservable=unusable or "too few samples in a row to tell noise from motion")
         model = facts.declared.imu or ImuModel()
+        # White noise of density N sampled at rate f has sigma = N sqrt(f) (IEEE Std 952-1997, annex C).
         root_rate = float(np.sqrt(NS_PER_S / np.median(np.diff(imu.times_ns))))
         gyro_rounding, accel_rounding = imu_roundings(imu)
-        of_timestamps = timestamp_defects(facts, "imu")
-        rates, forces = imu.angular_velocities_body_rad_s, imu.specific_forces_body_m_s2
-        gyro_noise = noise_against_declared(
-            "gyro",
-            "rad/s",
-            gyro,
-            root_rate * model.gyro_noise_density,
+        gyro_sigma, accel_sigma = root_rate * model.gyro_noise_density, root_rate * model.accel_noise_density
+        gyro_floor, accel_floor = (
             _floor(imu.times_ns, rates, gyro_rounding),
-            "imu.noise",
-            "imu",
-            units={"unit_deg_rad": _DEGREES},
-            besides=of_timestamps,
-        )
-        accel_noise = noise_against_declared(
-            "accelerometer",
-            "m/s^2",
-            accel,
-            root_rate * model.accel_noise_density,
             _floor(imu.times_ns, forces, accel_rounding),
-            "imu.noise",
-            "imu",
-            units={},
-            besides=of_timestamps,
         )
-        return Observation(seen, (gyro_noise, accel_noise, _stops(facts, imu)))
+        of_timestamps = timestamp_defects(facts, "imu")
+        frozen = frozen_imu(imu)
+        return Observation(
+            coverage,
+            (
+                noise_against_declared(
+                    "gyro", "rad/s", gyro, gyro_sigma, gyro_floor,
+                    check="imu.noise", stream="imu", features=of_timestamps,
+                ),
+                noise_against_declared(
+                    "accelerometer", "m/s^2", accel, accel_sigma, accel_floor,
+                    check="imu.noise", stream="imu", features=of_timestamps,
+                ),
+                count_of_faults(
+                    "frozen",
+                    len(frozen),
+                    "samples",
+                    statement=f"{len(frozen)} IMU samples repeat the one before exactly while the body moves.",
+                    code="imu.noise.frozen",
+                    where=place(facts, "imu", int(imu.times_ns[frozen[0]])) if len(frozen) else Where(stream="imu"),
+                ),
+            ),
+        )  # fmt: skip
 
 
 def _floor(times_ns: NDArray[np.int64], values: Float64, rounding: float) -> float:
     """Return the scatter of exact samples: stored digits, and stamps rounded to a microsecond."""
     changes = np.linalg.norm(np.diff(values, axis=0), axis=1) / (np.diff(times_ns) / NS_PER_S)
     return float(np.hypot(np.sqrt(np.mean(np.square(changes))) * TIMESTAMP_SIGMA_S, rounding))
-
-
-def _stops(facts: Facts, imu: ImuSamples) -> Statistic:
-    still = frozen_imu(imu)
-    return count_of_faults(
-        "frozen",
-        len(still),
-        "samples",
-        statement=f"{len(still)} IMU samples repeat the one before exactly while the body moves.",
-        code="imu.noise.frozen",
-        where=place(facts, "imu", int(imu.times_ns[still[0]])) if len(still) else Where(stream="imu"),
-        suspects=(Suspect("frozen_frames", "imu", 0.95, float(len(still)), "samples"),),
-    )

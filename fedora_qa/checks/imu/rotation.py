@@ -2,20 +2,14 @@
 
 from collections.abc import Sequence
 
-from fedora_qa.checks.imu.agreement import _agreement
-from fedora_qa.checks.imu.parameters import (
-    ROTATION_SHOWN,
-)
+from fedora_qa.checks.imu.agreement import ROTATION_TEXTS, agreement_observation
 from fedora_qa.checks.protocol import Observation, WindowCheck
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.inertial_agreement import (
-    Motion,
-    motion_of,
-)
+from fedora_qa.views.inertial_agreement import WindowMotion, motion_of
 
 
-class ImuRotation(WindowCheck[Motion]):
+class ImuRotation(WindowCheck[WindowMotion]):
     """Does the gyro, integrated, give the rotation between poses?
 
     The scatter of rotation residuals between neighbouring poses (mrad), the worst of them, and the gyro's bias (rad/s),
@@ -55,16 +49,16 @@ class ImuRotation(WindowCheck[Motion]):
     -------
     J. Bortz, IEEE Trans. AES 7 (1971) 61; P. Savage, J. Guidance 21 (1998) 19; C. Forster et al., On-manifold
     preintegration, IEEE Trans. Robotics 33 (2017) 1; ``fedora_qa/estimators/imu/preintegration.py``,
-    ``grouped_fit.py``, ``split_samples.py``.
+    ``grouped_fit.py``, ``sequence_fit.py``.
     """
 
     name = "imu.rotation"
     needs = ("imu", "pose")
 
-    def measure(self, window: Window) -> Motion | None:
+    def measure(self, window: Window) -> WindowMotion | None:
         """Keep the window's own samples."""
         return motion_of(window)
 
-    def conclude(self, state: Sequence[Motion], facts: Facts) -> Observation:
+    def conclude(self, state: Sequence[WindowMotion], facts: Facts) -> Observation:
         """Fit the whole sequence."""
-        return _agreement(state, facts, "rotation", ROTATION_SHOWN, "mrad", 1e3)
+        return agreement_observation(state, facts, "rotation", ROTATION_TEXTS, "mrad", 1e3)

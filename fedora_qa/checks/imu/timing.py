@@ -6,32 +6,36 @@ from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.imu.parameters import TIMING_SHOWN, local_measured, parameters_measured
-from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.imu.agreement import TIMING_TEXTS, local_statistics, parameter_statistics
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.imu.summary import InertialFit
+from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.inertial_agreement import (
-    Kind,
-    Motion,
-    Streams,
+    InertialStreams,
+    MotionKind,
+    WindowMotion,
+    convention_trial,
     coverage_of,
-    fit,
-    gross_cause,
+    fit_of,
     motion_of,
     streams_of,
 )
 from fedora_qa.views.sample_defects import timestamp_defects
-from fedora_qa.views.timing_cues import TimingCues, timing_cues_of
 
-_SURE: Final = 6.0
-_CLOSE: Final = 3.0
+_RESOLVED_SIGMAS: Final = 6.0
+"""Standard errors that half an interval must exceed to be told from no offset at all."""
+
+_EQUAL_SIGMAS: Final = 3.0
+"""Standard errors within which an offset is half an interval."""
+
 _MS_PER_S: Final = 1e3
 
 
-class ImuTiming(WindowCheck[Motion]):
+class ImuTiming(WindowCheck[WindowMotion]):
     """Do IMU and poses run on one clock?
 
     How late the IMU's stamps are against those of the poses at the first sample (ms), by how much each of the two
@@ -70,65 +74,67 @@ class ImuTiming(WindowCheck[Motion]):
     name = "imu.timing"
     needs = ("imu", "pose")
 
-    def measure(self, window: Window) -> Motion | None:
+    def measure(self, window: Window) -> WindowMotion | None:
         """Keep the window's own samples."""
         return motion_of(window)
 
-    def conclude(self, state: Sequence[Motion], facts: Facts) -> Observation:
+    def conclude(self, state: Sequence[WindowMotion], facts: Facts) -> Observation:
         """Fit the whole sequence."""
         streams = streams_of(state, facts)
-        seen = coverage_of(streams, facts)
+        coverage = coverage_of(streams, facts)
         if isinstance(streams, str):
-            return Observation(seen, unobservable=streams)
-        fits = _sound_fits(streams)
+            return Observation(coverage, unobservable=streams)
+        # The fits that converged under the declared conventions.
+        kinds: tuple[MotionKind, ...] = ("rotation", "translation")
+        fits: dict[MotionKind, InertialFit] = {}
+        for kind in kinds:
+            fit = fit_of(streams, kind)
+            if fit is not None and fit.settled and convention_trial(streams, kind, fit) is None:
+                fits[kind] = fit
         if not fits:
-            return Observation(seen, unobservable="IMU and pose cannot be compared: see imu.rotation, imu.translation")
-        timing_cues, of_timestamps = timing_cues_of(facts), timestamp_defects(facts, "imu", "pose")
-        offset, *rates = (_measured(fits, name, timing_cues, of_timestamps) for name in TIMING_SHOWN)
+            reason = "IMU and pose cannot be compared: see imu.rotation, imu.translation"
+            return Observation(coverage, unobservable=reason)
+        of_timestamps = timestamp_defects(facts, "imu", "pose")
+        offset, *rates = (_averaged(fits, name, of_timestamps) for name in TIMING_TEXTS)
         offset, notices = (offset, ()) if of_timestamps else _without_averaging(offset, streams, facts)
-        surest = min(fits, key=lambda kind: fits[kind].parameters["time_offset"].standard_error)
-        shown = TIMING_SHOWN["time_offset"]
-        local = local_measured(
-            facts, streams, surest, self.name, fits[surest], "time_offset", shown, timing_cues, of_timestamps
+        most_precise = min(fits, key=lambda kind: fits[kind].parameters["time_offset"].standard_error)
+        local = local_statistics(
+            facts,
+            streams,
+            most_precise,
+            self.name,
+            fits[most_precise],
+            "time_offset",
+            TIMING_TEXTS["time_offset"],
+            of_timestamps,
         )
-        return Observation(seen, (offset, *rates, *local), notices)
+        return Observation(coverage, (offset, *rates, *local), notices)
 
 
-def _sound_fits(streams: Streams) -> dict[Kind, InertialFit]:
-    """Return the fit of each kind of comparison that does not disagree grossly."""
-    kinds: tuple[Kind, ...] = ("rotation", "translation")
-    fits: dict[Kind, InertialFit] = {}
-    for kind in kinds:
-        found = fit(streams, kind)
-        if found is not None and found.settled and gross_cause(streams, kind, found) is None:
-            fits[kind] = found
-    return fits
-
-
-def _measured(
-    fits: dict[Kind, InertialFit], name: str, timing_cues: TimingCues, besides: tuple[Suspect, ...]
-) -> Statistic:
-    """Average a parameter over the comparisons, by their errors; the surest one says what else would explain it."""
-    found = {kind: fit.parameters[name] for kind, fit in fits.items()}
-    information = np.array([one.standard_error**-2 for one in found.values()])
-    shares = information / information.sum()
-    surest = max(found, key=lambda kind: (found[kind].free, -found[kind].standard_error))
+def _averaged(fits: dict[MotionKind, InertialFit], name: str, defects: tuple[Feature, ...]) -> Statistic:
+    """Average a parameter over the comparisons, weighted by information; features are those of the most precise."""
+    fitted = {kind: fit.parameters[name] for kind, fit in fits.items()}
+    information = np.array([parameter.standard_error**-2 for parameter in fitted.values()])
+    weights = information / information.sum()
+    most_precise = max(fitted, key=lambda kind: (fitted[kind].free, -fitted[kind].standard_error))
     average = replace(
-        found[surest],
-        value=float(shares @ [one.value for one in found.values()]),
+        fitted[most_precise],
+        value=float(weights @ [parameter.value for parameter in fitted.values()]),
         standard_error=float(information.sum() ** -0.5),
-        model_error=float(shares @ [one.model_error for one in found.values()]),
+        model_error=float(weights @ [parameter.model_error for parameter in fitted.values()]),
     )
-    return parameters_measured(surest, "imu.timing", {name: average}, TIMING_SHOWN, timing_cues, besides)[0]
+    return parameter_statistics(most_precise, "imu.timing", {name: average}, TIMING_TEXTS, defects)[0]
 
 
-def _without_averaging(offset: Statistic, streams: Streams, facts: Facts) -> tuple[Statistic, tuple[Notice, ...]]:
-    """Expect half an interval where instants are declared and that is what is found."""
+def _without_averaging(
+    offset: Statistic, streams: InertialStreams, facts: Facts
+) -> tuple[Statistic, tuple[Notice, ...]]:
+    """Expect half an interval where instants are declared and the offset is just that: samples are means over it."""
     half_ms = _MS_PER_S * float(np.median(np.diff(streams.imu.times_ns))) / NS_PER_S / 2
-    limit = _CLOSE * offset.standard_error + offset.model_error_bound
+    limit = _EQUAL_SIGMAS * offset.standard_error + offset.model_error_bound
     declared = (facts.declared.imu or ImuModel()).sampling
-    sure = half_ms > _SURE * offset.standard_error + offset.model_error_bound
-    if declared != "instant" or not sure or abs(offset.value - half_ms) > limit:
+    resolved = half_ms > _RESOLVED_SIGMAS * offset.standard_error + offset.model_error_bound
+    if declared != "instant" or not resolved or abs(offset.value - half_ms) > limit:
         return offset, ()
     message = (
         f"IMU samples are {offset.value:.3g} ms late, half their interval: they read like means over it; declare "

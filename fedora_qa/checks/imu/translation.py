@@ -2,20 +2,14 @@
 
 from collections.abc import Sequence
 
-from fedora_qa.checks.imu.agreement import _agreement
-from fedora_qa.checks.imu.parameters import (
-    TRANSLATION_SHOWN,
-)
+from fedora_qa.checks.imu.agreement import TRANSLATION_TEXTS, agreement_observation
 from fedora_qa.checks.protocol import Observation, WindowCheck
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.inertial_agreement import (
-    Motion,
-    motion_of,
-)
+from fedora_qa.views.inertial_agreement import WindowMotion, motion_of
 
 
-class ImuTranslation(WindowCheck[Motion]):
+class ImuTranslation(WindowCheck[WindowMotion]):
     """Does the specific force, integrated twice with gravity, give the path of the poses?
 
     The scatter of the residuals of neighbouring second differences (m/s), the worst of them, and the accelerometer's
@@ -56,10 +50,10 @@ class ImuTranslation(WindowCheck[Motion]):
     name = "imu.translation"
     needs = ("imu", "pose")
 
-    def measure(self, window: Window) -> Motion | None:
+    def measure(self, window: Window) -> WindowMotion | None:
         """Keep the window's own samples."""
         return motion_of(window)
 
-    def conclude(self, state: Sequence[Motion], facts: Facts) -> Observation:
+    def conclude(self, state: Sequence[WindowMotion], facts: Facts) -> Observation:
         """Fit the whole sequence."""
-        return _agreement(state, facts, "translation", TRANSLATION_SHOWN, "m/s", 1.0)
+        return agreement_observation(state, facts, "translation", TRANSLATION_TEXTS, "m/s", 1.0)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.fitting.robust import NORMAL_QUARTILE
 from fedora_qa.sequence.facts import IndexMap
 
 Int64 = NDArray[np.int64]
@@ -171,4 +172,4 @@ def _robust(values: Float64) -> tuple[float, float]:
     if not len(values):
         return float("nan"), float("nan")
     middle = float(np.median(values))
-    return middle, float(np.median(np.abs(values - middle))) / 0.6745
+    return middle, float(np.median(np.abs(values - middle))) / NORMAL_QUARTILE

@@ -1,23 +1,25 @@
 """The motion of the poses: does it go on as a body moves?"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.pose.returns import lever_arm_suspects
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.pose.conventions import orientation_transforms, position_transforms
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.estimators.imu.local_motion import (
-    Curve,
-    Orientations,
-    Steps,
-    Vectors,
+    OrientationSamples,
+    SampledCurve,
+    StepEstimates,
+    VectorSamples,
     find_steps,
+    most_precise_steps,
     noise_level,
-    sharpest,
 )
+from fedora_qa.features import Feature
+from fedora_qa.geometry import so3
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
@@ -31,13 +33,51 @@ from fedora_qa.views.motion_samples import (
     rotation_floor_rad,
     why_unusable,
 )
-from fedora_qa.views.pose_conventions import orientation_readings, position_readings
-from fedora_qa.views.sample_defects import LEAST_EVENNESS, frozen_poses, interpolation_of, rate_hz, timestamp_defects
+from fedora_qa.views.sample_defects import (
+    LEAST_EVENNESS,
+    LinearInterpolation,
+    frozen_poses,
+    interpolation_of,
+    rate_hz,
+    timestamp_defects,
+)
 
 _STEP_FILTERS: Final = ((4, 5), (6, 7), (8, 5), (12, 5), (24, 5), (12, 3), (24, 3))
 """Half width and degree of the filters that look for jumps: short ones for exact poses, long ones for noisy."""
 
+_WIDEST_REACH: Final = _STEP_FILTERS[-1][0]
+"""Poses on either side of a jump that its size may rest on."""
+
 _FEWEST_POSES: Final = 24
+
+_PAIR_SIGMAS: Final = 5.0
+"""Standard errors by which two jumps must differ in the world's axes for those of the body to be told from them."""
+
+_BODY_RATIO: Final = 0.2
+"""Share of that by which they may still differ in the body's: what the motion adds to the jumps of exact poses."""
+
+
+@dataclass(frozen=True, slots=True)
+class PoseJump(Feature):
+    """A jump between two poses; whether its estimate rests on poses that repeat the one before exactly."""
+
+    beside_repeated_samples: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PairedSteps(Feature):
+    """Two jumps of the position that cancel in the axes of the body and not in those of the world.
+
+    Attributes
+    ----------
+    length_m
+        Of the vector in the body by which positions are displaced between them, with the sign of its largest component.
+    standard_error_m
+        Of the length.
+    """
+
+    length_m: float
+    standard_error_m: float
 
 
 class PoseContinuity(WindowCheck[PoseSamples]):
@@ -88,120 +128,123 @@ class PoseContinuity(WindowCheck[PoseSamples]):
     def conclude(self, state: Sequence[PoseSamples], facts: Facts) -> Observation:
         """Look for jumps, stops and straight lines in the whole sequence."""
         poses = join_poses(state)
-        seen = Coverage(len(poses.times_ns), len(facts.clocks["pose"].times_ns), "poses")
+        coverage = Coverage(len(poses.times_ns), len(facts.clocks["pose"].times_ns), "poses")
         unusable = why_unusable(facts, "pose")
         if unusable or len(poses.times_ns) < _FEWEST_POSES:
-            return Observation(seen, unobservable=unusable or f"fewer than {_FEWEST_POSES} poses")
-        still, of_timestamps = frozen_poses(poses), timestamp_defects(facts, "pose")
+            return Observation(coverage, unobservable=unusable or f"fewer than {_FEWEST_POSES} poses")
+        frozen_rows, of_timestamps = frozen_poses(poses), timestamp_defects(facts, "pose")
         model = facts.declared.pose or PoseModel()
-        positions, rotations = Vectors(poses.positions_world_m), Orientations(poses.orientations_xyzw)
-        position = _steps(poses, positions, max(model.position_sigma_m, position_floor_m(poses)))
-        rotation = _steps(poses, rotations, max(model.rotation_sigma_rad, rotation_floor_rad(poses)))
-        return Observation(
-            seen,
-            (
-                *_jump(facts, poses, still, of_timestamps, position, "position", "m", 1.0, 0.1),
-                *_jump(facts, poses, still, of_timestamps, rotation, "rotation", "deg", float(np.degrees(1)), 2.0),
-                _stops(facts, poses, still),
-                *_lines(facts, poses, of_timestamps),
-            ),
+        measurements: list[Statistic] = []
+        kinds: tuple[tuple[str, str, float, float, SampledCurve], ...] = (
+            ("position", "m", 1.0, 0.1, VectorSamples(poses.positions_world_m)),
+            ("rotation", "deg", float(np.degrees(1)), 2.0, OrientationSamples(poses.orientations_xyzw)),
+        )
+        least_sigmas = (
+            max(model.position_sigma_m, position_floor_m(poses)),
+            max(model.rotation_sigma_rad, rotation_floor_rad(poses)),
+        )
+        for (name, unit, factor, material, curve), least_sigma in zip(kinds, least_sigmas, strict=True):
+            steps, sigma = _steps(poses, curve, least_sigma)
+            if not len(steps.before):
+                continue
+            # The worst place and axis: most standard errors beyond what the motion may have added.
+            errors = sigma * steps.gains
+            excess = (np.abs(steps.sizes) - steps.motion[:, None]) / errors[:, None]
+            row, axis = (int(index) for index in np.unravel_index(np.argmax(excess), excess.shape))
+            size, before = factor * float(steps.sizes[row, axis]), int(steps.before[row])
+            transforms: tuple[Feature, ...]
+            if name == "position":
+                transforms = (*position_transforms(poses, before, sigma), *_paired_steps(poses, steps, sigma, row))
+            else:
+                transforms = orientation_transforms(poses, before, sigma)
+            beside_repeats = bool(np.any(np.abs(frozen_rows - before) <= _WIDEST_REACH))
+            measurements.append(
+                Statistic(
+                    name=f"{name}_jump",
+                    value=size,
+                    unit=unit,
+                    standard_error=factor * float(errors[row]),
+                    model_error_bound=factor * float(steps.motion[row]),
+                    material=material,
+                    tests=steps.sizes.size,
+                    statement=f"The {name} jumps by {abs(size):.4g} {unit} within one step.",
+                    code=f"pose.continuity.{name}",
+                    where=place(facts, "pose", int(poses.times_ns[before]), int(poses.times_ns[before + 1])),
+                    features=(*of_timestamps, *transforms, PoseJump(beside_repeats)),
+                )
+            )
+
+        measurements.append(
+            count_of_faults(
+                "frozen",
+                len(frozen_rows),
+                "poses",
+                statement=f"{len(frozen_rows)} poses repeat the one before exactly while the body moves.",
+                code="pose.continuity.frozen",
+                where=place(facts, "pose", int(poses.times_ns[frozen_rows[0]]))
+                if len(frozen_rows)
+                else Where(stream="pose"),
+            )
         )
 
+        interpolation = interpolation_of(poses)
+        if interpolation is not None:
+            own_hz = rate_hz(poses)
+            knots_hz = own_hz / interpolation.stride
+            measurements.append(
+                Statistic(
+                    name="curvature_evenness",
+                    value=interpolation.evenness,
+                    unit="1",
+                    standard_error=0.0,
+                    expected=1.0,
+                    model_error_bound=1.0 - LEAST_EVENNESS,
+                    side="lower",
+                    statement=f"Positions lie on straight lines between poses {interpolation.stride} apart: they are "
+                    f"interpolated from {knots_hz:.4g} to {own_hz:.4g} Hz.",
+                    code="pose.continuity.interpolated",
+                    where=place(facts, "pose", int(poses.times_ns[0]), int(poses.times_ns[-1])),
+                    features=(*of_timestamps, LinearInterpolation("pose", knots_hz)),
+                )
+            )
+        return Observation(coverage, tuple(measurements))
 
-def _steps(poses: PoseSamples, curve: Curve, least_sigma: float) -> tuple[Steps, float]:
+
+def _steps(poses: PoseSamples, curve: SampledCurve, least_sigma: float) -> tuple[StepEstimates, float]:
+    """Return the steps of the filter with the least error, and the noise of a sample that errors rest on."""
     level = noise_level(poses.times_ns, curve, order=NOISE_ORDER)
     sigma = max(least_sigma, 0.0 if level is None else level.sigma)
-    found = [
+    candidates = [
         find_steps(poses.times_ns, curve, half_width=width, degree=degree, sigma=sigma)
         for width, degree in _STEP_FILTERS
         if 4 * width <= len(poses.times_ns)
     ]
-    return sharpest(found, sigma), sigma
+    return most_precise_steps(candidates, sigma), sigma
 
 
-def _jump(
-    facts: Facts,
-    poses: PoseSamples,
-    still: NDArray[np.intp],
-    of_timestamps: tuple[Suspect, ...],
-    found: tuple[Steps, float],
-    name: str,
-    unit: str,
-    scale: float,
-    material: float,
-) -> tuple[Statistic, ...]:
-    steps, sigma = found
-    if not len(steps.before):
+def _paired_steps(poses: PoseSamples, steps: StepEstimates, sigma_m: float, row: int) -> tuple[PairedSteps, ...]:
+    """Look for the jump that undoes the one in a row of the steps in the axes of the body.
+
+    A point l of the body lies ``R_world_body l`` from its origin: poses that state that point for a while jump there by
+    ``R l`` and back by ``-R' l``. In the axes of the body the two undo each other, in those of the world only where the
+    body has not turned between; there a shifted origin would have the same effect, and cannot be told apart.
+    """
+    # The candidate is the largest jump beyond the filter's reach that exceeds noise and motion.
+    sizes_m, bounds_m = np.linalg.norm(steps.sizes, axis=1), _PAIR_SIGMAS * sigma_m * steps.gains + steps.motion
+    separate = np.abs(steps.before - steps.before[row]) > steps.reach
+    excess_m = np.where(separate & (sizes_m > bounds_m), sizes_m - bounds_m, -np.inf)
+    partner = int(np.argmax(excess_m))
+    if not np.isfinite(excess_m[partner]):
         return ()
-    errors = sigma * steps.gains
-    excess = (np.abs(steps.sizes) - steps.motion[:, None]) / errors[:, None]
-    row, axis = np.unravel_index(np.argmax(excess), excess.shape)
-    size, before = scale * float(steps.sizes[row, axis]), int(steps.before[row])
-    after_ns = int(poses.times_ns[before + 1])
-    if name == "position":
-        readings = (*position_readings(poses, before, sigma), *lever_arm_suspects(poses, steps, sigma, int(row)))
-    else:
-        readings = orientation_readings(poses, before, sigma)
-    teleport = 0.3 if len(readings) else 0.9
-    frozen = bool(len(still)) and bool(np.min(np.abs(still - before)) <= _STEP_FILTERS[-1][0])
-    return (
-        Statistic(
-            name=f"{name}_jump",
-            value=size,
-            unit=unit,
-            standard_error=scale * float(errors[row]),
-            model_error_bound=scale * float(steps.motion[row]),
-            material=material,
-            tests=steps.sizes.size,
-            statement=f"The {name} jumps by {abs(size):.4g} {unit} within one step.",
-            code=f"pose.continuity.{name}",
-            where=place(facts, "pose", int(poses.times_ns[before]), after_ns),
-            suspects=(
-                *of_timestamps,
-                *readings,
-                Suspect("frozen_frames", "pose", 0.9 if frozen else 0.2),
-                Suspect("teleport", "pose", 0.3 if frozen else teleport, size if unit == "m" else None, "m",
-                        scale * float(errors[row]) if unit == "m" else None),
-            ),
-        ),
-    )  # fmt: skip
-
-
-def _stops(facts: Facts, poses: PoseSamples, still: NDArray[np.intp]) -> Statistic:
-    where = place(facts, "pose", int(poses.times_ns[still[0]])) if len(still) else Where(stream="pose")
-    return count_of_faults(
-        "frozen",
-        len(still),
-        "poses",
-        statement=f"{len(still)} poses repeat the one before exactly while the body moves.",
-        code="pose.continuity.frozen",
-        where=where,
-        suspects=(Suspect("frozen_frames", "pose", 0.95, float(len(still)), "samples"),),
-    )
-
-
-def _lines(facts: Facts, poses: PoseSamples, of_timestamps: tuple[Suspect, ...]) -> tuple[Statistic, ...]:
-    found = interpolation_of(poses)
-    if found is None:
+    rows = np.array(sorted((row, partner)))
+    jumps_m, errors_m = steps.sizes[rows], sigma_m * steps.gains[rows]
+    R_world_body = so3.matrices_from_quaternions(so3.normalise(poses.orientations_xyzw[steps.before[rows]]))
+    first_body_m, second_body_m = np.einsum("nji,nj->ni", R_world_body, jumps_m)
+    sum_body_m = float(np.abs(first_body_m + second_body_m).max())
+    sum_world_m = float(np.abs(jumps_m.sum(axis=0)).max())
+    noise_m = _PAIR_SIGMAS * float(np.linalg.norm(errors_m))
+    if sum_world_m <= noise_m or sum_body_m > max(noise_m, _BODY_RATIO * sum_world_m):
         return ()
-    own_hz = rate_hz(poses)
-    lower_hz = own_hz / found.stride
-    return (
-        Statistic(
-            name="curvature_evenness",
-            value=found.evenness,
-            unit="1",
-            standard_error=0.0,
-            expected=1.0,
-            model_error_bound=1.0 - LEAST_EVENNESS,
-            side="lower",
-            statement=f"Positions lie on straight lines between poses {found.stride} apart: they are interpolated "
-            f"from {lower_hz:.4g} to {own_hz:.4g} Hz.",
-            code="pose.continuity.interpolated",
-            where=place(facts, "pose", int(poses.times_ns[0]), int(poses.times_ns[-1])),
-            suspects=(
-                *of_timestamps,
-                Suspect("interpolated_pose", "pose", 0.3 if of_timestamps else 0.95, lower_hz, "Hz"),
-            ),
-        ),
-    )
+    arm_m = (first_body_m - second_body_m) / 2
+    length_m = float(np.copysign(np.linalg.norm(arm_m), arm_m[np.argmax(np.abs(arm_m))]))
+    return (PairedSteps(length_m, float(np.linalg.norm(errors_m)) / 2),)

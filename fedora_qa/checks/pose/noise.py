@@ -1,14 +1,10 @@
 """The noise of the poses against its declaration."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Final
 
-import numpy as np
-
-from fedora_qa.checks.protocol import Observation, Suspect, WindowCheck
-from fedora_qa.conventions import MM_PER_M
-from fedora_qa.estimators.imu.local_motion import Orientations, Vectors, noise_level
+from fedora_qa.checks.declared_noise import noise_against_declared
+from fedora_qa.checks.protocol import Observation, WindowCheck
+from fedora_qa.estimators.imu.local_motion import OrientationSamples, VectorSamples, noise_level
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.facts import Facts
@@ -21,11 +17,7 @@ from fedora_qa.views.motion_samples import (
     rotation_floor_rad,
     why_unusable,
 )
-from fedora_qa.views.noise_level import noise_against_declared
-from fedora_qa.views.sample_defects import pose_defects
-
-_RARER: Final = 0.6
-"""Weight of a point far from the body's origin, beside that of a wrong declaration."""
+from fedora_qa.views.sample_defects import ExcessNoise, pose_defects
 
 
 class PoseNoise(WindowCheck[PoseSamples]):
@@ -73,32 +65,22 @@ class PoseNoise(WindowCheck[PoseSamples]):
     def conclude(self, state: Sequence[PoseSamples], facts: Facts) -> Observation:
         """Compare both kinds of noise with their declarations."""
         poses = join_poses(state)
-        seen = Coverage(len(poses.times_ns), len(facts.clocks["pose"].times_ns), "poses")
+        coverage = Coverage(len(poses.times_ns), len(facts.clocks["pose"].times_ns), "poses")
         unusable = why_unusable(facts, "pose")
-        position = noise_level(poses.times_ns, Vectors(poses.positions_world_m), order=NOISE_ORDER)
-        rotation = noise_level(poses.times_ns, Orientations(poses.orientations_xyzw), order=NOISE_ORDER)
+        position = noise_level(poses.times_ns, VectorSamples(poses.positions_world_m), order=NOISE_ORDER)
+        rotation = noise_level(poses.times_ns, OrientationSamples(poses.orientations_xyzw), order=NOISE_ORDER)
         if unusable or position is None or rotation is None:
-            return Observation(seen, unobservable=unusable or "too few poses in a row to tell noise from motion")
+            return Observation(coverage, unobservable=unusable or "too few poses in a row to tell noise from motion")
         model = facts.declared.pose or PoseModel()
         kinds = (
             ("position", "m", position, model.position_sigma_m, position_floor_m(poses)),
             ("rotation", "rad", rotation, model.rotation_sigma_rad, rotation_floor_rad(poses)),
         )
-        defects = tuple(one for one in pose_defects(facts, poses, model) if one.cause != "noise_misdeclared")
-        of_position, of_rotation = (
-            noise_against_declared(
-                *kind, check="pose.noise", stream="pose", units={"unit_mm_m": MM_PER_M}, besides=defects
-            )
-            for kind in kinds
+        # Excess noise is what is measured here, and no defect beside it.
+        defects = tuple(
+            feature for feature in pose_defects(facts, poses, model) if not isinstance(feature, ExcessNoise)
         )
-        swung = _swung(position.sigma, model)
-        return Observation(seen, (replace(of_position, suspects=(*of_position.suspects, *swung)), of_rotation))
-
-
-def _swung(position_m: float, model: PoseModel) -> tuple[Suspect, ...]:
-    """Suspect that positions are those of another point of the body, which noise of the orientation swings about."""
-    excess_m2 = position_m**2 - model.position_sigma_m**2
-    if excess_m2 <= 0 or model.rotation_sigma_rad <= 0:
-        return ()
-    arm_m = float(np.sqrt(1.5 * excess_m2)) / model.rotation_sigma_rad  # swings about two axes, seen along three
-    return (Suspect("lever_arm", "pose", _RARER, arm_m, "m"),)
+        return Observation(
+            coverage,
+            tuple(noise_against_declared(*kind, check="pose.noise", stream="pose", features=defects) for kind in kinds),
+        )

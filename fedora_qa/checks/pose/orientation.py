@@ -6,14 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.motion_samples import (
-    place,
-    stored_resolution,
-)
+from fedora_qa.views.motion_samples import place, stored_resolution
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +97,6 @@ class PoseOrientation(WindowCheck[NormTally]):
                     statement=f"A quaternion has the length {1 + worst.worst:.9g} (row {worst.worst_row}); normalise.",
                     code="pose.orientation.length",
                     where=_row(facts, worst.worst_row),
-                    suspects=(Suspect("quaternion_not_unit", "pose", 0.95, worst.worst, "1"),),
                 ),
                 count_of_faults(
                     "not_finite",
@@ -109,7 +105,6 @@ class PoseOrientation(WindowCheck[NormTally]):
                     statement=f"{count} orientations are not finite.",
                     code="pose.orientation.finite",
                     where=_row(facts, spoilt[0].first_not_finite) if spoilt else Where(stream="pose"),
-                    suspects=(Suspect("nan_in_stream", "pose", 0.9, float(count), "samples"),),
                 ),
             ),
         )

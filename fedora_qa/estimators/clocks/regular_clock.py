@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.estimators.fitting.robust import NORMAL_QUARTILE
 
 Int64 = NDArray[np.int64]
 Float64 = NDArray[np.float64]
@@ -99,7 +100,7 @@ def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
     return RegularClock(
         period_ns=period_ns,
         period_error_ns=sigma_ns / np.sqrt(spread),
-        jitter_ns=float(np.median(np.abs(residuals - np.median(residuals)))) / 0.6745,
+        jitter_ns=float(np.median(np.abs(residuals - np.median(residuals)))) / NORMAL_QUARTILE,
         missing=int(np.sum(passed - 1)),
         gap_after=np.flatnonzero(passed > 1),
         jump_after=jumps,

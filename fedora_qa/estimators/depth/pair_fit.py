@@ -17,6 +17,7 @@ from fedora_qa.estimators.depth.inverse_depth import DepthImage
 from fedora_qa.estimators.depth.pair_fit_kernels import known_rows, weighted_step
 from fedora_qa.estimators.depth.warp import DepthModel, Lattice, ModelNumber, Warped, residuals_after, warp
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.camera import RigidMotion
 
@@ -35,9 +36,6 @@ _CONVERGED: Final = 1e-3
 Each is a hundredth to a thousandth of the one before, so that no more than 1e-5 of the error is left; what the last one
 changes in the residuals is not looked at. (Where nothing holds a direction its error is large, and tells little.)
 """
-
-_TO_SIGMA: Final = 1.4826
-"""From the median absolute value to the standard deviation of a normal distribution."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,5 +242,5 @@ def _solve(warped: Warped, by_value: Float64, noise: Float64, z: Float64, *, con
     held = np.ones(columns.shape[1])
     held[0] = 0.0 if np.any(columns[:, 0]) else 1.0
     pull = np.concatenate(([0.0], z))
-    step = weighted_step(residuals, bounds, columns, held, pull, _TO_SIGMA, convex)
+    step = weighted_step(residuals, bounds, columns, held, pull, MAD_TO_SIGMA, convex)
     return _Solved(warped, *step[1:]) if step[0] else None

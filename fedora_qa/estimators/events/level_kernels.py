@@ -5,6 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -247,7 +248,7 @@ def huber(X: Float64, y: Float64, tuning: float, iterations: int, weights: Float
         if not solve(matrix, vector, theta):
             return False
         residuals(X, y, theta, residual)
-        scale = 1.4826 * median_of(residual)
+        scale = MAD_TO_SIGMA * median_of(residual)
         if scale == 0.0:
             return True
         for i in range(len(y)):

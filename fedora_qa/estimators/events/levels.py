@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.events.level_kernels import huber, residuals, sample_levels, solve, sum_blocks, weigh
 from fedora_qa.estimators.events.pixels import PixelEvents
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 
 Float64 = NDArray[np.float64]
 
@@ -239,7 +240,7 @@ def huber_weights(X: Float64, y: Float64) -> Float64:
         # NumPy's median parts at both middle values, which takes eight times as long.
         parted = np.partition(residual, middle)
         below = parted[middle] if len(y) % 2 else parted[:middle].max()
-        scale = 1.4826 * 0.5 * float(below + parted[middle])
+        scale = MAD_TO_SIGMA * 0.5 * float(below + parted[middle])
         if scale == 0.0:
             break
         np.minimum(1.0, HUBER_K * scale / np.maximum(residual, 1e-300), out=weights)

@@ -22,7 +22,7 @@ SELECTION_TAIL: Final = 1e-9
 """Probability that chance alone frees a group: that of six standard errors, below a file's false-alarm rate."""
 
 
-FEWEST_BLOCKS: Final = 4
+FEWEST_SEGMENTS: Final = 4
 """Fewer blocks say nothing about their spread."""
 
 SPREAD_TAIL: Final = 0.01
@@ -36,7 +36,7 @@ most 2 N of what was measured to take its mean off; information has S + N."""
 
 
 @dataclass(frozen=True, slots=True)
-class Parameters:
+class FitParameters:
     """Names of the P parameters, their groups, and the largest value that is conceivable.
 
     The largest value enters as a weak prior: where the data say nothing, the error is as large as it.
@@ -48,7 +48,7 @@ class Parameters:
 
 
 @dataclass(frozen=True, slots=True)
-class Fitted:
+class FittedParameter:
     """One parameter as fitted.
 
     Attributes
@@ -73,7 +73,7 @@ class Fitted:
 
 
 @dataclass(frozen=True, slots=True)
-class Local:
+class SegmentDeviations:
     """What single stretches say of one parameter, alone, beside the fit of all.
 
     Attributes
@@ -112,7 +112,7 @@ class GroupedFit:
     def __init__(
         self,
         blocks: Sequence[BlockEquations],
-        parameters: Parameters,
+        parameters: FitParameters,
         linearised_at: Float64,
         nuisance_covariance: Float64 | None = None,
         scatters: Sequence[BlockEquations] | None = None,
@@ -133,9 +133,9 @@ class GroupedFit:
         """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
         self.free, self._explained = self._select()
 
-    def fitted(self) -> dict[str, Fitted]:
+    def fitted(self) -> dict[str, FittedParameter]:
         """Return every parameter by name: freed groups fitted together, every other group alone beside them."""
-        found: dict[str, Fitted] = {}
+        found: dict[str, FittedParameter] = {}
         for group in self.parameters.groups:
             columns = self._columns((*self.free, group) if group not in self.free else self.free)
             inverse = inverse_of(self._normal[np.ix_(columns, columns)])
@@ -147,7 +147,7 @@ class GroupedFit:
             errors = errors / shares
             for column in self.parameters.groups[group]:
                 place = columns.index(column)
-                found[self.parameters.names[column]] = Fitted(
+                found[self.parameters.names[column]] = FittedParameter(
                     float(values[place]), float(errors[place]), float(model_errors[place]),
                     group in self.free, self._explained[group],
                 )  # fmt: skip
@@ -166,7 +166,7 @@ class GroupedFit:
         values: Float64 = inverse_of(self._normal) @ self._right
         return values
 
-    def local(self, name: str) -> Local:
+    def local(self, name: str) -> SegmentDeviations:
         """Return by how much a parameter deviates in each stretch from the freed parameters' fit.
 
         Stretches are whitened alone, so that a stretch's score ``J^T C^-1 r`` has the variance ``J^T C^-1 J``.
@@ -177,7 +177,7 @@ class GroupedFit:
         noise = np.zeros(len(scores)) if self._scatter is None else self._scatter.normals[:, column, column]
         errors = max(1.0, self.misfit) * np.sqrt(information + _SCATTER_IN_SCORE * noise) / information
         shares = _shares_of_motion(noise / information, errors / self.parameters.largest[column])
-        return Local(
+        return SegmentDeviations(
             deviations=scores / information / shares,
             standard_errors=errors / shares,
             model_errors=np.abs(self._whole.model_rights[:, column]) / information / shares,
@@ -244,8 +244,8 @@ class GroupedFit:
         """
         root = _root(self._score_covariance[np.ix_(columns, columns)])
         formal = np.sum((inverse @ root) ** 2, axis=1) * max(1.0, self.misfit) ** 2
-        stretches = len(self._whole.normals)
-        if stretches < FEWEST_BLOCKS:
+        segments = len(self._whole.normals)
+        if segments < FEWEST_SEGMENTS:
             return np.asarray(np.sqrt(formal))
         every = np.zeros(len(self.parameters.names))
         every[columns] = values
@@ -253,9 +253,9 @@ class GroupedFit:
         scores = (scores - scores.mean(axis=0))[:, columns]
         own_normal = (self._whole.normals.sum(axis=0) + self._prior)[np.ix_(columns, columns)]
         own, noise = inverse_of(own_normal), _SCATTER_IN_SCORE * self._scatter_normal[np.ix_(columns, columns)]
-        spread = np.sum((own @ scores.T) ** 2, axis=1) * stretches / (stretches - 1)
+        spread = np.sum((own @ scores.T) ** 2, axis=1) * segments / (segments - 1)
         expected = np.sum((own @ _root(own_normal + noise)) ** 2, axis=1) * max(1.0, self.misfit) ** 2
-        by_chance = chi_squared_beyond(SPREAD_TAIL, stretches - 1) / (stretches - 1)
+        by_chance = chi_squared_beyond(SPREAD_TAIL, segments - 1) / (segments - 1)
         errors: Float64 = np.sqrt(formal + np.where(spread > by_chance * expected, spread - expected, 0.0))
         return errors
 

@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.estimators.fitting.tails import chance_of_student
 
 Float64 = NDArray[np.float64]
@@ -41,7 +42,7 @@ def chance_of_largest(values: Float64, errors: Float64) -> float:
     if len(values) < FEWEST:
         return 1.0
     apart = np.abs(values - np.median(values, axis=0))
-    widths = np.hypot(1.4826 * np.median(apart, axis=0), np.median(errors, axis=0))
+    widths = np.hypot(MAD_TO_SIGMA * np.median(apart, axis=0), np.median(errors, axis=0))
     deviates = np.max(apart / np.maximum(widths, 1e-300), axis=1)
     if np.mean(deviates > _FAR) > _FEW:
         return 1.0

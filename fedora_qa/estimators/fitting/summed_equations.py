@@ -64,7 +64,7 @@ class _Nuisances:
     """
 
     def __init__(self, blocks: Sequence[BlockEquations], count: int, covariance: Float64) -> None:
-        stretches, nuisances = len(blocks), len(blocks[0].right) - count
+        segments, nuisances = len(blocks), len(blocks[0].right) - count
         own = np.kron(np.linalg.inv(covariance), np.eye(nuisances))
         for place, block in enumerate(blocks):
             here = slice(place * nuisances, (place + 1) * nuisances)
@@ -73,7 +73,7 @@ class _Nuisances:
         self._mixed = np.array([block.normal[:count, count:] for block in blocks])
         self._joined = np.concatenate(tuple(self._mixed), axis=-1)
         self._right = np.concatenate([block.right[count:] for block in blocks])
-        self._shape = (stretches, nuisances)
+        self._shape = (segments, nuisances)
         model_right = np.concatenate([block.model_right[count:] for block in blocks])
         self.normal = self._joined @ self._inverse @ self._joined.T
         self.right = self._joined @ self._inverse @ self._right

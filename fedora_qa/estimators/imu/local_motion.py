@@ -1,8 +1,8 @@
-"""White noise and jumps of samples of a smooth motion, from each sample's neighbours.
+"""White noise, jumps, repeats and straight lines among samples of a smooth motion, from each sample's neighbours.
 
-Everything here is a short linear filter that gives exactly zero for polynomials up to a degree, so that smooth motion
-vanishes whatever its speed, for even and for uneven stamps. What the motion still leaves is not guessed: the same
-filter of a lower degree lets more of it through, and the difference of the two bounds it.
+Everything here rests on short linear filters that give exactly zero for polynomials up to a degree, so that smooth
+motion vanishes whatever its speed, for even and for uneven timestamps. What the motion still leaves is not guessed: the
+same filter of a lower degree lets more of it through, and the difference of the two bounds it.
 """
 
 from collections.abc import Sequence
@@ -17,65 +17,85 @@ from scipy.ndimage import maximum_filter1d
 from fedora_qa.geometry import so3
 
 Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
 Indices = NDArray[np.intp]
 
 _WIDEST_STEP: Final = 1.5
 """Stencils with a step wider than so many median steps are left out: something is missing there."""
 
 _NS_PER_US: Final = 1_000
-_SHARE_BELOW: Final = 0.9
-_SIGMAS_BELOW: Final = 1.644854
+
+_QUANTILE: Final = 0.9
+_QUANTILE_SIGMAS: Final = 1.644854
 """Nine in ten normal values are smaller. One in ten may be spoilt by jumps without moving the estimate far."""
+
 _QUANTILE_COST: Final = 1.25
 """Standard error of a sigma from this quantile over that from the mean square, for normal values."""
-_FAR_OUT: Final = 5.0
+
+_BEYOND_NOISE_SIGMAS: Final = 5.0
+"""Standard errors by which filters of two degrees must differ for the motion, and not noise, to be the reason."""
+
+_TYPICAL_SHARE: Final = 0.1
+"""Of a typical change: a body that moves so much beside a repeat does not come to rest there."""
+
+_ROUNDINGS: Final = 16.0
+"""Units of rounding by which neighbours of a steady motion may differ: rotating a vector takes fifteen operations (nine
+products, six sums), each of which errs by half a unit at most, in either neighbour."""
+
+_FEWEST_PERIODS: Final = 16
+"""Least number of knots for a median of the curvature at them."""
+
+_LARGEST_STRIDE: Final = 20
+
+_CURVATURE_ROUNDINGS: Final = 100.0
+"""Units of rounding that the curvature at knots must exceed: below it both medians are of rounding alone."""
 
 
-class Curve(Protocol):
-    """Samples of a motion, seen as vectors from one of them, between which differences mean something."""
+class SampledCurve(Protocol):
+    """Samples of a motion, as vectors from one of them, between which differences have a meaning."""
 
-    def seen(self, stencils: Indices, centre: int) -> Float64:
+    def relative_vectors(self, stencils: Indices, centre: int) -> Float64:
         """Return the vectors (n, m, 3) of the samples ``stencils`` (n, m), relative to column ``centre``."""
         ...
 
-    def apart(self, steps: int) -> Float64:
-        """Return the vectors (N - steps, 3) from each sample to the one so many after it; the way back is minus it."""
+    def lagged_differences(self, lag: int) -> Float64:
+        """Return the vectors (N - lag, 3) from each sample to the one ``lag`` after it; the way back is minus it."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
-class Vectors:
+class VectorSamples:
     """Samples (N, 3) of a space where differences are plain."""
 
     values: Float64
 
-    def seen(self, stencils: Indices, centre: int) -> Float64:
+    def relative_vectors(self, stencils: Indices, centre: int) -> Float64:
         """Return differences from the centre."""
         return self.values[stencils] - self.values[stencils[:, centre, None]]
 
-    def apart(self, steps: int) -> Float64:
+    def lagged_differences(self, lag: int) -> Float64:
         """Return differences."""
-        return self.values[steps:] - self.values[:-steps]
+        return self.values[lag:] - self.values[:-lag]
 
 
 @dataclass(frozen=True, slots=True)
-class Orientations:
+class OrientationSamples:
     """Quaternions (N, 4) x, y, z, w, of any nonzero length."""
 
     orientations_xyzw: Float64
-    _apart: dict[int, Float64] = field(default_factory=dict, compare=False, repr=False)
+    _differences: dict[int, Float64] = field(default_factory=dict, compare=False, repr=False)
 
-    def seen(self, stencils: Indices, centre: int) -> Float64:
+    def relative_vectors(self, stencils: Indices, centre: int) -> Float64:
         """Return the rotation vectors ``Log(q_centre^-1 q)``, rad, in the frame of the centre."""
         q = self.orientations_xyzw
         return so3.log_quaternion(so3.compose(so3.inverse(q[stencils[:, centre]])[:, None], q[stencils]))
 
-    def apart(self, steps: int) -> Float64:
-        """Return the rotation vectors ``Log(q_i^-1 q_i+steps)``, rad; computed once."""
-        if steps not in self._apart:
+    def lagged_differences(self, lag: int) -> Float64:
+        """Return the rotation vectors ``Log(q_i^-1 q_i+lag)``, rad; computed once."""
+        if lag not in self._differences:
             q = self.orientations_xyzw
-            self._apart[steps] = so3.log_quaternion(so3.compose(so3.inverse(q[:-steps]), q[steps:]))
-        return self._apart[steps]
+            self._differences[lag] = so3.log_quaternion(so3.compose(so3.inverse(q[:-lag]), q[lag:]))
+        return self._differences[lag]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,13 +119,13 @@ class NoiseLevel:
 
 
 @dataclass(frozen=True, slots=True)
-class Steps:
+class StepEstimates:
     """Estimated jumps between neighbouring samples.
 
     Attributes
     ----------
     before
-        (n,) index of the sample before each place that was tested.
+        (n,) index of the sample before each jump that was estimated.
     sizes
         (n, 3) jump of all that follows, on each axis.
     gains
@@ -113,7 +133,7 @@ class Steps:
     motion
         (n,) what the motion may have added to a size, each axis.
     reach
-        Samples on either side of a place that its size rests on.
+        Samples on either side of a jump that its size rests on.
     """
 
     before: Indices
@@ -123,105 +143,225 @@ class Steps:
     reach: int
 
 
-def noise_level(times_ns: NDArray[np.int64], curve: Curve, *, order: int) -> NoiseLevel | None:
+@dataclass(frozen=True, slots=True)
+class CurvatureEvenness:
+    """How unevenly the curvature of a motion is spread over every so many-th sample.
+
+    ``evenness`` is the median curvature between these samples over that at them: near 1 for any smooth or noisy
+    motion, near 0 where samples were interpolated linearly from every ``stride``-th.
+    """
+
+    evenness: float
+    stride: int
+
+
+def noise_level(times_ns: Int64, curve: SampledCurve, *, order: int) -> NoiseLevel | None:
     """Measure white noise by divided differences of an order, scaled to unit noise gain.
 
-    Neighbouring differences correlate; for even stamps the variance of their mean square is
-    ``sum_j (C(2d, d + j) / C(2d, d))^2 = C(4d, 2d) / C(2d, d)^2`` times that of independent ones. The motion's share
-    is what two orders more take away.
-    Sigma comes from the 90% quantile, so that a few jumps do not raise it. None where there are too few samples.
+    Sigma comes from the 90% quantile, so that a few jumps do not raise it. The motion's share is what two orders more
+    take away.
+
+    Parameters
+    ----------
+    times_ns
+        (N,) strictly increasing.
+    curve
+        The N samples.
+    order
+        Of the differences: a polynomial of a lower degree vanishes.
+
+    Returns
+    -------
+    NoiseLevel or None
+        In the unit of the curve; None where there are too few samples.
     """
-    found = divided_differences(times_ns, curve, order)
+    differences = divided_differences(times_ns, curve, order)
     higher = divided_differences(times_ns, curve, order + 2)
-    if len(found) < order or len(higher) < order:
+    if len(differences) < order or len(higher) < order:
         return None
-    sigma = _sigma(found)
+    sigma = _sigma(differences)
+    # Neighbouring differences correlate; for even timestamps the variance of their mean square is
+    # sum_j (C(2d, d + j) / C(2d, d))^2 = C(4d, 2d) / C(2d, d)^2 times that of independent ones (Vandermonde).
     correlation = comb(4 * order, 2 * order) / comb(2 * order, order) ** 2
     return NoiseLevel(
         sigma=sigma,
-        standard_error=sigma * _QUANTILE_COST * float(np.sqrt(correlation / (2 * found.size))),
+        standard_error=sigma * _QUANTILE_COST * float(np.sqrt(correlation / (2 * differences.size))),
         motion=max(0.0, sigma - _sigma(higher)),
-        count=len(found),
+        count=len(differences),
     )
 
 
-def find_steps(times_ns: NDArray[np.int64], curve: Curve, *, half_width: int, degree: int, sigma: float) -> Steps:
-    """Estimate at every place the jump between a sample and the next: the matched filter of a step.
+def find_steps(times_ns: Int64, curve: SampledCurve, *, half_width: int, degree: int, sigma: float) -> StepEstimates:
+    """Estimate the jump between each sample and the next: the matched filter of a step.
 
-    Least squares of a polynomial of ``degree`` plus a step, over ``half_width`` samples on either side. The same with
-    a degree less by two lets more motion through: where the two differ by more than noise of ``sigma`` can, anywhere
-    within reach of the filter, that is the bound.
+    Least squares of a polynomial plus a step. The same with a degree less by two lets more motion through: where the
+    two differ by more than noise can, anywhere within reach of the filter, that bounds the motion's share.
+
+    Parameters
+    ----------
+    times_ns, curve
+        (N,) strictly increasing, and the N samples.
+    half_width
+        Samples on either side that a size rests on.
+    degree
+        Of the polynomial.
+    sigma
+        White noise of a sample, in the unit of the curve.
     """
-    before, sizes, looser_sizes, gains, difference_gains = _step_sizes(times_ns, curve, half_width, degree)
-    motion = np.abs(sizes - looser_sizes).max(axis=-1, initial=0.0)
-    beyond_noise = np.where(motion > _FAR_OUT * sigma * difference_gains, motion, 0.0)
-    nearby = maximum_filter1d(beyond_noise, 2 * half_width + 1, mode="nearest") if len(before) else beyond_noise
-    return Steps(before, sizes, gains, nearby, half_width)
-
-
-def _step_sizes(
-    times_ns: NDArray[np.int64], curve: Curve, half_width: int, degree: int
-) -> tuple[Indices, Float64, Float64, Float64, Float64]:
-    """Return the sample before each place, the jump there, that of a lower degree, its gain, and that of both apart."""
     size, centre = 2 * half_width, half_width - 1
-    if _are_even(times_ns, size):
+    if _are_evenly_spaced(times_ns, size):
         before = np.arange(len(times_ns) - size + 1) + centre
-        patterns, which = _offsets_us(times_ns[None, :size]), np.zeros(len(before), dtype=np.intp)
-        tight, loose = _step_weights(patterns, degree), _step_weights(patterns, degree - 2)
-        sizes, looser = _weighted_neighbours(curve, np.concatenate((tight, loose)), centre, len(before))
+        patterns, pattern_of_row = _offsets_us(times_ns[None, :size]), np.zeros(len(before), dtype=np.intp)
+        weights, lower_weights = _step_weights(patterns, degree), _step_weights(patterns, degree - 2)
+        sizes, lower_sizes = _weighted_neighbours(curve, np.concatenate((weights, lower_weights)), centre, len(before))
     else:
         stencils = _stencils(times_ns, size)
-        before, seen = stencils[:, centre], curve.seen(stencils, centre)
-        patterns, which = _patterns(times_ns, stencils)
-        tight, loose = _step_weights(patterns, degree), _step_weights(patterns, degree - 2)
-        sizes = np.einsum("nm,nmi->ni", tight[which], seen)
-        looser = np.einsum("nm,nmi->ni", loose[which], seen)
-    gains, apart = np.linalg.norm(tight, axis=-1), np.linalg.norm(tight - loose, axis=-1)
-    return before, sizes, looser, gains[which], apart[which]
+        before, vectors = stencils[:, centre], curve.relative_vectors(stencils, centre)
+        patterns, pattern_of_row = _patterns(times_ns, stencils)
+        weights, lower_weights = _step_weights(patterns, degree), _step_weights(patterns, degree - 2)
+        sizes = np.einsum("nm,nmi->ni", weights[pattern_of_row], vectors)
+        lower_sizes = np.einsum("nm,nmi->ni", lower_weights[pattern_of_row], vectors)
+    # The gain of a linear filter for white noise is the length of its weights.
+    gains = np.linalg.norm(weights, axis=-1)[pattern_of_row]
+    difference_gains = np.linalg.norm(weights - lower_weights, axis=-1)[pattern_of_row]
+    motion = np.abs(sizes - lower_sizes).max(axis=-1, initial=0.0)
+    beyond_noise = np.where(motion > _BEYOND_NOISE_SIGMAS * sigma * difference_gains, motion, 0.0)
+    nearby = maximum_filter1d(beyond_noise, 2 * half_width + 1, mode="nearest") if len(before) else beyond_noise
+    return StepEstimates(before, sizes, gains, nearby, half_width)
 
 
-def _step_weights(offsets_us: NDArray[np.int64], degree: int) -> Float64:
+def most_precise_steps(candidates: Sequence[StepEstimates], sigma: float) -> StepEstimates:
+    """Return the steps with the least error at their 90th percentile, six standard errors and the motion's share."""
+
+    def error(steps: StepEstimates) -> float:
+        return float(np.quantile(steps.motion + 6.0 * sigma * steps.gains, 0.9)) if len(steps.before) else np.inf
+
+    return min(candidates, key=error)
+
+
+def divided_differences(times_ns: Int64, curve: SampledCurve, order: int) -> Float64:
+    """Return the divided differences (n, 3) of an order, scaled such that unit white noise comes out as unit noise.
+
+    Parameters
+    ----------
+    times_ns, curve
+        (N,) strictly increasing, and the N samples. Runs with a wide step are left out, unless all steps are equal.
+    """
+    centre = order // 2
+    if _are_evenly_spaced(times_ns, order + 1):
+        weights = _difference_weights(_offsets_us(times_ns[None, : order + 1]))
+        even: Float64 = _weighted_neighbours(curve, weights, centre, len(times_ns) - order)[0]
+        return even
+    stencils = _stencils(times_ns, order + 1)
+    patterns, pattern_of_row = _patterns(times_ns, stencils)
+    differences: Float64 = np.einsum(
+        "nm,nmi->ni", _difference_weights(patterns)[pattern_of_row], curve.relative_vectors(stencils, centre)
+    )
+    return differences
+
+
+def repeated_samples(*samples: Float64, roundings: Sequence[float]) -> Indices:
+    """Return the indices of samples that repeat the one before exactly, in every array, in the midst of motion.
+
+    A body that comes to rest slows down before: a run of repeats counts only where the change next to it, before or
+    after, is at least a tenth of a typical one. Where everything repeats nothing counts. Nor does it where values
+    change by no more than rounding makes of a steady motion.
+
+    Parameters
+    ----------
+    samples
+        Arrays (N, k) of the same N samples.
+    roundings
+        Unit of rounding of each array.
+    """
+    changes = [np.abs(np.diff(values, axis=0)).max(axis=-1, initial=0.0) for values in samples]
+    repeats = np.all([change == 0 for change in changes], axis=0)
+    if not len(repeats) or repeats.all() or not repeats.any():
+        return np.empty(0, dtype=np.intp)
+    moves = np.zeros(len(repeats), dtype=np.bool_)
+    for change, rounding in zip(changes, roundings, strict=True):
+        if np.any(change > 0):
+            typical = float(np.median(change[change > 0]))
+            moves |= change >= max(_TYPICAL_SHARE * typical, _ROUNDINGS * rounding)
+    starts = np.flatnonzero(repeats & ~np.insert(repeats[:-1], 0, False))
+    stops = np.flatnonzero(repeats & ~np.append(repeats[1:], False)) + 1
+    padded = np.concatenate(([False], moves, [False]))  # padded[i] is the change before change i
+    runs = [np.arange(a, b) + 1 for a, b in zip(starts, stops, strict=True) if padded[a] or padded[b + 1]]
+    return np.concatenate(runs) if runs else np.empty(0, dtype=np.intp)
+
+
+def find_interpolation(times_ns: Int64, curve: SampledCurve, *, resolution: float) -> CurvatureEvenness | None:
+    """Look for samples on straight lines between every 2nd to 20th.
+
+    Parameters
+    ----------
+    times_ns, curve
+        (N,) strictly increasing, and the N samples.
+    resolution
+        Rounding of a sample, in the unit of the curve: curvature within a hundred times that shows nothing.
+
+    Returns
+    -------
+    CurvatureEvenness or None
+        The least even, of equal ones that of the smallest stride; None where there is no curvature to compare.
+    """
+    bends = np.linalg.norm(divided_differences(times_ns, curve, 2), axis=-1)
+    order = np.argsort(bends, kind="stable")
+    ranked = bends[order]
+    candidates = []
+    for stride in range(2, min(_LARGEST_STRIDE, len(bends) // _FEWEST_PERIODS) + 1):
+        # All are sorted once: the members of a phase, in order of rank, give their median by their middle.
+        phases = (order % stride).astype(np.uint8)
+        by_phase, counts = np.argsort(phases, kind="stable"), np.bincount(phases)
+        for ranks in np.split(by_phase, np.cumsum(counts)[:-1]):
+            at_knots = _mean_of_two(ranked[ranks[_median_ranks(len(ranks))]])
+            if at_knots > _CURVATURE_ROUNDINGS * resolution:
+                # The median of all that are not in ``ranks``: its rank among them, moved up by the members below it.
+                among_rest = np.array(_median_ranks(len(bends) - len(ranks)))
+                of_rest = among_rest + np.searchsorted(ranks - np.arange(len(ranks)), among_rest, side="right")
+                candidates.append(CurvatureEvenness(_mean_of_two(ranked[of_rest]) / at_knots, stride))
+    return min(candidates, key=lambda candidate: (round(candidate.evenness, 2), candidate.stride), default=None)
+
+
+def _median_ranks(count: int) -> list[int]:
+    """Return the ranks whose mean is the median of so many numbers in order."""
+    return [(count - 1) // 2, count // 2]
+
+
+def _mean_of_two(pair: Float64) -> float:
+    return float(pair[0] + pair[1]) / 2
+
+
+def _step_weights(offsets_us: Int64, degree: int) -> Float64:
     """Return the weights (n, m) of the least-squares size of a step in the middle, beside a polynomial."""
     count, samples = offsets_us.shape
     middle = (offsets_us[:, samples // 2 - 1, None] + offsets_us[:, samples // 2, None]) / 2
     scaled = (offsets_us - middle) / max(1.0, float(np.abs(offsets_us).max(initial=1)))
     step = np.broadcast_to(np.arange(samples) >= samples // 2, (count, samples)).astype(np.float64)
     design = np.concatenate((scaled[..., None] ** np.arange(degree + 1), step[..., None]), axis=-1)
+    # The last row of the pseudoinverse is the linear estimate of the last unknown, the step.
     weights: Float64 = np.linalg.pinv(design).astype(np.float64)[:, -1, :]
     return weights
 
 
-def divided_differences(times_ns: NDArray[np.int64], curve: Curve, order: int) -> Float64:
-    """Return the divided differences (n, 3) of an order, scaled such that unit white noise comes out as unit noise."""
-    centre = order // 2
-    if _are_even(times_ns, order + 1):
-        weights = _difference_weights(_offsets_us(times_ns[None, : order + 1]))
-        alike: Float64 = _weighted_neighbours(curve, weights, centre, len(times_ns) - order)[0]
-        return alike
-    stencils = _stencils(times_ns, order + 1)
-    patterns, which = _patterns(times_ns, stencils)
-    found: Float64 = np.einsum("nm,nmi->ni", _difference_weights(patterns)[which], curve.seen(stencils, centre))
-    return found
-
-
-def _are_even(times_ns: NDArray[np.int64], size: int) -> bool:
-    """Whether all steps are alike, so that all runs of neighbours of this size have one pattern."""
+def _are_evenly_spaced(times_ns: Int64, size: int) -> bool:
+    """Whether all steps are equal, so that all runs of neighbours of this size have one pattern."""
     steps_ns = np.diff(times_ns)
     return len(times_ns) >= size and int(steps_ns.min()) == int(steps_ns.max())
 
 
-def _weighted_neighbours(curve: Curve, weights: Float64, centre: int, count: int) -> Float64:
-    """Return (k, n, 3) sums, weighted by (k, m), over the first ``count`` runs of neighbours seen from ``centre``."""
+def _weighted_neighbours(curve: SampledCurve, weights: Float64, centre: int, count: int) -> Float64:
+    """Return (k, n, 3) sums, weighted by (k, m), over the first ``count`` runs of neighbours relative to ``centre``."""
     sums = np.zeros((len(weights), count, 3))
     for column, weight in enumerate(weights.T):
-        steps = column - centre
-        if steps:
-            first, sign = (centre, 1.0) if steps > 0 else (column, -1.0)
-            sums += (sign * weight)[:, None, None] * curve.apart(abs(steps))[first : first + count]
+        lag = column - centre
+        if lag:
+            first, sign = (centre, 1.0) if lag > 0 else (column, -1.0)
+            sums += (sign * weight)[:, None, None] * curve.lagged_differences(abs(lag))[first : first + count]
     return sums
 
 
-def _difference_weights(offsets_us: NDArray[np.int64]) -> Float64:
+def _difference_weights(offsets_us: Int64) -> Float64:
     """Return the weights (n, m) of divided differences, 1 / prod_j (t_i - t_j), of unit length."""
     reach = np.maximum(offsets_us.max(axis=-1, keepdims=True), 1) / 2  # keeps products near 1
     offsets = offsets_us / reach
@@ -234,42 +374,33 @@ def _difference_weights(offsets_us: NDArray[np.int64]) -> Float64:
     return unit
 
 
-def _stencils(times_ns: NDArray[np.int64], size: int) -> Indices:
+def _stencils(times_ns: Int64, size: int) -> Indices:
     """Return runs of neighbours (n, size) without a gap among them."""
     count = len(times_ns) - size + 1
     if count < 1:
         return np.empty((0, size), dtype=np.intp)
     stencils: Indices = np.arange(count)[:, None] + np.arange(size)
     steps_ns = np.diff(times_ns)
-    whole = (steps_ns[stencils[:, :-1]] <= _WIDEST_STEP * float(np.median(steps_ns))).all(axis=1)
-    chosen: Indices = stencils[whole]
-    return chosen
+    without_gap = (steps_ns[stencils[:, :-1]] <= _WIDEST_STEP * float(np.median(steps_ns))).all(axis=1)
+    continuous: Indices = stencils[without_gap]
+    return continuous
 
 
-def _patterns(times_ns: NDArray[np.int64], stencils: Indices) -> tuple[NDArray[np.int64], Indices]:
-    """Return the distinct patterns of offsets (p, m), whole microseconds, and which one each stencil has."""
+def _patterns(times_ns: Int64, stencils: Indices) -> tuple[Int64, Indices]:
+    """Return the distinct patterns of offsets (p, m), whole microseconds, and the pattern of each stencil (n,)."""
     offsets_us = _offsets_us(times_ns[stencils])
     if len(offsets_us) and np.array_equal(offsets_us.min(axis=0), offsets_us.max(axis=0)):
         return offsets_us[:1], np.zeros(len(stencils), dtype=np.intp)
-    patterns, which = np.unique(offsets_us, axis=0, return_inverse=True)
-    return patterns, which.reshape(-1)
+    patterns, pattern_of_row = np.unique(offsets_us, axis=0, return_inverse=True)
+    return patterns, pattern_of_row.reshape(-1)
 
 
-def _offsets_us(times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the offsets (n, m) of stamps (n, m) from the first of each row, in whole microseconds."""
-    offsets_us: NDArray[np.int64] = (times_ns - times_ns[:, :1] + _NS_PER_US // 2) // _NS_PER_US
+def _offsets_us(times_ns: Int64) -> Int64:
+    """Return the offsets (n, m) of timestamps (n, m) from the first of each row, in whole microseconds."""
+    offsets_us: Int64 = (times_ns - times_ns[:, :1] + _NS_PER_US // 2) // _NS_PER_US
     return offsets_us
 
 
 def _sigma(values: Float64) -> float:
     """Return the standard deviation of normal values from the size that nine in ten stay below."""
-    return float(np.quantile(np.abs(values), _SHARE_BELOW)) / _SIGMAS_BELOW if values.size else 0.0
-
-
-def sharpest(candidates: Sequence[Steps], sigma: float) -> Steps:
-    """Return the steps with the least error at their 90th percentile, six standard errors and the motion's share."""
-
-    def error(steps: Steps) -> float:
-        return float(np.quantile(steps.motion + 6.0 * sigma * steps.gains, 0.9)) if len(steps.before) else np.inf
-
-    return min(candidates, key=error)
+    return float(np.quantile(np.abs(values), _QUANTILE)) / _QUANTILE_SIGMAS if values.size else 0.0

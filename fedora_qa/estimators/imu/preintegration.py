@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 
-from fedora_qa.estimators.fitting.grouped_fit import Parameters
+from fedora_qa.estimators.fitting.grouped_fit import FitParameters
 from fedora_qa.estimators.imu.samples import (
     RICHARDSON,
-    Effects,
+    ComparisonRows,
     InertialNoise,
     InertialSamples,
-    Rows,
+    RowEffects,
     covered,
     every_second,
     smoothed,
@@ -33,7 +33,7 @@ FEWEST_IMU_SAMPLES: Final = 8
 _ROUNDING_RAD: Final = 1e-15
 """A few units in the last place of quaternions near 1."""
 
-ROTATION_PARAMETERS: Final = Parameters(
+ROTATION_PARAMETERS: Final = FitParameters(
     names=("time_offset", "clock_rate", "pose_clock_rate", "bias_x", "bias_y", "bias_z",
            "tilt_x", "tilt_y", "tilt_z", "scale"),
     groups={"time_offset": (0,), "clock_rate": (1,), "pose_clock_rate": (2,), "bias": (3, 4, 5), "tilt": (6, 7, 8),
@@ -90,7 +90,7 @@ def without_rotation_faults(samples: InertialSamples, at: Float64) -> InertialSa
     return samples.with_imu_earlier(*at[:2]).with_poses_earlier(at[2]).with_rates_mapped(mapping)
 
 
-def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
+def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonRows:
     """Compare the gyro with consecutive poses.
 
     The residual of an interval is ``R_k+1 Log(increment^-1 q_k^-1 q_k+1)``, rad, in the world. There it is the
@@ -105,7 +105,7 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     gyro, substeps = samples.angular_velocities_body_rad_s[sparse], _substeps(imu_times_s, stops_s - starts_s)
     coarse = rotation_increments(imu_times_s[sparse], gyro, starts_s, stops_s, substeps=substeps // 2)
     model_errors = so3.log_quaternion(so3.compose(so3.inverse(coarse), compared.increments)) / RICHARDSON
-    return Rows(
+    return ComparisonRows(
         poses=poses,
         times_s=starts_s,
         spans_s=stops_s - starts_s,
@@ -117,22 +117,22 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     )
 
 
-def rotation_effects(samples: InertialSamples, noise: InertialNoise) -> Effects:
+def rotation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEffects:
     """Return what the samples alone make of the rows: residuals and jacobians."""
     return _compare(samples, noise).effects
 
 
 @dataclass(frozen=True, slots=True)
-class _Compared:
+class _GyroComparison:
     """The gyro held against poses: increments (n, 4) by the gyro, of all steps by the poses (P - 1, 4), and R after."""
 
-    effects: Effects
+    effects: RowEffects
     increments: Float64
     by_pose: Float64
     R_world_end: Float64
 
 
-def _compare(samples: InertialSamples, noise: InertialNoise) -> _Compared:
+def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
     imu_times_s, gyro = samples.imu_times_s, samples.angular_velocities_body_rad_s
     starts_s, stops_s = samples.pose_times_s[:-1], samples.pose_times_s[1:]
     steps_s = stops_s - starts_s
@@ -148,8 +148,8 @@ def _compare(samples: InertialSamples, noise: InertialNoise) -> _Compared:
         rate = CubicSpline(imu_times_s, smoothed(imu_times_s, gyro, noise.smoothing_s))
         integral = rate.antiderivative()
     jacobians = R_world_end @ _jacobians(rate, integral, starts_s, stops_s)
-    effects = Effects(poses, np.einsum("nij,nj->ni", R_world_end, residuals), jacobians)
-    return _Compared(effects, increments, by_pose, R_world_end)
+    effects = RowEffects(poses, np.einsum("nij,nj->ni", R_world_end, residuals), jacobians)
+    return _GyroComparison(effects, increments, by_pose, R_world_end)
 
 
 def _jacobians(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: Float64) -> Float64:

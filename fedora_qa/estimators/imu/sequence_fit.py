@@ -1,21 +1,22 @@
-"""Fit IMU against poses over a whole sequence: stretch by stretch, iterated where the stamps have to move."""
+"""Fit IMU against poses over a whole sequence: segment by segment, iterated where the timestamps have to move."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.grouped_fit import GroupedFit, Parameters
+from fedora_qa.estimators.fitting.grouped_fit import FitParameters, GroupedFit
 from fedora_qa.estimators.fitting.normal_equations import BlockEquations, block_equations
+from fedora_qa.estimators.fitting.robust import NORMAL_QUARTILE
 from fedora_qa.estimators.imu.preintegration import (
     ROTATION_PARAMETERS,
     rotation_effects,
     rotation_rows,
     without_rotation_faults,
 )
-from fedora_qa.estimators.imu.samples import Effects, InertialNoise, InertialSamples, Rows, blocks_of
+from fedora_qa.estimators.imu.samples import ComparisonRows, InertialNoise, InertialSamples, RowEffects, segments_of
 from fedora_qa.estimators.imu.specific_force import (
     TRANSLATION_PARAMETERS,
     translation_effects,
@@ -23,27 +24,26 @@ from fedora_qa.estimators.imu.specific_force import (
     with_orientations,
     without_translation_faults,
 )
-from fedora_qa.estimators.imu.split_samples import with_scatter
-from fedora_qa.estimators.imu.summary import FEWEST_ROWS, OUTLIER, InertialFit, disturbed_span, summarise
+from fedora_qa.estimators.imu.summary import FEWEST_ROWS, OUTLIER, InertialFit, disturbed_interval, summarise
 
 Float64 = NDArray[np.float64]
 
 _MARGIN_S: Final = 0.1
-"""Samples beyond a stretch's ends: splines and interpolation forget their ends within it."""
+"""Samples beyond a segment's ends: splines and interpolation forget their ends within it."""
 
 _MOST_ITERATIONS: Final = 12
-_REACH: Final = 0.5
+_CAPTURE_RANGE: Final = 0.5
 """Share of its largest conceivable value beyond which a parameter is no longer followed."""
 
 _LEAST_WALK_S: Final = 1e-3
-"""Keeps the prior of stretches of hardly any length invertible."""
+"""Keeps the prior of segments of hardly any length invertible."""
 
 _MOST_OUTLIERS: Final = 0.1
 """Where more rows than this share lie far out, it is the model that is wrong, and none is left out."""
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class InertialComparison:
     """One way to compare IMU and poses.
 
     Attributes
@@ -51,24 +51,24 @@ class Comparison:
     rows_of, effects_of
         Make the rows, and of them what the noise of the samples disturbs.
     prepared
-        Adds to samples what several of these want.
+        Adds to samples what several of these need.
     parameters
-        What may be wrong.
+        That are fitted.
     without
         Takes parameters (P,) out of samples.
     nonlinear
         (P,) which parameters ``without`` takes out; residuals are linear in all others.
     """
 
-    rows_of: Callable[[InertialSamples, InertialNoise], Rows]
-    effects_of: Callable[[InertialSamples, InertialNoise], Effects]
+    rows_of: Callable[[InertialSamples, InertialNoise], ComparisonRows]
+    effects_of: Callable[[InertialSamples, InertialNoise], RowEffects]
     prepared: Callable[[InertialSamples], InertialSamples]
-    parameters: Parameters
+    parameters: FitParameters
     without: Callable[[InertialSamples, Float64], InertialSamples]
     nonlinear: tuple[bool, ...]
 
 
-ROTATION: Final = Comparison(
+ROTATION: Final = InertialComparison(
     rows_of=rotation_rows,
     effects_of=rotation_effects,
     prepared=lambda samples: samples,
@@ -76,7 +76,7 @@ ROTATION: Final = Comparison(
     without=without_rotation_faults,
     nonlinear=(*[True] * 3, *[False] * 3, *[True] * 4),
 )
-TRANSLATION: Final = Comparison(
+TRANSLATION: Final = InertialComparison(
     rows_of=translation_rows,
     effects_of=translation_effects,
     prepared=with_orientations,
@@ -87,110 +87,184 @@ TRANSLATION: Final = Comparison(
 
 
 def fit_inertial(
-    samples: InertialSamples, noise: InertialNoise, comparison: Comparison, *, bias_walk: float
+    samples: InertialSamples, noise: InertialNoise, comparison: InertialComparison, *, bias_walk: float
 ) -> InertialFit | None:
-    """Fit the comparison's parameters; None where there are too few rows.
+    """Fit the comparison's parameters to a whole sequence.
 
     Freed parameters in which the residuals are not linear are taken out of the samples and all is fitted again, until
-    they settle (Gauss-Newton); where they do not, the first fit stands: its residuals tell. A declared ``bias_walk``
-    gives each stretch a bias of its own: a random walk from zero.
+    they settle (Gauss-Newton). Where they do not, the first fit stands, whose residuals show it.
+
+    Parameters
+    ----------
+    samples, noise
+        Of the sequence; noise as declared.
+    comparison
+        ``ROTATION`` or ``TRANSLATION``.
+    bias_walk
+        Declared walk of the sensor's bias, rad/s^2/sqrt(Hz) or m/s^3/sqrt(Hz). Above 0 it gives each segment a bias of
+        its own: a random walk from zero.
+
+    Returns
+    -------
+    InertialFit or None
+        None where there are too few rows.
     """
     first: InertialFit | None = None
     disturbed: tuple[float, float] | None = None
-    at = np.zeros(len(comparison.parameters.names))
+    linearised_at = np.zeros(len(comparison.parameters.names))
     for _ in range(_MOST_ITERATIONS):
-        stretches = _stretches(comparison.without(samples, at), noise, comparison)
-        if sum(map(len, stretches)) < max(FEWEST_ROWS, 0 if first is None else first.rows // 2):
+        segments = _segments(comparison.without(samples, linearised_at), noise, comparison)
+        if sum(map(len, segments)) < max(FEWEST_ROWS, 0 if first is None else first.rows // 2):
             return first
-        fit, kept = _robust_fit(stretches, comparison.parameters, at, bias_walk)
-        moved = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
+        fit, kept = _robust_fit(segments, comparison.parameters, linearised_at, bias_walk)
+        free = np.where(comparison.nonlinear, fit.values_of_free(), 0.0)
         if first is None:
-            disturbed = disturbed_span(stretches)
-        if _settled(moved - at, fit):
-            return summarise(fit, stretches, kept, at, disturbed, settled=True)
+            disturbed = disturbed_interval(segments)
+        fitted = fit.fitted()
+        errors = np.array([fitted[name].standard_error for name in fit.parameters.names])
+        if np.all(np.abs(free - linearised_at) <= 0.01 * errors):
+            return summarise(fit, segments, kept, linearised_at, disturbed, settled=True)
         if first is None:
-            first = summarise(fit, stretches, kept, fit.values_of_free(), disturbed, settled=False)
-        if np.any(np.abs(moved) > _REACH * np.array(comparison.parameters.largest)):
+            first = summarise(fit, segments, kept, fit.values_of_free(), disturbed, settled=False)
+        if np.any(np.abs(free) > _CAPTURE_RANGE * np.array(comparison.parameters.largest)):
             return first
-        at = moved
+        linearised_at = free
     return first
 
 
-def _stretches(samples: InertialSamples, noise: InertialNoise, comparison: Comparison) -> list[Rows]:
+def _segments(samples: InertialSamples, noise: InertialNoise, comparison: InertialComparison) -> list[ComparisonRows]:
+    """Return the rows of each segment of time that has enough of them."""
     times_s = samples.pose_times_s
-    found = []
-    for block in blocks_of(times_s, noise.shortest_stretch_s):
-        first_s, last_s = times_s[block.start], times_s[block.stop - 1]
-        near = samples.between(first_s - _MARGIN_S, last_s + _MARGIN_S)
-        if len(near.imu_times_s) < FEWEST_ROWS or len(near.pose_times_s) < 3:
+    segments = []
+    for segment in segments_of(times_s, noise.shortest_segment_s):
+        first_s, last_s = times_s[segment.start], times_s[segment.stop - 1]
+        nearby = samples.between(first_s - _MARGIN_S, last_s + _MARGIN_S)
+        if len(nearby.imu_times_s) < FEWEST_ROWS or len(nearby.pose_times_s) < 3:
             continue
-        near = comparison.prepared(near)
-        rows = with_scatter(comparison.rows_of(near, noise), near, noise, comparison.effects_of)
+        nearby = comparison.prepared(nearby)
+        rows = with_scatter(comparison.rows_of(nearby, noise), nearby, noise, comparison.effects_of)
         rows = rows.select((rows.times_s >= first_s) & (rows.times_s <= last_s))
         if len(rows) >= FEWEST_ROWS:
-            found.append(rows)
-    return found
+            segments.append(rows)
+    return segments
+
+
+def with_scatter(
+    rows: ComparisonRows,
+    samples: InertialSamples,
+    noise: InertialNoise,
+    effects_of: Callable[[InertialSamples, InertialNoise], RowEffects],
+) -> ComparisonRows:
+    """Return the rows with what the IMU's own noise makes of them.
+
+    The regressor of a gain is the motion itself, as the gyro measures it: its noise is also in the residual (errors in
+    variables). Where nothing moves the regressor is all noise, and the fit finds a gain of any size. With J = J0 + j of
+    noise j, and residuals r0 + n, the expected score ``J^T C^-1 r`` is off by ``E[j^T C^-1 n]``, and the information
+    ``J^T C^-1 J`` is too large by ``E[j^T C^-1 j]``.
+
+    Both are measured. Two halves of the samples, every other one, show one motion with independent noise of twice the
+    variance. Half the difference of what they give holds no motion and has the noise of what all samples give:
+    ``dJ = (J_even - J_odd)/2`` and ``dr = (r_even - r_odd)/2`` have the covariances of j and n, so ``dJ^T C^-1 dr`` and
+    ``dJ^T C^-1 dJ`` estimate the two without bias, whatever the noise's size. To subtract the first is to hold the
+    regressors of either half against the residuals of the other: (J_even r_odd + J_odd r_even)/2. In exact samples the
+    differences are the integration's own error, of fourth order, and vanish in the product.
+
+    Parameters
+    ----------
+    rows, samples, noise
+        The rows of the samples; noise as declared.
+    effects_of
+        Makes residuals and jacobians of samples.
+
+    Returns
+    -------
+    ComparisonRows
+        As they are where no noise of the IMU is declared, or where the halves do not reach all rows, as at the ends of
+        very few samples.
+
+    Sources
+    -------
+    First principles; for errors in variables W. Fuller, Measurement Error Models, Wiley 1987, sections 1.2, 2.2.
+    """
+    if noise.smoothing_s == 0:
+        return rows
+    even, odd = (effects_of(half, noise) for half in halves(samples))
+    if not (np.isin(rows.poses, even.poses).all() and np.isin(rows.poses, odd.poses).all()):
+        return rows
+    in_even, in_odd = (np.isin(half.poses, rows.poses) for half in (even, odd))
+    scatter = replace(
+        rows,
+        residuals=(even.residuals[in_even] - odd.residuals[in_odd]) / 2,
+        jacobians=(even.jacobians[in_even] - odd.jacobians[in_odd]) / 2,
+        model_errors=np.zeros_like(rows.model_errors),
+    )
+    return replace(rows, scatter=scatter)
+
+
+def halves(samples: InertialSamples) -> tuple[InertialSamples, InertialSamples]:
+    """Return the samples with the even and the odd ones of the IMU; both keep its first and last: the span stays."""
+    last = len(samples.imu_times_s) - 1
+    even, odd = (
+        np.unique(np.concatenate(([0], np.arange(first, last, 2), [last])).astype(np.intp)) for first in (0, 1)
+    )
+    return samples.with_imu_samples(even), samples.with_imu_samples(odd)
 
 
 def _robust_fit(
-    stretches: list[Rows], parameters: Parameters, at: Float64, bias_walk: float
+    segments: list[ComparisonRows], parameters: FitParameters, linearised_at: Float64, bias_walk: float
 ) -> tuple[GroupedFit, list[NDArray[np.bool_]]]:
     """Fit all rows, then without those that lie far out of the fit of all parameters."""
-    kept = [np.ones(len(rows), dtype=np.bool_) for rows in stretches]
-    fit = _fit(stretches, kept, parameters, at, bias_walk)
+    kept = [np.ones(len(rows), dtype=np.bool_) for rows in segments]
+    fit = _fit(segments, kept, parameters, linearised_at, bias_walk)
     for _ in range(3):
-        deviations = [_deviations(rows, fit.values_of_all() - at) for rows in stretches]
-        scale = max(1.0, float(np.median(np.concatenate(deviations))) / 0.6745)
+        values = fit.values_of_all() - linearised_at
+        # The largest of the three residuals of each row, in units of its sigma.
+        deviations = [
+            (np.abs(rows.residuals - rows.jacobians @ values) / rows.sigmas).max(axis=-1) for rows in segments
+        ]
+        scale = max(1.0, float(np.median(np.concatenate(deviations))) / NORMAL_QUARTILE)
         clean = [deviation <= OUTLIER * scale for deviation in deviations]
-        out = sum(int(np.count_nonzero(~rows)) for rows in clean)
-        if out > _MOST_OUTLIERS * sum(map(len, clean)) or all(map(np.array_equal, clean, kept)):
+        outliers = sum(int(np.count_nonzero(~rows)) for rows in clean)
+        if outliers > _MOST_OUTLIERS * sum(map(len, clean)) or all(map(np.array_equal, clean, kept)):
             break
         kept = clean
-        fit = _fit(stretches, kept, parameters, at, bias_walk)
+        fit = _fit(segments, kept, parameters, linearised_at, bias_walk)
     return fit, kept
 
 
 def _fit(
-    stretches: list[Rows], kept: list[NDArray[np.bool_]], parameters: Parameters, at: Float64, bias_walk: float
+    segments: list[ComparisonRows],
+    kept: list[NDArray[np.bool_]],
+    parameters: FitParameters,
+    linearised_at: Float64,
+    bias_walk: float,
 ) -> GroupedFit:
-    chosen = [rows.select(keep) for rows, keep in zip(stretches, kept, strict=True) if np.any(keep)]
+    """Fit the rows that are kept, with a bias of each segment where it walks."""
+    used = [rows.select(keep) for rows, keep in zip(segments, kept, strict=True) if np.any(keep)]
     walks = bias_walk > 0
-    scatters = [rows.scatter for rows in chosen if rows.scatter is not None]
+    scatters = [rows.scatter for rows in used if rows.scatter is not None]
     return GroupedFit(
-        [_equations(rows, walks) for rows in chosen],
+        [_equations(rows, walks) for rows in used],
         parameters,
-        at,
-        _walk_covariance(chosen, bias_walk) if walks else None,
-        [_equations(rows, walks) for rows in scatters] if len(scatters) == len(chosen) else None,
+        linearised_at,
+        _walk_covariance(used, bias_walk) if walks else None,
+        [_equations(rows, walks) for rows in scatters] if len(scatters) == len(used) else None,
     )
 
 
-def _equations(rows: Rows, walks: bool) -> BlockEquations:
+def _equations(rows: ComparisonRows, walks: bool) -> BlockEquations:
     jacobians = np.concatenate((rows.jacobians, rows.bias_jacobians), axis=-1) if walks else rows.jacobians
     return block_equations(rows.residuals, jacobians, rows.covariance_bands, rows.model_errors)
 
 
-def _walk_covariance(stretches: list[Rows], bias_walk: float) -> Float64:
-    """Covariance (B, B) of what a random walk from zero adds to stretches.
+def _walk_covariance(segments: list[ComparisonRows], bias_walk: float) -> Float64:
+    """Return the covariance (B, B) of what a random walk from zero adds to segments.
 
-    Between stretches that is the walk's own, the time to the middle of the earlier one. The mean over a stretch of
+    Between segments that is the walk's own, the time to the middle of the earlier one. The mean over a segment of
     length L varies by L/6 less than its middle does; the walk strays from that mean by L/6 in the mean square. Both
     disturb a fit, and together they are the time to the middle.
     """
-    middles_s = np.maximum([rows.times_s.mean() for rows in stretches], 0.0)
+    middles_s = np.maximum([rows.times_s.mean() for rows in segments], 0.0)
     shared_s = np.minimum(middles_s[:, None], middles_s)
-    covariance: Float64 = bias_walk**2 * (shared_s + _LEAST_WALK_S * np.eye(len(stretches)))
+    covariance: Float64 = bias_walk**2 * (shared_s + _LEAST_WALK_S * np.eye(len(segments)))
     return covariance
-
-
-def _deviations(rows: Rows, values: Float64) -> Float64:
-    """Return (n,) the largest of the three residuals of each row, in units of its sigma."""
-    left = rows.residuals - rows.jacobians @ values
-    largest: Float64 = (np.abs(left) / rows.sigmas).max(axis=-1)
-    return largest
-
-
-def _settled(step: Float64, fit: GroupedFit) -> bool:
-    fitted = fit.fitted()
-    errors = np.array([fitted[name].standard_error for name in fit.parameters.names])
-    return bool(np.all(np.abs(step) <= 0.01 * errors))

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.fitting.grouped_fit import Parameters
+from fedora_qa.estimators.fitting.grouped_fit import FitParameters
 from fedora_qa.estimators.imu.samples import (
     RICHARDSON,
-    Effects,
+    ComparisonRows,
     InertialNoise,
     InertialSamples,
-    Rows,
+    RowEffects,
     covered,
     every_second,
     smoothed,
@@ -34,7 +34,7 @@ Float64 = NDArray[np.float64]
 _ROUNDING: Final = 4.0
 """Units in the last place that a position may be off."""
 
-TRANSLATION_PARAMETERS: Final = Parameters(
+TRANSLATION_PARAMETERS: Final = FitParameters(
     names=("time_offset", "clock_rate", "pose_clock_rate", "bias_x", "bias_y", "bias_z", "gravity", "slope_x",
            "slope_y", "lever_x", "lever_y", "lever_z"),
     groups={"time_offset": (0,), "clock_rate": (1,), "pose_clock_rate": (2,), "gravity": (6,), "bias": (3, 4, 5),
@@ -60,7 +60,7 @@ def with_orientations(samples: InertialSamples) -> InertialSamples:
     return replace(samples, R_world_imu=_orientations(samples))
 
 
-def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
+def translation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonRows:
     """Compare specific force with the second differences of consecutive positions.
 
     The residual at a pose is the change of mean velocity from the interval before it to the one after it, m/s in the
@@ -75,7 +75,7 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
         return _no_rows()
     accelerations, known = _in_world(samples, noise.gravity_m_s2)
     by_position = _second_differences(times_s, samples.positions_world_m.T, poses)
-    return Rows(
+    return ComparisonRows(
         poses=poses,
         times_s=times_s[poses],
         spans_s=(times_s[poses + 1] - times_s[poses - 1]) / 2,
@@ -87,7 +87,7 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Rows:
     )
 
 
-def translation_effects(samples: InertialSamples, noise: InertialNoise) -> Effects:
+def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEffects:
     """Return what the samples alone make of the rows: residuals and jacobians."""
     samples = with_orientations(samples)
     times_s, columns = samples.pose_times_s, len(TRANSLATION_PARAMETERS.names)
@@ -97,7 +97,7 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> Effec
     if len(imu_times_s) > 1 and len(times_s) > 2:
         poses = 1 + np.flatnonzero(covered(imu_times_s, times_s[:-2], times_s[2:]))
     if not len(poses):
-        return Effects(poses, np.empty((0, 3)), np.empty((0, 3, columns)))
+        return RowEffects(poses, np.empty((0, 3)), np.empty((0, 3, columns)))
     curves = _curves(samples, accelerations, noise.smoothing_s)[:, known]
     changes = _second_differences(times_s, integrated_twice(imu_times_s, curves, times_s), poses)
     by_force, jerk, drifting = changes[:, 0:3], changes[:, 3:6], changes[:, 6:9]
@@ -107,7 +107,7 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> Effec
     jacobians[..., 6:9] = _DOWN_AND_LEVEL * ((times_s[poses + 1] - times_s[poses - 1]) / 2)[:, None, None]
     jacobians[..., 9:12] = -changes[:, 18:27].reshape(-1, 3, 3)
     by_position = _second_differences(times_s, samples.positions_world_m.T, poses)
-    return Effects(poses, by_position - by_force, jacobians)
+    return RowEffects(poses, by_position - by_force, jacobians)
 
 
 def _in_world(samples: InertialSamples, gravity_m_s2: float) -> tuple[Float64, NDArray[np.bool_]]:
@@ -216,9 +216,9 @@ def _covariance(
     return bands
 
 
-def _no_rows() -> Rows:
+def _no_rows() -> ComparisonRows:
     columns = len(TRANSLATION_PARAMETERS.names)
-    return Rows(
+    return ComparisonRows(
         np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((0, 3)), np.empty((0, 3)),
         np.empty((0, 3, columns)), np.empty((0, 3, 3)), np.empty((3, 3, 0)),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What the comparison of IMU and poses shows: the fit summed up, and where it is worst, uneven, or disturbed."""
+"""The comparison of IMU and poses summed up: parameters, residuals, the worst row, local deviations."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.grouped_fit import Fitted, GroupedFit
-from fedora_qa.estimators.imu.samples import Rows
+from fedora_qa.estimators.fitting.grouped_fit import FittedParameter, GroupedFit
+from fedora_qa.estimators.imu.samples import ComparisonRows
 
 Float64 = NDArray[np.float64]
 
@@ -16,9 +16,9 @@ FEWEST_ROWS: Final = 8
 OUTLIER: Final = 8.0
 """Standard deviations beyond which a row is left out of the fit."""
 
-_FEWEST_STRETCHES: Final = 3
-_ALIKE: Final = 0.7
-"""Share of the largest score from which on stretches deviate alike."""
+_FEWEST_SEGMENTS: Final = 3
+_SIMILAR_SCORE: Final = 0.7
+"""Share of the largest score from which on segments deviate by about as much."""
 
 _LEAST_OUTSIDE: Final = 0.1
 """Share of the rows that must agree for a disturbance to be called local."""
@@ -37,19 +37,19 @@ class WorstRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Uneven:
-    """The stretch in which a parameter differs most from its value in the whole sequence.
+class LocalDeviation:
+    """The segment in which a parameter differs most from its value in the whole sequence.
 
     Attributes
     ----------
     start_s, stop_s
-        Of the stretch.
+        Of the segment.
     value
-        Of the parameter there.
+        Of the parameter in it.
     deviation, standard_error, model_error
         From its value in the whole sequence.
     tests
-        Of how many stretches it is the worst.
+        Of how many segments it is the worst.
     """
 
     start_s: float
@@ -63,14 +63,14 @@ class Uneven:
 
 @dataclass(frozen=True, slots=True)
 class InertialFit:
-    """What the comparison of IMU and poses shows.
+    """The fit of a comparison of IMU and poses.
 
     Attributes
     ----------
     parameters
         By name.
     settled
-        Whether the freed parameters settled. If not the two streams disagree in another way than these parameters
+        Whether the freed parameters converged. If not the two streams disagree in another way than these parameters
         describe, and residuals are stated with none of them taken out.
     misfit
         Root mean square of whitened residuals with all parameters fitted, each in units of its expected sigma.
@@ -85,7 +85,7 @@ class InertialFit:
     worst
         Of all rows, after the freed parameters.
     uneven
-        By name, where each parameter differs most from itself; none where there is but one stretch.
+        By name, where each parameter differs most from itself; none where there are few segments.
     disturbed
         From the first to the last instant, s, at which the streams as declared differ beyond all noise, if they agree
         outside; None where they agree throughout, or nowhere.
@@ -94,7 +94,7 @@ class InertialFit:
         runs of rows.
     """
 
-    parameters: Mapping[str, Fitted]
+    parameters: Mapping[str, FittedParameter]
     settled: bool
     misfit: float
     rms: float
@@ -105,68 +105,111 @@ class InertialFit:
     rows: int
     outliers: int
     worst: WorstRow
-    uneven: Mapping[str, Uneven]
+    local_deviations: Mapping[str, LocalDeviation]
     disturbed: tuple[float, float] | None
     course: Float64
 
 
 def summarise(
     fit: GroupedFit,
-    stretches: list[Rows],
+    segments: list[ComparisonRows],
     kept: list[NDArray[np.bool_]],
-    at: Float64,
+    linearised_at: Float64,
     disturbed: tuple[float, float] | None,
     *,
     settled: bool,
 ) -> InertialFit:
-    """Describe the fit; residuals are those of the freed parameters beyond ``at``."""
-    values = fit.values_of_free() - at
-    left = [rows.residuals - rows.jacobians @ values for rows in stretches]
-    sigmas = np.concatenate([rows.sigmas[keep] for rows, keep in zip(stretches, kept, strict=True)])
-    squares = np.concatenate([np.square(r[keep]) for r, keep in zip(left, kept, strict=True)])
+    """Describe the fit; residuals are those of the freed parameters beyond ``linearised_at``.
+
+    Parameters
+    ----------
+    fit, segments, kept
+        The fit, the rows of its segments, and which of them were fitted.
+    linearised_at
+        (P,) what had been taken out of the samples.
+    disturbed, settled
+        As of ``InertialFit``.
+    """
+    values = fit.values_of_free() - linearised_at
+    residuals = [rows.residuals - rows.jacobians @ values for rows in segments]
+    sigmas = np.concatenate([rows.sigmas[keep] for rows, keep in zip(segments, kept, strict=True)])
+    squares = np.concatenate([np.square(r[keep]) for r, keep in zip(residuals, kept, strict=True)])
     expected = float(np.sqrt(np.mean(np.square(sigmas))))
     rms = float(np.sqrt(np.mean(squares)))
+    # The standard error of the rms of Gaussian rows whose neighbours correlate by -1/2 or -2/3: squares of neighbours
+    # correlate by the square of that, so that the variance of their mean is at most 1 + 2 (4/9 + 1/36) = 1.94 times
+    # that of independent ones.
+    weights = np.square(sigmas) / np.mean(np.square(sigmas))
+    rms_error = float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (2 * sigmas.size)))
     return InertialFit(
         parameters=fit.fitted(),
         settled=settled,
         misfit=fit.misfit,
         rms=rms,
         expected_rms=expected,
-        rms_error=_error_of_rms(expected, sigmas),
-        model_rms=float(np.sqrt(np.mean(np.square(np.concatenate([rows.model_errors for rows in stretches]))))),
-        smoothness=_smoothness(left),
-        rows=sum(map(len, stretches)),
+        rms_error=rms_error,
+        model_rms=float(np.sqrt(np.mean(np.square(np.concatenate([rows.model_errors for rows in segments]))))),
+        smoothness=_smoothness(residuals),
+        rows=sum(map(len, segments)),
         outliers=sum(int(np.count_nonzero(~keep)) for keep in kept),
-        worst=_worst(stretches, left),
-        uneven=_uneven(fit, stretches, kept),
+        worst=_worst_row(segments, residuals),
+        local_deviations=_local_deviations(fit, segments, kept),
         disturbed=disturbed,
-        course=_course(stretches, left),
+        course=_course(segments, residuals),
     )
 
 
-def _error_of_rms(expected: float, sigmas: Float64) -> float:
-    """Return the standard error of an honest rms: of Gaussian rows whose neighbours correlate by -1/2 or -2/3.
+def disturbed_interval(segments: list[ComparisonRows]) -> tuple[float, float] | None:
+    """Return from when to when, s, rows as declared lie beyond all noise, if enough agree outside; else None."""
+    times_s = np.concatenate([rows.times_s for rows in segments])
+    outlying = np.concatenate(
+        [(np.abs(rows.residuals) > OUTLIER * rows.sigmas + np.abs(rows.model_errors)).any(axis=1) for rows in segments]
+    )
+    if not outlying.any():
+        return None
+    start_s, stop_s = float(times_s[outlying][0]), float(times_s[outlying][-1])
+    outside = np.count_nonzero((times_s < start_s) | (times_s > stop_s))
+    return (start_s, stop_s) if outside >= max(FEWEST_ROWS, _LEAST_OUTSIDE * len(times_s)) else None
 
-    Squares of neighbours correlate by the square of that: the variance of their mean is at most 1 + 2 (4/9 + 1/36)
-    times that of independent ones.
-    """
-    weights = np.square(sigmas) / np.mean(np.square(sigmas))
-    return float(expected * np.sqrt(1.94 * np.mean(np.square(weights)) / (2 * sigmas.size)))
+
+def _smoothness(residuals: list[Float64]) -> float:
+    """Return the correlation of neighbouring rows (lag one), summed over segments and axes."""
+    products = sum(float(np.sum(rows[1:] * rows[:-1])) for rows in residuals)
+    squares = sum(float(np.sum(np.square(rows))) for rows in residuals)
+    return products / squares if squares > 0 else 0.0
 
 
-def _uneven(fit: GroupedFit, stretches: list[Rows], kept: list[NDArray[np.bool_]]) -> dict[str, Uneven]:
-    """Return where each parameter differs most; of stretches that differ alike, where it is largest."""
-    used = [rows for rows, keep in zip(stretches, kept, strict=True) if np.any(keep)]
-    found: dict[str, Uneven] = {}
-    if len(used) < _FEWEST_STRETCHES:
-        return found
+def _worst_row(segments: list[ComparisonRows], residuals: list[Float64]) -> WorstRow:
+    """Return the row that deviates most in units of its sigma, on its worst axis."""
+    candidates = []
+    for rows, of_segment in zip(segments, residuals, strict=True):
+        row, axis = np.unravel_index(np.argmax(np.abs(of_segment) / rows.sigmas), of_segment.shape)
+        candidates.append(
+            WorstRow(
+                time_s=float(rows.times_s[row]),
+                value=float(of_segment[row, axis]),
+                sigma=float(rows.sigmas[row, axis]),
+                model_error=float(np.abs(rows.model_errors[row]).max()),
+            )
+        )
+    return max(candidates, key=lambda row: abs(row.value) / row.sigma)
+
+
+def _local_deviations(
+    fit: GroupedFit, segments: list[ComparisonRows], kept: list[NDArray[np.bool_]]
+) -> dict[str, LocalDeviation]:
+    """Return where each parameter differs most; of segments that differ by about as much, where it is largest."""
+    used = [rows for rows, keep in zip(segments, kept, strict=True) if np.any(keep)]
+    deviations: dict[str, LocalDeviation] = {}
+    if len(used) < _FEWEST_SEGMENTS:
+        return deviations
     values = fit.values_of_free()
     for column, name in enumerate(fit.parameters.names):
         local = fit.local(name)
         scores = np.abs(local.deviations) / local.standard_errors
-        alike = scores >= _ALIKE * scores.max()
-        worst = int(np.argmax(np.where(alike, np.abs(values[column] + local.deviations), -1.0)))
-        found[name] = Uneven(
+        similar = scores >= _SIMILAR_SCORE * scores.max()
+        worst = int(np.argmax(np.where(similar, np.abs(values[column] + local.deviations), -1.0)))
+        deviations[name] = LocalDeviation(
             start_s=float(used[worst].times_s[0]),
             stop_s=float(used[worst].times_s[-1]),
             value=float(values[column] + local.deviations[worst]),
@@ -175,55 +218,18 @@ def _uneven(fit: GroupedFit, stretches: list[Rows], kept: list[NDArray[np.bool_]
             model_error=float(local.model_errors[worst]),
             tests=len(used),
         )
-    return found
+    return deviations
 
 
-def disturbed_span(stretches: list[Rows]) -> tuple[float, float] | None:
-    """Return from when to when, s, rows as declared lie beyond all noise, if enough agree outside; else None."""
-    times_s = np.concatenate([rows.times_s for rows in stretches])
-    far = np.concatenate(
-        [(np.abs(rows.residuals) > OUTLIER * rows.sigmas + np.abs(rows.model_errors)).any(axis=1) for rows in stretches]
-    )
-    if not far.any():
-        return None
-    start_s, stop_s = float(times_s[far][0]), float(times_s[far][-1])
-    outside = np.count_nonzero((times_s < start_s) | (times_s > stop_s))
-    return (start_s, stop_s) if outside >= max(FEWEST_ROWS, _LEAST_OUTSIDE * len(times_s)) else None
-
-
-def _smoothness(left: list[Float64]) -> float:
-    products = sum(float(np.sum(residuals[1:] * residuals[:-1])) for residuals in left)
-    squares = sum(float(np.sum(np.square(residuals))) for residuals in left)
-    return products / squares if squares > 0 else 0.0
-
-
-def _course(stretches: list[Rows], left: list[Float64]) -> Float64:
-    times_s = np.concatenate([rows.times_s for rows in stretches])
-    lengths = np.linalg.norm(np.concatenate(left), axis=1)
-    starts = _starts_of_runs(len(lengths))
+def _course(segments: list[ComparisonRows], residuals: list[Float64]) -> Float64:
+    """Return instant and length (n, 2) of the longest residual of each of at most 1000 runs of rows."""
+    times_s = np.concatenate([rows.times_s for rows in segments])
+    lengths = np.linalg.norm(np.concatenate(residuals), axis=1)
+    # Runs are as long as one another, or longer by one row, those first.
+    count = min(len(lengths), _COURSE_POINTS)
+    numbers = np.arange(count)
+    starts = numbers * (len(lengths) // count) + np.minimum(numbers, len(lengths) % count)
     rows = np.arange(len(lengths))
     is_longest = lengths == np.repeat(np.maximum.reduceat(lengths, starts), np.diff(starts, append=len(lengths)))
     longest = np.minimum.reduceat(np.where(is_longest, rows, len(rows)), starts)
     return np.stack([times_s[longest], lengths[longest]], axis=1)
-
-
-def _starts_of_runs(count: int) -> NDArray[np.intp]:
-    """Cut rows into at most 1000 runs that are as long as one another, or by one longer, those first."""
-    runs = min(count, _COURSE_POINTS)
-    numbers = np.arange(runs)
-    return numbers * (count // runs) + np.minimum(numbers, count % runs)
-
-
-def _worst(stretches: list[Rows], left: list[Float64]) -> WorstRow:
-    found = []
-    for rows, residuals in zip(stretches, left, strict=True):
-        row, axis = np.unravel_index(np.argmax(np.abs(residuals) / rows.sigmas), residuals.shape)
-        found.append(
-            WorstRow(
-                time_s=float(rows.times_s[row]),
-                value=float(residuals[row, axis]),
-                sigma=float(rows.sigmas[row, axis]),
-                model_error=float(np.abs(rows.model_errors[row]).max()),
-            )
-        )
-    return max(found, key=lambda row: abs(row.value) / row.sigma)

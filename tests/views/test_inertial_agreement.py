@@ -11,8 +11,8 @@ from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.estimators.imu.sequence_fit import fit_inertial
 from fedora_qa.estimators.imu.summary import InertialFit
 from fedora_qa.sequence.window import ImuSamples, PoseSamples
-from fedora_qa.views import inertial_agreement as imu_agreement
-from fedora_qa.views.inertial_agreement import Motion, streams_of
+from fedora_qa.views import inertial_agreement
+from fedora_qa.views.inertial_agreement import WindowMotion, streams_of
 from tests.support.facts import exact_facts
 from tests.support.motion_world import NOISY, MotionFile, sample_motion
 
@@ -39,7 +39,7 @@ def test_each_comparison_is_fitted_once_and_measures_what_each_check_does_alone(
         fitted.append(args)
         return fit_inertial(*args, **options)
 
-    monkeypatch.setattr(imu_agreement, "fit_inertial", counted)
+    monkeypatch.setattr(inertial_agreement, "fit_inertial", counted)
     together = measured(path, *CHECKS)
     assert len(fitted) == 2
     for check in CHECKS:
@@ -51,12 +51,12 @@ def test_each_comparison_is_fitted_once_and_measures_what_each_check_does_alone(
 def test_only_equal_samples_of_the_same_file_share() -> None:
     """Other samples, another file's facts, and samples that came from another process are looked at anew."""
     facts, others = exact_facts(), exact_facts()
-    known = streams_of([Motion(IMU, POSES)], facts)
-    motion = Motion(IMU, POSES)
+    known = streams_of([WindowMotion(IMU, POSES)], facts)
+    motion = WindowMotion(IMU, POSES)
     first = streams_of([motion], facts)
     assert streams_of([motion], facts) is first
     assert known is not first
-    assert streams_of([Motion(IMU, None), motion], facts) is not first
+    assert streams_of([WindowMotion(IMU, None), motion], facts) is not first
     again = streams_of([motion], facts)
     assert streams_of([motion], others) is not again
-    assert pickle.loads(pickle.dumps(motion)).concluded.streams is None
+    assert pickle.loads(pickle.dumps(motion)).cache.streams is None

@@ -1,0 +1,74 @@
+"""White noise of a sampled stream against its declaration."""
+
+from dataclasses import dataclass
+
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.estimators.imu.local_motion import NoiseLevel
+from fedora_qa.features import Feature
+from fedora_qa.record.types import Where
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredNoise(Feature):
+    """Standard deviation of white noise, its standard error, and what is declared (0: none), in one unit."""
+
+    sigma: float
+    standard_error: float
+    declared: float
+
+
+def noise_against_declared(
+    name: str,
+    unit: str,
+    level: NoiseLevel,
+    declared: float,
+    floor: float,
+    *,
+    check: str,
+    stream: str,
+    features: tuple[Feature, ...] = (),
+) -> Statistic:
+    """State the ratio of measured to declared noise, or the noise itself where none is declared.
+
+    Parameters
+    ----------
+    name, unit
+        Of the quantity whose noise it is.
+    level
+        The measured noise, in ``unit``.
+    declared
+        Standard deviation that the file declares, in ``unit``; 0 where it declares none.
+    floor
+        Scatter of exact samples by rounded timestamps and stored digits, in ``unit``.
+    check, stream
+        Name of the check that states it; stream of the samples.
+    features
+        Defects of the samples that look like noise.
+    """
+    features = (*features, MeasuredNoise(level.sigma, level.standard_error, declared))
+    if declared > 0:
+        return Statistic(
+            name=f"{name}_noise_ratio",
+            value=level.sigma / declared,
+            unit="1",
+            standard_error=level.standard_error / level.sigma if level.sigma > 0 else 0.0,
+            expected=1.0,
+            model_error_bound=(level.motion + floor) / declared,
+            material=0.5,
+            statement=f"{name.capitalize()} noise is {level.sigma:.3g} {unit}; {declared:.3g} {unit} is declared.",
+            code=f"{check}.{name}",
+            where=Where(stream=stream),
+            features=features,
+        )
+    return Statistic(
+        name=f"{name}_noise",
+        value=level.sigma,
+        unit=unit,
+        standard_error=level.standard_error,
+        model_error_bound=level.motion + floor,
+        side="upper",
+        statement=f"{name.capitalize()} has noise of {level.sigma:.3g} {unit}; none is declared.",
+        code=f"{check}.{name}",
+        where=Where(stream=stream),
+        features=features,
+    )

@@ -1,0 +1,242 @@
+"""Hypotheses for alarms of the checks of the IMU."""
+
+from math import degrees, hypot, sqrt
+from typing import Final
+
+from fedora_qa.checks.imu.agreement import InertialParameter, RepeatsNearby, ResidualSmoothness, UnsettledFit
+from fedora_qa.diagnosis.hypothesis import ANY_CAUSE, Hypothesis
+from fedora_qa.diagnosis.motion import axes_cause, defect_hypotheses, noise_hypotheses
+from fedora_qa.diagnosis.support import support
+from fedora_qa.diagnosis.timing_cues import TimingCues, gravity_likelihoods, timing_cues_of
+from fedora_qa.estimators.fitting.grouped_fit import group_of
+from fedora_qa.estimators.imu.conventions import InertialConvention
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.declared import ImuModel
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.inertial_agreement import InertialConventionTrial, MotionKind
+
+_LEAST_EXPLAINED: Final = 0.5
+"""Share of what can be explained from which on a group rivals the one that was freed."""
+
+_MS, _PPM = 1e3, 1e6
+
+_ROUNDED_S: Final = 1e-6 / sqrt(12.0)
+"""Files stamp in whole microseconds: all stamps of an even clock are rounded by the same part of one."""
+
+
+def propose_noise(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the causes of noise that is not as declared, or of repeated samples."""
+    if alarm.finding.code == "imu.noise.frozen":
+        return (Hypothesis("frozen_frames", "imu", support("imu.repeats_counted"), alarm.statistic.value, "samples"),)
+    units = {"unit_deg_rad": degrees(1.0)} if alarm.finding.code == "imu.noise.gyro" else {}
+    return noise_hypotheses(alarm, "imu", units)
+
+
+def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the causes of two clocks that disagree: what the timestamps show by themselves, then those of the fit."""
+    return (*defect_hypotheses(alarm.statistic.features), *_of_parameter(alarm, facts))
+
+
+def propose_rotation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the causes of a disagreement of gyro and orientations."""
+    return _of_agreement("rotation", alarm, facts)
+
+
+def propose_translation(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the causes of a disagreement of accelerometer and positions."""
+    return _of_agreement("translation", alarm, facts)
+
+
+def _of_agreement(kind: MotionKind, alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    features = alarm.statistic.features
+    trials = (feature for feature in features if isinstance(feature, InertialConventionTrial))
+    conventions = tuple(hypothesis for trial in trials for hypothesis in convention_hypotheses(kind, trial.convention))
+    defects = (*conventions, *defect_hypotheses(features))
+    rule = alarm.finding.code.rpartition(".")[2]
+    if rule == "disagreement":
+        return conventions
+    if rule not in ("residual", "worst"):
+        # A fit that did not converge bends one motion into another: its parameters are of neither.
+        other = _other_sequence(1.0) if any(isinstance(feature, UnsettledFit) for feature in features) else ()
+        return (*defects, *other, *_of_parameter(alarm, facts))
+
+    # What another motion leaves is as smooth as that motion, and noise is not: the correlation of neighbours divides
+    # the support between the two. Noise may be that of either stream.
+    smooth = next(feature.correlation for feature in features if isinstance(feature, ResidualSmoothness))
+    if rule == "residual":
+        noise = support("imu.residual_noise") * (1 - smooth)
+        return (
+            *defects,
+            Hypothesis("noise_misdeclared", "pose", noise),
+            Hypothesis("noise_misdeclared", "imu", noise),
+            *_any_cause(support("imu.residual_of_any_cause") * (1 - smooth)),
+            *_other_sequence(smooth),
+        )
+    # One instant: samples that repeat there, else a jump, which moves positions more often, else lost samples.
+    teleport = support("imu.worst_translation_jump" if kind == "translation" else "imu.worst_rotation_jump")
+    repeats = tuple(
+        Hypothesis("frozen_frames", feature.stream, support("imu.worst_at_repeats"), float(feature.count), "samples")
+        for feature in features
+        if isinstance(feature, RepeatsNearby)
+    )
+    return (
+        *repeats[::-1],
+        Hypothesis("teleport", "pose", (1 - smooth) * teleport),
+        Hypothesis("dropped_samples", "imu", (1 - smooth) * support("imu.worst_lost_samples")),
+        Hypothesis("noise_misdeclared", "pose", (1 - smooth) * support("imu.worst_noise")),
+        *_any_cause(support("imu.worst_of_any_cause") * (1 - smooth)),
+        *_other_sequence(smooth),
+        *defects,
+    )
+
+
+def _other_sequence(smooth: float) -> tuple[Hypothesis, ...]:
+    strength = support("imu.other_sequence") * smooth
+    return tuple(Hypothesis("other_sequence", stream, strength) for stream in ("imu", "pose"))
+
+
+def _any_cause(strength: float) -> tuple[Hypothesis, ...]:
+    """Return whatever else is wrong with either stream, at the edges of a part or all along."""
+    return tuple(Hypothesis(ANY_CAUSE, stream, strength) for stream in ("pose", "imu"))
+
+
+def convention_hypotheses(kind: MotionKind, convention: InertialConvention) -> tuple[Hypothesis, ...]:
+    """Return the causes of a convention that differs from the declared one, by the share of residuals it explains."""
+    declared, strength = InertialConvention(), support("imu.convention") * convention.explained
+    hypotheses: list[Hypothesis] = []
+    if "wxyz" in convention.quaternions:
+        hypotheses.append(Hypothesis("quaternion_order", "pose", strength))
+    if "inverse" in convention.quaternions:
+        hypotheses.append(Hypothesis("quaternion_inverted", "pose", strength))
+    if convention.rate_unit != 1.0:
+        hypotheses.append(Hypothesis("unit_deg_rad", "imu", strength, convention.rate_unit, "1"))
+    if convention.length_unit != 1.0:
+        hypotheses.append(Hypothesis("unit_mm_m", "pose", strength, convention.length_unit, "1"))
+    if convention.world_axes != declared.world_axes:
+        hypotheses.append(Hypothesis(axes_cause(convention.world_axes), "pose", strength))
+    if convention.sensor_axes != declared.sensor_axes:
+        # The sensor is turned, or the body of the poses: that turns gravity over in the world as well.
+        cause = axes_cause(convention.sensor_axes)
+        of_imu, of_pose = Hypothesis(cause, "imu", strength), Hypothesis("frame_convention", "pose", strength)
+        if kind == "rotation":
+            hypotheses.extend((of_imu, of_pose) if cause == "frame_convention" else (of_imu,))
+        else:
+            hypotheses.append(of_pose if convention.gravity == "reversed" else of_imu)
+    elif convention.gravity != "declared":
+        cause = "gravity_missing" if convention.gravity == "missing" else "gravity_sign"
+        hypotheses.append(Hypothesis(cause, "imu", strength))
+    return tuple(hypotheses)
+
+
+def _of_parameter(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    parameter = next(feature for feature in alarm.statistic.features if isinstance(feature, InertialParameter))
+    gravity_m_s2 = (facts.declared.imu or ImuModel()).gravity
+    return parameter_hypotheses(parameter, timing_cues_of(facts), gravity_m_s2)
+
+
+def parameter_hypotheses(
+    parameter: InertialParameter, timing_cues: TimingCues, gravity_m_s2: float
+) -> tuple[Hypothesis, ...]:
+    """Return the causes behind a parameter that is off: its own, and those of groups that explain the data as well.
+
+    Support is the share of what can be explained at all that the group explains alone, reduced for a component that is
+    smaller than others of its group's vector: the largest component shows the size of the fault. A group that leaves
+    more than this one is less likely. Where either of two streams could be the cause, the cues decide.
+
+    Parameters
+    ----------
+    parameter
+        As fitted.
+    timing_cues
+        Of the file.
+    gravity_m_s2
+        As declared.
+    """
+    kind, group = parameter.kind, group_of(parameter.name)
+    own = parameter.explained.get(group, support("imu.parameter_not_freed"))
+    smallest = support("imu.smallest_component")
+    strength = (smallest + (1.0 - smallest) * parameter.component_ratio) * max(support("imu.parameter_least"), own)
+    value, error = parameter.value, parameter.standard_error
+    rivals = [
+        Hypothesis(hypothesis.cause, hypothesis.stream, hypothesis.support)
+        for rival, explained in parameter.explained.items()
+        if rival != group and explained > _LEAST_EXPLAINED
+        for hypothesis in _group_hypotheses(
+            kind,
+            rival,
+            0.0,
+            0.0,
+            support("imu.rival_group") * explained * _relative_likelihood(explained, own),
+            timing_cues,
+            gravity_m_s2,
+        )
+    ]
+    return (*_group_hypotheses(kind, group, value, error, strength, timing_cues, gravity_m_s2), *rivals)
+
+
+def _relative_likelihood(explained: float, own: float) -> float:
+    """Return how likely a group is, against one that explains the share ``own``, by what both leave; 1 at most.
+
+    With an unknown size of the noise the likelihood of ``n`` samples goes as the squares that are left to the power
+    ``-n / 2``. What a model leaves is alike in neighbouring samples: all count as one, the fewest there can be.
+    """
+    return sqrt(max(1.0 - own, 0.0) / (1.0 - explained)) if explained < own else 1.0
+
+
+def _group_hypotheses(
+    kind: MotionKind,
+    group: str,
+    value: float,
+    error: float,
+    strength: float,
+    timing_cues: TimingCues,
+    gravity_m_s2: float,
+) -> tuple[Hypothesis, ...]:
+    """Return the causes of a group of parameters, with a value and its error in the unit of the fit."""
+    hypotheses: tuple[Hypothesis, ...] = ()
+    match group:
+        case "time_offset":
+            # Two clocks alone do not show which of them is late, nor what of a delay is written in stamps.
+            error_ms = _MS * hypot(error, _ROUNDED_S)
+            of_imu, of_pose = timing_cues.imu_offset * strength, timing_cues.pose_offset * strength
+            hypotheses = (
+                Hypothesis("time_offset", "imu", of_imu, _MS * value, "ms", error_ms),
+                Hypothesis("time_offset", "pose", of_pose, -_MS * value, "ms", error_ms),
+            )
+        case "clock_rate":
+            hypotheses = (Hypothesis("clock_rate", "imu", strength, _PPM * value, "ppm", _PPM * error),)
+        case "pose_clock_rate":
+            hypotheses = (Hypothesis("clock_rate", "pose", strength, _PPM * value, "ppm", _PPM * error),)
+        case "bias" if kind == "rotation":
+            hypotheses = (Hypothesis("gyro_bias", "imu", strength, value, "rad/s", error),)
+        case "bias":
+            hypotheses = (Hypothesis("accel_bias", "imu", strength, value, "m/s^2", error),)
+        case "tilt":
+            # Another convention, or an exchange of axes, of which a turn is but a part: forces then show which.
+            hypotheses = (
+                Hypothesis("frame_convention", "imu", strength),
+                Hypothesis("axes_swapped", "imu", support("imu.tilt_of_swapped_axes") * strength),
+                Hypothesis("frame_convention", "pose", support("imu.tilt_of_poses") * strength),
+            )
+        case "scale":
+            hypotheses = (Hypothesis("unknown", "imu", strength, 100.0 * value, "percent", 100.0 * error),)
+        case "gravity":
+            sensor, declaration = gravity_likelihoods(gravity_m_s2, value, error)
+            of_metadata = support("imu.gravity_of_declaration") * declaration * strength
+            hypotheses = (
+                Hypothesis("gravity_magnitude", "imu", sensor * strength, value, "m/s^2", error),
+                Hypothesis("gravity_magnitude", "metadata", of_metadata, -value, "m/s^2", error),
+            )
+        case "slope":
+            # A world that is not level, or a turned sensor: rarer than its bias, which is the same in level flight.
+            hypotheses = (
+                Hypothesis("frame_convention", "pose", support("imu.slope_of_world") * strength),
+                Hypothesis("frame_convention", "imu", support("imu.slope_of_sensor") * strength),
+            )
+        case "lever":
+            # The unit is off the body's origin, or the poses are, the other way.
+            hypotheses = (
+                Hypothesis("lever_arm", "imu", strength, value, "m", error),
+                Hypothesis("lever_arm", "pose", strength, -value, "m", error),
+            )
+    return hypotheses

@@ -1,0 +1,88 @@
+"""Hypotheses that IMU and poses share: defects of their samples, noise against its declaration, exchanged axes."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fedora_qa.checks.declared_noise import MeasuredNoise
+from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.support import support
+from fedora_qa.features import Feature
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.views.sample_defects import (
+    ExcessNoise,
+    LinearInterpolation,
+    RepeatedSamples,
+    SampleClockDrift,
+    SampleClockGrid,
+    SampleClockOffset,
+)
+
+_SAME_FACTOR = 0.2
+"""Noise is measured to some percent: a ratio this close to a unit's factor is that unit."""
+
+
+def defect_hypotheses(features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
+    """Return the causes of the defects among the features, in their order."""
+    hypotheses: list[Hypothesis] = []
+    of_timestamps = support("motion.timestamps")
+    for feature in features:
+        match feature:
+            case SampleClockGrid(stream, period_ns):
+                hypotheses.append(Hypothesis("quantised_time", stream, of_timestamps, period_ns / NS_PER_MS, "ms"))
+            case SampleClockDrift(stream, drift):
+                hypotheses.append(Hypothesis("clock_rate", stream, of_timestamps, 1e6 * drift, "ppm"))
+            case SampleClockOffset(stream, offset_ns):
+                hypotheses.append(Hypothesis("time_offset", stream, of_timestamps, offset_ns / NS_PER_MS, "ms"))
+            case LinearInterpolation(stream, knot_rate_hz):
+                strength = support("motion.interpolated_samples")
+                hypotheses.append(Hypothesis("interpolated_pose", stream, strength, knot_rate_hz, "Hz"))
+            case RepeatedSamples(stream, count):
+                strength = support("motion.repeated_samples")
+                hypotheses.append(Hypothesis("frozen_frames", stream, strength, float(count), "samples"))
+            case ExcessNoise(stream):
+                hypotheses.append(Hypothesis("noise_misdeclared", stream, support("motion.excess_noise")))
+    return tuple(hypotheses)
+
+
+def noise_hypotheses(alarm: Alarm, stream: str, unit_causes: Mapping[str, float]) -> tuple[Hypothesis, ...]:
+    """Return the causes of noise that is not as declared.
+
+    Parameters
+    ----------
+    alarm
+        Of a statistic with a ``MeasuredNoise`` among its features.
+    stream
+        Of the samples.
+    unit_causes
+        Causes that would multiply all values by a factor: noise that is too large by just that is none.
+    """
+    features = alarm.statistic.features
+    defects = defect_hypotheses(features)
+    noise = next(feature for feature in features if isinstance(feature, MeasuredNoise))
+    misdeclared = support("motion.noise_beside_defects" if defects else "motion.noise_misdeclared")
+    other_sequence = Hypothesis("other_sequence", stream, support("motion.noise_of_other_sequence"))
+    if not noise.declared > 0:
+        return (*defects, Hypothesis("noise_misdeclared", stream, misdeclared, -100.0, "percent"), other_sequence)
+    ratio = noise.sigma / noise.declared
+    # The declaration is wrong by declared / sigma - 1, whose relative error is that of sigma.
+    error = 100.0 * (1.0 / ratio - 1.0) if ratio > 0 else None
+    standard_error = 100.0 * noise.standard_error / noise.sigma / ratio if ratio > 0 else None
+    units = (
+        Hypothesis(cause, stream, support("motion.noise_of_unit"), factor, "1")
+        for cause, factor in unit_causes.items()
+        if abs(ratio / factor - 1.0) < _SAME_FACTOR
+    )
+    return (
+        *defects,
+        *units,
+        Hypothesis("noise_misdeclared", stream, misdeclared, error, "percent", standard_error),
+        other_sequence,
+    )
+
+
+def axes_cause(axes: tuple[tuple[int, ...], ...]) -> str:
+    """Return the cause of a signed permutation of axes: an exchange of two, or another convention."""
+    matrix = np.array(axes)
+    return "axes_swapped" if np.all(matrix >= 0) and int(np.trace(matrix)) == 1 else "frame_convention"

@@ -1,0 +1,105 @@
+"""What a file shows beside IMU and pose of which of the two a deviation belongs to."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fedora_qa.conventions import NS_PER_US, STANDARD_GRAVITY_M_S2
+from fedora_qa.diagnosis.support import support
+from fedora_qa.sequence.facts import Facts
+
+Int64 = NDArray[np.int64]
+
+USUAL_GRAVITIES_M_S2: Final = (9.8, 9.806, 9.8066, STANDARD_GRAVITY_M_S2, 9.807, 9.81)
+"""What simulators and datasets set and declare."""
+
+_USUAL_SIGMAS: Final = 3.0
+"""Standard errors within which a measured gravity is a usual one."""
+
+_EXACT_M_S2: Final = 1e-9
+"""A declared gravity is a usual one only where it is written so."""
+
+_IN_PLACE, _OUT_OF_PLACE = 0.9, 0.75
+"""Shares of coincidences: one clock stayed and the other moved where one is above the first, the other below the
+second."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimingCues:
+    """Likelihoods, up to a common factor, of what timestamps show under an offset of the one or the other clock."""
+
+    imu_offset: float = 1.0
+    pose_offset: float = 1.0
+
+
+def timing_cues_of(facts: Facts) -> TimingCues:
+    """Compare the timestamps of IMU and poses with those of all other streams.
+
+    A simulator, and a good recorder, stamps on one grid: frames fall on stamps of IMU and pose. A clock that was moved
+    by a whole number of microseconds at random is still in place with a chance of one in its period.
+    """
+    if "imu" not in facts.clocks or "pose" not in facts.clocks:
+        return TimingCues()
+    imu_ns, pose_ns = (facts.clocks[stream].times_ns for stream in ("imu", "pose"))
+    for imu_share, pose_share in _coincidences(facts, imu_ns, pose_ns):
+        if imu_share >= _IN_PLACE and pose_share <= _OUT_OF_PLACE:
+            return TimingCues(imu_offset=_chance_of_coincidence(imu_ns))
+        if pose_share >= _IN_PLACE and imu_share <= _OUT_OF_PLACE:
+            return TimingCues(pose_offset=_chance_of_coincidence(pose_ns))
+    return TimingCues()
+
+
+def gravity_likelihoods(declared_m_s2: float, excess_m_s2: float, error_m_s2: float) -> tuple[float, float]:
+    """Return the likelihoods that the sensor, and that the declaration, is what deviates.
+
+    If the sensor deviates the declaration is correct, and mostly a usual number; if the declaration does, the measured
+    gravity is, as far as its error allows to say.
+    """
+    unusual = support("imu.unusual_gravity")
+    sensor = 1.0 if _is_usual(declared_m_s2, _EXACT_M_S2) else unusual
+    declaration = 1.0 if _is_usual(declared_m_s2 + excess_m_s2, _USUAL_SIGMAS * error_m_s2) else unusual
+    return sensor, declaration
+
+
+def _coincidences(facts: Facts, imu_ns: Int64, pose_ns: Int64) -> Iterator[tuple[float, float]]:
+    """Yield, cue by cue, how far IMU and pose are in place: of frames on their stamps, of beginnings, of the grid."""
+    frame_clocks = [clock for stream, clock in facts.clocks.items() if stream not in ("imu", "pose")]
+    frames_ns = [clock.times_ns for clock in frame_clocks if clock.usable]
+    if frames_ns and len(imu_ns) and len(pose_ns):
+        all_ns = np.concatenate(frames_ns)
+        yield _share_among(all_ns, imu_ns), _share_among(all_ns, pose_ns)
+        firsts_ns = np.array([times_ns[0] for times_ns in frames_ns])
+        yield float(np.mean(firsts_ns == imu_ns[0])), float(np.mean(firsts_ns == pose_ns[0]))
+    yield _on_own_grid(facts, imu_ns), _on_own_grid(facts, pose_ns)
+
+
+def _share_among(times_ns: Int64, timestamps_ns: Int64) -> float:
+    """Return which share of instants, of those within the span of the timestamps, is among these."""
+    within = times_ns[(times_ns >= timestamps_ns[0]) & (times_ns <= timestamps_ns[-1])]
+    if not len(within):
+        return 0.0
+    in_order = not np.any(np.diff(timestamps_ns) < 0)
+    coincident = (
+        timestamps_ns[np.searchsorted(timestamps_ns, within)] == within if in_order else np.isin(within, timestamps_ns)
+    )
+    return float(np.mean(coincident))
+
+
+def _on_own_grid(facts: Facts, timestamps_ns: Int64) -> float:
+    """Return whether the file stamps the stream at multiples of its period."""
+    if len(timestamps_ns) < 2:
+        return 0.0
+    period_us = float(np.median(np.diff(timestamps_ns))) / NS_PER_US
+    return float(period_us > 1 and facts.to_file_us(float(timestamps_ns[0])) % period_us == 0)
+
+
+def _chance_of_coincidence(timestamps_ns: Int64) -> float:
+    """Return the chance that a clock moved by whole microseconds is in place: one in its period."""
+    return NS_PER_US / max(float(np.median(np.diff(timestamps_ns))), NS_PER_US) if len(timestamps_ns) > 1 else 1.0
+
+
+def _is_usual(gravity_m_s2: float, within_m_s2: float) -> bool:
+    return min(abs(gravity_m_s2 - usual) for usual in USUAL_GRAVITIES_M_S2) <= within_m_s2

@@ -1,0 +1,86 @@
+"""Robust scale, Huber's weights and the delete-one jackknife."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Float64 = NDArray[np.float64]
+
+MAD_TO_SIGMA: Final = 1.4826
+"""Standard deviation over median absolute deviation (MAD) of a normal distribution, to five digits.
+
+Half of all deviations are below the MAD, so that ``Phi(MAD / sigma) - Phi(-MAD / sigma) = 1/2`` and
+``MAD / sigma = Phi^-1(3/4) = 0.674490``; its reciprocal is 1.482602.
+Source: F. R. Hampel, The influence curve and its role in robust estimation, J. Am. Stat. Assoc. 69 (1974) 383.
+"""
+
+NORMAL_QUARTILE: Final = 0.6745
+"""``Phi^-1(3/4)``, the third quartile of the standard normal distribution, to four digits: ``1 / MAD_TO_SIGMA``."""
+
+
+def robust_sigma(values: ArrayLike, middle: ArrayLike | None = None) -> Float64:
+    """Return the standard deviation that the median absolute deviation implies for normal values.
+
+    Parameters
+    ----------
+    values
+        (n,) or (n, k).
+    middle
+        About which deviations are taken, broadcast against ``values``; by default the median of each column.
+
+    Returns
+    -------
+    ndarray
+        (), or (k,), in the unit of the values; NaN where a value is NaN.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    about = np.median(values, axis=0) if middle is None else np.asarray(middle)
+    return np.asarray(MAD_TO_SIGMA * np.median(np.abs(values - about), axis=0))
+
+
+def huber_weights(deviations: Float64, tuning: float | Float64) -> Float64:
+    """Return the weights of Huber's M-estimate: 1 up to ``tuning``, beyond it in inverse proportion.
+
+    Parameters
+    ----------
+    deviations
+        Absolute residuals, of any shape.
+    tuning
+        The largest deviation of full weight, in the unit of the deviations; scalar or broadcast against them.
+
+    Returns
+    -------
+    ndarray
+        Of the shape of ``deviations``, from 0 to 1.
+
+    Sources
+    -------
+    P. J. Huber, Robust estimation of a location parameter, Ann. Math. Statist. 35 (1964) 73.
+    """
+    # The floor keeps a residual of 0 from a division by zero; its weight is 1 either way.
+    weights: Float64 = np.minimum(1.0, tuning / np.maximum(deviations, 1e-300))
+    return weights
+
+
+def jackknife_errors(left_out: ArrayLike) -> Float64:
+    """Return the standard errors of estimates of which one part of the data after another was left out.
+
+    Parameters
+    ----------
+    left_out
+        (n, ...): the estimates that leave out one of n parts each; n is at least 2 for an error above 0.
+
+    Returns
+    -------
+    ndarray
+        (...) standard errors, in the unit of the estimates.
+
+    Sources
+    -------
+    B. Efron and C. Stein, The jackknife estimate of variance, Ann. Statist. 9 (1981) 586, eq. 1.4.
+    """
+    estimates = np.asarray(left_out, dtype=np.float64)
+    # (n - 1) / n * sum of squared deviations from their mean = (n - 1) * variance with divisor n.
+    errors: Float64 = np.sqrt((len(estimates) - 1) * np.var(estimates, axis=0))
+    return errors

@@ -1,0 +1,45 @@
+"""Defects of the samples of IMU and poses, and streams of another sequence, are named as the cause."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.checked import diagnoses_of, run_check
+from tests.support.motion_world import HOVER, NOISY, RESTLESS, MotionFile, sample_motion
+
+
+def test_another_sequence_is_named(tmp_path: Path) -> None:
+    """IMU samples of another flight leave residuals as smooth as a flight: no noise, and nothing that was fitted."""
+    other = sample_motion(replace(RESTLESS, amplitudes=HOVER.amplitudes, frequencies_hz=(1.2, 0.7, 0.5, 0.9, 0.6, 0.8)))
+    file = MotionFile().altered(
+        angular_velocities_body_rad_s=other.angular_velocities_body_rad_s,
+        specific_forces_body_m_s2=other.specific_forces_body_m_s2,
+    )
+    file.write(tmp_path / "motion.h5")
+    assert diagnoses_of(tmp_path / "motion.h5", "imu")[0].cause == "other_sequence"
+
+
+def test_another_sequence_never_passes_in_noise(tmp_path: Path) -> None:
+    """Where pose noise hides each residual, and no set of parameters settles, the fit's own values fail and name it."""
+    other = sample_motion(replace(RESTLESS, phases=(2.0, 0.1, 1.0, 3.0, 0.2, 1.0)), NOISY, seed=3)
+    file = MotionFile(sample_motion(noise=NOISY), NOISY).altered(
+        angular_velocities_body_rad_s=other.angular_velocities_body_rad_s,
+        specific_forces_body_m_s2=other.specific_forces_body_m_s2,
+    )
+    file.write(tmp_path / "motion.h5")
+    for check in ("imu.rotation", "imu.translation"):
+        assert run_check(tmp_path / "motion.h5", check).outcome == "failed"
+    assert diagnoses_of(tmp_path / "motion.h5", "imu")[0].cause == "other_sequence"
+
+
+@pytest.mark.parametrize("grid_s", [0.0007, 0.002, 0.0021])
+def test_rounded_timestamps_of_the_poses_are_named(tmp_path: Path, grid_s: float) -> None:
+    """Stamps on a coarse grid look like straight lines, noise and drift; one cause explains them all, with its size."""
+    file = MotionFile().altered(pose_times_s=np.rint(sample_motion().pose_times_s / grid_s) * grid_s)
+    file.write(tmp_path / "motion.h5")
+    for subject in ("pose", "imu"):
+        diagnosis = diagnoses_of(tmp_path / "motion.h5", subject)[0]
+        assert (diagnosis.cause, diagnosis.stream) == ("quantised_time", "pose")
+        assert diagnosis.magnitude == pytest.approx(1e3 * grid_s)
