@@ -4,14 +4,26 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+from fedora_qa.diagnosis.event_response.model import propose_model
+from fedora_qa.diagnosis.event_response.threshold import propose_threshold
+from fedora_qa.diagnosis.event_response.timing import propose_timing
 from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.images_colours import propose_channels, propose_transfer
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 
 Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 """Gives the hypotheses for an alarm of one check, best supported first."""
 
-PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({})
+PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType(
+    {
+        "event_response.model": propose_model,
+        "event_response.threshold": propose_threshold,
+        "event_response.timing": propose_timing,
+        "images.channels": propose_channels,
+        "images.transfer": propose_transfer,
+    }
+)
 """By the name of the check."""
 
 

@@ -1,0 +1,1 @@
+"""Hypotheses for events against frames."""
