@@ -9,10 +9,14 @@ from fedora_qa.diagnosis import imu, pose
 from fedora_qa.diagnosis.event_response.alignment import propose_alignment
 from fedora_qa.diagnosis.event_response.conservation import propose_conservation
 from fedora_qa.diagnosis.event_response.frames import propose_frames
+from fedora_qa.diagnosis.event_response.model import propose_model
 from fedora_qa.diagnosis.event_response.orientation import propose_orientation
+from fedora_qa.diagnosis.event_response.threshold import propose_threshold
+from fedora_qa.diagnosis.event_response.timing import propose_timing
 from fedora_qa.diagnosis.flow_geometry.endpoint import propose_endpoint
 from fedora_qa.diagnosis.flow_geometry.validity import propose_validity
 from fedora_qa.diagnosis.flow_rates import propose_composition
+from fedora_qa.diagnosis.images_colours import propose_channels, propose_transfer
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
@@ -22,6 +26,9 @@ Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 
 PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
     "event_response.orientation": propose_orientation,
+    "event_response.model": propose_model,
+    "event_response.threshold": propose_threshold,
+    "event_response.timing": propose_timing,
     "event_response.alignment": propose_alignment,
     "event_response.frames": propose_frames,
     "event_response.conservation": propose_conservation,
@@ -38,6 +45,8 @@ PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
     "images.repeats": images.propose_repeats,
     "images.order": images.propose_order,
     "images.exposure": images.propose_exposure,
+    "images.channels": propose_channels,
+    "images.transfer": propose_transfer,
     "flow_events.sharpness": flow_events.propose_sharpness,
     "pose.orientation": pose.propose_orientation,
     "pose.continuity": pose.propose_continuity,

@@ -1,4 +1,12 @@
-"""How late events are: over a file, over each stretch of time, over each part of the image."""
+"""The offset of the events' clock from that of the frames: over a file, over segments of time, over parts of the image.
+
+Two estimates compete: by frames interpolated at events (``frame_interpolation``), and by bracketed level samples
+(``level_samples``). Beyond its capture range one fit underestimates an offset, since light does not change evenly for
+long. Some windows are then fitted again with the offset undone as far as it is known, and so on until none is left
+(Gauss and Newton's way). That begins at the fit of all windows, and at the best of a ladder of offsets by level
+samples; where these end at different offsets, the one with the smaller residual is taken. Further windows are
+interpolated with the same offset undone, and all are fitted together, so that their scatter is in the error.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,42 +18,98 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_US
 from fedora_qa.estimators.events.delays import (
-    Step,
+    CellSums,
+    DelayStep,
     delays,
     delays_of_parts,
-    latest_rectangle,
-    latest_stretch,
+    largest_rectangle_step,
+    largest_segment_step,
 )
 from fedora_qa.estimators.events.footprint import LEFT_BY_SHARP
+from fedora_qa.estimators.events.frame_interpolation import (
+    FINE,
+    InterpolationMethod,
+    interpolate_frames,
+    interpolation_blocks,
+    interpolation_weights,
+)
+from fedora_qa.estimators.events.pixels import PixelEvents
+from fedora_qa.estimators.events.threshold_fit import NormalBlocks, ResponseFit, concatenate, fit_interpolation
+from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.event_tick import tick_ns
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.event_camera import events_on_time, pixel_events, seen_frames, sorted_by_pixel
+from fedora_qa.views.event_tick import local_tick_ns, tick_ns
 from fedora_qa.views.event_tiles import GRID
-from fedora_qa.views.frame_interpolation import KINDS, ReadingFits, ReadingSums, cell_sums, fit_all
-from fedora_qa.views.level_samples import HELD_LEVEL_BIAS
-from fedora_qa.views.threshold_fit import CAPTURE_RANGE_S, Answer
+from fedora_qa.views.level_samples import (
+    CAPTURE_RANGE_S,
+    FARTHEST_OFFSET_NS,
+    FEWEST_PAIRS,
+    HELD_LEVEL_BIAS,
+    LadderOffset,
+    ThresholdFit,
+    search_offset,
+    usable_pixels,
+)
 
 Float64 = NDArray[np.float64]
 
-READ_WITHIN_S: Final = 10e-3
-"""Half a frame interval at 50 Hz: where levels can be read between frames, their slope changes little in that time."""
+METHODS: Final = ("fine", "coarse", "uniform")
 
-READ_WELL: Final = 0.3
-"""Residual, in thresholds, beyond which frames are too far apart to tell a level between them (or events do not follow
-them): a level at random within its thresholds leaves 0.3 to 0.6."""
+INTERPOLATION_CAPTURE_RANGE_S: Final = 10e-3
+"""Half a frame interval at 50 Hz: where levels can be interpolated between frames, their slope changes little in that
+time."""
+
+INTERPOLABLE: Final = 0.3
+"""Residual, in thresholds, beyond which frames are too far apart to determine a level between them (or events do not
+follow them): a level at random within its thresholds leaves 0.3 to 0.6."""
 
 FEWEST_PARTS: Final = 4
 """Windows or tiles of known delay below which none stands out."""
 
+ROUNDS: Final = 5
+"""Fits of a window: each leaves a third of what the last one left, or less, so that 20 ms become 0.2 ms."""
+
+_CONVERGED_S: Final = 3e-3
+"""Largest offset that a last fit may give: so much one fit estimates without bias, as of level samples."""
+
+_PREFERRED_WITHIN: Final = 2.0
+"""Times the error of one fit of all windows that the search of a few may have, and still be stated instead."""
+
 
 @dataclass(frozen=True, slots=True)
-class Lateness:
-    """How late events are at the middle of a file, and how that grows; standard errors and bounds on bias.
+class InterpolationSums:
+    """Normal equations of a window's interpolated levels, a block for each tile.
 
-    Beyond ``told_within_s`` the offset is read too small.
+    ``fine`` interpolates the edge-aware reconstruction of frames through six of them; ``coarse`` through four;
+    ``uniform`` the uniform reconstruction through six. ``start_ns`` and ``stop_ns`` are those of the window.
     """
 
-    late_s: float
+    fine: NormalBlocks
+    coarse: NormalBlocks
+    uniform: NormalBlocks
+    start_ns: int
+    stop_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class InterpolationFits:
+    """The fit of a file by its interpolated levels, and the fits by the methods that bound its error."""
+
+    fit: ResponseFit
+    coarse: ResponseFit
+    uniform: ResponseFit
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset(Feature):
+    """By how much events are late at the middle of a file, and how that grows; standard errors and bounds on bias.
+
+    Beyond ``capture_range_s`` the offset is underestimated.
+    """
+
+    offset_s: float
     error_s: float
     bound_s: float
     rate: float
@@ -55,16 +119,52 @@ class Lateness:
 
 
 @dataclass(frozen=True, slots=True)
-class Local:
-    """A part that is late against the others; delays and errors (k,) of all parts."""
+class LocalOffset:
+    """A part whose delay differs from the rest; delays and errors (k,) of all parts."""
 
-    step: Step
-    values_s: Float64
+    step: DelayStep
+    delays_s: Float64
     errors_s: Float64
 
 
+@dataclass(frozen=True, slots=True)
+class OffsetTrial:
+    """A window's sums with events taken to be late by an offset, and that undone."""
+
+    offset_ns: int
+    sums: InterpolationSums
+
+
+OffsetSearch = LadderOffset | OffsetTrial
+"""What the search of a window ends with."""
+
+
+def interpolation_sums(window: Window) -> InterpolationSums | None:
+    """Return the sums of a window; None where it has too few events at which frames can be interpolated."""
+    return _sums_of(window, pixel_events(window))
+
+
+def fit_all(state: Sequence[InterpolationSums]) -> InterpolationFits | None:
+    """Fit a file; None where it has too few samples.
+
+    Errors of the frames may be common to a window, to a tile throughout, or to a row or column of a window's tiles,
+    along which a straight edge lies: the standard errors are the largest of those that leave one of them out at a time.
+    """
+    if not state:
+        return None
+    present = np.concatenate([sums.fine.counts > 0 for sums in state])
+    windows, tiles = np.divmod(np.flatnonzero(present), GRID**2)
+    rows, columns = windows * GRID + tiles // GRID, windows * GRID + tiles % GRID
+    groups = windows, tiles, rows, columns
+    fits = [
+        fit_interpolation(concatenate([getattr(sums, method) for sums in state]), groups=groups) for method in METHODS
+    ]
+    fitted = [fit for fit in fits if fit is not None]
+    return InterpolationFits(*fitted) if len(fitted) == len(METHODS) else None
+
+
 def expected_delay_ms(declared: EventModel | None, facts: Facts) -> tuple[float, float]:
-    """Return the mean lateness of events, and the error of that expectation."""
+    """Return the mean delay of events of a correct file, and the error of that expectation."""
     if declared is None:
         return 0.0, 0.0
     low_pass_ms = 1e3 / (2 * pi * declared.bandwidth_hz) if declared.bandwidth_hz > 0 else 0.0
@@ -76,30 +176,31 @@ def expected_delay_ms(declared: EventModel | None, facts: Facts) -> tuple[float,
     return declared_ms / 2 + low_pass_ms, max(tick_ms - declared_ms, 0.0)
 
 
-def told_error_ms(found: Lateness, offset_ms: float, bound_ms: float, facts: Facts) -> float:
-    """Return the error of an offset as it is told: its own, that of ``bound_ms``, and by how much it is read too small.
+def offset_error_ms(estimate: ClockOffset, offset_ms: float, bound_ms: float, facts: Facts) -> float:
+    """Return the error of an offset: its own, that of ``bound_ms``, and by how much it is underestimated.
 
     Light does not change evenly for long. A change of angular frequency w, moved by d, is read as sin(w d) / w in place
     of d. Frames an interval h apart show changes up to w = pi / h; half of that is taken for what edges are made of.
-    Offsets that were searched for are undone before they are read.
+    Offsets that were searched for are undone before they are fitted.
     """
     interval_ms = float(np.median(np.diff(facts.clocks["rgb"].times_ns))) / 1e6
-    read = (
-        max(float(np.sinc(0.5 * offset_ms / max(interval_ms, 1e-6))), 0.0) if isfinite(found.capture_range_s) else 1.0
-    )
-    return hypot(1e3 * found.error_s, bound_ms, offset_ms * (1.0 - read))
+    fraction = 1.0
+    if isfinite(estimate.capture_range_s):
+        # sin(w d) / (w d) at w = pi / (2 h), with np.sinc(x) = sin(pi x) / (pi x)
+        fraction = max(float(np.sinc(0.5 * offset_ms / max(interval_ms, 1e-6))), 0.0)
+    return hypot(1e3 * estimate.error_s, bound_ms, offset_ms * (1.0 - fraction))
 
 
-def by_levels(found: Answer, declared: EventModel) -> Lateness:
-    """Return what bracketed level samples say.
+def offset_by_levels(fitted: ThresholdFit, declared: EventModel) -> ClockOffset:
+    """Return the offset by bracketed level samples.
 
     Levels of the linear model jump at events and hold until the next where edges pass within a few rendered steps:
     such errors scatter about the fit, and may act as one by ``HELD_LEVEL_BIAS`` times their scatter.
     """
-    fit, bounds = found.fit, found.model_errors
+    fit, bounds = fitted.fit, fitted.model_errors
     held_s = HELD_LEVEL_BIAS * fit.coherent_delay_s if declared.model == "linear" else 0.0
     errors = fit.standard_errors
-    return Lateness(
+    return ClockOffset(
         fit.delay_s,
         errors.delay_s,
         bounds.delay_s + held_s,
@@ -110,52 +211,175 @@ def by_levels(found: Answer, declared: EventModel) -> Lateness:
     )
 
 
-def by_readings(found: ReadingFits) -> Lateness | None:
-    """Return what frames read at events say; None where events do not follow the frames."""
-    fit, coarse, even = found.fit, found.coarse, found.even
-    if fit.relative_sigma > READ_WELL or min(fit.threshold_on, fit.threshold_off) <= 0:
+def offset_by_interpolation(fits: InterpolationFits) -> ClockOffset | None:
+    """Return the offset by frames interpolated at events; None where events do not follow the frames."""
+    fit, coarse, uniform = fits.fit, fits.coarse, fits.uniform
+    if fit.relative_sigma > INTERPOLABLE or min(fit.threshold_on, fit.threshold_off) <= 0:
         return None
 
     def bound(name: str) -> float:
+        """Add up how far four frames in place of six, and the uniform reconstruction, move an estimate."""
         own = getattr(fit, name)
-        return float(abs(own - getattr(coarse, name)) + LEFT_BY_SHARP * abs(own - getattr(even, name)))
+        return float(abs(own - getattr(coarse, name)) + LEFT_BY_SHARP * abs(own - getattr(uniform, name)))
 
     errors = fit.standard_errors
-    return Lateness(
+    return ClockOffset(
         fit.delay_s,
         errors.delay_s,
         bound("delay_s"),
         fit.delay_rate,
         errors.delay_rate,
         bound("delay_rate"),
-        READ_WITHIN_S,
+        INTERPOLATION_CAPTURE_RANGE_S,
     )
 
 
-def late_stretch(state: Sequence[ReadingSums]) -> Local | None:
-    """Return the stretch of windows that is late against the others; None where too few windows have a delay."""
-    return _local(state, 1)
+def segment_offset(state: Sequence[InterpolationSums]) -> LocalOffset | None:
+    """Return the segment of windows whose delay differs most; None where too few windows have a delay."""
+    return _local_offset(state, 1)
 
 
-def late_region(state: Sequence[ReadingSums]) -> Local | None:
-    """Return the rectangle of tiles that is late against the others; None where too few tiles have a delay."""
-    return _local(state, 0)
+def region_offset(state: Sequence[InterpolationSums]) -> LocalOffset | None:
+    """Return the rectangle of tiles whose delay differs most; None where too few tiles have a delay."""
+    return _local_offset(state, 0)
 
 
-def _local(state: Sequence[ReadingSums], summed: int) -> Local | None:
+def search_window(window: Window, start_s: float | None, searched: Sequence[OffsetSearch]) -> OffsetSearch | None:
+    """Return a window's sums with their offset undone, or the offset alone; None where events follow at none.
+
+    Parameters
+    ----------
+    start_s
+        Offset by one fit of all windows, where it gave one.
+    searched
+        What the search of other windows ended with.
+    """
+    trials = [search.offset_ns for search in searched if isinstance(search, OffsetTrial)]
+    if trials:
+        return _trial(window, trials[0])
+    by_ladder = search_offset(window)
+    starts_s = [start for start in (start_s, None if by_ladder is None else by_ladder.offset_s) if start is not None]
+    converged = [ending for start in starts_s if (ending := _converged(window, start)) is not None]
+    return min(converged, key=lambda ending: ending[1])[0] if converged else by_ladder
+
+
+def searched_offset(searched: Sequence[OffsetSearch]) -> ClockOffset | None:
+    """Return the offset of all events by a fit of all trials, or else the mean of the offsets of the ladder."""
+    trials = [search for search in searched if isinstance(search, OffsetTrial)]
+    fits = fit_all([trial.sums for trial in trials])
+    residual = offset_by_interpolation(fits) if fits is not None else None
+    if residual is not None and abs(residual.offset_s) > _CONVERGED_S:
+        return None  # the other windows have another offset than the first one
+    if residual is not None:
+        offset_s = 1e-9 * trials[0].offset_ns + residual.offset_s
+        return ClockOffset(offset_s, residual.error_s, residual.bound_s, 0.0, np.inf, np.inf, np.inf)
+    ladder = [search for search in searched if isinstance(search, LadderOffset)]
+    if not ladder:
+        return None
+    each_s = np.array([offset.offset_s for offset in ladder])
+    error_s = max(float(np.ptp(each_s)) / 2, *(offset.standard_error_s for offset in ladder))
+    bound_s = max(offset.bound_s for offset in ladder)
+    return ClockOffset(float(each_s.mean()), error_s, bound_s, 0.0, np.inf, np.inf, np.inf)
+
+
+def search_is_preferred(searched: ClockOffset, fitted: ClockOffset, facts: Facts) -> bool:
+    """Whether the offset by search has an error as small as that by one fit of all windows, nearly.
+
+    That one underestimates it, by more than it states where light changes from frame to frame.
+    """
+    fitted_ms = offset_error_ms(fitted, 1e3 * fitted.offset_s, 1e3 * fitted.bound_s, facts)
+    return offset_error_ms(searched, 1e3 * searched.offset_s, 1e3 * searched.bound_s, facts) < (
+        _PREFERRED_WITHIN * fitted_ms
+    )
+
+
+def _sums_of(window: Window, events: PixelEvents) -> InterpolationSums | None:
+    frames, declared = seen_frames(window), window.facts.declared.events
+    if declared is None or len(frames) < FINE:
+        return None
+    usable = usable_pixels(window, frames, declared)
+    linear = declared.model == "linear"
+    levels = interpolate_frames(
+        events,
+        frames.times_ns,
+        frames.sharp_dn,
+        frames.even_dn,
+        usable,
+        log_eps_dn=None if linear else declared.log_eps_dn,
+        threshold=min(declared.threshold_on, declared.threshold_off),
+        tick_s=local_tick_ns(window) * 1e-9 if linear else 0.0,
+        leak_rate_hz=declared.leak_rate_hz,
+    )
+    if levels is None or len(levels) < FEWEST_PAIRS:
+        return None
+    weights, (height, width) = interpolation_weights(levels), usable.shape[1:]
+    rows, columns = np.divmod(levels.pixels, width)
+    tiles: NDArray[np.intp] = GRID * (GRID * rows // height) + GRID * columns // width
+
+    def blocks(method: InterpolationMethod) -> NormalBlocks:
+        return interpolation_blocks(levels, weights, tiles, GRID**2, method=method)
+
+    return InterpolationSums(
+        blocks("fine"), blocks("coarse"), blocks("uniform"), window.span.start_ns, window.span.stop_ns
+    )
+
+
+def _local_offset(state: Sequence[InterpolationSums], summed: int) -> LocalOffset | None:
+    """Fit each window (``summed`` = 1) or each tile (0), and return the part whose delay differs most."""
     fits = fit_all(state)
     if fits is None:
         return None
-    kappas_s = fits.fit.kappa_s, fits.coarse.kappa_s, fits.even.kappa_s
-    fine, coarse, even = (cell_sums(state, kind, kappa_s) for kind, kappa_s in zip(KINDS, kappas_s, strict=True))
-    found = delays_of_parts(fine, summed)
-    values = np.where(found.known & (found.relative_sigmas <= READ_WELL), found.seconds, np.nan)
+    kappas_s = fits.fit.kappa_s, fits.coarse.kappa_s, fits.uniform.kappa_s
+    fine, coarse, uniform = (_cell_sums(state, *of_method) for of_method in zip(METHODS, kappas_s, strict=True))
+    parts = delays_of_parts(fine, summed)
+    values = np.where(parts.follows_frames & (parts.relative_sigmas <= INTERPOLABLE), parts.seconds, np.nan)
     # What bounds the bias of a whole file differs from part to part, and is noise to their comparison.
     by_time = values - delays(coarse.over(summed)).seconds
-    by_place = LEFT_BY_SHARP * (values - delays(even.over(summed)).seconds)
-    errors = np.sqrt(found.errors_s**2 + by_time**2 + by_place**2)
+    by_place = LEFT_BY_SHARP * (values - delays(uniform.over(summed)).seconds)
+    errors = np.sqrt(parts.errors_s**2 + by_time**2 + by_place**2)
     if np.count_nonzero(np.isfinite(values) & np.isfinite(errors)) < FEWEST_PARTS:
         return None
     windows = len(state) - 1.0
-    step = latest_stretch(values, errors) if summed == 1 else latest_rectangle(values, errors, (GRID, GRID), windows)
-    return Local(step, values, errors) if step is not None else None
+    step = (
+        largest_segment_step(values, errors)
+        if summed == 1
+        else largest_rectangle_step(values, errors, (GRID, GRID), windows)
+    )
+    return LocalOffset(step, values, errors) if step is not None else None
+
+
+def _cell_sums(state: Sequence[InterpolationSums], method: str, kappa_s: float) -> CellSums:
+    """Return the sums of windows by tiles, of C+, C- and delay: with the file's kappa, as a cell may hold one edge.
+
+    The normal equations of levels less kappa |L'|: with y' = y - kappa z, X'y' = X'y - kappa X'z, and
+    y'y' = yy - 2 kappa yz + kappa^2 zz.
+    """
+    cells = []
+    for sums in state:
+        blocks: NormalBlocks = getattr(sums, method)
+        sizes = blocks.matrices[:, :, 3]
+        vectors = blocks.vectors[:, :3] - kappa_s * sizes[:, :3]
+        squares = blocks.squares - 2 * kappa_s * blocks.vectors[:, 3] + kappa_s**2 * sizes[:, 3]
+        cells.append((blocks.matrices[:, :3, :3], vectors, squares, blocks.weights, blocks.counts))
+    return CellSums(*(np.stack(each) for each in zip(*cells, strict=True)))
+
+
+def _trial(window: Window, offset_ns: int) -> OffsetTrial | None:
+    """Return the sums of a window whose events are late by an offset, with that undone."""
+    sums = _sums_of(window, sorted_by_pixel(events_on_time(window, offset_ns), window.facts.declared))
+    return None if sums is None else OffsetTrial(offset_ns, sums)
+
+
+def _converged(window: Window, offset_s: float) -> tuple[OffsetTrial, float] | None:
+    """Return the trial of an offset that leaves none, and its residual; None where the rounds do not converge."""
+    ending: tuple[OffsetTrial, float] | None = None
+    for _ in range(ROUNDS):
+        offset_ns = round(offset_s * 1e9)
+        trial = _trial(window, offset_ns) if abs(offset_ns) <= FARTHEST_OFFSET_NS else None
+        fits = fit_all([trial.sums]) if trial is not None else None
+        residual = offset_by_interpolation(fits) if fits is not None else None
+        if trial is None or fits is None or residual is None:
+            return None
+        offset_s += residual.offset_s
+        ending = (trial, fits.fit.relative_sigma) if abs(residual.offset_s) <= _CONVERGED_S else None
+    return ending

@@ -1,17 +1,37 @@
-"""How events answer to frames: what a window shows to the checks of threshold, model and timing."""
+"""Bracketed level samples: their normal equations in a window, and the thresholds and delay that a file's windows fit.
 
+``fedora_qa/estimators/events/levels.py`` derives the samples, ``threshold_fit.py`` beside it the fit.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_US
-from fedora_qa.estimators.events.level_kernels import mark_usable
-from fedora_qa.estimators.events.levels import LevelPairs, NormalBlocks, Shown, accumulate, level_pairs, sureness
+from fedora_qa.estimators.events.footprint import LEFT_BY_SHARP
+from fedora_qa.estimators.events.levels import (
+    LevelImages,
+    LevelPairs,
+    accumulate,
+    level_pairs,
+    mark_usable,
+    precision_weights,
+)
 from fedora_qa.estimators.events.pixels import PixelEvents
-from fedora_qa.estimators.events.threshold_fit import ResponseFit, fit_response
+from fedora_qa.estimators.events.threshold_fit import (
+    NormalBlocks,
+    ResponseErrors,
+    ResponseFit,
+    concatenate,
+    fit_response,
+)
+from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.declared import EventModel
+from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
     HALO_NS,
@@ -25,7 +45,7 @@ from fedora_qa.views.event_camera import (
 from fedora_qa.views.event_tick import local_tick_ns
 
 LONGEST_GAP_NS: Final = 20_000_000
-"""Events farther apart do not tell a level: between them a pixel may go anywhere within its thresholds."""
+"""Events farther apart do not determine a level: between them a pixel may go anywhere within its thresholds."""
 
 ENOUGH_PAIRS: Final = 400
 """Where a window has more, those of the shortest gaps are taken where all weigh alike."""
@@ -40,14 +60,20 @@ OFFSET_STEP_NS: Final = 5_000_000
 REFINEMENTS: Final = 3
 """Offsets that are tried where events do not follow the frames as they stand."""
 
+CAPTURE_RANGE_S: Final = 3e-3
+"""Offsets beyond this are underestimated by one fit, and spoil thresholds."""
+
 FOLLOWS: Final = 1.0
 """Residual, in thresholds, beyond which events do not follow the frames."""
+
+LIMIT_ERRORS: Final = 5.0
+"""Standard errors in a limit, nearly: two fits are compared by it, nothing is judged."""
 
 HELD_LEVEL_BIAS: Final = float(np.sqrt(3.0))
 """Mean over scatter of the error of levels that stay where an event left them until the next one.
 
-At a share phi of the gap the events tell phi thresholds more than there are: 1/2 on average, with a standard deviation
-of 1/sqrt(12) as phi is uniform."""
+At a fraction phi of the gap the events sum to phi thresholds more than there are: 1/2 on average, with a standard
+deviation of 1/sqrt(12) as phi is uniform."""
 
 ROUNDING_SHARE: Final = 0.1
 """Pixels so dark that rounding of the frame exceeds this share of the threshold are left out."""
@@ -65,10 +91,10 @@ class LevelSums:
     ``window`` is the window's number.
     """
 
-    log_sharp: NormalBlocks
-    log_even: NormalBlocks
-    linear_sharp: NormalBlocks
-    linear_even: NormalBlocks
+    log_edge_aware: NormalBlocks
+    log_uniform: NormalBlocks
+    linear_edge_aware: NormalBlocks
+    linear_uniform: NormalBlocks
     straight: NormalBlocks
     overshoot: float
     pairs: int
@@ -76,178 +102,178 @@ class LevelSums:
 
 
 @dataclass(frozen=True, slots=True)
-class FoundOffset:
-    """An offset at which events follow the frames.
+class WeightedLevelSums:
+    """Sums of a window by two weightings: pairs of the shortest gaps alike, and all by ``precision_weights``."""
 
-    How late events are, the residual left, in thresholds, and a bound on the bias that levels which jump make.
+    equal: LevelSums
+    by_precision: LevelSums
+
+
+@dataclass(frozen=True, slots=True)
+class LadderOffset:
+    """An offset at which the events of a window follow its frames.
+
+    Attributes
+    ----------
+    offset_s, standard_error_s
+        By which events are stamped late.
+    relative_sigma
+        Residual over threshold.
+    bound_s
+        On the bias of levels that jump.
     """
 
-    late_s: float
+    offset_s: float
     standard_error_s: float
     relative_sigma: float
     bound_s: float
 
 
 @dataclass(frozen=True, slots=True)
-class WeighedSums:
-    """Sums of a window by two weightings: the pairs of the shortest gaps alike, and all by ``sureness``."""
+class ThresholdFit:
+    """The fits of a file.
 
-    alike: LevelSums
-    sure: LevelSums
+    Attributes
+    ----------
+    fit
+        In the declared domain.
+    model_errors
+        Bounds on errors of the model: of footprints (how far the other reconstruction of frames moves the fit), of
+        levels between events (how far straight lines move it), of regressors (attenuation).
+    other_domain
+        The fit in the other domain.
+    preference
+        Mean and standard error of ln(residual / threshold) in the declared domain less that in the other, over blocks.
+    overshoot
+        As in ``LevelSums``.
+    """
+
+    fit: ResponseFit
+    model_errors: ResponseErrors
+    other_domain: ResponseFit | None
+    preference: tuple[float, float]
+    overshoot: float
 
 
 def level_sums(window: Window) -> LevelSums | None:
-    """Return the sums of a window, pairs of the shortest gaps alike; None where it shows too few levels."""
-    return window.once("level_sums", lambda: _level_sums(window))
-
-
-def weighed_sums(window: Window) -> WeighedSums | None:
-    """Return the sums of a window by both weightings; None where it shows too few levels."""
-    alike, found = level_sums(window), _level_pairs(window)
-    if alike is None or found is None:
+    """Return the sums of a window, pairs of the shortest gaps alike; None where it holds too few levels."""
+    samples = _level_samples(window)
+    if samples is None:
         return None
-    pairs, seen, declared = found
-    return WeighedSums(alike, _summed(window, pairs, seen, declared, _sureness(pairs, seen, declared)))
+    pairs, frames, declared = samples
+    return window.once("level_sums", lambda: _summed(window, pairs.tightest(ENOUGH_PAIRS), frames, declared))
 
 
-def _level_sums(window: Window) -> LevelSums | None:
-    found = _level_pairs(window)
-    if found is None:
+def weighted_level_sums(window: Window) -> WeightedLevelSums | None:
+    """Return the sums of a window by both weightings; None where it holds too few levels."""
+    equal, samples = level_sums(window), _level_samples(window)
+    if equal is None or samples is None:
         return None
-    pairs, seen, declared = found
-    tight = pairs.tightest(ENOUGH_PAIRS)
-    return _summed(window, tight, seen, declared, np.ones(len(tight)))
+    pairs, frames, declared = samples
+    edge_aware, uniform = (_levels_at_ends(pairs, luma_dn, declared) for luma_dn in (frames.sharp_dn, frames.even_dn))
+    threshold = 0.5 * (declared.threshold_on + declared.threshold_off)
+    weights = precision_weights(pairs, edge_aware, uniform, threshold)
+    return WeightedLevelSums(equal, _summed(window, pairs, frames, declared, weights))
 
 
-def _level_pairs(window: Window) -> tuple[LevelPairs, SeenFrames, EventModel] | None:
-    return window.once("level_pairs", lambda: _find_level_pairs(window))
-
-
-def _find_level_pairs(window: Window) -> tuple[LevelPairs, SeenFrames, EventModel] | None:
-    seen, declared = seen_frames(window), window.facts.declared.events
-    if declared is None or len(seen) < 2:
-        return None
-    pairs = _pairs(window, seen, declared, pixel_events(window))
-    return (pairs, seen, declared) if len(pairs) >= FEWEST_PAIRS else None
-
-
-def _summed(
-    window: Window, pairs: LevelPairs, seen: SeenFrames, declared: EventModel, sure: NDArray[np.float64]
-) -> LevelSums:
-    """Return the sums of pairs with weights (m,)."""
-    sharp, even = (pairs.ends_of(luma) for luma in (seen.sharp_dn, seen.even_dn))
-    log_sharp, log_even = (log_levels(luma, declared) for luma in (sharp, even))
-    linear = declared.model == "linear"
-
-    def sums(pairs: LevelPairs, levels: NDArray[np.float64]) -> NormalBlocks:
-        return _sums(pairs, seen, levels, sure)
-
-    return LevelSums(
-        sums(pairs, log_sharp),
-        sums(pairs, log_even),
-        sums(pairs, sharp),
-        sums(pairs, even),
-        sums(pairs.with_straight_lines(), sharp if linear else log_sharp),
-        float(np.average(local_tick_ns(window) * 1e-9 / pairs.gaps_s, weights=sure)),
-        len(pairs),
-        window.span.index,
+def fit_thresholds(state: Sequence[LevelSums], facts: Facts) -> ThresholdFit | str:
+    """Fit thresholds and delay of a file from the sums of its windows, or say why they cannot be fitted."""
+    declared = facts.declared.events
+    pairs = sum(sums.pairs for sums in state)
+    too_few = (
+        f"only {pairs} pairs of frames at which events tell a pixel's level (slow motion, little texture, or dark)"
     )
+    if declared is None or not state:
+        return too_few
+    ours, theirs = ("linear", "log") if declared.model == "linear" else ("log", "linear")
+    blocks, other_blocks = _concatenated(state, f"{ours}_edge_aware"), _concatenated(state, f"{theirs}_edge_aware")
+    fit, other = fit_response(blocks), fit_response(other_blocks)
+    uniform, straight = (fit_response(_concatenated(state, name)) for name in (f"{ours}_uniform", "straight"))
+    if fit is None or uniform is None or straight is None:
+        return too_few
+    least = min(fit.relative_sigma, other.relative_sigma if other is not None else fit.relative_sigma)
+    if least > FOLLOWS:
+        return (
+            f"events do not follow the frames at all: what is left is {least:.3g} thresholds "
+            "(see event_response.orientation)"
+        )
+    overshoot = sum(sums.overshoot * sums.pairs for sums in state) / pairs
+    preference = _domain_preference(blocks, other_blocks, fit, other)
+
+    def bound(name: str) -> float:
+        """Add up how far each other reconstruction moves an estimate, and its attenuation."""
+        own = getattr(fit, name)
+        moved = LEFT_BY_SHARP * abs(own - getattr(uniform, name)) + abs(own - getattr(straight, name))
+        return float(moved + getattr(fit.attenuation, name))
+
+    rate_bound = bound("delay_rate") if isfinite(fit.attenuation.delay_rate) else float("inf")
+    errors = ResponseErrors(bound("threshold_on"), bound("threshold_off"), bound("delay_s"), rate_bound)
+    return ThresholdFit(fit, errors, other, preference, overshoot)
 
 
-def search_offset(window: Window) -> FoundOffset | None:
-    """Look for the offset at which the events of a window follow its frames, up to 100 ms either way.
+def lower_variance_fit(equal: ThresholdFit | str, by_precision: ThresholdFit | str) -> ThresholdFit | str:
+    """Return the fit of the smaller errors and bounds of both thresholds; ``equal`` where neither has.
 
-    A fit draws towards the right offset from several ms away; it is repeated from the best of a ladder of offsets.
+    Where edges are sharp that is the one weighted by precision; where light flickers between events, no sample
+    predicts its error, and the number of pairs counts. The choice depends on errors and bounds only, never on how far
+    thresholds are off.
     """
-    seen, declared = seen_frames(window), window.facts.declared.events
-    if declared is None or len(seen) < 2:
+    if isinstance(by_precision, str):
+        return equal
+    if not isinstance(equal, str) and _threshold_limit(equal) <= _threshold_limit(by_precision):
+        return equal
+    return by_precision
+
+
+def level_coverage(state: Sequence[LevelSums]) -> Coverage:
+    """Return how many pairs of level samples were used; how many there might have been is unknown."""
+    pairs = sum(sums.pairs for sums in state)
+    return Coverage(pairs, pairs, "level samples")
+
+
+def search_offset(window: Window) -> LadderOffset | None:
+    """Search the offset at which the events of a window follow its frames, up to 100 ms either way.
+
+    A fit converges to the right offset from several ms away; it is repeated from the best of a ladder of offsets.
+    """
+    frames, declared = seen_frames(window), window.facts.declared.events
+    if declared is None or len(frames) < 2:
         return None
     events = sorted_by_pixel(events_around(window, FARTHEST_OFFSET_NS + HALO_NS), window.facts.declared)
-    ladder = range(-FARTHEST_OFFSET_NS, FARTHEST_OFFSET_NS + 1, OFFSET_STEP_NS)
-    fits = [(late_ns, _fit_at(window, seen, declared, events, late_ns)) for late_ns in ladder]
-    known = [(late_ns, fit) for late_ns, fit in fits if fit is not None]
-    if not known:
+    fits = [
+        (offset_ns, fit)
+        for offset_ns in range(-FARTHEST_OFFSET_NS, FARTHEST_OFFSET_NS + 1, OFFSET_STEP_NS)
+        if (fit := _fit_at_offset(window, frames, declared, events, offset_ns)) is not None
+    ]
+    if not fits:
         return None
-    late_ns, fit = min(known, key=lambda found: found[1].relative_sigma)
+    offset_ns, fit = min(fits, key=lambda candidate: candidate[1].relative_sigma)
     for _ in range(REFINEMENTS):
-        late_ns += round(fit.delay_s * 1e9)
-        again = _fit_at(window, seen, declared, events, late_ns)
-        if again is None:
+        offset_ns += round(fit.delay_s * 1e9)
+        refined = _fit_at_offset(window, frames, declared, events, offset_ns)
+        if refined is None:
             return None
-        fit = again
+        fit = refined
     if fit.relative_sigma > FOLLOWS or min(fit.threshold_on, fit.threshold_off) < 0:
         return None
-    late_s = late_ns * 1e-9 + fit.delay_s
+    offset_s = offset_ns * 1e-9 + fit.delay_s
     held_s = HELD_LEVEL_BIAS * fit.coherent_delay_s if declared.model == "linear" else 0.0
-    return FoundOffset(late_s, fit.standard_errors.delay_s, fit.relative_sigma, held_s)
+    return LadderOffset(offset_s, fit.standard_errors.delay_s, fit.relative_sigma, held_s)
 
 
-def _fit_at(
-    window: Window, seen: SeenFrames, declared: EventModel, events: PixelEvents, late_ns: int
-) -> ResponseFit | None:
-    """Fit one window with events taken to be late by so much: with frames at later times."""
-    pairs = _pairs(window, seen, declared, events, late_ns).tightest(ENOUGH_PAIRS)
-    if len(pairs) < FEWEST_PAIRS:
-        return None
-    sharp = pairs.ends_of(seen.sharp_dn)
-    levels = sharp if declared.model == "linear" else log_levels(sharp, declared)
-    return fit_response(_sums(pairs, seen, levels, np.ones(len(pairs))))
-
-
-def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: PixelEvents, late_ns: int = 0) -> LevelPairs:
-    burst_ns = 2 * declared.refractory_us * NS_PER_US
-    pairs = level_pairs(
-        events,
-        seen.times_ns + late_ns,
-        _shown(window, seen, declared),
-        longest_gap_ns=LONGEST_GAP_NS,
-        least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else int(burst_ns),
-        off_over_on=declared.threshold_off / declared.threshold_on,
-    )
-    if declared.leak_rate_hz > 0:
-        # Leak gives brighter events that the level does not rise by: so many thresholds in the time between.
-        elapsed_s = (seen.times_ns[pairs.later] - seen.times_ns[pairs.earlier]) * 1e-9
-        pairs.regressors[:, 0] -= declared.leak_rate_hz * elapsed_s
-    return pairs
-
-
-def _sureness(pairs: LevelPairs, seen: SeenFrames, declared: EventModel) -> NDArray[np.float64]:
-    """Return how surely frames and events tell the levels of pairs, (m,): alike in both domains."""
-    threshold = 0.5 * (declared.threshold_on + declared.threshold_off)
-    sharp, even = (pairs.ends_of(luma) for luma in (seen.sharp_dn, seen.even_dn))
-    if declared.model == "linear":
-        return sureness(pairs, sharp, even, threshold)
-    return sureness(pairs, log_levels(sharp, declared), log_levels(even, declared), threshold)
-
-
-def _sums(pairs: LevelPairs, seen: SeenFrames, levels: NDArray[np.float64], sure: NDArray[np.float64]) -> NormalBlocks:
-    """Return the normal equations of four blocks, the quarters of the image, of ``levels`` (2, m) at both ends."""
-    height, width = seen.even_dn.shape[1:]
-    rows, columns = np.divmod(pairs.pixels, width)
-    quarter = 2 * (2 * rows // height) + 2 * columns // width
-    middle_ns = (seen.times_ns[pairs.earlier] + seen.times_ns[pairs.later]) / 2
-    return accumulate(pairs, levels[1] - levels[0], quarter, 4, middle_ns * 1e-9, sure)
-
-
-def usable_pixels(window: Window, seen: SeenFrames, declared: EventModel) -> NDArray[np.bool_]:
+def usable_pixels(window: Window, frames: SeenFrames, declared: EventModel) -> NDArray[np.bool_]:
     """Return the pixels (n, h, w) of a window's frames bright enough, not saturated, and not declared hot."""
     darkest_dn = least_dn(window, declared)
-    usable: NDArray[np.bool_] = np.empty(seen.even_dn.shape, np.bool_)
+    usable: NDArray[np.bool_] = np.empty(frames.even_dn.shape, np.bool_)
     for frame, marked in enumerate(usable):
-        mark_usable(seen.sharp_dn[frame], seen.even_dn[frame], seen.error_dn[frame], darkest_dn, marked)
-    usable.reshape(len(usable), -1)[:, hot_pixels(declared, seen)] = False
+        mark_usable(frames.sharp_dn[frame], frames.even_dn[frame], frames.error_dn[frame], darkest_dn, marked)
+    usable.reshape(len(usable), -1)[:, hot_pixels(declared, frames)] = False
     return usable
 
 
-def _shown(window: Window, seen: SeenFrames, declared: EventModel) -> Shown:
-    """Return what tells levels: the same pixels, looked at only where an event asks."""
-    darkest_dn = least_dn(window, declared)
-    return Shown(seen.sharp_dn, seen.even_dn, seen.error_dn, darkest_dn, hot_pixels(declared, seen))
-
-
-def hot_pixels(declared: EventModel, seen: SeenFrames) -> NDArray[np.int64]:
+def hot_pixels(declared: EventModel, frames: SeenFrames) -> NDArray[np.int64]:
     """Return the declared hot pixels that lie on the sensor, row * width + column, sorted."""
-    height, width = seen.even_dn.shape[1:]
+    height, width = frames.even_dn.shape[1:]
     on_sensor = [
         row * width + column for column, row in declared.hot_pixels if 0 <= row < height and 0 <= column < width
     ]
@@ -255,7 +281,7 @@ def hot_pixels(declared: EventModel, seen: SeenFrames) -> NDArray[np.int64]:
 
 
 def least_dn(window: Window, declared: EventModel) -> float:
-    """Return the light, in DN, below which a pixel tells no level."""
+    """Return the light, in DN, below which a pixel's level is not known."""
     if declared.model != "log":
         return _LINEAR_LEAST_DN
     # The standard deviation of rounding, uniform over a step, over the level is that of its logarithm.
@@ -264,7 +290,117 @@ def least_dn(window: Window, declared: EventModel) -> float:
     return float(max(sigma_dn / contrast - declared.log_eps_dn, _DARKEST_DN))
 
 
-def log_levels(luma_dn: NDArray[np.float64], declared: EventModel) -> NDArray[np.float64]:
+def _level_samples(window: Window) -> tuple[LevelPairs, SeenFrames, EventModel] | None:
+    return window.once("level_pairs", lambda: _find_level_samples(window))
+
+
+def _find_level_samples(window: Window) -> tuple[LevelPairs, SeenFrames, EventModel] | None:
+    """Return all pairs of level samples of a window, its frames, and the declared sensor; None with too few pairs."""
+    frames, declared = seen_frames(window), window.facts.declared.events
+    if declared is None or len(frames) < 2:
+        return None
+    pairs = _pairs(window, frames, declared, pixel_events(window))
+    return (pairs, frames, declared) if len(pairs) >= FEWEST_PAIRS else None
+
+
+def _summed(
+    window: Window,
+    pairs: LevelPairs,
+    frames: SeenFrames,
+    declared: EventModel,
+    weights: NDArray[np.float64] | None = None,
+) -> LevelSums:
+    """Return the sums of pairs with weights (m,), 1 if not given."""
+    weights = np.ones(len(pairs)) if weights is None else weights
+    edge_aware, uniform = (pairs.ends_of(luma_dn) for luma_dn in (frames.sharp_dn, frames.even_dn))
+    log_edge_aware, log_uniform = (_log_levels(luma_dn, declared) for luma_dn in (edge_aware, uniform))
+    linear = declared.model == "linear"
+    return LevelSums(
+        _quarter_sums(pairs, frames, log_edge_aware, weights),
+        _quarter_sums(pairs, frames, log_uniform, weights),
+        _quarter_sums(pairs, frames, edge_aware, weights),
+        _quarter_sums(pairs, frames, uniform, weights),
+        _quarter_sums(pairs.with_straight_lines(), frames, edge_aware if linear else log_edge_aware, weights),
+        float(np.average(local_tick_ns(window) * 1e-9 / pairs.gaps_s, weights=weights)),
+        len(pairs),
+        window.span.index,
+    )
+
+
+def _fit_at_offset(
+    window: Window, frames: SeenFrames, declared: EventModel, events: PixelEvents, offset_ns: int
+) -> ResponseFit | None:
+    """Fit one window with events taken to be late by an offset: with frames at later times."""
+    pairs = _pairs(window, frames, declared, events, offset_ns).tightest(ENOUGH_PAIRS)
+    if len(pairs) < FEWEST_PAIRS:
+        return None
+    levels = _levels_at_ends(pairs, frames.sharp_dn, declared)
+    return fit_response(_quarter_sums(pairs, frames, levels, np.ones(len(pairs))))
+
+
+def _pairs(
+    window: Window, frames: SeenFrames, declared: EventModel, events: PixelEvents, offset_ns: int = 0
+) -> LevelPairs:
+    burst_ns = 2 * declared.refractory_us * NS_PER_US
+    darkest_dn = least_dn(window, declared)
+    pairs = level_pairs(
+        events,
+        frames.times_ns + offset_ns,
+        LevelImages(frames.sharp_dn, frames.even_dn, frames.error_dn, darkest_dn, hot_pixels(declared, frames)),
+        longest_gap_ns=LONGEST_GAP_NS,
+        least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else int(burst_ns),
+        off_over_on=declared.threshold_off / declared.threshold_on,
+    )
+    if declared.leak_rate_hz > 0:
+        # Leak gives brighter events that the level does not rise by: so many thresholds in the time between.
+        elapsed_s = (frames.times_ns[pairs.later] - frames.times_ns[pairs.earlier]) * 1e-9
+        pairs.regressors[:, 0] -= declared.leak_rate_hz * elapsed_s
+    return pairs
+
+
+def _quarter_sums(
+    pairs: LevelPairs, frames: SeenFrames, levels: NDArray[np.float64], weights: NDArray[np.float64]
+) -> NormalBlocks:
+    """Return the normal equations of four blocks, the quarters of the image, of ``levels`` (2, m) at both ends."""
+    height, width = frames.even_dn.shape[1:]
+    rows, columns = np.divmod(pairs.pixels, width)
+    quarter = 2 * (2 * rows // height) + 2 * columns // width
+    middle_ns = (frames.times_ns[pairs.earlier] + frames.times_ns[pairs.later]) / 2
+    return accumulate(pairs, levels[1] - levels[0], quarter, 4, middle_ns * 1e-9, weights)
+
+
+def _levels_at_ends(pairs: LevelPairs, luma_dn: NDArray[np.float32], declared: EventModel) -> NDArray[np.float64]:
+    """Return the levels of the declared domain at both ends of pairs, (2, m), from luma (n, h, w) in DN."""
+    at_ends = pairs.ends_of(luma_dn)
+    return at_ends if declared.model == "linear" else _log_levels(at_ends, declared)
+
+
+def _log_levels(luma_dn: NDArray[np.float64], declared: EventModel) -> NDArray[np.float64]:
     """Return L of luma in DN, NaN staying NaN."""
     level: NDArray[np.float64] = np.log(np.maximum(luma_dn + declared.log_eps_dn, 1e-3))
     return level
+
+
+def _concatenated(state: Sequence[LevelSums], name: str) -> NormalBlocks:
+    return concatenate([getattr(sums, name) for sums in state])
+
+
+def _threshold_limit(fitted: ThresholdFit) -> float:
+    """Return the sum of the limits of both thresholds."""
+    errors, bounds = fitted.fit.standard_errors, fitted.model_errors
+    of_both = bounds.threshold_on + bounds.threshold_off + LIMIT_ERRORS * (errors.threshold_on + errors.threshold_off)
+    return float(of_both)
+
+
+def _domain_preference(
+    declared: NormalBlocks, other: NormalBlocks, fit: ResponseFit, other_fit: ResponseFit | None
+) -> tuple[float, float]:
+    """Compare residuals over thresholds in the declared and the other domain, block by block."""
+    if other_fit is None:
+        return 0.0, float("inf")
+    enough = (declared.counts >= FEWEST_PAIRS) & (other.counts >= FEWEST_PAIRS)
+    if np.count_nonzero(enough) < 2:
+        return float(np.log(fit.relative_sigma / other_fit.relative_sigma)), float("inf")
+    difference = (np.log(fit.block_sigmas(declared)) - np.log(other_fit.block_sigmas(other)))[enough]
+    scale = np.log(fit.threshold / other_fit.threshold)
+    return float(difference.mean() - scale), float(difference.std(ddof=1) / np.sqrt(len(difference)))

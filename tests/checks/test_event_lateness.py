@@ -5,19 +5,19 @@ from math import hypot, inf, pi, sin
 
 import pytest
 
-from fedora_qa.views.event_clock_offset import Lateness, told_error_ms
+from fedora_qa.views.event_clock_offset import ClockOffset, offset_error_ms
 from tests.support.facts import exact_facts
 
-READ = Lateness(10e-3, 0.3e-3, 0.0, 0.0, inf, inf, capture_range_s=10e-3)
+READ = ClockOffset(10e-3, 0.3e-3, 0.0, 0.0, inf, inf, capture_range_s=10e-3)
 
 
 def test_an_offset_of_half_an_interval_may_be_read_too_small() -> None:
     """A wave of four frames, 20 ms apart, that is moved by 10 ms is read as moved by sin(pi / 4) / (pi / 4) of them."""
     by_curve_ms = 10.0 * (1 - sin(pi / 4) / (pi / 4))
-    assert told_error_ms(READ, 10.0, 0.4, exact_facts()) == pytest.approx(hypot(0.3, 0.4, by_curve_ms))
-    assert told_error_ms(READ, -0.5, 0.4, exact_facts()) == pytest.approx(0.5, rel=1e-3)
+    assert offset_error_ms(READ, 10.0, 0.4, exact_facts()) == pytest.approx(hypot(0.3, 0.4, by_curve_ms))
+    assert offset_error_ms(READ, -0.5, 0.4, exact_facts()) == pytest.approx(0.5, rel=1e-3)
 
 
 def test_what_was_searched_for_is_read_where_it_is() -> None:
     """An offset that was undone before it was read has its own error alone, however large it is."""
-    assert told_error_ms(replace(READ, capture_range_s=inf), 60.0, 0.4, exact_facts()) == pytest.approx(0.5)
+    assert offset_error_ms(replace(READ, capture_range_s=inf), 60.0, 0.4, exact_facts()) == pytest.approx(0.5)

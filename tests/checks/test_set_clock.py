@@ -10,14 +10,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fedora_qa.checks.clocks.order import ClocksOrder
-from fedora_qa.checks.event_response.timing_causes import Shapes, with_steps
 from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
-from fedora_qa.estimators.events.delays import Step
 from fedora_qa.judgement.judge import judge
 from fedora_qa.sequence.event_steps import KEPT, longest_steps
-from fedora_qa.sequence.facts import EventScan, EventStep, Facts
+from fedora_qa.sequence.facts import EventScan, Facts
 from fedora_qa.views.clock_resets import set_clock
-from fedora_qa.views.event_clock_offset import Local
 from tests.support.facts import MS, exact_facts, with_map
 
 Int64 = NDArray[np.int64]
@@ -137,24 +134,3 @@ def test_order_and_maps_suspect_the_clock_first() -> None:
     checks = (ClocksOrder(), IndexMapsRgb())
     for one in judge({check.name: check.examine(facts) for check in checks}, checks, 1e-4):
         assert one.alarms[0].statistic.suspects[0].cause == "time_offset"
-
-
-def local(chosen: list[bool]) -> Local:
-    return Local(Step(np.array(chosen), 7e-3, 1e-4, 10), np.zeros(len(chosen)), np.full(len(chosen), 1e-4))
-
-
-@pytest.mark.parametrize(
-    ("chosen", "gains"),
-    [
-        pytest.param([False, True, True, False], True, id="within"),
-        pytest.param([True, True, True, False], False, id="from the start"),
-        pytest.param([False, False, False, True], False, id="to the end"),
-    ],
-)
-def test_a_late_stretch_within_a_file_needs_two_steps(chosen: list[bool], gains: bool) -> None:
-    """With a step back only, a stretch within the file gained; one at an end of it was late at once."""
-    steps = EventStep(1, 0, MS), EventStep(700, 90 * MS, 80 * MS), EventStep(800, 95 * MS, 96 * MS)
-    was_set = set_clock(EventScan(1000, 0, 200 * MS, 1, 700, 1000, (), 10 * MS, 60, steps))
-    shapes = with_steps(Shapes(0.0, 0.0, 1.0), local(chosen), was_set)
-    assert (shapes.drift > shapes.stretch) == gains
-    assert shapes.drift + shapes.stretch == pytest.approx(1.0)

@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 from fedora_qa.estimators.images.channel_orders import LEVEL_BIAS, WRONG_ORDERS, nearest_order, towards, weights_in
-from fedora_qa.estimators.images.event_colours import ColourFit, Estimate, WeightErrors
+from fedora_qa.estimators.images.event_colours import ChannelWeightErrors, ColourEstimate, ColourFit
 
 NOISE = np.array([[4.0, 1.0, -2.0], [1.0, 3.0, 0.5], [-2.0, 0.5, 5.0]]) * 1e-4
 
 
 def fit_of(weights: np.ndarray, formal: np.ndarray = NOISE, biases: np.ndarray | None = None) -> ColourFit:
-    one = Estimate(1.0, 0.0, 0.0)
-    stated = tuple(Estimate(float(value), 0.01, 0.0) for value in weights)
-    errors = WeightErrors(formal, formal, np.zeros((0, 3)) if biases is None else biases)
+    one = ColourEstimate(1.0, 0.0, 0.0)
+    stated = tuple(ColourEstimate(float(value), 0.01, 0.0) for value in weights)
+    errors = ChannelWeightErrors(formal, formal, np.zeros((0, 3)) if biases is None else biases)
     return ColourFit((stated[0], stated[1], stated[2]), (one, one, one), one, one, errors, 0.0, 0.0)
 
 

@@ -10,18 +10,18 @@ from fedora_qa.estimators.events.delays import (
     _jackknife,
     delays,
     delays_of_parts,
-    latest_rectangle,
-    latest_stretch,
+    largest_rectangle_step,
+    largest_segment_step,
 )
 from fedora_qa.estimators.fitting.few_groups import student_factor
 
 
-def sums_of(late_s: np.ndarray, readings: int = 400, noise: float = 0.05, seed: int = 0) -> CellSums:
+def sums_of(offset_s: np.ndarray, readings: int = 400, noise: float = 0.05, seed: int = 0) -> CellSums:
     """Normal equations of cells (w, c) with thresholds of 0.2 and the given delays."""
     rng = np.random.default_rng(seed)
-    shape = late_s.shape
+    shape = offset_s.shape
     X = rng.normal(size=(*shape, readings, 3)) * [3.0, 3.0, 5.0]
-    y = 0.2 * X[..., 0] + 0.2 * X[..., 1] + late_s[..., np.newaxis] * X[..., 2]
+    y = 0.2 * X[..., 0] + 0.2 * X[..., 1] + offset_s[..., np.newaxis] * X[..., 2]
     y += noise * rng.normal(size=y.shape)
     ones = np.full(shape, float(readings))
     return CellSums(
@@ -31,11 +31,11 @@ def sums_of(late_s: np.ndarray, readings: int = 400, noise: float = 0.05, seed: 
 
 def test_cells_tell_their_delays() -> None:
     """Each cell's delay is within five of its errors, which are those of independent readings."""
-    late_s = np.linspace(-0.01, 0.01, 24).reshape(4, 6)
-    found = delays(sums_of(late_s))
-    assert np.all(np.abs(found.seconds - late_s.ravel()) < 5 * found.errors_s)
+    offset_s = np.linspace(-0.01, 0.01, 24).reshape(4, 6)
+    found = delays(sums_of(offset_s))
+    assert np.all(np.abs(found.seconds - offset_s.ravel()) < 5 * found.errors_s)
     assert found.errors_s == pytest.approx(0.05 / 5 / 20, rel=0.2)
-    assert found.known.all()
+    assert found.follows_frames.all()
 
 
 def test_errors_of_honest_parts_have_unit_spread() -> None:
@@ -55,14 +55,14 @@ def test_few_edges_that_err_alike_by_chance_make_no_stretch_late() -> None:
     rng = np.random.default_rng(4)
     largest, alone = [], []
     for seed in range(200):
-        late_s = np.zeros((5, 16))
-        late_s[:, :4] = rng.normal(0, 1e-3, (5, 4))
-        sums = sums_of(late_s, readings=100, noise=0.05, seed=seed)
+        offset_s = np.zeros((5, 16))
+        offset_s[:, :4] = rng.normal(0, 1e-3, (5, 4))
+        sums = sums_of(offset_s, readings=100, noise=0.05, seed=seed)
         few = CellSums(*(np.where(_told(value), value, value * 1e-4) for value in _parts(sums)))
         found = delays_of_parts(few, 1)
-        step = latest_stretch(found.seconds, found.errors_s)
+        step = largest_segment_step(found.seconds, found.errors_s)
         assert step is not None
-        largest.append(abs(step.late_s) / step.standard_error_s)
+        largest.append(abs(step.offset_s) / step.standard_error_s)
         alone.extend(np.abs(found.seconds / _jackknife(few, 1)))
     assert max(largest) < 5
     assert np.mean(np.array(alone) > 5) == pytest.approx(1 / 70, rel=0.3)
@@ -80,14 +80,14 @@ def _told(value: np.ndarray) -> np.ndarray:
 
 def test_late_stretch_is_found_with_its_ends() -> None:
     """Windows 3 to 5 that are 2 ms late are named, and by how much."""
-    late_s = np.zeros((10, 16))
-    late_s[3:6] = 2e-3
-    found = delays_of_parts(sums_of(late_s), 1)
-    step = latest_stretch(found.seconds, found.errors_s)
+    offset_s = np.zeros((10, 16))
+    offset_s[3:6] = 2e-3
+    found = delays_of_parts(sums_of(offset_s), 1)
+    step = largest_segment_step(found.seconds, found.errors_s)
     assert step is not None
     assert np.flatnonzero(step.chosen).tolist() == [3, 4, 5]
-    assert step.late_s == pytest.approx(2e-3, rel=0.1)
-    assert step.late_s > 10 * step.standard_error_s
+    assert step.offset_s == pytest.approx(2e-3, rel=0.1)
+    assert step.offset_s > 10 * step.standard_error_s
 
 
 def test_late_region_is_found_with_its_sides() -> None:
@@ -95,10 +95,10 @@ def test_late_region_is_found_with_its_sides() -> None:
     early = np.zeros((4, 4))
     early[1:3, 1:4] = -2e-3
     found = delays_of_parts(sums_of(np.tile(early.ravel(), (8, 1))), 0)
-    step = latest_rectangle(found.seconds, found.errors_s, (4, 4))
+    step = largest_rectangle_step(found.seconds, found.errors_s, (4, 4))
     assert step is not None
     assert step.chosen.reshape(4, 4).tolist() == (early < 0).tolist()
-    assert step.late_s == pytest.approx(-2e-3, rel=0.1)
+    assert step.offset_s == pytest.approx(-2e-3, rel=0.1)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -108,10 +108,10 @@ def test_unknown_parts_belong_to_neither_side(seed: int) -> None:
     rng = np.random.default_rng(seed)
     values, errors = rng.normal(size=6), rng.uniform(0.5, 2.0, size=6)
     spoilt = np.array([*values, np.nan])
-    one, other = latest_stretch(values, errors), latest_stretch(spoilt, np.array([*errors, 1.0]))
+    one, other = largest_segment_step(values, errors), largest_segment_step(spoilt, np.array([*errors, 1.0]))
     assert one is not None
     assert other is not None
-    assert one.late_s == pytest.approx(other.late_s)
+    assert one.offset_s == pytest.approx(other.offset_s)
 
 
 def test_empty_cells_are_unknown() -> None:
@@ -121,13 +121,13 @@ def test_empty_cells_are_unknown() -> None:
     )
     found = delays_of_parts(nothing, 1)
     assert not np.isfinite(found.seconds).any()
-    assert latest_stretch(found.seconds, found.errors_s) is None
+    assert largest_segment_step(found.seconds, found.errors_s) is None
 
 
 def test_few_windows_make_regions_uncertain() -> None:
     """One tile against three of equal errors, each known by four degrees of freedom, has 6.86 of them."""
     values, errors = np.array([8.0, 0.0, 0.0, 0.0]), np.ones(4)
-    known, estimated = (latest_rectangle(values, errors, (2, 2), freedom) for freedom in (np.inf, 4.0))
+    known, estimated = (largest_rectangle_step(values, errors, (2, 2), freedom) for freedom in (np.inf, 4.0))
     assert known is not None
     assert estimated is not None
     freedom = 4.0 * (1 + 1 / 3) ** 2 / (1 + 3 / 9**2)

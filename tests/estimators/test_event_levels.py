@@ -7,21 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.events import levels as event_levels
-from fedora_qa.estimators.events.level_kernels import solve
 from fedora_qa.estimators.events.levels import (
-    SURE_WITHIN,
+    DISAGREEMENT_KNEE,
+    LevelImages,
     LevelPairs,
-    NormalBlocks,
-    Shown,
     accumulate,
-    concatenate,
-    huber_weights,
     level_pairs,
-    sureness,
+    precision_weights,
 )
 from fedora_qa.estimators.events.pixels import by_pixel
-from fedora_qa.estimators.events.threshold_fit import ResponseFit, fit_response
+from fedora_qa.estimators.events.threshold_fit import NormalBlocks, ResponseFit, concatenate, fit_response
+from fedora_qa.estimators.fitting import huber
+from fedora_qa.estimators.fitting.huber import huber_weights, solve
 from tests.estimators.event_world import MS, Stream, Waves, log_events
 
 SHAPE = (40, 56)
@@ -35,10 +32,10 @@ def events() -> Stream:
     return log_events(WORLD, SHAPE, 400 * MS, on=0.15, off=0.2)
 
 
-def shown(usable: np.ndarray, hidden: list[int] | None = None) -> Shown:
+def shown(usable: np.ndarray, hidden: list[int] | None = None) -> LevelImages:
     """Frames that are bright where they are usable."""
     light = np.where(usable, 200, 50).astype(np.float32)
-    return Shown(light, np.full_like(light, 255), np.zeros_like(light), 100.0, np.array(hidden or [], np.int64))
+    return LevelImages(light, np.full_like(light, 255), np.zeros_like(light), 100.0, np.array(hidden or [], np.int64))
 
 
 def pairs_of(events: Stream, **options: int) -> LevelPairs:
@@ -125,9 +122,9 @@ def test_pixels_that_tell_nothing_give_no_sample(events: Stream) -> None:
     usable = np.ones(LEVELS.shape, np.bool_)
     usable[:, :, ::2] = False
     seen, everywhere = shown(usable), shown(np.ones_like(usable))
-    unknown = replace(everywhere, error=np.where(usable, 0, np.inf).astype(np.float32))
+    unknown = everywhere._replace(error=np.where(usable, 0, np.inf).astype(np.float32))
     hidden = np.flatnonzero(~usable[0]).tolist()
-    exchanged = replace(seen, light=seen.other_light, other_light=seen.light)
+    exchanged = seen._replace(light=seen.other_light, other_light=seen.light)
     by = by_pixel(events.x, events.y, events.times_ns, events.p, SHAPE)
     found = [
         level_pairs(by, FRAMES_NS, one, longest_gap_ns=20 * MS)
@@ -153,8 +150,8 @@ def test_sureness_falls_where_readings_part(events: Stream) -> None:
     pairs = pairs_of(events)
     pairs = replace(pairs, straightened=np.zeros_like(pairs.straightened))
     otherwise = LEVELS.copy()
-    otherwise[pairs.later[0]].flat[pairs.pixels[0]] += 0.2 * SURE_WITHIN
-    weights = sureness(pairs, pairs.ends_of(LEVELS), pairs.ends_of(otherwise), 0.2)
+    otherwise[pairs.later[0]].flat[pairs.pixels[0]] += 0.2 * DISAGREEMENT_KNEE
+    weights = precision_weights(pairs, pairs.ends_of(LEVELS), pairs.ends_of(otherwise), 0.2)
     assert weights[0] == pytest.approx(0.25)
     elsewhere = pairs.pixels != pairs.pixels[0]
     assert np.all(weights[elsewhere] == 1.0)
@@ -163,8 +160,8 @@ def test_sureness_falls_where_readings_part(events: Stream) -> None:
 def test_sureness_falls_where_straight_lines_part_from_cubics(events: Stream) -> None:
     """With frames read alike, the weight is that of the distance between both readings of the events."""
     pairs = pairs_of(events)
-    weights = sureness(pairs, pairs.ends_of(LEVELS), pairs.ends_of(LEVELS), 0.2)
-    apart = np.abs(pairs.straightened).sum(axis=1) / SURE_WITHIN
+    weights = precision_weights(pairs, pairs.ends_of(LEVELS), pairs.ends_of(LEVELS), 0.2)
+    apart = np.abs(pairs.straightened).sum(axis=1) / DISAGREEMENT_KNEE
     assert np.allclose(weights, 1 / (1 + apart**2) ** 2)
     assert weights.max() > 0.9
     assert weights.min() < 0.1
@@ -245,7 +242,7 @@ def test_few_rows_weigh_as_many_do(seed: int, rows: int, doubled: bool) -> None:
     X[:, 2] = X[:, 1] if doubled else X[:, 2]
     few = huber_weights(X, y)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(event_levels, "_FEW_ROWS", 0)
+        patch.setattr(huber, "_FEW_ROWS", 0)
         assert np.array_equal(few, huber_weights(X, y))
     assert np.all((few > 0) & (few <= 1))
 

@@ -7,25 +7,23 @@ import numpy as np
 import pytest
 
 from fedora_qa.estimators.events.frame_interpolation import (
-    Readings,
-    Way,
-    inverse_distances,
-    read_frames,
-    reading_blocks,
-    reading_weights,
-)
-from fedora_qa.estimators.events.frame_interpolation_kernels import (
+    COLUMNS,
     CORNER,
     FINE,
-    READ,
+    FrameStack,
+    InterpolatedLevels,
+    InterpolationMethod,
     _rounded_up,
     divide,
+    interpolate_at_events,
+    interpolate_frames,
+    interpolation_blocks,
+    interpolation_weights,
+    inverse_distances,
     polynomial,
-    read_at_events,
 )
-from fedora_qa.estimators.events.levels import concatenate
 from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel
-from fedora_qa.estimators.events.threshold_fit import ResponseFit, _effective_parts, fit_readings
+from fedora_qa.estimators.events.threshold_fit import ResponseFit, _effective_parts, concatenate, fit_interpolation
 from tests.estimators.event_world import MS, Stream, Waves, linear_events, log_events
 
 SHAPE = (24, 30)
@@ -48,16 +46,20 @@ def sorted_events(events: Stream, shape: tuple[int, int] = SHAPE) -> PixelEvents
     return by_pixel(events.x, events.y, events.times_ns, events.p, shape)
 
 
-def readings(model: str, events: Stream, **options: float) -> Readings:
+def readings(model: str, events: Stream, **options: float) -> InterpolatedLevels:
     levels = np.log(luma()) if model == "log" else luma()
-    found = read_frames(sorted_events(events), FRAMES_NS, levels, threshold=0.2 if model == "log" else 5.0, **options)
+    found = interpolate_frames(
+        sorted_events(events), FRAMES_NS, levels, threshold=0.2 if model == "log" else 5.0, **options
+    )
     assert found is not None
     return found
 
 
-def fit(found: Readings, read: Way = "fine") -> ResponseFit:
+def fit(found: InterpolatedLevels, method: InterpolationMethod = "fine") -> ResponseFit:
     tiles = (found.pixels % SHAPE[1] >= 15) + 2 * (found.pixels // SHAPE[1] >= 12)
-    fitted = fit_readings(concatenate([reading_blocks(found, reading_weights(found), tiles, 4, read=read)]))
+    fitted = fit_interpolation(
+        concatenate([interpolation_blocks(found, interpolation_weights(found), tiles, 4, method=method)])
+    )
     assert fitted is not None
     return fitted
 
@@ -91,8 +93,8 @@ def test_the_last_event_before_a_turn_is_counted_and_not_read() -> None:
     times_ns = np.array([50, 55, 60, 70, 80, 90]) * MS
     levels = np.full((8, 2, 1), 100.0)
     events = by_pixel(x, y, times_ns, p, (2, 1))
-    linear = read_frames(events, FRAMES_NS[:8], levels, threshold=3.0, tick_s=1e-3)
-    log = read_frames(events, FRAMES_NS[:8], levels, threshold=3.0)
+    linear = interpolate_frames(events, FRAMES_NS[:8], levels, threshold=3.0, tick_s=1e-3)
+    log = interpolate_frames(events, FRAMES_NS[:8], levels, threshold=3.0)
     assert linear is not None
     assert log is not None
     assert linear.times_s == pytest.approx([0.05, 0.07, 0.08])
@@ -105,7 +107,7 @@ def test_crests_between_frames_make_no_event_early() -> None:
     world = Waves(amplitude_dn=9.0, mean_dn=120.0, velocity_px_s=(200.0, 20.0), seed=4)
     events = linear_events(world, SHAPE, STOP_NS, threshold=15.0)
     frames = np.array([world.luma(time_ns * 1e-9, SHAPE) for time_ns in FRAMES_NS])
-    found = read_frames(sorted_events(events), FRAMES_NS, frames, threshold=15.0, tick_s=1e-3)
+    found = interpolate_frames(sorted_events(events), FRAMES_NS, frames, threshold=15.0, tick_s=1e-3)
     assert found is not None
     fitted = fit(found)
     assert fitted.standard_errors.delay_s < 1e-4
@@ -127,7 +129,7 @@ def test_edges_of_one_kind_hardly_tell_a_delay() -> None:
     assert falling > 3 * both
 
 
-def _edges(share_that_rises: float) -> Readings:
+def _edges(share_that_rises: float) -> InterpolatedLevels:
     """Eight readings each of 720 pixels, through which an edge passes."""
     rng = np.random.default_rng(3)
     pixels, count = np.repeat(np.arange(720), 8), 720 * 8
@@ -138,7 +140,9 @@ def _edges(share_that_rises: float) -> Readings:
     columns = np.where(signs > 0, events, 0.0), np.where(signs < 0, -events, 0.0), slopes, np.abs(slopes)
     columns = *columns[:2], *(each - np.repeat(each.reshape(-1, 8).mean(axis=1), 8) for each in columns[2:])
     ones = np.ones(count)
-    return Readings(pixels, np.linspace(0, 0.4, count), np.column_stack(columns), levels, levels, levels, ones)
+    return InterpolatedLevels(
+        pixels, np.linspace(0, 0.4, count), np.column_stack(columns), levels, levels, levels, ones
+    )
 
 
 def test_corners_are_told_by_the_parabolas_on_both_sides() -> None:
@@ -150,10 +154,10 @@ def test_corners_are_told_by_the_parabolas_on_both_sides() -> None:
     times_ns = frames_ns[before] + (shares * (frames_ns[before + 1] - frames_ns[before])).astype(np.int64)
     rows, columns = (each.astype(np.uint16).repeat(2) for each in np.divmod(pixels, 3))
     events = by_pixel(columns, rows, times_ns.repeat(2), np.ones(8, np.uint8), (2, 3))
-    found, of, everywhere = np.empty((8, READ)), np.empty(8, np.int64), np.ones(levels.shape, np.bool_)
+    found, of, everywhere = np.empty((8, COLUMNS)), np.empty(8, np.int64), np.ones(levels.shape, np.bool_)
     seconds = (frames_ns - frames_ns[0]) * 1e-9
-    images = frames_ns, seconds, inverse_distances(seconds), levels, levels, everywhere
-    assert read_at_events(events.starts, events.timestamped, *images, np.nan, 1, 0.0, of, found) == 8
+    frames = FrameStack(frames_ns, seconds, inverse_distances(seconds), levels, levels, everywhere, np.nan)
+    assert interpolate_at_events(events.starts, events.timestamped, frames, 1, 0.0, of, found) == 8
     for pixel, time_ns, first in zip(pixels, times_ns, firsts, strict=True):
         curve, time = levels[:, pixel // 3, pixel % 3], (time_ns - frames_ns[0]) * 1e-9
         ends = (slice(first, first + 3), slice(first + 1, first + 4))
@@ -205,7 +209,7 @@ def test_rounding_beyond_a_half(step: float) -> None:
 def test_too_few_frames_read_nothing() -> None:
     """Fewer than six frames hold no polynomial of six."""
     events = events_of("log")
-    assert read_frames(sorted_events(events), FRAMES_NS[:5], np.log(luma()[:5]), threshold=0.2) is None
+    assert interpolate_frames(sorted_events(events), FRAMES_NS[:5], np.log(luma()[:5]), threshold=0.2) is None
 
 
 def test_unusable_levels_are_not_read() -> None:
@@ -213,11 +217,11 @@ def test_unusable_levels_are_not_read() -> None:
     levels = np.log(luma())
     levels[7, 3, 4] = np.nan
     events = events_of("log")
-    found = read_frames(sorted_events(events), FRAMES_NS, levels, threshold=0.2)
+    found = interpolate_frames(sorted_events(events), FRAMES_NS, levels, threshold=0.2)
     assert found is not None
     assert np.isfinite(found.levels).all()
     of_pixel = found.times_s[found.pixels == 3 * SHAPE[1] + 4]
     assert not np.any((of_pixel > 0.12) & (of_pixel < 0.16))
-    nothing = read_frames(sorted_events(events), FRAMES_NS, np.full_like(levels, np.nan), threshold=0.2)
+    nothing = interpolate_frames(sorted_events(events), FRAMES_NS, np.full_like(levels, np.nan), threshold=0.2)
     assert nothing is not None
     assert len(nothing) == 0

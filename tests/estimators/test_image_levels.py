@@ -9,7 +9,13 @@ import pytest
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.images.event_colours import ColourFit, colour_blocks, colour_columns, fit_colours, joined
+from fedora_qa.estimators.images.event_colours import (
+    ColourFit,
+    colour_blocks,
+    colour_columns,
+    concatenate_colours,
+    fit_colours,
+)
 
 Floats = NDArray[np.float64]
 WEIGHTS = np.array(LUMA_WEIGHTS_RGB)
@@ -39,7 +45,7 @@ class Levels:
         columns = colour_columns(stored[0], stored[1], self.model, 0.0)
         blocks = np.arange(SAMPLES) * BLOCKS // SAMPLES
         sums = colour_blocks(np.column_stack([columns, rate]), threshold * events, blocks, BLOCKS)
-        return fit_colours(joined([sums]), with_exponent=self.model == "linear")
+        return fit_colours(concatenate_colours([sums]), with_exponent=self.model == "linear")
 
 
 def found(fit: ColourFit) -> list[float]:
@@ -113,7 +119,7 @@ def test_blocks_without_samples_are_left_out() -> None:
     """A quarter of the image that shows nothing is no block."""
     columns = np.random.default_rng(0).normal(size=(100, 5))
     sums = colour_blocks(columns, columns @ np.ones(5), np.zeros(100, np.intp), 4)
-    assert len(joined([sums, sums])) == 2
+    assert len(concatenate_colours([sums, sums])) == 2
 
 
 def test_error_of_the_exponent_is_that_of_repetition_whatever_the_scale() -> None:

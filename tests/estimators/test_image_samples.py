@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 from fedora_qa.estimators.events.footprint import footprints
-from fedora_qa.estimators.images.footprints import sharp_colours
+from fedora_qa.estimators.images.event_colours import edge_aware_colours
 from fedora_qa.estimators.images.luma import cut_off, luma_of, luma_of_linear
 from fedora_qa.estimators.images.order import is_constant, reduced, reduced_flow
 from fedora_qa.estimators.images.samples import along_the_flow, steepness
@@ -110,7 +110,7 @@ def test_colours_of_single_footprints() -> None:
     rgb, linear = RNG.integers(0, 256, (90, 120, 3)).astype(np.uint8), np.linspace(0, 255, 256) ** 2 / 255
     pixels = RNG.integers(0, 40 * 52, 200)
     whole = [np.maximum(prints.sharp_average(linear[rgb[..., i]]), 0).ravel()[pixels] for i in range(3)]
-    np.testing.assert_allclose(sharp_colours(prints, rgb, linear, pixels), np.stack(whole, axis=1), atol=1e-9)
+    np.testing.assert_allclose(edge_aware_colours(prints, rgb, linear, pixels), np.stack(whole, axis=1), atol=1e-9)
 
 
 def test_counts_of_odd_values() -> None:

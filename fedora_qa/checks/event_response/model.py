@@ -1,13 +1,16 @@
 """The response model of the event sensor."""
 
-from fedora_qa.checks.event_response.threshold import EVENTS
-from fedora_qa.checks.protocol import Statistic, Suspect
-from fedora_qa.sequence.declared import EventModel
+from collections.abc import Sequence
+
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.threshold_fit import Answer, LevelCheck
+from fedora_qa.sequence.window import Window
+from fedora_qa.views.event_camera import why_frames_and_events_do_not_meet
+from fedora_qa.views.level_samples import LevelSums, fit_thresholds, level_coverage, level_sums
 
 
-class EventResponseModel(LevelCheck):
+class EventResponseModel(WindowCheck[LevelSums]):
     """Do events follow the declared sensor model, of log intensity or of grey values?
 
     The logarithm of the ratio of two residuals, in thresholds: of the declared domain over the other one. Negative
@@ -41,27 +44,36 @@ class EventResponseModel(LevelCheck):
     """
 
     name = "event_response.model"
+    needs = ("events", "rgb")
 
-    def state(self, found: Answer, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
+    def not_applicable(self, facts: Facts) -> str:
+        """Need both cameras at one place, and declared thresholds."""
+        return why_frames_and_events_do_not_meet(facts)
+
+    def measure(self, window: Window) -> LevelSums | None:
+        """Sum the window's level samples."""
+        return level_sums(window)
+
+    def conclude(self, state: Sequence[LevelSums], facts: Facts) -> Observation:
         """State how much better the other domain fits."""
-        value, error = found.preference
+        declared, coverage = facts.declared.events, level_coverage(state)
+        thresholds = fit_thresholds(state, facts)
+        if isinstance(thresholds, str) or declared is None:
+            return Observation(coverage, unobservable=str(thresholds))
+        value, error = thresholds.preference
         other = "linear" if declared.model == "log" else "log"
-        ours, theirs = found.fit.relative_sigma, found.other.relative_sigma if found.other else float("inf")
-        return (
-            Statistic(
-                name="log_residual_ratio",
-                value=value,
-                unit="1",
-                standard_error=error,
-                side="upper",
-                material=1.0,
-                statement=f"Events follow the {other} model: its residual is {theirs:.3g} thresholds, that of the "
-                f"declared {declared.model} model {ours:.3g}.",
-                code="event_response.model.domain",
-                where=EVENTS,
-                suspects=(
-                    Suspect("event_model_misdeclared", "events", 0.95),
-                    Suspect("exposure_or_gamma", "rgb", 0.3),
-                ),
-            ),
+        ours = thresholds.fit.relative_sigma
+        theirs = thresholds.other_domain.relative_sigma if thresholds.other_domain else float("inf")
+        ratio = Statistic(
+            name="log_residual_ratio",
+            value=value,
+            unit="1",
+            standard_error=error,
+            side="upper",
+            material=1.0,
+            statement=f"Events follow the {other} model: its residual is {theirs:.3g} thresholds, that of the "
+            f"declared {declared.model} model {ours:.3g}.",
+            code="event_response.model.domain",
+            where=Where(stream="events"),
         )
+        return Observation(coverage, (ratio,))

@@ -1,29 +1,53 @@
 """Contrast thresholds of the event sensor."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import why_frames_and_events_do_not_meet
-from fedora_qa.views.level_samples import WeighedSums, weighed_sums
-from fedora_qa.views.threshold_fit import CAPTURE_RANGE_S, Answer, answer, level_coverage, surer
-
-EVENTS: Final = Where(stream="events")
+from fedora_qa.views.level_samples import (
+    ThresholdFit,
+    WeightedLevelSums,
+    fit_thresholds,
+    level_coverage,
+    lower_variance_fit,
+    weighted_level_sums,
+)
 
 EXPOSURE_BIAS: Final = 0.05
 EXPOSURE_OF_BIAS_US: Final = 5_000.0
 """A frame exposed for 5 ms takes 5% off the threshold; the loss of contrast grows with the square of the time."""
 
-DOMAIN_PREFERRED: Final = 3.0
-"""Standard errors by which the other domain must fit better to be suspected (after an alarm only)."""
+
+@dataclass(frozen=True, slots=True)
+class EventStepSize(Feature):
+    """The step of events of one polarity, expected and fitted, in the unit of the level, and the error of the latter.
+
+    ``delay_s`` is that of events, fitted beside the steps.
+    """
+
+    expected: float
+    fitted: float
+    error: float
+    delay_s: float
 
 
-class EventResponseThreshold(WindowCheck[WeighedSums]):
+@dataclass(frozen=True, slots=True)
+class DomainPreference(Feature):
+    """Logarithm of the ratio of residuals over thresholds in the declared and the other domain, and its error."""
+
+    log_residual_ratio: float
+    standard_error: float
+
+
+class EventResponseThreshold(WindowCheck[WeightedLevelSums]):
     """Do events step by the declared thresholds?
 
     C+ and C- are estimated apart, in percent of what is declared: in nat for the log model, in DN for the linear one.
@@ -70,35 +94,40 @@ class EventResponseThreshold(WindowCheck[WeighedSums]):
 
     name = "event_response.threshold"
     needs = ("events", "rgb")
-    _MATTERS_PERCENT: Final = 25.0
+    _MATERIAL_PERCENT: Final = 25.0
 
     def not_applicable(self, facts: Facts) -> str:
         """Need both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
-    def measure(self, window: Window) -> WeighedSums | None:
+    def measure(self, window: Window) -> WeightedLevelSums | None:
         """Sum the window's level samples by both weightings."""
-        return weighed_sums(window)
+        return weighted_level_sums(window)
 
-    def conclude(self, state: Sequence[WeighedSums], facts: Facts) -> Observation:
-        """State both thresholds in percent of what is declared, by the weighting that tells them better."""
-        alike, sure = [sums.alike for sums in state], [sums.sure for sums in state]
-        declared, coverage = facts.declared.events, level_coverage(sure)
-        found = surer(answer(alike, facts), answer(sure, facts))
-        if isinstance(found, str) or declared is None:
-            return Observation(coverage, unobservable=str(found))
-        return Observation(coverage, tuple(self._one(found, declared, facts, side) for side in (0, 1)))
+    def conclude(self, state: Sequence[WeightedLevelSums], facts: Facts) -> Observation:
+        """State both thresholds in percent of what is declared, by the weighting of the smaller errors."""
+        by_precision = [sums.by_precision for sums in state]
+        declared, coverage = facts.declared.events, level_coverage(by_precision)
+        fitted = lower_variance_fit(
+            fit_thresholds([sums.equal for sums in state], facts), fit_thresholds(by_precision, facts)
+        )
+        if isinstance(fitted, str) or declared is None:
+            return Observation(coverage, unobservable=str(fitted))
+        return Observation(coverage, tuple(self._of_polarity(fitted, declared, facts, side) for side in (0, 1)))
 
-    def _one(self, found: Answer, declared: EventModel, facts: Facts, side: int) -> Statistic:
+    def _of_polarity(self, thresholds: ThresholdFit, declared: EventModel, facts: Facts, side: int) -> Statistic:
         name, word = (("threshold_on", "Brighter"), ("threshold_off", "Darker"))[side]
         nominal = (declared.threshold_on, declared.threshold_off)[side]
-        fitted = (found.fit.threshold_on, found.fit.threshold_off)[side]
-        expected, model_error = _expected_step(declared, nominal, found.overshoot)
+        fitted = (thresholds.fit.threshold_on, thresholds.fit.threshold_off)[side]
+        expected, model_error = _expected_step(declared, nominal, thresholds.overshoot)
         unit = "DN" if declared.model == "linear" else "nat"
-        errors, bounds = found.fit.standard_errors, found.model_errors
+        errors, bounds = thresholds.fit.standard_errors, thresholds.model_errors
         error = (errors.threshold_on, errors.threshold_off)[side]
         bound = (bounds.threshold_on, bounds.threshold_off)[side] + model_error
-        bound += _relative_bound(declared, facts) * expected
+        # Pixels of low threshold fire more: by up to six times the squared relative spread of thresholds.
+        spread = declared.threshold_sigma / min(declared.threshold_on, declared.threshold_off)
+        exposure_us = facts.declared.cameras["rgb"].exposure_us
+        bound += (6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2) * expected
         percent = 100 / expected
         return Statistic(
             name=name,
@@ -106,12 +135,15 @@ class EventResponseThreshold(WindowCheck[WeighedSums]):
             unit="%",
             standard_error=percent * error,
             model_error_bound=percent * bound,
-            material=self._MATTERS_PERCENT,
+            material=self._MATERIAL_PERCENT,
             statement=f"{word} events step by {fitted:.4g} +/- {error:.2g} {unit}; {expected:.4g} {unit} is due with "
             f"the declared threshold of {nominal:.4g} {unit}.",
             code="event_response.threshold.size",
-            where=EVENTS,
-            suspects=_threshold_suspects(found, expected, fitted, hypot(error, bound)),
+            where=Where(stream="events"),
+            features=(
+                EventStepSize(expected, fitted, hypot(error, bound), thresholds.fit.delay_s),
+                DomainPreference(*thresholds.preference),
+            ),
         )
 
 
@@ -127,30 +159,3 @@ def _expected_step(declared: EventModel, nominal: float, overshoot: float) -> tu
         return nominal, 0.0
     beyond = 0.5 * overshoot * (nominal + 0.5)
     return nominal + 0.5 + beyond, 0.5 + 0.5 * beyond
-
-
-def _relative_bound(declared: EventModel, facts: Facts) -> float:
-    """Return the relative error of a threshold that declared effects cause."""
-    spread = declared.threshold_sigma / min(declared.threshold_on, declared.threshold_off)
-    exposure_us = facts.declared.cameras["rgb"].exposure_us
-    return 6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2
-
-
-def _threshold_suspects(found: Answer, expected: float, fitted: float, error: float) -> tuple[Suspect, ...]:
-    ratio = fitted / expected
-    if ratio < -0.5:
-        return (Suspect("polarity_inverted", "events", 0.95),)
-    preference, spread = found.preference
-    other_model = preference > DOMAIN_PREFERRED * spread
-    late = abs(found.fit.delay_s) > CAPTURE_RANGE_S
-    percent = 100 * (expected / fitted - 1) if ratio > 0 else None
-    uncertainty = 100 * expected / fitted**2 * error if ratio > 0 else None
-    return (
-        Suspect("threshold_misdeclared", "events", 0.3 if other_model else 0.9, percent, "percent", uncertainty),
-        Suspect("event_model_misdeclared", "events", 0.9 if other_model else 0.1),
-        Suspect("time_offset", "events", 0.85 if late else 0.1),
-        Suspect("time_offset", "rgb", 0.75 if late else 0.1),
-        Suspect("exposure_or_gamma", "rgb", 0.3),
-        Suspect("dropped_samples", "events", 0.2),
-        Suspect("duplicated_samples", "events", 0.2),
-    )

@@ -6,66 +6,90 @@ from math import hypot
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fedora_qa.checks.event_response.offset_search import Searched, found_again, search_again, tells_better
-from fedora_qa.checks.event_response.timing_causes import Shapes, offset_suspects, rate_suspects, shapes_of, with_steps
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.clock_resets import set_clock
 from fedora_qa.views.event_camera import sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.views.event_clock_offset import (
-    Lateness,
-    Local,
-    by_levels,
-    by_readings,
+    ClockOffset,
+    InterpolationSums,
+    LocalOffset,
+    OffsetSearch,
     expected_delay_ms,
-    late_region,
-    late_stretch,
-    told_error_ms,
+    fit_all,
+    interpolation_sums,
+    offset_by_interpolation,
+    offset_by_levels,
+    offset_error_ms,
+    region_offset,
+    search_is_preferred,
+    search_window,
+    searched_offset,
+    segment_offset,
 )
 from fedora_qa.views.event_tiles import tile_around
-from fedora_qa.views.frame_interpolation import ReadingSums, fit_all, reading_sums
-from fedora_qa.views.level_samples import LevelSums, level_sums
-from fedora_qa.views.threshold_fit import Answer, answer, level_coverage
-
-EVENTS: Final = Where(stream="events")
+from fedora_qa.views.level_samples import LevelSums, ThresholdFit, fit_thresholds, level_coverage, level_sums
 
 WINDOWS_SEARCHED: Final = 6
 
-READ_TRULY: Final = 0.5
-"""Share of ``told_within_s`` from which on one fit reads an offset too small by more than a tenth, and it is read again
-with itself undone."""
+CAPTURE_SHARE: Final = 0.5
+"""Share of ``capture_range_s`` from which on one fit underestimates an offset by more than a tenth, and it is searched
+for."""
 
-CLEARLY_LOCAL: Final = 5.0
-"""Standard errors by which a region must be late for an offset of all events to be doubted (after an alarm only)."""
+LOCAL_SIGNIFICANCE: Final = 5.0
+"""Standard errors by which the delay of a part must differ for an offset of all events to be doubted (after an alarm
+only)."""
 
 
-_WRONG_MODEL: Final = Suspect("event_model_misdeclared", "events", 0.15)
-"""Thresholds of another model spoil delays as well; event_response.model says so better."""
+@dataclass(frozen=True, slots=True)
+class DelayCourses(Feature):
+    """Probabilities that delays over time are one offset, grow with time, or are those of a segment only.
+
+    ``reaches_end``: the segment reaches the first or last of the windows whose delay is known.
+    """
+
+    constant: float
+    drift: float
+    segment: float
+    reaches_end: bool
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetSize(Feature):
+    """How well the size of an offset is known.
+
+    ``error_ms`` includes bounds, and by how much one fit underestimates the offset. ``of_all_pixels``: no region of the
+    image has a delay that differs clearly.
+    """
+
+    error_ms: float
+    of_all_pixels: bool
 
 
 @dataclass(frozen=True, slots=True)
 class TimingSums:
-    """What a window shows: bracketed level samples, frames read at events, or both."""
+    """Sums of a window: of bracketed level samples, of frames interpolated at events, or both."""
 
     levels: LevelSums | None
-    readings: ReadingSums | None
+    interpolation: InterpolationSums | None
     window: int
 
     @property
     def samples(self) -> int:
-        """Pairs of level samples and readings, by which other offsets are tried."""
-        readings = 0 if self.readings is None else int(self.readings.fine.counts.sum())
-        return readings + (0 if self.levels is None else self.levels.pairs)
+        """Pairs of level samples and interpolated levels, by which windows are chosen for a search."""
+        interpolated = 0 if self.interpolation is None else int(self.interpolation.fine.counts.sum())
+        return interpolated + (0 if self.levels is None else self.levels.pairs)
 
 
-Seen = TimingSums | Searched
+TimingSummary = TimingSums | OffsetSearch
 
 
-class EventResponseTiming(WindowCheck[Seen]):
+class EventResponseTiming(WindowCheck[TimingSummary]):
     """Are events and frames stamped by one clock?
 
     The time by which events are stamped late against the colour frames (negative: early) is estimated in ms, with its
@@ -115,183 +139,207 @@ class EventResponseTiming(WindowCheck[Seen]):
 
     name = "event_response.timing"
     needs = ("events", "rgb")
-    _MATTERS_MS: Final = 2.0
-    _MATTERS_PPM: Final = 1_000.0
+    _MATERIAL_MS: Final = 2.0
+    _MATERIAL_PPM: Final = 1_000.0
 
     def not_applicable(self, facts: Facts) -> str:
         """Need both cameras at one place, and declared thresholds."""
         return why_frames_and_events_do_not_meet(facts)
 
-    def measure(self, window: Window) -> Seen | None:
-        """Sum the window's level samples and readings."""
-        levels, readings = level_sums(window), reading_sums(window)
-        return None if levels is None and readings is None else TimingSums(levels, readings, window.span.index)
+    def measure(self, window: Window) -> TimingSummary | None:
+        """Sum the window's level samples and interpolated levels."""
+        levels, interpolation = level_sums(window), interpolation_sums(window)
+        if levels is None and interpolation is None:
+            return None
+        return TimingSums(levels, interpolation, window.span.index)
 
-    def follow_up_windows(self, state: list[Seen], facts: Facts) -> tuple[int, ...]:
-        """Name the windows with most samples where one fit does not tell the offset."""
+    def follow_up_windows(self, state: list[TimingSummary], facts: Facts) -> tuple[int, ...]:
+        """Name the windows with most samples where one fit does not determine the offset."""
         sums = _sums(state)
-        found, _ = _lateness(sums, facts)
-        if not sums or (found is not None and abs(found.late_s) < READ_TRULY * found.capture_range_s):
+        fitted, _ = _fitted_offset(sums, facts)
+        if not sums or (fitted is not None and abs(fitted.offset_s) < CAPTURE_SHARE * fitted.capture_range_s):
             return ()
-        richest = sorted(sums, key=lambda one: -one.samples)[:WINDOWS_SEARCHED]
-        return tuple(one.window for one in richest)
+        richest = sorted(sums, key=lambda of_window: -of_window.samples)[:WINDOWS_SEARCHED]
+        return tuple(of_window.window for of_window in richest)
 
-    def follow_up(self, state: list[Seen], window: Window) -> None:
+    def follow_up(self, state: list[TimingSummary], window: Window) -> None:
         """Try other offsets."""
-        first, _ = _lateness(_sums(state), window.facts)
-        found = search_again(window, first.late_s if first is not None else None, _searched(state))
-        if found is not None:
-            state.append(found)
+        fitted, _ = _fitted_offset(_sums(state), window.facts)
+        search = search_window(window, fitted.offset_s if fitted is not None else None, _searches(state))
+        if search is not None:
+            state.append(search)
 
-    def conclude(self, state: Sequence[Seen], facts: Facts) -> Observation:
-        """State the offset of the second look where there was one, else what all windows tell."""
+    def conclude(self, state: Sequence[TimingSummary], facts: Facts) -> Observation:
+        """State the offset by search where there was one, else that by one fit of all windows."""
         sums, declared = _sums(state), facts.declared.events
-        coverage = _coverage(sums)
+        interpolation = [of_window.interpolation for of_window in sums if of_window.interpolation is not None]
+        pairs = level_coverage([of_window.levels for of_window in sums if of_window.levels is not None]).seen
+        samples = pairs + int(sum(of_window.fine.counts.sum() for of_window in interpolation))
+        coverage = Coverage(samples, samples, "level samples")
         if declared is None:
             return Observation(coverage, unobservable="the event sensor is not declared")
-        found, why = _lateness(sums, facts)
-        again = found_again(_searched(state))
-        if found is None:
-            if again is None:
+        fitted, why = _fitted_offset(sums, facts)
+        searched = searched_offset(_searches(state))
+        if fitted is None:
+            if searched is None:
                 return Observation(coverage, unobservable=why)
-            return Observation(coverage, (self._offset(again, facts, Shapes(), told=True),))
-        readings = _readings(sums)
-        stretch, region = late_stretch(readings), late_region(readings)
-        if again is not None and tells_better(again, found, facts) and not (_clear(stretch) or _clear(region)):
-            return Observation(coverage, (self._offset(again, facts, Shapes(), told=True),))
-        shapes = _shapes(stretch, sums, facts)
-        measured = (
-            self._offset(found, facts, shapes, told=not _clear(region)),
-            self._rate(found, shapes),
-            *([self._stretch(stretch, readings, facts, shapes)] if stretch is not None else []),
-            *([self._region(region, facts)] if region is not None else []),
+            return Observation(coverage, (self._offset(searched, facts, None, of_all_pixels=True),))
+        segment, region = segment_offset(interpolation), region_offset(interpolation)
+        local = _differs_clearly(segment) or _differs_clearly(region)
+        if searched is not None and search_is_preferred(searched, fitted, facts) and not local:
+            return Observation(coverage, (self._offset(searched, facts, None, of_all_pixels=True),))
+        courses = None
+        if segment is not None:
+            times_s = np.array([0.5 * (each.start_ns + each.stop_ns) / NS_PER_S for each in interpolation])
+            courses = delay_courses(segment, times_s, 1e-3 * expected_delay_ms(declared, facts)[0])
+        return Observation(
+            coverage,
+            (
+                self._offset(fitted, facts, courses, of_all_pixels=not _differs_clearly(region)),
+                self._rate(fitted, courses),
+                *([self._segment(segment, interpolation, facts, courses)] if segment is not None else []),
+                *([self._region(region, facts)] if region is not None else []),
+            ),
         )
-        return Observation(coverage, measured)
 
-    def _offset(self, found: Lateness, facts: Facts, shapes: Shapes, *, told: bool) -> Statistic:
-        """State the offset; ``told`` where it is that of all events."""
+    def _offset(
+        self, estimate: ClockOffset, facts: Facts, courses: DelayCourses | None, *, of_all_pixels: bool
+    ) -> Statistic:
         expected, tick_error = expected_delay_ms(facts.declared.events, facts)
-        late, error, bound = 1e3 * found.late_s, 1e3 * found.error_s, 1e3 * found.bound_s + tick_error
-        offset = late - expected
-        share, sized = shapes.constant + shapes.stretch, told and shapes.constant > shapes.stretch
-        told_error = told_error_ms(found, offset, bound, facts)
+        delay, error, bound = 1e3 * estimate.offset_s, 1e3 * estimate.error_s, 1e3 * estimate.bound_s + tick_error
+        offset = delay - expected
+        size = OffsetSize(offset_error_ms(estimate, offset, bound, facts), of_all_pixels)
         return Statistic(
             name="time_offset",
-            value=late,
+            value=delay,
             unit="ms",
             standard_error=error,
             expected=expected,
             model_error_bound=bound,
-            material=self._MATTERS_MS,
+            material=self._MATERIAL_MS,
             statement=f"Events are {abs(offset):.3g} +/- {hypot(error, bound):.2g} ms "
             f"{'late' if offset > 0 else 'early'} against the colour frames.",
             code="event_response.timing.offset",
-            where=EVENTS,
-            suspects=(
-                *offset_suspects(offset, told_error, facts, share, told=sized),
-                *rate_suspects(found, shapes.drift),
-                _WRONG_MODEL,
-            ),
+            where=Where(stream="events"),
+            features=(estimate, size, *_present(courses)),
         )
 
-    def _rate(self, found: Lateness, shapes: Shapes) -> Statistic:
-        ppm, error, bound = 1e6 * found.rate, 1e6 * found.rate_error, 1e6 * found.rate_bound
+    def _rate(self, estimate: ClockOffset, courses: DelayCourses | None) -> Statistic:
+        ppm, error, bound = 1e6 * estimate.rate, 1e6 * estimate.rate_error, 1e6 * estimate.rate_bound
         return Statistic(
             name="clock_rate",
             value=ppm,
             unit="ppm",
             standard_error=error,
             model_error_bound=bound,
-            material=self._MATTERS_PPM,
+            material=self._MATERIAL_PPM,
             statement=f"The clock of the events runs {abs(ppm):.3g} +/- {error:.2g} ppm too "
             f"{'fast' if ppm > 0 else 'slow'} against that of the colour frames.",
             code="event_response.timing.rate",
-            where=EVENTS,
-            suspects=(
-                *rate_suspects(found, 1.0 - shapes.stretch),
-                Suspect("time_offset", "events", 0.9 * shapes.stretch),
-                Suspect("time_offset", "rgb", 0.8 * shapes.stretch),
-                _WRONG_MODEL,
-            ),
+            where=Where(stream="events"),
+            features=(estimate, *_present(courses)),
         )
 
-    def _stretch(self, local: Local, readings: Sequence[ReadingSums], facts: Facts, shapes: Shapes) -> Statistic:
-        chosen = [one for one, inside in zip(readings, local.step.chosen, strict=True) if inside]
+    def _segment(
+        self,
+        local: LocalOffset,
+        interpolation: Sequence[InterpolationSums],
+        facts: Facts,
+        courses: DelayCourses | None,
+    ) -> Statistic:
+        chosen = [of_window for of_window, inside in zip(interpolation, local.step.chosen, strict=True) if inside]
         start_us, stop_us = facts.to_file_us(chosen[0].start_ns), facts.to_file_us(chosen[-1].stop_ns)
         where = Where(stream="events", start_us=start_us, stop_us=stop_us)
-        suspects = (
-            *offset_suspects(1e3 * local.step.late_s, 1e3 * local.step.standard_error_s, facts, shapes.stretch),
-            Suspect("clock_rate", "events", 0.9 * shapes.drift),
-            Suspect("clock_rate", "rgb", 0.8 * shapes.drift),
-        )
         place = f"From {start_us / 1e6:.2f} s to {stop_us / 1e6:.2f} s"
-        return self._part("stretch", local, where, place, "in the rest of the sequence", suspects)
+        return self._part("stretch", local, where, (place, "in the rest of the sequence"), _present(courses))
 
-    def _region(self, local: Local, facts: Facts) -> Statistic:
+    def _region(self, local: LocalOffset, facts: Facts) -> Statistic:
         tile = tile_around(local.step.chosen, sensor_shape(facts.declared))
-        late, error = 1e3 * local.step.late_s, 1e3 * local.step.standard_error_s
-        suspects = (Suspect("time_offset", "events", 0.9, late, "ms", error),)
         place = f"In columns {tile[0]} to {tile[2] - 1}, rows {tile[1]} to {tile[3] - 1}"
-        return self._part("region", local, Where(stream="events", tile=tile), place, "elsewhere", suspects)
+        return self._part("region", local, Where(stream="events", tile=tile), (place, "elsewhere"), ())
 
     def _part(
-        self, rule: str, local: Local, where: Where, place: str, rest: str, suspects: tuple[Suspect, ...]
+        self, rule: str, local: LocalOffset, where: Where, part_and_rest: tuple[str, str], features: tuple[Feature, ...]
     ) -> Statistic:
-        late, error = 1e3 * local.step.late_s, 1e3 * local.step.standard_error_s
+        delay, error = 1e3 * local.step.offset_s, 1e3 * local.step.standard_error_s
+        part, rest = part_and_rest
         return Statistic(
             name=f"late_{rule}",
-            value=late,
+            value=delay,
             unit="ms",
             standard_error=error,
             tests=local.step.tests,
-            material=self._MATTERS_MS,
-            statement=f"{place} events are {abs(late):.3g} +/- {error:.2g} ms {'later' if late > 0 else 'earlier'} "
+            material=self._MATERIAL_MS,
+            statement=f"{part} events are {abs(delay):.3g} +/- {error:.2g} ms {'later' if delay > 0 else 'earlier'} "
             f"than {rest}.",
             code=f"event_response.timing.{rule}",
             where=where,
-            suspects=(*suspects, _WRONG_MODEL),
+            features=features,
         )
 
 
-def _sums(state: Sequence[Seen]) -> list[TimingSums]:
-    return [one for one in state if isinstance(one, TimingSums)]
+def delay_courses(local: LocalOffset, times_s: NDArray[np.float64], expected_s: float) -> DelayCourses:
+    """Compare three courses of the delay over the windows, in proportion to exp(-BIC / 2) (Schwarz 1978).
+
+    An offset and a rate (delay 0 at the origin of the file) have one parameter each, a segment has its ends besides.
+    Residuals of the best course count as noise.
+
+    Parameters
+    ----------
+    local
+        Delays of the windows, and the segment among them that differs most.
+    times_s
+        (k,) of the middles of the windows.
+    expected_s
+        Delay of a correct file.
+    """
+    usable = np.isfinite(local.delays_s) & np.isfinite(local.errors_s)
+    delays_s, errors_s, at_s = (local.delays_s - expected_s)[usable], local.errors_s[usable], times_s[usable]
+    inside = local.step.chosen[usable]
+    count = len(delays_s)
+    courses = ((np.ones(count), 1), (at_s, 1), (inside.astype(np.float64), 3))
+    squares_of = []
+    for course, _ in courses:
+        # The sum of squares that the best multiple of the course leaves of the delays, each over its error.
+        values, weighted = delays_s / errors_s, course / errors_s
+        multiple = float(values @ weighted) / max(float(weighted @ weighted), 1e-300)
+        squares_of.append(float(np.sum((values - multiple * weighted) ** 2)))
+    squares = np.array(squares_of)
+    noise = max(1.0, float(squares.min()) / max(count - 1, 1))
+    # BIC = chi^2 + k ln n
+    criteria = squares / noise + np.array([free for _, free in courses]) * np.log(count)
+    probabilities = np.exp(-0.5 * (criteria - criteria.min()))
+    probabilities /= probabilities.sum()
+    constant, drift, segment = (float(probability) for probability in probabilities)
+    return DelayCourses(constant, drift, segment, reaches_end=bool(inside[0] or inside[-1]))
 
 
-def _searched(state: Sequence[Seen]) -> list[Searched]:
-    return [one for one in state if not isinstance(one, TimingSums)]
+def _present(courses: DelayCourses | None) -> tuple[Feature, ...]:
+    return () if courses is None else (courses,)
 
 
-def _readings(sums: Sequence[TimingSums]) -> list[ReadingSums]:
-    return [one.readings for one in sums if one.readings is not None]
+def _sums(state: Sequence[TimingSummary]) -> list[TimingSums]:
+    return [summary for summary in state if isinstance(summary, TimingSums)]
 
 
-def _coverage(sums: Sequence[TimingSums]) -> Coverage:
-    pairs = level_coverage([one.levels for one in sums if one.levels is not None]).seen
-    samples = pairs + int(sum(one.fine.counts.sum() for one in _readings(sums)))
-    return Coverage(samples, samples, "level samples")
+def _searches(state: Sequence[TimingSummary]) -> list[OffsetSearch]:
+    return [summary for summary in state if not isinstance(summary, TimingSums)]
 
 
-def _lateness(sums: Sequence[TimingSums], facts: Facts) -> tuple[Lateness | None, str]:
-    """Return what tells the offset best, by its own error; or why nothing does."""
-    declared, readings = facts.declared.events, fit_all(_readings(sums))
-    found = answer([one.levels for one in sums if one.levels is not None], facts)
-    known = [by_readings(readings)] if readings is not None else []
-    if isinstance(found, Answer) and declared is not None:
-        known.append(by_levels(found, declared))
-    told = [one for one in known if one is not None]
-    if not told:
-        return None, found if isinstance(found, str) else "events do not follow the frames"
-    return min(told, key=lambda one: one.error_s + one.bound_s), ""
+def _fitted_offset(sums: Sequence[TimingSums], facts: Facts) -> tuple[ClockOffset | None, str]:
+    """Return the offset by the fit of the smaller error, or why there is none."""
+    declared = facts.declared.events
+    fits = fit_all([of_window.interpolation for of_window in sums if of_window.interpolation is not None])
+    by_levels = fit_thresholds([of_window.levels for of_window in sums if of_window.levels is not None], facts)
+    estimates = [] if fits is None else [offset_by_interpolation(fits)]
+    if isinstance(by_levels, ThresholdFit) and declared is not None:
+        estimates.append(offset_by_levels(by_levels, declared))
+    finite = [estimate for estimate in estimates if estimate is not None]
+    if not finite:
+        return None, by_levels if isinstance(by_levels, str) else "events do not follow the frames"
+    return min(finite, key=lambda estimate: estimate.error_s + estimate.bound_s), ""
 
 
-def _clear(local: Local | None) -> bool:
-    """Whether a part is so late against the rest that an offset of all events is not the whole truth."""
-    return local is not None and abs(local.step.late_s) >= CLEARLY_LOCAL * local.step.standard_error_s
-
-
-def _shapes(stretch: Local | None, sums: Sequence[TimingSums], facts: Facts) -> Shapes:
-    if stretch is None:
-        return Shapes()
-    times_s = np.array([0.5 * (one.start_ns + one.stop_ns) / NS_PER_S for one in _readings(sums)])
-    expected_s = 1e-3 * expected_delay_ms(facts.declared.events, facts)[0]
-    return with_steps(shapes_of(stretch, times_s, expected_s), stretch, set_clock(facts.events))
+def _differs_clearly(local: LocalOffset | None) -> bool:
+    """Whether the delay of a part differs so much from the rest that not all events have one offset."""
+    return local is not None and abs(local.step.offset_s) >= LOCAL_SIGNIFICANCE * local.step.standard_error_s

@@ -1,22 +1,30 @@
 """Colours against events: the order of the channels."""
 
+from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.protocol import Statistic, Suspect
+from fedora_qa.checks.images.event_colours import ColourCheck, ColourResponse
+from fedora_qa.checks.protocol import Statistic
 from fedora_qa.estimators.images.channel_orders import WRONG_ORDERS, nearest_order, towards
-from fedora_qa.estimators.images.event_colours import ColourFit, Estimate
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.event_colours import ColourAnswer, ColourCheck
 
-SURELY: Final = 7.0
-"""Standard errors at which a deviation would surely be seen, beyond a bias that may hide it and one that may feign it;
-judgement draws its own line."""
+DETECTED_AT: Final = 7.0
+"""Standard errors at which a deviation is detected nearly always, beyond a bias that may hide it and one that may feign
+it; judgement draws its own line."""
 
 EXCHANGED: Final = "BGR"
 """The usual wrong order, and the hardest to tell: red and blue have the nearest weights."""
+
+
+@dataclass(frozen=True, slots=True)
+class NearestChannelOrder(Feature):
+    """The order of channels whose weights come nearest to the fitted ones, for their errors."""
+
+    order: str
 
 
 class ImagesChannels(ColourCheck):
@@ -60,42 +68,32 @@ class ImagesChannels(ColourCheck):
 
     name = "images.channels"
 
-    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
+    def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
         """State how far the weights lie towards each wrong order."""
-        nearest = nearest_order(found.fit)
-        return tuple(_one(towards(found.fit, order), order, found.fit, nearest) for order in WRONG_ORDERS)
+        fit, nearest = response.fit, nearest_order(response.fit)
+        weights = ", ".join(f"{weight.value:.2f}" for weight in fit.weights)
+        estimates = [(order, towards(fit, order)) for order in WRONG_ORDERS]
+        return tuple(
+            Statistic(
+                name=f"towards_{order}",
+                value=estimate.value,
+                unit="1",
+                standard_error=estimate.standard_error,
+                model_error_bound=estimate.bound,
+                side="upper",
+                material=1.0,
+                statement=f"In what events see the channels weigh {weights}, {estimate.value:.2f} +/- "
+                f"{hypot(estimate.standard_error, estimate.bound):.2g} of the way "
+                f"from R, G, B to {order}. They are best read as {nearest}.",
+                code="images.channels.order",
+                where=Where(stream="rgb"),
+                features=(NearestChannelOrder(nearest),),
+            )
+            for order, estimate in estimates
+        )
 
-    def why_blind(self, found: ColourAnswer) -> str:
-        """Where red and blue exchanged could not be seen, the order is not known."""
-        estimate = towards(found.fit, EXCHANGED)
-        least = 2 * estimate.bound + SURELY * estimate.standard_error
+    def why_blind(self, response: ColourResponse) -> str:
+        """Where red and blue exchanged could not be detected, the order is not known."""
+        estimate = towards(response.fit, EXCHANGED)
+        least = 2 * estimate.bound + DETECTED_AT * estimate.standard_error
         return "" if least <= 1 else f"too little colour: {least:.2f} of an exchange of red and blue would be seen"
-
-
-def _one(estimate: Estimate, order: str, fit: ColourFit, nearest: str) -> Statistic:
-    error = hypot(estimate.standard_error, estimate.bound)
-    weights = ", ".join(f"{weight.value:.2f}" for weight in fit.weights)
-    return Statistic(
-        name=f"towards_{order}",
-        value=estimate.value,
-        unit="1",
-        standard_error=estimate.standard_error,
-        model_error_bound=estimate.bound,
-        side="upper",
-        material=1.0,
-        statement=f"In what events see the channels weigh {weights}, {estimate.value:.2f} +/- {error:.2g} of the way "
-        f"from R, G, B to {order}. They are best read as {nearest}.",
-        code="images.channels.order",
-        where=Where(stream="rgb"),
-        suspects=(Suspect("channel_order", "rgb", 0.1 if nearest == "RGB" else 0.95), *_WHATEVER_SPOILS_LEVELS),
-    )
-
-
-_WHATEVER_SPOILS_LEVELS: Final = (
-    *(Suspect(cause, "events", 0.2) for cause in ("spatial_offset", "time_offset", "threshold_misdeclared",
-                                                  "event_model_misdeclared", "other_sequence", "mirrored")),
-    Suspect("exposure_or_gamma", "rgb", 0.4),
-    *(Suspect(cause, "rgb", 0.2) for cause in ("spatial_offset", "time_offset", "other_sequence",
-                                               "mirrored", "swapped_frames", "frozen_frames")),
-)  # fmt: skip
-"""Faults that other checks name better."""

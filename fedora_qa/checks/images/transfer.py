@@ -3,14 +3,13 @@
 from math import hypot
 from typing import Final
 
-from fedora_qa.checks.protocol import Statistic, Suspect
-from fedora_qa.estimators.images.event_colours import Estimate
+from fedora_qa.checks.images.event_colours import ColourCheck, ColourResponse
+from fedora_qa.checks.protocol import Statistic
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.event_colours import ColourAnswer, ColourCheck
 
-MATTERS: Final = 0.5
+MATERIAL: Final = 0.5
 """Half of what the mildest curve of a display, a power of about 2, bends."""
 
 LEVEL_BIAS: Final = 0.04
@@ -22,9 +21,6 @@ Clean files of all scenes give 0.963 to 0.992, whatever the model; closed-form f
 EXPOSURE_BIAS: Final = 0.05
 EXPOSURE_OF_BIAS_US: Final = 5_000.0
 """A frame exposed for 5 ms takes 5% off the contrast; the loss grows with the square of the time."""
-
-EXPONENTS_OF_DISPLAYS: Final = (1.7, 2.6)
-"""What sRGB (2.4 at white, 1 in the dark, 2.2 on the whole) and gamma 2.2 look like."""
 
 
 class ImagesTransfer(ColourCheck):
@@ -67,11 +63,15 @@ class ImagesTransfer(ColourCheck):
 
     name = "images.transfer"
 
-    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
+    def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
         """State the exponent."""
         by_level = declared.model == "linear"
-        exponent = found.fit.exponent if by_level else found.fit.scale
+        exponent = response.fit.exponent if by_level else response.fit.scale
         error = hypot(exponent.standard_error, exponent.bound)
+        # Pixels of low threshold fire more: the mean step is less by up to six times the squared relative spread.
+        spread = declared.threshold_sigma / min(declared.threshold_on, declared.threshold_off)
+        exposure_us = facts.declared.cameras["rgb"].exposure_us
+        of_declared_effects = 6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2
         condition = "" if by_level else ", if the thresholds are as declared"
         return (
             Statistic(
@@ -80,37 +80,11 @@ class ImagesTransfer(ColourCheck):
                 unit="1",
                 standard_error=exponent.standard_error,
                 expected=1.0,
-                model_error_bound=exponent.bound + LEVEL_BIAS + _of_declared_effects(declared, facts),
-                material=MATTERS,
+                model_error_bound=exponent.bound + LEVEL_BIAS + of_declared_effects,
+                material=MATERIAL,
                 statement=f"Frames would have to be taken to the power {exponent.value:.2f} +/- {error:.2g} to be what "
-                f"events see{condition}; they are best read as {found.best_curve}.",
+                f"events see{condition}; they are best read as {response.best_curve}.",
                 code="images.transfer.exponent",
                 where=Where(stream="rgb"),
-                suspects=_suspects(exponent, by_level),
             ),
         )
-
-
-def _of_declared_effects(declared: EventModel, facts: Facts) -> float:
-    """Return by how much a declared spread of thresholds and exposure move the exponent.
-
-    Pixels of low threshold fire more, so that the mean step is less by up to six times the squared relative spread.
-    """
-    spread = declared.threshold_sigma / min(declared.threshold_on, declared.threshold_off)
-    exposure_us = facts.declared.cameras["rgb"].exposure_us
-    return 6 * spread**2 + EXPOSURE_BIAS * (exposure_us / EXPOSURE_OF_BIAS_US) ** 2
-
-
-def _suspects(exponent: Estimate, by_level: bool) -> tuple[Suspect, ...]:
-    low, high = EXPONENTS_OF_DISPLAYS
-    of_a_display = low <= exponent.value <= high or 1 / high <= exponent.value <= 1 / low
-    bent = of_a_display or by_level
-    return (
-        Suspect("exposure_or_gamma", "rgb", 0.95 if bent else 0.3),
-        *(() if bent else (Suspect("threshold_misdeclared", "events", 0.8),)),
-        Suspect("event_model_misdeclared", "events", 0.5),
-        *(Suspect(cause, "events", 0.2) for cause in ("spatial_offset", "time_offset", "polarity_inverted",
-                                                      "dropped_samples", "duplicated_samples", "other_sequence")),
-        *(Suspect(cause, "rgb", 0.2) for cause in ("spatial_offset", "time_offset", "channel_order",
-                                                   "swapped_frames", "frozen_frames", "other_sequence")),
-    )  # fmt: skip

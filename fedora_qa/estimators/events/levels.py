@@ -1,32 +1,35 @@
-"""Bracketed level samples: where events say exactly how far a pixel has moved.
+"""Bracketed level samples: where events determine exactly how far a pixel has moved.
 
-Between two events of one polarity, ``t1 <= t < t2``, the level has moved from the first reference by a share of the
-threshold, which the cubic through these and one event on either side tells. (A straight line will not do: events are
-denser before a turning point than after it, so that its error does not average out.) Between two such samples
+Between two events of one polarity, ``t1 <= t < t2``, the level has moved from the first reference by a fraction of the
+threshold, which the cubic through these and one event on either side interpolates. (A straight line will not do: events
+are denser before a turning point than after it, so that its error does not average out.) Between two such samples
 
     L(b) - L(a) = C+ dP - C- dM + delta d(C+ rate+ - C- rate-)
 
 with dP and dM the brighter and darker events between them (fractions included), rate the events per second at the
-samples, and delta the time by which events are stamped late: a level read from late events is that of delta before.
-Naive regression on whole counts is biased by their rounding; here it is gone.
+samples, and delta the delay of the timestamps: a level interpolated from late events is that of delta before. Naive
+regression on whole counts is biased by their rounding; here it is gone.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.events.level_kernels import huber, residuals, sample_levels, solve, sum_blocks, weigh
 from fedora_qa.estimators.events.pixels import PixelEvents
-from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
+from fedora_qa.estimators.events.threshold_fit import NormalBlocks, normal_blocks
+from fedora_qa.estimators.fitting.huber import huber_weights
 
+Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Int32 = NDArray[np.int32]
+Int64 = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
-HUBER_K = 1.345
-"""Residuals beyond this many standard deviations weigh less: 95% efficient on normal errors (Huber 1964)."""
-
-SURE_WITHIN = 0.05
-"""Two readings of a level that lie farther apart than this share of the threshold lose weight.
+DISAGREEMENT_KNEE = 0.05
+"""Two estimates of a level that lie farther apart than this share of the threshold lose weight.
 
 A pair spans some five events, so that an error of this size is 1% of its change: what a threshold shall be known to.
 Where the knee lies trades bias for scatter only. Both are measured after it, on the pairs as they are weighed."""
@@ -37,10 +40,9 @@ MOST_EVENTS = 400_000
 MOST_PAIRS = 20_000
 """Beyond so many pairs, every second, third, ... is taken: then bounds of the frames limit the fit, not chance."""
 
-_ITERATIONS = 8
 _PARAMETERS = 4
-_FEW_ROWS = 4096
-"""Beyond so many rows NumPy parts them at their median faster than a compiled loop does."""
+_FEWEST = 4
+"""Events of a pixel that has a sample."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +86,8 @@ class LevelPairs:
     def tightest(self, wanted: int) -> "LevelPairs":
         """Return about ``wanted`` pairs or more, those of the shortest gaps, cut on a geometric ladder.
 
-        What a pixel sees during its gap is only bounded by the thresholds; the shorter it is, the surer the level.
+        The light of a pixel during its gap is only bounded by the thresholds; the shorter the gap, the less the level
+        can err.
         """
         if len(self) <= wanted:
             return self
@@ -97,18 +100,19 @@ class LevelPairs:
         return np.array([flat[self.earlier, self.pixels], flat[self.later, self.pixels]], dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """What frames show, and of which pixels it tells a level.
+class LevelImages(NamedTuple):
+    """Light of the event camera's pixels at frame times, and which of them have a level.
 
     Attributes
     ----------
     light, other_light
         (n, h, w) by two reconstructions, in single precision: neither may be below ``least``.
     error
-        (n, h, w), infinite where nothing is known.
+        (n, h, w), infinite where the light is not known.
+    least
+        Light below which a pixel's level is not known.
     hidden
-        (m,) pixels that tell nothing, row * width + column, sorted.
+        (m,) pixels without a level, row * width + column, sorted.
     """
 
     light: NDArray[np.float32]
@@ -118,81 +122,80 @@ class Shown:
     hidden: NDArray[np.int64]
 
 
+class SampleRules(NamedTuple):
+    """Which events bracket a sample: one pixel in ``every``, gaps in ns, and the ratio of the thresholds."""
+
+    every: int
+    longest_gap_ns: int
+    least_gap_ns: int
+    off_over_on: float
+
+
 def level_pairs(
     events: PixelEvents,
     frame_times_ns: NDArray[np.int64],
-    shown: Shown,
+    images: LevelImages,
     *,
     longest_gap_ns: int,
     least_gap_ns: int = 1,
     off_over_on: float = 1.0,
 ) -> LevelPairs:
-    """Find the level samples at frame times, at pixels that tell them.
+    """Find the level samples at frame times.
 
-    Events of a pixel closer than ``least_gap_ns`` break its chain. ``off_over_on`` is the declared ratio of the
-    thresholds; it only bends the cubic.
+    Parameters
+    ----------
+    events
+        By pixel of the event camera.
+    frame_times_ns
+        (n,) of the images, advancing.
+    images
+        What decides at which pixels and frames there are samples.
+    longest_gap_ns
+        Between the two events that bracket a sample.
+    least_gap_ns
+        Events of a pixel closer than this break its chain.
+    off_over_on
+        The declared ratio of the thresholds; it only bends the cubic.
+
+    Returns
+    -------
+    LevelPairs
+        Of successive samples of a pixel; a share of them where events or pairs abound.
     """
-    places, regressors = np.empty((len(events), 3), np.int32), np.empty((len(events), _PARAMETERS + 3))
-    count = sample_levels(
-        events.starts,
-        events.timestamped,
-        frame_times_ns,
-        shown.light,
-        shown.other_light,
-        shown.error,
-        shown.least,
-        shown.hidden,
-        max(1, -(-len(events) // MOST_EVENTS)),
-        longest_gap_ns,
-        max(least_gap_ns, 1),
-        off_over_on,
-        places,
-        regressors,
-    )
-    taken = slice(0, count, max(1, -(-count // MOST_PAIRS)))
-    pixels, earlier, later = places[taken].T.copy()
-    own, gaps_s, straightened = regressors[taken, :4], regressors[taken, 4], regressors[taken, 5:]
+    coordinates, regressors = np.empty((len(events), 3), np.int32), np.empty((len(events), _PARAMETERS + 3))
+    every = max(1, -(-len(events) // MOST_EVENTS))
+    rules = SampleRules(every, longest_gap_ns, max(least_gap_ns, 1), off_over_on)
+    count = sample_levels(events.starts, events.timestamped, frame_times_ns, images, rules, coordinates, regressors)
+    rows = slice(0, count, max(1, -(-count // MOST_PAIRS)))
+    pixels, earlier, later = coordinates[rows].T.copy()
+    own, gaps_s, straightened = regressors[rows, :4], regressors[rows, 4], regressors[rows, 5:]
     return LevelPairs(pixels, earlier, later, own.copy(), gaps_s.copy(), straightened.copy())
 
 
-@dataclass(frozen=True, slots=True)
-class NormalBlocks:
-    """Weighted normal equations of blocks of samples; sums over blocks are the equations of all.
+def precision_weights(pairs: LevelPairs, levels: Float64, other_levels: Float64, threshold: float) -> Float64:
+    """Return weights of pairs by how far two estimates of their levels lie apart.
 
-    Attributes
+    Cubics and straight lines are the two estimates by events. With d the distance in thresholds over
+    ``DISAGREEMENT_KNEE`` the weight is 1 / (1 + d^2)^2 (Geman and McClure 1985). Errors of footprints at edges are no
+    noise but take contrast away; under the inverse variance 1 / (1 + d^2) those of d = 4 would still pull half as much
+    as those of d = 1. Squared, it is an eighteenth. The residual has no part in it, so that no threshold is favoured.
+
+    Parameters
     ----------
-    matrices, vectors
-        (b, k, k) and (b, k): X'WX and X'Wy of k parameters, four of level pairs and of readings.
-    squares, weights, counts
-        (b,): y'Wy, the sum of weights, and the number of samples.
-    times_s
-        (b,) mean time of the samples.
+    levels, other_levels
+        (2, m) at both ends by two reconstructions of the frames, in the unit of the threshold.
+    threshold
+        The mean of the declared ones.
+
+    Returns
+    -------
+    Float64
+        (m,), 0 to 1.
     """
-
-    matrices: Float64
-    vectors: Float64
-    squares: Float64
-    weights: Float64
-    counts: Float64
-    times_s: Float64
-
-    def __len__(self) -> int:
-        return len(self.counts)
-
-
-def sureness(pairs: LevelPairs, levels: Float64, otherwise: Float64, threshold: float) -> Float64:
-    """Return weights (m,), 0 to 1, of pairs by how far two readings of what they hold lie apart.
-
-    ``levels`` and ``otherwise`` (2, m) are the levels at both ends by two reconstructions of the frames, in the unit of
-    ``threshold``; cubics and straight lines are the two readings of the events. With d the distance in thresholds over
-    ``SURE_WITHIN`` the weight is 1 / (1 + d^2)^2 (Geman and McClure 1985). Errors of footprints at edges are no noise
-    but take contrast away; under the inverse variance 1 / (1 + d^2) those of d = 4 would still pull half as much as
-    those of d = 1. Squared, it is an eighteenth. The residual has no part in it, so that no threshold is favoured.
-    """
-    between = levels - otherwise
-    of_frames = np.hypot(between[0], between[1]) / threshold
+    difference = levels - other_levels
+    of_frames = np.hypot(difference[0], difference[1]) / threshold
     of_events = np.abs(pairs.straightened).sum(axis=1)
-    weights: Float64 = (1.0 + (of_frames**2 + of_events**2) / SURE_WITHIN**2) ** -2.0
+    weights: Float64 = (1.0 + (of_frames**2 + of_events**2) / DISAGREEMENT_KNEE**2) ** -2.0
     return weights
 
 
@@ -202,63 +205,137 @@ def accumulate(
     block_of_pair: NDArray[np.intp],
     blocks: int,
     times_s: Float64,
-    sure: Float64 | None = None,
+    weights: Float64 | None = None,
 ) -> NormalBlocks:
-    """Return robust normal equations of ``change`` (m,) on the pairs' regressors, summed by block.
+    """Return robust normal equations of ``change`` on the pairs' regressors, summed by block.
 
-    ``times_s`` (m,) are the times of the pairs, ``sure`` (m,) their weights (1 if not given). These are multiplied by
-    Huber's about a fit of the pairs alone, its scale from the median absolute residual.
+    Parameters
+    ----------
+    change, block_of_pair, times_s
+        (m,) of the pairs.
+    blocks
+        How many there are.
+    weights
+        (m,) of the pairs, 1 if not given. They are multiplied by Huber's about a fit of the pairs alone, its scale from
+        the median absolute residual.
     """
-    if sure is None:
-        sure = np.ones(len(pairs))
-    root = np.sqrt(sure)
-    weights = sure * huber_weights(pairs.regressors * root[:, np.newaxis], change * root)
-    return normal_blocks(pairs.regressors, change, weights, block_of_pair, blocks, times_s)
+    if weights is None:
+        weights = np.ones(len(pairs))
+    root = np.sqrt(weights)
+    robust = weights * huber_weights(pairs.regressors * root[:, np.newaxis], change * root)
+    return normal_blocks(pairs.regressors, change, robust, block_of_pair, blocks, times_s)
 
 
-def normal_blocks(
-    X: Float64, y: Float64, weights: Float64, block_of_row: NDArray[np.intp], blocks: int, times_s: Float64
-) -> NormalBlocks:
-    """Return the weighted normal equations of y (m,) on X (m, k), summed by block."""
-    matrices, vectors = np.zeros((blocks, X.shape[1], X.shape[1])), np.zeros((blocks, X.shape[1]))
-    sums = np.zeros((blocks, 4))
-    sum_blocks(X, y, weights, block_of_row.astype(np.int64), times_s, matrices, vectors, sums)
-    squares, total, counts, times = sums.T.copy()
-    return NormalBlocks(matrices, vectors, squares, total, counts, times / np.maximum(counts, 1.0))
+@njit(cache=True)
+def sample_levels(
+    starts: Int32,
+    timestamped: Int64,
+    frame_times: Int64,
+    images: LevelImages,
+    rules: SampleRules,
+    coordinates: Int32,
+    regressors: Float64,
+) -> int:
+    """Write a row for each two successive level samples of a pixel; return how many.
+
+    A sample is a frame time t1 <= t < t2 between two events of one polarity at most the longest gap apart, at a pixel
+    whose frame is not darker than the least light in either of two images (n, h, w), to an error (n, h, w) that is
+    finite, with an event before and one after them at a third to three times their gap: a cubic through less even
+    events swings. Pixels that are hidden, sorted, have none. Events closer than the least gap break the chain of a
+    pixel: between them events may be lost. Events come by pixel, as in ``pixels.py``.
+
+    The ratio of the thresholds is good to first order. ``coordinates`` (m, 3) receives pixel, earlier and later frame;
+    ``regressors`` (m, 7) the brighter and darker events between the samples, fractions included (darker ones count
+    negative), the change of their rates, 1/s, the longer of the two gaps, s, and what straight lines would add to the
+    first two.
+    """
+    _, height, width = images.light.shape
+    rows, concealed = 0, 0
+    for row in range(height):
+        for column in range(width):
+            pixel = row * width + column
+            begin, stop = starts[pixel], starts[pixel + 1]
+            if stop - begin < _FEWEST or (rules.every > 1 and (column + 3 * row) % rules.every != 0):
+                continue
+            while concealed < len(images.hidden) and images.hidden[concealed] <= pixel:
+                concealed += 1
+            if concealed > 0 and images.hidden[concealed - 1] == pixel:
+                continue
+            frame, chained, sampled = 0, False, 0
+            on = (timestamped[begin] & 1) + (timestamped[begin + 1] & 1) + (timestamped[begin + 2] & 1)
+            level_on, level_off, slope, gap_s, line_on, line_off = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for i in range(begin + 3, stop):
+                first, second = timestamped[i - 2], timestamped[i - 1]
+                brighter = second & 1
+                t1, t2, t3 = first >> 1, second >> 1, timestamped[i] >> 1
+                on_before, off_before, on = on, i - begin - on, on + (timestamped[i] & 1)
+                if t3 - t2 < rules.least_gap_ns:
+                    chained = False
+                    continue
+                gap = t2 - t1
+                if first & 1 != brighter or gap <= 0 or gap > rules.longest_gap_ns:
+                    continue
+                t0 = timestamped[i - 3] >> 1
+                if not (gap <= 3 * (t1 - t0) <= 9 * gap and gap <= 3 * (t3 - t2) <= 9 * gap):
+                    continue
+                while frame < len(frame_times) and frame_times[frame] < t2:
+                    frame += 1
+                if frame == 0 or frame_times[frame - 1] < t1:
+                    continue
+                light, other_light = images.light[frame - 1, row, column], images.other_light[frame - 1, row, column]
+                bright = light >= images.least and other_light >= images.least
+                if not (bright and images.error[frame - 1, row, column] < np.inf):
+                    continue
+                ratio = rules.off_over_on
+                step = 1.0 if timestamped[i] & 1 == brighter else -(ratio if brighter else 1.0 / ratio)
+                # Seconds since the first frame keep the digits that cubics need.
+                since = frame_times[0]
+                fraction, rate = _cubic_between(
+                    (t0 - since) * 1e-9,
+                    (t1 - since) * 1e-9,
+                    (t2 - since) * 1e-9,
+                    (t3 - since) * 1e-9,
+                    step,
+                    (frame_times[frame - 1] - since) * 1e-9,
+                )
+                # The event at t2 is counted; the sample lies before it.
+                now_on = on_before + (fraction - 1.0 if brighter else 0.0)
+                now_off = off_before + (0.0 if brighter else fraction - 1.0)
+                now_slope, now_gap_s = (rate if brighter else -rate), gap * 1e-9
+                straight = (frame_times[frame - 1] - t1) / gap - fraction
+                now_line_on, now_line_off = (straight, 0.0) if brighter else (0.0, straight)
+                if chained:
+                    coordinates[rows, 0], coordinates[rows, 1], coordinates[rows, 2] = pixel, sampled, frame - 1
+                    regressors[rows, 0], regressors[rows, 1] = now_on - level_on, level_off - now_off
+                    regressors[rows, 2] = max(now_slope, 0.0) - max(slope, 0.0)
+                    regressors[rows, 3] = min(now_slope, 0.0) - min(slope, 0.0)
+                    regressors[rows, 4] = max(now_gap_s, gap_s)
+                    regressors[rows, 5], regressors[rows, 6] = now_line_on - line_on, line_off - now_line_off
+                    rows += 1
+                chained, sampled, gap_s, slope = True, frame - 1, now_gap_s, now_slope
+                level_on, level_off, line_on, line_off = now_on, now_off, now_line_on, now_line_off
+    return rows
 
 
-def huber_weights(X: Float64, y: Float64) -> Float64:
-    """Return the weights (m,) of Huber's M-estimate of y = X theta, by iterated least squares."""
-    weights, residual = np.ones(len(y)), np.empty(len(y))
-    if not len(y) or (len(y) <= _FEW_ROWS and huber(X, y, HUBER_K, _ITERATIONS, weights)):
-        return weights
-    weights[:], middle = 1.0, len(y) // 2
-    matrix, vector = np.empty((X.shape[1], X.shape[1])), np.empty(X.shape[1])
-    weigh(X, y, weights, matrix, vector)
-    for iteration in range(_ITERATIONS):
-        residuals(X, y, _solved(matrix, vector), residual)
-        # NumPy's median parts at both middle values, which takes eight times as long.
-        parted = np.partition(residual, middle)
-        below = parted[middle] if len(y) % 2 else parted[:middle].max()
-        scale = MAD_TO_SIGMA * 0.5 * float(below + parted[middle])
-        if scale == 0.0:
-            break
-        np.minimum(1.0, HUBER_K * scale / np.maximum(residual, 1e-300), out=weights)
-        if iteration + 1 < _ITERATIONS:
-            weigh(X, y, weights, matrix, vector)
-    return weights
+@njit(cache=True)
+def _cubic_between(t0: float, t1: float, t2: float, t3: float, step: float, t: float) -> tuple[float, float]:
+    """Return the level at t, and its rate, of the cubic through (t0, -1), (t1, 0), (t2, 1), (t3, 1 + step).
+
+    Newton's divided differences. The level before t1 is one event lower whatever the event at t0 was.
+    """
+    first, second, third = 1.0 / (t1 - t0), 1.0 / (t2 - t1), step / (t3 - t2)
+    earlier, later = (second - first) / (t2 - t0), (third - second) / (t3 - t1)
+    bend = (later - earlier) / (t3 - t0)
+    a, b, c = t - t1, t - t2, t - t0
+    level = a * second + a * b * (earlier + bend * c)
+    rate = second + (a + b) * earlier + (a * b + (a + b) * c) * bend
+    return level, rate
 
 
-def _solved(matrix: Float64, vector: Float64) -> Float64:
-    """Return the solution (k,) of normal equations; the shortest of many."""
-    theta = np.empty(len(vector))
-    if solve(matrix, vector, theta):
-        return theta
-    return np.asarray(np.linalg.lstsq(matrix, vector, rcond=None)[0], np.float64)
-
-
-def concatenate(blocks: list[NormalBlocks]) -> NormalBlocks:
-    """Return all blocks, in order, those without pairs left out."""
-    together = [np.concatenate([getattr(b, name) for b in blocks]) for name in NormalBlocks.__slots__]
-    present = together[NormalBlocks.__slots__.index("counts")] > 0
-    return NormalBlocks(*(part[present] for part in together))
+@njit(cache=True)
+def mark_usable(sharp_dn: Float32, even_dn: Float32, error_dn: Float32, least_dn: float, usable: Bool) -> None:
+    """Mark in ``usable`` (h, w) the pixels not darker than ``least_dn`` in either image whose error is finite."""
+    for row in range(usable.shape[0]):
+        for column in range(usable.shape[1]):
+            darker = min(sharp_dn[row, column], even_dn[row, column])
+            usable[row, column] = (darker >= least_dn) & (error_dn[row, column] < np.inf)

@@ -1,13 +1,18 @@
-"""Events in the order of their pixels, and of time within each: what is asked of one pixel then lies together."""
+"""Events in the order of their pixels, and of time within each: what is asked of one pixel then lies together.
+
+An event becomes one number, twice its instant plus its polarity.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.events.pixel_kernels import count_within, sort_by_pixel
-
+Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
+Columns = NDArray[np.uint16]
+Polarities = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +35,7 @@ class PixelEvents:
 
     def later_than(self, after_ns: int, until_ns: int) -> int:
         """Return the number of events in (after, until]."""
-        return int(count_within(self.timestamped, after_ns, until_ns))
+        return int(_count_within(self.timestamped, after_ns, until_ns))
 
 
 def by_pixel(
@@ -38,5 +43,42 @@ def by_pixel(
 ) -> PixelEvents:
     """Return the events, sorted by time and all on a sensor (rows, columns), by pixel."""
     starts, timestamped = np.empty(shape[0] * shape[1] + 1, np.int32), np.empty(len(times_ns), np.int64)
-    sort_by_pixel(x, y, times_ns, p, shape, starts, timestamped)
+    _sort_by_pixel(x, y, times_ns, p, shape, starts, timestamped)
     return PixelEvents(starts, timestamped)
+
+
+@njit(cache=True)
+def _sort_by_pixel(
+    x: Columns, y: Columns, t: Int64, p: Polarities, shape: tuple[int, int], starts: Int32, timestamped: Int64
+) -> None:
+    """Write 2 t + p of each event to ``stamped`` (m,), by pixel, and to ``starts`` (h * w + 1,) where each begins.
+
+    Events are counted, then dealt out, in the order of time. Indices are unsigned: a negative one would be asked for.
+    """
+    height, width = shape
+    row_px = np.uint64(width)
+    starts[:] = 0
+    for i in range(len(t)):
+        starts[np.uint64(y[i]) * row_px + np.uint64(x[i])] += 1
+    before = np.int32(0)
+    for pixel in range(height * width):
+        count = starts[pixel]
+        starts[pixel] = before
+        before += count
+    for i in range(len(t)):
+        pixel_of_event = np.uint64(y[i]) * row_px + np.uint64(x[i])
+        timestamped[np.uint64(starts[pixel_of_event])] = 2 * t[i] + p[i]
+        starts[pixel_of_event] += 1
+    # Each has moved on to where the next begins.
+    for pixel in range(height * width, 0, -1):
+        starts[pixel] = starts[pixel - 1]
+    starts[0] = 0
+
+
+@njit(cache=True)
+def _count_within(timestamped: Int64, after: int, until: int) -> int:
+    """Return how many of sorted events are later than ``after`` and not later than ``until``."""
+    count, least, most = 0, 2 * after + 1, 2 * until + 1
+    for i in range(len(timestamped)):
+        count += (timestamped[i] > least) & (timestamped[i] <= most)
+    return count

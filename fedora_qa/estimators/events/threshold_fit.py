@@ -1,28 +1,57 @@
-"""Thresholds, delay and clock rate of an event sensor from the normal equations of bracketed level samples."""
+"""Thresholds, delay and clock rate of an event sensor from normal equations of its samples.
+
+Samples are summed by block (a part of the image in a window); their scatter between blocks gives the standard errors.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.events.levels import NormalBlocks
 from fedora_qa.estimators.fitting.few_groups import shared_errors
 
 Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
 
 FEWEST_PAIRS = 100
 """Below, a scale of residuals is not known to 10%."""
 FEWEST_BLOCKS = 4
-"""Below, the spread between blocks says nothing."""
+"""Below, the spread between blocks estimates no error."""
 FEWEST_TIMES = 4
-"""Below, a rate cannot be told from chance."""
+"""Below, a rate cannot be distinguished from chance."""
 _SINGULAR = 1e8
-"""Condition of scaled normal equations beyond which a parameter is not told at all."""
+"""Condition of scaled normal equations beyond which a parameter is not identifiable."""
 
 
 @dataclass(frozen=True, slots=True)
-class Errors:
+class NormalBlocks:
+    """Weighted normal equations of blocks of samples; sums over blocks are the equations of all.
+
+    Attributes
+    ----------
+    matrices, vectors
+        (b, k, k) and (b, k): X'WX and X'Wy of k parameters, four of level pairs and of interpolated levels.
+    squares, weights, counts
+        (b,): y'Wy, the sum of weights, and the number of samples.
+    times_s
+        (b,) mean time of the samples.
+    """
+
+    matrices: Float64
+    vectors: Float64
+    squares: Float64
+    weights: Float64
+    counts: Float64
+    times_s: Float64
+
+    def __len__(self) -> int:
+        return len(self.counts)
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseErrors:
     """An error of each estimate: of both thresholds, of the delay (s) and of its rate (s/s)."""
 
     threshold_on: float
@@ -33,7 +62,7 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class ResponseFit:
-    """How events answer to the frames.
+    """Response of the event sensor to the light that frames hold.
 
     Attributes
     ----------
@@ -44,7 +73,7 @@ class ResponseFit:
     delay_rate
         How that grows, s/s; 0 where the blocks are of fewer than four times.
     kappa_s
-        Part of the levels that goes with the size of their slope, s; 0 where that is not fitted (``event_reading``).
+        Part of the levels that goes with the size of their slope (``frame_interpolation``), s; 0 where not fitted.
     middle_s
         Mean time of the pairs.
     standard_errors
@@ -63,8 +92,8 @@ class ResponseFit:
     delay_rate: float
     kappa_s: float
     middle_s: float
-    standard_errors: Errors
-    attenuation: Errors
+    standard_errors: ResponseErrors
+    attenuation: ResponseErrors
     coherent_delay_s: float
     sigma: float
 
@@ -89,21 +118,67 @@ class ResponseFit:
         return sigmas
 
 
+def normal_blocks(
+    X: Float64, y: Float64, weights: Float64, block_of_row: NDArray[np.intp], blocks: int, times_s: Float64
+) -> NormalBlocks:
+    """Return the weighted normal equations of y on X, summed by block.
+
+    Parameters
+    ----------
+    X, y, weights
+        (m, k), (m,), (m,).
+    block_of_row, times_s
+        (m,) of the rows.
+    blocks
+        How many there are.
+    """
+    matrices, vectors = np.zeros((blocks, X.shape[1], X.shape[1])), np.zeros((blocks, X.shape[1]))
+    sums = np.zeros((blocks, 4))
+    sum_blocks(X, y, weights, block_of_row.astype(np.int64), times_s, matrices, vectors, sums)
+    squares, total, counts, times = sums.T.copy()
+    return NormalBlocks(matrices, vectors, squares, total, counts, times / np.maximum(counts, 1.0))
+
+
+def concatenate(sums: list[NormalBlocks]) -> NormalBlocks:
+    """Return all blocks, in order, those without samples left out."""
+    fields = [np.concatenate([getattr(blocks, name) for blocks in sums]) for name in NormalBlocks.__slots__]
+    present = fields[NormalBlocks.__slots__.index("counts")] > 0
+    return NormalBlocks(*(values[present] for values in fields))
+
+
 def fit_response(blocks: NormalBlocks) -> ResponseFit | None:
-    """Fit level pairs: thresholds, delay and rate; None where there are too few, or one polarity is missing."""
+    """Fit level pairs: thresholds, delay and rate.
+
+    Returns
+    -------
+    ResponseFit | None
+        None where there are too few pairs, or one polarity is missing.
+    """
     if _too_few(blocks):
         return None
     matrix, vector = blocks.matrices.sum(axis=0), blocks.vectors.sum(axis=0)
     if np.linalg.cond(_scaled(matrix)) > _SINGULAR:
         return None
     steps = np.linalg.solve(matrix, vector)[:2]
-    return _fit(blocks, _rates_as_slope(steps), uncertain_counts=True)
+    # One column of both rates, C+ d rate+ - C- d rate-, with the thresholds of a first fit.
+    reduction = np.zeros((4, 3))
+    reduction[0, 0] = reduction[1, 1] = 1.0
+    reduction[2:, 2] = steps
+    return _fit(blocks, reduction, uncertain_counts=True)
 
 
-def fit_readings(blocks: NormalBlocks, groups: Sequence[NDArray[np.intp]] = ()) -> ResponseFit | None:
-    """Fit frames read at events (``event_reading``): thresholds, delay, rate and kappa; None where there are too few.
+def fit_interpolation(blocks: NormalBlocks, groups: Sequence[NDArray[np.intp]] = ()) -> ResponseFit | None:
+    """Fit frames interpolated at events (``frame_interpolation.py``): thresholds, delay, rate and kappa.
 
-    ``groups`` (b,) number the groups of blocks that may share an error; they are left out together as well.
+    Parameters
+    ----------
+    groups
+        (b,) each: numbers of groups of blocks that may share an error; those of one number are left out together.
+
+    Returns
+    -------
+    ResponseFit | None
+        None where there are too few samples.
     """
     return None if _too_few(blocks) else _fit(blocks, np.eye(4), uncertain_counts=False, groups=groups)
 
@@ -136,13 +211,23 @@ def _fit(
     variance = max(float(blocks.squares.sum() - theta @ side), 0.0) / weight
     formal = np.sqrt(np.diag(np.linalg.inv(normal)) * variance)
     by_block = np.maximum(formal, _jackknife(normal - normals, side - sides))
-    errors = _widened(formal, by_block, blocks, _effective_parts(normal, normals)) if groups else by_block
+    errors = by_block
+    if groups:
+        # Where cells scatter beyond formal errors, theirs count, widened for how few hold a parameter's weight.
+        samples, parts = float(blocks.counts.sum()), _effective_parts(normal, normals)
+        widened = [shared_errors(of, samples, by, n) for of, by, n in zip(formal, by_block, parts, strict=True)]
+        errors = np.asarray(widened, dtype=np.float64)
     for group in groups:
         count = len(np.unique(group))
         if count >= FEWEST_BLOCKS:
             by_group = _jackknife(normal - _summed(normals, group), side - _summed(sides, group))
             errors = np.maximum(errors, shared_errors(by_block, len(blocks), by_group, count))
-    attenuation = _attenuation(normal, theta, weight * variance) if uncertain_counts else np.zeros_like(theta)
+    attenuation = np.zeros_like(theta)
+    if uncertain_counts:
+        # If all residual squares were errors of the counts, of variance s^2 / C^2 a pair, these would add as much to
+        # the normal matrix, and take N^-1 diag(squares / C^2) C from the estimate (Fuller 1987, eq. 1.1.12).
+        attenuation[:2] = weight * variance / np.where(theta[:2] == 0, np.inf, theta[:2])
+        attenuation = np.abs(np.linalg.solve(normal, attenuation))
     return ResponseFit(
         threshold_on=float(theta[0]),
         threshold_off=float(theta[1]),
@@ -158,28 +243,13 @@ def _fit(
     )
 
 
-def _widened(formal: Float64, by_block: Float64, blocks: NormalBlocks, parts: Float64) -> Float64:
-    """Return the errors (m,) by block, as so many ``parts`` tell them where they differ from the formal ones."""
-    readings = float(blocks.counts.sum())
-    told = [shared_errors(one, readings, cells, n) for one, cells, n in zip(formal, by_block, parts, strict=True)]
-    return np.asarray(told, dtype=np.float64)
-
-
 def _effective_parts(normal: Float64, normals: Float64) -> Float64:
-    """Return how many blocks (m,) of equal weight would tell each parameter as these (b, m, m) of the ``normal`` do.
+    """Return how many blocks (m,) of equal weight would determine each parameter as these (b, m, m) of the sum do.
 
-    A block weighs what it moves a parameter by when all that it says is moved by 1; these weights add up to 1.
+    A block weighs what it moves a parameter by when its own estimate is moved by 1; these weights add up to 1.
     """
     shares = np.einsum("ij,bji->bi", np.linalg.inv(normal), normals)
     return np.asarray(np.abs(shares).sum(axis=0) ** 2 / np.sum(shares**2, axis=0))
-
-
-def _rates_as_slope(steps: Float64) -> Float64:
-    """Return the reduction (4, 3) that makes one column of both rates, C+ d rate+ - C- d rate-, with given steps."""
-    reduction = np.zeros((4, 3))
-    reduction[0, 0] = reduction[1, 1] = 1.0
-    reduction[2:, 2] = steps
-    return reduction
 
 
 def _with_rate(blocks: NormalBlocks, reduction: Float64, times_s: Float64) -> tuple[Float64, Float64]:
@@ -187,12 +257,12 @@ def _with_rate(blocks: NormalBlocks, reduction: Float64, times_s: Float64) -> tu
 
     Where there are times enough, the slope times the time of the block, the last column, fits the growth of the delay.
     """
-    known = reduction.shape[1]
-    count = known + 1 if len(np.unique(times_s.round(3))) >= FEWEST_TIMES else known
+    fitted = reduction.shape[1]
+    count = fitted + 1 if len(np.unique(times_s.round(3))) >= FEWEST_TIMES else fitted
     reductions = np.zeros((len(blocks), len(reduction), count))
-    reductions[:, :, :known] = reduction
-    if count > known:
-        reductions[:, :, known] = times_s[:, np.newaxis] * reduction[:, 2]
+    reductions[:, :, :fitted] = reduction
+    if count > fitted:
+        reductions[:, :, fitted] = times_s[:, np.newaxis] * reduction[:, 2]
     normals: Float64 = np.einsum("bij,bik,bkl->bjl", reductions, blocks.matrices, reductions)
     sides: Float64 = np.einsum("bij,bi->bj", reductions, blocks.vectors)
     return normals, sides
@@ -207,32 +277,51 @@ def _summed(parts: Float64, group: NDArray[np.intp]) -> Float64:
 
 def _jackknife(normals: Float64, sides: Float64) -> Float64:
     """Return the spread (k,) of the estimates that leave out one block each (Efron and Stein 1981)."""
-    inverses = np.linalg.pinv(normals, hermitian=True)  # a single block may hold all that tells a parameter
+    inverses = np.linalg.pinv(normals, hermitian=True)  # a single block may hold all weight of a parameter
     left_out = (inverses @ sides[..., np.newaxis])[..., 0]
     n = len(left_out)
     spread: Float64 = np.sqrt((n - 1) * left_out.var(axis=0))
     return spread
 
 
-def _attenuation(normal: Float64, theta: Float64, squares: float) -> Float64:
-    """Bound the bias (k,) if all of the residual squares were errors of the counts of events.
-
-    Errors of variance s^2 / C^2 a pair in the counts add as much to the normal matrix, and take
-    ``N^-1 diag(squares / C^2) C`` from the estimate (Fuller 1987, eq. 1.1.12).
-    """
-    added = np.zeros_like(theta)
-    added[:2] = squares / np.where(theta[:2] == 0, np.inf, theta[:2])
-    bias: Float64 = np.abs(np.linalg.solve(normal, added))
-    return bias
-
-
-def _named(values: Float64, known: int) -> Errors:
-    """Name the errors of C+, C- and delay, and that of the rate behind so many ``known``; infinite where not fitted."""
-    rate = float(values[known]) if len(values) > known else float("inf")
-    return Errors(float(values[0]), float(values[1]), float(values[2]), rate)
+def _named(values: Float64, fitted: int) -> ResponseErrors:
+    """Name the errors of C+, C- and delay, and that of the rate behind so many ``fitted``, infinite if absent."""
+    rate = float(values[fitted]) if len(values) > fitted else float("inf")
+    return ResponseErrors(float(values[0]), float(values[1]), float(values[2]), rate)
 
 
 def _scaled(matrix: Float64) -> Float64:
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled: Float64 = matrix / np.outer(size, size)
     return scaled
+
+
+@njit(cache=True)
+def sum_blocks(
+    X: Float64,
+    y: Float64,
+    weights: Float64,
+    block_of_row: Int64,
+    times_s: Float64,
+    matrices: Float64,
+    vectors: Float64,
+    sums: Float64,
+) -> None:
+    """Add normal equations of y (m,) on X (m, k) to those of their block.
+
+    ``matrices`` (b, k, k), ``vectors`` (b, k); ``sums`` (b, 4) of w y^2, w, 1 and the times.
+    """
+    for i in range(len(y)):
+        block, weight = block_of_row[i], weights[i]
+        for j in range(X.shape[1]):
+            weighted = weight * X[i, j]
+            vectors[block, j] += weighted * y[i]
+            for k in range(j + 1):
+                matrices[block, j, k] += weighted * X[i, k]
+        sums[block, 0] += weight * y[i] * y[i]
+        sums[block, 1] += weight
+        sums[block, 2] += 1.0
+        sums[block, 3] += times_s[i]
+    for j in range(X.shape[1]):
+        for k in range(j):
+            matrices[:, k, j] = matrices[:, j, k]

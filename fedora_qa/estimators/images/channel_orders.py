@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.images.event_colours import ColourFit, Estimate
+from fedora_qa.estimators.images.event_colours import ColourEstimate, ColourFit
 
 Float64 = NDArray[np.float64]
 
@@ -40,18 +40,18 @@ def weights_in(order: str) -> Float64:
     return np.array([luma[channel] for channel in order])
 
 
-def towards(fit: ColourFit, order: str) -> Estimate:
+def towards(fit: ColourFit, order: str) -> ColourEstimate:
     """Return how far the weights lie from R, G, B (0) towards another order (1); its error is infinite if unknown.
 
     The error is the larger of the formal one and the spread between blocks; the bound adds up the known biases.
     """
     line = _line_towards(fit, order)
     if line is None:
-        return Estimate(float("nan"), float("inf"), 0.0)
+        return ColourEstimate(float("nan"), float("inf"), 0.0)
     errors = fit.weight_errors
     variance = max(float(line @ errors.formal @ line), float(line @ errors.between_blocks @ line))
     bound = float(np.abs(errors.biases @ line).sum()) + LEVEL_BIAS * float(np.ptp(line))
-    return Estimate(float(line @ (_weights(fit) - weights_in("RGB"))), float(np.sqrt(variance)), bound)
+    return ColourEstimate(float(line @ (_weights(fit) - weights_in("RGB"))), float(np.sqrt(variance)), bound)
 
 
 def nearest_order(fit: ColourFit) -> str:

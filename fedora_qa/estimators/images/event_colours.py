@@ -18,16 +18,19 @@ other way round, weights would drift to wherever these errors cancel.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.events.levels import huber_weights
+from fedora_qa.estimators.events.footprint import Footprints
+from fedora_qa.estimators.fitting.huber import huber_weights
 from fedora_qa.estimators.images.transfer import WHITE_DN
 
 Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
 
 CHANNELS: Final = (0, 1, 2)
 EXPONENT: Final = 3
@@ -61,21 +64,21 @@ class ColourBlocks:
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class ColourEstimate:
     """A value, its standard error, and a bound on the bias that the model is known to have."""
 
     value: float
     standard_error: float
     bound: float
 
-    def widened(self, other: "Estimate") -> "Estimate":
+    def widened(self, other: "ColourEstimate") -> "ColourEstimate":
         """Return this estimate, its bound wider by how far another way to reckon moves it."""
         moved = abs(self.value - other.value)
         return replace(self, bound=self.bound + (moved if np.isfinite(moved) else 0.0))
 
 
 @dataclass(frozen=True, slots=True)
-class WeightErrors:
+class ChannelWeightErrors:
     """How the weights may err together: covariances (3, 3), formal and by the jackknife over blocks; biases (k, 3)."""
 
     formal: Float64
@@ -103,11 +106,11 @@ class ColourFit:
         Of a sample's residual, in the unit of S squared; as a share of the events' variance.
     """
 
-    weights: tuple[Estimate, Estimate, Estimate]
-    contrasts: tuple[Estimate, Estimate, Estimate]
-    scale: Estimate
-    exponent: Estimate
-    weight_errors: WeightErrors
+    weights: tuple[ColourEstimate, ColourEstimate, ColourEstimate]
+    contrasts: tuple[ColourEstimate, ColourEstimate, ColourEstimate]
+    scale: ColourEstimate
+    exponent: ColourEstimate
+    weight_errors: ChannelWeightErrors
     variance: float
     unexplained: float
 
@@ -163,7 +166,7 @@ def colour_blocks(columns: Float64, events: Float64, block_of_sample: NDArray[np
     return sums
 
 
-def joined(blocks: Sequence[ColourBlocks]) -> ColourBlocks:
+def concatenate_colours(blocks: Sequence[ColourBlocks]) -> ColourBlocks:
     """Return all blocks in order, those without samples left out."""
     together = [np.concatenate([getattr(one, name) for one in blocks]) for name in ColourBlocks.__slots__]
     present = together[-1] > 0
@@ -195,12 +198,12 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
     bias = slopes @ inverse @ common * min(variance, frame_variance) * count / (common @ coefficients)
     bounds = np.abs(bias)
     found = [
-        Estimate(float(value), float(error), float(bound))
+        ColourEstimate(float(value), float(error), float(bound))
         if np.isfinite(error)
-        else Estimate(float("nan"), np.inf, 0.0)
+        else ColourEstimate(float("nan"), np.inf, 0.0)
         for value, error, bound in zip(values, errors, bounds, strict=True)
     ]
-    of_weights = WeightErrors(formal[:3, :3], between[:3, :3], bias[np.newaxis, :3])
+    of_weights = ChannelWeightErrors(formal[:3, :3], between[:3, :3], bias[np.newaxis, :3])
     share = left / total if total > 0 else 1.0
     weights, contrasts = (found[0], found[1], found[2]), (found[5], found[6], found[7])
     return ColourFit(weights, contrasts, found[3], found[4], of_weights, variance, share)
@@ -253,3 +256,48 @@ def _slopes(coefficients: Float64) -> Float64:
         slopes[4, :3], slopes[4, _BENT] = -coefficients[_BENT] / scale**2, 1.0 / scale
     slopes[5:] = CONTRASTS @ slopes[:3]
     return slopes
+
+
+def edge_aware_colours(prints: Footprints, rgb: NDArray[np.uint8], linear_dn: Float64, pixels: NDArray[Any]) -> Float64:
+    """Return linear R, G, B (m, 3) over the footprints of pixels (m,), by the sharp reconstruction, in DN.
+
+    Parameters
+    ----------
+    rgb
+        (H, W, 3) codes of a frame.
+    linear_dn
+        (256,) what each code stands for.
+    pixels
+        row * width + column in the event camera.
+    """
+    rows, columns = prints.rows.sharp, prints.columns.sharp
+    at_rows, at_columns = np.divmod(np.asarray(pixels, dtype=np.int64), len(columns.first))
+    means = np.empty((len(pixels), 3))
+    _average(rgb, linear_dn, at_rows, at_columns, rows.first, rows.weights, columns.first, columns.weights, means)
+    return np.maximum(means, 0.0)
+
+
+@njit(cache=True)
+def _average(
+    rgb: NDArray[np.uint8],
+    linear_dn: Float64,
+    at_rows: Int64,
+    at_columns: Int64,
+    first_rows: Int64,
+    row_weights: Float64,
+    first_columns: Int64,
+    column_weights: Float64,
+    means: Float64,
+) -> None:
+    for i in range(len(at_rows)):
+        row, column = at_rows[i], at_columns[i]
+        red = green = blue = 0.0
+        for a in range(row_weights.shape[1]):
+            line = rgb[first_rows[row] + a]
+            for b in range(column_weights.shape[1]):
+                weight = row_weights[row, a] * column_weights[column, b]
+                pixel = line[first_columns[column] + b]
+                red += weight * linear_dn[pixel[0]]
+                green += weight * linear_dn[pixel[1]]
+                blue += weight * linear_dn[pixel[2]]
+        means[i, 0], means[i, 1], means[i, 2] = red, green, blue

@@ -1,4 +1,4 @@
-"""What events say of the colours of frames, window by window, and what the checks of it share."""
+"""Colours of frames regressed on events: sums of a window, the fit of a file, and the base of both checks of it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
-from fedora_qa.estimators.events.levels import LevelPairs, Shown, level_pairs
+from fedora_qa.estimators.events.levels import LevelImages, LevelPairs, level_pairs
 from fedora_qa.estimators.images.event_colours import (
     ColourBlocks,
     ColourFit,
     colour_blocks,
     colour_columns,
+    concatenate_colours,
+    edge_aware_colours,
     fit_colours,
-    joined,
 )
-from fedora_qa.estimators.images.footprints import sharp_colours
 from fedora_qa.estimators.images.transfer import TRANSFERS, to_code, to_linear
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.declared import EventModel
@@ -65,93 +65,79 @@ class ColourSums:
 
 
 @dataclass(frozen=True, slots=True)
-class ColourAnswer:
+class ColourResponse:
     """The fit under the declared curve, and the curve under which events follow the frames best."""
 
     fit: ColourFit
     best_curve: str
 
 
-def curves(declared: str) -> tuple[str, ...]:
-    """Return the transfer curves to try, the declared one first."""
-    return (declared, *(one for one in TRANSFERS if one != declared))
-
-
 def colour_sums(window: Window) -> ColourSums | None:
-    """Return the sums of a window; None where it shows too little."""
+    """Return the sums of a window; None where it holds too few level samples."""
     return window.once("colour_sums", lambda: _colour_sums(window))
 
 
 def _colour_sums(window: Window) -> ColourSums | None:
-    seen, declared = seen_frames(window), window.facts.declared.events
-    if declared is None or len(seen) < 2:
+    frames, declared = seen_frames(window), window.facts.declared.events
+    if declared is None or len(frames) < 2:
         return None
-    pairs = _level_pairs(window, seen, declared)
-    if len(pairs) < FEWEST_PAIRS:
-        return None
-    transfer, quarter = window.facts.declared.transfer, _quarter(pairs, seen)
-    colours = _colours(window, seen, pairs)
-
-    def sums(curve: str, pairs: LevelPairs) -> ColourBlocks:
-        steps = np.array([declared.threshold_on, declared.threshold_off])
-        events, delay = pairs.regressors[:, :2] @ steps, pairs.regressors[:, 2:] @ steps
-        earlier, later = (each if curve == transfer else to_linear(to_code(each, transfer), curve) for each in colours)
-        columns = colour_columns(earlier, later, declared.model, declared.log_eps_dn)
-        return colour_blocks(np.column_stack([columns, -delay]), events, quarter, QUARTERS)
-
-    by_curve = tuple(sums(curve, pairs) for curve in curves(transfer))
-    return ColourSums(len(pairs), by_curve, sums(transfer, pairs.with_straight_lines()))
-
-
-def _level_pairs(window: Window, seen: SeenFrames, declared: EventModel) -> LevelPairs:
     refractory_ns = int(2 * declared.refractory_us * NS_PER_US)
+    # Where rounding is small against a threshold: not saturated, not declared hot.
+    light = frames.even_dn, frames.even_dn, frames.error_dn, least_dn(window, declared), hot_pixels(declared, frames)
     pairs = level_pairs(
         pixel_events(window),
-        seen.times_ns,
-        _shown(window, seen, declared),
+        frames.times_ns,
+        LevelImages(*light),
         longest_gap_ns=LONGEST_GAP_NS,
         least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else refractory_ns,
         off_over_on=declared.threshold_off / declared.threshold_on,
     ).tightest(ENOUGH_PAIRS)
     # Leak gives brighter events that the level does not rise by.
-    elapsed_s = (seen.times_ns[pairs.later] - seen.times_ns[pairs.earlier]) / NS_PER_S
+    elapsed_s = (frames.times_ns[pairs.later] - frames.times_ns[pairs.earlier]) / NS_PER_S
     pairs.regressors[:, 0] -= declared.leak_rate_hz * elapsed_s
-    return pairs
+    if len(pairs) < FEWEST_PAIRS:
+        return None
+    height, width = frames.even_dn.shape[1:]
+    rows, columns = np.divmod(pairs.pixels, width)
+    quarter: NDArray[np.intp] = (2 * (2 * rows // height) + 2 * columns // width).astype(np.intp)
+    transfer, colours = window.facts.declared.transfer, _colours_at_ends(window, frames, pairs)
+
+    def sums(curve: str, pairs: LevelPairs) -> ColourBlocks:
+        steps = np.array([declared.threshold_on, declared.threshold_off])
+        events, delay = pairs.regressors[:, :2] @ steps, pairs.regressors[:, 2:] @ steps
+        earlier, later = (each if curve == transfer else to_linear(to_code(each, transfer), curve) for each in colours)
+        regressors = colour_columns(earlier, later, declared.model, declared.log_eps_dn)
+        return colour_blocks(np.column_stack([regressors, -delay]), events, quarter, QUARTERS)
+
+    by_curve = tuple(sums(curve, pairs) for curve in _curves(transfer))
+    return ColourSums(len(pairs), by_curve, sums(transfer, pairs.with_straight_lines()))
 
 
-def _shown(window: Window, seen: SeenFrames, declared: EventModel) -> Shown:
-    """Return where rounding is small against a threshold: not saturated, not declared hot."""
-    darkest_dn = least_dn(window, declared)
-    return Shown(seen.even_dn, seen.even_dn, seen.error_dn, darkest_dn, hot_pixels(declared, seen))
+def _curves(declared: str) -> tuple[str, ...]:
+    """Return the transfer curves to try, the declared one first."""
+    return (declared, *(curve for curve in TRANSFERS if curve != declared))
 
 
-def _colours(window: Window, seen: SeenFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
+def _colours_at_ends(window: Window, frames: SeenFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
     """Return linear R, G, B (m, 3) of each pair's pixel at its earlier and its later frame, in DN."""
     linear_dn = to_linear(np.arange(256.0), window.facts.declared.transfer)
     earlier, later = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
-    for i, frame in enumerate(seen.frames):
+    for i, frame in enumerate(frames.frames):
         at_start, at_end = pairs.earlier == i, pairs.later == i
         if not (at_start.any() or at_end.any()):
             continue
         rgb = window.rgb(int(frame))
         prints = seen_footprints(window, (rgb.shape[0], rgb.shape[1]))
-        earlier[at_start] = sharp_colours(prints, rgb, linear_dn, pairs.pixels[at_start])
-        later[at_end] = sharp_colours(prints, rgb, linear_dn, pairs.pixels[at_end])
+        earlier[at_start] = edge_aware_colours(prints, rgb, linear_dn, pairs.pixels[at_start])
+        later[at_end] = edge_aware_colours(prints, rgb, linear_dn, pairs.pixels[at_end])
     return earlier, later
-
-
-def _quarter(pairs: LevelPairs, seen: SeenFrames) -> NDArray[np.intp]:
-    height, width = seen.even_dn.shape[1:]
-    rows, columns = np.divmod(pairs.pixels, width)
-    quarter: NDArray[np.intp] = (2 * (2 * rows // height) + 2 * columns // width).astype(np.intp)
-    return quarter
 
 
 _TOO_FEW: Final = "too few pairs of frames at which events tell a pixel's level (slow motion, little texture, or dark)"
 
 
 class ColourCheck(WindowCheck[ColourSums]):
-    """A check of what events say of the colours of frames."""
+    """A check of the colours of frames by their regression on events."""
 
     needs = ("events", "rgb")
 
@@ -160,32 +146,33 @@ class ColourCheck(WindowCheck[ColourSums]):
         return why_frames_and_events_do_not_meet(facts)
 
     def measure(self, window: Window) -> ColourSums | None:
-        """Sum what the window shows."""
+        """Sum the window's level samples."""
         return colour_sums(window)
 
     def conclude(self, state: Sequence[ColourSums], facts: Facts) -> Observation:
         """Fit, and state."""
-        samples = sum(one.samples for one in state)
+        samples = sum(sums.samples for sums in state)
         coverage = Coverage(samples, samples, "level samples")
-        found = _answer(state, facts)
-        if isinstance(found, str) or facts.declared.events is None:
-            return Observation(coverage, unobservable=str(found))
-        measured = self.state(found, facts.declared.events, facts)
-        return Observation(coverage, measured, unobservable=self.why_blind(found))
+        response = _fit_colours(state, facts)
+        if isinstance(response, str) or facts.declared.events is None:
+            return Observation(coverage, unobservable=str(response))
+        measured = self.state(response, facts.declared.events, facts)
+        return Observation(coverage, measured, unobservable=self.why_blind(response))
 
-    def why_blind(self, found: ColourAnswer) -> str:
+    def why_blind(self, response: ColourResponse) -> str:
         """Say why the file could not show the least fault, beyond what each measurement says of itself."""
         return ""
 
-    def state(self, found: ColourAnswer, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
+    def state(self, response: ColourResponse, declared: EventModel, facts: Facts) -> tuple[Statistic, ...]:
         """Turn the fit into measurements."""
         raise NotImplementedError
 
 
-def _answer(state: Sequence[ColourSums], facts: Facts) -> ColourAnswer | str:
+def _fit_colours(state: Sequence[ColourSums], facts: Facts) -> ColourResponse | str:
+    """Fit a file under the declared curve, or say why it cannot be."""
     declared = facts.declared.events
-    tried = curves(facts.declared.transfer)
-    by_curve = [joined([one.by_curve[i] for one in state]) for i in range(len(tried))] if state else []
+    curves = _curves(facts.declared.transfer)
+    by_curve = [concatenate_colours([sums.by_curve[i] for sums in state]) for i in range(len(curves))] if state else []
     if not by_curve or len(by_curve[0]) < FEWEST_BLOCKS or declared is None:
         return _TOO_FEW
     linear = declared.model == "linear"
@@ -197,5 +184,5 @@ def _answer(state: Sequence[ColourSums], facts: Facts) -> ColourAnswer | str:
             "together (see event_response.orientation)"
         )
     fit = fit_colours(by_curve[0], with_exponent=linear, frame_variance=fits[best].variance)
-    straight = fit_colours(joined([one.straight for one in state]), with_exponent=linear)
-    return ColourAnswer(fit.widened(straight), tried[best])
+    straight = fit_colours(concatenate_colours([sums.straight for sums in state]), with_exponent=linear)
+    return ColourResponse(fit.widened(straight), curves[best])

@@ -1,0 +1,39 @@
+"""Which clock is off, and how: hypotheses for delays of events."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fedora_qa.checks.event_response.timing import DelayCourses, delay_courses
+from fedora_qa.diagnosis.event_response.timing import with_clock_reset
+from fedora_qa.estimators.events.delays import DelayStep
+from fedora_qa.sequence.facts import EventScan, EventStep
+from fedora_qa.views.clock_resets import set_clock
+from fedora_qa.views.event_clock_offset import LocalOffset
+from tests.support.facts import MS
+
+
+def segment_only(chosen: list[bool]) -> DelayCourses:
+    """Windows whose delays are, for certain, those of a segment."""
+    count = len(chosen)
+    local = LocalOffset(DelayStep(np.array(chosen), 7e-3, 1e-4, 10), np.zeros(count), np.full(count, 1e-4))
+    courses = delay_courses(local, np.linspace(0.1, 0.7, count), 0.0)
+    return replace(courses, constant=0.0, drift=0.0, segment=1.0)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "gains"),
+    [
+        pytest.param([False, True, True, False], True, id="within"),
+        pytest.param([True, True, True, False], False, id="from the start"),
+        pytest.param([False, False, False, True], False, id="to the end"),
+    ],
+)
+def test_a_late_segment_within_a_file_needs_two_steps(chosen: list[bool], gains: bool) -> None:
+    """With a step back only, a segment within the file gained; one at an end of it was late at once."""
+    steps = EventStep(1, 0, MS), EventStep(700, 90 * MS, 80 * MS), EventStep(800, 95 * MS, 96 * MS)
+    reset = set_clock(EventScan(1000, 0, 200 * MS, 1, 700, 1000, (), 10 * MS, 60, steps))
+    courses = with_clock_reset(segment_only(chosen), reset)
+    assert (courses.drift > courses.segment) == gains
+    assert courses.drift + courses.segment == pytest.approx(1.0)
