@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
-from fedora_qa.diagnosis import alignment, depth, flow_events, flow_photometric, images
-from fedora_qa.diagnosis import imu, pose
+from fedora_qa.diagnosis import alignment, depth, flow_events, flow_photometric, images, imu, pose
 from fedora_qa.diagnosis.event_response.alignment import propose_alignment
 from fedora_qa.diagnosis.event_response.conservation import propose_conservation
 from fedora_qa.diagnosis.event_response.frames import propose_frames
@@ -16,8 +15,8 @@ from fedora_qa.diagnosis.event_response.timing import propose_timing
 from fedora_qa.diagnosis.flow_geometry.endpoint import propose_endpoint
 from fedora_qa.diagnosis.flow_geometry.validity import propose_validity
 from fedora_qa.diagnosis.flow_rates import propose_composition
-from fedora_qa.diagnosis.images_colours import propose_channels, propose_transfer
 from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.images_colours import propose_channels, propose_transfer
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
 
