@@ -1,6 +1,7 @@
 """Measurements without noise: counts and declared numbers, which are right or wrong."""
 
 from fedora_qa.checks.protocol import Statistic, Suspect
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Severity, Where
 
 
@@ -13,6 +14,7 @@ def count_of_faults(
     code: str,
     where: Where | None = None,
     severity: Severity = "error",
+    features: tuple[Feature, ...] = (),
     suspects: tuple[Suspect, ...] = (),
 ) -> Statistic:
     """State a count that must be zero, and that was counted exactly."""
@@ -26,10 +28,11 @@ def count_of_faults(
         code=code,
         where=where or Where(),
         severity=severity,
+        features=features,
         suspects=suspects,
     )
 
 
 def no_faults(name: str, unit: str, code: str) -> Statistic:
-    """State that nothing was found: the count is zero."""
+    """State that the count of faults is zero."""
     return count_of_faults(name, 0, unit, statement="", code=code)

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fedora_qa.estimators.events.gaps import longest_silences
 from fedora_qa.estimators.events.pixels import by_pixel
-from fedora_qa.estimators.events.rates import Tally
+from fedora_qa.estimators.events.rates import PixelCounts
 from fedora_qa.estimators.events.registration_errors import slope_sums
 from fedora_qa.estimators.events.row_kernels import (
     count_between_frames,
@@ -21,7 +22,7 @@ from fedora_qa.estimators.events.row_kernels import (
 )
 from fedora_qa.estimators.events.shift import Interval, intervals
 from fedora_qa.estimators.events.shift_kernels import KEPT, SETTLED, USABLE
-from fedora_qa.estimators.events.timestamp_kernels import are_crowded, longest_silences
+from fedora_qa.estimators.events.timestamp_tick import are_crowded
 from tests.estimators.event_world import Stream
 
 SHAPE = (3, 4)
@@ -55,7 +56,7 @@ def test_events_between_frames_are_counted_once(events: Stream) -> None:
 @settings(deadline=None)
 def test_pixels_are_followed_one_by_one(events: Stream) -> None:
     """Every pixel gets its number of events and of runs of one polarity, its first and its last polarity."""
-    tally = Tally.of_nothing(SHAPE)
+    tally = PixelCounts.of_nothing(SHAPE)
     tally.add(events.x, events.y, events.p)
     counts, runs, first, last = tally.events, tally.runs, tally.first, tally.last
     for row, column in np.ndindex(SHAPE):

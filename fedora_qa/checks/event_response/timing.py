@@ -14,7 +14,7 @@ from fedora_qa.conventions import NS_PER_S
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.clock_resets import set_clock
+from fedora_qa.views.clock_resets import clock_reset
 from fedora_qa.views.event_camera import sensor_shape, why_frames_and_events_do_not_meet
 from fedora_qa.views.event_clock_offset import (
     Lateness,
@@ -294,4 +294,4 @@ def _shapes(stretch: Local | None, sums: Sequence[TimingSums], facts: Facts) -> 
         return Shapes()
     times_s = np.array([0.5 * (one.start_ns + one.stop_ns) / NS_PER_S for one in _readings(sums)])
     expected_s = 1e-3 * expected_delay_ms(facts.declared.events, facts)[0]
-    return with_steps(shapes_of(stretch, times_s, expected_s), stretch, set_clock(facts.events))
+    return with_steps(shapes_of(stretch, times_s, expected_s), stretch, clock_reset(facts.events))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.protocol import Suspect
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.clock_resets import SetClock
+from fedora_qa.views.clock_resets import ClockReset
 from fedora_qa.views.event_clock_offset import Lateness, Local
 
 Float64 = NDArray[np.float64]
@@ -46,7 +46,7 @@ def shapes_of(local: Local, times_s: Float64, expected_s: float) -> Shapes:
     return Shapes(*(float(share) for share in shares))
 
 
-def with_steps(shapes: Shapes, local: Local, was_set: SetClock | None) -> Shapes:
+def with_steps(shapes: Shapes, local: Local, was_set: ClockReset | None) -> Shapes:
     """Tell a stretch that is late from one whose clock gains, by the steps of stamps where the clock was set back.
 
     Without a step forwards a stretch that reaches to an end of what is known was late at once; others can only have
@@ -56,8 +56,7 @@ def with_steps(shapes: Shapes, local: Local, was_set: SetClock | None) -> Shapes
     one_sided = bool(local.step.chosen[known[0]] or local.step.chosen[known[-1]])
     if was_set is None or (was_set.forwards is None and one_sided):
         return shapes
-    weights = {suspect.cause: suspect.weight for suspect in was_set.suspects}
-    gains, late = weights.get("clock_rate", 0.0), weights.get("time_offset", 0.0)
+    gains, late = was_set.drift_agreement, was_set.offset_agreement
     moved = shapes.stretch * gains / (gains + late) if gains > 0 else 0.0
     return Shapes(shapes.constant, shapes.drift + moved, shapes.stretch - moved)
 

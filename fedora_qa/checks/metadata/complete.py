@@ -1,10 +1,12 @@
 """Are the declarations complete and plausible?"""
 
+from dataclasses import dataclass
 from typing import Final
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import FORMAT_NAME
+from fedora_qa.features import Feature
 from fedora_qa.layout.canonical import ATTRIBUTES, FLOW_STREAMS, PROMISED_BY
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import DeclarationProblem
@@ -16,6 +18,13 @@ _STREAMS_OF_OWNER: Final[dict[str, tuple[str, ...]]] = {
     "metadata/flow": FLOW_STREAMS,
 }
 """The streams that an object of the metadata describes."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeclarationDefect(Feature):
+    """A problem that reading the metadata met."""
+
+    problem: DeclarationProblem
 
 
 class MetadataComplete(FactsCheck):
@@ -52,17 +61,15 @@ class MetadataComplete(FactsCheck):
 
     def examine(self, facts: Facts) -> Observation:
         """Sort the problems by what the format asks for."""
-        of = len(ATTRIBUTES)
+        count = len(ATTRIBUTES)
         if _is_bare(facts):
-            return Observation(Coverage(0, of, "declarations"), (self._bare(),))
+            return Observation(Coverage(0, count, "declarations"), (self._bare(),))
         problems = [problem for problem in facts.declared.problems if _concerns(problem, facts)]
         broken = [problem for problem in problems if _is_required(problem)]
         noted = [problem for problem in problems if not _is_required(problem)]
-        measured = tuple(self._measured(problem) for problem in broken) or (
-            no_faults("declaration_problems", "declarations", self.name),
-        )
-        notices = tuple(Notice(f"metadata.complete.{_rule(problem)}", _said(problem)) for problem in noted)
-        return Observation(Coverage(of, of, "declarations"), measured, notices)
+        statistics = tuple(map(self._defect, broken)) or (no_faults("declaration_problems", "declarations", self.name),)
+        notices = tuple(Notice(f"metadata.complete.{_rule(problem)}", _text(problem)) for problem in noted)
+        return Observation(Coverage(count, count, "declarations"), statistics, notices)
 
     def _bare(self) -> Statistic:
         return count_of_faults(
@@ -73,18 +80,17 @@ class MetadataComplete(FactsCheck):
             "that the file holds can be held to a declaration",
             code="metadata.complete.missing",
             where=Where(stream="metadata"),
-            suspects=(Suspect("missing_stream", "metadata", 1.0),),
         )
 
-    def _measured(self, problem: DeclarationProblem) -> Statistic:
+    def _defect(self, problem: DeclarationProblem) -> Statistic:
         return count_of_faults(
             name=f"{problem.owner}@{problem.name}",
             value=1,
             unit="declarations",
-            statement=_said(problem),
+            statement=_text(problem),
             code=f"metadata.complete.{_rule(problem)}",
             where=Where(stream="metadata"),
-            suspects=(Suspect(problem.cause, "metadata", 1.0),),
+            features=(DeclarationDefect(problem),),
         )
 
 
@@ -110,6 +116,6 @@ def _rule(problem: DeclarationProblem) -> str:
     return "missing" if problem.cause == "missing_stream" else "malformed"
 
 
-def _said(problem: DeclarationProblem) -> str:
+def _text(problem: DeclarationProblem) -> str:
     place = f"/{problem.owner}" if problem.owner else "the file"
     return f"{place} {problem.name}: {problem.message}" if problem.name else problem.message
