@@ -72,42 +72,43 @@ class ClocksGaps(FactsCheck):
         statistics: list[Statistic] = []
         notices: list[Notice] = []
         for stream, fit in fits_of(facts):
-            if fit.regular:
-                statistics += [self._missing(facts, stream, fit), self._jumps(facts, stream, fit)]
-            else:
+            if not fit.regular:
                 jitter = f"jitter {fit.jitter_ns / NS_PER_US:.3g} us of a period of {fit.period_ns / NS_PER_US:.4g} us"
                 message = f"{stream} is irregular ({jitter}): gaps cannot be told"
                 notices.append(Notice("clocks.gaps.irregular", message, Where(stream)))
+                continue
+            first, where = _behind(facts, stream, fit.gap_after)
+            statistics.append(
+                count_of_faults(
+                    name=f"{stream}.missing",
+                    value=fit.missing,
+                    unit="samples",
+                    statement=f"{fit.missing} samples of {stream} are missing in {len(fit.gap_after)} gaps, "
+                    f"the first behind row {first}.",
+                    code="clocks.gaps.missing",
+                    where=where,
+                    features=_of_gaps(facts.clocks[stream], fit),
+                )
+            )
+            first, where = _behind(facts, stream, fit.jump_after)
+            jump_ms = float(fit.jumps_ns[0]) / NS_PER_MS if len(fit.jumps_ns) else 0.0
+            # Both timestamps of a step are rounded to a microsecond.
+            rounding_ms = 1 / NS_PER_MS * NS_PER_US
+            period_us = fit.period_ns / NS_PER_US
+            statistics.append(
+                count_of_faults(
+                    name=f"{stream}.jumps",
+                    value=len(fit.jump_after),
+                    unit="steps",
+                    statement=f"{len(fit.jump_after)} steps of {stream} are no whole number of periods, the first "
+                    f"behind row {first} is {jump_ms:+.4g} ms off; all others keep the period of {period_us:.6g} us.",
+                    code="clocks.gaps.jump",
+                    where=where,
+                    features=(ClockJump(jump_ms, rounding_ms),),
+                )
+            )
         empty = "" if statistics or notices else "no stream has three stamps in order"
         return Observation(all_timestamps(facts), tuple(statistics), tuple(notices), unobservable=empty)
-
-    def _missing(self, facts: Facts, stream: str, fit: RegularClock) -> Statistic:
-        first, where = _behind(facts, stream, fit.gap_after)
-        return count_of_faults(
-            name=f"{stream}.missing",
-            value=fit.missing,
-            unit="samples",
-            statement=f"{fit.missing} samples of {stream} are missing in {len(fit.gap_after)} gaps, "
-            f"the first behind row {first}.",
-            code="clocks.gaps.missing",
-            where=where,
-            features=_of_gaps(facts.clocks[stream], fit),
-        )
-
-    def _jumps(self, facts: Facts, stream: str, fit: RegularClock) -> Statistic:
-        first, where = _behind(facts, stream, fit.jump_after)
-        jump_ms = float(fit.jumps_ns[0]) / NS_PER_MS if len(fit.jumps_ns) else 0.0
-        rounding_ms = 1 / NS_PER_MS * NS_PER_US
-        return count_of_faults(
-            name=f"{stream}.jumps",
-            value=len(fit.jump_after),
-            unit="steps",
-            statement=f"{len(fit.jump_after)} steps of {stream} are no whole number of periods, the first behind row "
-            f"{first} is {jump_ms:+.4g} ms off; all others keep the period of {fit.period_ns / NS_PER_US:.6g} us.",
-            code="clocks.gaps.jump",
-            where=where,
-            features=(ClockJump(jump_ms, rounding_ms),),
-        )
 
 
 def _of_gaps(clock: Clock, fit: RegularClock) -> tuple[Feature, ...]:

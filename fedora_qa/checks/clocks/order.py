@@ -20,7 +20,7 @@ from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import is_rounded
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
-from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.sequence.facts import Facts
 from fedora_qa.views.clock_resets import clock_reset
 
 
@@ -78,9 +78,13 @@ class ClocksOrder(FactsCheck):
         for stream, clock in clocks_of(facts):
             steps = np.diff(clock.times_ns)
             backward, repeated = np.flatnonzero(steps < 0), np.flatnonzero(steps == 0)
+            # Timestamps that were rounded to a grid above the period repeat as if samples had been written twice.
+            rounded: tuple[Feature, ...] = ()
+            if len(repeated) and is_rounded(clock.times_ns):
+                rounded = (RoundedRepeats(float(np.max(np.diff(clock.times_ns))) / NS_PER_MS),)
             statistics += [
                 self._count(facts, stream, "backward_steps", backward, tuple(_of_order(facts, stream, backward))),
-                self._count(facts, stream, "repeated_stamps", repeated, tuple(_of_repeats(clock, repeated))),
+                self._count(facts, stream, "repeated_stamps", repeated, rounded),
             ]
         if facts.events is not None:
             statistics.append(self._of_events(facts))
@@ -135,12 +139,6 @@ def _of_order(facts: Facts, stream: str, backward: NDArray[np.intp]) -> Iterator
     set_back = clock_set_back(clock, backward)
     if set_back is not None:
         yield set_back
-
-
-def _of_repeats(clock: Clock, repeated: NDArray[np.intp]) -> Iterator[Feature]:
-    """Distinguish timestamps that were rounded to a grid above the period from samples that were written twice."""
-    if len(repeated) and is_rounded(clock.times_ns):
-        yield RoundedRepeats(float(np.max(np.diff(clock.times_ns))) / NS_PER_MS)
 
 
 def _is_wrap(step_ns: int) -> bool:

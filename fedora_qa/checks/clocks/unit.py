@@ -58,52 +58,47 @@ class ClocksUnit(FactsCheck):
         reference = reference_duration_ns(facts, durations)
         if reference is None:
             return Observation(all_timestamps(facts), unobservable="no two streams have a duration to be compared")
-        factors = [self._factor(facts, stream, length / reference) for stream, length in durations.items()]
+        factors: list[Statistic] = []
+        for stream, duration_ns in durations.items():
+            ratio = duration_ns / reference
+            # Timestamps that count up by one of the file's microseconds are numbers of samples.
+            clock = facts.clocks.get(stream)
+            counts = (
+                ratio < 1 / 2
+                and clock is not None
+                and len(clock.times_ns) > 2
+                and bool(np.all(np.diff(clock.times_ns) == NS_PER_US))
+            )
+            factor = ratio if counts else unit_factor(ratio)
+            clause = "are numbers of samples, not times" if counts else UNIT_FACTORS[factor]
+            text = f"The stamps of {stream} span {ratio:.6g} times as long as the other streams: they {clause}."
+            factors.append(_factor(f"{stream}.unit_factor", factor, text, "clocks.unit.factor", Where(stream=stream)))
         # A stream in another unit as a whole has no part in another unit besides.
         agreeing = {statistic.where.stream for statistic in factors if statistic.value == 1.0}
-        parts = (self._part(facts, stream) for stream in facts.clocks if stream in agreeing)
-        return Observation(all_timestamps(facts), (*factors, *(part for part in parts if part is not None)))
+        for stream in (stream for stream in facts.clocks if stream in agreeing):
+            part = part_in_other_unit(facts, stream)
+            if part is not None:
+                first, last = part.first_row, part.last_row
+                start_us = file_us(facts, facts.clocks[stream].times_ns, first)
+                where = Where(stream, start_us, None, index_start=first, index_stop=last + 1)
+                text = (
+                    f"From row {first} to {last} the stamps of {stream} {UNIT_FACTORS[part.factor]}: the steps "
+                    f"between them are {part.factor:g} times as long as elsewhere."
+                )
+                factors.append(_factor(f"{stream}.unit_factor_of_a_part", part.factor, text, "clocks.unit.part", where))
+        return Observation(all_timestamps(facts), tuple(factors))
 
-    def _factor(self, facts: Facts, stream: str, ratio: float) -> Statistic:
-        # Timestamps that count up by one of the file's microseconds are numbers of samples.
-        clock = facts.clocks.get(stream)
-        counts = (
-            ratio < 1 / 2
-            and clock is not None
-            and len(clock.times_ns) > 2
-            and bool(np.all(np.diff(clock.times_ns) == NS_PER_US))
-        )
-        factor = ratio if counts else unit_factor(ratio)
-        return Statistic(
-            name=f"{stream}.unit_factor",
-            value=factor,
-            unit="1",
-            expected=1.0,
-            standard_error=0.0,
-            resolution=31.0,
-            statement=f"The stamps of {stream} span {ratio:.6g} times as long as the other streams: "
-            f"they {'are numbers of samples, not times' if counts else UNIT_FACTORS[factor]}.",
-            code="clocks.unit.factor",
-            where=Where(stream=stream),
-            severity="critical",
-        )
 
-    def _part(self, facts: Facts, stream: str) -> Statistic | None:
-        part = part_in_other_unit(facts, stream)
-        if part is None:
-            return None
-        first, last = part.first_row, part.last_row
-        times_ns = facts.clocks[stream].times_ns
-        return Statistic(
-            name=f"{stream}.unit_factor_of_a_part",
-            value=part.factor,
-            unit="1",
-            expected=1.0,
-            standard_error=0.0,
-            resolution=31.0,
-            statement=f"From row {first} to {last} the stamps of {stream} {UNIT_FACTORS[part.factor]}: the steps "
-            f"between them are {part.factor:g} times as long as elsewhere.",
-            code="clocks.unit.part",
-            where=Where(stream, file_us(facts, times_ns, first), None, index_start=first, index_stop=last + 1),
-            severity="critical",
-        )
+def _factor(name: str, factor: float, statement: str, code: str, where: Where) -> Statistic:
+    return Statistic(
+        name=name,
+        value=factor,
+        unit="1",
+        expected=1.0,
+        standard_error=0.0,
+        resolution=31.0,
+        statement=statement,
+        code=code,
+        where=where,
+        severity="critical",
+    )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -14,13 +15,16 @@ from fedora_qa.checks.event_stream.event_rows import (
     why_no_sensor,
 )
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, WindowCheck
 from fedora_qa.estimators.events.row_kernels import survey_columns
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import all_events, all_on_sensor, own, sensor_shape
+
+_ENOUGH_EVENTS: Final = 1000
+"""Events from which on a single polarity is noted: fewer may be of one edge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,43 +113,35 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
             return Observation(event_coverage(facts, 0), unobservable=NO_EVENTS)
         first = next((count.first for count in state if count.first is not None), None)
         outside, unknown = sum(count.outside for count in state), sum(count.bad_polarity for count in state)
-        return Observation(
-            event_coverage(facts, total),
-            (self._outside(state, facts, outside, first), self._polarity(facts, unknown, first)),
-            self._one_sided(state, total),
-        )
-
-    def _outside(self, state: Sequence[BoundsCount], facts: Facts, outside: int, first: EventRow | None) -> Statistic:
         height, width = sensor_shape(facts.declared)
         columns, rows = (1 + max(count.farthest[axis] for count in state) for axis in (0, 1))
-        swapped = columns <= height and rows <= width
-        hint = "; with x and y exchanged all of them would fit" if swapped else ""
-        return count_of_faults(
-            name="outside",
-            value=outside,
-            unit="events",
-            statement=f"{outside} events lie outside the declared {width} x {height} px (largest column {columns - 1}, "
-            f"largest row {rows - 1}){hint}.",
-            code="event_stream.bounds.outside",
-            where=where_of(facts, first),
-            severity="critical",
-            features=(EventExtent(fits_exchanged=swapped),),
+        fits_exchanged = columns <= height and rows <= width
+        hint = "; with x and y exchanged all of them would fit" if fits_exchanged else ""
+        statistics = (
+            count_of_faults(
+                name="outside",
+                value=outside,
+                unit="events",
+                statement=f"{outside} events lie outside the declared {width} x {height} px (largest column "
+                f"{columns - 1}, largest row {rows - 1}){hint}.",
+                code="event_stream.bounds.outside",
+                where=where_of(facts, first),
+                severity="critical",
+                features=(EventExtent(fits_exchanged),),
+            ),
+            count_of_faults(
+                name="unknown_polarity",
+                value=unknown,
+                unit="events",
+                statement=f"{unknown} events have a polarity that is neither 0 nor 1.",
+                code="event_stream.bounds.polarity",
+                where=where_of(facts, first),
+                severity="critical",
+            ),
         )
-
-    def _polarity(self, facts: Facts, unknown: int, first: EventRow | None) -> Statistic:
-        return count_of_faults(
-            name="unknown_polarity",
-            value=unknown,
-            unit="events",
-            statement=f"{unknown} events have a polarity that is neither 0 nor 1.",
-            code="event_stream.bounds.polarity",
-            where=where_of(facts, first),
-            severity="critical",
-        )
-
-    def _one_sided(self, state: Sequence[BoundsCount], total: int) -> tuple[Notice, ...]:
         off, on = (sum(count.polarities[p] for count in state) for p in (0, 1))
-        if total < 1000 or (off and on):
-            return ()
-        polarity = "brighter" if on else "darker"
-        return (Notice("event_stream.bounds.one_polarity", f"every event is {polarity}", Where(stream="events")),)
+        notices: tuple[Notice, ...] = ()
+        if total >= _ENOUGH_EVENTS and not (off and on):
+            text = f"every event is {'brighter' if on else 'darker'}"
+            notices = (Notice("event_stream.bounds.one_polarity", text, Where(stream="events")),)
+        return Observation(event_coverage(facts, total), statistics, notices)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
 from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
-from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic
+from fedora_qa.checks.protocol import FactsCheck, Observation
 from fedora_qa.features import Feature
 from fedora_qa.layout.canonical import FLOW_STREAMS
 from fedora_qa.layout.resolve import LayoutProblem
@@ -58,17 +58,18 @@ class IntegrityLayout(FactsCheck):
         coverage = Coverage(len(facts.layout.bindings), len(facts.layout.bindings) + len(broken), "datasets")
         if not problems:
             return Observation(coverage, (no_faults("layout_problems", "problems", self.name),))
+        defects = [
+            count_of_faults(
+                name=f"{problem.key or problem.stream}.{problem.code.rsplit('.', 1)[1]}",
+                value=1,
+                unit="problems",
+                statement=problem.message,
+                code=problem.code,
+                where=Where(stream=problem.stream),
+                severity="critical",
+                features=(LayoutDefect(problem),),
+            )
+            for problem in problems
+        ]
         rates = {problem.stream for problem in problems if problem.stream in FLOW_STREAMS} | set(facts.flow_streams)
-        return Observation(coverage, with_flow_rate_deviations(map(self._defect, problems), rates))
-
-    def _defect(self, problem: LayoutProblem) -> Statistic:
-        return count_of_faults(
-            name=f"{problem.key or problem.stream}.{problem.code.rsplit('.', 1)[1]}",
-            value=1,
-            unit="problems",
-            statement=problem.message,
-            code=problem.code,
-            where=Where(stream=problem.stream),
-            severity="critical",
-            features=(LayoutDefect(problem),),
-        )
+        return Observation(coverage, with_flow_rate_deviations(defects, rates))
