@@ -34,5 +34,5 @@ def count_of_faults(
 
 
 def no_faults(name: str, unit: str, code: str) -> Statistic:
-    """State that nothing was found: the count is zero."""
+    """State that the count of faults is zero."""
     return count_of_faults(name, 0, unit, statement="", code=code)

@@ -4,7 +4,20 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
-from fedora_qa.diagnosis import alignment, depth, flow_events, flow_photometric, images, imu, pose
+from fedora_qa.diagnosis import (
+    alignment,
+    clocks,
+    depth,
+    event_stream,
+    flow_events,
+    flow_photometric,
+    images,
+    imu,
+    index_maps,
+    integrity,
+    metadata,
+    pose,
+)
 from fedora_qa.diagnosis.event_response.alignment import propose_alignment
 from fedora_qa.diagnosis.event_response.conservation import propose_conservation
 from fedora_qa.diagnosis.event_response.frames import propose_frames
@@ -24,6 +37,25 @@ Propose = Callable[[Alarm, Facts], tuple[Hypothesis, ...]]
 """Gives the hypotheses for an alarm of one check, best supported first."""
 
 PROPOSALS: Final[Mapping[str, Propose]] = MappingProxyType({
+    "integrity.layout": integrity.propose_layout,
+    "integrity.readable": integrity.propose_readable,
+    "integrity.finite": integrity.propose_finite,
+    "metadata.complete": metadata.propose_complete,
+    "metadata.units": metadata.propose_units,
+    "metadata.cameras": metadata.propose_cameras,
+    "metadata.profile": metadata.propose_profile,
+    "clocks.order": clocks.propose_order,
+    "clocks.unit": clocks.propose_unit,
+    "clocks.rate": clocks.propose_rate,
+    "clocks.gaps": clocks.propose_gaps,
+    "clocks.span": clocks.propose_span,
+    "clocks.resolution": clocks.propose_resolution,
+    "index_maps.rgb": index_maps.propose_frame_to_event,
+    "index_maps.depth": index_maps.propose_frame_to_event,
+    "event_stream.bounds": event_stream.propose_bounds,
+    "event_stream.duplicates": event_stream.propose_duplicates,
+    "event_stream.gaps": event_stream.propose_gaps,
+    "event_stream.rates": event_stream.propose_rates,
     "event_response.orientation": propose_orientation,
     "event_response.model": propose_model,
     "event_response.threshold": propose_threshold,

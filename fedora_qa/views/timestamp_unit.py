@@ -9,12 +9,12 @@ UNIT_FACTORS: Final = {
     32.0: "are wall-clock time of a simulation that ran 32 times slower",
     1e3: "are in nanoseconds",
 }
-"""What the ratio of a stream's duration to that of the others tells, the mistakes that real files hold."""
+"""What the ratio of a stream's duration to that of the others means: the mistakes that real files hold."""
 
 UNIT_WITHIN: Final = 0.2
 """A duration farther than this from every factor is a matter of streams that end early (clocks.span)."""
 
 
 def unit_factor(ratio: float) -> float:
-    """Return the known factor that a ratio of durations is near to; 1 where there is none."""
-    return next((known for known in UNIT_FACTORS if abs(ratio / known - 1) <= UNIT_WITHIN), 1.0)
+    """Return the first factor of ``UNIT_FACTORS`` that a ratio of durations is near to; 1 where there is none."""
+    return next((factor for factor in UNIT_FACTORS if abs(ratio / factor - 1) <= UNIT_WITHIN), 1.0)

@@ -9,7 +9,7 @@ from fedora_qa.checks.event_response.timing import DelayCourses, delay_courses
 from fedora_qa.diagnosis.event_response.timing import with_clock_reset
 from fedora_qa.estimators.events.delays import DelayStep
 from fedora_qa.sequence.facts import EventScan, EventStep
-from fedora_qa.views.clock_resets import set_clock
+from fedora_qa.views.clock_resets import clock_reset
 from fedora_qa.views.event_clock_offset import LocalOffset
 from tests.support.facts import MS
 
@@ -33,7 +33,7 @@ def segment_only(chosen: list[bool]) -> DelayCourses:
 def test_a_late_segment_within_a_file_needs_two_steps(chosen: list[bool], gains: bool) -> None:
     """With a step back only, a segment within the file gained; one at an end of it was late at once."""
     steps = EventStep(1, 0, MS), EventStep(700, 90 * MS, 80 * MS), EventStep(800, 95 * MS, 96 * MS)
-    reset = set_clock(EventScan(1000, 0, 200 * MS, 1, 700, 1000, (), 10 * MS, 60, steps))
+    reset = clock_reset(EventScan(1000, 0, 200 * MS, 1, 700, 1000, (), 10 * MS, 60, steps))
     courses = with_clock_reset(segment_only(chosen), reset)
     assert (courses.drift > courses.segment) == gains
     assert courses.drift + courses.segment == pytest.approx(1.0)

@@ -1,4 +1,4 @@
-"""Orientation, shift and loudness of event images."""
+"""Orientation, shift and neighbours of event images."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from fedora_qa.estimators.events.orientation import (
     span_moments,
     step_moments,
 )
-from fedora_qa.estimators.events.rates import Tally, loudness
+from fedora_qa.estimators.events.rates import PixelCounts, neighbour_excess
 from fedora_qa.estimators.events.row_kernels import EVENT, RUN
 from fedora_qa.estimators.events.shift import cross_correlation, peak
 
@@ -133,8 +133,8 @@ def test_no_peak_where_nothing_agrees() -> None:
     assert peak(cross_correlation(TEXTURE, TEXTURE, ~ALL)) is None
 
 
-def tally(counts: NDArray[np.int64], runs: NDArray[np.int64]) -> Tally:
-    return Tally(counts * EVENT + runs * RUN)
+def tally(counts: NDArray[np.int64], runs: NDArray[np.int64]) -> PixelCounts:
+    return PixelCounts(counts * EVENT + runs * RUN)
 
 
 @pytest.mark.parametrize("hot", [[(10, 12)], [(10, 12), (10, 13)], [(0, 0)]], ids=["one", "pair", "corner"])
@@ -144,7 +144,7 @@ def test_hot_pixels_are_loud(hot: list[tuple[int, int]]) -> None:
     for place in hot:
         counts[place] += 200
     for runs in (np.ones_like(counts), counts):
-        z = loudness(tally(counts, np.minimum(runs, 20 + 200 * (counts > 100)))).z
+        z = neighbour_excess(tally(counts, np.minimum(runs, 20 + 200 * (counts > 100)))).z
         assert {(int(row), int(column)) for row, column in zip(*np.nonzero(z > 9), strict=True)} == set(hot)
 
 
@@ -153,12 +153,12 @@ def test_edges_and_textures_are_not_loud() -> None:
     rate = 20 + 15 * np.abs(gaussian_filter(np.random.default_rng(1).normal(0, 6, SHAPE), 1.0))
     rate[:, 18:] *= 6
     counts = np.random.default_rng(2).poisson(rate)
-    assert np.max(loudness(tally(counts, np.ones_like(counts))).z) < 5
+    assert np.max(neighbour_excess(tally(counts, np.ones_like(counts))).z) < 5
 
 
-def swinging(amplitudes: NDArray[np.float64], swings: int) -> Tally:
+def swinging(amplitudes: NDArray[np.float64], swings: int) -> PixelCounts:
     """Events of signals (h, w) that swing to and fro by so many thresholds: the sensor followed turn by turn."""
-    counts = Tally.of_nothing(amplitudes.shape)
+    counts = PixelCounts.of_nothing(amplitudes.shape)
     reference = np.zeros(amplitudes.shape)
     for turn in range(swings):
         signal = amplitudes * (turn % 2 == 0)
@@ -176,23 +176,23 @@ def test_pixels_that_just_pass_their_threshold_in_each_swing_are_not_hot() -> No
     amplitudes[5:8, 5:8] = 1.4
     amplitudes[20, 20] = amplitudes[18, 30] = 1.05
     counts = swinging(amplitudes, 60)
-    found = loudness(counts)
-    assert found.excess[20, 20] == found.swings[20, 20] == counts.runs[20, 20] == 60
+    found = neighbour_excess(counts)
+    assert found.events[20, 20] == found.swings[20, 20] == counts.runs[20, 20] == 60
     assert found.z.max() < 1
     hot = np.full(200, 12, np.uint16)
     counts.add(hot, hot, (np.arange(200) % 2).astype(np.uint8))
-    assert loudness(counts).z[12, 12] > 10
+    assert neighbour_excess(counts).z[12, 12] > 10
 
 
 def test_tallies_join_as_if_never_cut() -> None:
     """Runs of one polarity that a cut divides are one again, and pixels that fire on one side only lose nothing."""
     rng = np.random.default_rng(4)
     x, y, p = (rng.integers(0, top, 400).astype(kind) for top, kind in ((5, np.uint16), (4, np.uint16), (2, np.uint8)))
-    whole = Tally.of_nothing((4, 5))
+    whole = PixelCounts.of_nothing((4, 5))
     whole.add(x, y, p)
-    joined = Tally.of_nothing((4, 5))
+    joined = PixelCounts.of_nothing((4, 5))
     for part in np.split(np.arange(400), [3, 3, 10, 200]):
-        later = Tally.of_nothing((4, 5))
+        later = PixelCounts.of_nothing((4, 5))
         later.add(x[part], y[part], p[part])
         joined = joined.then(later)
     np.testing.assert_array_equal(joined.packed, whole.packed)

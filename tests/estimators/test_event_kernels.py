@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from fedora_qa.estimators.events.timestamp_kernels import are_crowded, longest_silences
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,7 +21,6 @@ from fedora_qa.estimators.events.row_kernels import (
 )
 from fedora_qa.estimators.events.shift import IntervalChanges, intervals, slope_sums
 from fedora_qa.estimators.events.shift_kernels import KEPT, SETTLED, USABLE
-from fedora_qa.estimators.events.timestamp_kernels import are_crowded, longest_silences
 from tests.estimators.event_world import Stream
 
 SHAPE = (3, 4)

@@ -1,16 +1,33 @@
 """Are samples missing?"""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.clocks.order import _offset_ms, _was_set_back
-from fedora_qa.checks.clocks.streams import all_timestamps, file_us, fits_of
+from fedora_qa.checks.clocks.streams import all_timestamps, clock_set_back, file_us, fits_of
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import NS_PER_MS, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import RegularClock
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Clock, Facts
+
+
+@dataclass(frozen=True, slots=True)
+class DisorderedTimestamps(Feature):
+    """Timestamps that lie behind an earlier one: how many different ones, where they could fill all gaps."""
+
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class ClockJump(Feature):
+    """By how much the first step that is no whole number of periods is too long, and its rounding."""
+
+    offset_ms: float
+    rounding_ms: float
 
 
 class ClocksGaps(FactsCheck):
@@ -52,67 +69,61 @@ class ClocksGaps(FactsCheck):
 
     def examine(self, facts: Facts) -> Observation:
         """Count missing samples and jumps over all streams."""
-        measured: list[Statistic] = []
+        statistics: list[Statistic] = []
         notices: list[Notice] = []
         for stream, fit in fits_of(facts):
-            if fit.regular:
-                measured += [self._missing(facts, stream, fit), self._jumps(facts, stream, fit)]
-            else:
-                notices.append(_irregular(stream, fit))
-        empty = "" if measured or notices else "no stream has three stamps in order"
-        return Observation(all_timestamps(facts), tuple(measured), tuple(notices), unobservable=empty)
+            if not fit.regular:
+                jitter = f"jitter {fit.jitter_ns / NS_PER_US:.3g} us of a period of {fit.period_ns / NS_PER_US:.4g} us"
+                message = f"{stream} is irregular ({jitter}): gaps cannot be told"
+                notices.append(Notice("clocks.gaps.irregular", message, Where(stream)))
+                continue
+            first, where = _behind(facts, stream, fit.gap_after)
+            statistics.append(
+                count_of_faults(
+                    name=f"{stream}.missing",
+                    value=fit.missing,
+                    unit="samples",
+                    statement=f"{fit.missing} samples of {stream} are missing in {len(fit.gap_after)} gaps, "
+                    f"the first behind row {first}.",
+                    code="clocks.gaps.missing",
+                    where=where,
+                    features=_of_gaps(facts.clocks[stream], fit),
+                )
+            )
+            first, where = _behind(facts, stream, fit.jump_after)
+            jump_ms = float(fit.jumps_ns[0]) / NS_PER_MS if len(fit.jumps_ns) else 0.0
+            # Both timestamps of a step are rounded to a microsecond.
+            rounding_ms = 1 / NS_PER_MS * NS_PER_US
+            period_us = fit.period_ns / NS_PER_US
+            statistics.append(
+                count_of_faults(
+                    name=f"{stream}.jumps",
+                    value=len(fit.jump_after),
+                    unit="steps",
+                    statement=f"{len(fit.jump_after)} steps of {stream} are no whole number of periods, the first "
+                    f"behind row {first} is {jump_ms:+.4g} ms off; all others keep the period of {period_us:.6g} us.",
+                    code="clocks.gaps.jump",
+                    where=where,
+                    features=(ClockJump(jump_ms, rounding_ms),),
+                )
+            )
+        empty = "" if statistics or notices else "no stream has three stamps in order"
+        return Observation(all_timestamps(facts), tuple(statistics), tuple(notices), unobservable=empty)
 
-    def _missing(self, facts: Facts, stream: str, fit: RegularClock) -> Statistic:
-        first, where = _behind(facts, stream, fit.gap_after)
-        return count_of_faults(
-            name=f"{stream}.missing",
-            value=fit.missing,
-            unit="samples",
-            statement=f"{fit.missing} samples of {stream} are missing in {len(fit.gap_after)} gaps, "
-            f"the first behind row {first}.",
-            code="clocks.gaps.missing",
-            where=where,
-            suspects=_suspects_of_gaps(stream, facts.clocks[stream], fit),
-        )
 
-    def _jumps(self, facts: Facts, stream: str, fit: RegularClock) -> Statistic:
-        first, where = _behind(facts, stream, fit.jump_after)
-        jump_ms = float(fit.jumps_ns[0]) / NS_PER_MS if len(fit.jumps_ns) else 0.0
-        rounding_ms = 1 / NS_PER_MS * NS_PER_US
-        return count_of_faults(
-            name=f"{stream}.jumps",
-            value=len(fit.jump_after),
-            unit="steps",
-            statement=f"{len(fit.jump_after)} steps of {stream} are no whole number of periods, the first behind row "
-            f"{first} is {jump_ms:+.4g} ms off; all others keep the period of {fit.period_ns / NS_PER_US:.6g} us.",
-            code="clocks.gaps.jump",
-            where=where,
-            suspects=(Suspect("time_offset", stream, 0.9, jump_ms, "ms", rounding_ms),),
-        )
-
-
-def _suspects_of_gaps(stream: str, clock: Clock, fit: RegularClock) -> tuple[Suspect, ...]:
-    """Tell samples that stand elsewhere, and leave a gap where they belong, from those that are lost."""
-    lost = Suspect("dropped_samples", stream, 0.9, float(fit.missing), "samples")
-    behind = clock.times_ns[~clock.advancing]
-    if not fit.missing or len(np.unique(behind)) < fit.missing:
-        return (lost,)
-    backward = np.flatnonzero(np.diff(clock.times_ns) < 0)
-    if _was_set_back(clock, backward):
-        late = Suspect("time_offset", stream, 0.92, _offset_ms(clock, int(backward[0])), "ms")
-        return late, Suspect("unsorted", stream, 0.5), lost
-    return Suspect("unsorted", stream, 0.9), Suspect("time_offset", stream, 0.3), lost
+def _of_gaps(clock: Clock, fit: RegularClock) -> tuple[Feature, ...]:
+    """Distinguish samples that stand elsewhere, and leave a gap where they belong, from those that are missing."""
+    distinct = len(np.unique(clock.times_ns[~clock.advancing]))
+    if not fit.missing or distinct < fit.missing:
+        return ()
+    set_back = clock_set_back(clock, np.flatnonzero(np.diff(clock.times_ns) < 0))
+    return DisorderedTimestamps(distinct), *((set_back,) if set_back is not None else ())
 
 
 def _behind(facts: Facts, stream: str, steps: NDArray[np.intp]) -> tuple[int | None, Where]:
-    """Return the row behind which the first of some steps between advancing stamps lies, and its place."""
+    """Return the row behind which the first of some steps between advancing timestamps lies, and its place."""
     clock = facts.clocks[stream]
     first = int(np.flatnonzero(clock.advancing)[steps[0]]) if len(steps) else None
     stop = None if first is None else first + 1
     start_us, stop_us = file_us(facts, clock.times_ns, first), file_us(facts, clock.times_ns, stop)
     return first, Where(stream, start_us, stop_us, index_start=first, index_stop=stop)
-
-
-def _irregular(stream: str, fit: RegularClock) -> Notice:
-    jitter = f"jitter {fit.jitter_ns / NS_PER_US:.3g} us of a period of {fit.period_ns / NS_PER_US:.4g} us"
-    return Notice("clocks.gaps.irregular", f"{stream} is irregular ({jitter}): gaps cannot be told", Where(stream))

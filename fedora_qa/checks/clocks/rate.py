@@ -1,15 +1,17 @@
 """The rates of the clocks, which each stream keeps."""
 
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.checks.clocks.local_rates import WORST_ROUNDING, rate_change
-from fedora_qa.checks.clocks.streams import all_timestamps, fits_of
-from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
+from fedora_qa.checks.clocks.streams import all_timestamps, file_us, fits_of
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import NS_PER_MS, NS_PER_S, NS_PER_US
 from fedora_qa.estimators.clocks.regular_clock import RegularClock, has_odd_grid_above_period
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 
@@ -21,6 +23,50 @@ _NOMINAL_WITHIN: Final = 0.01
 
 _LEAST_GRID_NS: Final = 10 * NS_PER_US
 """Steps of a clock that drifts differ by its resolution; only by chance have they a larger divisor."""
+
+_WORST_ROUNDING: Final = 1.5
+"""Slope, in grids over the span, when rounding moves the earlier half of all timestamps one way and the later the
+other: (g/2) sum |n - m| / sum (n - m)^2 = (g/2) (N^2/4) / (N^3/12) = 3/2 g/N per sample."""
+
+_SEGMENTS: Final = 4
+_FEWEST_TIMESTAMPS: Final = 12
+"""Of a segment: the scatter pooled over two of them then has twenty degrees of freedom."""
+
+_WANDER_PPM: Final = 10.0
+"""By how much the rate of a correct clock may change within a file: a quartz oscillator without compensation moves by
+about 0.04 ppm per K^2 from 25 degrees C, 9 ppm over 15 K."""
+
+_MATERIAL_PPM: Final = 10_000.0
+
+
+@dataclass(frozen=True, slots=True)
+class RoundedClock(Feature):
+    """Timestamps never stray by more than this grid from the nominal rate, and all steps are multiples of it."""
+
+    grid_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentRate(Feature):
+    """The rate error of the quarter of a stream that deviates most, and by how much rounding may move it."""
+
+    rate_ppm: float
+    rounding_ppm: float
+
+
+@dataclass(frozen=True, slots=True)
+class _RateSegment:
+    """Rows of a stream, the relative error of the period there, how much rounding may add, and how timestamps scatter.
+
+    ``lever`` is the root of the sum of squares of the sample numbers: a scatter over it is an error of the period.
+    """
+
+    first: int
+    last: int
+    rate: float
+    rounding: float
+    sigma_ns: float
+    lever: float
 
 
 class ClocksRate(FactsCheck):
@@ -65,21 +111,29 @@ class ClocksRate(FactsCheck):
         fits = dict(fits_of(facts))
         if not fits:
             return Observation(all_timestamps(facts), unobservable="no stream has three stamps in order")
-        measured = {stream: self._error(facts, stream, fit) for stream, fit in fits.items()}
+        errors = {stream: self._error(facts, stream, fit) for stream, fit in fits.items()}
         exact = [
-            m for m in measured.values() if m is not None and abs(m.value) <= m.model_error_bound + 3 * m.standard_error
+            m for m in errors.values() if m is not None and abs(m.value) <= m.model_error_bound + 3 * m.standard_error
         ]
         changes = (
-            rate_change(facts, stream, fit, _nominal_period_ns(stream, fit.period_ns))
+            _change(facts, stream, fit, _nominal_period_ns(stream, fit.period_ns))
             for stream, fit in fits.items()
             if fit.regular
         )
-        held = {stream for stream in fits if exact or stream.startswith("flow/")}
+        judged = {stream for stream in fits if exact or stream.startswith("flow/")}
         return Observation(
             all_timestamps(facts),
             tuple(m for m in changes if m is not None)
-            + tuple(m for stream, m in measured.items() if m is not None and stream in held),
-            tuple(self._odd(stream, fit) for stream, fit in fits.items() if stream not in held),
+            + tuple(m for stream, m in errors.items() if m is not None and stream in judged),
+            tuple(
+                Notice(
+                    "clocks.rate.odd",
+                    f"{stream} runs at {NS_PER_S / fit.period_ns:.6g} Hz, no nominal rate",
+                    Where(stream=stream),
+                )
+                for stream, fit in fits.items()
+                if stream not in judged
+            ),
         )
 
     def _error(self, facts: Facts, stream: str, fit: RegularClock) -> Statistic | None:
@@ -95,28 +149,18 @@ class ClocksRate(FactsCheck):
             value=ppm,
             unit="ppm",
             standard_error=0.0 if fit.jitter_ns <= grid_ns else 1e6 * fit.period_error_ns / nominal_ns,
-            model_error_bound=1e6 * WORST_ROUNDING * grid_ns / span_ns,
+            model_error_bound=1e6 * _WORST_ROUNDING * grid_ns / span_ns,
             statement=f"The period of {stream} is {fit.period_ns / NS_PER_US:.6g} us, {ppm:+.4g} ppm off the nominal "
             f"{nominal_ns / NS_PER_US:.6g} us.",
             code="clocks.rate.error",
             where=Where(stream=stream),
-            material=10_000.0,
-            suspects=(
-                Suspect("clock_rate", stream, 0.8, ppm, "ppm"),
-                *_rounded(stream, facts.clocks[stream].times_ns, nominal_ns),
-            ),
-        )
-
-    def _odd(self, stream: str, fit: RegularClock) -> Notice:
-        return Notice(
-            "clocks.rate.odd",
-            f"{stream} runs at {NS_PER_S / fit.period_ns:.6g} Hz, no nominal rate",
-            Where(stream=stream),
+            material=_MATERIAL_PPM,
+            features=_rounded(facts.clocks[stream].times_ns, nominal_ns),
         )
 
 
-def _rounded(stream: str, times_ns: NDArray[np.int64], nominal_ns: float) -> tuple[Suspect, ...]:
-    """Suspect a grid where stamps never stray by more than it from the nominal rate, and all steps are multiples of it.
+def _rounded(times_ns: NDArray[np.int64], nominal_ns: float) -> tuple[RoundedClock, ...]:
+    """Return the grid where timestamps never stray by more than it from the nominal rate, and all steps are multiples.
 
     A grid that nearly divides the period leaves all steps alike but a few, as of another rate with jumps; one a little
     above the period leaves all alike but a few that are none.
@@ -124,11 +168,11 @@ def _rounded(stream: str, times_ns: NDArray[np.int64], nominal_ns: float) -> tup
     steps_ns = np.diff(times_ns)
     grid_ns = int(np.gcd.reduce(steps_ns)) if len(steps_ns) else 0
     if has_odd_grid_above_period(times_ns):
-        return (Suspect("quantised_time", stream, 0.95, grid_ns / NS_PER_MS, "ms"),)
+        return (RoundedClock(grid_ns / NS_PER_MS),)
     strays_ns = float(np.ptp(times_ns - np.arange(len(times_ns)) * nominal_ns)) if len(times_ns) else 0.0
     if not (_LEAST_GRID_NS <= grid_ns < steps_ns.min() and strays_ns <= grid_ns):
         return ()
-    return (Suspect("quantised_time", stream, 0.95, grid_ns / NS_PER_MS, "ms"),)
+    return (RoundedClock(grid_ns / NS_PER_MS),)
 
 
 def _nominal_period_ns(stream: str, period_ns: float) -> float:
@@ -144,3 +188,68 @@ def _nominal_period_ns(stream: str, period_ns: float) -> float:
     if round(NS_PER_S / exact_ns) in _NTSC_HZ:
         candidates.append(exact_ns * 1.001)
     return min(candidates, key=lambda nominal: abs(nominal - period_ns))
+
+
+def _change(facts: Facts, stream: str, fit: RegularClock, nominal_ns: float) -> Statistic | None:
+    """State how much the rate of a stream changes from one quarter to another; None where it is too short."""
+    clock = facts.clocks[stream]
+    rows = np.flatnonzero(clock.advancing)
+    segments = _segments(clock.times_ns[rows], fit, nominal_ns)
+    if len(segments) < 2:
+        return None
+    slowest, fastest = (choose(segments, key=lambda segment: segment.rate) for choose in (min, max))
+    sigma_ns = float(np.sqrt(np.mean([segment.sigma_ns**2 for segment in segments])))
+    jitter_ns = 0.0 if sigma_ns <= max(NS_PER_US, fit.grid_ns) else sigma_ns
+    farthest = max(slowest, fastest, key=lambda segment: abs(segment.rate))
+    ppm = 1e6 * (fastest.rate - slowest.rate)
+    start, stop = int(rows[farthest.first]), int(rows[farthest.last])
+    return Statistic(
+        name=f"{stream}.rate_change",
+        value=ppm,
+        unit="ppm",
+        standard_error=1e6 * jitter_ns / nominal_ns * float(np.hypot(1 / slowest.lever, 1 / fastest.lever)),
+        model_error_bound=_WANDER_PPM + 1e6 * (slowest.rounding + fastest.rounding),
+        side="upper",
+        tests=len(segments) * (len(segments) - 1) // 2,
+        material=_MATERIAL_PPM,
+        statement=f"The rate of {stream} changes by {ppm:.4g} ppm within the file: from row {start} to {stop} its "
+        f"period is {1e6 * farthest.rate:+.4g} ppm off the nominal one.",
+        code="clocks.rate.change",
+        where=Where(
+            stream,
+            file_us(facts, clock.times_ns, start),
+            file_us(facts, clock.times_ns, stop),
+            index_start=start,
+            index_stop=stop + 1,
+        ),
+        features=(SegmentRate(1e6 * farthest.rate, 1e6 * farthest.rounding),),
+    )
+
+
+def _segments(times_ns: NDArray[np.int64], fit: RegularClock, nominal_ns: float) -> list[_RateSegment]:
+    """Fit each quarter that is long enough and without a jump of the clock, by least squares."""
+    edges = np.linspace(0, len(times_ns), _SEGMENTS + 1).astype(int).tolist()
+    if len(times_ns) < _SEGMENTS * _FEWEST_TIMESTAMPS:
+        return []
+    segments: list[_RateSegment] = []
+    for first, stop in pairwise(edges):
+        if np.any((fit.jump_after >= first) & (fit.jump_after < stop - 1)):
+            continue
+        elapsed_ns = (times_ns[first:stop] - times_ns[first]).astype(np.float64)
+        numbers = np.rint(elapsed_ns / fit.period_ns)
+        # Slope of t over n: sum (n - m) t / sum (n - m)^2.
+        centred = numbers - numbers.mean()
+        square = float(centred @ centred)
+        period_ns = float(centred @ elapsed_ns) / square
+        residuals_ns = elapsed_ns - elapsed_ns.mean() - period_ns * centred
+        segments.append(
+            _RateSegment(
+                first,
+                stop - 1,
+                rate=period_ns / nominal_ns - 1,
+                rounding=_WORST_ROUNDING * max(NS_PER_US, fit.grid_ns) / max(float(elapsed_ns[-1]), 1.0),
+                sigma_ns=float(np.sqrt(residuals_ns @ residuals_ns / (len(numbers) - 2))),
+                lever=float(np.sqrt(square)),
+            )
+        )
+    return segments

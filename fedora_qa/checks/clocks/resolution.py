@@ -1,22 +1,48 @@
-"""The grids that stamps lie on."""
+"""The grids that timestamps lie on."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.clocks.combs import Comb, comb_of, declared_tick_us, worst_comb
 from fedora_qa.checks.clocks.streams import event_scan, fits_of
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_US
+from fedora_qa.estimators.clocks.combs import STEPS, comb_counts
 from fedora_qa.estimators.clocks.grid import single_precision_spacing_us, surely_no_chance
 from fedora_qa.estimators.clocks.regular_clock import RegularClock
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
+from fedora_qa.views.clock_resets import clock_reset
 
 _ENOUGH_EVENTS: Final = 1000
+
+_SIGNIFICANT: Final = 10.0
+_AS_MUCH: Final = 0.8
+"""Deviate of combs that are no chance, and ratio to the most hits from which on a comb is hit as much (for naming)."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartialGrid(Feature):
+    """The step of a grid that a part of the events keeps to, beside the tick that is declared."""
+
+    step_us: float
+    tick_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class Comb:
+    """The comb that the timestamps of a window keep to least by chance: its step in us, ratio of teeth hit, deviate."""
+
+    start_ns: int
+    stop_ns: int
+    step_us: float
+    hit_ratio: float
+    by_chance: float
+    deviate: float
 
 
 class ClocksResolution(WindowCheck[Comb]):
@@ -57,36 +83,48 @@ class ClocksResolution(WindowCheck[Comb]):
     Sources
     -------
     IEEE 754-2019, 3.6 (24 bits of binary32); first principles, ``fedora_qa/estimators/clocks/grid.py`` and
-    ``stamp_combs.py``.
+    ``combs.py``.
     """
 
     name = "clocks.resolution"
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need stamps."""
+        """Need timestamps."""
         return "" if facts.events is not None or facts.clocks else "the file has no stamps"
 
     def measure(self, window: Window) -> Comb | None:
-        """Find what a part of the events keeps to, where grids are not honest."""
+        """Return the comb that a part of the events keeps to, where a clean file shows none."""
         facts = window.facts
-        return None if facts.events is None or _why_events_show_none(facts) else comb_of(window)
+        return None if facts.events is None or _why_events_show_none(facts) else _comb_of(window)
 
     def conclude(self, state: Sequence[Comb], facts: Facts) -> Observation:
-        """Measure the grid of each stream; where that of all events is as declared, also what a part keeps to."""
-        whole = self.examine(facts)
-        fine = any(one.where.stream == "events" and one.value == one.expected for one in whole.measurements)
-        return replace(whole, measurements=(*whole.measurements, worst_comb(state, facts))) if state and fine else whole
+        """Measure the grid of each stream; where that of all events is as declared, also that of a part."""
+        observation = self.examine(facts)
+        grids = observation.measurements
+        if not state or not any(grid.where.stream == "events" and grid.value == grid.expected for grid in grids):
+            return observation
+        return replace(observation, measurements=(*grids, _partial_grid(state, facts)))
 
     def examine(self, facts: Facts) -> Observation:
-        """Measure the grid of each stream whose stamps show one."""
-        measured = list(_of_samples(facts))
-        count = sum(len(facts.clocks[one.where.stream or ""].times_ns) for one in measured)
-        unobservable = "" if measured else "all clocks are exact, and so lie on every grid that divides their periods"
+        """Measure the grid of each stream whose timestamps show one."""
+        grids: list[Statistic] = []
+        for stream, fit in fits_of(facts):
+            if fit.irregular_steps:
+                # Whole microseconds are 1, and what is finer counts as 1.
+                grid_us, clause = _grid_of(facts, stream, fit)
+                period_us = fit.period_ns / NS_PER_US
+                text = f"All stamps of {stream} {clause}, and so do not keep their period of {period_us:.6g} us."
+                grids.append(_grid(stream, grid_us, 1.0, text))
+        count = sum(len(facts.clocks[grid.where.stream or ""].times_ns) for grid in grids)
+        unobservable = "" if grids else "all clocks are exact, and so lie on every grid that divides their periods"
         if facts.events is not None:
             unobservable = _why_events_show_none(facts)
             count += facts.events.count
-            measured += [] if unobservable else [_of_events(facts)]
-        return Observation(Coverage(count, count, "stamps"), tuple(measured), unobservable=unobservable)
+            if not unobservable:
+                expected_us, grid_us = _declared_tick_us(facts), event_scan(facts).grid_ns / NS_PER_US
+                text = f"All event stamps lie on a grid of {grid_us:g} us; {expected_us} us is declared."
+                grids.append(_grid("events", grid_us, float(expected_us), text))
+        return Observation(Coverage(count, count, "stamps"), tuple(grids), unobservable=unobservable)
 
 
 def _why_events_show_none(facts: Facts) -> str:
@@ -96,24 +134,6 @@ def _why_events_show_none(facts: Facts) -> str:
     if declared is not None and declared.model == "linear":
         return "events of the linear model lie on the grid of rendered steps"
     return ""
-
-
-def _of_events(facts: Facts) -> Statistic:
-    expected_us = declared_tick_us(facts)
-    grid_us = event_scan(facts).grid_ns / NS_PER_US
-    said = f"All event stamps lie on a grid of {grid_us:g} us; {expected_us} us is declared."
-    return _grid("events", grid_us, float(expected_us), said)
-
-
-def _of_samples(facts: Facts) -> Iterator[Statistic]:
-    """State the grid of each stream whose steps vary: whole microseconds are 1, and what is finer counts as 1."""
-    for stream, fit in fits_of(facts):
-        if fit.irregular_steps:
-            grid_us, how = _grid_of(facts, stream, fit)
-            said = (
-                f"All stamps of {stream} {how}, and so do not keep their period of {fit.period_ns / NS_PER_US:.6g} us."
-            )
-            yield _grid(stream, grid_us, 1.0, said)
 
 
 def _grid_of(facts: Facts, stream: str, fit: RegularClock) -> tuple[float, str]:
@@ -139,5 +159,55 @@ def _grid(stream: str, grid_us: float, expected_us: float, statement: str) -> St
         statement=statement,
         code="clocks.resolution.grid",
         where=Where(stream=stream),
-        suspects=(Suspect("quantised_time", stream, 0.95, grid_us / 1e3, "ms"),),
+    )
+
+
+def _declared_tick_us(facts: Facts) -> int:
+    """Return the tick of event timestamps: the interval of declared packets, else one microsecond."""
+    declared = facts.declared.events
+    return max(1, declared.packet_interval_us if declared is not None else 0)
+
+
+def _comb_of(window: Window) -> Comb | None:
+    """Return the comb of one window's events; None where no comb is hit more than chance would."""
+    facts, span = window.facts, window.span
+    tick_us = _declared_tick_us(facts)
+    times_ns = window.events(0, 0).times_ns
+    within = times_ns[slice(*np.searchsorted(times_ns, [span.start_ns, span.stop_ns]))]
+    timestamps = within // NS_PER_US + round(facts.origin_us)
+    counts = comb_counts(timestamps if tick_us == 1 else timestamps // tick_us)
+    deviates = counts.deviates()
+    if not deviates.max() > 0:
+        return None
+    hit_ratios = counts.hits / np.maximum(counts.teeth, 1)
+    # Of a grid many combs are hit: it is the finest of those that are hit most.
+    significant = deviates >= min(float(deviates.max()), _SIGNIFICANT)
+    best = int(np.flatnonzero(significant & (hit_ratios >= _AS_MUCH * hit_ratios[significant].max()))[0])
+    by_chance = counts.occupied / counts.ticks
+    return Comb(
+        span.start_ns, span.stop_ns, STEPS[best] * tick_us, float(hit_ratios[best]), by_chance, float(deviates[best])
+    )
+
+
+def _partial_grid(combs: Sequence[Comb], facts: Facts) -> Statistic:
+    """State the comb of all windows that is least by chance."""
+    worst = max(combs, key=lambda comb: comb.deviate)
+    start_us, stop_us = facts.to_file_us(worst.start_ns), facts.to_file_us(worst.stop_ns)
+    reset = clock_reset(facts.events)
+    return Statistic(
+        name="events.partial_grid",
+        value=worst.hit_ratio,
+        unit="1",
+        expected=worst.by_chance,
+        standard_error=(worst.hit_ratio - worst.by_chance) / max(min(worst.deviate, 1e6), 1e-6),
+        side="upper",
+        tests=len(combs) * len(STEPS),
+        statement=f"Events keep to a grid of {worst.step_us:g} us around {start_us / 1e6:.3f} s: "
+        f"{worst.hit_ratio:.0%} of its ticks are met, {worst.by_chance:.1%} by chance.",
+        code="clocks.resolution.partial_grid",
+        where=Where(stream="events", start_us=start_us, stop_us=stop_us),
+        features=(
+            PartialGrid(worst.step_us, _declared_tick_us(facts)),
+            *((reset,) if reset is not None else ()),
+        ),
     )

@@ -1,19 +1,33 @@
 """Where the streams begin and end."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fedora_qa.causes import stream_family
-from fedora_qa.checks.clocks.streams import all_timestamps, extent_ns, fits_of, placed_streams
-from fedora_qa.checks.clocks.unit import suspect_of_part
-from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
+from fedora_qa.checks.clocks.streams import all_timestamps, extent_ns, fits_of, part_in_other_unit, placed_streams
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import NS_PER_MS
 from fedora_qa.estimators.clocks.regular_clock import RegularClock
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.timestamp_unit import unit_factor
+
+
+@dataclass(frozen=True, slots=True)
+class StreamEnds(Feature):
+    """How much later a stream begins, and earlier it ends, than the median of all; and how long that one lasts."""
+
+    begins_later_ns: float
+    ends_earlier_ns: float
+    median_duration_ns: float
+
+
+@dataclass(frozen=True, slots=True)
+class CutOfSeveralRates(Feature):
+    """Two rates of flow or more are cut at this end, and each other is so slow that it could not show the same cut."""
+
+    rates: tuple[str, ...]
 
 
 class ClocksSpan(FactsCheck):
@@ -62,24 +76,26 @@ class ClocksSpan(FactsCheck):
         ends = {stream: extent_ns(facts.clocks[stream]) for stream in fits}
         begin, finish = (float(np.median(instants)) for instants in zip(*ends.values(), strict=True))
         usual_ns = float(np.median([fit.period_ns for fit in fits.values()]))
-        measured: list[Statistic] = []
+        statistics: list[Statistic] = []
         for stream, (start, stop) in ends.items():
             model_error_bound_ns = fits[stream].period_ns + usual_ns
-            late, early = start - begin, finish - stop
-            suspects = (*suspect_of_part(facts, stream), *_suspects(stream, late, early, finish - begin))
-            for rule, value in (("begins_late", late), ("ends_early", early)):
-                measured.append(_one(facts, stream, rule, value, model_error_bound_ns, suspects))
-        measured = _of_all_rates(measured, facts.flow_streams)
-        failed = {one.where.stream for one in measured if abs(one.value) > one.model_error_bound}
+            part = part_in_other_unit(facts, stream)
+            features: list[Feature] = [StreamEnds(start - begin, finish - stop, finish - begin)]
+            if part is not None:
+                features.append(part)
+            for rule, value in (("begins_late", start - begin), ("ends_early", finish - stop)):
+                statistics.append(_end(facts, stream, rule, value, model_error_bound_ns, tuple(features)))
+        statistics = _over_several_rates(statistics, facts.flow_streams)
+        failed = {m.where.stream for m in statistics if abs(m.value) > m.model_error_bound}
         notices = [notice for stream, notice in _incomplete(fits, ends, begin, finish) if stream not in failed]
-        return Observation(all_timestamps(facts), tuple(measured), tuple(notices))
+        return Observation(all_timestamps(facts), tuple(statistics), tuple(notices))
 
 
-def _one(
-    facts: Facts, stream: str, rule: str, value_ns: float, model_error_bound_ns: float, suspects: tuple[Suspect, ...]
+def _end(
+    facts: Facts, stream: str, rule: str, value_ns: float, model_error_bound_ns: float, features: tuple[Feature, ...]
 ) -> Statistic:
     value_ms = value_ns / NS_PER_MS
-    said = "begins {:.6g} ms after" if rule == "begins_late" else "ends {:.6g} ms before"
+    clause = "begins {:.6g} ms after" if rule == "begins_late" else "ends {:.6g} ms before"
     start, stop = extent_ns(facts.clocks[stream])
     zero = rule == "begins_late" and value_ms < 0 and start == -round(facts.origin_us * 1000)
     return Statistic(
@@ -89,40 +105,27 @@ def _one(
         standard_error=0.0,
         model_error_bound=model_error_bound_ns / NS_PER_MS,
         resolution=1e-3,
-        statement=f"{stream} {said.format(value_ms)} the other streams"
+        statement=f"{stream} {clause.format(value_ms)} the other streams"
         f"{': its stamps begin at zero, theirs do not' if zero else ''}.",
         code=f"clocks.span.{rule}",
         where=Where(stream=stream, start_us=facts.to_file_us(start), stop_us=facts.to_file_us(stop)),
-        suspects=suspects,
+        features=features,
     )
 
 
-def _of_all_rates(measured: Sequence[Statistic], rates: Sequence[str]) -> list[Statistic]:
-    """Name flow as a whole where two rates or more are cut, and no other could show it at its own slower pace."""
-    named = list(measured)
-    for code in {one.code for one in measured}:
-        places = [i for i, one in enumerate(measured) if one.code == code and one.where.stream in rates]
-        cut = [i for i in places if measured[i].value > measured[i].model_error_bound]
-        rest = [measured[i] for i in places if i not in cut]
-        largest = max((measured[i].value for i in cut), default=0.0)
-        if len(cut) > 1 and all(one.value > 0 and largest <= one.value + one.model_error_bound for one in rest):
+def _over_several_rates(statistics: Sequence[Statistic], rates: Sequence[str]) -> list[Statistic]:
+    """Add where two rates or more are cut, and no other could show it at its own slower pace."""
+    completed = list(statistics)
+    for code in {m.code for m in statistics}:
+        of_flow = [i for i, m in enumerate(statistics) if m.code == code and m.where.stream in rates]
+        cut = [i for i in of_flow if statistics[i].value > statistics[i].model_error_bound]
+        uncut = [statistics[i] for i in of_flow if i not in cut]
+        largest = max((statistics[i].value for i in cut), default=0.0)
+        if len(cut) > 1 and all(m.value > 0 and largest <= m.value + m.model_error_bound for m in uncut):
+            feature = CutOfSeveralRates(tuple(statistics[i].where.stream or "" for i in cut))
             for i in cut:
-                named[i] = replace(measured[i], suspects=tuple(_of_flow(one) for one in measured[i].suspects))
-    return named
-
-
-def _of_flow(suspect: Suspect) -> Suspect:
-    return replace(suspect, stream=stream_family(suspect.stream))
-
-
-def _suspects(stream: str, late_ns: float, early_ns: float, span_ns: float) -> tuple[Suspect, ...]:
-    """Name an offset where both ends moved alike, up to a tenth that may be cut off; a cut otherwise."""
-    shift_ns = (late_ns - early_ns) / 2
-    if late_ns * early_ns < 0 and abs(late_ns + early_ns) < 0.1 * abs(shift_ns):
-        return (Suspect("time_offset", stream, 0.9, shift_ns / NS_PER_MS, "ms"),)
-    cut = Suspect("truncated", stream, 0.8, 100 * (late_ns + early_ns) / max(span_ns, 1.0), "percent")
-    factor = unit_factor(1 - (late_ns + early_ns) / max(span_ns, 1.0))
-    return (cut,) if factor == 1.0 else (Suspect("time_unit", stream, 0.9, factor, "1"), cut)
+                completed[i] = replace(statistics[i], features=(*statistics[i].features, feature))
+    return completed
 
 
 def _incomplete(

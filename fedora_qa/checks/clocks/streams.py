@@ -1,13 +1,45 @@
-"""What the checks of clocks share: streams that can be fitted, extents, coverage."""
+"""What the checks of clocks share: streams that can be fitted, extents, coverage, and patterns of their timestamps."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fedora_qa.conventions import NS_PER_MS, NS_PER_S
 from fedora_qa.estimators.clocks.regular_clock import FEWEST_TIMESTAMPS, RegularClock, fit_regular_clock
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage
 from fedora_qa.sequence.facts import Clock, EventScan, Facts
+from fedora_qa.views.timestamp_unit import UNIT_FACTORS, UNIT_WITHIN
+
+_FEWEST_STEPS: Final = 3
+"""Steps of a part of the stream that must agree in another unit: a single long one is a gap."""
+
+_BEHIND: Final = 2
+"""k samples in reverse make k - 1 steps back and as many timestamps that lie behind; a clock that was set back makes
+one step, behind which many lie."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockSetBack(Feature):
+    """Whole runs of samples stand behind others.
+
+    ``offset_ms`` says how late timestamps before the first step back are, where they leapt ahead by as much, else how
+    early those after it.
+    """
+
+    offset_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class PartInOtherUnit(Feature):
+    """Successive steps, from ``first_row`` to ``last_row``, that are all too long or too short by a factor of units."""
+
+    factor: float
+    first_row: int
+    last_row: int
 
 
 def clocks_of(facts: Facts) -> Iterator[tuple[str, Clock]]:
@@ -17,7 +49,7 @@ def clocks_of(facts: Facts) -> Iterator[tuple[str, Clock]]:
 
 
 def fits_of(facts: Facts) -> Iterator[tuple[str, RegularClock]]:
-    """Yield each sampled stream that has three stamps in order, and the regular clock fitted to them."""
+    """Yield each sampled stream that has three timestamps in order, and the regular clock fitted to them."""
     for stream, clock in clocks_of(facts):
         fit = fit_regular_clock(clock.times_ns[clock.advancing]) if clock.usable else None
         if fit is not None:
@@ -25,7 +57,7 @@ def fits_of(facts: Facts) -> Iterator[tuple[str, RegularClock]]:
 
 
 def placed_streams(facts: Facts) -> list[str]:
-    """Return the sampled streams that have three stamps in order, which are those that ``fits_of`` can fit."""
+    """Return the sampled streams that have three timestamps in order, which are those that ``fits_of`` can fit."""
     return [
         stream
         for stream, clock in clocks_of(facts)
@@ -41,19 +73,19 @@ def extent_ns(clock: Clock) -> tuple[int, int]:
 
 
 def file_us(facts: Facts, times_ns: NDArray[np.int64], row: int | None) -> float | None:
-    """Return the stamp of a row on the file's own clock, None where there is no such row."""
+    """Return the timestamp of a row on the file's own clock, None where there is no such row."""
     return None if row is None or row >= len(times_ns) else facts.to_file_us(float(times_ns[row]))
 
 
 def all_timestamps(facts: Facts) -> Coverage:
-    """Return the coverage of checks that look at every stamp of the file."""
+    """Return the coverage of checks that look at every timestamp of the file."""
     count = sum(len(clock.times_ns) for clock in facts.clocks.values())
     count += facts.events.count if facts.events else 0
     return Coverage(count, count, "stamps")
 
 
 def event_scan(facts: Facts) -> EventScan:
-    """Return what the scan saw of the events.
+    """Return the scan of the event timestamps.
 
     Raises
     ------
@@ -63,3 +95,72 @@ def event_scan(facts: Facts) -> EventScan:
     if facts.events is None:
         raise ValueError("Expected the file to have events, got none; the check needs them")
     return facts.events
+
+
+def clock_set_back(clock: Clock, backward: NDArray[np.intp]) -> ClockSetBack | None:
+    """Return the offset of a clock that was set back at one of its steps ``backward``; None where single samples moved.
+
+    Parameters
+    ----------
+    clock
+        Of a sampled stream.
+    backward
+        (k,) rows before the steps back.
+    """
+    if not len(backward) or int(np.count_nonzero(~clock.advancing)) <= _BEHIND * len(backward):
+        return None
+    first = int(backward[0])
+    steps_ns = np.diff(clock.times_ns)
+    period_ns = float(np.median(steps_ns))
+    ahead_ns, back_ns = float(steps_ns[: first + 1].max()) - period_ns, float(steps_ns[first]) - period_ns
+    return ClockSetBack((ahead_ns if abs(ahead_ns + back_ns) <= period_ns else back_ns) / NS_PER_MS)
+
+
+def durations_ns(facts: Facts) -> dict[str, float]:
+    """Return the time from first to last timestamp of every stream that has one, the events last."""
+    durations = {
+        stream: float(stop - start)
+        for stream, (start, stop) in ((stream, extent_ns(facts.clocks[stream])) for stream in placed_streams(facts))
+    }
+    if facts.events is not None and facts.events.count > 1:
+        durations["events"] = float(facts.events.last_ns - facts.events.first_ns)
+    return durations
+
+
+def reference_duration_ns(facts: Facts, durations: dict[str, float]) -> float | None:
+    """Return the duration that the names of the flow rates promise, else the median of all; None with fewer than two.
+
+    Parameters
+    ----------
+    durations
+        As ``durations_ns`` has them.
+    """
+    promised_ns = [
+        len(facts.clocks[stream].times_ns) * NS_PER_S / int(stream.removeprefix("flow/").removesuffix("hz"))
+        for stream in facts.flow_streams
+        if stream in durations
+    ]
+    if promised_ns:
+        return float(np.median(promised_ns))
+    positive = [duration for duration in durations.values() if duration > 0]
+    return float(np.median(positive)) if len(positive) > 1 else None
+
+
+def part_in_other_unit(facts: Facts, stream: str) -> PartInOtherUnit | None:
+    """Return the longest part of a stream whose steps are all too long or too short by one factor of units.
+
+    The right length of a step is the duration that all streams share, over the number of samples.
+    """
+    times_ns = facts.clocks[stream].times_ns
+    reference_ns = reference_duration_ns(facts, durations_ns(facts))
+    if reference_ns is None or len(times_ns) <= _FEWEST_STEPS:
+        return None
+    with np.errstate(over="ignore"):
+        ratios = np.diff(times_ns) / (reference_ns / (len(times_ns) - 1))
+    for factor in UNIT_FACTORS:
+        near = np.flatnonzero(np.abs(ratios / factor - 1) <= UNIT_WITHIN)
+        runs = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
+        longest = max(runs, key=len)
+        if factor != 1.0 and len(longest) >= _FEWEST_STEPS:
+            return PartInOtherUnit(factor, int(longest[0]), int(longest[-1]) + 1)
+    return None

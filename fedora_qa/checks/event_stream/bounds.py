@@ -2,33 +2,52 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.event_stream.event_rows import NO_EVENTS, event_at, event_coverage, where_of, why_no_sensor
+from fedora_qa.checks.event_stream.event_rows import (
+    NO_EVENTS,
+    EventRow,
+    event_coverage,
+    event_row,
+    where_of,
+    why_no_sensor,
+)
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Notice, Observation, WindowCheck
 from fedora_qa.estimators.events.row_kernels import survey_columns
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import all_events, all_on_sensor, own, sensor_shape
+
+_ENOUGH_EVENTS: Final = 1000
+"""Events from which on a single polarity is noted: fewer may be of one edge."""
 
 
 @dataclass(frozen=True, slots=True)
 class BoundsCount:
     """Events of one window beyond the sensor or with an unknown polarity.
 
-    ``outside`` and ``bad_polarity`` count; ``first`` is (row, ns, x, y, p) of the first offender; ``farthest`` the
-    largest column and row; ``polarities`` the events with p = 0 and p = 1.
+    ``outside`` and ``bad_polarity`` count; ``first`` is the first offender; ``farthest`` the largest column and row;
+    ``polarities`` the events with p = 0 and p = 1.
     """
 
-    seen: int
+    events: int
     outside: int
     bad_polarity: int
-    first: tuple[int, int, int, int, int] | None
+    first: EventRow | None
     farthest: tuple[int, int]
     polarities: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class EventExtent(Feature):
+    """Whether all events would fit the declared sensor with x and y exchanged."""
+
+    fits_exchanged: bool
 
 
 class EventStreamBounds(WindowCheck[BoundsCount]):
@@ -71,71 +90,58 @@ class EventStreamBounds(WindowCheck[BoundsCount]):
     def measure(self, window: Window) -> BoundsCount:
         """Count offenders."""
         events = own(window, all_events(window))
-        found, shape = np.empty(7, np.int64), sensor_shape(window.facts.declared)
+        survey, shape = np.empty(7, np.int64), sensor_shape(window.facts.declared)
         if len(events) and all_on_sensor(events, shape):
             on = int(np.count_nonzero(events.p))
-            found[:] = 0, 0, -1, int(events.x.max()), int(events.y.max()), len(events) - on, on
+            survey[:] = 0, 0, -1, int(events.x.max()), int(events.y.max()), len(events) - on, on
         else:
-            survey_columns(events.x, events.y, events.p, shape, found)
-        outside, unknown, first, column, row, off, on = found.tolist()
+            survey_columns(events.x, events.y, events.p, shape, survey)
+        outside, unknown, first, column, row, off, on = survey.tolist()
         return BoundsCount(
-            seen=len(events),
+            events=len(events),
             outside=outside,
             bad_polarity=unknown,
-            first=event_at(events, first, window.owned("events").start) if first >= 0 else None,
+            first=event_row(events, first, window.owned("events").start) if first >= 0 else None,
             farthest=(column, row),
             polarities=(off, on),
         )
 
     def conclude(self, state: Sequence[BoundsCount], facts: Facts) -> Observation:
         """Sum over the windows."""
-        seen = sum(count.seen for count in state)
-        if not seen:
+        total = sum(count.events for count in state)
+        if not total:
             return Observation(event_coverage(facts, 0), unobservable=NO_EVENTS)
         first = next((count.first for count in state if count.first is not None), None)
         outside, unknown = sum(count.outside for count in state), sum(count.bad_polarity for count in state)
-        return Observation(
-            event_coverage(facts, seen),
-            (self._outside(state, facts, outside, first), self._polarity(facts, unknown, first)),
-            self._one_sided(state, seen),
-        )
-
-    def _outside(
-        self, state: Sequence[BoundsCount], facts: Facts, outside: int, first: tuple[int, int, int, int, int] | None
-    ) -> Statistic:
         height, width = sensor_shape(facts.declared)
         columns, rows = (1 + max(count.farthest[axis] for count in state) for axis in (0, 1))
-        swapped = columns <= height and rows <= width
-        suspects = [Suspect("intrinsics_centre", "metadata", 0.2), Suspect("wrong_shape", "metadata", 0.4)]
-        suspects.insert(0, Suspect("axes_swapped", "events", 0.9 if swapped else 0.1))
-        hint = "; with x and y exchanged all of them would fit" if swapped else ""
-        return count_of_faults(
-            name="outside",
-            value=outside,
-            unit="events",
-            statement=f"{outside} events lie outside the declared {width} x {height} px (largest column {columns - 1}, "
-            f"largest row {rows - 1}){hint}.",
-            code="event_stream.bounds.outside",
-            where=where_of(facts, first),
-            severity="critical",
-            suspects=tuple(suspects),
+        fits_exchanged = columns <= height and rows <= width
+        hint = "; with x and y exchanged all of them would fit" if fits_exchanged else ""
+        statistics = (
+            count_of_faults(
+                name="outside",
+                value=outside,
+                unit="events",
+                statement=f"{outside} events lie outside the declared {width} x {height} px (largest column "
+                f"{columns - 1}, largest row {rows - 1}){hint}.",
+                code="event_stream.bounds.outside",
+                where=where_of(facts, first),
+                severity="critical",
+                features=(EventExtent(fits_exchanged),),
+            ),
+            count_of_faults(
+                name="unknown_polarity",
+                value=unknown,
+                unit="events",
+                statement=f"{unknown} events have a polarity that is neither 0 nor 1.",
+                code="event_stream.bounds.polarity",
+                where=where_of(facts, first),
+                severity="critical",
+            ),
         )
-
-    def _polarity(self, facts: Facts, unknown: int, first: tuple[int, int, int, int, int] | None) -> Statistic:
-        return count_of_faults(
-            name="unknown_polarity",
-            value=unknown,
-            unit="events",
-            statement=f"{unknown} events have a polarity that is neither 0 nor 1.",
-            code="event_stream.bounds.polarity",
-            where=where_of(facts, first),
-            severity="critical",
-            suspects=(Suspect("nan_in_stream", "events", 0.4, float(unknown), "samples"),),
-        )
-
-    def _one_sided(self, state: Sequence[BoundsCount], seen: int) -> tuple[Notice, ...]:
         off, on = (sum(count.polarities[p] for count in state) for p in (0, 1))
-        if seen < 1000 or (off and on):
-            return ()
-        said = "brighter" if on else "darker"
-        return (Notice("event_stream.bounds.one_polarity", f"every event is {said}", Where(stream="events")),)
+        notices: tuple[Notice, ...] = ()
+        if total >= _ENOUGH_EVENTS and not (off and on):
+            text = f"every event is {'brighter' if on else 'darker'}"
+            notices = (Notice("event_stream.bounds.one_polarity", text, Where(stream="events")),)
+        return Observation(event_coverage(facts, total), statistics, notices)

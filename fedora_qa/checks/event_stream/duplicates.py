@@ -2,36 +2,44 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
-from fedora_qa.checks.event_stream.event_rows import NO_EVENTS, event_at, event_coverage, where_of, why_no_sensor
+from fedora_qa.checks.event_stream.event_rows import (
+    NO_EVENTS,
+    EventRow,
+    event_coverage,
+    event_row,
+    where_of,
+    why_no_sensor,
+)
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.conventions import NS_PER_S, NS_PER_US
 from fedora_qa.estimators.events.row_kernels import count_repeats, find_repeats
-from fedora_qa.sequence.declared import EventModel
+from fedora_qa.features import Feature
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import own, sensor_events, sensor_shape
 from fedora_qa.views.event_tick import tick_ns
 
-_BY_CHANCE: Final = 3
-"""Repeats that a hot pixel may make: of 200 Hz among a thousand other events, 0.2 share their microsecond with it."""
 
-_HOT: Final = 0.5
+@dataclass(frozen=True, slots=True)
+class RepeatedEvents(Feature):
+    """How many events of the file repeat pixel and timestamp of another."""
+
+    count: int
 
 
 @dataclass(frozen=True, slots=True)
 class RepeatCount:
     """Events of one window with the pixel and stamp of another, and ticks in which all events come in pairs."""
 
-    seen: int
+    events: int
     repeats: int
     doubled_ticks: int
-    first: tuple[int, int, int, int, int] | None
-    first_doubled: tuple[int, int, int, int, int] | None
+    first: EventRow | None
+    first_doubled: EventRow | None
 
 
 class EventStreamDuplicates(WindowCheck[RepeatCount]):
@@ -87,19 +95,19 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
             len(events),
             repeats,
             doubled,
-            event_at(events, first, start) if repeats else None,
-            event_at(events, first_doubled, start) if doubled else None,
+            event_row(events, first, start) if repeats else None,
+            event_row(events, first_doubled, start) if doubled else None,
         )
 
     def conclude(self, state: Sequence[RepeatCount], facts: Facts) -> Observation:
         """Sum over the windows; on a grid only doubled ticks count."""
-        seen = sum(count.seen for count in state)
-        if not seen:
+        total = sum(count.events for count in state)
+        if not total:
             return Observation(event_coverage(facts, 0), unobservable=NO_EVENTS)
         repeats = sum(count.repeats for count in state)
         doubled = sum(count.doubled_ticks for count in state)
         first_doubled = next((count.first_doubled for count in state if count.first_doubled is not None), None)
-        measured = [
+        statistics = [
             count_of_faults(
                 name="doubled_ticks",
                 value=doubled,
@@ -107,13 +115,13 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
                 statement=f"In {doubled} instants every event occurs twice: packets were written twice.",
                 code="event_stream.duplicates.packet",
                 where=where_of(facts, first_doubled),
-                suspects=(Suspect("duplicated_samples", "events", 0.95, float(repeats), "samples"),),
+                features=(RepeatedEvents(repeats),),
             )
         ]
         if self._once_a_tick(facts):
             first = next((count.first for count in state if count.first is not None), None)
-            measured.append(self._repeats(facts, repeats, seen, first))
-        return Observation(event_coverage(facts, seen), tuple(measured))
+            statistics.append(self._repeats(facts, repeats, total, first))
+        return Observation(event_coverage(facts, total), tuple(statistics))
 
     def _once_a_tick(self, facts: Facts) -> bool:
         declared = facts.declared.events
@@ -121,10 +129,12 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
         packets = declared is not None and declared.packet_interval_us > 0
         return not packets and (linear or tick_ns(facts) == NS_PER_US)
 
-    def _repeats(
-        self, facts: Facts, repeats: int, seen: int, first: tuple[int, int, int, int, int] | None
-    ) -> Statistic:
-        chance = _spurious_per_pixel_hz(facts.declared.events) * tick_ns(facts) / NS_PER_S * seen
+    def _repeats(self, facts: Facts, repeats: int, total: int, first: EventRow | None) -> Statistic:
+        declared, spurious_hz = facts.declared.events, 0.0
+        if declared is not None:
+            # Events that no brightness explains. One of a hot pixel meets others at the hot rate: as if all did.
+            spurious_hz = declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)
+        chance = spurious_hz * tick_ns(facts) / NS_PER_S * total
         return Statistic(
             name="repeats",
             value=float(repeats),
@@ -138,16 +148,5 @@ class EventStreamDuplicates(WindowCheck[RepeatCount]):
             statement=f"{repeats} events repeat pixel and stamp of another.",
             code="event_stream.duplicates.event",
             where=where_of(facts, first),
-            suspects=(
-                Suspect("duplicated_samples", "events", 0.95, float(repeats), "samples"),
-                Suspect("hot_pixels", "events", _HOT if repeats <= _BY_CHANCE else 0.1),
-            ),
+            features=(RepeatedEvents(repeats),),
         )
-
-
-def _spurious_per_pixel_hz(declared: EventModel | None) -> float:
-    """Return the declared rate of events that no brightness explains, averaged over the events that they may meet."""
-    if declared is None:
-        return 0.0
-    # An event of a hot pixel meets others at the hot rate; take all events as if they did.
-    return declared.shot_rate_hz + (declared.hot_pixel_rate_hz if declared.hot_pixels else 0.0)

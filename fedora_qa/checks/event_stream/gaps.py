@@ -2,18 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
 from typing import Final
 
 import numpy as np
 
 from fedora_qa.checks.event_stream.event_rows import event_coverage
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
-from fedora_qa.estimators.events.gaps import Silence, strangest_silence
-from fedora_qa.record.types import Where
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
+from fedora_qa.estimators.events.gaps import EventSilence, least_probable_silence
+from fedora_qa.features import Feature
+from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.clock_resets import set_clock
+from fedora_qa.views.clock_resets import clock_reset
 from fedora_qa.views.event_camera import all_events, own
 from fedora_qa.views.event_tick import local_tick_ns, tick_ns
 
@@ -23,12 +23,19 @@ due with probability e^-w (Poisson), which is that of six standard deviations, 1
 
 
 @dataclass(frozen=True, slots=True)
-class SilenceCount:
-    """The strangest silence that ends in a window, and of how many."""
+class ExpectedEvents(Feature):
+    """How many events the neighbourhood of a silence would have put there, one at least."""
 
-    seen: int
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class SilenceCount:
+    """The least probable silence that ends in a window, and of how many."""
+
+    events: int
     silences: int
-    strangest: Silence | None
+    least_probable: EventSilence | None
 
 
 class EventStreamGaps(WindowCheck[SilenceCount]):
@@ -64,16 +71,16 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
     Sources
     -------
     M. Greenwood, G. U. Yule, J. R. Stat. Soc. 83 (1920) for counts of a gamma distributed rate; derivation in
-    ``event_gaps``.
+    ``fedora_qa/estimators/events/gaps.py``.
     """
 
     name = "event_stream.gaps"
     needs = ("events",)
-    _MATTERS_MS: Final = 2.0
+    _MATERIAL_MS: Final = 2.0
     """One packet of the recorder (0.2 ms at least, 2 ms usual) is what is lost in practice."""
 
     def measure(self, window: Window) -> SilenceCount:
-        """Find the strangest silence that ends here, whatever window it began in."""
+        """Return the least probable silence that ends here, whatever window it began in."""
         events = all_events(window)
         times_ns = events.times_ns
         start_ns, stop_ns = window.span.start_ns, window.span.stop_ns
@@ -81,65 +88,54 @@ class EventStreamGaps(WindowCheck[SilenceCount]):
         if len(times_ns) and times_ns[0] >= start_ns > first_ns:
             # The silence began before the halo: take it as long as the halo shows.
             times_ns = np.concatenate([[min(2 * start_ns - stop_ns, int(times_ns[0]) - 1)], times_ns])
-        strangest, silences = strangest_silence(times_ns, start_ns, stop_ns, local_tick_ns(window), first_ns)
-        return SilenceCount(len(own(window, events)), silences, strangest)
+        silence, silences = least_probable_silence(times_ns, start_ns, stop_ns, local_tick_ns(window), first_ns)
+        return SilenceCount(len(own(window, events)), silences, silence)
 
     def conclude(self, state: Sequence[SilenceCount], facts: Facts) -> Observation:
-        """Take the strangest of all."""
-        seen = sum(count.seen for count in state)
-        found = [count.strangest for count in state if count.strangest is not None]
-        if not found:
-            return self._no_silence(state, facts, seen)
-        worst = max(found, key=lambda silence: silence.z)
+        """Take the least probable of all."""
+        coverage = event_coverage(facts, sum(count.events for count in state))
+        silences = [count.least_probable for count in state if count.least_probable is not None]
+        if not silences:
+            return self._no_silence(state, facts, coverage)
+        worst = max(silences, key=lambda silence: silence.z)
         length_ms = worst.length_ns / 1e6
         start_us, stop_us = (facts.to_file_us(time) for time in (worst.start_ns, worst.stop_ns))
-        measured = Statistic(
+        expected = max(round(worst.expected), 1)
+        reset = clock_reset(facts.events)
+        of_reset = reset is not None and reset.has_step_between(worst.start_ns, worst.stop_ns)
+        statistic = Statistic(
             name="gap",
             value=length_ms,
             unit="ms",
             standard_error=length_ms / max(worst.z, 0.5),
             side="upper",
-            material=self._MATTERS_MS,
+            material=self._MATERIAL_MS,
             tests=sum(count.silences for count in state),
-            statement=f"No event for {length_ms:.4g} ms from {start_us:.0f} us, where about {_due(worst)} are due.",
+            statement=f"No event for {length_ms:.4g} ms from {start_us:.0f} us, where about {expected} are due.",
             code="event_stream.gaps.silence",
             where=Where(stream="events", start_us=start_us, stop_us=stop_us),
-            suspects=_suspects(worst, facts),
+            features=(ExpectedEvents(expected), *((reset,) if reset is not None and of_reset else ())),
         )
-        return Observation(event_coverage(facts, seen), (measured,))
+        return Observation(coverage, (statistic,))
 
-    def _no_silence(self, state: Sequence[SilenceCount], facts: Facts, seen: int) -> Observation:
+    def _no_silence(self, state: Sequence[SilenceCount], facts: Facts, coverage: Coverage) -> Observation:
         """State that every tick holds events, or that there are too few of them."""
         if not any(count.silences for count in state):
             reason = "too few events to tell a gap from a quiet scene"
-            return Observation(event_coverage(facts, seen), unobservable=reason)
-        tick_ms = tick_ns(facts) / 1e6
+            return Observation(coverage, unobservable=reason)
+        events = facts.events
+        mean_interval_ms = (
+            (events.last_ns - events.first_ns) / 1e6 / max(events.count, 1) if events is not None else 0.0
+        )
         none = Statistic(
             name="gap",
             value=0.0,
             unit="ms",
-            standard_error=_SIGMA_INTERVALS * _mean_interval_ms(facts),
+            standard_error=_SIGMA_INTERVALS * mean_interval_ms,
             side="upper",
-            resolution=tick_ms,
-            material=self._MATTERS_MS,
+            resolution=tick_ns(facts) / 1e6,
+            material=self._MATERIAL_MS,
             statement="",
             code="event_stream.gaps.silence",
         )
-        return Observation(event_coverage(facts, seen), (none,))
-
-
-def _mean_interval_ms(facts: Facts) -> float:
-    events = facts.events
-    return (events.last_ns - events.first_ns) / 1e6 / max(events.count, 1) if events is not None else 0.0
-
-
-def _due(silence: Silence) -> int:
-    return max(round(silence.expected), 1)
-
-
-def _suspects(silence: Silence, facts: Facts) -> tuple[Suspect, ...]:
-    """Tell events that were lost from a clock that was set: it is set back again by as much."""
-    lost, was_set = _due(silence), set_clock(facts.events)
-    is_a_step = was_set is not None and was_set.is_of(silence.start_ns, silence.stop_ns)
-    dropped = Suspect("dropped_samples", "events", 0.3 if is_a_step else 0.95, float(lost), "samples", sqrt(lost))
-    return (*was_set.suspects, dropped) if was_set is not None and is_a_step else (dropped,)
+        return Observation(coverage, (none,))

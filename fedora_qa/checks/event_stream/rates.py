@@ -1,23 +1,56 @@
 """The event stream by itself: pixels that fire without cause."""
 
-from typing import Final
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.event_stream.event_rows import event_coverage, why_no_sensor
-from fedora_qa.checks.event_stream.moved_hot_pixels import suspects_of_moved
-from fedora_qa.checks.protocol import Check, Observation, Statistic, Suspect
+from fedora_qa.checks.protocol import Check, Observation, Statistic
 from fedora_qa.conventions import NS_PER_S
-from fedora_qa.estimators.events.rates import Loudness, Tally, loudness
+from fedora_qa.estimators.events.rates import NeighbourExcess, PixelCounts, neighbour_excess
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import own, sensor_events, sensor_shape
 
+Pixel = tuple[int, int]
+"""Column and row."""
 
-class EventStreamRates(Check[Tally]):
+_SIGNIFICANT: Final = 7.0
+"""Standard deviations above which a pixel is counted as hot in the diagnosis (after an alarm only)."""
+
+_MOST: Final = 0.5
+"""Ratio of the hot pixels that must lie where declared ones were moved to; others may be hot besides."""
+
+_FEWEST_SHIFTED: Final = 2
+"""One pixel identifies no shift: some declared pixel lies beside it in any case. Where two do by chance, of f hot and d
+declared pixels among n, has the probability f^2 d^2 / 2n or less: 3% for five of five in the smallest sensors."""
+
+
+@dataclass(frozen=True, slots=True)
+class MovedHotPixels(Feature):
+    """Hot pixels lie where a move of the image takes the declared ones.
+
+    ``right_px`` is the size of a shift along the rows, None where it is along the columns as well.
+    """
+
+    transform: Literal["mirrored", "transposed", "shifted"]
+    right_px: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class HotPixelCount(Feature):
+    """How many pixels exceed their neighbours significantly, one at least."""
+
+    count: int
+
+
+class EventStreamRates(Check[PixelCounts]):
     """Does any pixel fire without cause?
 
     The excess of the loudest pixel over its neighbourhood, in events a second, and the rate of declared hot pixels.
@@ -55,87 +88,88 @@ class EventStreamRates(Check[Tally]):
 
     Sources
     -------
-    First principles: order statistics of 24 neighbours, the sensor's hysteresis; derivation in ``event_rates``.
+    First principles: order statistics of 24 neighbours, the sensor's hysteresis; derivation in
+    ``fedora_qa/estimators/events/rates.py``.
     """
 
     name = "event_stream.rates"
     needs = ("events",)
-    _SURELY: Final = 7.0
-    """Standard deviations above which a pixel is counted as hot in the diagnosis (after an alarm only)."""
 
     def not_applicable(self, facts: Facts) -> str:
         """Need the size of the sensor."""
         return why_no_sensor(facts)
 
-    def start(self, facts: Facts) -> Tally:
-        """Return the tally of nothing."""
-        return Tally.of_nothing(sensor_shape(facts.declared))
+    def start(self, facts: Facts) -> PixelCounts:
+        """Return the counts of no events."""
+        return PixelCounts.of_nothing(sensor_shape(facts.declared))
 
-    def update(self, state: Tally, window: Window) -> None:
+    def update(self, state: PixelCounts, window: Window) -> None:
         """Count the window's events."""
         events = own(window, sensor_events(window))
         state.add(events.x, events.y, events.p)
 
-    def merge(self, state: Tally, later: Tally) -> Tally:
+    def merge(self, state: PixelCounts, later: PixelCounts) -> PixelCounts:
         """Join."""
         return state.then(later)
 
-    def conclude(self, state: Tally, facts: Facts) -> Observation:
+    def conclude(self, state: PixelCounts, facts: Facts) -> Observation:
         """Compare pixels with their neighbours."""
-        counts = state.events
+        counts, declared = state.events, facts.declared.events
         coverage = event_coverage(facts, int(counts.sum()))
-        span_s = _span_s(facts)
+        span_s = (facts.events.last_ns - facts.events.first_ns) / NS_PER_S if facts.events is not None else 0.0
         if not counts.any() or min(counts.shape) < 3 or span_s <= 0:
             return Observation(coverage, unobservable="too few events or pixels to compare neighbours")
-        loud = loudness(state)
-        hot = _declared_hot(facts.declared.events, counts.shape)
+        excess = neighbour_excess(state)
+        declared_pixels = [(int(x), int(y)) for x, y in declared.hot_pixels] if declared is not None else []
+        declared_hot = np.zeros(counts.shape, np.bool_)
+        for column, row in declared_pixels:
+            if 0 <= row < counts.shape[0] and 0 <= column < counts.shape[1]:
+                declared_hot[row, column] = True
         seconds = span_s * coverage.share
-        z = np.where(hot, -np.inf, loud.z)
-        moved = self._moved(z, facts)
-        measured = [self._loudest(counts, loud, z, seconds, facts, moved)]
-        if hot.any() and facts.declared.events is not None and facts.declared.events.hot_pixel_rate_hz > 0:
-            over = (counts - loud.median)[hot]
-            measured.append(self._declared_rate(over, loud.error[hot], facts.declared.events, seconds, moved))
+        z = np.where(declared_hot, -np.inf, excess.z)
+        rows, columns = np.nonzero(z > _SIGNIFICANT)
+        hot_pixels = [(int(column), int(row)) for column, row in zip(columns, rows, strict=True)]
+        move = moved_hot_pixels(hot_pixels, declared_pixels, (z.shape[1], z.shape[0]))
+        features = (move,) if move is not None else ()
+        statistics = [
+            self._loudest(counts, excess, z, seconds, facts, (*features, HotPixelCount(max(len(hot_pixels), 1))))
+        ]
+        if declared_hot.any() and declared is not None and declared.hot_pixel_rate_hz > 0:
+            over = (counts - excess.median)[declared_hot]
+            statistics.append(self._declared_rate(over, excess.error[declared_hot], declared, seconds, features))
         return Observation(
             coverage,
-            tuple(measured),
+            tuple(statistics),
             evidence={"event_counts": np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)},
             titles={"event_counts": "Events of each pixel [events]"},
         )
 
-    def _moved(self, z: NDArray[np.float64], facts: Facts) -> tuple[Suspect, ...]:
-        """Return what would have moved declared hot pixels to where others are."""
-        rows, columns = np.nonzero(z > self._SURELY)
-        found = [(int(column), int(row)) for column, row in zip(columns, rows, strict=True)]
-        declared = facts.declared.events.hot_pixels if facts.declared.events is not None else ()
-        return suspects_of_moved(found, [(int(column), int(row)) for column, row in declared], z.shape[::-1])
-
     def _loudest(
         self,
         counts: NDArray[np.int64],
-        loud: Loudness,
+        excess: NeighbourExcess,
         z: NDArray[np.float64],
         seconds: float,
         facts: Facts,
-        moved: tuple[Suspect, ...],
+        features: tuple[Feature, ...],
     ) -> Statistic:
         row, column = (int(i) for i in np.unravel_index(int(np.argmax(z)), z.shape))
-        many = int(np.count_nonzero(z > self._SURELY))
-        rate_hz, excess_hz = (float(of_all[row, column]) / seconds for of_all in (counts, loud.excess))
+        many = int(np.count_nonzero(z > _SIGNIFICANT))
+        rate_hz, excess_hz = (float(of_all[row, column]) / seconds for of_all in (counts, excess.events))
         return Statistic(
             name="loudest_pixel_excess",
             value=excess_hz,
             unit="Hz",
-            standard_error=float(loud.error[row, column]) / seconds,
+            standard_error=float(excess.error[row, column]) / seconds,
             # One event a swing; and a pixel whose threshold is low by five declared sigma fires so much more often.
-            model_error_bound=float(loud.swings[row, column]) / seconds + rate_hz * _mismatch(facts.declared.events),
+            model_error_bound=float(excess.swings[row, column]) / seconds + rate_hz * _mismatch(facts.declared.events),
             side="upper",
             tests=counts.size,
             statement=f"{max(many, 1)} pixels fire without cause: ({column}, {row}) at {rate_hz:.4g} Hz, "
             f"{excess_hz:.4g} Hz more than its neighbours.",
             code="event_stream.rates.hot_pixel",
             where=Where(stream="events", pixel=(column, row)),
-            suspects=(*moved, Suspect("hot_pixels", "events", 0.3 if moved else 0.95, float(max(many, 1)), "pixels")),
+            features=features,
         )
 
     def _declared_rate(
@@ -144,12 +178,11 @@ class EventStreamRates(Check[Tally]):
         error: NDArray[np.float64],
         declared: EventModel,
         seconds: float,
-        moved: tuple[Suspect, ...],
+        features: tuple[Feature, ...],
     ) -> Statistic:
         expected = declared.hot_pixel_rate_hz
         rate_hz = float(over.mean()) / seconds
         variance = expected * seconds / len(over) + float(np.sum(error**2)) / len(over) ** 2
-        percent = 100 * (rate_hz / expected - 1)
         return Statistic(
             name="declared_hot_pixel_rate",
             value=rate_hz,
@@ -161,16 +194,45 @@ class EventStreamRates(Check[Tally]):
             statement=f"Declared hot pixels fire at {rate_hz:.4g} Hz; {expected:.4g} Hz is declared.",
             code="event_stream.rates.declared_hot_pixels",
             where=Where(stream="events"),
-            suspects=(*moved, Suspect("noise_misdeclared", "events", 0.3 if moved else 0.8, percent, "percent")),
+            features=features,
         )
 
 
-def _declared_hot(declared: EventModel | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    hot = np.zeros(shape, np.bool_)
-    for column, row in declared.hot_pixels if declared is not None else ():
-        if 0 <= row < shape[0] and 0 <= column < shape[1]:
-            hot[row, column] = True
-    return hot
+def moved_hot_pixels(
+    hot_pixels: Sequence[Pixel], declared: Sequence[Pixel], size: tuple[int, int]
+) -> MovedHotPixels | None:
+    """Return the move that takes most declared hot pixels to where others are hot; None where few lie there.
+
+    Parameters
+    ----------
+    hot_pixels
+        Pixels that fire without cause, and are not declared.
+    declared
+        Declared hot pixels.
+    size
+        Width and height of the sensor.
+    """
+    if not hot_pixels or not declared:
+        return None
+    hot = set(hot_pixels)
+    scores = [(len(hot & moved), move) for moved, move, fewest in _moves(hot_pixels, declared, size)
+              if len(hot & moved) >= max(fewest, _MOST * len(hot))]  # fmt: skip
+    return max(scores, key=lambda score: score[0])[1] if scores else None
+
+
+def _moves(
+    hot_pixels: Sequence[Pixel], declared: Sequence[Pixel], size: tuple[int, int]
+) -> Iterator[tuple[set[Pixel], MovedHotPixels, int]]:
+    """Yield where each move takes the declared pixels, the move, and how many pixels identify it."""
+    right, bottom = size[0] - 1, size[1] - 1
+    mirrored, transposed = MovedHotPixels("mirrored"), MovedHotPixels("transposed")
+    yield {(right - column, row) for column, row in declared}, mirrored, 1
+    yield {(column, bottom - row) for column, row in declared}, mirrored, 1
+    yield {(right - column, bottom - row) for column, row in declared}, mirrored, 1
+    yield {(row, column) for column, row in declared}, transposed, 1
+    for right_px, down_px in sorted({(x - column, y - row) for x, y in hot_pixels for column, row in declared}):
+        moved = {(column + right_px, row + down_px) for column, row in declared}
+        yield moved, MovedHotPixels("shifted", float(right_px) if down_px == 0 else None), _FEWEST_SHIFTED
 
 
 def _mismatch(declared: EventModel | None) -> float:
@@ -178,7 +240,3 @@ def _mismatch(declared: EventModel | None) -> float:
         return 0.0
     spread = declared.threshold_sigma / max(min(declared.threshold_on, declared.threshold_off), 1e-12)
     return min(5 * spread, 1.0)
-
-
-def _span_s(facts: Facts) -> float:
-    return (facts.events.last_ns - facts.events.first_ns) / NS_PER_S if facts.events is not None else 0.0

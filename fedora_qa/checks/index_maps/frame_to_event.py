@@ -1,14 +1,115 @@
-"""The maps from frames to events, held exactly against the stamps."""
+"""The maps from frames to events, compared exactly with the timestamps, and the rule that gives their wrong entries."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.index_maps.map_deviations import WrongMap, name_deviation
-from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic
+from fedora_qa.conventions import NS_PER_S
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import EventScan, Facts, IndexMap
-from fedora_qa.views.clock_resets import set_clock
+from fedora_qa.views.clock_resets import clock_reset
+
+Int64 = NDArray[np.int64]
+Float64 = NDArray[np.float64]
+
+_MOST: Final = 0.9
+"""A rule is named that gives at least this ratio of the wrong entries; the one that gives most of all entries wins."""
+
+_NEIGHBOURS: Final = (-2, -1, 1, 2)
+
+_CLEAR: Final = 0.3
+"""Ratio of the spread to a shift in time, or to a drift, below which that is named."""
+
+Rule = Literal[
+    "behind_equal_timestamps",
+    "zero",
+    "last_event",
+    "shifted",
+    "other_camera",
+    "neighbouring_frame",
+    "nearest_event",
+    "delayed_events",
+    "drifting_events",
+    "none",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class MapRule(Feature):
+    """The rule that gives the wrong entries of a map, and its size.
+
+    Attributes
+    ----------
+    rule
+        ``none`` where no rule gives them.
+    size, standard_error
+        Of ``shifted`` in events, of ``neighbouring_frame`` the time in ms by which frames are late, of
+        ``delayed_events`` in ms, of ``drifting_events`` in ppm; otherwise None.
+    """
+
+    rule: Rule
+    size: float | None = None
+    standard_error: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WrongEntries(Feature):
+    """Where the wrong entries of a map lie.
+
+    Attributes
+    ----------
+    frames
+        The stream of the frames.
+    ratio
+        Wrong entries to all entries.
+    begins_within, reaches_end
+        Whether the first two entries are right, and whether the last entry is wrong.
+    all_at_one_event
+        Whether the right entries of all frames but the first and last are one number.
+    """
+
+    frames: str
+    ratio: float
+    begins_within: bool
+    reaches_end: bool
+    all_at_one_event: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _StoredMap:
+    """A map with wrong entries.
+
+    Attributes
+    ----------
+    index_map
+        As stored and as expected, both cut to the shorter length.
+    frame_times_ns
+        (n,) timestamps of the frames.
+    event_count
+        Number of events.
+    wrong
+        Rows of the wrong entries.
+    other_expected
+        What the map of the other camera should be, None where there is none of that length.
+    """
+
+    index_map: IndexMap
+    frame_times_ns: Int64
+    event_count: int
+    wrong: NDArray[np.intp]
+    other_expected: Int64 | None
+
+    @property
+    def deviations(self) -> Int64:
+        """By how many events each wrong entry is off."""
+        deviations: Int64 = (self.index_map.stored - self.index_map.expected_left)[self.wrong]
+        return deviations
 
 
 class _FrameToEvent(FactsCheck):
@@ -18,7 +119,7 @@ class _FrameToEvent(FactsCheck):
     frames: str
 
     def not_applicable(self, facts: Facts) -> str:
-        """Need the map as well as stamps that could be read."""
+        """Need the map as well as timestamps that could be read."""
         return "" if self.stream in facts.index_maps else "the map or the stamps that it joins cannot be read"
 
     def examine(self, facts: Facts) -> Observation:
@@ -31,19 +132,38 @@ class _FrameToEvent(FactsCheck):
         if not length:
             return Observation(coverage, unobservable="the map, or the stream of its frames, is empty")
         wrong = np.flatnonzero(index_map.stored[:length] != index_map.expected_left[:length])
-        return Observation(coverage, (self._wrong(facts, index_map, events, wrong),))
+        return Observation(coverage, (self._wrong_entries(facts, events, length, wrong),))
 
-    def _wrong(self, facts: Facts, index_map: IndexMap, events: EventScan, wrong: NDArray[np.intp]) -> Statistic:
+    def _wrong_entries(self, facts: Facts, events: EventScan, length: int, wrong: NDArray[np.intp]) -> Statistic:
+        index_map, times_ns = facts.index_maps[self.stream], facts.clocks[self.frames].times_ns
         first = int(wrong[0]) if len(wrong) else None
-        suspects: tuple[Suspect, ...] = ()
-        times_ns, place = facts.clocks[self.frames].times_ns, ""
+        features: list[Feature] = []
+        place = ""
         if first is not None:
-            name, suspects = name_deviation(self._found(facts, index_map, events, wrong))
-            was_set = set_clock(events)
-            if was_set is not None and was_set.covers(times_ns[wrong]):
-                suspects = (*was_set.suspects, *suspects)
-            stored, expected = index_map.stored[first], index_map.expected_left[first]
-            place = f": {name}. Frame {first} points to event {stored}, the first not before it is {expected}"
+            cut = IndexMap(
+                index_map.stored[:length], index_map.expected_left[:length], index_map.expected_right[:length]
+            )
+            expected = [other.expected_left for stream, other in facts.index_maps.items() if stream != self.stream]
+            other = expected[0][:length] if expected and len(expected[0]) >= length else None
+            text, rule = _rule_of(_StoredMap(cut, times_ns[:length], events.count, wrong, other))
+            left = cut.expected_left
+            features = [
+                rule,
+                WrongEntries(
+                    self.frames,
+                    ratio=len(wrong) / max(length, 1),
+                    begins_within=bool(wrong[0] > 1),
+                    reaches_end=bool(wrong[-1] == length - 1),
+                    all_at_one_event=length > 2 and len(np.unique(left[1:-1])) == 1,
+                ),
+            ]
+            reset = clock_reset(events)
+            if reset is not None and reset.covers(times_ns[wrong]):
+                features.append(reset)
+            place = (
+                f": {text}. Frame {first} points to event {index_map.stored[first]}, "
+                f"the first not before it is {index_map.expected_left[first]}"
+            )
         return count_of_faults(
             name="wrong_entries",
             value=len(wrong),
@@ -56,13 +176,75 @@ class _FrameToEvent(FactsCheck):
                 index_start=first,
                 start_us=None if first is None else facts.to_file_us(float(times_ns[first])),
             ),
-            suspects=suspects,
+            features=tuple(features),
         )
 
-    def _found(self, facts: Facts, index_map: IndexMap, events: EventScan, wrong: NDArray[np.intp]) -> WrongMap:
-        length = min(len(index_map.stored), len(index_map.expected_left))
-        cut = IndexMap(index_map.stored[:length], index_map.expected_left[:length], index_map.expected_right[:length])
-        others = [other.expected_left for stream, other in facts.index_maps.items() if stream != self.stream]
-        other = others[0][:length] if others and len(others[0]) >= length else None
-        times_ns = facts.clocks[self.frames].times_ns[:length]
-        return WrongMap(self.stream, self.frames, cut, times_ns, events.count, wrong, other)
+
+def _rule_of(stored_map: _StoredMap) -> tuple[str, MapRule]:
+    """Return the rule that gives the wrong entries, in words and as a feature."""
+    stored, wrong = stored_map.index_map.stored, stored_map.wrong
+    fits = [
+        (float(np.mean(stored == entries)), text, rule)
+        for text, entries, rule in _candidates(stored_map)
+        if np.mean(stored[wrong] == entries[wrong]) >= _MOST
+    ]
+    if fits:
+        _, text, rule = max(fits, key=lambda fit: fit[0])
+        return text, rule
+    if set(np.unique(stored_map.deviations)) <= {-1, 0}:
+        return "they point to the nearest event, before or behind", MapRule("nearest_event")
+    return _rule_in_time(stored_map) or ("no known deviation", MapRule("none"))
+
+
+def _candidates(stored_map: _StoredMap) -> Iterator[tuple[str, Int64, MapRule]]:
+    """Yield each rule in words, the entries that it gives (n,), and the rule as a feature."""
+    left, right = stored_map.index_map.expected_left, stored_map.index_map.expected_right
+    shift = int(np.median(stored_map.deviations))
+    yield "they point behind equal stamps", right, MapRule("behind_equal_timestamps")
+    yield "they are zero", np.zeros_like(left), MapRule("zero")
+    yield "they stop at the last event", np.minimum(left, stored_map.event_count - 1), MapRule("last_event")
+    yield f"they are off by {shift:+d}", left + shift, MapRule("shifted", float(shift), 0.0)
+    if stored_map.other_expected is not None and not np.array_equal(stored_map.other_expected, left):
+        yield "they are those of the other camera", stored_map.other_expected, MapRule("other_camera")
+    for frames in _NEIGHBOURS:
+        rows = np.clip(np.arange(len(left)) + frames, 0, len(left) - 1)
+        period_ms = 1e3 * float(np.median(np.diff(stored_map.frame_times_ns))) / NS_PER_S if len(left) > 1 else 0.0
+        text = f"they belong to the frame {abs(frames)} {'later' if frames > 0 else 'earlier'}"
+        yield text, left[rows], MapRule("neighbouring_frame", -frames * period_ms)
+
+
+def _rule_in_time(stored_map: _StoredMap) -> tuple[str, MapRule] | None:
+    """Fit the delay of events that would explain the entries: their deviation over the local event rate.
+
+    If events were stamped d late after the map was made, an entry exceeds the count by rate * d. A delay that grows
+    with time is a clock of another rate.
+    """
+    wrong = stored_map.wrong
+    times_s = stored_map.frame_times_ns / NS_PER_S
+    if len(times_s) < 3 or np.any(np.diff(times_s) <= 0):
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rate = np.gradient(stored_map.index_map.expected_left.astype(np.float64), times_s)
+        shifts_ms = 1e3 * stored_map.deviations / rate[wrong]
+    finite = np.isfinite(shifts_ms)
+    times_s, shifts_ms = times_s[wrong][finite], shifts_ms[finite]
+    if len(shifts_ms) < 3:
+        return None
+    delay_ms, spread_ms = _median_and_spread(shifts_ms)
+    if spread_ms < _CLEAR * abs(delay_ms):
+        text = f"the entries fit events that are {delay_ms:+.4g} ms late"
+        return text, MapRule("delayed_events", delay_ms, spread_ms / np.sqrt(len(shifts_ms)))
+    elapsed_s = times_s - stored_map.frame_times_ns[0] / NS_PER_S
+    ppm, spread_ppm = _median_and_spread(1e3 * shifts_ms[elapsed_s > 0] / elapsed_s[elapsed_s > 0])
+    if spread_ppm < _CLEAR * abs(ppm):
+        text = f"the entries fit an event clock that runs {ppm:+.4g} ppm fast"
+        return text, MapRule("drifting_events", ppm, spread_ppm / np.sqrt(len(shifts_ms)))
+    return None
+
+
+def _median_and_spread(values: Float64) -> tuple[float, float]:
+    """Return the median and the standard deviation by the median absolute deviation; NaN without values."""
+    if not len(values):
+        return float("nan"), float("nan")
+    middle = float(np.median(values))
+    return middle, float(np.median(np.abs(values - middle))) / 0.6745

@@ -2,18 +2,19 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import Any, Final
+from dataclasses import dataclass
+from math import hypot
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.families import over_all_rates
-from fedora_qa.checks.integrity.flow_bound import longest_displacement_px
-from fedora_qa.checks.protocol import Notice, Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
+from fedora_qa.checks.protocol import Notice, Observation, Statistic, WindowCheck
 from fedora_qa.conventions import MM_PER_M
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.images.value_tallies import Tally, add_up, tally_depth, tally_flow, tally_samples
+from fedora_qa.estimators.images.value_tallies import DatasetCounts, add_up, tally_depth, tally_flow, tally_samples
+from fedora_qa.features import Feature
 from fedora_qa.layout.binding import INVALID_TIMESTAMP_NS
 from fedora_qa.layout.canonical import DATASETS, STREAMS
 from fedora_qa.record.types import Coverage, Where
@@ -23,15 +24,38 @@ from fedora_qa.sequence.window import Window
 _FLOAT_KEYS: Final = tuple(
     key for key, spec in DATASETS.items() if spec.dtype.startswith("float") and spec.stream in STREAMS
 )
-_MOST: Final = 0.9
-"""Share of the values that a wrong unit must explain to be suspected: it befalls all of them, edge cases aside."""
-
 _FULL: Final = 0.5
-"""Share of valid pixels beyond which a neighbouring frame cannot be empty: half of a 60 degree view would have to
+"""Ratio of valid pixels beyond which a neighbouring frame cannot be empty: half of a 60 degree view would have to
 leave it, and come back, within an interval of frames."""
 
 
-class IntegrityFinite(WindowCheck[tuple[Tally, ...]]):
+FALSE_ALARMS: Final = 1e-6
+"""Chance that a correct field anywhere in a file passes the bound: a hundredth of what a file may alarm by default."""
+
+
+@dataclass(frozen=True, slots=True)
+class OutOfRange(Feature):
+    """Depth values that no correct file holds, in pixels.
+
+    Attributes
+    ----------
+    finite
+        All finite values.
+    outside
+        Those out of range.
+    in_range_times_1000
+        Those of ``outside`` that lie in the range once multiplied by 1000.
+    constant
+        Whether those out of range are all one number.
+    """
+
+    finite: int
+    outside: int
+    in_range_times_1000: int
+    constant: bool
+
+
+class IntegrityFinite(WindowCheck[tuple[DatasetCounts, ...]]):
     """Are all values finite where they must be, and invalid pixels NaN?
 
     The values that no honest file holds, counted for each dataset, and the images that hold nothing among full ones.
@@ -71,66 +95,105 @@ class IntegrityFinite(WindowCheck[tuple[Tally, ...]]):
 
     name = "integrity.finite"
 
-    def measure(self, window: Window) -> tuple[Tally, ...]:
-        """Tally every float dataset of the window."""
+    def measure(self, window: Window) -> tuple[DatasetCounts, ...]:
+        """Count the values of every float dataset of the window."""
         streams = ((key, DATASETS[key].stream) for key in _FLOAT_KEYS)
         present = [(key, stream) for key, stream in streams if stream in window.facts.streams]
         return add_up(tally for key, stream in present for tally in _tallies(window, key, window.owned(stream)))
 
-    def conclude(self, state: Sequence[tuple[Tally, ...]], facts: Facts) -> Observation:
+    def conclude(self, state: Sequence[tuple[DatasetCounts, ...]], facts: Facts) -> Observation:
         """Add up, in the order of time."""
         totals = add_up(tally for window in state for tally in window)
-        measured = [m for total in totals for m in _measured(total, facts)]
-        measured += [_timestamps(facts, stream) for stream in sorted(facts.clocks)]
-        seen = sum(total.values for total in totals)
+        statistics = [m for total in totals for m in _statistics(total, facts)]
+        statistics += [_timestamps(facts, stream) for stream in sorted(facts.clocks)]
+        looked_at = sum(total.values for total in totals)
+        # The values of all streams that are there, decoded or not.
+        stored = 0
+        for key in _FLOAT_KEYS:
+            if DATASETS[key].stream in facts.streams:
+                binding = facts.layout.bindings[key]
+                stored += binding.rows * (binding.shape[1] * binding.shape[2] if DATASETS[key].is_image else 1)
+        void = [DATASETS[total.key].stream for total in totals if total.filled and total.nan == total.values]
         return Observation(
-            Coverage(seen, max(seen, _of(facts)), "values"),
-            over_all_rates(measured, set(facts.flow_streams)),
-            tuple(_void(total) for total in totals if total.filled and total.nan == total.values),
-            unobservable="" if measured else "there is no stream whose values could be other than finite",
+            Coverage(looked_at, max(looked_at, stored), "values"),
+            with_flow_rate_deviations(statistics, set(facts.flow_streams)),
+            tuple(
+                Notice("integrity.finite.void", f"{stream} holds no valid pixel at all", Where(stream=stream))
+                for stream in void
+            ),
+            unobservable="" if statistics else "there is no stream whose values could be other than finite",
         )
 
 
+def longest_displacement_px(intervals: int, height: int, width: int) -> float:
+    """Return what no displacement of a correct file exceeds, but for one file in a million, in px.
+
+    A point that comes to lie at depth Z beside the camera is displaced by f R / Z, where R is its distance from the
+    optical axis; the layout keeps it until Z reaches zero. So no length is impossible, and a bound needs a rate of
+    false alarms.
+
+    A surface that meets the plane Z = 0 meets it along a curve, which takes W + H pixels of an image at most, about.
+    From one pixel to the next across the curve Z changes by some g, and the pixel nearest to the curve has a Z that is
+    uniform between 0 and g: it is displaced by more than B with probability f R / (g B). A wall along the optical axis,
+    seen r px from the middle, has Z = f R / r, so g = Z / r and f R / g = r^2; one that leans towards the camera by a
+    slope t has f R / g = r^2 + r f t. Slopes of surfaces in all directions exceed t with probability 1 / t, so that up
+    to 100, beyond which the camera flies into what it sees, their mean is ln 100. Over an image of diagonal D, with
+    r^2 = D^2 / 12 and r = 0.28 D on average and f = 0.69 D (60 degrees of view), that is 0.97 D^2 px; D^2 is taken.
+
+    Parameters
+    ----------
+    intervals
+        Fields of the rate. Each is counted with a curve through the whole image.
+    height, width
+        Of a field, in px.
+    """
+    # K (W + H) D^2 / B is the chance that any pixel of the file is displaced by more than B.
+    return intervals * (height + width) * hypot(height, width) ** 2 / FALSE_ALARMS
+
+
 def empty_between_full(filled: Sequence[tuple[int, float]]) -> list[int]:
-    """Return the rows of images without a value whose neighbours are mostly valid, (row, share) in any order.
+    """Return the rows of images without a value whose neighbours are mostly valid.
 
     A run of empty images counts when it is bounded by full ones on both sides, or on one side and by the end of the
     stream on the other. Rows that were not looked at bound nothing.
+
+    Parameters
+    ----------
+    filled
+        Row, and ratio of valid pixels, of each image that was looked at, in any order.
     """
-    share = dict(filled)
+    valid_ratio = dict(filled)
     empty: list[int] = []
     run: list[int] = []
-    last = max(share, default=-1)
-    for row in sorted(share):
-        if share[row] > 0.0:
+    last = max(valid_ratio, default=-1)
+    for row in sorted(valid_ratio):
+        if valid_ratio[row] > 0.0:
             run = []
             continue
         run = [*run, row] if run and run[-1] == row - 1 else [row]
-        if row + 1 in share and share[row + 1] == 0.0:
+        if row + 1 in valid_ratio and valid_ratio[row + 1] == 0.0:
             continue
-        before = share.get(run[0] - 1, 1.0 if run[0] == 0 else 0.0)
-        after = share.get(row + 1, 1.0 if row == last else 0.0)
+        before = valid_ratio.get(run[0] - 1, 1.0 if run[0] == 0 else 0.0)
+        after = valid_ratio.get(row + 1, 1.0 if row == last else 0.0)
         whole = run[0] == 0 and row == last
         if before > _FULL and after > _FULL and not whole:
             empty.extend(run)
     return empty
 
 
-def _tallies(window: Window, key: str, owned: range) -> Iterator[Tally]:
-    """Tally what decodes; the rest is a finding of ``integrity.readable``."""
-    image = DATASETS[key].is_image
+def _tallies(window: Window, key: str, owned: range) -> Iterator[DatasetCounts]:
+    """Count what decodes; the rest is a finding of ``integrity.readable``."""
+    facts, image = window.facts, DATASETS[key].is_image
     blocks = [(row, row + 1) for row in owned] if image else [(owned.start, owned.stop)]
     for start, stop in blocks:
         with suppress(UnreadableRowsError):
-            yield _tally(key, start, window.rows(key, start, stop), window.facts)
-
-
-def _tally(key: str, start: int, rows: NDArray[Any], facts: Facts) -> Tally:
-    if not DATASETS[key].is_image:
-        return tally_samples(key, start, rows)
-    if key == "path/depth":
-        return tally_depth(key, start, rows[0], facts.declared.depth_range_m)
-    return tally_flow(key, start, rows[0], _longest_px(facts, key))
+            rows = window.rows(key, start, stop)
+            if not image:
+                yield tally_samples(key, start, rows)
+            elif key == "path/depth":
+                yield tally_depth(key, start, rows[0], facts.declared.depth_range_m)
+            else:
+                yield tally_flow(key, start, rows[0], _longest_px(facts, key))
 
 
 def _longest_px(facts: Facts, key: str) -> float:
@@ -138,68 +201,39 @@ def _longest_px(facts: Facts, key: str) -> float:
     return longest_displacement_px(intervals, height, width)
 
 
-def _measured(total: Tally, facts: Facts) -> Iterator[Statistic]:
+def _statistics(total: DatasetCounts, facts: Facts) -> Iterator[Statistic]:
     stream, where = DATASETS[total.key].stream, _where(facts, total)
     if not DATASETS[total.key].is_image:
         name = total.key.removeprefix("path/")
-        said = f"{total.nan} of {total.values} samples of {name} are not finite; integration would end there"
-        yield _count(f"{name}.not_finite", total.nan, "samples", said, where, _nan(stream, total.nan))
+        text = f"{total.nan} of {total.values} samples of {name} are not finite; integration would end there"
+        yield _count(f"{name}.not_finite", total.nan, "samples", text, where)
         return
-    said = f"{total.infinite} pixels of {stream} are infinite; where there is no value it must be NaN"
-    encoding = Suspect("invalid_encoding", stream, 1.0)
-    yield _count(f"{stream}.infinite", total.infinite, "pixels", said, where, encoding)
+    text = f"{total.infinite} pixels of {stream} are infinite; where there is no value it must be NaN"
+    yield _count(f"{stream}.infinite", total.infinite, "pixels", text, where)
+    features: tuple[Feature, ...] = ()
     if total.key == "path/depth":
-        said = _outside_statement(total, facts)
-        yield _count("depth.outside_range", total.outside, "pixels", said, where, *_outside_suspects(total))
+        range_m = facts.declared.depth_range_m
+        expected = f"{range_m[0]:g} to {range_m[1]:g} m" if range_m else "above zero"
+        text = (
+            f"{total.outside} of {total.values} depth pixels lie between {total.low / MM_PER_M:.6g} and "
+            f"{total.high / MM_PER_M:.6g} m; expected {expected}, or NaN"
+        )
+        finite = total.values - total.nan - total.infinite
+        features = (OutOfRange(finite, total.outside, total.rescaled, constant=total.low == total.high),)
     else:
-        odd = (Suspect("invalid_encoding", stream, 0.6), Suspect("corrupt_chunk", stream, 0.4))
-        yield _count(f"{stream}.outside_range", total.outside, "pixels", _far_statement(total, facts), where, *odd)
-    yield _empty(total, facts)
-
-
-def _empty(total: Tally, facts: Facts) -> Statistic:
-    stream = DATASETS[total.key].stream
+        text = (
+            f"{total.outside} of {total.values} pixels of {stream} are displaced by {total.low:.3g} to "
+            f"{total.high:.3g} px; beyond {_longest_px(facts, total.key):.3g} px no surface in view is"
+        )
+    yield _count(f"{stream}.outside_range", total.outside, "pixels", text, where, *features)
     rows = empty_between_full(total.filled)
-    said = f"{len(rows)} images of {stream} are NaN throughout between images that are mostly valid"
+    text = f"{len(rows)} images of {stream} are NaN throughout between images that are mostly valid"
     where = Where(stream=stream)
     if rows:
-        said += f", first number {rows[0]}"
+        text += f", first number {rows[0]}"
         start_us = _file_us(facts, stream, rows[0])
         where = Where(stream, start_us, index_start=rows[0], index_stop=rows[-1] + 1, frame=rows[0])
-    return _count(f"{stream}.empty_images", len(rows), "samples", said, where, _nan(stream, len(rows)))
-
-
-def _void(total: Tally) -> Notice:
-    stream = DATASETS[total.key].stream
-    return Notice("integrity.finite.void", f"{stream} holds no valid pixel at all", Where(stream=stream))
-
-
-def _outside_statement(total: Tally, facts: Facts) -> str:
-    range_m = facts.declared.depth_range_m
-    expected = f"{range_m[0]:g} to {range_m[1]:g} m" if range_m else "above zero"
-    return (
-        f"{total.outside} of {total.values} depth pixels lie between {total.low / MM_PER_M:.6g} and "
-        f"{total.high / MM_PER_M:.6g} m; expected {expected}, or NaN"
-    )
-
-
-def _far_statement(total: Tally, facts: Facts) -> str:
-    return (
-        f"{total.outside} of {total.values} pixels of {DATASETS[total.key].stream} are displaced by {total.low:.3g} to "
-        f"{total.high:.3g} px; beyond {_longest_px(facts, total.key):.3g} px no surface in view is"
-    )
-
-
-def _outside_suspects(total: Tally) -> tuple[Suspect, ...]:
-    """Metres read as millimetres if that explains the values; one constant is a code; scattered values, unknown."""
-    finite = total.values - total.nan - total.infinite
-    if total.rescaled > _MOST * finite:
-        return (Suspect("unit_mm_m", "depth", 0.9, 1 / MM_PER_M, "1"),)
-    if total.low == total.high:
-        return (Suspect("invalid_encoding", "depth", 1.0),)
-    if total.rescaled > _MOST * total.outside:  # a part of the file, or of the image
-        return (Suspect("unit_mm_m", "depth", 0.85, 1 / MM_PER_M, "1"), Suspect("invalid_encoding", "depth", 0.4))
-    return (Suspect("invalid_encoding", "depth", 0.5), Suspect("unit_mm_m", "depth", 0.3))
+    yield _count(f"{stream}.empty_images", len(rows), "samples", text, where)
 
 
 def _timestamps(facts: Facts, stream: str) -> Statistic:
@@ -208,16 +242,12 @@ def _timestamps(facts: Facts, stream: str) -> Statistic:
     if clock.ends_ns is not None:
         bad = bad | (clock.ends_ns == INVALID_TIMESTAMP_NS)
     count = int(np.count_nonzero(bad))
-    said = f"{count} stamps of {stream} are NaN; these samples have no place in time"
+    text = f"{count} stamps of {stream} are NaN; these samples have no place in time"
     where = Where(stream=stream, index_start=int(np.argmax(bad)) if count else None)
-    return _count(f"{stream}.stamps_not_finite", count, "samples", said, where, _nan(stream, count))
+    return _count(f"{stream}.stamps_not_finite", count, "samples", text, where)
 
 
-def _nan(stream: str, count: int) -> Suspect:
-    return Suspect("nan_in_stream", stream, 1.0, float(count), "samples")
-
-
-def _count(name: str, value: int, unit: str, statement: str, where: Where, *suspects: Suspect) -> Statistic:
+def _count(name: str, value: int, unit: str, statement: str, where: Where, *features: Feature) -> Statistic:
     return count_of_faults(
         name,
         value,
@@ -226,11 +256,11 @@ def _count(name: str, value: int, unit: str, statement: str, where: Where, *susp
         code=f"integrity.finite.{name.rsplit('.', 1)[1]}",
         where=where,
         severity="critical",
-        suspects=suspects,
+        features=features,
     )
 
 
-def _where(facts: Facts, total: Tally) -> Where:
+def _where(facts: Facts, total: DatasetCounts) -> Where:
     spec = DATASETS[total.key]
     row, flat = total.first
     if row < 0:
@@ -245,13 +275,3 @@ def _where(facts: Facts, total: Tally) -> Where:
 def _file_us(facts: Facts, stream: str, row: int) -> float | None:
     time_ns = int(facts.clocks[stream].times_ns[row])
     return None if time_ns == INVALID_TIMESTAMP_NS else facts.to_file_us(time_ns)
-
-
-def _of(facts: Facts) -> int:
-    """Count the values that a whole reading would look at."""
-    of = 0
-    for key in _FLOAT_KEYS:
-        if DATASETS[key].stream in facts.streams:
-            binding = facts.layout.bindings[key]
-            of += binding.rows * (binding.shape[1] * binding.shape[2] if DATASETS[key].is_image else 1)
-    return of

@@ -1,12 +1,22 @@
 """Is every dataset where the layout says, in the declared type and shape?"""
 
+from dataclasses import dataclass
+
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.families import over_all_rates
-from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic, Suspect
+from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
+from fedora_qa.checks.protocol import FactsCheck, Observation
+from fedora_qa.features import Feature
 from fedora_qa.layout.canonical import FLOW_STREAMS
 from fedora_qa.layout.resolve import LayoutProblem
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutDefect(Feature):
+    """A problem that opening the file met."""
+
+    problem: LayoutProblem
 
 
 class IntegrityLayout(FactsCheck):
@@ -48,17 +58,18 @@ class IntegrityLayout(FactsCheck):
         coverage = Coverage(len(facts.layout.bindings), len(facts.layout.bindings) + len(broken), "datasets")
         if not problems:
             return Observation(coverage, (no_faults("layout_problems", "problems", self.name),))
+        defects = [
+            count_of_faults(
+                name=f"{problem.key or problem.stream}.{problem.code.rsplit('.', 1)[1]}",
+                value=1,
+                unit="problems",
+                statement=problem.message,
+                code=problem.code,
+                where=Where(stream=problem.stream),
+                severity="critical",
+                features=(LayoutDefect(problem),),
+            )
+            for problem in problems
+        ]
         rates = {problem.stream for problem in problems if problem.stream in FLOW_STREAMS} | set(facts.flow_streams)
-        return Observation(coverage, over_all_rates((self._measured(problem) for problem in problems), rates))
-
-    def _measured(self, problem: LayoutProblem) -> Statistic:
-        return count_of_faults(
-            name=f"{problem.key or problem.stream}.{problem.code.rsplit('.', 1)[1]}",
-            value=1,
-            unit="problems",
-            statement=problem.message,
-            code=problem.code,
-            where=Where(stream=problem.stream),
-            severity="critical",
-            suspects=(Suspect(problem.cause, problem.stream, 1.0, problem.magnitude),),
-        )
+        return Observation(coverage, with_flow_rate_deviations(defects, rates))

@@ -1,13 +1,13 @@
 """Does every stored byte decode?"""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, prod
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.families import over_all_rates
-from fedora_qa.checks.protocol import Observation, Statistic, Suspect, WindowCheck
+from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
+from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.errors import UnreadableRowsError
 from fedora_qa.layout.binding import Binding
 from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS, TIMESTAMPS_OF
@@ -17,7 +17,7 @@ from fedora_qa.sequence.window import Window
 
 
 @dataclass(frozen=True, slots=True)
-class Damage:
+class DamagedChunk:
     """A stored chunk that does not decode: its dataset, number, first and last row (half-open), and HDF5's words."""
 
     key: str
@@ -32,7 +32,7 @@ class ReadSummary:
     """What one window touched: a range along the first axis of chunks for each dataset, and those that are damaged."""
 
     touched: tuple[tuple[str, int, int], ...]
-    damaged: tuple[Damage, ...]
+    damaged: tuple[DamagedChunk, ...]
 
 
 class IntegrityReadable(WindowCheck[ReadSummary]):
@@ -73,7 +73,7 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
     def measure(self, window: Window) -> ReadSummary:
         """Try every chunk that the window owns rows of."""
         touched: list[tuple[str, int, int]] = []
-        damaged: list[Damage] = []
+        damaged: list[DamagedChunk] = []
         for key, binding in window.facts.layout.bindings.items():
             start, stop = _rows_to_read(window, key, binding)
             if start < stop:
@@ -85,44 +85,49 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
     def conclude(self, state: Sequence[ReadSummary], facts: Facts) -> Observation:
         """Count damaged chunks by stream."""
         bindings = facts.layout.bindings
-        seen = sum(count * _chunks_beside(bindings[key]) for key, count in _seen(state).items())
-        damaged = {(one.key, one.chunk): one for seen in reversed(state) for one in seen.damaged}
-        damaged |= {(one.key, one.chunk): one for one in _damage_in_scan(facts, list(damaged.values()))}
-        of = sum(ceil(one.rows / _rows_in_chunk(one)) * _chunks_beside(one) for one in bindings.values())
+        # Windows overlap: what they touched along the first axis of chunks counts once, by dataset.
+        touched, end = Counter[str](), Counter[str]()
+        for key, first, stop in sorted(block for summary in state for block in summary.touched):
+            touched[key] += max(0, stop - max(first, end[key]))
+            end[key] = max(end[key], stop)
+        read = sum(count * _chunks_beside(bindings[key]) for key, count in touched.items())
+        damaged = {(chunk.key, chunk.chunk): chunk for summary in reversed(state) for chunk in summary.damaged}
+        damaged |= {(chunk.key, chunk.chunk): chunk for chunk in _damage_in_scan(facts, list(damaged.values()))}
+        stored = sum(ceil(b.rows / _rows_in_chunk(b)) * _chunks_beside(b) for b in bindings.values())
         streams = sorted({DATASETS[key].stream for key in bindings})
-        lost = facts.layout.streams - facts.streams - {DATASETS[key].stream for key, _ in damaged}
+        unusable = facts.layout.streams - facts.streams - {DATASETS[key].stream for key, _ in damaged}
         return Observation(
-            Coverage(seen, max(of, seen), "chunks"),
-            over_all_rates(
+            Coverage(read, max(stored, read), "chunks"),
+            with_flow_rate_deviations(
                 (
-                    self._lost(facts, stream) if stream in lost else self._of_stream(stream, list(damaged.values()))
+                    self._unusable(facts, stream) if stream in unusable else self._of_stream(stream, damaged.values())
                     for stream in streams
                 ),
                 set(streams) & set(FLOW_STREAMS),
             ),
         )
 
-    def _of_stream(self, stream: str, damaged: Sequence[Damage]) -> Statistic:
-        ours = sorted(
-            (one for one in damaged if DATASETS[one.key].stream == stream),
-            key=lambda one: (one.start, one.key, one.chunk),
+    def _of_stream(self, stream: str, damaged: Collection[DamagedChunk]) -> Statistic:
+        chunks = sorted(
+            (chunk for chunk in damaged if DATASETS[chunk.key].stream == stream),
+            key=lambda chunk: (chunk.start, chunk.key, chunk.chunk),
         )
-        if not ours:
+        if not chunks:
             return no_faults(f"{stream}.unreadable_chunks", "chunks", "integrity.readable.chunk")
-        first, rows = ours[0], sum(stop - start for _, start, stop in {(one.key, one.start, one.stop) for one in ours})
+        first, blocks = chunks[0], {(chunk.key, chunk.start, chunk.stop) for chunk in chunks}
+        rows = sum(stop - start for _, start, stop in blocks)
         return count_of_faults(
             name=f"{stream}.unreadable_chunks",
-            value=len(ours),
+            value=len(chunks),
             unit="chunks",
-            statement=f"{len(ours)} chunks of {stream} ({rows} rows) cannot be decoded, first rows {first.start} to "
+            statement=f"{len(chunks)} chunks of {stream} ({rows} rows) cannot be decoded, first rows {first.start} to "
             f"{first.stop} of {first.key}: {first.reason}",
             code="integrity.readable.chunk",
-            where=Where(stream=stream, index_start=first.start, index_stop=max(one.stop for one in ours)),
+            where=Where(stream=stream, index_start=first.start, index_stop=max(chunk.stop for chunk in chunks)),
             severity="critical",
-            suspects=(Suspect("corrupt_chunk", stream, 1.0, float(len(ours)), "chunks"),),
         )
 
-    def _lost(self, facts: Facts, stream: str) -> Statistic:
+    def _unusable(self, facts: Facts, stream: str) -> Statistic:
         return count_of_faults(
             name=f"{stream}.unreadable_chunks",
             value=1,
@@ -131,7 +136,6 @@ class IntegrityReadable(WindowCheck[ReadSummary]):
             code="integrity.readable.stamps",
             where=Where(stream=stream),
             severity="critical",
-            suspects=(Suspect("corrupt_chunk", stream, 1.0, 1.0, "chunks"),),
         )
 
 
@@ -155,16 +159,7 @@ def _chunks_beside(binding: Binding) -> int:
     return prod(binding.chunk_grid[1:])
 
 
-def _seen(state: Sequence[ReadSummary]) -> dict[str, int]:
-    """Count what windows touched along the first axis of chunks, each once, by dataset."""
-    seen, end = Counter[str](), Counter[str]()
-    for key, first, stop in sorted(touched for one in state for touched in one.touched):
-        seen[key] += max(0, stop - max(first, end[key]))
-        end[key] = max(end[key], stop)
-    return seen
-
-
-def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator[Damage]:
+def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator[DamagedChunk]:
     """Decode rows block by block; what fails are whole chunks, also where the window owns a part of one."""
     rows, beside = _rows_in_chunk(binding), _chunks_beside(binding)
     together = max(rows, binding.chunk_rows)
@@ -175,16 +170,16 @@ def _damage(window: Window, binding: Binding, start: int, stop: int) -> Iterator
         except UnreadableRowsError as error:
             for chunk in error.chunks:
                 first = chunk // beside * rows
-                yield Damage(binding.key, chunk, first, min(first + rows, binding.rows), error.reason)
+                yield DamagedChunk(binding.key, chunk, first, min(first + rows, binding.rows), error.reason)
             if not error.chunks:
-                yield Damage(binding.key, first // rows * beside, first, last, error.reason)
+                yield DamagedChunk(binding.key, first // rows * beside, first, last, error.reason)
 
 
-def _damage_in_scan(facts: Facts, damaged: Sequence[Damage]) -> Iterator[Damage]:
+def _damage_in_scan(facts: Facts, damaged: Sequence[DamagedChunk]) -> Iterator[DamagedChunk]:
     """Yield the blocks of event stamps that the scan could not decode and that therefore no window owns."""
     key = TIMESTAMPS_OF["events"]
-    known = [one for one in damaged if one.key == key]
+    reported = [chunk for chunk in damaged if chunk.key == key]
     for start, stop in facts.events.unreadable if facts.events else ():
-        if not any(one.start < stop and start < one.stop for one in known):
+        if not any(damage.start < stop and start < damage.stop for damage in reported):
             chunk = start // _rows_in_chunk(facts.layout.bindings[key])
-            yield Damage(key, chunk, start, stop, "their stamps do not decode")
+            yield DamagedChunk(key, chunk, start, stop, "their stamps do not decode")

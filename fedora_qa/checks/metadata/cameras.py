@@ -1,12 +1,13 @@
 """The declared cameras: intrinsics and extrinsics that a camera can have, and that fit the images."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
+from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import Camera
 from fedora_qa.sequence.facts import Facts
@@ -22,6 +23,22 @@ _FARTHEST_MOUNT_M: Final = 10.0
 
 _PRINCIPAL_POINTS: Final = {0.5: "W/2, H/2", 1.0: "(W+1)/2, (H+1)/2"}
 """Conventions other than (W-1)/2, by the distance from it, px: integer coordinates are then not pixel centres."""
+
+
+@dataclass(frozen=True, slots=True)
+class FocalLengths(Feature):
+    """The declared focal lengths of a camera."""
+
+    camera: str
+    fx_px: float
+    fy_px: float
+
+
+@dataclass(frozen=True, slots=True)
+class PrincipalPoint(Feature):
+    """How far the declared principal point lies from the centre of the image."""
+
+    from_centre_px: float
 
 
 class MetadataCameras(FactsCheck):
@@ -67,84 +84,59 @@ class MetadataCameras(FactsCheck):
     def examine(self, facts: Facts) -> Observation:
         """Look at each camera, then at what they share."""
         cameras = facts.declared.cameras
-        measured = [m for name, camera in cameras.items() for m in _of_camera(name, camera, facts)]
+        statistics = [m for name, camera in cameras.items() for m in _of_camera(name, camera, facts)]
         if "depth" in cameras and "events" in cameras:
-            measured.append(_shared_centre(cameras["depth"], cameras["events"]))
+            statistics.append(_shared_centre(cameras["depth"], cameras["events"]))
         notices = tuple(notice for name, camera in cameras.items() for notice in _notices(name, camera))
-        return Observation(Coverage(len(cameras), len(cameras), "cameras"), tuple(measured), notices)
+        return Observation(Coverage(len(cameras), len(cameras), "cameras"), tuple(statistics), notices)
 
 
 def _of_camera(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
+    """State how far K and T_body_camera of a camera depart from their forms, and its size from that of the images."""
     K = camera.K
     scale = max(float(np.max(np.abs(K[:2, :2]))), 1.0)
     form = float(np.max(np.abs([K[0, 1] / scale, K[1, 0] / scale, K[2, 0], K[2, 1], K[2, 2] - 1.0])))
-    yield _measured(f"{name}.K_form", form, "1", model_error_bound=_ROUNDING, suspects=_unknown(),
-                    said=f"K of the {name} camera is not [fx 0 cx; 0 fy cy; 0 0 1], by {form:.3g} of the focal length "
-                    "or of 1; is it transposed, or has it skew?")  # fmt: skip
-    yield _focal_lengths(name, K)
-    yield _principal_point(name, camera)
-    yield from _size(name, camera, facts)
-    yield from _pose(name, camera)
-
-
-def _focal_lengths(name: str, K: NDArray[np.float64]) -> Statistic:
+    yield _statistic(f"{name}.K_form", form, "1", model_error_bound=_ROUNDING,
+                     text=f"K of the {name} camera is not [fx 0 cx; 0 fy cy; 0 0 1], by {form:.3g} of the focal "
+                     "length or of 1; is it transposed, or has it skew?")  # fmt: skip
     fx, fy = float(K[0, 0]), float(K[1, 1])
-    wrong = sum(focal <= 0 for focal in (fx, fy))
-    mirrored = (Suspect("mirrored", name, 0.5),) if wrong and min(fx, fy) < 0 else ()
-    return _measured(
-        f"{name}.focal_lengths_not_positive",
-        float(wrong),
-        "focal lengths",
-        resolution=1.0,
-        suspects=(Suspect("intrinsics_focal", "metadata", 0.9), *mirrored),
-        said=f"the focal lengths of the {name} camera are {fx:.6g} and {fy:.6g} px; a focal length is positive",
-    )
-
-
-def _principal_point(name: str, camera: Camera) -> Statistic:
-    """Measure how far the principal point lies outside of the image, whose edges are at -1/2 and W - 1/2."""
-    outside = [max(-0.5 - c, c - (size - 0.5), 0.0) for c, size in _centre_and_size(camera)]
+    not_positive = float(sum(focal <= 0 for focal in (fx, fy)))
+    yield _statistic(f"{name}.focal_lengths_not_positive", not_positive, "focal lengths", resolution=1.0,
+                     features=(FocalLengths(name, fx, fy),),
+                     text=f"the focal lengths of the {name} camera are {fx:.6g} and {fy:.6g} px; a focal length is "
+                     "positive")  # fmt: skip
+    # The edges of the image are at -1/2 and W - 1/2.
     (cx, width), (cy, height) = _centre_and_size(camera)
-    distance = float(np.hypot(cx - (width - 1) / 2, cy - (height - 1) / 2))
-    return _measured(f"{name}.principal_point_outside", max(outside), "px",
-                     suspects=(Suspect("intrinsics_centre", "metadata", 0.9, distance, "px"),),
-                     said=f"the principal point of the {name} camera ({cx:.6g}, {cy:.6g}) is outside of its "
-                     f"{camera.width} x {camera.height} image")  # fmt: skip
-
-
-def _size(name: str, camera: Camera, facts: Facts) -> Iterator[Statistic]:
+    outside = [max(-0.5 - c, c - (size - 0.5), 0.0) for c, size in ((cx, width), (cy, height))]
+    from_centre_px = float(np.hypot(cx - (width - 1) / 2, cy - (height - 1) / 2))
+    yield _statistic(f"{name}.principal_point_outside", max(outside), "px",
+                     features=(PrincipalPoint(from_centre_px),),
+                     text=f"the principal point of the {name} camera ({cx:.6g}, {cy:.6g}) is outside of its "
+                     f"{width} x {height} image")  # fmt: skip
     binding = facts.layout.bindings.get(_IMAGES_OF.get(name, ""))
-    if binding is None:
-        return
-    height, width = binding.shape[1:3]
-    off = abs(camera.width - width) + abs(camera.height - height)
-    yield _measured(f"{name}.size", float(off), "px", resolution=1.0,
-                    suspects=(Suspect("wrong_shape", "metadata", 0.9),),
-                    said=f"the {name} camera is declared {camera.width} x {camera.height} px, its images are "
-                    f"{width} x {height}")  # fmt: skip
-
-
-def _pose(name: str, camera: Camera) -> Iterator[Statistic]:
+    if binding is not None:
+        stored_height, stored_width = binding.shape[1:3]
+        off = abs(width - stored_width) + abs(height - stored_height)
+        yield _statistic(f"{name}.size", float(off), "px", resolution=1.0,
+                         text=f"the {name} camera is declared {width} x {height} px, its images are "
+                         f"{stored_width} x {stored_height}")  # fmt: skip
     R, last_row = camera.T_body_camera[:3, :3], camera.T_body_camera[3]
     with np.errstate(over="ignore", invalid="ignore"):
         handedness = float(np.sign(np.linalg.det(R)))
         gram = R.T @ R
     excess = max(float(np.max(np.abs(gram - np.eye(3)))), float(np.max(np.abs(last_row - [0, 0, 0, 1]))))
-    yield _measured(f"{name}.T_body_camera_rigid", excess, "1", model_error_bound=_ROUNDING,
-                    suspects=(Suspect("frame_convention", "metadata", 0.5),),
-                    said=f"T_body_camera of the {name} camera is not a rigid motion: R^T R or the last row is off by "
-                    f"{excess:.3g}; is it transposed, or given in other units?")  # fmt: skip
-    yield _measured(f"{name}.T_body_camera_handedness", handedness, "1", expected=1.0, resolution=2.0,
-                    suspects=(Suspect("frame_convention", "metadata", 0.9),),
-                    said=f"T_body_camera of the {name} camera mirrors: its determinant is not +1")  # fmt: skip
+    yield _statistic(f"{name}.T_body_camera_rigid", excess, "1", model_error_bound=_ROUNDING,
+                     text=f"T_body_camera of the {name} camera is not a rigid motion: R^T R or the last row is off by "
+                     f"{excess:.3g}; is it transposed, or given in other units?")  # fmt: skip
+    yield _statistic(f"{name}.T_body_camera_handedness", handedness, "1", expected=1.0, resolution=2.0,
+                     text=f"T_body_camera of the {name} camera mirrors: its determinant is not +1")  # fmt: skip
 
 
 def _shared_centre(depth: Camera, events: Camera) -> Statistic:
     apart_m = float(np.linalg.norm(depth.T_body_camera[:3, 3] - events.T_body_camera[:3, 3]))
-    return _measured("depth_to_events_centre", apart_m, "m", model_error_bound=_ROUNDING,
-                     suspects=(Suspect("lever_arm", "metadata", 0.9, apart_m, "m"),),
-                     said=f"the centres of the depth and event cameras are {apart_m:.6g} m apart; they must be one "
-                     "point, or depth says nothing about events")  # fmt: skip
+    return _statistic("depth_to_events_centre", apart_m, "m", model_error_bound=_ROUNDING,
+                      text=f"the centres of the depth and event cameras are {apart_m:.6g} m apart; they must be one "
+                      "point, or depth says nothing about events")  # fmt: skip
 
 
 def _notices(name: str, camera: Camera) -> Iterator[Notice]:
@@ -172,13 +164,13 @@ def _centre_and_size(camera: Camera) -> tuple[tuple[float, int], tuple[float, in
     return (float(camera.K[0, 2]), camera.width), (float(camera.K[1, 2]), camera.height)
 
 
-def _measured(
+def _statistic(
     name: str,
     value: float,
     unit: str,
     *,
-    said: str,
-    suspects: tuple[Suspect, ...],
+    text: str,
+    features: tuple[Feature, ...] = (),
     expected: float = 0.0,
     model_error_bound: float = 0.0,
     resolution: float = 0.0,
@@ -188,15 +180,11 @@ def _measured(
         value=value,
         unit=unit,
         standard_error=0.0,
-        statement=said,
+        statement=text,
         code=f"metadata.cameras.{name.rsplit('.', 1)[-1]}",
         where=Where(stream="metadata"),
         expected=expected,
         model_error_bound=model_error_bound,
         resolution=resolution,
-        suspects=suspects,
+        features=features,
     )
-
-
-def _unknown() -> tuple[Suspect, ...]:
-    return (Suspect("unknown", "metadata", 0.5),)

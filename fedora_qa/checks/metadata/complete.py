@@ -1,10 +1,12 @@
 """Are the declarations complete and plausible?"""
 
+from dataclasses import dataclass
 from typing import Final
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import FORMAT_NAME
+from fedora_qa.features import Feature
 from fedora_qa.layout.canonical import ATTRIBUTES, FLOW_STREAMS, PROMISED_BY
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import DeclarationProblem
@@ -16,6 +18,13 @@ _STREAMS_OF_OWNER: Final[dict[str, tuple[str, ...]]] = {
     "metadata/flow": FLOW_STREAMS,
 }
 """The streams that an object of the metadata describes."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeclarationDefect(Feature):
+    """A problem that reading the metadata met."""
+
+    problem: DeclarationProblem
 
 
 class MetadataComplete(FactsCheck):
@@ -52,64 +61,50 @@ class MetadataComplete(FactsCheck):
 
     def examine(self, facts: Facts) -> Observation:
         """Sort the problems by what the format asks for."""
-        of = len(ATTRIBUTES)
-        if _is_bare(facts):
-            return Observation(Coverage(0, of, "declarations"), (self._bare(),))
-        problems = [problem for problem in facts.declared.problems if _concerns(problem, facts)]
-        broken = [problem for problem in problems if _is_required(problem)]
-        noted = [problem for problem in problems if not _is_required(problem)]
-        measured = tuple(self._measured(problem) for problem in broken) or (
-            no_faults("declaration_problems", "declarations", self.name),
-        )
-        notices = tuple(Notice(f"metadata.complete.{_rule(problem)}", _said(problem)) for problem in noted)
-        return Observation(Coverage(of, of, "declarations"), measured, notices)
-
-    def _bare(self) -> Statistic:
-        return count_of_faults(
-            name="metadata.missing",
-            value=1,
-            unit="declarations",
-            statement="a file of the canonical layout has a group /metadata; nothing of it is there, so that nothing "
-            "that the file holds can be held to a declaration",
-            code="metadata.complete.missing",
-            where=Where(stream="metadata"),
-            suspects=(Suspect("missing_stream", "metadata", 1.0),),
-        )
-
-    def _measured(self, problem: DeclarationProblem) -> Statistic:
-        return count_of_faults(
-            name=f"{problem.owner}@{problem.name}",
-            value=1,
-            unit="declarations",
-            statement=_said(problem),
-            code=f"metadata.complete.{_rule(problem)}",
-            where=Where(stream="metadata"),
-            suspects=(Suspect(problem.cause, "metadata", 1.0),),
-        )
-
-
-def _is_bare(facts: Facts) -> bool:
-    """Whether a file of the canonical layout holds none of the objects that carry metadata."""
-    absent = {problem.owner for problem in facts.declared.problems if not problem.name}
-    owners = {owner for owner, _ in ATTRIBUTES if owner.startswith("metadata/")}
-    return facts.layout.dialect_name == FORMAT_NAME and owners <= absent
-
-
-def _concerns(problem: DeclarationProblem, facts: Facts) -> bool:
-    """Whether the problem is about something that this file holds: an absent stream needs no declaration."""
-    described = _STREAMS_OF_OWNER.get(problem.owner, ())
-    return bool(problem.name) or not described or bool(facts.streams.intersection(described))
-
-
-def _is_required(problem: DeclarationProblem) -> bool:
-    spec = ATTRIBUTES.get((problem.owner, problem.name))
-    return spec is not None and spec.required
-
-
-def _rule(problem: DeclarationProblem) -> str:
-    return "missing" if problem.cause == "missing_stream" else "malformed"
-
-
-def _said(problem: DeclarationProblem) -> str:
-    place = f"/{problem.owner}" if problem.owner else "the file"
-    return f"{place} {problem.name}: {problem.message}" if problem.name else problem.message
+        count = len(ATTRIBUTES)
+        # A file of the canonical layout that holds none of the objects that carry metadata.
+        absent = {problem.owner for problem in facts.declared.problems if not problem.name}
+        owners = {owner for owner, _ in ATTRIBUTES if owner.startswith("metadata/")}
+        if facts.layout.dialect_name == FORMAT_NAME and owners <= absent:
+            missing = count_of_faults(
+                name="metadata.missing",
+                value=1,
+                unit="declarations",
+                statement="a file of the canonical layout has a group /metadata; nothing of it is there, so that "
+                "nothing that the file holds can be held to a declaration",
+                code="metadata.complete.missing",
+                where=Where(stream="metadata"),
+            )
+            return Observation(Coverage(0, count, "declarations"), (missing,))
+        # An absent stream needs no declaration.
+        problems = [
+            problem
+            for problem in facts.declared.problems
+            if problem.name
+            or problem.owner not in _STREAMS_OF_OWNER
+            or facts.streams.intersection(_STREAMS_OF_OWNER[problem.owner])
+        ]
+        statistics: list[Statistic] = []
+        notices: list[Notice] = []
+        for problem in problems:
+            place = f"/{problem.owner}" if problem.owner else "the file"
+            text = f"{place} {problem.name}: {problem.message}" if problem.name else problem.message
+            code = f"metadata.complete.{'missing' if problem.cause == 'missing_stream' else 'malformed'}"
+            spec = ATTRIBUTES.get((problem.owner, problem.name))
+            if spec is not None and spec.required:
+                statistics.append(
+                    count_of_faults(
+                        name=f"{problem.owner}@{problem.name}",
+                        value=1,
+                        unit="declarations",
+                        statement=text,
+                        code=code,
+                        where=Where(stream="metadata"),
+                        features=(DeclarationDefect(problem),),
+                    )
+                )
+            else:
+                notices.append(Notice(code, text))
+        if not statistics:
+            statistics.append(no_faults("declaration_problems", "declarations", self.name))
+        return Observation(Coverage(count, count, "declarations"), tuple(statistics), tuple(notices))

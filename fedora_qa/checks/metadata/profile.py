@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from fedora_qa.checks.exact import count_of_faults
-from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic, Suspect
+from fedora_qa.checks.protocol import FactsCheck, Observation, Statistic
 from fedora_qa.conventions import HORIZONTAL_FIELD_OF_VIEW_DEG, NS_PER_S, NS_PER_US
 from fedora_qa.layout.canonical import FLOW_STREAMS
 from fedora_qa.record.types import Coverage, Where
@@ -62,36 +62,32 @@ class MetadataProfile(FactsCheck):
 
     def examine(self, facts: Facts) -> Observation:
         """Hold each number to the paper's."""
-        measured = (*_streams(facts), *_cameras(facts), *_rates(facts), *_depth_range(facts), *_events(facts))
-        return Observation(Coverage(len(measured), len(measured), "promises"), measured)
-
-
-def _streams(facts: Facts) -> Iterator[Statistic]:
-    for stream in _STREAMS:
-        yield count_of_faults(
-            f"{stream}.absent", int(stream not in facts.streams), "streams",
-            statement=f"the profile promises {stream}: {facts.absent.get(stream, 'it is absent')}",
-            code="metadata.profile.stream", where=Where(stream=stream),
-            suspects=(Suspect("missing_stream", stream, 1.0),),
-        )  # fmt: skip
+        streams = (
+            count_of_faults(
+                f"{stream}.absent",
+                int(stream not in facts.streams),
+                "streams",
+                statement=f"the profile promises {stream}: {facts.absent.get(stream, 'it is absent')}",
+                code="metadata.profile.stream",
+                where=Where(stream=stream),
+            )
+            for stream in _STREAMS
+        )
+        statistics = (*streams, *_cameras(facts), *_rates(facts), *_depth_range(facts), *_events(facts))
+        return Observation(Coverage(len(statistics), len(statistics), "promises"), statistics)
 
 
 def _cameras(facts: Facts) -> Iterator[Statistic]:
     for name, camera in facts.declared.cameras.items():
         width, height = _SIZES[name]
-        yield _number(f"{name}.width", camera.width, "px", width, 0.0, Suspect("wrong_shape", "metadata", 0.5))
-        yield _number(f"{name}.height", camera.height, "px", height, 0.0, Suspect("wrong_shape", "metadata", 0.5))
+        yield _number(f"{name}.width", camera.width, "px", width)
+        yield _number(f"{name}.height", camera.height, "px", height)
         focal_px = float(camera.K[0, 0])
         if focal_px > 0:
-            yield _field_of_view(name, camera.width, focal_px)
-
-
-def _field_of_view(name: str, width: int, focal_px: float) -> Statistic:
-    """Measure 2 atan(W / 2f); a focal length rounded to whole pixels moves it by W/2 / (f^2 + W^2/4) rad."""
-    field_deg = degrees(2 * atan(width / (2 * focal_px)))
-    rounding_deg = degrees(width / 2 / (focal_px**2 + width**2 / 4))
-    suspect = Suspect("intrinsics_focal", "metadata", 0.5)
-    return _number(f"{name}.field_of_view", field_deg, "deg", HORIZONTAL_FIELD_OF_VIEW_DEG, rounding_deg, suspect)
+            # 2 atan(W / 2f); a focal length rounded to whole pixels moves it by W/2 / (f^2 + W^2/4) rad.
+            field_deg = degrees(2 * atan(camera.width / (2 * focal_px)))
+            rounding_deg = degrees(camera.width / 2 / (focal_px**2 + camera.width**2 / 4))
+            yield _number(f"{name}.field_of_view", field_deg, "deg", HORIZONTAL_FIELD_OF_VIEW_DEG, rounding_deg)
 
 
 def _rates(facts: Facts) -> Iterator[Statistic]:
@@ -101,16 +97,15 @@ def _rates(facts: Facts) -> Iterator[Statistic]:
             continue
         period_us = float(np.median(np.diff(clock.times_ns[clock.advancing]))) / NS_PER_US
         expected_us = NS_PER_S / rate_hz / NS_PER_US
-        yield _number(f"{stream}.period", period_us, "us", expected_us, 1.0, Suspect("clock_rate", stream, 0.3))
+        yield _number(f"{stream}.period", period_us, "us", expected_us, 1.0)
 
 
 def _depth_range(facts: Facts) -> Iterator[Statistic]:
     if facts.declared.depth_range_m is not None:
-        suspect = Suspect("unknown", "metadata", 0.5)
         for side, value, expected in zip(
             ("nearest", "farthest"), facts.declared.depth_range_m, _DEPTH_RANGE_M, strict=True
         ):
-            yield _number(f"depth.{side}", value, "m", expected, 1e-6 * expected, suspect)
+            yield _number(f"depth.{side}", value, "m", expected, 1e-6 * expected)
 
 
 def _events(facts: Facts) -> Iterator[Statistic]:
@@ -118,31 +113,30 @@ def _events(facts: Facts) -> Iterator[Statistic]:
     if model is None:
         return
     yield count_of_faults(
-        "events.model", int(model.model != "linear"), "declarations",
+        "events.model",
+        int(model.model != "linear"),
+        "declarations",
         statement=f"the events are declared of the {model.model} model; the profile promises the linear one",
-        code="metadata.profile.model", where=Where(stream="events"),
-        suspects=(Suspect("event_model_misdeclared", "events", 0.3), Suspect("unknown", "metadata", 0.5)),
-    )  # fmt: skip
-    misdeclared = Suspect("threshold_misdeclared", "events", 0.3)
-    yield _number("events.threshold_on", model.threshold_on, "DN", _THRESHOLD_DN, 0.0, misdeclared)
-    yield _number("events.threshold_off", model.threshold_off, "DN", _THRESHOLD_DN, 0.0, misdeclared)
+        code="metadata.profile.model",
+        where=Where(stream="events"),
+    )
+    yield _number("events.threshold_on", model.threshold_on, "DN", _THRESHOLD_DN)
+    yield _number("events.threshold_off", model.threshold_off, "DN", _THRESHOLD_DN)
     short_us = max(0, _LEAST_PACKET_US - model.packet_interval_us)
-    yield _number("events.packet_too_short", short_us, "us", 0.0, 0.0, Suspect("unknown", "metadata", 0.5))
+    yield _number("events.packet_too_short", short_us, "us", 0.0)
 
 
-def _number(
-    name: str, value: float, unit: str, expected: float, model_error_bound: float, suspect: Suspect
-) -> Statistic:
-    stream, what = name.rsplit(".", 1)
+def _number(name: str, value: float, unit: str, expected: float, model_error_bound: float = 0.0) -> Statistic:
+    stream, quantity = name.rsplit(".", 1)
     return Statistic(
         name=name,
         value=float(value),
         unit=unit,
         standard_error=0.0,
-        statement=f"{what.replace('_', ' ')} of {stream} is {value:.6g} {unit}; the profile promises {expected:.6g}",
-        code=f"metadata.profile.{what}",
+        statement=f"{quantity.replace('_', ' ')} of {stream} is {value:.6g} {unit}; "
+        f"the profile promises {expected:.6g}",
+        code=f"metadata.profile.{quantity}",
         where=Where(stream=stream),
         expected=expected,
         model_error_bound=model_error_bound,
-        suspects=(suspect,),
     )

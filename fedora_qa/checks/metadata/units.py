@@ -1,14 +1,15 @@
 """Do the declared units agree with the layout?"""
 
-from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Final
 
 from fedora_qa.checks.exact import count_of_faults, no_faults
-from fedora_qa.checks.families import over_all_rates
-from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic, Suspect
+from fedora_qa.checks.flow_rate_deviations import with_flow_rate_deviations
+from fedora_qa.checks.protocol import FactsCheck, Notice, Observation, Statistic
 from fedora_qa.conventions import FORMAT_NAME
+from fedora_qa.features import Feature
 from fedora_qa.layout.binding import Binding
-from fedora_qa.layout.canonical import DATASETS, FLOW_STREAMS
+from fedora_qa.layout.canonical import DATASETS
 from fedora_qa.layout.dialect import NS_PER_TIME_UNIT, SCALES
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
@@ -16,6 +17,26 @@ from fedora_qa.sequence.facts import Facts
 _SAME_UNIT: Final = {"µs": "us", "μs": "us", "microseconds": "us", "m/s2": "m/s^2", "m/s**2": "m/s^2",
                      "pixel": "px", "pixels": "px", "": "1", "dimensionless": "1", "dn": "DN"}  # fmt: skip
 """Spellings of the units of the layout."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnitLabel(Feature):
+    """The unit that a dataset is labelled with, beside that of the layout.
+
+    Attributes
+    ----------
+    label, expected
+        The label in the spelling of the layout, and the layout's unit.
+    time_factor
+        By what factor timestamps in the labelled unit would be too large; None for what is no timestamp.
+    scale
+        Factor from the labelled to the expected unit, None where there is none.
+    """
+
+    label: str
+    expected: str
+    time_factor: float | None
+    scale: float | None
 
 
 class MetadataUnits(FactsCheck):
@@ -60,16 +81,21 @@ class MetadataUnits(FactsCheck):
         bindings, labels = facts.layout.bindings, facts.declared.units
         wrong = [key for key, label in labels.items() if not label_agrees(bindings[key], label)]
         missing = [key for key in bindings if key not in labels]
-        measured = over_all_rates((self._measured(key, labels[key]) for key in wrong), set(facts.flow_streams))
-        measured = measured or (no_faults("wrong_labels", "labels", self.name),)
+        statistics = with_flow_rate_deviations(
+            (self._wrong_label(key, labels[key]) for key in wrong), set(facts.flow_streams)
+        )
+        statistics = statistics or (no_faults("wrong_labels", "labels", self.name),)
         notices: tuple[Notice, ...] = ()
         if missing:
             message = f"{len(missing)} datasets carry no attribute 'units', first {missing[0]}"
             notices = (Notice("metadata.units.missing", message, Where(stream=DATASETS[missing[0]].stream)),)
-        return Observation(Coverage(len(bindings) - len(missing), len(bindings), "labels"), measured, notices)
+        return Observation(Coverage(len(bindings) - len(missing), len(bindings), "labels"), statistics, notices)
 
-    def _measured(self, key: str, label: str) -> Statistic:
-        spec = DATASETS[key]
+    def _wrong_label(self, key: str, label: str) -> Statistic:
+        spec, unit = DATASETS[key], _normalised(label)
+        time_factor = None
+        if spec.is_timestamps and unit in NS_PER_TIME_UNIT:
+            time_factor = NS_PER_TIME_UNIT["us"] / NS_PER_TIME_UNIT[unit]
         return count_of_faults(
             name=f"{key}@units",
             value=1,
@@ -77,7 +103,7 @@ class MetadataUnits(FactsCheck):
             statement=f"{key} is labelled {label!r}; the layout has it in {spec.units!r}",
             code="metadata.units.label",
             where=Where(stream=spec.stream),
-            suspects=tuple(_suspects_of_label(key, label)),
+            features=(UnitLabel(unit, spec.units, time_factor, SCALES.get((unit, spec.units))),),
         )
 
 
@@ -88,19 +114,6 @@ def label_agrees(binding: Binding, label: str) -> bool:
         return NS_PER_TIME_UNIT.get(label) == binding.ns_per_unit
     canonical = DATASETS[binding.key].units
     return SCALES.get((label, canonical), 1.0 if label == canonical else 0.0) == binding.scale
-
-
-def _suspects_of_label(key: str, label: str) -> Iterator[Suspect]:
-    """Name the fault that the label, if it tells the truth, would confess to."""
-    spec, label = DATASETS[key], _normalised(label)
-    if spec.is_timestamps and label in NS_PER_TIME_UNIT:
-        yield Suspect("time_unit", spec.stream, 0.5, NS_PER_TIME_UNIT["us"] / NS_PER_TIME_UNIT[label], "1")
-    factor = SCALES.get((label, spec.units))
-    cause = {"mm": "unit_mm_m", "m": "unit_mm_m", "rad/s": "unit_deg_rad"}.get(spec.units)
-    if factor and cause:
-        yield Suspect(cause, spec.stream, 0.5, 1 / factor, "1")
-    if spec.stream in FLOW_STREAMS and label == "px/s":
-        yield Suspect("flow_unit", spec.stream, 0.5)
 
 
 def _normalised(label: str) -> str:

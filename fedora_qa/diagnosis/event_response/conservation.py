@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Final
 
 from fedora_qa.checks.event_response.conservation import ViolationCluster, Violations
-from fedora_qa.checks.event_response.timing_causes import whose_offset
+from fedora_qa.diagnosis.event_response.timing import whose_offset
 from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm

@@ -12,7 +12,7 @@ from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.diagnosis.support import support
 from fedora_qa.judgement.judge import Alarm
 from fedora_qa.sequence.facts import Facts
-from fedora_qa.views.clock_resets import SetClock, set_clock
+from fedora_qa.views.clock_resets import ClockReset, clock_reset
 from fedora_qa.views.event_clock_offset import ClockOffset
 
 _EVENTS: Final = support("event_response.clock_of_events")
@@ -37,7 +37,7 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
         offset = Hypothesis("time_offset", "events", of_region, statistic.value, "ms", statistic.standard_error)
         return offset, wrong_model
     compared = next((feature for feature in statistic.features if isinstance(feature, DelayCourses)), None)
-    courses = _NO_COURSES if compared is None else with_clock_reset(compared, set_clock(facts.events))
+    courses = _NO_COURSES if compared is None else with_clock_reset(compared, clock_reset(facts.events))
     if rule == "stretch":
         return (
             *_offsets(statistic.value, statistic.standard_error, facts, courses.segment),
@@ -64,7 +64,7 @@ def propose_timing(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     )
 
 
-def with_clock_reset(courses: DelayCourses, reset: SetClock | None) -> DelayCourses:
+def with_clock_reset(courses: DelayCourses, reset: ClockReset | None) -> DelayCourses:
     """Return the courses, that of a segment shared with drift as far as the steps of a reset clock say that it gained.
 
     Without a step forwards a segment that reaches an end of the known delays was late at once; others can only have
@@ -72,8 +72,7 @@ def with_clock_reset(courses: DelayCourses, reset: SetClock | None) -> DelayCour
     """
     if reset is None or (reset.forwards is None and courses.reaches_end):
         return courses
-    weights = {suspect.cause: suspect.weight for suspect in reset.suspects}
-    gains, offset = weights.get("clock_rate", 0.0), weights.get("time_offset", 0.0)
+    gains, offset = reset.drift_agreement, reset.offset_agreement
     moved = courses.segment * gains / (gains + offset) if gains > 0 else 0.0
     return replace(courses, drift=courses.drift + moved, segment=courses.segment - moved)
 

@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 
 Int64 = NDArray[np.int64]
 
-_EXACT_SHARE: Final = 0.5
-"""Share of the steps that must be the period itself: the clock is exact, and what strays from it was moved."""
+_EXACT_RATIO: Final = 0.5
+"""Ratio of the steps that must be the period itself: the clock is exact, and deviating timestamps were moved."""
 
 _LEAST_OUTSIDE: Final = 0.1
 _ROUNDINGS: Final = 2
-"""Units of the stamps by which rounding alone moves the difference of two: half of one each, and the period's own."""
+"""Units by which rounding alone moves the difference of two timestamps: half of one each, and the period's own."""
 
 
 @dataclass(frozen=True, slots=True)
-class Displaced:
+class DisplacedSegment:
     """Rows of a clock that lie beside its line.
 
     Attributes
@@ -36,17 +36,17 @@ class Displaced:
     drift: float
 
 
-def displaced_part(times_ns: Int64, *, resolution_ns: int) -> Displaced | None:
+def displaced_part(times_ns: Int64, *, resolution_ns: int) -> DisplacedSegment | None:
     """Return the part of a clock that was moved; None where there is none, or where the clock is not exact.
 
-    Stamps are held against the line through the first, with the median step as its period; whole periods, which lost
-    samples leave, do not count. The part must begin or end with a jump: a clock that is off its rate throughout has
-    none.
+    Timestamps are compared with the line through the first, with the median step as its period; whole periods, which
+    lost samples leave, do not count. The part must begin or end with a jump: a clock that is off its rate throughout
+    has none.
 
     Parameters
     ----------
     times_ns
-        (N,) stamps.
+        (N,) timestamps.
     resolution_ns
         Unit to which they are rounded.
     """
@@ -54,18 +54,19 @@ def displaced_part(times_ns: Int64, *, resolution_ns: int) -> Displaced | None:
         return None
     steps = np.diff(times_ns)
     period = int(np.median(steps))
-    if period <= 0 or np.mean(steps == period) < _EXACT_SHARE:
+    if period <= 0 or np.mean(steps == period) < _EXACT_RATIO:
         return None
-    late = (times_ns - times_ns[0] + period // 2) % period - period // 2
-    beside = np.abs(late) > resolution_ns
+    # Deviation from the line through the first timestamp, modulo the period: lost samples leave whole periods.
+    deviation_ns = (times_ns - times_ns[0] + period // 2) % period - period // 2
+    beside = np.abs(deviation_ns) > resolution_ns
     rows = np.flatnonzero(beside)
     if not len(rows) or len(times_ns) - (rows[-1] - rows[0] + 1) < _LEAST_OUTSIDE * len(times_ns):
         return None
     first, last = int(rows[0]), int(rows[-1])
-    jumps = np.abs(np.diff(late))[[max(first - 1, 0), min(last, len(late) - 2)]]
+    jumps = np.abs(np.diff(deviation_ns))[[max(first - 1, 0), min(last, len(deviation_ns) - 2)]]
     if jumps.max() <= _ROUNDINGS * resolution_ns:
         return None
-    inside = late[first : last + 1]
+    inside = deviation_ns[first : last + 1]
     steady = bool(np.ptp(inside) <= _ROUNDINGS * resolution_ns)
     drift = 0.0 if steady else float(np.polyfit(period * np.arange(len(inside), dtype=float), inside, 1)[0])
-    return Displaced(first, last, float(np.median(inside)), drift)
+    return DisplacedSegment(first, last, float(np.median(inside)), drift)

@@ -1,4 +1,4 @@
-"""Fit a regular clock to stamps: its period, its jitter, its grid, its jumps, and what is missing."""
+"""Fit a regular clock to timestamps: its period, its jitter, its grid, its jumps, and its missing samples."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -16,14 +16,14 @@ FEWEST_TIMESTAMPS: Final = 3
 """Two show a step, but not whether it is kept."""
 
 _ROUNDED_NS: Final = 1_000.0
-"""Two stamps that were each rounded to a microsecond lie by up to this much off the whole periods between them."""
+"""Two timestamps that were each rounded to a microsecond lie by up to this much off the whole periods between them."""
 
 _FEWEST_DOUBLE_STEPS: Final = 10
 """m samples lost at random places leave one gap in each m-th part of the stream with probability m!/m^m: 4e-4 here."""
 
 _FEWEST_REPEATS: Final = 6
-"""Samples that are written twice at random fall on one line as rounded stamps do where each of r lies in its own r-th
-of the stream, nearly: with probability r! (1.1 / r)^r, 3% for six and 0.5% for eight."""
+"""Samples that are written twice at random fall on one line as rounded timestamps do where each of r lies in its own
+r-th of the stream, nearly: with probability r! (1.1 / r)^r, 3% for six and 0.5% for eight."""
 
 _SAME_GRID: Final = 1.25
 """Residuals of a rounded clock span one grid; the least-squares line is off the true one by a part of that."""
@@ -34,7 +34,7 @@ _MOST_JUMPS: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class RegularClock:
-    """Stamps seen as ``start + period * n`` with noise.
+    """Timestamps as ``start + period * n`` with noise.
 
     Attributes
     ----------
@@ -71,12 +71,12 @@ class RegularClock:
 
     @property
     def grid_ns(self) -> int:
-        """The grid that stamps were rounded to, 0 for an exact clock: its steps are multiples of whatever it is."""
+        """The grid that timestamps were rounded to, 0 for an exact clock: its steps are multiples of whatever it is."""
         return self.tick_ns if self.irregular_steps else 0
 
 
 def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
-    """Fit strictly increasing stamps, (N,) ns; None with fewer than three.
+    """Fit strictly increasing timestamps, (N,) ns; None with fewer than three.
 
     The number of each sample counts the periods (the median step) that have passed, so that a gap shifts nothing.
     Double steps that are spread evenly are no gaps but a clock that was rounded to a coarse grid. Jumps of an
@@ -97,6 +97,7 @@ def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
     numbers = np.concatenate(([0.0], np.cumsum(passed)))
     period_ns, residuals, spread = _line(numbers, (times_ns - times_ns[0]) - np.cumsum(jumped_ns))
     sigma_ns = float(np.sqrt(residuals @ residuals / max(len(times_ns) - 2, 1)))
+    # Standard error of a slope: sigma over the root of the numbers' sum of squares.
     return RegularClock(
         period_ns=period_ns,
         period_error_ns=sigma_ns / np.sqrt(spread),
@@ -111,7 +112,7 @@ def fit_regular_clock(times_ns: Int64) -> RegularClock | None:
 
 
 def is_rounded(times_ns: Int64) -> bool:
-    """Whether stamps (N,) that often repeat are those of a regular clock, rounded to a grid above its period.
+    """Whether timestamps (N,) that often repeat are those of a regular clock, rounded to a grid above its period.
 
     Samples that are written twice delay all that follow in the count of rows; rounding delays none by more than a step.
     Few repeats tell that only where the grid itself is no period of a clock (``has_odd_grid_above_period``).
@@ -122,9 +123,9 @@ def is_rounded(times_ns: Int64) -> bool:
 
 
 def has_odd_grid_above_period(times_ns: Int64) -> bool:
-    """Whether stamps (N,) are those of a clock of a whole rate, in Hz, rounded to a grid a little above its period.
+    """Whether timestamps (N,) are those of a clock of a whole rate, in Hz, rounded to a grid a little above its period.
 
-    All steps are then none or one, and stamps stay within one grid of the clock; of a grid that is the period of a
+    All steps are then none or one, and timestamps stay within one grid of the clock; of a grid that is the period of a
     whole rate itself, the repeats are samples that were written twice.
     """
     steps = np.diff(times_ns)
@@ -140,7 +141,7 @@ def has_odd_grid_above_period(times_ns: Int64) -> bool:
 
 
 def _on_one_line(times_ns: Int64, grid_ns: int) -> bool:
-    """Whether stamps are those of a regular clock without gaps, rounded to a grid."""
+    """Whether timestamps are those of a regular clock without gaps, rounded to a grid."""
     _, residuals, _ = _line(np.arange(len(times_ns), dtype=np.float64), (times_ns - times_ns[0]).astype(np.float64))
     return float(np.ptp(residuals)) <= _SAME_GRID * grid_ns
 

@@ -7,6 +7,7 @@ import pytest
 
 from fedora_qa.checks.index_maps.depth import IndexMapsDepth
 from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
+from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts
 from tests.support.facts import exact_facts, with_map
@@ -49,19 +50,21 @@ def test_exact_map_passes(name: str) -> None:
 @pytest.mark.parametrize("name", CHECKS)
 @pytest.mark.parametrize(("stored", "cause", "magnitude"), FAULTS.values(), ids=FAULTS)
 def test_deviation_is_named(name: str, stored: np.ndarray, cause: str, magnitude: float | None) -> None:
-    """The check fails and its first suspect is what was planted."""
-    alarm = judged(name, with_map(CLEAN, name, stored)).alarms[0]
-    assert alarm.statistic.suspects[0].cause == cause
+    """The check fails and its first hypothesis is what was planted."""
+    facts = with_map(CLEAN, name, stored)
+    alarm = judged(name, facts).alarms[0]
+    first = hypotheses_of(alarm, facts)[0]
+    assert first.cause == cause
     if magnitude is not None:
-        assert alarm.statistic.suspects[0].magnitude == pytest.approx(magnitude, rel=0.01)
+        assert first.magnitude == pytest.approx(magnitude, rel=0.01)
     assert alarm.finding.where.stream == name
 
 
 @pytest.mark.parametrize("name", CHECKS)
 def test_right_side_is_told_from_off_by_one(name: str) -> None:
     """Where every other frame shares its stamp with an event, only those entries point behind it."""
-    alarm = judged(name, with_map(CLEAN, name, RIGHT)).alarms[0]
-    assert alarm.statistic.suspects[0].cause == "index_side"
+    facts = with_map(CLEAN, name, RIGHT)
+    assert hypotheses_of(judged(name, facts).alarms[0], facts)[0].cause == "index_side"
 
 
 def test_one_wrong_entry_is_found_and_placed() -> None:

@@ -12,6 +12,8 @@ from fedora_qa.checks import CHECKS
 from fedora_qa.checks.clocks.rate import ClocksRate
 from fedora_qa.checks.clocks.resolution import ClocksResolution
 from fedora_qa.checks.protocol import FactsCheck
+from fedora_qa.diagnosis.hypotheses import hypotheses_of
+from fedora_qa.diagnosis.hypothesis import Hypothesis
 from fedora_qa.judgement.judge import Judged, judge
 from fedora_qa.sequence.facts import Facts
 from tests.support.facts import FLOW_PERIODS_NS, MS, PERIODS_NS, clock, exact_facts, with_clock
@@ -26,6 +28,11 @@ CLOCKS = {
 def judged(name: str, facts: Facts) -> Judged:
     check = CLOCKS[name]
     return judge({name: check.examine(facts)}, [check], 1e-4)[0]
+
+
+def proposed(name: str, facts: Facts) -> tuple[Hypothesis, ...]:
+    """The hypotheses for the first alarm of a check."""
+    return hypotheses_of(judged(name, facts).alarms[0], facts)
 
 
 def times(stream: str) -> np.ndarray:
@@ -191,24 +198,24 @@ def test_a_coarse_grid_is_neither_a_gap_nor_another_rate(stream: str, grid_ns: i
 def test_a_grid_that_nearly_divides_the_period_is_no_other_rate() -> None:
     """Half a second of frames on a grid of 0.87 ms has one odd step: the grid is named, and not a clock with a jump."""
     frames = exact_facts().clocks["rgb"].times_ns[:26] // 870_000 * 870_000
-    suspects = judged("clocks.rate", with_clock(exact_facts(), "rgb", clock(frames))).alarms[0].statistic.suspects
-    best = max(suspects, key=lambda one: one.weight)
+    hypotheses = proposed("clocks.rate", with_clock(exact_facts(), "rgb", clock(frames)))
+    best = max(hypotheses, key=lambda hypothesis: hypothesis.support)
     assert (best.cause, best.magnitude) == ("quantised_time", pytest.approx(0.87))
 
 
 def test_a_drifting_clock_lies_on_no_grid() -> None:
     """A clock that runs 500 ppm fast, of steps all alike, is not taken for one of coarse stamps."""
-    suspects = judged("clocks.rate", scaled("rgb", 1 + 500e-6)).alarms[0].statistic.suspects
-    assert {one.cause for one in suspects} == {"clock_rate"}
+    hypotheses = proposed("clocks.rate", scaled("rgb", 1 + 500e-6))
+    assert {hypothesis.cause for hypothesis in hypotheses} == {"clock_rate"}
 
 
 def test_few_frames_on_a_grid_above_their_period_are_not_doubled() -> None:
     """Half a second of frames on a grid of 29.8 ms repeats eight stamps evenly, which doubled frames do not."""
     frames = exact_facts().clocks["rgb"].times_ns[:26]
-    coarse = judged("clocks.order", with_clock(exact_facts(), "rgb", clock(frames // 29_800_000 * 29_800_000)))
-    assert coarse.alarms[0].statistic.suspects[0].cause == "quantised_time"
-    doubled = judged("clocks.order", with_clock(exact_facts(), "rgb", clock(np.repeat(frames, [3] * 4 + [1] * 22))))
-    assert doubled.alarms[0].statistic.suspects[0].cause == "duplicated_samples"
+    coarse = proposed("clocks.order", with_clock(exact_facts(), "rgb", clock(frames // 29_800_000 * 29_800_000)))
+    assert coarse[0].cause == "quantised_time"
+    doubled = proposed("clocks.order", with_clock(exact_facts(), "rgb", clock(np.repeat(frames, [3] * 4 + [1] * 22))))
+    assert doubled[0].cause == "duplicated_samples"
 
 
 @pytest.mark.parametrize("start", [0, 7, 13])
@@ -217,15 +224,15 @@ def test_a_grid_just_above_the_period_repeats_a_timestamp_or_two(start: int) -> 
     frames = (exact_facts().clocks["rgb"].times_ns[start : start + 25] + 10_500_000) // 21_000_000 * 21_000_000
     coarse = with_clock(exact_facts(), "rgb", clock(frames))
     for check in ("clocks.order", "clocks.rate"):
-        best = max(judged(check, coarse).alarms[0].statistic.suspects, key=lambda one: one.weight)
+        best = max(proposed(check, coarse), key=lambda hypothesis: hypothesis.support)
         assert (best.cause, best.stream, best.magnitude) == ("quantised_time", "rgb", pytest.approx(21.0)), check
 
 
 def test_one_doubled_frame_lies_on_no_odd_grid() -> None:
     """All steps of exact frames, one of them doubled, are of 20 ms too, but that is their period."""
     frames = exact_facts().clocks["rgb"].times_ns[:25]
-    doubled = judged("clocks.order", with_clock(exact_facts(), "rgb", clock(np.insert(frames, 9, frames[9]))))
-    assert doubled.alarms[0].statistic.suspects[0].cause == "duplicated_samples"
+    doubled = proposed("clocks.order", with_clock(exact_facts(), "rgb", clock(np.insert(frames, 9, frames[9]))))
+    assert doubled[0].cause == "duplicated_samples"
 
 
 def test_jitter_is_no_change_of_rate() -> None:
@@ -285,7 +292,8 @@ def test_a_cut_of_all_rates_is_one_of_the_flow(kept_ms: int, slowest_ms: int, st
         facts = with_clock(facts, rate, clock(kept, int(held.ends_ns[0] - held.times_ns[0])))
     alarms = judged("clocks.span", facts).alarms
     assert {alarm.finding.where.stream for alarm in alarms} == {"flow/25hz", "flow/50hz"}
-    assert (alarms[0].statistic.suspects[0].cause, alarms[0].statistic.suspects[0].stream) == ("truncated", stream)
+    first = hypotheses_of(alarms[0], facts)[0]
+    assert (first.cause, first.stream) == ("truncated", stream)
     assert not any("begin at zero" in alarm.finding.message for alarm in alarms)
 
 
@@ -295,8 +303,8 @@ def test_a_part_that_is_late_by_many_samples_is_neither_lost_nor_shuffled(name: 
     facts = exact_facts()
     times_ns = facts.clocks["pose"].times_ns.copy()
     times_ns[100:200] += 90 * MS
-    suspect = judged(name, with_clock(facts, "pose", clock(times_ns))).alarms[0].statistic.suspects[0]
-    assert (suspect.cause, suspect.stream, suspect.magnitude) == ("time_offset", "pose", pytest.approx(90.0))
+    first = proposed(name, with_clock(facts, "pose", clock(times_ns)))[0]
+    assert (first.cause, first.stream, first.magnitude) == ("time_offset", "pose", pytest.approx(90.0))
 
 
 def test_timestamps_from_zero_beside_others_of_an_epoch_are_said_to_be() -> None:
@@ -304,9 +312,11 @@ def test_timestamps_from_zero_beside_others_of_an_epoch_are_said_to_be() -> None
     epoch_us = 1_700_000_000_000_000
     facts = replace(exact_facts(), origin_us=0)
     late = {stream: clock(held.times_ns + epoch_us * 1000) for stream, held in facts.clocks.items() if stream != "imu"}
-    found = judged("clocks.span", replace(facts, clocks={**late, "imu": facts.clocks["imu"]})).alarms[0]
-    assert "its stamps begin at zero" in found.finding.message
-    assert (found.statistic.suspects[0].cause, found.statistic.suspects[0].stream) == ("time_offset", "imu")
+    from_zero = replace(facts, clocks={**late, "imu": facts.clocks["imu"]})
+    alarm = judged("clocks.span", from_zero).alarms[0]
+    assert "its stamps begin at zero" in alarm.finding.message
+    first = hypotheses_of(alarm, from_zero)[0]
+    assert (first.cause, first.stream) == ("time_offset", "imu")
 
 
 @pytest.mark.parametrize("name", CLOCKS)
@@ -319,13 +329,12 @@ def test_exact_clocks_pass(name: str) -> None:
 def test_planted_fault_is_named(
     name: str, facts: Callable[[], Facts], cause: str, stream: str, magnitude: float | None
 ) -> None:
-    """The check fails, and its first suspect is the planted cause in its stream with its size."""
-    alarms = judged(name, facts()).alarms
-    assert alarms
-    suspect = alarms[0].statistic.suspects[0]
-    assert (suspect.cause, suspect.stream) == (cause, stream)
+    """The check fails, and its first hypothesis is the planted cause in its stream with its size."""
+    assert judged(name, facts()).alarms
+    first = proposed(name, facts())[0]
+    assert (first.cause, first.stream) == (cause, stream)
     if magnitude is not None:
-        assert suspect.magnitude == pytest.approx(magnitude, rel=0.02)
+        assert first.magnitude == pytest.approx(magnitude, rel=0.02)
     assert all(other.finding.where.stream == stream for other in judged(name, facts()).alarms)
 
 
@@ -344,7 +353,7 @@ def test_grids_are_seen_without_events() -> None:
     check = CLOCKS["clocks.resolution"]
     exact, coarse = (replace(facts, events=None) for facts in (exact_facts(), rounded("rgb", 7 * MS)))
     assert judged("clocks.resolution", exact).result.outcome == "not_observable"
-    assert judged("clocks.resolution", coarse).alarms[0].statistic.suspects[0].stream == "rgb"
+    assert proposed("clocks.resolution", coarse)[0].stream == "rgb"
     assert check.not_applicable(replace(exact, clocks={}))
 
 

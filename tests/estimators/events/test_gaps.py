@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.events.gaps import Silence, strangest_silence
+from fedora_qa.estimators.events.gaps import EventSilence, least_probable_silence
 from tests.estimators.event_world import MS
 
 US = 1_000
@@ -22,8 +22,8 @@ def without(times_ns: np.ndarray, start_ns: int, stop_ns: int) -> np.ndarray:
     return times_ns[(times_ns < start_ns) | (times_ns >= stop_ns)]
 
 
-def strangest(times_ns: np.ndarray, tick_ns: int = US) -> tuple[Silence, int]:
-    silence, compared = strangest_silence(times_ns, 0, SECOND, tick_ns)
+def strangest(times_ns: np.ndarray, tick_ns: int = US) -> tuple[EventSilence, int]:
+    silence, compared = least_probable_silence(times_ns, 0, SECOND, tick_ns)
     assert silence is not None
     return silence, compared
 
@@ -72,11 +72,13 @@ def test_a_sensor_that_has_hardly_begun_may_pause() -> None:
     steady_ns = poisson(20_000)
     begins_ns = 5 * MS + np.arange(6) * 100 * US
     beginning_ns = np.concatenate([begins_ns, steady_ns[steady_ns > 8 * MS]])
-    silence, _ = strangest_silence(beginning_ns, 0, SECOND, US, begins_ns=int(begins_ns[0]))
+    silence, _ = least_probable_silence(beginning_ns, 0, SECOND, US, begins_ns=int(begins_ns[0]))
     assert silence is not None
     assert silence.z < 6
     assert strangest(beginning_ns)[0].z > 6
-    later, _ = strangest_silence(without(steady_ns, 500 * MS, 502 * MS), 0, SECOND, US, begins_ns=int(steady_ns[0]))
+    later, _ = least_probable_silence(
+        without(steady_ns, 500 * MS, 502 * MS), 0, SECOND, US, begins_ns=int(steady_ns[0])
+    )
     assert later is not None
     assert later.z > 6
 
@@ -85,7 +87,7 @@ def test_grid_of_packets_is_no_silence() -> None:
     """On a grid of 1 ms the time between ticks is not empty; two lost ticks are."""
     rng = np.random.default_rng(0)
     times_ns = np.repeat(np.arange(1000), rng.poisson(300, 1000)) * MS
-    assert strangest_silence(times_ns, 0, SECOND, MS)[0] is None
+    assert least_probable_silence(times_ns, 0, SECOND, MS)[0] is None
     silence, _ = strangest(without(times_ns, 500 * MS, 502 * MS), tick_ns=MS)
     assert silence.length_ns == 2 * MS
     assert silence.z > 8
@@ -94,13 +96,13 @@ def test_grid_of_packets_is_no_silence() -> None:
 @pytest.mark.parametrize("times_ns", [[], [5 * MS], [1 * MS, 900 * MS]], ids=["none", "one", "two"])
 def test_few_events_tell_nothing(times_ns: list[int]) -> None:
     """No events, one or two: no silence, no crash."""
-    assert strangest_silence(np.array(times_ns, np.int64), 0, SECOND, US)[0] is None
+    assert least_probable_silence(np.array(times_ns, np.int64), 0, SECOND, US)[0] is None
 
 
 def test_silence_belongs_to_the_window_in_which_it_ends() -> None:
     """Of two windows, only the one with the event after the gap sees it."""
     times_ns = without(poisson(100_000), 490 * MS, 505 * MS)
-    before, after = (strangest_silence(times_ns, a * MS, (a + 500) * MS, US)[0] for a in (0, 500))
+    before, after = (least_probable_silence(times_ns, a * MS, (a + 500) * MS, US)[0] for a in (0, 500))
     assert before is not None
     assert after is not None
     assert before.z < 6 < after.z

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from fedora_qa.checks.clocks.order import ClocksOrder
 from fedora_qa.checks.index_maps.rgb import IndexMapsRgb
+from fedora_qa.diagnosis.clocks import hypotheses_of_reset
+from fedora_qa.diagnosis.hypotheses import hypotheses_of
 from fedora_qa.judgement.judge import judge
 from fedora_qa.sequence.event_steps import KEPT, longest_steps
 from fedora_qa.sequence.facts import EventScan, Facts
-from fedora_qa.views.clock_resets import set_clock
+from fedora_qa.views.clock_resets import clock_reset
 from tests.support.facts import MS, exact_facts, with_map
 
 Int64 = NDArray[np.int64]
@@ -69,9 +71,9 @@ def test_what_moved_a_part_is_told_from_its_steps(
     times_ns: Int64, cause: str, size: float | None, within: float
 ) -> None:
     """A part that is late, early, in another unit or gains leaves steps that say which, and by how much."""
-    found = set_clock(scan_of(times_ns))
-    assert found is not None
-    first = found.suspects[0]
+    reset = clock_reset(scan_of(times_ns))
+    assert reset is not None
+    first = hypotheses_of_reset(reset)[0]
     assert first.cause == cause
     assert (first.magnitude is None) == (size is None)
     if size is not None and first.magnitude is not None:
@@ -94,16 +96,16 @@ def exchanged(rows: int) -> Int64:
 )
 def test_events_out_of_order_are_no_clock_that_was_set(times_ns: Int64) -> None:
     """Neither events in order, nor single ones in another order, nor those of some pixels are a clock that was set."""
-    assert set_clock(scan_of(times_ns)) is None
+    assert clock_reset(scan_of(times_ns)) is None
 
 
 @given(st.integers(2, 40), st.integers(1, 4_000))
 def test_a_late_part_is_told_wherever_it_stands(offset_ms: int, rows: int) -> None:
     """The size follows from both steps to the longest natural one, at any place and length of the part."""
     part = slice(6_000, 6_000 + max(rows, 600))
-    found = set_clock(scan_of(moved(lambda of_part: of_part + offset_ms * MS, part)))
-    assert found is not None
-    first = found.suspects[0]
+    reset = clock_reset(scan_of(moved(lambda of_part: of_part + offset_ms * MS, part)))
+    assert reset is not None
+    first = hypotheses_of_reset(reset)[0]
     assert (first.cause, first.stream) == ("time_offset", "events")
     assert first.magnitude == pytest.approx(offset_ms, abs=first.standard_error)
 
@@ -124,13 +126,13 @@ def test_steps_are_the_longest_however_blocks_are_cut(steps: list[int], at: int)
         ]
 
 
-def test_order_and_maps_suspect_the_clock_first() -> None:
-    """A late part is suspected by the order of the stamps, and by a map that is wrong only where the part lies."""
+def test_order_and_maps_propose_the_clock_first() -> None:
+    """A late part is proposed for the order of the stamps, and for a map that is wrong only where the part lies."""
     facts = facts_of(moved(lambda part: part + 6 * MS))
     stored = facts.index_maps["rgb_to_event"].expected_left.copy()
     inside = int(np.searchsorted(facts.clocks["rgb"].times_ns, RIGHT_NS[PART][100]))
     stored[inside] += 40
     facts = with_map(facts, "rgb_to_event", stored)
     checks = (ClocksOrder(), IndexMapsRgb())
-    for one in judge({check.name: check.examine(facts) for check in checks}, checks, 1e-4):
-        assert one.alarms[0].statistic.suspects[0].cause == "time_offset"
+    for judged in judge({check.name: check.examine(facts) for check in checks}, checks, 1e-4):
+        assert hypotheses_of(judged.alarms[0], facts)[0].cause == "time_offset"

@@ -1,0 +1,169 @@
+"""Causes of what the checks of clocks measure."""
+
+from dataclasses import replace
+
+from fedora_qa.causes import stream_family
+from fedora_qa.checks.clocks.gaps import ClockJump, DisorderedTimestamps
+from fedora_qa.checks.clocks.order import CounterWrap, RoundedRepeats
+from fedora_qa.checks.clocks.rate import RoundedClock, SegmentRate
+from fedora_qa.checks.clocks.resolution import PartialGrid
+from fedora_qa.checks.clocks.span import CutOfSeveralRates, StreamEnds
+from fedora_qa.checks.clocks.streams import ClockSetBack, PartInOtherUnit
+from fedora_qa.conventions import NS_PER_MS
+from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.support import support
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.facts import Facts
+from fedora_qa.views.clock_resets import ClockReset
+from fedora_qa.views.timestamp_unit import unit_factor
+
+
+def hypotheses_of_reset(reset: ClockReset) -> tuple[Hypothesis, ...]:
+    """Return what would set the clock of the events back for a while: another unit, an offset, or another rate."""
+    if reset.unit_factor != 1.0:
+        return (Hypothesis("time_unit", "events", support("clocks.reset_by_unit"), reset.unit_factor, "1"),)
+    # Without a step forwards neither size is measured, and none has a unit.
+    sized = reset.forwards is not None
+    offset = Hypothesis(
+        "time_offset",
+        "events",
+        reset.offset_agreement,
+        reset.offset_ms,
+        "ms" if sized else "",
+        reset.offset_error_ms,
+    )
+    drift = Hypothesis("clock_rate", "events", reset.drift_agreement, reset.drift_ppm, "ppm" if sized else "")
+    return (drift, offset) if reset.drift_agreement >= reset.offset_agreement else (offset, drift)
+
+
+def propose_order(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return what puts timestamps before or on their predecessors."""
+    statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
+    if alarm.finding.code == "clocks.order.repeated_stamps":
+        twice = Hypothesis("duplicated_samples", stream, support("clocks.repeats"), statistic.value, "samples")
+        rounded = tuple(
+            Hypothesis("quantised_time", stream, support("clocks.rounded_repeats"), feature.grid_ms, "ms")
+            for feature in statistic.features
+            if isinstance(feature, RoundedRepeats)
+        )
+        return *rounded, twice
+    hypotheses: list[Hypothesis] = []
+    if stream == "events":
+        unsorted = support("clocks.event_steps_back")
+        for feature in statistic.features:
+            if isinstance(feature, CounterWrap):
+                hypotheses.append(Hypothesis("time_unit", stream, support("clocks.event_counter_wrap")))
+            elif isinstance(feature, ClockReset):
+                hypotheses += hypotheses_of_reset(feature)
+                unsorted = support("clocks.event_steps_back_of_reset")
+        return (
+            *hypotheses,
+            Hypothesis("unsorted", stream, unsorted, statistic.value, "events"),
+            Hypothesis("quantised_time", stream, support("clocks.event_steps_back_of_rounding")),
+        )
+    for feature in statistic.features:
+        if isinstance(feature, PartInOtherUnit):
+            hypotheses.append(_of_part(stream, feature))
+        elif isinstance(feature, CounterWrap):
+            hypotheses.append(Hypothesis("time_unit", stream, support("clocks.counter_wrap")))
+        elif isinstance(feature, ClockSetBack):
+            hypotheses.append(_of_set_back(stream, feature))
+    return *hypotheses, Hypothesis("unsorted", stream, support("clocks.steps_back"), statistic.value, "samples")
+
+
+def propose_unit(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the unit that a stream, or a part of it, is written in."""
+    stream = alarm.finding.where.stream or ""
+    return (Hypothesis("time_unit", stream, support("clocks.unit_factor"), alarm.statistic.value, "1"),)
+
+
+def propose_rate(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return what moves a fitted period: another rate, or rounding."""
+    statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
+    for feature in statistic.features:
+        if isinstance(feature, SegmentRate):
+            supported = support("clocks.rate_of_a_part")
+            return (Hypothesis("clock_rate", stream, supported, feature.rate_ppm, "ppm", feature.rounding_ppm),)
+    rounded = (
+        Hypothesis("quantised_time", stream, support("clocks.rounded_period"), feature.grid_ms, "ms")
+        for feature in statistic.features
+        if isinstance(feature, RoundedClock)
+    )
+    return Hypothesis("clock_rate", stream, support("clocks.rate"), statistic.value, "ppm"), *rounded
+
+
+def propose_gaps(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return what leaves gaps and odd steps: lost samples, samples that stand elsewhere, or a clock that was set."""
+    statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
+    for feature in statistic.features:
+        if isinstance(feature, ClockJump):
+            supported = support("clocks.jump")
+            return (Hypothesis("time_offset", stream, supported, feature.offset_ms, "ms", feature.rounding_ms),)
+    lost = Hypothesis("dropped_samples", stream, support("clocks.gap"), statistic.value, "samples")
+    for feature in statistic.features:
+        if isinstance(feature, ClockSetBack):
+            unsorted = Hypothesis("unsorted", stream, support("clocks.gap_by_order_of_reset"))
+            return _of_set_back(stream, feature), unsorted, lost
+    if any(isinstance(feature, DisorderedTimestamps) for feature in statistic.features):
+        return (
+            Hypothesis("unsorted", stream, support("clocks.gap_by_order")),
+            Hypothesis("time_offset", stream, support("clocks.gap_by_offset")),
+            lost,
+        )
+    return (lost,)
+
+
+def propose_resolution(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return what puts timestamps on a grid: rounding, or another unit of a part."""
+    statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
+    grids = [feature for feature in statistic.features if isinstance(feature, PartialGrid)]
+    if not grids:
+        grid_ms = statistic.value / 1e3
+        return (Hypothesis("quantised_time", stream, support("clocks.grid"), grid_ms, "ms"),)
+    grid = grids[0]
+    # Whole ticks of another unit are multiples in the right one: a comb of exactly the factor follows from the unit.
+    of_reset = (
+        hypothesis
+        for feature in statistic.features
+        if isinstance(feature, ClockReset) and feature.unit_factor != 1.0
+        for hypothesis in hypotheses_of_reset(feature)
+        if hypothesis.magnitude == grid.step_us / grid.tick_us
+    )
+    return *of_reset, Hypothesis("quantised_time", stream, support("clocks.grid"), grid.step_us / 1e3, "ms")
+
+
+def propose_span(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return what moves the ends of a stream: an offset, another unit, or a cut."""
+    statistic, stream = alarm.statistic, alarm.finding.where.stream or ""
+    hypotheses: list[Hypothesis] = []
+    for feature in statistic.features:
+        if isinstance(feature, PartInOtherUnit):
+            hypotheses.append(_of_part(stream, feature))
+    for feature in statistic.features:
+        if isinstance(feature, StreamEnds):
+            hypotheses += _of_ends(stream, feature)
+    if any(isinstance(feature, CutOfSeveralRates) for feature in statistic.features):
+        return tuple(replace(hypothesis, stream=stream_family(hypothesis.stream)) for hypothesis in hypotheses)
+    return tuple(hypotheses)
+
+
+def _of_ends(stream: str, ends: StreamEnds) -> tuple[Hypothesis, ...]:
+    """Return an offset where both ends moved alike, up to a tenth that may be cut off; a cut otherwise."""
+    begins_later_ns, ends_earlier_ns = ends.begins_later_ns, ends.ends_earlier_ns
+    shift_ns, missing_ns = (begins_later_ns - ends_earlier_ns) / 2, begins_later_ns + ends_earlier_ns
+    if begins_later_ns * ends_earlier_ns < 0 and abs(missing_ns) < 0.1 * abs(shift_ns):
+        return (Hypothesis("time_offset", stream, support("clocks.shifted_span"), shift_ns / NS_PER_MS, "ms"),)
+    duration_ns = max(ends.median_duration_ns, 1.0)
+    cut = Hypothesis("truncated", stream, support("clocks.cut_span"), 100 * missing_ns / duration_ns, "percent")
+    factor = unit_factor(1 - missing_ns / duration_ns)
+    if factor == 1.0:
+        return (cut,)
+    return Hypothesis("time_unit", stream, support("clocks.span_in_other_unit"), factor, "1"), cut
+
+
+def _of_part(stream: str, part: PartInOtherUnit) -> Hypothesis:
+    return Hypothesis("time_unit", stream, support("clocks.part_in_other_unit"), part.factor, "1")
+
+
+def _of_set_back(stream: str, set_back: ClockSetBack) -> Hypothesis:
+    return Hypothesis("time_offset", stream, support("clocks.set_back"), set_back.offset_ms, "ms")

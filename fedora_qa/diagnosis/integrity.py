@@ -1,0 +1,77 @@
+"""Causes of values that are no numbers, of layouts that do not hold, and of chunks that do not decode."""
+
+from typing import Final
+
+from fedora_qa.checks.integrity.finite import OutOfRange
+from fedora_qa.checks.integrity.layout import LayoutDefect
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.conventions import MM_PER_M
+from fedora_qa.diagnosis.flow_family import over_all_rates
+from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.support import support
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.sequence.facts import Facts
+
+_MOST: Final = 0.9
+"""Ratio of the values that a wrong unit must explain: it befalls all of them, edge cases aside."""
+
+
+def propose_finite(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return what puts values that are no numbers, or out of range, into a stream."""
+    return over_all_rates(alarm.statistic, _of_values)
+
+
+def propose_layout(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return what breaks the layout: each problem names it."""
+    return over_all_rates(alarm.statistic, _of_layout)
+
+
+def propose_readable(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return damage to the chunks that do not decode."""
+    return over_all_rates(alarm.statistic, _of_chunks)
+
+
+def _of_values(statistic: Statistic) -> tuple[Hypothesis, ...]:
+    stream = statistic.where.stream or ""
+    rule = statistic.code.rpartition(".")[2]
+    if rule == "infinite":
+        return (Hypothesis("invalid_encoding", stream, support("integrity.infinite")),)
+    if rule != "outside_range":
+        return (Hypothesis("nan_in_stream", stream, support("integrity.not_a_number"), statistic.value, "samples"),)
+    for feature in statistic.features:
+        if isinstance(feature, OutOfRange):
+            return _of_depth(feature)
+    return (
+        Hypothesis("invalid_encoding", stream, support("integrity.flow_too_long")),
+        Hypothesis("corrupt_chunk", stream, support("integrity.flow_too_long_by_damage")),
+    )
+
+
+def _of_depth(values: OutOfRange) -> tuple[Hypothesis, ...]:
+    """Return metres read as millimetres if that explains the values; one constant is a code; scattered ones, either."""
+
+    def in_metres(name: str) -> Hypothesis:
+        return Hypothesis("unit_mm_m", "depth", support(name), 1 / MM_PER_M, "1")
+
+    def code(name: str) -> Hypothesis:
+        return Hypothesis("invalid_encoding", "depth", support(name))
+
+    if values.in_range_times_1000 > _MOST * values.finite:
+        return (in_metres("integrity.depth_all_in_metres"),)
+    if values.constant:
+        return (code("integrity.depth_one_value"),)
+    if values.in_range_times_1000 > _MOST * values.outside:  # a part of the file, or of the image
+        return in_metres("integrity.depth_part_in_metres"), code("integrity.depth_part_is_a_code")
+    return code("integrity.depth_by_code"), in_metres("integrity.depth_by_unit")
+
+
+def _of_layout(statistic: Statistic) -> tuple[Hypothesis, ...]:
+    return tuple(
+        Hypothesis(problem.cause, problem.stream, support("integrity.layout_problem"), problem.magnitude)
+        for problem in (feature.problem for feature in statistic.features if isinstance(feature, LayoutDefect))
+    )
+
+
+def _of_chunks(statistic: Statistic) -> tuple[Hypothesis, ...]:
+    stream = statistic.where.stream or ""
+    return (Hypothesis("corrupt_chunk", stream, support("integrity.undecodable"), statistic.value, "chunks"),)

@@ -1,0 +1,96 @@
+"""Causes of declarations that are missing, impossible, or contradict the file."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from fedora_qa.checks.metadata.cameras import FocalLengths, PrincipalPoint
+from fedora_qa.checks.metadata.complete import DeclarationDefect
+from fedora_qa.checks.metadata.units import UnitLabel
+from fedora_qa.checks.protocol import Statistic
+from fedora_qa.diagnosis.flow_family import over_all_rates
+from fedora_qa.diagnosis.hypothesis import Hypothesis
+from fedora_qa.diagnosis.support import support
+from fedora_qa.judgement.judge import Alarm
+from fedora_qa.layout.canonical import FLOW_STREAMS
+from fedora_qa.sequence.facts import Facts
+
+_CAUSE_OF_UNIT: Final[Mapping[str, str]] = MappingProxyType(
+    {"mm": "unit_mm_m", "m": "unit_mm_m", "rad/s": "unit_deg_rad"}
+)
+"""What a dataset suffers from that is in another unit than this one, its own."""
+
+
+def propose_complete(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return what each problem of a declaration names; without one the group of the metadata is missing."""
+    for feature in alarm.statistic.features:
+        if isinstance(feature, DeclarationDefect):
+            return (Hypothesis(feature.problem.cause, "metadata", support("metadata.declaration_problem")),)
+    return (Hypothesis("missing_stream", "metadata", support("metadata.no_metadata")),)
+
+
+def propose_units(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return the faults that a label, if it is right, implies for the values."""
+    return over_all_rates(alarm.statistic, _of_label)
+
+
+def _of_label(statistic: Statistic) -> tuple[Hypothesis, ...]:
+    hypotheses: list[Hypothesis] = []
+    supported = support("metadata.label")
+    for label in (feature for feature in statistic.features if isinstance(feature, UnitLabel)):
+        stream = statistic.where.stream or ""
+        if label.time_factor is not None:
+            hypotheses.append(Hypothesis("time_unit", stream, supported, label.time_factor, "1"))
+        cause = _CAUSE_OF_UNIT.get(label.expected)
+        if label.scale and cause:
+            hypotheses.append(Hypothesis(cause, stream, supported, 1 / label.scale, "1"))
+        if stream in FLOW_STREAMS and label.label == "px/s":
+            hypotheses.append(Hypothesis("flow_unit", stream, supported))
+    return tuple(hypotheses)
+
+
+def propose_cameras(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return what makes a declared camera impossible, or contradict the images."""
+    statistic = alarm.statistic
+    match alarm.finding.code.rpartition(".")[2]:
+        case "focal_lengths_not_positive":
+            wrong = Hypothesis("intrinsics_focal", "metadata", support("metadata.focal_length_not_positive"))
+            mirrored = (
+                Hypothesis("mirrored", feature.camera, support("metadata.focal_length_negative"))
+                for feature in statistic.features
+                if isinstance(feature, FocalLengths) and min(feature.fx_px, feature.fy_px) < 0
+            )
+            return wrong, *mirrored
+        case "principal_point_outside":
+            distance_px = next(f.from_centre_px for f in statistic.features if isinstance(f, PrincipalPoint))
+            return (Hypothesis("intrinsics_centre", "metadata", support("metadata.centre_outside"), distance_px, "px"),)
+        case "size":
+            return (Hypothesis("wrong_shape", "metadata", support("metadata.size_of_camera")),)
+        case "T_body_camera_rigid":
+            return (Hypothesis("frame_convention", "metadata", support("metadata.not_rigid")),)
+        case "T_body_camera_handedness":
+            return (Hypothesis("frame_convention", "metadata", support("metadata.mirrors")),)
+        case "depth_to_events_centre":
+            return (Hypothesis("lever_arm", "metadata", support("metadata.centres_apart"), statistic.value, "m"),)
+    return (Hypothesis("unknown", "metadata", support("metadata.form_of_K")),)
+
+
+def propose_profile(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
+    """Return what makes a file differ from the profile that it promises."""
+    stream = alarm.finding.where.stream or ""
+    wrong_profile = Hypothesis("unknown", "metadata", support("metadata.wrong_profile"))
+    match alarm.finding.code.rpartition(".")[2]:
+        case "stream":
+            return (Hypothesis("missing_stream", stream, support("metadata.promised_stream")),)
+        case "width" | "height":
+            return (Hypothesis("wrong_shape", "metadata", support("metadata.other_size_than_paper")),)
+        case "field_of_view":
+            return (Hypothesis("intrinsics_focal", "metadata", support("metadata.other_view_than_paper")),)
+        case "period":
+            return (Hypothesis("clock_rate", stream, support("metadata.other_period_than_paper")),)
+        case "model":
+            other_model = support("metadata.other_model_than_paper")
+            return Hypothesis("event_model_misdeclared", "events", other_model), wrong_profile
+        case "threshold_on" | "threshold_off":
+            return (Hypothesis("threshold_misdeclared", "events", support("metadata.other_threshold_than_paper")),)
+    return (wrong_profile,)
