@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter, shift
 from fedora_qa.checks.event_response.shifted import CLEAR, PartSums, most_shifted, tile_sums
 from fedora_qa.checks.event_response.turned import causes_of, words_for
 from fedora_qa.estimators.events.orientation import SYMMETRIES
-from fedora_qa.views.event_tiles import GRID, tile_around
+from fedora_qa.views.event_camera import GRID, tile_around
 
 SHAPE = (96, 128)
 THRESHOLD = 0.2

@@ -26,9 +26,9 @@ from fedora_qa.views.event_camera import (
     seen_frames,
     sensor_shape,
     signal_of,
+    tile_around,
     why_frames_and_events_do_not_meet,
 )
-from fedora_qa.views.event_tiles import tile_around
 
 Float64 = NDArray[np.float64]
 

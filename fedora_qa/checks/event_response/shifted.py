@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.estimators.events.registration_errors import open_level_errors
 from fedora_qa.estimators.events.shift import Interval, ShiftSums, peak
 from fedora_qa.estimators.events.shift_kernels import USABLE
-from fedora_qa.views.event_tiles import GRID
+from fedora_qa.views.event_camera import GRID
 
 Float64 = NDArray[np.float64]
 
