@@ -16,13 +16,13 @@ from fedora_qa.estimators.events.orientation import (
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
+    GRID,
     SeenFrames,
     all_events,
     seen_frames,
     sensor_events,
     sensor_shape,
 )
-from fedora_qa.views.event_tiles import GRID
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,9 @@ ROUNDING_DN: Final = {"linear": 0.5, "srgb": 0.5 * 2.4 / 1.055, "gamma2.2": 0.5 
 WINDOW_NS: Final = NS_PER_S // 5
 """The usual window; those of large images are shorter."""
 
+GRID: Final = 4
+"""Tiles of the event camera's image along each side, in which checks look for what is local."""
+
 CENTRES_AGREE_M: Final = 1e-6
 AXES_AGREE: Final = 1e-6
 
@@ -92,6 +95,15 @@ def sensor_shape(declared: Declared) -> tuple[int, int]:
     """Return rows and columns of the event camera."""
     camera = declared.cameras["events"]
     return camera.height, camera.width
+
+
+def tile_around(chosen: NDArray[np.bool_], shape: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Return left, top, right, bottom in pixels of the least rectangle around tiles (GRID^2,), rows first."""
+    rows, columns = np.nonzero(chosen.reshape(GRID, GRID))
+    height, width = shape
+    left, right = (-(-int(edge) * width // GRID) for edge in (columns.min(), columns.max() + 1))
+    top, bottom = (-(-int(edge) * height // GRID) for edge in (rows.min(), rows.max() + 1))
+    return left, top, right, bottom
 
 
 def is_large_sensor(window: Window) -> bool:

@@ -39,9 +39,8 @@ from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import events_on_time, pixel_events, seen_frames, sorted_by_pixel
+from fedora_qa.views.event_camera import GRID, events_on_time, pixel_events, seen_frames, sorted_by_pixel
 from fedora_qa.views.event_tick import local_tick_ns, tick_ns
-from fedora_qa.views.event_tiles import GRID
 from fedora_qa.views.level_samples import (
     CAPTURE_RANGE_S,
     FARTHEST_OFFSET_NS,

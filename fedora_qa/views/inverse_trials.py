@@ -21,8 +21,7 @@ from fedora_qa.estimators.events.shift import RADIUS_PX, cross_correlation
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import ROUNDING_DN, SeenFrames, seen_frames, sensor_events, signal
-from fedora_qa.views.event_tiles import GRID
+from fedora_qa.views.event_camera import GRID, ROUNDING_DN, SeenFrames, seen_frames, sensor_events, signal
 from fedora_qa.views.frame_runs import EVEN, join, violations
 
 Bool = NDArray[np.bool_]

@@ -10,7 +10,7 @@ from fedora_qa.diagnosis.event_response.orientation import hypotheses_of_symmetr
 from fedora_qa.estimators.events.orientation import SYMMETRIES
 from fedora_qa.estimators.events.shift import CLEAR, IntervalChanges, ShiftSums, most_shifted
 from fedora_qa.estimators.events.shift_kernels import USABLE
-from fedora_qa.views.event_tiles import GRID, tile_around
+from fedora_qa.views.event_camera import GRID, tile_around
 
 SHAPE = (96, 128)
 THRESHOLD = 0.2

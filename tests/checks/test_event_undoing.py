@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Diagnosis
-from fedora_qa.views.event_tiles import GRID
+from fedora_qa.views.event_camera import GRID
 from fedora_qa.views.inverse_trials import most_resolved
 from tests.checks.event_file import SHAPE, SMOOTH_WORLD, EventFile, log_file
 from tests.estimators.event_world import MS, Stream

@@ -17,8 +17,8 @@ from fedora_qa.estimators.events.levels import (
 )
 from fedora_qa.estimators.events.pixels import by_pixel
 from fedora_qa.estimators.events.threshold_fit import NormalBlocks, ResponseFit, concatenate, fit_response
-from fedora_qa.estimators.fitting import huber
-from fedora_qa.estimators.fitting.huber import huber_weights, solve
+from fedora_qa.estimators.fitting import huber_regression
+from fedora_qa.estimators.fitting.huber_regression import huber_regression_weights, solve
 from tests.estimators.event_world import MS, Stream, Waves, log_events
 
 SHAPE = (40, 56)
@@ -227,7 +227,7 @@ def test_huber_weights_discount_outliers() -> None:
     X = rng.normal(0, 1, (1000, 1))
     y = X[:, 0] + rng.normal(0, 0.01, 1000)
     y[:200] += 5.0 * np.sign(X[:200, 0])
-    weights = huber_weights(X, y)
+    weights = huber_regression_weights(X, y)
     plain = float(X[:, 0] @ y / (X[:, 0] @ X[:, 0])) - 1
     robust = float((weights * X[:, 0]) @ y / ((weights * X[:, 0]) @ X[:, 0])) - 1
     assert abs(robust) < abs(plain) / 10
@@ -240,10 +240,10 @@ def test_few_rows_weigh_as_many_do(seed: int, rows: int, doubled: bool) -> None:
     rng = np.random.default_rng(seed)
     X, y = rng.normal(0, 1, (rows, 3)), rng.standard_t(2, rows)
     X[:, 2] = X[:, 1] if doubled else X[:, 2]
-    few = huber_weights(X, y)
+    few = huber_regression_weights(X, y)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(huber, "_FEW_ROWS", 0)
-        assert np.array_equal(few, huber_weights(X, y))
+        patch.setattr(huber_regression, "_FEW_ROWS", 0)
+        assert np.array_equal(few, huber_regression_weights(X, y))
     assert np.all((few > 0) & (few <= 1))
 
 

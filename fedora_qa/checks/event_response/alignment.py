@@ -29,6 +29,7 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
 from fedora_qa.views.event_camera import (
+    GRID,
     WINDOW_NS,
     events_before,
     intervals_due,
@@ -36,9 +37,9 @@ from fedora_qa.views.event_camera import (
     seen_frames,
     sensor_shape,
     signal_of,
+    tile_around,
     why_frames_and_events_do_not_meet,
 )
-from fedora_qa.views.event_tiles import GRID, tile_around
 
 Float64 = NDArray[np.float64]
 

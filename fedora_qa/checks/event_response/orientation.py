@@ -26,9 +26,9 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_blocks import block_moments
 from fedora_qa.views.event_camera import (
     sensor_shape,
+    tile_around,
     why_frames_and_events_do_not_meet,
 )
-from fedora_qa.views.event_tiles import tile_around
 
 Float64 = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from fedora_qa.features import Feature
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import sensor_shape, why_frames_and_events_do_not_meet
+from fedora_qa.views.event_camera import sensor_shape, tile_around, why_frames_and_events_do_not_meet
 from fedora_qa.views.event_clock_offset import (
     ClockOffset,
     InterpolationSums,
@@ -32,7 +32,6 @@ from fedora_qa.views.event_clock_offset import (
     searched_offset,
     segment_offset,
 )
-from fedora_qa.views.event_tiles import tile_around
 from fedora_qa.views.level_samples import LevelSums, ThresholdFit, fit_thresholds, level_coverage, level_sums
 
 WINDOWS_SEARCHED: Final = 6

@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from fedora_qa.estimators.events.footprint import LEFT_BY_SHARP
 from fedora_qa.estimators.events.pixels import PixelEvents
 from fedora_qa.estimators.events.threshold_fit import NormalBlocks, normal_blocks
-from fedora_qa.estimators.fitting.huber import huber_weights
+from fedora_qa.estimators.fitting.huber_regression import huber_regression_weights
 
 Float64 = NDArray[np.float64]
 Int32 = NDArray[np.int32]
@@ -215,7 +215,7 @@ def inverse_distances(seconds: Float64) -> Float64:
 def interpolation_weights(samples: InterpolatedLevels) -> Float64:
     """Return the weights (m,) of samples by errors of interpolation, those of outliers reduced (Huber)."""
     root = np.sqrt(samples.weights)
-    robust = huber_weights(samples.regressors * root[:, np.newaxis], samples.levels * root)
+    robust = huber_regression_weights(samples.regressors * root[:, np.newaxis], samples.levels * root)
     return samples.weights * robust
 
 

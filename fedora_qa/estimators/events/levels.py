@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.events.pixels import PixelEvents
 from fedora_qa.estimators.events.threshold_fit import NormalBlocks, normal_blocks
-from fedora_qa.estimators.fitting.huber import huber_weights
+from fedora_qa.estimators.fitting.huber_regression import huber_regression_weights
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -222,7 +222,7 @@ def accumulate(
     if weights is None:
         weights = np.ones(len(pairs))
     root = np.sqrt(weights)
-    robust = weights * huber_weights(pairs.regressors * root[:, np.newaxis], change * root)
+    robust = weights * huber_regression_weights(pairs.regressors * root[:, np.newaxis], change * root)
     return normal_blocks(pairs.regressors, change, robust, block_of_pair, blocks, times_s)
 
 

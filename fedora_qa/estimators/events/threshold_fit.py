@@ -5,6 +5,7 @@ Samples are summed by block (a part of the image in a window); their scatter bet
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -132,11 +133,11 @@ def normal_blocks(
     blocks
         How many there are.
     """
-    matrices, vectors = np.zeros((blocks, X.shape[1], X.shape[1])), np.zeros((blocks, X.shape[1]))
-    sums = np.zeros((blocks, 4))
-    sum_blocks(X, y, weights, block_of_row.astype(np.int64), times_s, matrices, vectors, sums)
-    squares, total, counts, times = sums.T.copy()
-    return NormalBlocks(matrices, vectors, squares, total, counts, times / np.maximum(counts, 1.0))
+    parameters = X.shape[1]
+    sums = BlockSums(np.zeros((blocks, parameters, parameters)), np.zeros((blocks, parameters)), np.zeros((blocks, 4)))
+    sum_blocks(X, y, weights, block_of_row.astype(np.int64), times_s, sums)
+    squares, total, counts, times = sums.scalars.T.copy()
+    return NormalBlocks(sums.matrices, sums.vectors, squares, total, counts, times / np.maximum(counts, 1.0))
 
 
 def concatenate(sums: list[NormalBlocks]) -> NormalBlocks:
@@ -296,21 +297,20 @@ def _scaled(matrix: Float64) -> Float64:
     return scaled
 
 
+class BlockSums(NamedTuple):
+    """X'WX (b, k, k) and X'Wy (b, k) of blocks, and (b, 4) the sums of w y^2, w, 1 and the times."""
+
+    matrices: Float64
+    vectors: Float64
+    scalars: Float64
+
+
 @njit(cache=True)
 def sum_blocks(
-    X: Float64,
-    y: Float64,
-    weights: Float64,
-    block_of_row: Int64,
-    times_s: Float64,
-    matrices: Float64,
-    vectors: Float64,
-    sums: Float64,
+    X: Float64, y: Float64, weights: Float64, block_of_row: Int64, times_s: Float64, sums: BlockSums
 ) -> None:
-    """Add normal equations of y (m,) on X (m, k) to those of their block.
-
-    ``matrices`` (b, k, k), ``vectors`` (b, k); ``sums`` (b, 4) of w y^2, w, 1 and the times.
-    """
+    """Add normal equations of y (m,) on X (m, k) to those of their block."""
+    matrices, vectors, scalars = sums
     for i in range(len(y)):
         block, weight = block_of_row[i], weights[i]
         for j in range(X.shape[1]):
@@ -318,10 +318,11 @@ def sum_blocks(
             vectors[block, j] += weighted * y[i]
             for k in range(j + 1):
                 matrices[block, j, k] += weighted * X[i, k]
-        sums[block, 0] += weight * y[i] * y[i]
-        sums[block, 1] += weight
-        sums[block, 2] += 1.0
-        sums[block, 3] += times_s[i]
+        scalars[block, 0] += weight * y[i] * y[i]
+        scalars[block, 1] += weight
+        scalars[block, 2] += 1.0
+        scalars[block, 3] += times_s[i]
+    # Only the lower triangle was summed.
     for j in range(X.shape[1]):
         for k in range(j):
             matrices[:, k, j] = matrices[:, j, k]

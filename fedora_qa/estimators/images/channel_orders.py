@@ -1,6 +1,6 @@
 """How far the weights that events give to the channels of frames lie on the way to another order of the channels.
 
-Weights w with error E under the right order m0, and m under another, are told apart best along one line (R. A. Fisher,
+Weights w with error E under the right order m0, and m under another, are separated best along one line (R. A. Fisher,
 "The use of multiple measurements in taxonomic problems", Annals of Eugenics 7 (1936)): with d = m - m0 and T the
 covariance of E,
 
@@ -24,10 +24,10 @@ Float64 = NDArray[np.float64]
 WRONG_ORDERS: Final = tuple(order for order in map("".join, permutations("RGB")) if order != "RGB")
 
 LEVEL_BIAS: Final = 0.01
-"""What errors of the level between events do to a difference of weights: not derived, but seen.
+"""What errors of the level between events do to a difference of weights: not derived, but measured.
 
 With closed-form frames and events, where the true levels give the weights to 0.0002, levels read between events move
-differences by up to 0.006, beyond what straight lines in place of cubics tell.
+differences by up to 0.006, beyond the difference of straight lines and cubics.
 """
 
 _FREE: Final = np.array([[1.0, 0.0, -1.0], [-0.5, 1.0, -0.5]])
@@ -45,9 +45,12 @@ def towards(fit: ColourFit, order: str) -> ColourEstimate:
 
     The error is the larger of the formal one and the spread between blocks; the bound adds up the known biases.
     """
-    line = _line_towards(fit, order)
-    if line is None:
+    precision, difference = _precision(fit), _FREE @ (weights_in(order) - weights_in("RGB"))
+    if precision is None:
         return ColourEstimate(float("nan"), float("inf"), 0.0)
+    # d' T^-1 / d' T^-1 d, in the three weights.
+    along = precision @ difference
+    line: Float64 = (along / (along @ difference)) @ _FREE
     errors = fit.weight_errors
     variance = max(float(line @ errors.formal @ line), float(line @ errors.between_blocks @ line))
     bound = float(np.abs(errors.biases @ line).sum()) + LEVEL_BIAS * float(np.ptp(line))
@@ -55,26 +58,16 @@ def towards(fit: ColourFit, order: str) -> ColourEstimate:
 
 
 def nearest_order(fit: ColourFit) -> str:
-    """Return the order of channels whose weights come nearest to those that were found, for their errors."""
+    """Return the order of channels whose weights come nearest to the fitted ones, for their errors."""
     precision = _precision(fit)
     if precision is None:
         return "RGB"
 
     def distance(order: str) -> float:
-        apart = _FREE @ (_weights(fit) - weights_in(order))
-        return float(apart @ precision @ apart)
+        difference = _FREE @ (_weights(fit) - weights_in(order))
+        return float(difference @ precision @ difference)
 
     return min(("RGB", *WRONG_ORDERS), key=distance)
-
-
-def _line_towards(fit: ColourFit, order: str) -> Float64 | None:
-    """Return the line (3,) along which the order is told best, 1 long on the way to it."""
-    precision, apart = _precision(fit), _FREE @ (weights_in(order) - weights_in("RGB"))
-    if precision is None:
-        return None
-    along = precision @ apart
-    line: Float64 = (along / (along @ apart)) @ _FREE
-    return line
 
 
 def _precision(fit: ColourFit) -> Float64 | None:

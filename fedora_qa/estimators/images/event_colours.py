@@ -1,7 +1,8 @@
-"""What events say of the colours of frames: weights of the channels, and the exponent of the transfer curve.
+"""Colours of frames regressed on events: weights of the channels, and the exponent of the transfer curve.
 
-Between two frame times at which the events of a pixel tell its level (``event_levels``), the change of its signal S is
-known without rounding. With linear channels c_k of weights w_k, Y = sum of w_k c_k, and S = ln(Y + eps) or S = Y::
+Between two frame times at which the events of a pixel bracket its level (``events/levels.py``), the change of its
+signal S is known without rounding. With linear channels c_k of weights w_k, Y = sum of w_k c_k, and S = ln(Y + eps)
+or S = Y::
 
     C+ dP - C- dM + delta d(C+ rate+ - C- rate-) = dS = sum of beta_k D_k,     D_k = dc_k dS/dY,     beta_k = a w_k
 
@@ -18,7 +19,7 @@ other way round, weights would drift to wherever these errors cancel.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -26,7 +27,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
 from fedora_qa.estimators.events.footprint import Footprints
-from fedora_qa.estimators.fitting.huber import huber_weights
+from fedora_qa.estimators.fitting.huber_regression import huber_regression_weights
 from fedora_qa.estimators.images.transfer import WHITE_DN
 
 Float64 = NDArray[np.float64]
@@ -42,8 +43,8 @@ PARAMETERS: Final = 5
 CONTRASTS: Final = np.array([[1.0, 0.0, -1.0], [-1.0, 1.0, 0.0], [0.0, 1.0, -1.0]])
 """Differences of two weights (rows, of the three channels)."""
 
-_BENT: Final = 4
-"""Where the exponent stands among the coefficients that are fitted."""
+_EXPONENT_FITTED: Final = 4
+"""Index of the exponent among the coefficients that are fitted."""
 
 _LEAST_DN: Final = 1e-3
 _SINGULAR: Final = 1e-9
@@ -72,14 +73,14 @@ class ColourEstimate:
     bound: float
 
     def widened(self, other: "ColourEstimate") -> "ColourEstimate":
-        """Return this estimate, its bound wider by how far another way to reckon moves it."""
-        moved = abs(self.value - other.value)
-        return replace(self, bound=self.bound + (moved if np.isfinite(moved) else 0.0))
+        """Return this estimate, its bound wider by how far another method moves it."""
+        difference = abs(self.value - other.value)
+        return replace(self, bound=self.bound + (difference if np.isfinite(difference) else 0.0))
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelWeightErrors:
-    """How the weights may err together: covariances (3, 3), formal and by the jackknife over blocks; biases (k, 3)."""
+    """Joint errors of the weights: covariances (3, 3), formal and by the jackknife over blocks; biases (k, 3)."""
 
     formal: Float64
     between_blocks: Float64
@@ -88,7 +89,7 @@ class ChannelWeightErrors:
 
 @dataclass(frozen=True, slots=True)
 class ColourFit:
-    """What the events say.
+    """The fit of weights, scale and exponent.
 
     Attributes
     ----------
@@ -116,10 +117,11 @@ class ColourFit:
 
     def widened(self, other: "ColourFit") -> "ColourFit":
         """Return this fit, all bounds wider by how far ``other`` lies away."""
-        weights = tuple(mine.widened(its) for mine, its in zip(self.weights, other.weights, strict=True))
-        contrasts = tuple(mine.widened(its) for mine, its in zip(self.contrasts, other.contrasts, strict=True))
-        moved = np.array([mine.value - its.value for mine, its in zip(self.weights, other.weights, strict=True)])
-        biases = np.vstack([self.weight_errors.biases, np.nan_to_num(moved)])
+        pairs = list(zip(self.weights, other.weights, strict=True))
+        weights = tuple(weight.widened(other_weight) for weight, other_weight in pairs)
+        contrasts = tuple(a.widened(b) for a, b in zip(self.contrasts, other.contrasts, strict=True))
+        differences = np.array([weight.value - other_weight.value for weight, other_weight in pairs])
+        biases = np.vstack([self.weight_errors.biases, np.nan_to_num(differences)])
         return replace(
             self,
             weight_errors=replace(self.weight_errors, biases=biases),
@@ -131,30 +133,49 @@ class ColourFit:
 
 
 def colour_columns(earlier_dn: Float64, later_dn: Float64, model: Literal["log", "linear"], eps_dn: float) -> Float64:
-    """Return the columns (m, 4), D of the channels and dH, of linear colours (m, 3) in DN at two times."""
+    """Return the columns of the regression but the delay.
+
+    Parameters
+    ----------
+    earlier_dn, later_dn
+        (m, 3) linear R, G, B at two times, in DN.
+    model, eps_dn
+        As declared: whether S is ln(Y + eps) or Y.
+
+    Returns
+    -------
+    Float64
+        (m, 4): D of the channels, and dH.
+    """
     weights = np.array(LUMA_WEIGHTS_RGB)
     luma = [colours @ weights + eps_dn for colours in (earlier_dn, later_dn)]
+    # sum of w_k c_k ln(c_k / 255)
     bent = [(weights * dn * np.log(np.maximum(dn, _LEAST_DN) / WHITE_DN)).sum(axis=1) for dn in (earlier_dn, later_dn)]
     change = later_dn - earlier_dn
     if model == "linear":
         return np.column_stack([change, bent[1] - bent[0]])
     first, last = (np.maximum(values, _LEAST_DN) for values in luma)
-    secant = _log_secant(first, last)
+    # The secant (ln last - ln first) / (last - first) = artanh(x) / (x mean), by its series where both are close.
+    mean = 0.5 * (first + last)
+    x = (last - first) / (2 * mean)
+    not_small = np.where(np.abs(x) < 1e-3, 1.0, x)
+    secant = np.where(np.abs(x) < 1e-3, 1 + x**2 / 3, np.arctanh(not_small * (1 - 1e-12)) / not_small) / mean
     return np.column_stack([change * secant[:, np.newaxis], bent[1] / last - bent[0] / first])
 
 
-def _log_secant(first: Float64, last: Float64) -> Float64:
-    """Return (ln last - ln first) / (last - first), by its series where they are close: 1 / mean (1 + x^2 / 3)."""
-    mean = 0.5 * (first + last)
-    x = (last - first) / (2 * mean)
-    safe = np.where(np.abs(x) < 1e-3, 1.0, x)
-    secant: Float64 = np.where(np.abs(x) < 1e-3, 1 + x**2 / 3, np.arctanh(safe * (1 - 1e-12)) / safe) / mean
-    return secant
-
-
 def colour_blocks(columns: Float64, events: Float64, block_of_sample: NDArray[np.intp], blocks: int) -> ColourBlocks:
-    """Return normal equations of ``events`` (m,) on ``columns`` (m, 5), summed by block, under Huber's weights."""
-    weights = huber_weights(columns, events)
+    """Return normal equations of events on columns, summed by block, under Huber's weights.
+
+    Parameters
+    ----------
+    columns
+        (m, 5), those of ``CHANNELS``, ``EXPONENT`` and ``DELAY``.
+    events, block_of_sample
+        (m,): what the events of each sample sum to, in the unit of S; its block.
+    blocks
+        How many there are.
+    """
+    weights = huber_regression_weights(columns, events)
     sums = ColourBlocks(
         np.zeros((blocks, PARAMETERS, PARAMETERS)), np.zeros((blocks, PARAMETERS)), np.zeros(blocks), np.zeros(blocks)
     )
@@ -166,11 +187,11 @@ def colour_blocks(columns: Float64, events: Float64, block_of_sample: NDArray[np
     return sums
 
 
-def concatenate_colours(blocks: Sequence[ColourBlocks]) -> ColourBlocks:
+def concatenate_colours(sums: Sequence[ColourBlocks]) -> ColourBlocks:
     """Return all blocks in order, those without samples left out."""
-    together = [np.concatenate([getattr(one, name) for one in blocks]) for name in ColourBlocks.__slots__]
-    present = together[-1] > 0
-    return ColourBlocks(*(part[present] for part in together))
+    fields = [np.concatenate([getattr(blocks, name) for blocks in sums]) for name in ColourBlocks.__slots__]
+    present = fields[-1] > 0
+    return ColourBlocks(*(values[present] for values in fields))
 
 
 def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: float = np.inf) -> ColourFit:
@@ -180,8 +201,17 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
     where a number is not known at all.
 
     Errors e of the frames that are common to all channels (of footprints, mostly) move all columns together, by u e,
-    and attenuate the coefficients by (X'X)^-1 u n var(e) (u . beta). What is left of the events bounds (u . beta)^2
-    var(e), and so does ``frame_variance``, which is what another reading of the same frames leaves.
+    and attenuate the coefficients by (X'X)^-1 u n var(e) (u . beta). The residual of the events bounds (u . beta)^2
+    var(e), and so does ``frame_variance``.
+
+    Parameters
+    ----------
+    blocks
+        Of all windows.
+    with_exponent
+        Whether dH is a column.
+    frame_variance
+        Residual variance of another fit of the same frames.
     """
     columns = np.array([*CHANNELS, DELAY, EXPONENT] if with_exponent else [*CHANNELS, DELAY])
     matrices, vectors = blocks.matrices[:, columns[:, np.newaxis], columns], blocks.vectors[:, columns]
@@ -190,41 +220,42 @@ def fit_colours(blocks: ColourBlocks, *, with_exponent: bool, frame_variance: fl
     coefficients = inverse @ vector
     values, slopes = _derived(coefficients), _slopes(coefficients)
     total, count = float(blocks.squares.sum()), float(blocks.weights.sum())
-    left = max(total - float(vector @ coefficients), 0.0)
-    variance = left / max(count - len(columns), 1.0)
+    residual = max(total - float(vector @ coefficients), 0.0)
+    variance = residual / max(count - len(columns), 1.0)
+    # Formal covariance J s^2 (X'X)^-1 J' of what is derived from the coefficients.
     formal, between = variance * slopes @ inverse @ slopes.T, _jackknife(matrices, vectors, values)
     errors = np.sqrt(np.fmax(np.maximum(np.diag(formal), 0.0), np.diag(between)))
-    common = _common_error(matrix)
+    # u: by how much each column moves with an error of 1 in all channels; dH as it does with true changes.
+    luma_weights, common = np.array(LUMA_WEIGHTS_RGB), np.zeros(len(matrix))
+    common[:3] = 1.0
+    if with_exponent:
+        of_luma = max(float(luma_weights @ matrix[:3, :3] @ luma_weights), 1e-300)
+        common[_EXPONENT_FITTED] = luma_weights @ matrix[:3, _EXPONENT_FITTED] / of_luma
     bias = slopes @ inverse @ common * min(variance, frame_variance) * count / (common @ coefficients)
     bounds = np.abs(bias)
-    found = [
+    estimates = [
         ColourEstimate(float(value), float(error), float(bound))
         if np.isfinite(error)
         else ColourEstimate(float("nan"), np.inf, 0.0)
         for value, error, bound in zip(values, errors, bounds, strict=True)
     ]
-    of_weights = ChannelWeightErrors(formal[:3, :3], between[:3, :3], bias[np.newaxis, :3])
-    share = left / total if total > 0 else 1.0
-    weights, contrasts = (found[0], found[1], found[2]), (found[5], found[6], found[7])
-    return ColourFit(weights, contrasts, found[3], found[4], of_weights, variance, share)
-
-
-def _common_error(matrix: Float64) -> Float64:
-    """Return by how much each column moves with an error of 1 in all channels; dH as it does with true changes."""
-    weights = np.array(LUMA_WEIGHTS_RGB)
-    common = np.zeros(len(matrix))
-    common[:3] = 1.0
-    if len(matrix) > _BENT:
-        common[_BENT] = weights @ matrix[:3, _BENT] / max(float(weights @ matrix[:3, :3] @ weights), 1e-300)
-    return common
+    return ColourFit(
+        weights=(estimates[0], estimates[1], estimates[2]),
+        contrasts=(estimates[5], estimates[6], estimates[7]),
+        scale=estimates[3],
+        exponent=estimates[4],
+        weight_errors=ChannelWeightErrors(formal[:3, :3], between[:3, :3], bias[np.newaxis, :3]),
+        variance=variance,
+        unexplained=residual / total if total > 0 else 1.0,
+    )
 
 
 def _jackknife(matrices: Float64, vectors: Float64, values: Float64) -> Float64:
-    """Return the covariance (8, 8) that leaving each block out in turn tells."""
+    """Return the covariance (8, 8) of the estimates that leave one block out each (Efron and Stein 1981)."""
     matrix, vector, count = matrices.sum(axis=0), vectors.sum(axis=0), len(matrices)
     left_out = np.array([_derived(_inverse(matrix - m) @ (vector - v)) for m, v in zip(matrices, vectors, strict=True)])
-    apart = left_out - values
-    covariance: Float64 = (count - 1) / count * apart.T @ apart
+    deviations = left_out - values
+    covariance: Float64 = (count - 1) / count * deviations.T @ deviations
     return covariance
 
 
@@ -241,7 +272,7 @@ def _inverse(matrix: Float64) -> Float64:
 def _derived(coefficients: Float64) -> Float64:
     """Return weights, scale, exponent and contrasts (8,): g enters the events as scale times g."""
     scale = coefficients[:3].sum()
-    bent = coefficients[_BENT] / scale if len(coefficients) > _BENT else 0.0
+    bent = coefficients[_EXPONENT_FITTED] / scale if len(coefficients) > _EXPONENT_FITTED else 0.0
     weights = coefficients[:3] / scale
     return np.concatenate([weights, [scale, 1.0 + bent], CONTRASTS @ weights])
 
@@ -252,51 +283,63 @@ def _slopes(coefficients: Float64) -> Float64:
     slopes = np.zeros((8, len(coefficients)))
     slopes[:3, :3] = np.eye(3) / scale - coefficients[:3, np.newaxis] / scale**2
     slopes[3, :3] = 1.0
-    if len(coefficients) > _BENT:
-        slopes[4, :3], slopes[4, _BENT] = -coefficients[_BENT] / scale**2, 1.0 / scale
+    if len(coefficients) > _EXPONENT_FITTED:
+        slopes[4, :3], slopes[4, _EXPONENT_FITTED] = -coefficients[_EXPONENT_FITTED] / scale**2, 1.0 / scale
     slopes[5:] = CONTRASTS @ slopes[:3]
     return slopes
 
 
-def edge_aware_colours(prints: Footprints, rgb: NDArray[np.uint8], linear_dn: Float64, pixels: NDArray[Any]) -> Float64:
-    """Return linear R, G, B (m, 3) over the footprints of pixels (m,), by the sharp reconstruction, in DN.
+class SeparableTaps(NamedTuple):
+    """Weights (n, k) of successive frame pixels, and the first of them (n,), along rows and columns."""
+
+    first_rows: Int64
+    row_weights: Float64
+    first_columns: Int64
+    column_weights: Float64
+
+
+def edge_aware_colours(
+    footprints: Footprints, rgb: NDArray[np.uint8], linear_dn: Float64, pixels: NDArray[Any]
+) -> Float64:
+    """Average a colour frame over the footprints of a few pixels, by the edge-aware reconstruction.
 
     Parameters
     ----------
+    footprints
+        Separable in rows and columns; of a pixel some four by four weights are not zero.
     rgb
         (H, W, 3) codes of a frame.
     linear_dn
         (256,) what each code stands for.
     pixels
-        row * width + column in the event camera.
+        (m,) row * width + column in the event camera.
+
+    Returns
+    -------
+    Float64
+        (m, 3) linear R, G, B in DN.
     """
-    rows, columns = prints.rows.sharp, prints.columns.sharp
-    at_rows, at_columns = np.divmod(np.asarray(pixels, dtype=np.int64), len(columns.first))
+    rows, columns = footprints.rows.sharp, footprints.columns.sharp
+    of_rows, of_columns = np.divmod(np.asarray(pixels, dtype=np.int64), len(columns.first))
     means = np.empty((len(pixels), 3))
-    _average(rgb, linear_dn, at_rows, at_columns, rows.first, rows.weights, columns.first, columns.weights, means)
+    taps = SeparableTaps(rows.first, rows.weights, columns.first, columns.weights)
+    _average(rgb, linear_dn, of_rows, of_columns, taps, means)
     return np.maximum(means, 0.0)
 
 
 @njit(cache=True)
 def _average(
-    rgb: NDArray[np.uint8],
-    linear_dn: Float64,
-    at_rows: Int64,
-    at_columns: Int64,
-    first_rows: Int64,
-    row_weights: Float64,
-    first_columns: Int64,
-    column_weights: Float64,
-    means: Float64,
+    rgb: NDArray[np.uint8], linear_dn: Float64, rows: Int64, columns: Int64, taps: SeparableTaps, means: Float64
 ) -> None:
-    for i in range(len(at_rows)):
-        row, column = at_rows[i], at_columns[i]
+    """Write the means (m, 3) over the footprints of pixels (m,) at rows and columns."""
+    for i in range(len(rows)):
+        row, column = rows[i], columns[i]
         red = green = blue = 0.0
-        for a in range(row_weights.shape[1]):
-            line = rgb[first_rows[row] + a]
-            for b in range(column_weights.shape[1]):
-                weight = row_weights[row, a] * column_weights[column, b]
-                pixel = line[first_columns[column] + b]
+        for a in range(taps.row_weights.shape[1]):
+            line = rgb[taps.first_rows[row] + a]
+            for b in range(taps.column_weights.shape[1]):
+                weight = taps.row_weights[row, a] * taps.column_weights[column, b]
+                pixel = line[taps.first_columns[column] + b]
                 red += weight * linear_dn[pixel[0]]
                 green += weight * linear_dn[pixel[1]]
                 blue += weight * linear_dn[pixel[2]]

@@ -19,7 +19,7 @@ _SINGULAR = 1e-13
 """Share of its diagonal to which elimination must not bring a pivot: what is left then is rounding."""
 
 
-def huber_weights(X: Float64, y: Float64) -> Float64:
+def huber_regression_weights(X: Float64, y: Float64) -> Float64:
     """Return the weights of Huber's M-estimate of y = X theta, by iterated least squares.
 
     Parameters
