@@ -25,10 +25,10 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
-    SeenFrames,
+    ResampledFrames,
+    event_footprints,
     pixel_events,
-    seen_footprints,
-    seen_frames,
+    resampled_frames,
     why_frames_and_events_do_not_meet,
 )
 from fedora_qa.views.event_tick import local_tick_ns
@@ -83,7 +83,7 @@ def colour_sums(window: Window) -> ColourSums | None:
 
 
 def _colour_sums(window: Window) -> ColourSums | None:
-    seen, declared = seen_frames(window), window.facts.declared.events
+    seen, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(seen) < 2:
         return None
     pairs = _level_pairs(window, seen, declared)
@@ -103,7 +103,7 @@ def _colour_sums(window: Window) -> ColourSums | None:
     return ColourSums(len(pairs), by_curve, sums(transfer, pairs.with_straight_lines()))
 
 
-def _level_pairs(window: Window, seen: SeenFrames, declared: EventModel) -> LevelPairs:
+def _level_pairs(window: Window, seen: ResampledFrames, declared: EventModel) -> LevelPairs:
     refractory_ns = int(2 * declared.refractory_us * NS_PER_US)
     pairs = level_pairs(
         pixel_events(window),
@@ -119,13 +119,13 @@ def _level_pairs(window: Window, seen: SeenFrames, declared: EventModel) -> Leve
     return pairs
 
 
-def _shown(window: Window, seen: SeenFrames, declared: EventModel) -> Shown:
+def _shown(window: Window, seen: ResampledFrames, declared: EventModel) -> Shown:
     """Return where rounding is small against a threshold: not saturated, not declared hot."""
     darkest_dn = least_dn(window, declared)
-    return Shown(seen.even_dn, seen.even_dn, seen.error_dn, darkest_dn, hot_pixels(declared, seen))
+    return Shown(seen.uniform_dn, seen.uniform_dn, seen.error_dn, darkest_dn, hot_pixels(declared, seen))
 
 
-def _colours(window: Window, seen: SeenFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
+def _colours(window: Window, seen: ResampledFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
     """Return linear R, G, B (m, 3) of each pair's pixel at its earlier and its later frame, in DN."""
     linear_dn = to_linear(np.arange(256.0), window.facts.declared.transfer)
     earlier, later = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
@@ -134,14 +134,14 @@ def _colours(window: Window, seen: SeenFrames, pairs: LevelPairs) -> tuple[Float
         if not (at_start.any() or at_end.any()):
             continue
         rgb = window.rgb(int(frame))
-        prints = seen_footprints(window, (rgb.shape[0], rgb.shape[1]))
+        prints = event_footprints(window, (rgb.shape[0], rgb.shape[1]))
         earlier[at_start] = sharp_colours(prints, rgb, linear_dn, pairs.pixels[at_start])
         later[at_end] = sharp_colours(prints, rgb, linear_dn, pairs.pixels[at_end])
     return earlier, later
 
 
-def _quarter(pairs: LevelPairs, seen: SeenFrames) -> NDArray[np.intp]:
-    height, width = seen.even_dn.shape[1:]
+def _quarter(pairs: LevelPairs, seen: ResampledFrames) -> NDArray[np.intp]:
+    height, width = seen.uniform_dn.shape[1:]
     rows, columns = np.divmod(pairs.pixels, width)
     quarter: NDArray[np.intp] = (2 * (2 * rows // height) + 2 * columns // width).astype(np.intp)
     return quarter

@@ -14,7 +14,7 @@ from fedora_qa.estimators.events.levels import NormalBlocks, concatenate
 from fedora_qa.estimators.events.pixels import PixelEvents
 from fedora_qa.estimators.events.threshold_fit import ResponseFit, fit_readings
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import events_on_time, pixel_events, seen_frames, sorted_by_pixel
+from fedora_qa.views.event_camera import corrected_events, pixel_events, resampled_frames, sorted_by_pixel
 from fedora_qa.views.event_tick import local_tick_ns
 from fedora_qa.views.event_tiles import GRID
 from fedora_qa.views.level_samples import FEWEST_PAIRS, usable_pixels
@@ -53,11 +53,11 @@ def reading_sums(window: Window) -> ReadingSums | None:
 
 def reading_sums_on_time(window: Window, late_ns: int) -> ReadingSums | None:
     """Return the sums of a window whose events are late by so much, with that undone."""
-    return _sums_of(window, sorted_by_pixel(events_on_time(window, late_ns), window.facts.declared))
+    return _sums_of(window, sorted_by_pixel(corrected_events(window, late_ns), window.facts.declared))
 
 
 def _sums_of(window: Window, events: PixelEvents) -> ReadingSums | None:
-    seen, declared = seen_frames(window), window.facts.declared.events
+    seen, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(seen) < FINE:
         return None
     usable = usable_pixels(window, seen, declared)
@@ -65,8 +65,8 @@ def _sums_of(window: Window, events: PixelEvents) -> ReadingSums | None:
     readings = read_frames(
         events,
         seen.times_ns,
-        seen.sharp_dn,
-        seen.even_dn,
+        seen.edge_aware_dn,
+        seen.uniform_dn,
         usable,
         log_eps_dn=None if linear else declared.log_eps_dn,
         threshold=min(declared.threshold_on, declared.threshold_off),

@@ -16,10 +16,10 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
     HALO_NS,
     ROUNDING_DN,
-    SeenFrames,
+    ResampledFrames,
     events_around,
     pixel_events,
-    seen_frames,
+    resampled_frames,
     sorted_by_pixel,
 )
 from fedora_qa.views.event_tick import local_tick_ns
@@ -119,12 +119,12 @@ def _level_sums(window: Window) -> LevelSums | None:
     return _summed(window, tight, seen, declared, np.ones(len(tight)))
 
 
-def _level_pairs(window: Window) -> tuple[LevelPairs, SeenFrames, EventModel] | None:
+def _level_pairs(window: Window) -> tuple[LevelPairs, ResampledFrames, EventModel] | None:
     return window.once("level_pairs", lambda: _find_level_pairs(window))
 
 
-def _find_level_pairs(window: Window) -> tuple[LevelPairs, SeenFrames, EventModel] | None:
-    seen, declared = seen_frames(window), window.facts.declared.events
+def _find_level_pairs(window: Window) -> tuple[LevelPairs, ResampledFrames, EventModel] | None:
+    seen, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(seen) < 2:
         return None
     pairs = _pairs(window, seen, declared, pixel_events(window))
@@ -132,10 +132,10 @@ def _find_level_pairs(window: Window) -> tuple[LevelPairs, SeenFrames, EventMode
 
 
 def _summed(
-    window: Window, pairs: LevelPairs, seen: SeenFrames, declared: EventModel, sure: NDArray[np.float64]
+    window: Window, pairs: LevelPairs, seen: ResampledFrames, declared: EventModel, sure: NDArray[np.float64]
 ) -> LevelSums:
     """Return the sums of pairs with weights (m,)."""
-    sharp, even = (pairs.ends_of(luma) for luma in (seen.sharp_dn, seen.even_dn))
+    sharp, even = (pairs.ends_of(luma) for luma in (seen.edge_aware_dn, seen.uniform_dn))
     log_sharp, log_even = (log_levels(luma, declared) for luma in (sharp, even))
     linear = declared.model == "linear"
 
@@ -159,7 +159,7 @@ def search_offset(window: Window) -> FoundOffset | None:
 
     A fit draws towards the right offset from several ms away; it is repeated from the best of a ladder of offsets.
     """
-    seen, declared = seen_frames(window), window.facts.declared.events
+    seen, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(seen) < 2:
         return None
     events = sorted_by_pixel(events_around(window, FARTHEST_OFFSET_NS + HALO_NS), window.facts.declared)
@@ -183,18 +183,20 @@ def search_offset(window: Window) -> FoundOffset | None:
 
 
 def _fit_at(
-    window: Window, seen: SeenFrames, declared: EventModel, events: PixelEvents, late_ns: int
+    window: Window, seen: ResampledFrames, declared: EventModel, events: PixelEvents, late_ns: int
 ) -> ResponseFit | None:
     """Fit one window with events taken to be late by so much: with frames at later times."""
     pairs = _pairs(window, seen, declared, events, late_ns).tightest(ENOUGH_PAIRS)
     if len(pairs) < FEWEST_PAIRS:
         return None
-    sharp = pairs.ends_of(seen.sharp_dn)
+    sharp = pairs.ends_of(seen.edge_aware_dn)
     levels = sharp if declared.model == "linear" else log_levels(sharp, declared)
     return fit_response(_sums(pairs, seen, levels, np.ones(len(pairs))))
 
 
-def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: PixelEvents, late_ns: int = 0) -> LevelPairs:
+def _pairs(
+    window: Window, seen: ResampledFrames, declared: EventModel, events: PixelEvents, late_ns: int = 0
+) -> LevelPairs:
     burst_ns = 2 * declared.refractory_us * NS_PER_US
     pairs = level_pairs(
         events,
@@ -211,43 +213,45 @@ def _pairs(window: Window, seen: SeenFrames, declared: EventModel, events: Pixel
     return pairs
 
 
-def _sureness(pairs: LevelPairs, seen: SeenFrames, declared: EventModel) -> NDArray[np.float64]:
+def _sureness(pairs: LevelPairs, seen: ResampledFrames, declared: EventModel) -> NDArray[np.float64]:
     """Return how surely frames and events tell the levels of pairs, (m,): alike in both domains."""
     threshold = 0.5 * (declared.threshold_on + declared.threshold_off)
-    sharp, even = (pairs.ends_of(luma) for luma in (seen.sharp_dn, seen.even_dn))
+    sharp, even = (pairs.ends_of(luma) for luma in (seen.edge_aware_dn, seen.uniform_dn))
     if declared.model == "linear":
         return sureness(pairs, sharp, even, threshold)
     return sureness(pairs, log_levels(sharp, declared), log_levels(even, declared), threshold)
 
 
-def _sums(pairs: LevelPairs, seen: SeenFrames, levels: NDArray[np.float64], sure: NDArray[np.float64]) -> NormalBlocks:
+def _sums(
+    pairs: LevelPairs, seen: ResampledFrames, levels: NDArray[np.float64], sure: NDArray[np.float64]
+) -> NormalBlocks:
     """Return the normal equations of four blocks, the quarters of the image, of ``levels`` (2, m) at both ends."""
-    height, width = seen.even_dn.shape[1:]
+    height, width = seen.uniform_dn.shape[1:]
     rows, columns = np.divmod(pairs.pixels, width)
     quarter = 2 * (2 * rows // height) + 2 * columns // width
     middle_ns = (seen.times_ns[pairs.earlier] + seen.times_ns[pairs.later]) / 2
     return accumulate(pairs, levels[1] - levels[0], quarter, 4, middle_ns * 1e-9, sure)
 
 
-def usable_pixels(window: Window, seen: SeenFrames, declared: EventModel) -> NDArray[np.bool_]:
+def usable_pixels(window: Window, seen: ResampledFrames, declared: EventModel) -> NDArray[np.bool_]:
     """Return the pixels (n, h, w) of a window's frames bright enough, not saturated, and not declared hot."""
     darkest_dn = least_dn(window, declared)
-    usable: NDArray[np.bool_] = np.empty(seen.even_dn.shape, np.bool_)
+    usable: NDArray[np.bool_] = np.empty(seen.uniform_dn.shape, np.bool_)
     for frame, marked in enumerate(usable):
-        mark_usable(seen.sharp_dn[frame], seen.even_dn[frame], seen.error_dn[frame], darkest_dn, marked)
+        mark_usable(seen.edge_aware_dn[frame], seen.uniform_dn[frame], seen.error_dn[frame], darkest_dn, marked)
     usable.reshape(len(usable), -1)[:, hot_pixels(declared, seen)] = False
     return usable
 
 
-def _shown(window: Window, seen: SeenFrames, declared: EventModel) -> Shown:
+def _shown(window: Window, seen: ResampledFrames, declared: EventModel) -> Shown:
     """Return what tells levels: the same pixels, looked at only where an event asks."""
     darkest_dn = least_dn(window, declared)
-    return Shown(seen.sharp_dn, seen.even_dn, seen.error_dn, darkest_dn, hot_pixels(declared, seen))
+    return Shown(seen.edge_aware_dn, seen.uniform_dn, seen.error_dn, darkest_dn, hot_pixels(declared, seen))
 
 
-def hot_pixels(declared: EventModel, seen: SeenFrames) -> NDArray[np.int64]:
+def hot_pixels(declared: EventModel, seen: ResampledFrames) -> NDArray[np.int64]:
     """Return the declared hot pixels that lie on the sensor, row * width + column, sorted."""
-    height, width = seen.even_dn.shape[1:]
+    height, width = seen.uniform_dn.shape[1:]
     on_sensor = [
         row * width + column for column, row in declared.hot_pixels if 0 <= row < height and 0 <= column < width
     ]

@@ -25,7 +25,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import why_not_one_view
 from fedora_qa.views.depth_edges import DARK_DN, DepthEdges, depth_edges
-from fedora_qa.views.event_camera import SeenFrames, intervals_due, seen_frames
+from fedora_qa.views.event_camera import ResampledFrames, intervals_due, resampled_frames
 from fedora_qa.views.large_frames import is_large, turn_of
 
 Float64 = NDArray[np.float64]
@@ -122,7 +122,7 @@ class AlignmentEvents(WindowCheck[Registration]):
 
     def measure(self, window: Window) -> Registration | None:
         """Correlate some intervals of the window."""
-        seen = seen_frames(window)
+        seen = resampled_frames(window)
         if len(seen) < 2:
             return None
         wanted = min(INTERVALS, intervals_due(window, seen, 2 * INTERVALS))
@@ -190,26 +190,26 @@ _OTHERS: Final = (
 """What shifts events along the motion of the image."""
 
 
-def _quarter(seen: SeenFrames, i: int) -> slice:
+def _quarter(seen: ResampledFrames, i: int) -> slice:
     """Return the rows that are looked at between two large frames: each quarter of the image has its turn.
 
     What events leave open differs from place to place more than over time, so that all quarters together err as the
     whole image does: of 1 s of 1440x1080 standard errors are 0.014 and 0.030 px, for 0.011 and 0.018, and limits, which
     are those of the lag for the most part, 9% and 23% larger.
     """
-    number, height = int(4 * turn_of(int(seen.frames[i]))), seen.even_dn.shape[1]
+    number, height = int(4 * turn_of(int(seen.frames[i]))), seen.uniform_dn.shape[1]
     return slice(number * height // 4, (number + 1) * height // 4)
 
 
-def _interval(seen: SeenFrames, i: int, rows: slice) -> tuple[Float64, Float64, Float64, Float64, FarSums]:
+def _interval(seen: ResampledFrames, i: int, rows: slice) -> tuple[Float64, Float64, Float64, Float64, FarSums]:
     """Return the sums of one frame interval over some rows, as in ``Registration``; slopes as if all were like them."""
-    before, after = (np.log(seen.even_dn[frame, rows] + DARK_DN) for frame in (i, i + 1))
+    before, after = (np.log(seen.uniform_dn[frame, rows] + DARK_DN) for frame in (i, i + 1))
     earlier, later = seen.error_dn[i, rows], seen.error_dn[i + 1, rows]
     counts = np.ascontiguousarray(seen.counts[i, :, rows])
     change, events, usable, sums = change_and_events(before, after, earlier, later, counts)
     slopes = slope_sums(before, change, usable)
     slopes[:2] = slope_sums(before, change, events > 0)[:2]
-    slopes *= seen.even_dn.shape[1] / len(before)
+    slopes *= seen.uniform_dn.shape[1] / len(before)
     auto, cross = auto_correlation(change, usable), cross_correlation(change, events, usable)
     return auto, cross, sums, slopes, far_sums(change, events, usable)
 

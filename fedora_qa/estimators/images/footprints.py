@@ -27,7 +27,7 @@ def sharp_colours(prints: Footprints, rgb: NDArray[np.uint8], linear_dn: Float64
     pixels
         row * width + column in the event camera.
     """
-    rows, columns = prints.rows.sharp, prints.columns.sharp
+    rows, columns = prints.rows.edge_aware, prints.columns.edge_aware
     at_rows, at_columns = np.divmod(np.asarray(pixels, dtype=np.int64), len(columns.first))
     means = np.empty((len(pixels), 3))
     _average(rgb, linear_dn, at_rows, at_columns, rows.first, rows.weights, columns.first, columns.weights, means)
