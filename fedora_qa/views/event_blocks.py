@@ -17,9 +17,9 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
     GRID,
-    SeenFrames,
+    ResampledFrames,
     all_events,
-    seen_frames,
+    resampled_frames,
     sensor_events,
     sensor_shape,
 )
@@ -50,25 +50,25 @@ def block_moments(window: Window) -> BlockMoments | None:
 
 
 def _block_moments(window: Window) -> BlockMoments | None:
-    seen, declared = seen_frames(window), window.facts.declared.events
-    if declared is None or len(seen) < 2:
+    resampled, declared = resampled_frames(window), window.facts.declared.events
+    if declared is None or len(resampled) < 2:
         return None
-    levels = np.stack([_level_blocks(window, seen, i, declared) for i in range(len(seen))])
-    events = event_blocks(seen.counts, declared.threshold_on, declared.threshold_off)
+    levels = np.stack([_level_blocks(window, resampled, i, declared) for i in range(len(resampled))])
+    events = event_blocks(resampled.counts, declared.threshold_on, declared.threshold_off)
     stored = all_events(window)
     if len(stored) > len(sensor_events(window)):
         shape = sensor_shape(window.facts.declared)
         columns = stored.x, stored.y, stored.times_ns, stored.p
-        add_events_beyond(events, *columns, seen.times_ns, shape, declared.threshold_on, declared.threshold_off)
+        add_events_beyond(events, *columns, resampled.times_ns, shape, declared.threshold_on, declared.threshold_off)
     steps = step_moments(levels, events, GRID)
     # Between two frames there is but one step.
     span = ChangeMoments(steps[0].sum(axis=0)) if len(steps) == 1 else span_moments(levels, events)
-    return BlockMoments(seen.frames, steps, span)
+    return BlockMoments(resampled.frames, steps, span)
 
 
-def _level_blocks(window: Window, seen: SeenFrames, i: int, declared: EventModel) -> NDArray[np.float64]:
+def _level_blocks(window: Window, resampled: ResampledFrames, i: int, declared: EventModel) -> NDArray[np.float64]:
     def means() -> NDArray[np.float64]:
         dark_dn = None if declared.model == "linear" else declared.log_eps_dn
-        return level_blocks(seen.even_dn[i], seen.error_dn[i], dark_dn)
+        return level_blocks(resampled.uniform_dn[i], resampled.error_dn[i], dark_dn)
 
-    return window.of_image("level_blocks", int(seen.frames[i]), means)
+    return window.of_image("level_blocks", int(resampled.frames[i]), means)

@@ -1,4 +1,4 @@
-"""What the checks of events share of a window: events that lie on the sensor, and frames as its pixels see them."""
+"""What the checks of events share of a window: events on the sensor, and frames resampled to its pixels."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.events.footprint import Axis, Footprints, column_axis, row_axis
+from fedora_qa.estimators.events.footprint import FootprintAxis, Footprints, column_axis, row_axis
 from fedora_qa.estimators.events.orientation import LEAST_LIGHT
 from fedora_qa.estimators.events.pixels import PixelEvents, by_pixel
 from fedora_qa.estimators.events.row_kernels import count_between_frames
@@ -21,10 +21,10 @@ from fedora_qa.views.large_frames import is_large
 from fedora_qa.views.luma import clipped, luma_dn
 
 HALO_NS: Final = 30_000_000
-"""Events before and after a window that its checks may look at: longer than any gap that tells a level."""
+"""Events before and after a window that its checks may read: longer than any gap over which a level is known."""
 
 FARTHEST_NEXT_FRAME_NS: Final = 100_000_000
-"""A window looks at the frame after its last one if that is not farther behind its end."""
+"""A window reads the frame after its last one if that is not farther behind its end."""
 
 ROUNDING_DN: Final = {"linear": 0.5, "srgb": 0.5 * 2.4 / 1.055, "gamma2.2": 0.5 * 2.2}
 """Half a step of the 8-bit code in linear DN, at white where it is largest."""
@@ -63,14 +63,14 @@ def sensor_events(window: Window) -> Events:
 
 
 def events_around(window: Window, margin_ns: int) -> Events:
-    """Return the events on the sensor within a margin of a window, for a second look."""
+    """Return the events on the sensor within a margin of a window, for a follow-up."""
     return _on_sensor(window.events(margin_ns, margin_ns), window.facts.declared)
 
 
-def events_on_time(window: Window, late_ns: int) -> Events:
-    """Return what ``sensor_events`` would be if events that are late by so much were stamped on time."""
-    events = events_around(window, HALO_NS + abs(late_ns))
-    times_ns = events.times_ns - late_ns
+def corrected_events(window: Window, offset_ns: int) -> Events:
+    """Return ``sensor_events`` as they would be without a clock offset (positive: timestamps are too late)."""
+    events = events_around(window, HALO_NS + abs(offset_ns))
+    times_ns = events.times_ns - offset_ns
     near = slice(*np.searchsorted(times_ns, [window.span.start_ns - HALO_NS, window.span.stop_ns + HALO_NS]))
     return _read_only(Events(events.x[near], events.y[near], times_ns[near], events.p[near]))
 
@@ -107,7 +107,7 @@ def tile_around(chosen: NDArray[np.bool_], shape: tuple[int, int]) -> tuple[int,
 
 
 def is_large_sensor(window: Window) -> bool:
-    """Whether checks may look at less of the event camera than all, as it is large; not where all is asked for."""
+    """Whether checks may sample the event camera, as it is large; not where the user asks for all of it."""
     height, width = sensor_shape(window.facts.declared)
     return is_large(height * width, window)
 
@@ -116,11 +116,11 @@ def _on_sensor(events: Events, declared: Declared) -> Events:
     height, width = sensor_shape(declared)
     if events.x.dtype == events.y.dtype == np.uint16 and all_on_sensor(events, (height, width)):
         return events
-    good = (events.x < width) & (events.y < height) & (events.p <= 1)
+    on_sensor = (events.x < width) & (events.y < height) & (events.p <= 1)
     if events.x.dtype != np.uint16 or events.y.dtype != np.uint16:
-        good &= (events.x >= 0) & (events.y >= 0)
-    x, y = events.x[good].astype(np.uint16), events.y[good].astype(np.uint16)
-    return _read_only(Events(x, y, events.times_ns[good], events.p[good]))
+        on_sensor &= (events.x >= 0) & (events.y >= 0)
+    x, y = events.x[on_sensor].astype(np.uint16), events.y[on_sensor].astype(np.uint16)
+    return _read_only(Events(x, y, events.times_ns[on_sensor], events.p[on_sensor]))
 
 
 def all_on_sensor(events: Events, shape: tuple[int, int]) -> bool:
@@ -130,25 +130,25 @@ def all_on_sensor(events: Events, shape: tuple[int, int]) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class SeenFrames:
-    """The frames of a window and the one after it, as the pixels of the event camera see them.
+class ResampledFrames:
+    """The frames of a window and the one after it, at the pixels of the event camera.
 
     Attributes
     ----------
     frames, times_ns
         (n,) rows and instants.
-    sharp_dn, even_dn
-        (n, h, w) luma by the two reconstructions of ``event_footprint``, in single precision: 1e-4 DN.
+    edge_aware_dn, uniform_dn
+        (n, h, w) luma by the two reconstructions of ``footprint``, in single precision: 1e-4 DN.
     error_dn
-        (n, h, w) bound of the error of ``even_dn``; infinite where a pixel is saturated or outside the frame.
+        (n, h, w) bound of the error of ``uniform_dn``; infinite where a pixel is saturated or outside the frame.
     counts
         (n - 1, 2, h, w) darker and brighter events between the frames.
     """
 
     frames: NDArray[np.int64]
     times_ns: NDArray[np.int64]
-    sharp_dn: NDArray[Any]
-    even_dn: NDArray[Any]
+    edge_aware_dn: NDArray[Any]
+    uniform_dn: NDArray[Any]
     error_dn: NDArray[Any]
     counts: NDArray[np.int32]
 
@@ -156,73 +156,75 @@ class SeenFrames:
         return len(self.frames)
 
 
-def seen_frames(window: Window) -> SeenFrames:
+def resampled_frames(window: Window) -> ResampledFrames:
     """Return the frames that a window owns and the next one, and the events between them."""
-    return window.once("seen_frames", lambda: _seen_frames(window))
+    return window.once("resampled_frames", lambda: _resampled_frames(window))
 
 
-def seen_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
+def event_footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
     """Return the footprints of the event camera's pixels in frames of a shape (rows, columns): those of a file."""
-    return window.once(("footprints", shape_frame), lambda: _footprints(window, shape_frame))
-
-
-def _footprints(window: Window, shape_frame: tuple[int, int]) -> Footprints:
     cameras, (height, width) = window.facts.declared.cameras, sensor_shape(window.facts.declared)
     K_frame, K_event = cameras["rgb"].K, cameras["events"].K
-    return Footprints(
-        _kept(window, "footprint_rows", lambda: row_axis(K_frame, shape_frame[0], K_event, height)),
-        _kept(window, "footprint_columns", lambda: column_axis(K_frame, shape_frame[1], K_event, width)),
-    )
+
+    def kept(name: str, compute: Callable[[], FootprintAxis]) -> FootprintAxis:
+        """Return an axis that is computed once a file, and kept as an image is."""
+        return FootprintAxis.unpacked(window.of_image(name, 0, lambda: compute().packed()))
+
+    def footprints() -> Footprints:
+        return Footprints(
+            kept("footprint_rows", lambda: row_axis(K_frame, shape_frame[0], K_event, height)),
+            kept("footprint_columns", lambda: column_axis(K_frame, shape_frame[1], K_event, width)),
+        )
+
+    return window.once(("footprints", shape_frame), footprints)
 
 
-def _kept(window: Window, name: str, compute: Callable[[], Axis]) -> Axis:
-    return Axis.unpacked(window.of_image(name, 0, lambda: compute().packed()))
-
-
-def intervals_due(window: Window, seen: SeenFrames, a_window: int) -> int:
-    """Return how many intervals of two frames or more are due, where so many are of a window of the usual length.
+def intervals_due(window: Window, resampled: ResampledFrames, per_window: int) -> int:
+    """Return how many intervals of two frames or more are due, ``per_window`` of a window of the usual length.
 
     Of windows much shorter than that an interval is due for each point of a grid in time since the frame before its
     first: most have none, and where frames are few each has some.
     """
     length_ns = window.span.stop_ns - window.span.start_ns
     if 2 * length_ns >= WINDOW_NS:
-        return round(a_window * length_ns / WINDOW_NS)
-    earlier = np.flatnonzero(window.facts.clocks["rgb"].advancing[: seen.frames[0]])
+        return round(per_window * length_ns / WINDOW_NS)
+    earlier = np.flatnonzero(window.facts.clocks["rgb"].advancing[: resampled.frames[0]])
     before_ns = window.facts.clocks["rgb"].times_ns[earlier[-1]] if len(earlier) else window.span.start_ns - 1
-    return int(seen.times_ns[-2]) * a_window // WINDOW_NS - int(before_ns) * a_window // WINDOW_NS
+    return int(resampled.times_ns[-2]) * per_window // WINDOW_NS - int(before_ns) * per_window // WINDOW_NS
 
 
-def events_before(seen: SeenFrames, window: Window) -> NDArray[np.int32]:
-    """Return the darker and brighter events (2, h, w) before a window's first frame, for as long as to the second."""
-    first_ns, second_ns = seen.times_ns[:2].tolist()
-    events, counts = sensor_events(window), np.zeros((1, *seen.counts.shape[1:]), np.int32)
+def events_before(resampled: ResampledFrames, window: Window) -> NDArray[np.int32]:
+    """Return the darker and brighter events (2, h, w) before a window's first frame, as far back as to the second."""
+    first_ns, second_ns = resampled.times_ns[:2].tolist()
+    events, counts = sensor_events(window), np.zeros((1, *resampled.counts.shape[1:]), np.int32)
     times_ns = np.array([2 * first_ns - second_ns, first_ns])
     count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
     darker_and_brighter: NDArray[np.int32] = counts[0]
     return darker_and_brighter
 
 
-def signal(seen: SeenFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return the signal of the declared model (n, h, w), and where it is lit: known to better than half of itself."""
-    levels, lit = np.empty(seen.even_dn.shape, np.float32), np.empty(seen.even_dn.shape, np.bool_)
-    for frame in range(len(seen)):
-        levels[frame], lit[frame] = signal_of(seen, declared, frame)
+def signal(resampled: ResampledFrames, declared: EventModel) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return the signal of the declared model (n, h, w), and where it is lit: its error is below half of the light."""
+    levels, lit = np.empty(resampled.uniform_dn.shape, np.float32), np.empty(resampled.uniform_dn.shape, np.bool_)
+    for frame in range(len(resampled)):
+        levels[frame], lit[frame] = signal_of(resampled, declared, frame)
     return levels, lit
 
 
-def signal_of(seen: SeenFrames, declared: EventModel, frame: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def signal_of(
+    resampled: ResampledFrames, declared: EventModel, frame: int
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return ``signal`` of one frame (h, w)."""
-    even_dn = seen.even_dn[frame]
-    lit = np.greater(even_dn, 2 * seen.error_dn[frame])
+    uniform_dn = resampled.uniform_dn[frame]
+    lit = np.greater(uniform_dn, 2 * resampled.error_dn[frame])
     if declared.model == "linear":
-        return even_dn, lit
-    level = even_dn + np.float32(declared.log_eps_dn)
+        return uniform_dn, lit
+    level = uniform_dn + np.float32(declared.log_eps_dn)
     return np.log(np.maximum(level, np.float32(LEAST_LIGHT), out=level), out=level), lit
 
 
 def why_frames_and_events_do_not_meet(facts: Facts) -> str:
-    """Say why frames cannot be seen by the event camera's pixels; empty where they can."""
+    """Return why frames cannot be resampled to the event camera's pixels; empty where they can."""
     cameras, events = facts.declared.cameras, facts.declared.events
     if "rgb" not in cameras or "events" not in cameras:
         return "the cameras rgb and events are not both declared in /metadata/cameras"
@@ -231,23 +233,19 @@ def why_frames_and_events_do_not_meet(facts: Facts) -> str:
     rgb, event = cameras["rgb"], cameras["events"]
     if rgb.model != "pinhole" or event.model != "pinhole":
         return f"Expected pinhole cameras, got {rgb.model} (rgb) and {event.model} (events)"
-    if not (_usable(rgb) and _usable(event)):
+    if not (_is_without_skew(rgb) and _is_without_skew(event)):
         return "K of the cameras rgb and events is not that of pinhole cameras without skew"
-    return _why_views_differ(rgb, event)
-
-
-def _usable(camera: Camera) -> bool:
-    K = camera.K
-    return bool(np.all(np.isfinite(K)) and K[0, 0] > 0 and K[1, 1] > 0 and K[0, 1] == 0 and K[1, 0] == 0)
-
-
-def _why_views_differ(rgb: Camera, event: Camera) -> str:
     difference = np.abs(rgb.T_body_camera - event.T_body_camera)
     if not difference[:3, 3].max() <= CENTRES_AGREE_M:
         return "the cameras rgb and events do not share one centre; frames would have to be reprojected through depth"
     if not difference[:3, :3].max() <= AXES_AGREE:
         return "the cameras rgb and events do not look in one direction"
     return ""
+
+
+def _is_without_skew(camera: Camera) -> bool:
+    K = camera.K
+    return bool(np.all(np.isfinite(K)) and K[0, 0] > 0 and K[1, 1] > 0 and K[0, 1] == 0 and K[1, 0] == 0)
 
 
 def _frames(window: Window) -> list[int]:
@@ -266,37 +264,39 @@ def _frames(window: Window) -> list[int]:
     return own_rows
 
 
-def _seen_frames(window: Window) -> SeenFrames:
-    """See the frames. The first is the last of the window before."""
-    shape, wanted = sensor_shape(window.facts.declared), _frames(window)
-    images = np.empty((3, len(wanted), *shape), np.float32)
-    found: list[int] = []
-    for frame in wanted:
-        place = images[:, len(found)]
+def _resampled_frames(window: Window) -> ResampledFrames:
+    """Resample the frames. The first is the last of the window before."""
+    shape, due = sensor_shape(window.facts.declared), _frames(window)
+    images = np.empty((3, len(due), *shape), np.float32)
+    readable: list[int] = []
+    for frame in due:
+        target = images[:, len(readable)]
         try:
-            seen = window.of_image("seen_frame", frame, partial(_see_into, place, window, frame))
+            resampled = window.of_image("resampled_frame", frame, partial(_resample_into, target, window, frame))
         except UnreadableRowsError:
             continue
-        if seen is not place:
-            place[:] = seen
-        found.append(frame)
-    frames, count = np.array(found, dtype=np.int64), len(found)
+        # The window may have kept the frame from an earlier call.
+        if resampled is not target:
+            target[:] = resampled
+        readable.append(frame)
+    frames, count = np.array(readable, dtype=np.int64), len(readable)
     times_ns = window.facts.clocks["rgb"].times_ns[frames]
     counts = np.zeros((max(count - 1, 0), 2, *shape), np.int32)
     if count > 1:
         events = sensor_events(window)
         count_between_frames(events.x, events.y, events.times_ns, events.p, times_ns, counts)
-    sharp_dn, even_dn, error_dn = images[:, :count]
-    return SeenFrames(frames, times_ns, sharp_dn, even_dn, error_dn, counts)
+    edge_aware_dn, uniform_dn, error_dn = images[:, :count]
+    return ResampledFrames(frames, times_ns, edge_aware_dn, uniform_dn, error_dn, counts)
 
 
-def _see_into(place: NDArray[np.float32], window: Window, frame: int) -> NDArray[np.float32]:
-    """Write the sharp and the even view of a frame and the bound of the latter's error to a place (3, h, w).
+def _resample_into(target: NDArray[np.float32], window: Window, frame: int) -> NDArray[np.float32]:
+    """Write both reconstructions of a frame and the bound of the uniform one's error to an array (3, h, w).
 
     Each colour is rounded by at most half a step of its code, so luma is as well.
     """
-    luma, lost = luma_dn(window, frame), clipped(window, frame)
-    prints = seen_footprints(window, (luma.shape[0], luma.shape[1]))
-    sharp, even, error = place
-    prints.see(luma, lost, ROUNDING_DN[window.facts.declared.transfer], sharp=sharp, even=even, error=error)
-    return place
+    luma, clipped_px = luma_dn(window, frame), clipped(window, frame)
+    footprints = event_footprints(window, (luma.shape[0], luma.shape[1]))
+    edge_aware, uniform, error = target
+    rounding_dn = ROUNDING_DN[window.facts.declared.transfer]
+    footprints.resample(luma, clipped_px, rounding_dn, edge_aware=edge_aware, uniform=uniform, error=error)
+    return target

@@ -39,7 +39,7 @@ from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import GRID, events_on_time, pixel_events, seen_frames, sorted_by_pixel
+from fedora_qa.views.event_camera import GRID, corrected_events, pixel_events, resampled_frames, sorted_by_pixel
 from fedora_qa.views.event_tick import local_tick_ns, tick_ns
 from fedora_qa.views.level_samples import (
     CAPTURE_RANGE_S,
@@ -293,7 +293,7 @@ def search_is_preferred(searched: ClockOffset, fitted: ClockOffset, facts: Facts
 
 
 def _sums_of(window: Window, events: PixelEvents) -> InterpolationSums | None:
-    frames, declared = seen_frames(window), window.facts.declared.events
+    frames, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(frames) < FINE:
         return None
     usable = usable_pixels(window, frames, declared)
@@ -301,8 +301,8 @@ def _sums_of(window: Window, events: PixelEvents) -> InterpolationSums | None:
     levels = interpolate_frames(
         events,
         frames.times_ns,
-        frames.sharp_dn,
-        frames.even_dn,
+        frames.edge_aware_dn,
+        frames.uniform_dn,
         usable,
         log_eps_dn=None if linear else declared.log_eps_dn,
         threshold=min(declared.threshold_on, declared.threshold_off),
@@ -365,7 +365,7 @@ def _cell_sums(state: Sequence[InterpolationSums], method: str, kappa_s: float) 
 
 def _trial(window: Window, offset_ns: int) -> OffsetTrial | None:
     """Return the sums of a window whose events are late by an offset, with that undone."""
-    sums = _sums_of(window, sorted_by_pixel(events_on_time(window, offset_ns), window.facts.declared))
+    sums = _sums_of(window, sorted_by_pixel(corrected_events(window, offset_ns), window.facts.declared))
     return None if sums is None else OffsetTrial(offset_ns, sums)
 
 

@@ -18,7 +18,7 @@ from fedora_qa.estimators.events.linear_runs import EventFreeRuns, follow_runs
 from fedora_qa.estimators.events.row_kernels import add_counts, mark_bursts
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import ROUNDING_DN, SeenFrames, seen_frames, sensor_events, sensor_shape
+from fedora_qa.views.event_camera import ROUNDING_DN, ResampledFrames, resampled_frames, sensor_events, sensor_shape
 
 Bool = NDArray[np.bool_]
 Float64 = NDArray[np.float64]
@@ -79,14 +79,20 @@ class FrameRun:
         """The last frame, included."""
         return self.bounds.last_frame if isinstance(self.bounds, Excursions) else self.bounds[EVEN].last_frame
 
-    def follow(self, seen: SeenFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> None:
+    def follow(self, resampled: ResampledFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> None:
         """Go on, in place, over frames of which the first is this run's last."""
         if isinstance(self.bounds, Excursions):
-            self.bounds.follow(seen.even_dn, seen.error_dn, seen.counts, _drift(seen, declared), seen.frames)
+            self.bounds.follow(
+                resampled.uniform_dn,
+                resampled.error_dn,
+                resampled.counts,
+                _drift(resampled, declared),
+                resampled.frames,
+            )
         else:
-            following = _event_free_runs(seen, declared, rounding_dn)
+            following = _event_free_runs(resampled, declared, rounding_dn)
             self.bounds = tuple(runs.then(later) for runs, later in zip(self.bounds, following, strict=True))
-        add_counts(seen.counts, self.events)
+        add_counts(resampled.counts, self.events)
         self.excused |= excused
 
     def then(self, later: "FrameRun") -> "FrameRun":
@@ -176,17 +182,17 @@ class FrameRuns:
 
     def follow(self, window: Window) -> None:
         """Add the frames of the window that comes next, in place where they go on from the last run."""
-        seen, declared = seen_frames(window), window.facts.declared.events
-        if declared is None or len(seen) < 2:
+        resampled, declared = resampled_frames(window), window.facts.declared.events
+        if declared is None or len(resampled) < 2:
             return
         rounding_dn, excused = ROUNDING_DN[window.facts.declared.transfer], excused_pixels(window, declared)
         group = window.span.start_ns // GROUP_NS
         last = self.groups[-1][1] if self.groups and self.groups[-1][0] == group else []
-        if isinstance(last, list) and last and last[-1].last_frame == seen.frames[0]:
-            last[-1].follow(seen, declared, rounding_dn, excused)
+        if isinstance(last, list) and last and last[-1].last_frame == resampled.frames[0]:
+            last[-1].follow(resampled, declared, rounding_dn, excused)
             return
         self.from_start |= not self.groups and window.span.index == 0
-        self.add(group, [join(seen, declared, rounding_dn, excused)])
+        self.add(group, [join(resampled, declared, rounding_dn, excused)])
 
     def add(self, group: int, runs: list[FrameRun] | FrameRunSummary) -> None:
         """Append what comes next, joined to what it continues.
@@ -244,15 +250,17 @@ def excused_pixels(window: Window, declared: EventModel) -> Bool:
     return excused
 
 
-def join(seen: SeenFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> FrameRun:
+def join(resampled: ResampledFrames, declared: EventModel, rounding_dn: float, excused: Bool) -> FrameRun:
     """Return the run of two frames or more; ``excused`` (h, w) as in ``FrameRun``."""
     events = np.zeros(excused.shape, np.int32)
-    add_counts(seen.counts, events)
+    add_counts(resampled.counts, events)
     if declared.model == "linear":
-        return FrameRun(_event_free_runs(seen, declared, rounding_dn), events, excused)
+        return FrameRun(_event_free_runs(resampled, declared, rounding_dn), events, excused)
     rules = _rules(declared, rounding_dn)
     law = ConservationLaw(declared.threshold_on, declared.threshold_off, declared.log_eps_dn, rules)
-    bounds = bound(seen.even_dn, seen.error_dn, seen.counts, _drift(seen, declared), law, seen.frames)
+    bounds = bound(
+        resampled.uniform_dn, resampled.error_dn, resampled.counts, _drift(resampled, declared), law, resampled.frames
+    )
     return FrameRun(bounds, events, excused)
 
 
@@ -308,23 +316,23 @@ def _rules(declared: EventModel, rounding_dn: float) -> tuple[tuple[float, float
     return (rounding_dn, (declared.threshold_on + declared.threshold_off) / 2), EVERY_FRAME
 
 
-def _drift(seen: SeenFrames, declared: EventModel) -> Float64:
+def _drift(resampled: ResampledFrames, declared: EventModel) -> Float64:
     """Return what leak adds to the signal between the frames (n - 1,), nat: a threshold for each leaked event."""
-    drift: Float64 = declared.leak_rate_hz * declared.threshold_on * np.diff(seen.times_ns) / NS_PER_S
+    drift: Float64 = declared.leak_rate_hz * declared.threshold_on * np.diff(resampled.times_ns) / NS_PER_S
     return drift
 
 
-def _event_free_runs(seen: SeenFrames, declared: EventModel, rounding_dn: float) -> tuple[EventFreeRuns, ...]:
+def _event_free_runs(resampled: ResampledFrames, declared: EventModel, rounding_dn: float) -> tuple[EventFreeRuns, ...]:
     def by_rule(uneven: tuple[float, float]) -> EventFreeRuns:
         # The event camera rounds luma to whole values itself.
-        error = np.where(seen.error_dn < sum(uneven), seen.error_dn + 0.5, np.inf)
+        error = np.where(resampled.error_dn < sum(uneven), resampled.error_dn + 0.5, np.inf)
         return follow_runs(
-            seen.even_dn - error,
-            seen.even_dn + error,
-            seen.counts,
+            resampled.uniform_dn - error,
+            resampled.uniform_dn + error,
+            resampled.counts,
             threshold_on=declared.threshold_on + MISMATCH_SIGMAS * declared.threshold_sigma,
             threshold_off=declared.threshold_off + MISMATCH_SIGMAS * declared.threshold_sigma,
-            frames=seen.frames,
+            frames=resampled.frames,
         )
 
     return tuple(by_rule(uneven) for uneven in _rules(declared, rounding_dn))

@@ -21,7 +21,7 @@ from fedora_qa.estimators.events.shift import RADIUS_PX, cross_correlation
 from fedora_qa.features import Feature
 from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.event_camera import GRID, ROUNDING_DN, SeenFrames, seen_frames, sensor_events, signal
+from fedora_qa.views.event_camera import GRID, ROUNDING_DN, ResampledFrames, resampled_frames, sensor_events, signal
 from fedora_qa.views.frame_runs import EVEN, join, violations
 
 Bool = NDArray[np.bool_]
@@ -114,18 +114,18 @@ def inverse_trials(window: Window) -> list[InverseTrial]:
     -------
     A trial for each part with ``FEWEST_VIOLATIONS``; none of windows that are not tried: most beyond the first ones.
     """
-    seen, declared = seen_frames(window), window.facts.declared.events
+    resampled, declared = resampled_frames(window), window.facts.declared.events
     is_tried = window.span.index < _FIRST_WINDOWS or window.span.index % _WINDOW_STEP == 0
-    if declared is None or len(seen) < 2 or not is_tried:
+    if declared is None or len(resampled) < 2 or not is_tried:
         return []
     rounding_dn = ROUNDING_DN[window.facts.declared.transfer]
-    images = (seen.sharp_dn, seen.even_dn, seen.error_dn, seen.counts)
-    sampled = SeenFrames(seen.frames, seen.times_ns, *(_every_few(image) for image in images))
-    middle = len(seen) // 2
-    parts = [part for part in ((0, len(seen)), (0, middle + 1), (middle, len(seen))) if part[1] - part[0] > 1]
+    images = (resampled.edge_aware_dn, resampled.uniform_dn, resampled.error_dn, resampled.counts)
+    sampled = ResampledFrames(resampled.frames, resampled.times_ns, *(_every_few(image) for image in images))
+    middle = len(resampled) // 2
+    parts = [part for part in ((0, len(resampled)), (0, middle + 1), (middle, len(resampled))) if part[1] - part[0] > 1]
     before = {part: _violations(sampled, *part, declared, rounding_dn) for part in parts}
     broken = {part: pixels for part, pixels in before.items() if np.count_nonzero(pixels) >= FEWEST_VIOLATIONS}
-    candidates = list(_transformed(window, seen, declared)) if broken else []
+    candidates = list(_transformed(window, resampled, declared)) if broken else []
     trials = []
     for part, pixels in broken.items():
         best: dict[Transform, Resolution] = {}
@@ -161,9 +161,9 @@ def most_resolved(before: Bool, after: Bool, symmetry: Symmetry = UPRIGHT) -> in
     )
 
 
-def _transformed(window: Window, seen: SeenFrames, declared: EventModel) -> Iterator[_TransformedCounts]:
+def _transformed(window: Window, resampled: ResampledFrames, declared: EventModel) -> Iterator[_TransformedCounts]:
     """Yield the counts of events after each inverse transform."""
-    counts, (height, width) = seen.counts, seen.counts.shape[2:]
+    counts, (height, width) = resampled.counts, resampled.counts.shape[2:]
     everywhere = _every_few(np.ones((height, width), np.bool_))
     yield _TransformedCounts("invert_polarity", _every_few(counts[:, ::-1]), everywhere)
     for left, up in ((True, False), (False, True), (True, True)):
@@ -175,7 +175,7 @@ def _transformed(window: Window, seen: SeenFrames, declared: EventModel) -> Iter
     swapped[..., :side, :side] = counts[..., :side, :side].swapaxes(2, 3)
     in_square[:side, :side] = True
     yield _TransformedCounts("swap_axes", _every_few(swapped), _every_few(in_square), (True, False, False))
-    for right_px, down_px in _likely_shifts(seen, declared):
+    for right_px, down_px in _likely_shifts(resampled, declared):
         rows, columns = np.arange(height) + down_px, np.arange(width) + right_px
         # Pixels whose events would have to come from beyond the sensor have none.
         from_sensor = ((rows >= 0) & (rows < height))[:, np.newaxis] & (columns >= 0) & (columns < width)
@@ -183,14 +183,14 @@ def _transformed(window: Window, seen: SeenFrames, declared: EventModel) -> Iter
         size = float(right_px) if down_px == 0 else None
         yield _TransformedCounts("shift", _every_few(moved), _every_few(from_sensor), size=size)
     for delay_ms in _DELAYS_MS:
-        advanced = _advanced_counts(window, seen, round(delay_ms * NS_PER_MS))
+        advanced = _advanced_counts(window, resampled, round(delay_ms * NS_PER_MS))
         yield _TransformedCounts("delay", _every_few(advanced), everywhere, size=delay_ms)
 
 
-def _likely_shifts(seen: SeenFrames, declared: EventModel) -> list[tuple[int, int]]:
+def _likely_shifts(resampled: ResampledFrames, declared: EventModel) -> list[tuple[int, int]]:
     """Return the shifts, right and down, at which events correlate best with the frames; without that of nothing."""
-    levels, lit = signal(seen, declared)
-    signed = declared.threshold_on * seen.counts[:, 1] - declared.threshold_off * seen.counts[:, 0]
+    levels, lit = signal(resampled, declared)
+    signed = declared.threshold_on * resampled.counts[:, 1] - declared.threshold_off * resampled.counts[:, 0]
     usable = lit[:-1] & lit[1:]
     changes = np.where(usable, np.diff(levels, axis=0), 0.0)
     patch = np.sum([cross_correlation(*each) for each in zip(changes, signed, usable, strict=True)], axis=0)
@@ -200,28 +200,28 @@ def _likely_shifts(seen: SeenFrames, declared: EventModel) -> list[tuple[int, in
             for row, column in zip(*np.unravel_index(highest, patch.shape), strict=True)]  # fmt: skip
 
 
-def _advanced_counts(window: Window, seen: SeenFrames, delay_ns: int) -> Counts:
+def _advanced_counts(window: Window, resampled: ResampledFrames, delay_ns: int) -> Counts:
     """Return the counts of events moved back by a delay; as they are where the file would have to go on longer.
 
     An interval that no event can have been moved from would be emptied, and nothing that contradicts a frame be left.
     """
     events, scan = sensor_events(window), window.facts.events
-    counts = np.zeros_like(seen.counts)
-    count_between_frames(events.x, events.y, events.times_ns - delay_ns, events.p, seen.times_ns, counts)
+    counts = np.zeros_like(resampled.counts)
+    count_between_frames(events.x, events.y, events.times_ns - delay_ns, events.p, resampled.times_ns, counts)
     if scan is None:
         return counts
-    start_ns, stop_ns = seen.times_ns[:-1] + delay_ns, seen.times_ns[1:] + delay_ns
+    start_ns, stop_ns = resampled.times_ns[:-1] + delay_ns, resampled.times_ns[1:] + delay_ns
     beyond_file = (start_ns < scan.first_ns - _END_NS) | (stop_ns > scan.last_ns + _END_NS)
-    counts[beyond_file] = seen.counts[beyond_file]
+    counts[beyond_file] = resampled.counts[beyond_file]
     return counts
 
 
-def _violations(seen: SeenFrames, first: int, stop: int, declared: EventModel, rounding_dn: float) -> Bool:
+def _violations(resampled: ResampledFrames, first: int, stop: int, declared: EventModel, rounding_dn: float) -> Bool:
     """Return the pixels (h, w) that violate the law over the frames from ``first`` to before ``stop``."""
-    part, counts = slice(first, stop), seen.counts[first : stop - 1]
-    images = (seen.sharp_dn[part], seen.even_dn[part], seen.error_dn[part])
-    frames = SeenFrames(seen.frames[part], seen.times_ns[part], *images, counts)
-    nowhere = np.zeros(seen.counts.shape[2:], np.bool_)
+    part, counts = slice(first, stop), resampled.counts[first : stop - 1]
+    images = (resampled.edge_aware_dn[part], resampled.uniform_dn[part], resampled.error_dn[part])
+    frames = ResampledFrames(resampled.frames[part], resampled.times_ns[part], *images, counts)
+    nowhere = np.zeros(resampled.counts.shape[2:], np.bool_)
     return violations(join(frames, declared, rounding_dn, nowhere), EVEN, declared, phase_declared=False)[0]
 
 

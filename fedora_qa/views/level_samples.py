@@ -36,10 +36,10 @@ from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
     HALO_NS,
     ROUNDING_DN,
-    SeenFrames,
+    ResampledFrames,
     events_around,
     pixel_events,
-    seen_frames,
+    resampled_frames,
     sorted_by_pixel,
 )
 from fedora_qa.views.event_tick import local_tick_ns
@@ -170,7 +170,8 @@ def weighted_level_sums(window: Window) -> WeightedLevelSums | None:
     if equal is None or samples is None:
         return None
     pairs, frames, declared = samples
-    edge_aware, uniform = (_levels_at_ends(pairs, luma_dn, declared) for luma_dn in (frames.sharp_dn, frames.even_dn))
+    edge_aware = _levels_at_ends(pairs, frames.edge_aware_dn, declared)
+    uniform = _levels_at_ends(pairs, frames.uniform_dn, declared)
     threshold = 0.5 * (declared.threshold_on + declared.threshold_off)
     weights = precision_weights(pairs, edge_aware, uniform, threshold)
     return WeightedLevelSums(equal, _summed(window, pairs, frames, declared, weights))
@@ -236,7 +237,7 @@ def search_offset(window: Window) -> LadderOffset | None:
 
     A fit converges to the right offset from several ms away; it is repeated from the best of a ladder of offsets.
     """
-    frames, declared = seen_frames(window), window.facts.declared.events
+    frames, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(frames) < 2:
         return None
     events = sorted_by_pixel(events_around(window, FARTHEST_OFFSET_NS + HALO_NS), window.facts.declared)
@@ -261,19 +262,19 @@ def search_offset(window: Window) -> LadderOffset | None:
     return LadderOffset(offset_s, fit.standard_errors.delay_s, fit.relative_sigma, held_s)
 
 
-def usable_pixels(window: Window, frames: SeenFrames, declared: EventModel) -> NDArray[np.bool_]:
+def usable_pixels(window: Window, frames: ResampledFrames, declared: EventModel) -> NDArray[np.bool_]:
     """Return the pixels (n, h, w) of a window's frames bright enough, not saturated, and not declared hot."""
     darkest_dn = least_dn(window, declared)
-    usable: NDArray[np.bool_] = np.empty(frames.even_dn.shape, np.bool_)
+    usable: NDArray[np.bool_] = np.empty(frames.uniform_dn.shape, np.bool_)
     for frame, marked in enumerate(usable):
-        mark_usable(frames.sharp_dn[frame], frames.even_dn[frame], frames.error_dn[frame], darkest_dn, marked)
+        mark_usable(frames.edge_aware_dn[frame], frames.uniform_dn[frame], frames.error_dn[frame], darkest_dn, marked)
     usable.reshape(len(usable), -1)[:, hot_pixels(declared, frames)] = False
     return usable
 
 
-def hot_pixels(declared: EventModel, frames: SeenFrames) -> NDArray[np.int64]:
+def hot_pixels(declared: EventModel, frames: ResampledFrames) -> NDArray[np.int64]:
     """Return the declared hot pixels that lie on the sensor, row * width + column, sorted."""
-    height, width = frames.even_dn.shape[1:]
+    height, width = frames.uniform_dn.shape[1:]
     on_sensor = [
         row * width + column for column, row in declared.hot_pixels if 0 <= row < height and 0 <= column < width
     ]
@@ -290,13 +291,13 @@ def least_dn(window: Window, declared: EventModel) -> float:
     return float(max(sigma_dn / contrast - declared.log_eps_dn, _DARKEST_DN))
 
 
-def _level_samples(window: Window) -> tuple[LevelPairs, SeenFrames, EventModel] | None:
+def _level_samples(window: Window) -> tuple[LevelPairs, ResampledFrames, EventModel] | None:
     return window.once("level_pairs", lambda: _find_level_samples(window))
 
 
-def _find_level_samples(window: Window) -> tuple[LevelPairs, SeenFrames, EventModel] | None:
+def _find_level_samples(window: Window) -> tuple[LevelPairs, ResampledFrames, EventModel] | None:
     """Return all pairs of level samples of a window, its frames, and the declared sensor; None with too few pairs."""
-    frames, declared = seen_frames(window), window.facts.declared.events
+    frames, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(frames) < 2:
         return None
     pairs = _pairs(window, frames, declared, pixel_events(window))
@@ -306,13 +307,13 @@ def _find_level_samples(window: Window) -> tuple[LevelPairs, SeenFrames, EventMo
 def _summed(
     window: Window,
     pairs: LevelPairs,
-    frames: SeenFrames,
+    frames: ResampledFrames,
     declared: EventModel,
     weights: NDArray[np.float64] | None = None,
 ) -> LevelSums:
     """Return the sums of pairs with weights (m,), 1 if not given."""
     weights = np.ones(len(pairs)) if weights is None else weights
-    edge_aware, uniform = (pairs.ends_of(luma_dn) for luma_dn in (frames.sharp_dn, frames.even_dn))
+    edge_aware, uniform = (pairs.ends_of(luma_dn) for luma_dn in (frames.edge_aware_dn, frames.uniform_dn))
     log_edge_aware, log_uniform = (_log_levels(luma_dn, declared) for luma_dn in (edge_aware, uniform))
     linear = declared.model == "linear"
     return LevelSums(
@@ -328,25 +329,25 @@ def _summed(
 
 
 def _fit_at_offset(
-    window: Window, frames: SeenFrames, declared: EventModel, events: PixelEvents, offset_ns: int
+    window: Window, frames: ResampledFrames, declared: EventModel, events: PixelEvents, offset_ns: int
 ) -> ResponseFit | None:
     """Fit one window with events taken to be late by an offset: with frames at later times."""
     pairs = _pairs(window, frames, declared, events, offset_ns).tightest(ENOUGH_PAIRS)
     if len(pairs) < FEWEST_PAIRS:
         return None
-    levels = _levels_at_ends(pairs, frames.sharp_dn, declared)
+    levels = _levels_at_ends(pairs, frames.edge_aware_dn, declared)
     return fit_response(_quarter_sums(pairs, frames, levels, np.ones(len(pairs))))
 
 
 def _pairs(
-    window: Window, frames: SeenFrames, declared: EventModel, events: PixelEvents, offset_ns: int = 0
+    window: Window, frames: ResampledFrames, declared: EventModel, events: PixelEvents, offset_ns: int = 0
 ) -> LevelPairs:
     burst_ns = 2 * declared.refractory_us * NS_PER_US
     darkest_dn = least_dn(window, declared)
     pairs = level_pairs(
         events,
         frames.times_ns + offset_ns,
-        LevelImages(frames.sharp_dn, frames.even_dn, frames.error_dn, darkest_dn, hot_pixels(declared, frames)),
+        LevelImages(frames.edge_aware_dn, frames.uniform_dn, frames.error_dn, darkest_dn, hot_pixels(declared, frames)),
         longest_gap_ns=LONGEST_GAP_NS,
         least_gap_ns=LINEAR_LEAST_TICKS * local_tick_ns(window) if declared.model == "linear" else int(burst_ns),
         off_over_on=declared.threshold_off / declared.threshold_on,
@@ -359,10 +360,10 @@ def _pairs(
 
 
 def _quarter_sums(
-    pairs: LevelPairs, frames: SeenFrames, levels: NDArray[np.float64], weights: NDArray[np.float64]
+    pairs: LevelPairs, frames: ResampledFrames, levels: NDArray[np.float64], weights: NDArray[np.float64]
 ) -> NormalBlocks:
     """Return the normal equations of four blocks, the quarters of the image, of ``levels`` (2, m) at both ends."""
-    height, width = frames.even_dn.shape[1:]
+    height, width = frames.uniform_dn.shape[1:]
     rows, columns = np.divmod(pairs.pixels, width)
     quarter = 2 * (2 * rows // height) + 2 * columns // width
     middle_ns = (frames.times_ns[pairs.earlier] + frames.times_ns[pairs.later]) / 2

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fedora_qa.estimators.events.footprint import LEFT_BY_SHARP, Axis, footprints
+from fedora_qa.estimators.events.footprint import LEFT_BY_SHARP, FootprintAxis, footprints
 from tests.estimators.event_world import Waves, camera_matrix
 
 FINE = 4  # steps of a frame pixel: 9 fine pixels make an event pixel at the ratio of 9/4
@@ -24,7 +24,7 @@ def test_averages_of_a_plane_are_exact() -> None:
     rows, columns = np.indices(FRAME)
     centre_rows, centre_columns = np.indices(EVENT)
     expected = 3 + 2 * ((centre_columns + 0.5) * 2.25 - 0.5) - 5 * ((centre_rows + 0.5) * 2.25 - 0.5)
-    assert np.allclose(PRINTS.sharp_average(3.0 + 2 * columns - 5 * rows), expected, atol=1e-9)
+    assert np.allclose(PRINTS.edge_aware_average(3.0 + 2 * columns - 5 * rows), expected, atol=1e-9)
     # An even pixel that is cut off centre gives its mean, not its slope: at most half of the slope where it is cut.
     assert np.all(np.abs(PRINTS.average(3.0 + 2 * columns - 5 * rows) - expected) < 3.5)
     assert np.allclose(PRINTS.average(np.full(FRAME, 7.0)), 7.0)
@@ -34,11 +34,11 @@ def test_averages_of_a_plane_are_exact() -> None:
 def test_what_is_packed_is_unpacked() -> None:
     """An axis as one array, and back: the same weights, for the same pixels."""
     for axis in (PRINTS.rows, PRINTS.columns):
-        again = Axis.unpacked(axis.packed())
-        assert np.array_equal(again.inside, axis.inside)
-        for name in ("even", "sharp", "split"):
-            assert np.array_equal(getattr(again, name).first, getattr(axis, name).first)
-            assert np.array_equal(getattr(again, name).weights, getattr(axis, name).weights)
+        unpacked = FootprintAxis.unpacked(axis.packed())
+        assert np.array_equal(unpacked.inside, axis.inside)
+        for name in ("uniform", "edge_aware", "split"):
+            assert np.array_equal(getattr(unpacked, name).first, getattr(axis, name).first)
+            assert np.array_equal(getattr(unpacked, name).weights, getattr(axis, name).weights)
 
 
 def test_even_average_is_that_of_even_pixels() -> None:
@@ -75,7 +75,7 @@ def test_sharp_average_is_nearer_to_the_truth_on_smooth_images() -> None:
     """Against closed-form means of waves of 4 event px and longer, the cubic errs at most a third as much."""
     world = Waves(seed=3)
     frame, truth = world.luma(0.1, FRAME, 2.25), world.luma(0.1, EVENT)
-    sharp, even = (np.std(method(frame) - truth) for method in (PRINTS.sharp_average, PRINTS.average))
+    sharp, even = (np.std(method(frame) - truth) for method in (PRINTS.edge_aware_average, PRINTS.average))
     assert sharp < even / 3
 
 
@@ -99,7 +99,7 @@ def test_sharp_reconstruction_of_steps_is_off_by_a_share_of_what_the_even_one_mo
     centres = 2.25 * (np.arange(12) + 0.5)
     truth = np.clip((centres + 1.125 - places[:, np.newaxis]) / 2.25, 0, 1)
     even, sharp = (
-        np.array([average(frame)[4] for frame in frames]) for average in (PRINTS.average, PRINTS.sharp_average)
+        np.array([average(frame)[4] for frame in frames]) for average in (PRINTS.average, PRINTS.edge_aware_average)
     )
     shift = 100 * moved_px
     inner = slice(4, 8)

@@ -24,7 +24,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.camera_mapping import why_not_one_view
 from fedora_qa.views.depth_edges import DARK_DN, DepthEdges, depth_edges
-from fedora_qa.views.event_camera import SeenFrames, intervals_due, seen_frames
+from fedora_qa.views.event_camera import ResampledFrames, intervals_due, resampled_frames
 from fedora_qa.views.large_frames import is_large, turn_of
 
 Float64 = NDArray[np.float64]
@@ -123,7 +123,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
 
     def measure(self, window: Window) -> IntervalCorrelations | None:
         """Correlate some intervals of the window."""
-        frames = seen_frames(window)
+        frames = resampled_frames(window)
         if len(frames) < 2:
             return None
         intervals = min(INTERVALS, intervals_due(window, frames, 2 * INTERVALS))
@@ -197,7 +197,7 @@ class AlignmentEvents(WindowCheck[IntervalCorrelations]):
 
 
 def _correlated(
-    frames: SeenFrames, interval: int, *, by_quarters: bool
+    frames: ResampledFrames, interval: int, *, by_quarters: bool
 ) -> tuple[Float64, Float64, Float64, Float64, FarSums]:
     """Return the sums of one frame interval, as in ``IntervalCorrelations``; of large frames, over a quarter of it.
 
@@ -206,11 +206,11 @@ def _correlated(
     0.014 and 0.030 px, for 0.011 and 0.018, and limits, which are those of the lag for the most part, 9% and 23%
     larger.
     """
-    height, rows = frames.even_dn.shape[1], slice(None)
+    height, rows = frames.uniform_dn.shape[1], slice(None)
     if by_quarters:
         quarter = int(4 * turn_of(int(frames.frames[interval])))
         rows = slice(quarter * height // 4, (quarter + 1) * height // 4)
-    before, after = (np.log(frames.even_dn[frame, rows] + DARK_DN) for frame in (interval, interval + 1))
+    before, after = (np.log(frames.uniform_dn[frame, rows] + DARK_DN) for frame in (interval, interval + 1))
     error_before_dn, error_after_dn = frames.error_dn[interval, rows], frames.error_dn[interval + 1, rows]
     counts = np.ascontiguousarray(frames.counts[interval, :, rows])
     change, events, usable, sums = change_and_events(before, after, error_before_dn, error_after_dn, counts)

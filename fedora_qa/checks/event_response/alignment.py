@@ -34,7 +34,7 @@ from fedora_qa.views.event_camera import (
     events_before,
     intervals_due,
     is_large_sensor,
-    seen_frames,
+    resampled_frames,
     sensor_shape,
     signal_of,
     tile_around,
@@ -153,8 +153,8 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
 
     def measure(self, window: Window) -> ShiftCorrelations | None:
         """Correlate some intervals of the window."""
-        seen, declared = seen_frames(window), window.facts.declared.events
-        if declared is None or len(seen) < 2:
+        resampled, declared = resampled_frames(window), window.facts.declared.events
+        if declared is None or len(resampled) < 2:
             return None
         # Fewer intervals of large sensors: see INTERVALS_OF_LARGE.
         per_window = INTERVALS
@@ -163,16 +163,16 @@ class EventResponseAlignment(WindowCheck[ShiftCorrelations]):
             is_long = int(times_ns[-1] - times_ns[0]) >= 2 * FEWEST_INTERVALS * WINDOW_NS
             read_px = window.sampling.tile_share * max(camera.width * camera.height for camera in cameras)
             per_window = INTERVALS_OF_LARGE[is_long and read_px >= _DENSE_PX]
-        due, last = intervals_due(window, seen, per_window), len(seen) - 2
+        due, last = intervals_due(window, resampled, per_window), len(resampled) - 2
         if due <= 0:
             return None
         # What came before the first interval is read only where there is no other.
         chosen = np.unique(np.linspace(min(1, last), last, due).round().astype(int)).tolist()
-        before = events_before(seen, window) if last == 0 else None
-        signals, thresholds = partial(signal_of, seen, declared), (declared.threshold_on, declared.threshold_off)
+        before = events_before(resampled, window) if last == 0 else None
+        signals, thresholds = partial(signal_of, resampled, declared), (declared.threshold_on, declared.threshold_off)
         whole, tiles, far, with_turned, settled = [], [], [], [], []
         # Each interval is overwritten by the next, so that its sums are taken at once.
-        for changes in intervals(signals, seen.counts, *thresholds, chosen, before):
+        for changes in intervals(signals, resampled.counts, *thresholds, chosen, before):
             height, width = changes.flags.shape
             whole.append(changes.sums(KEPT, [(0, height, 0, width)]))
             with_turned.append(changes.patch(USABLE))

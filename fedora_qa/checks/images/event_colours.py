@@ -25,10 +25,10 @@ from fedora_qa.sequence.declared import EventModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.event_camera import (
-    SeenFrames,
+    ResampledFrames,
+    event_footprints,
     pixel_events,
-    seen_footprints,
-    seen_frames,
+    resampled_frames,
     why_frames_and_events_do_not_meet,
 )
 from fedora_qa.views.event_tick import local_tick_ns
@@ -78,12 +78,13 @@ def colour_sums(window: Window) -> ColourSums | None:
 
 
 def _colour_sums(window: Window) -> ColourSums | None:
-    frames, declared = seen_frames(window), window.facts.declared.events
+    frames, declared = resampled_frames(window), window.facts.declared.events
     if declared is None or len(frames) < 2:
         return None
     refractory_ns = int(2 * declared.refractory_us * NS_PER_US)
     # Where rounding is small against a threshold: not saturated, not declared hot.
-    light = frames.even_dn, frames.even_dn, frames.error_dn, least_dn(window, declared), hot_pixels(declared, frames)
+    darkest_dn, hot = least_dn(window, declared), hot_pixels(declared, frames)
+    light = frames.uniform_dn, frames.uniform_dn, frames.error_dn, darkest_dn, hot
     pairs = level_pairs(
         pixel_events(window),
         frames.times_ns,
@@ -97,7 +98,7 @@ def _colour_sums(window: Window) -> ColourSums | None:
     pairs.regressors[:, 0] -= declared.leak_rate_hz * elapsed_s
     if len(pairs) < FEWEST_PAIRS:
         return None
-    height, width = frames.even_dn.shape[1:]
+    height, width = frames.uniform_dn.shape[1:]
     rows, columns = np.divmod(pairs.pixels, width)
     quarter: NDArray[np.intp] = (2 * (2 * rows // height) + 2 * columns // width).astype(np.intp)
     transfer, colours = window.facts.declared.transfer, _colours_at_ends(window, frames, pairs)
@@ -118,7 +119,7 @@ def _curves(declared: str) -> tuple[str, ...]:
     return (declared, *(curve for curve in TRANSFERS if curve != declared))
 
 
-def _colours_at_ends(window: Window, frames: SeenFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
+def _colours_at_ends(window: Window, frames: ResampledFrames, pairs: LevelPairs) -> tuple[Float64, Float64]:
     """Return linear R, G, B (m, 3) of each pair's pixel at its earlier and its later frame, in DN."""
     linear_dn = to_linear(np.arange(256.0), window.facts.declared.transfer)
     earlier, later = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
@@ -127,7 +128,7 @@ def _colours_at_ends(window: Window, frames: SeenFrames, pairs: LevelPairs) -> t
         if not (at_start.any() or at_end.any()):
             continue
         rgb = window.rgb(int(frame))
-        prints = seen_footprints(window, (rgb.shape[0], rgb.shape[1]))
+        prints = event_footprints(window, (rgb.shape[0], rgb.shape[1]))
         earlier[at_start] = edge_aware_colours(prints, rgb, linear_dn, pairs.pixels[at_start])
         later[at_end] = edge_aware_colours(prints, rgb, linear_dn, pairs.pixels[at_end])
     return earlier, later

@@ -1,16 +1,16 @@
-"""Frames seen by the pixels of the event camera: area averages in linear intensity.
+"""Frames resampled to the pixels of the event camera: area averages in linear intensity.
 
-Two cameras with one centre and one orientation see the same ray at pixels related by ``x_to = K_to K_from^-1 x_from``,
+Two cameras with one centre and one orientation image one ray at pixels related by ``x_to = K_to K_from^-1 x_from``,
 separable in columns and rows where the skew is zero. A pixel covers [u - 1/2, u + 1/2].
 
 The mean over an interval is the difference of the primitive at its ends. At the borders of frame pixels the primitive
 is known exactly, because a frame pixel is itself a mean. Inside a pixel two reconstructions bracket what the frame
-does not tell: the straight line (the pixel is even, which widens the footprint and takes contrast away) and the cubic
-through the four nearest borders (exact for smooth images, too sharp at steps).
+leaves open: the straight line (*uniform*: the pixel has one value, which widens the footprint and takes contrast away)
+and the cubic through the four nearest borders (*edge-aware*: exact for smooth images, too steep at steps).
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -24,48 +24,66 @@ Weighted = tuple[NDArray[np.int64], Float64]
 Weighted32 = tuple[NDArray[np.int64], Float32]
 
 LEFT_BY_SHARP = 0.7
-"""Bound on the error of what follows from the sharp reconstruction, as a share of how far the even one moves it.
+"""Bound on the error of what follows from the edge-aware reconstruction, as a fraction of how far the uniform one moves
+it.
 
 On smooth images the cubic has hardly any error. Steps are the worst that frames hold. For unit steps at random places,
-moving by s frame pixels between two readings (footprints of 9/4 frame pixels), the amplitude of the change is too small
-by 6.6, 4.4, 2.8, 2.0% (even) and 2.7, 1.2, 0.5, 0.3% (sharp) at s = 1, 2, 3, 4: the sharp one is off by 0.68, 0.38,
-0.23, 0.20 times what lies between both. Moves below a frame pixel bring few events."""
+moving by s frame pixels between two frames (footprints of 9/4 frame pixels), the amplitude of the change is too small
+by 6.6, 4.4, 2.8, 2.0% (uniform) and 2.7, 1.2, 0.5, 0.3% (edge-aware) at s = 1, 2, 3, 4: the edge-aware one is off by
+0.68, 0.38, 0.23, 0.20 times what lies between both. Moves below a frame pixel bring few events."""
 
 
 @dataclass(frozen=True, slots=True)
-class Taps:
+class FootprintTaps:
     """Weights of successive frame pixels along one axis: the first pixel (m,), and the weights (m, k) from there."""
 
     first: NDArray[np.int64]
     weights: Float64
 
 
-_TAPS = "even", "sharp", "split"
+class AxisWeights(NamedTuple):
+    """First pixels and weights along one axis in single precision, and the pixels (m,) inside: as ``FootprintAxis``."""
+
+    uniform: Weighted32
+    edge_aware: Weighted32
+    split: Weighted32
+    inside: Bool
+
+
+class FrameReconstructions(NamedTuple):
+    """A frame at the pixels of the event camera, (h, w) each: by both reconstructions, and the error of the uniform."""
+
+    edge_aware: Float32
+    uniform: Float32
+    error: Float32
+
+
+_RECONSTRUCTIONS = "uniform", "edge_aware", "split"
 
 
 @dataclass(frozen=True, slots=True)
-class Axis:
+class FootprintAxis:
     """What the m pixels of the event camera take of the frame along one axis.
 
     Attributes
     ----------
-    even, sharp
+    uniform, edge_aware
         Means over the footprint, by the straight line and by the cubic.
     split
-        ``even`` times the share of each pixel that lies inside.
+        ``uniform`` times the fraction of each pixel that lies inside.
     inside
         (m,): the footprint lies wholly in the frame.
     """
 
-    even: Taps
-    sharp: Taps
-    split: Taps
+    uniform: FootprintTaps
+    edge_aware: FootprintTaps
+    split: FootprintTaps
     inside: NDArray[np.bool_]
 
     def packed(self) -> NDArray[np.void]:
         """Return all of it as one array (m,): a record for each pixel."""
         columns: list[tuple[str, NDArray[Any]]] = [("inside", self.inside)]
-        for name in _TAPS:
+        for name in _RECONSTRUCTIONS:
             taps = getattr(self, name)
             columns += [(f"{name}_first", taps.first), (name, taps.weights)]
         table = np.empty(len(self.inside), [(name, column.dtype, column.shape[1:]) for name, column in columns])
@@ -74,26 +92,26 @@ class Axis:
         return table
 
     @staticmethod
-    def unpacked(table: NDArray[np.void]) -> "Axis":
+    def unpacked(table: NDArray[np.void]) -> "FootprintAxis":
         """Return the axis that was ``packed``."""
         own = {name: np.ascontiguousarray(table[name]) for name in table.dtype.names or ()}
-        even, sharp, split = (Taps(own[f"{name}_first"], own[name]) for name in _TAPS)
-        return Axis(even, sharp, split, own["inside"])
+        uniform, edge_aware, split = (FootprintTaps(own[f"{name}_first"], own[name]) for name in _RECONSTRUCTIONS)
+        return FootprintAxis(uniform, edge_aware, split, own["inside"])
 
     @property
-    def weighted(self) -> tuple[Weighted32, Weighted32, Weighted32]:
-        """First pixels and weights, in single precision: even, sharp, split."""
-        taps = self.even, self.sharp, self.split
-        even, sharp, split = ((each.first, each.weights.astype(np.float32)) for each in taps)
-        return even, sharp, split
+    def single_precision(self) -> AxisWeights:
+        """The weights in single precision."""
+        taps = self.uniform, self.edge_aware, self.split
+        uniform, edge_aware, split = ((each.first, each.weights.astype(np.float32)) for each in taps)
+        return AxisWeights(uniform, edge_aware, split, self.inside)
 
 
 @dataclass(frozen=True, slots=True)
 class Footprints:
     """The footprints of an event camera's pixels in a frame."""
 
-    rows: Axis
-    columns: Axis
+    rows: FootprintAxis
+    columns: FootprintAxis
 
     @property
     def inside(self) -> NDArray[np.bool_]:
@@ -101,39 +119,43 @@ class Footprints:
         return self.rows.inside[:, np.newaxis] & self.columns.inside
 
     def average(self, image: NDArray[Any]) -> Float64:
-        """Return the means (h, w) of an (H, W) image over the footprints, frame pixels taken as even."""
-        return _both(self.rows.even, image, self.columns.even)
+        """Return the means (h, w) of an (H, W) image over the footprints, frame pixels taken as uniform."""
+        return _weighted_means(self.rows.uniform, image, self.columns.uniform)
 
-    def sharp_average(self, image: NDArray[Any]) -> Float64:
+    def edge_aware_average(self, image: NDArray[Any]) -> Float64:
         """Return the means (h, w) of a smooth (H, W) image over the footprints."""
-        return _both(self.rows.sharp, image, self.columns.sharp)
+        return _weighted_means(self.rows.edge_aware, image, self.columns.edge_aware)
 
     def split_bound(self, contrast: NDArray[Any]) -> Float64:
         """Bound the error (h, w) of ``average`` that comes from pixels which a footprint's border cuts.
 
-        A pixel of mean m of which the share s lies inside is taken to give s m. Where it holds a step of height d the
-        truth differs by at most s (1 - s) d: reached when the step runs along the border. ``contrast`` (H, W) bounds d.
+        A pixel of mean m of which the fraction s lies inside is taken to give s m. Where it holds a step of height d
+        the truth differs by at most s (1 - s) d: reached when the step runs along the border. ``contrast`` (H, W)
+        bounds d.
         """
-        return self.average(contrast) - _both(self.rows.split, contrast, self.columns.split)
+        return self.average(contrast) - _weighted_means(self.rows.split, contrast, self.columns.split)
 
-    def see(
-        self,
-        luma: NDArray[np.float32],
-        lost: NDArray[np.bool_],
-        rounding: float,
-        *,
-        sharp: NDArray[np.float32],
-        even: NDArray[np.float32],
-        error: NDArray[np.float32],
+    def resample(
+        self, luma: Float32, clipped: Bool, rounding: float, *, edge_aware: Float32, uniform: Float32, error: Float32
     ) -> None:
-        """Write the sharp and the even average of an (H, W) image, and a bound of the latter's error, (h, w) each.
+        """Write both averages of an (H, W) image, and a bound of the uniform one's error, (h, w) each.
 
         The bound is ``rounding`` and ``split_bound`` of what the image varies by among a pixel and its eight
-        neighbours; infinite where a footprint leaves the image or touches a pixel that is ``lost`` or beside one.
+        neighbours; infinite where a footprint leaves the image or touches a pixel that is ``clipped`` or beside one.
+
+        Parameters
+        ----------
+        luma
+            (H, W) DN, linear.
+        clipped
+            (H, W) pixels whose value is not known.
+        rounding
+            Bound of the error of each value of the image, DN.
+        edge_aware, uniform, error
+            (h, w) where the results are written.
         """
-        rows, columns = self.rows.weighted, self.columns.weighted
-        inside = self.rows.inside, self.columns.inside
-        see_frame(luma, lost, rows, columns, *inside, rounding, sharp, even, error)
+        rows, columns = self.rows.single_precision, self.columns.single_precision
+        resample_frame(luma, clipped, rows, columns, rounding, FrameReconstructions(edge_aware, uniform, error))
 
 
 def footprints(
@@ -146,40 +168,40 @@ def footprints(
     )
 
 
-def row_axis(K_frame: Float64, height_frame: int, K_event: Float64, height_event: int) -> Axis:
+def row_axis(K_frame: Float64, height_frame: int, K_event: Float64, height_event: int) -> FootprintAxis:
     """Return what the rows of the event camera take of the rows of the frame."""
     return _axis(K_frame[1, 1:], K_event[1, 1:], height_frame, height_event)
 
 
-def column_axis(K_frame: Float64, width_frame: int, K_event: Float64, width_event: int) -> Axis:
+def column_axis(K_frame: Float64, width_frame: int, K_event: Float64, width_event: int) -> FootprintAxis:
     """Return what the columns of the event camera take of the columns of the frame."""
     return _axis(K_frame[0, [0, 2]], K_event[0, [0, 2]], width_frame, width_event)
 
 
-def _axis(frame: Float64, event: Float64, size_frame: int, size_event: int) -> Axis:
+def _axis(frame: Float64, event: Float64, size_frame: int, size_event: int) -> FootprintAxis:
     """Return the weights along one axis; ``frame`` and ``event`` are focal length and principal point, px."""
     edges = (np.arange(size_event + 1) - 0.5 - event[1]) * (frame[0] / event[0]) + frame[1] + 0.5
     lengths = np.diff(edges)[:, np.newaxis]
-    even = _means(edges, size_frame, points=2)
-    sharp = _means(edges, size_frame, points=min(4, size_frame + 1))
-    # One part in a million of a pixel is what K as written in a file may lack.
+    uniform = _means(edges, size_frame, points=2)
+    edge_aware = _means(edges, size_frame, points=min(4, size_frame + 1))
+    # K as written in a file may lack one part in a million of a pixel.
     inside = (edges[:-1] >= -1e-6) & (edges[1:] <= size_frame + 1e-6)
-    return Axis(
-        Taps(even.first, even.weights / lengths),
-        Taps(sharp.first, sharp.weights / lengths),
-        Taps(even.first, even.weights**2 / lengths),
+    return FootprintAxis(
+        FootprintTaps(uniform.first, uniform.weights / lengths),
+        FootprintTaps(edge_aware.first, edge_aware.weights / lengths),
+        FootprintTaps(uniform.first, uniform.weights**2 / lengths),
         inside,
     )
 
 
-def _means(edges: Float64, size: int, points: int) -> Taps:
+def _means(edges: Float64, size: int, points: int) -> FootprintTaps:
     """Return the weights of pixels in the integral between each two edges, Lagrange of so many ``points``.
 
     The primitive at border k is the sum of the pixels before it: pixel j has the weight of all borders behind it.
     """
-    at = np.clip(edges, 0.0, size)
-    first = np.clip(np.floor(at).astype(np.int64) - points // 2 + 1, 0, size + 1 - points)
-    borders, since = np.ones((points, len(edges))), at - first
+    positions = np.clip(edges, 0.0, size)
+    first = np.clip(np.floor(positions).astype(np.int64) - points // 2 + 1, 0, size + 1 - points)
+    borders, since = np.ones((points, len(edges))), positions - first
     for i in range(points):
         for j in range(points):
             if j != i:
@@ -196,10 +218,10 @@ def _means(edges: Float64, size: int, points: int) -> Taps:
 
     weights = before(slice(1, None)) - before(slice(None, -1))
     weights[np.abs(weights) < 1e-12] = 0.0
-    return Taps(start, weights)
+    return FootprintTaps(start, weights)
 
 
-def _both(rows: Taps, image: NDArray[Any], columns: Taps) -> Float64:
+def _weighted_means(rows: FootprintTaps, image: NDArray[Any], columns: FootprintTaps) -> Float64:
     means = np.empty((len(rows.first), len(columns.first)))
     average_taps(np.ascontiguousarray(image), (rows.first, rows.weights), (columns.first, columns.weights), means)
     return means
@@ -215,56 +237,50 @@ def average_taps(image: NDArray[Any], rows: Weighted, columns: Weighted, means: 
 
 
 @njit(cache=True)
-def see_frame(
+def resample_frame(
     luma: Float32,
-    lost: Bool,
-    rows: tuple[Weighted32, Weighted32, Weighted32],
-    columns: tuple[Weighted32, Weighted32, Weighted32],
-    inside_rows: Bool,
-    inside_columns: Bool,
+    clipped: Bool,
+    rows: AxisWeights,
+    columns: AxisWeights,
     rounding: float,
-    sharp_means: Float32,
-    even_means: Float32,
-    errors: Float32,
+    resampled: FrameReconstructions,
 ) -> None:
-    """Write what ``Footprints.see`` says, row by row, so that all but the frame itself stays in the cache.
-
-    ``rows`` and ``columns`` weigh frame pixels: even, sharp and split.
-    """
+    """Write what ``Footprints.resample`` documents, row by row, so that all but the frame itself stays in the cache."""
     width = luma.shape[1]
-    even_rows, sharp_rows, split_rows = rows
-    even_columns, sharp_columns, split_columns = columns
-    lost_rows = _rows_with(lost)
+    uniform_rows, edge_aware_rows, split_rows, inside_rows = rows
+    uniform_columns, edge_aware_columns, split_columns, inside_columns = columns
+    edge_aware_means, uniform_means, errors = resampled
+    clipped_rows = _clipped_rows(clipped)
     beyond = np.empty(len(inside_columns), np.float32)
     for column in range(len(beyond)):
         beyond[column] = rounding if inside_columns[column] else np.inf
-    sharp, even, whole, split = (np.empty(width, np.float32), np.empty(width, np.float32),
+    edge_aware, uniform, whole, split = (np.empty(width, np.float32), np.empty(width, np.float32),
                                  np.empty(width, np.float32), np.empty(width, np.float32))  # fmt: skip
-    taps = even_rows[1].shape[1]
-    # Of the contrast the last rows are kept: neighbouring footprints share one of them.
-    contrast, known = np.empty((taps, width), np.float32), np.full(taps, -1)
-    high, low, touched = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.bool_)
+    taps = uniform_rows[1].shape[1]
+    # The last rows of the contrast are kept, each with its number: neighbouring footprints share one of them.
+    contrast, kept_rows = np.empty((taps, width), np.float32), np.full(taps, -1)
+    high, low, near_clipped = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.bool_)
     for row in range(len(errors)):
-        _add_rows32(luma, sharp_rows[0][row], sharp_rows[1][row], sharp)
-        _add_columns32(sharp, sharp_columns[0], sharp_columns[1], sharp_means[row])
-        first, weights = even_rows[0][row], even_rows[1][row]
-        _add_rows32(luma, first, weights, even)
+        _add_rows32(luma, edge_aware_rows[0][row], edge_aware_rows[1][row], edge_aware)
+        _add_columns32(edge_aware, edge_aware_columns[0], edge_aware_columns[1], edge_aware_means[row])
+        first, weights = uniform_rows[0][row], uniform_rows[1][row]
+        _add_rows32(luma, first, weights, uniform)
         whole[:], split[:] = 0.0, 0.0
         for i in range(taps):
-            kept = (first + i) % taps
-            if known[kept] != first + i:
-                _contrast_of_row(luma, first + i, high, low, contrast[kept])
-                known[kept] = first + i
-            _add_both(contrast[kept], weights[i], split_rows[1][row, i], whole, split)
+            slot = (first + i) % taps
+            if kept_rows[slot] != first + i:
+                _contrast_of_row(luma, first + i, high, low, contrast[slot])
+                kept_rows[slot] = first + i
+            _add_contrast(contrast[slot], weights[i], split_rows[1][row, i], whole, split)
         error = errors[row]
-        _add_even_columns(even, whole, split, even_columns, split_columns[1], even_means[row], error)
+        _add_uniform_columns(uniform, whole, split, uniform_columns, split_columns[1], uniform_means[row], error)
         if inside_rows[row]:
             for column in range(len(error)):
                 error[column] += beyond[column]
         else:
             error[:] = np.inf
-        if _mark_rows(lost, lost_rows, first, weights, touched):
-            _lose_columns(touched, even_columns[0], even_columns[1], error)
+        if _mark_clipped(clipped, clipped_rows, first, weights, near_clipped):
+            _exclude_columns(near_clipped, uniform_columns[0], uniform_columns[1], error)
 
 
 @njit(cache=True)
@@ -286,50 +302,50 @@ def _add_rows32(image: Float32, first: int, weights: Float32, line: Float32) -> 
 
 
 @njit(cache=True, fastmath={"contract"})
-def _add_both(row: Float32, weight: np.float32, other_weight: np.float32, line: Float32, other: Float32) -> None:
+def _add_contrast(row: Float32, weight: np.float32, split_weight: np.float32, whole: Float32, split: Float32) -> None:
     """Add a row to two lines, by weights of which none is 0 where the other is not."""
     if weight != 0.0:
-        for column in range(len(line)):
-            line[column] += weight * row[column]
-            other[column] += other_weight * row[column]
+        for column in range(len(whole)):
+            whole[column] += weight * row[column]
+            split[column] += split_weight * row[column]
 
 
 @njit(cache=True, fastmath={"contract"})
 def _add_columns(line: Float64, first: NDArray[np.int64], weights: Float64, means: Float64) -> None:
     for column in range(len(means)):
         # Unsigned: an index that may be negative costs a comparison each.
-        at, total = np.uint64(first[column]), 0.0
+        pixel, total = np.uint64(first[column]), 0.0
         for i in range(weights.shape[1]):
-            total += weights[column, i] * line[at + np.uint64(i)]
+            total += weights[column, i] * line[pixel + np.uint64(i)]
         means[column] = total
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
 def _add_columns32(line: Float32, first: NDArray[np.int64], weights: Float32, means: Float32) -> None:
     for column in range(len(means)):
-        at, total = np.uint64(first[column]), np.float32(0)
+        pixel, total = np.uint64(first[column]), np.float32(0)
         for i in range(weights.shape[1]):
-            total += weights[column, i] * line[at + np.uint64(i)]
+            total += weights[column, i] * line[pixel + np.uint64(i)]
         means[column] = total
 
 
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
-def _add_even_columns(
-    even: Float32,
+def _add_uniform_columns(
+    uniform: Float32,
     whole: Float32,
     split: Float32,
-    even_columns: Weighted32,
+    uniform_columns: Weighted32,
     split_weights: Float32,
     means: Float32,
     bounds: Float32,
 ) -> None:
-    """Write the means of ``even``, and those of ``whole`` less those of ``split`` by its own weights."""
-    first, weights = even_columns
+    """Write the means of ``uniform``, and those of ``whole`` less those of ``split`` by its own weights."""
+    first, weights = uniform_columns
     for column in range(len(means)):
-        at, mean, bound = np.uint64(first[column]), np.float32(0), np.float32(0)
+        start, mean, bound = np.uint64(first[column]), np.float32(0), np.float32(0)
         for i in range(weights.shape[1]):
-            pixel, weight = at + np.uint64(i), weights[column, i]
-            mean += weight * even[pixel]
+            pixel, weight = start + np.uint64(i), weights[column, i]
+            mean += weight * uniform[pixel]
             bound += weight * whole[pixel] - split_weights[column, i] * split[pixel]
         means[column], bounds[column] = mean, bound
 
@@ -338,10 +354,10 @@ def _add_even_columns(
 def _contrast_of_row(luma: Float32, row: int, high: Float32, low: Float32, contrast: Float32) -> None:
     """Write the largest less the smallest value among each pixel of a row and its eight neighbours."""
     height, width = luma.shape
-    above, at, below = luma[max(row - 1, 0)], luma[row], luma[min(row + 1, height - 1)]
+    above, line, below = luma[max(row - 1, 0)], luma[row], luma[min(row + 1, height - 1)]
     for column in range(width):
-        high[column] = max(above[column], at[column], below[column])
-        low[column] = min(above[column], at[column], below[column])
+        high[column] = max(above[column], line[column], below[column])
+        low[column] = min(above[column], line[column], below[column])
     for column in range(1, width - 1):
         most = max(high[column - 1], high[column], high[column + 1])
         least = min(low[column - 1], low[column], low[column + 1])
@@ -354,47 +370,47 @@ def _contrast_of_row(luma: Float32, row: int, high: Float32, low: Float32, contr
 
 
 @njit(cache=True)
-def _rows_with(lost: Bool) -> Bool:
-    """Return the rows (H,) with a pixel that is lost."""
-    rows = np.zeros(lost.shape[0], np.bool_)
-    for row in range(lost.shape[0]):
-        found = False
-        for column in range(lost.shape[1]):
-            found |= lost[row, column]
-        rows[row] = found
+def _clipped_rows(clipped: Bool) -> Bool:
+    """Return the rows (H,) with a clipped pixel."""
+    rows = np.zeros(clipped.shape[0], np.bool_)
+    for row in range(clipped.shape[0]):
+        any_clipped = False
+        for column in range(clipped.shape[1]):
+            any_clipped |= clipped[row, column]
+        rows[row] = any_clipped
     return rows
 
 
 @njit(cache=True)
-def _mark_rows(lost: Bool, lost_rows: Bool, first: int, weights: Float32, touched: Bool) -> bool:
-    """Mark the columns in which a pixel of the rows that weigh, or of those beside them, is lost; return if any is."""
-    start, stop = len(lost), 0
+def _mark_clipped(clipped: Bool, clipped_rows: Bool, first: int, weights: Float32, near_clipped: Bool) -> bool:
+    """Mark columns with a clipped pixel in the rows that weigh or in those beside them; return whether any is."""
+    start, stop = len(clipped), 0
     for i in range(len(weights)):
         if weights[i] != 0.0:
-            start, stop = min(start, max(first + i - 1, 0)), max(stop, min(first + i + 2, len(lost)))
-    if not np.any(lost_rows[start:stop]):
+            start, stop = min(start, max(first + i - 1, 0)), max(stop, min(first + i + 2, len(clipped)))
+    if not np.any(clipped_rows[start:stop]):
         return False
-    touched[:] = False
+    near_clipped[:] = False
     for row in range(start, stop):
-        if lost_rows[row]:
-            for column in range(len(touched)):
-                touched[column] |= lost[row, column]
+        if clipped_rows[row]:
+            for column in range(len(near_clipped)):
+                near_clipped[column] |= clipped[row, column]
     return True
 
 
 @njit(cache=True)
-def _lose_columns(touched: Bool, first: NDArray[np.int64], weights: Float32, error: Float32) -> None:
+def _exclude_columns(near_clipped: Bool, first: NDArray[np.int64], weights: Float32, error: Float32) -> None:
     """Make the error infinite of pixels whose columns that weigh, or those beside them, are marked."""
     before = 0
-    until = np.zeros(len(touched) + 1, np.int64)
-    for column in range(len(touched)):
-        before += touched[column]
+    until = np.zeros(len(near_clipped) + 1, np.int64)
+    for column in range(len(near_clipped)):
+        before += near_clipped[column]
         until[column + 1] = before
     for column in range(len(error)):
-        start, stop = len(touched), 0
+        start, stop = len(near_clipped), 0
         for i in range(weights.shape[1]):
             if weights[column, i] != 0.0:
-                at = first[column] + i
-                start, stop = min(start, max(at - 1, 0)), max(stop, min(at + 2, len(touched)))
+                pixel = first[column] + i
+                start, stop = min(start, max(pixel - 1, 0)), max(stop, min(pixel + 2, len(near_clipped)))
         if stop > start and until[stop] > until[start]:
             error[column] = np.inf

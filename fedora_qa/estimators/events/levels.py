@@ -333,9 +333,9 @@ def _cubic_between(t0: float, t1: float, t2: float, t3: float, step: float, t: f
 
 
 @njit(cache=True)
-def mark_usable(sharp_dn: Float32, even_dn: Float32, error_dn: Float32, least_dn: float, usable: Bool) -> None:
+def mark_usable(edge_aware_dn: Float32, uniform_dn: Float32, error_dn: Float32, least_dn: float, usable: Bool) -> None:
     """Mark in ``usable`` (h, w) the pixels not darker than ``least_dn`` in either image whose error is finite."""
     for row in range(usable.shape[0]):
         for column in range(usable.shape[1]):
-            darker = min(sharp_dn[row, column], even_dn[row, column])
+            darker = min(edge_aware_dn[row, column], uniform_dn[row, column])
             usable[row, column] = (darker >= least_dn) & (error_dn[row, column] < np.inf)

@@ -319,7 +319,7 @@ def edge_aware_colours(
     Float64
         (m, 3) linear R, G, B in DN.
     """
-    rows, columns = footprints.rows.sharp, footprints.columns.sharp
+    rows, columns = footprints.rows.edge_aware, footprints.columns.edge_aware
     of_rows, of_columns = np.divmod(np.asarray(pixels, dtype=np.int64), len(columns.first))
     means = np.empty((len(pixels), 3))
     taps = SeparableTaps(rows.first, rows.weights, columns.first, columns.weights)
