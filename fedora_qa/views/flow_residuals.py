@@ -16,8 +16,7 @@ from fedora_qa.estimators.flow.residual import (
     TileResiduals,
     tile_residuals,
 )
-from fedora_qa.estimators.flow.tile_kernels import known_patches, means_slopes_sines, places_of
-from fedora_qa.estimators.flow.tiles import TileGrid
+from fedora_qa.estimators.flow.tiles import TileGrid, known_patches, means_slopes_sines, places_of
 from fedora_qa.views.flow_intervals import Interval
 from fedora_qa.views.large_frames import is_large
 from fedora_qa.views.tile_templates import tile_templates

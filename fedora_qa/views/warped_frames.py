@@ -8,12 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.flow.frame_kernels import parts_about, read_parts, smoothed_patches
-from fedora_qa.estimators.flow.mask import edges, flow_conflicts, inverse_depth, seen_in_both, seen_in_few_tiles
+from fedora_qa.estimators.flow.mask import edges, flow_conflicts, inverse_depth
 from fedora_qa.estimators.flow.motion_fit import fit_motion, twist_statistic
 from fedora_qa.estimators.flow.residual import HALO_PX, LUMA_ROUNDING_VARIANCE_DN2, TILE_PX
 from fedora_qa.estimators.flow.tiles import patches_of, pixels_of
-from fedora_qa.estimators.flow.warp import read_between, smooth, smoothing_taps, taps_at_pixels
+from fedora_qa.estimators.flow.visibility import seen_in_both, seen_in_few_tiles
+from fedora_qa.estimators.flow.warp import (
+    parts_about,
+    read_between,
+    read_parts,
+    smooth,
+    smoothed_patches,
+    smoothing_taps,
+    taps_at_pixels,
+)
 from fedora_qa.estimators.images.noise import noise_variances
 from fedora_qa.estimators.images.transfer import to_linear
 from fedora_qa.geometry.camera import RigidMotion
