@@ -98,7 +98,7 @@ def flow_as_seen(flow_px: Float32, view: Float64, wanted: Bools, width: int) -> 
 
 @njit(cache=True)
 def flows_of(x: Float32, y: Float32, flow: FoldedFlow) -> tuple[Float32, Int32]:
-    """Return the flow (2, n) at pixels of the event camera, NaN where there is none, and the indices (n,) of its pixels.
+    """Return the flow (2, n) at pixels of the event camera, NaN where there is none, and where it is read, (n,).
 
     Indices count the pixels of the flow row by row.
     """
