@@ -38,11 +38,19 @@ _FAULT_OF_TEMPLATE: Final = MappingProxyType({
 """Cause, unit and largest size, beyond which the template, a derivative, says nothing."""
 
 _CAUSE_OF_TRANSFORM: Final = MappingProxyType({
+    "negated": "flow_sign",
+    "transposed_axes": "axes_swapped",
+    "flipped_v": "frame_convention",
+    "rescaled_by_interval": "flow_unit",
+    "scaled": "flow_gain",
+    "mirrored": "mirrored",
+    "field_of_another_rate": "flow_rate_mixed",
+    "delayed": "time_offset",
     "shifted_interval": "flow_interval_shifted",
     "exchanged_frames": "swapped_frames",
     "repeated_frame": "frozen_frames",
 })  # fmt: skip
-"""Causes that transforms of the frames would undo, besides those of ``diagnosis.flow``."""
+"""The cause that each transform of ``views.frame_conventions`` would undo."""
 
 _DISPLACEMENTS: Final = tuple(
     (cause, stream)
@@ -71,7 +79,7 @@ def propose_residual(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
     # Single frames cannot give most fields the same gain.
     deviating_share = 1.0 if rate.has_common_gain else rate.deviating_fields / rate.fields
     trials = [
-        replace(feature, transform=_CAUSE_OF_TRANSFORM.get(feature.transform, feature.transform))
+        replace(feature, transform=_CAUSE_OF_TRANSFORM[feature.transform])
         for feature in features
         if isinstance(feature, ConventionTrial)
     ]

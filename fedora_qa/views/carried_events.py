@@ -1,4 +1,4 @@
-"""Fields of flow under which events are carried: what the sharpness of one field is, under all that it might be."""
+"""Events carried along fields of flow: the sharpness of each field, and of each of its transforms."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.flow.contrast import GAINS, MARGIN_PX, PlacedEvents, View, sharpness_under
+from fedora_qa.estimators.flow.contrast import GAINS, MARGIN_PX, PixelEvents, SensorView, sharpness_under
 from fedora_qa.estimators.flow.contrast_kernels import on_rows
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Events, Window
@@ -26,8 +26,8 @@ SHORTEST_NS: Final = 60_000_000
 """Events are taken over at least so long, around the middle of the interval: at 50 Hz edges cross few pixels."""
 
 APART_NS: Final = 40_000_000
-"""Fields begin at least so far apart: those nearer to each other are told by the same events. Of 40 fields of 50 Hz in
-1 s (1440x1080) every second one gave a gain the same standard error, 0.51% and 0.62% for 0.57%."""
+"""Fields begin at least so far apart: nearer ones are judged by the same events. Of 40 fields of 50 Hz in 1 s
+(1440x1080) every second field gave a gain the same standard error, 0.51% and 0.62% for 0.57%."""
 
 LONGEST_NS: Final = 200_000_000
 """Fields over longer intervals are left out: paths bend."""
@@ -41,7 +41,7 @@ LARGE_ROWS: Final = 0.25
 """Of large frames so many events of a field are carried, of such a share of the rows where that has enough of them.
 
 Bands of rows keep the events of an edge together, which every third event would not. At 1440x1080, 1 s, limits are up
-to 13% larger; with 4,000 those of rivals would be 24%, and exchanged axes were no longer seen.
+to 13% larger; with 4,000 those of transforms would be 24%, and exchanged axes were no longer detected.
 """
 
 FEWEST_EVENTS: Final = 500
@@ -91,23 +91,26 @@ def measure_fields(window: Window) -> tuple[FieldSharpness, ...]:
     chosen = list(_chosen(window))
     if not chosen:
         return ()
-    first_ns = min(min(one.start_ns, _middle_ns(one) - SHORTEST_NS // 2) for one in chosen)
-    last_ns = max(max(one.end_ns, _middle_ns(one) + SHORTEST_NS // 2) for one in chosen)
+    first_ns = min(min(interval.start_ns, _middle_ns(interval) - SHORTEST_NS // 2) for interval in chosen)
+    last_ns = max(max(interval.end_ns, _middle_ns(interval) + SHORTEST_NS // 2) for interval in chosen)
     try:
         events = window.events(max(window.span.start_ns - first_ns, 0), max(last_ns - window.span.stop_ns, 0))
     except UnreadableRowsError:
         return ()
-    measured = (_measure(window, interval, events) for interval in chosen)
-    return tuple(one for one in measured if one is not None)
+    fields = (_measure(window, interval, events) for interval in chosen)
+    return tuple(field for field in fields if field is not None)
 
 
 def _chosen(window: Window) -> Iterator[Interval]:
     for stream in window.facts.flow_streams:
-        intervals = [one for one in owned_intervals(window, stream) if 0 < one.length_ns <= LONGEST_NS]
-        intervals = [one for one in intervals if one.row % max(1, APART_NS // one.length_ns) == 0]
+        intervals = [
+            interval
+            for interval in owned_intervals(window, stream)
+            if 0 < interval.length_ns <= LONGEST_NS and interval.row % max(1, APART_NS // interval.length_ns) == 0
+        ]
         if intervals:
-            picked = np.unique(np.linspace(0, len(intervals) - 1, FIELDS).round().astype(int))
-            yield from (intervals[int(i)] for i in picked)
+            indices = np.unique(np.linspace(0, len(intervals) - 1, FIELDS).round().astype(int))
+            yield from (intervals[int(i)] for i in indices)
 
 
 def _middle_ns(interval: Interval) -> int:
@@ -116,37 +119,42 @@ def _middle_ns(interval: Interval) -> int:
 
 def _measure(window: Window, interval: Interval, events: Events) -> FieldSharpness | None:
     try:
-        stored = window.flow_px(interval.stream, interval.row)
+        stored_px = window.flow_px(interval.stream, interval.row)
     except UnreadableRowsError:
         return None
     shape, view = sensor_shape(window.facts.declared), _view_of_flow(window.facts)
     focal_px = float(window.facts.declared.cameras["events"].K[0, 0])
-    rows, most, for_speed = np.ones(shape[0], np.bool_), MOST_EVENTS, _FOR_SPEED
-    if is_large(stored.shape[0] * stored.shape[1], window):
-        most, for_speed = LARGE_EVENTS, round(LARGE_ROWS * _FOR_SPEED)
-        within = _around(events, interval, SHORTEST_NS // 2)
-        rows = bands(shape[0], max(LARGE_ROWS, most / max(within.stop - within.start, most)), interval.row)
-    seen = view.of(stored, near(rows, round(MARGIN_PX)), shape[1])
-    within = _around(events, interval, _length_ns(interval, seen.flow_px, focal_px, for_speed) // 2)
-    if within.stop - within.start < FEWEST_EVENTS:
+    rows, most, speed_pixels = np.ones(shape[0], np.bool_), MOST_EVENTS, _SPEED_PIXELS
+    if is_large(stored_px.shape[0] * stored_px.shape[1], window):
+        most, speed_pixels = LARGE_EVENTS, round(LARGE_ROWS * _SPEED_PIXELS)
+        nearby = _around(events, interval, SHORTEST_NS // 2)
+        rows = bands(shape[0], max(LARGE_ROWS, most / max(nearby.stop - nearby.start, most)), interval.row)
+    sensor_flow = view.of(stored_px, near(rows, round(MARGIN_PX)), shape[1])
+    length_ns = _length_ns(interval, sensor_flow.flow_px, focal_px, speed_pixels)
+    nearby = _around(events, interval, length_ns // 2)
+    if nearby.stop - nearby.start < FEWEST_EVENTS:
         return None
-    few = _on_sensor(events, _thinned(within, float(np.mean(rows)), most), shape[1], rows)
-    placed = PlacedEvents.pixel_by_pixel(few.x, few.y, (few.times_ns - interval.start_ns) / interval.length_ns)
-    turns = [0.0 * _UNIT, *(gain * _UNIT for gain in GAINS), *_turns(interval.duration_s)]
-    flow = seen.at(placed)
-    as_stored = sharpness_under(placed, [(flow, turns)])
+    # Every so many-th event, so that about as many as there may be lie in the rows.
+    step = 1 + int(float(np.mean(rows)) * (nearby.stop - nearby.start)) // most
+    chosen = on_rows(events.x, events.y, (nearby.start, nearby.stop, step), shape[1], rows)
+    x, y = events.x[chosen].astype(np.uint16), events.y[chosen].astype(np.uint16)
+    tau = (events.times_ns[chosen] - interval.start_ns) / interval.length_ns
+    ordered = PixelEvents.pixel_by_pixel(x, y, tau)
+    matrices = [0.0 * _UNIT, *(gain * _UNIT for gain in GAINS), *_transform_matrices(interval.duration_s)]
+    flow = sensor_flow.at(ordered)
+    as_stored = sharpness_under(ordered, [(flow, matrices)])
     count = len(as_stored.carried)
     if count < FEWEST_EVENTS:
         return None
-    own, turned = as_stored.sharpness[1 + GAINS.index(1.0)], as_stored.sharpness[1 + len(GAINS) :]
-    placed, flow = placed.chosen(as_stored.carried), flow.chosen(as_stored.carried)
-    mirrored = (view.mirrored(seen, axis, stored.shape).at(placed) for axis in range(2))
-    pairs = [sharpness_under(placed, [(flow, [_UNIT]), (other, [_UNIT])]).sharpness for other in mirrored]
-    transformed = np.array([*((own, sharpness) for sharpness in turned), *pairs])
+    own, by_matrix = as_stored.sharpness[1 + GAINS.index(1.0)], as_stored.sharpness[1 + len(GAINS) :]
+    # Mirrored fields have no flow at some events: both are compared on those that have one in either.
+    ordered, flow = ordered.chosen(as_stored.carried), flow.chosen(as_stored.carried)
+    mirrored = (view.mirrored(sensor_flow, axis, stored_px.shape).at(ordered) for axis in range(2))
+    pairs = [sharpness_under(ordered, [(flow, [_UNIT]), (other, [_UNIT])]).sharpness for other in mirrored]
+    transformed = np.array([*((own, sharpness) for sharpness in by_matrix), *pairs])
     way_rad = as_stored.way_px / _RMS_OF_TIME / focal_px
-    return FieldSharpness(
-        interval, as_stored.sharpness[: 1 + len(GAINS)], transformed, count, as_stored.way_px, way_rad
-    )
+    by_gain = as_stored.sharpness[: 1 + len(GAINS)]
+    return FieldSharpness(interval, by_gain, transformed, count, as_stored.way_px, way_rad)
 
 
 def _around(events: Events, interval: Interval, half_ns: int) -> slice:
@@ -156,49 +164,37 @@ def _around(events: Events, interval: Interval, half_ns: int) -> slice:
     return slice(int(start), int(stop))
 
 
-def _thinned(within: slice, share: float, most: int) -> slice:
-    """Return every so many-th of some events, of which about so many lie in a share of the rows as there may be."""
-    return slice(within.start, within.stop, 1 + int(share * (within.stop - within.start)) // most)
-
-
 def _length_ns(interval: Interval, flow_px: Float32, focal_px: float, pixels: int) -> int:
     """Return the time that events are taken from: of up to the whole interval that which makes the allowance least.
 
     With the root mean square way w it is 1 / (12 w^2) for the pixels and 2 a^2 = 24 (w / focal)^2 for bent paths, least
-    at w^2 = focal / sqrt(288). Some ``pixels`` tell w: the choice need not be exact.
+    at w^2 = focal / sqrt(288). w is the mean over some ``pixels``: the choice need not be exact.
     """
     step = max(1, int(np.sqrt(flow_px[..., 0].size / pixels)))
-    some_px = flow_px[::step, ::step].astype(np.float64)
-    speed_px = np.hypot(some_px[..., 0], some_px[..., 1])
-    known = speed_px[np.isfinite(speed_px)]
-    way_px = _RMS_OF_TIME * float(np.sqrt(np.mean(np.square(known)))) if len(known) else 0.0
-    best = np.sqrt(focal_px / np.sqrt(288.0)) / max(way_px, 1e-9)
-    return int(np.clip(best * interval.length_ns, SHORTEST_NS, max(interval.length_ns, SHORTEST_NS)))
+    sampled_px = flow_px[::step, ::step].astype(np.float64)
+    speed_px = np.hypot(sampled_px[..., 0], sampled_px[..., 1])
+    finite = speed_px[np.isfinite(speed_px)]
+    way_px = _RMS_OF_TIME * float(np.sqrt(np.mean(np.square(finite)))) if len(finite) else 0.0
+    intervals = np.sqrt(focal_px / np.sqrt(288.0)) / max(way_px, 1e-9)
+    return int(np.clip(intervals * interval.length_ns, SHORTEST_NS, max(interval.length_ns, SHORTEST_NS)))
 
 
-_FOR_SPEED: Final = 5_000
-"""Pixels that tell how fast the image moves."""
+_SPEED_PIXELS: Final = 5_000
+"""Pixels from which the speed of the image is taken."""
 
 
-def _turns(seconds: float) -> tuple[Float64, ...]:
+def _transform_matrices(interval_s: float) -> tuple[Float64, ...]:
     """Return the matrices of the transforms that keep the place of values, as in ``TRANSFORMS``."""
-    return -_UNIT, _UNIT[::-1], np.diag([1.0, -1.0]), seconds * _UNIT, _UNIT / seconds
+    return -_UNIT, _UNIT[::-1], np.diag([1.0, -1.0]), interval_s * _UNIT, _UNIT / interval_s
 
 
 _RMS_OF_TIME: Final = 12**-0.5
 """Root mean square distance of an instant from the middle, over the length of the interval."""
 
 
-def _view_of_flow(facts: Facts) -> View:
-    """Return how the event camera, which sits where the depth camera does, sees the flow's grid."""
+def _view_of_flow(facts: Facts) -> SensorView:
+    """Return how the event camera, which has the centre of the depth camera, maps onto the flow's grid."""
     K_flow, K_event = (facts.declared.cameras[name].K for name in ("depth", "events"))
     across, down = (float(K_flow[i, i] / K_event[i, i]) for i in range(2))
     left, top = (float(K_flow[i, 2] - K_event[i, 2] * K_flow[i, i] / K_event[i, i]) for i in range(2))
-    return View(across, left, down, top, 1 / across, 1 / down)
-
-
-def _on_sensor(events: Events, taken: slice, width: int, rows: NDArray[np.bool_]) -> Events:
-    """Return some of the events: those within the width of the sensor, and in some of its rows (h,)."""
-    good = on_rows(events.x, events.y, (taken.start, taken.stop, taken.step), width, rows)
-    x, y = events.x[good].astype(np.uint16), events.y[good].astype(np.uint16)
-    return Events(x, y, events.times_ns[good], events.p[good])
+    return SensorView(across, left, down, top, 1 / across, 1 / down)

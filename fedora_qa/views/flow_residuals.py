@@ -9,9 +9,13 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.flow.field_fit import MEAN, fit_field, lock_in, templates_of_flow
 from fedora_qa.estimators.flow.motion_fit import Evidence
-from fedora_qa.estimators.flow.residual import HALO_PX, TILE_PX, TileResiduals, tile_residuals
-from fedora_qa.estimators.flow.tile_kernels import known_patches, means_slopes_sines, places_of
-from fedora_qa.estimators.flow.tiles import TileGrid
+from fedora_qa.estimators.flow.residual import (
+    HALO_PX,
+    TILE_PX,
+    TileResiduals,
+    tile_residuals,
+)
+from fedora_qa.estimators.flow.tiles import TileGrid, known_patches, means_slopes_sines, places_of
 from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2
 from fedora_qa.views.flow_intervals import Interval
 from fedora_qa.views.large_frames import is_large

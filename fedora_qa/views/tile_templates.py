@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow.tile_kernels import mean_derivatives
+from fedora_qa.estimators.flow.tiles import mean_derivatives
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.so3 import cross_matrices
 from fedora_qa.sequence.window import Window

@@ -7,12 +7,20 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow.frame_kernels import parts_about, read_parts, smoothed_patches
-from fedora_qa.estimators.flow.mask import edges, flow_conflicts, inverse_depth, seen_in_both, seen_in_few_tiles
+from fedora_qa.estimators.flow.mask import edges, flow_conflicts, inverse_depth
 from fedora_qa.estimators.flow.motion_fit import fit_motion, twist_statistic
 from fedora_qa.estimators.flow.residual import HALO_PX, TILE_PX
 from fedora_qa.estimators.flow.tiles import patches_of, pixels_of
-from fedora_qa.estimators.flow.warp import read_between, smooth, smoothing_taps, taps_at_pixels
+from fedora_qa.estimators.flow.visibility import seen_in_both, seen_in_few_tiles
+from fedora_qa.estimators.flow.warp import (
+    parts_about,
+    read_between,
+    read_parts,
+    smooth,
+    smoothed_patches,
+    smoothing_taps,
+    taps_at_pixels,
+)
 from fedora_qa.estimators.images.luma import LUMA_ROUNDING_VARIANCE_DN2, luma_table
 from fedora_qa.estimators.images.noise import noise_variances
 from fedora_qa.estimators.images.transfer import to_linear
@@ -156,7 +164,8 @@ class FramePair:
 @cache
 def _luma_of_codes(transfer: str) -> Float32:
     """Return what each code (3, 256) of a channel adds to the luma of linear R, G, B, in DN."""
-    return luma_table(to_linear(np.arange(256.0), transfer))
+    linear_dn = to_linear(np.arange(256.0), transfer)
+    return luma_table(linear_dn)
 
 
 def frame_pair(window: Window, optics: Optics, interval: Interval) -> FramePair | None:

@@ -8,14 +8,14 @@ from scipy.stats import norm
 
 from fedora_qa.estimators.flow.contrast import (
     GAINS,
-    PlacedEvents,
-    SeenFlow,
-    View,
+    PixelEvents,
+    SensorFlow,
+    SensorView,
     WarpedEvents,
     best_gain,
     sharpness_under,
 )
-from fedora_qa.estimators.flow.contrast_kernels import carry
+from fedora_qa.estimators.flow.contrast_kernels import EventsInFlow, carry
 
 HEIGHT, WIDTH = 60, 90
 UNIT = np.eye(2)
@@ -39,8 +39,8 @@ def warped(
     x: np.ndarray, y: np.ndarray, tau: np.ndarray, candidates: list[tuple[np.ndarray, np.ndarray]]
 ) -> WarpedEvents:
     """Events in any order, carried by every candidate: a flow and what it is multiplied by."""
-    events = PlacedEvents.pixel_by_pixel(x, y, tau)
-    return sharpness_under(events, [(SeenFlow(flow).at(events), [turn]) for flow, turn in candidates])
+    events = PixelEvents.pixel_by_pixel(x, y, tau)
+    return sharpness_under(events, [(SensorFlow(flow).at(events), [turn]) for flow, turn in candidates])
 
 
 @settings(deadline=None)  # the first call compiles
@@ -61,13 +61,13 @@ def test_events_are_carried_to_the_middle() -> None:
     """By the turned flow at the pixel where their point was at the start: here another one than where they fired."""
     flow_px = np.zeros((HEIGHT, WIDTH, 2), np.float32)
     flow_px[:, :40], flow_px[:, 40:] = (8.0, -2.0), (6.0, 0.0)
-    event = PlacedEvents.pixel_by_pixel(np.array([42], np.uint16), np.array([20], np.uint16), np.array([0.75]))
-    flow = SeenFlow(flow_px).at(event)
+    event = PixelEvents.pixel_by_pixel(np.array([42], np.uint16), np.array([20], np.uint16), np.array([0.75]))
+    flow = SensorFlow(flow_px).at(event)
     places = []
     for turn in (UNIT, -UNIT, 0.0 * UNIT, 1e3 * UNIT):
         column, row = np.zeros(1, np.float32), np.zeros(1, np.float32)
-        carry(event.x, event.y, event.tau, flow.flows_px, flow.places, flow_px, flow.seen.fold,
-              turn.astype(np.float32), column, row)  # fmt: skip
+        in_flow = EventsInFlow(event.x, event.y, event.tau, flow.flows_px, flow.indices)
+        carry(in_flow, flow.sensor.folded, turn.astype(np.float32), column, row)
         places += [(column[0], row[0])] if column[0] >= 0 else []
     np.testing.assert_allclose(places, [(42 - 0.25 * 8, 20 + 0.25 * 2), (42 + 0.25 * 6, 20), (42, 20)], atol=1e-5)
 
@@ -76,13 +76,13 @@ def test_flow_is_read_where_the_event_camera_sees_it() -> None:
     """A pixel of the event camera may lie between pixels of the flow, and be larger: the nearest one tells."""
     columns, rows = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     flow_px = np.stack((2.0 * columns + rows, columns - rows), axis=-1).astype(np.float32)
-    seen_px = View(1.5, 0.25, 2.0, -0.75, 1 / 1.5, 1 / 2.0).of(flow_px, np.ones(40, np.bool_), 70).flow_px
+    seen_px = SensorView(1.5, 0.25, 2.0, -0.75, 1 / 1.5, 1 / 2.0).of(flow_px, np.ones(40, np.bool_), 70).flow_px
     column, row = 15, 7  # of 1.5 * 10 + 0.25 and 2 * 4 - 0.75
     np.testing.assert_allclose(seen_px[4, 10], ((2 * column + row) / 1.5, (column - row) / 2.0), rtol=1e-6)
     assert np.isnan(seen_px[0, 50]).all()  # above the first row
     assert np.isnan(seen_px[20, 60]).all()  # behind the last column
     np.testing.assert_array_equal(
-        View().of(flow_px, np.ones(len(flow_px), np.bool_), flow_px.shape[1]).flow_px, flow_px
+        SensorView().of(flow_px, np.ones(len(flow_px), np.bool_), flow_px.shape[1]).flow_px, flow_px
     )
 
 
@@ -92,10 +92,10 @@ def test_a_mirrored_grid_keeps_values(axis: int, left: float) -> None:
     """What an event reads in the flow turned over is what it would in a file that stores it so, or a neighbour's."""
     columns, rows = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     flow_px = np.stack((0.2 * columns, 0.2 * rows), axis=-1).astype(np.float32)
-    view, shape = View(2.0, left, 2.0, 1.0, 0.5, 0.5), (HEIGHT // 2, WIDTH // 2)
+    view, shape = SensorView(2.0, left, 2.0, 1.0, 0.5, 0.5), (HEIGHT // 2, WIDTH // 2)
     wanted = np.ones(shape[0], np.bool_)
     x, y = (values.ravel().astype(np.uint16) for values in np.meshgrid(np.arange(shape[1]), np.arange(shape[0])))
-    events = PlacedEvents.pixel_by_pixel(x, y, np.zeros(x.size))
+    events = PixelEvents.pixel_by_pixel(x, y, np.zeros(x.size))
     turned = view.mirrored(view.of(flow_px, wanted, shape[1]), axis, flow_px.shape).at(events).flows_px
     stored = view.of(np.flip(flow_px, 1 - axis), wanted, shape[1]).at(events).flows_px
     both = np.isfinite(turned).all(axis=0) & np.isfinite(stored).all(axis=0)

@@ -3,8 +3,16 @@
 import numpy as np
 
 from fedora_qa.conventions import LUMA_WEIGHTS_RGB
-from fedora_qa.estimators.flow.frame_kernels import parts_about, read_parts, smoothed_patches
-from fedora_qa.estimators.flow.warp import read_at_pixels, read_between, smooth, smoothing_taps, taps_at_pixels
+from fedora_qa.estimators.flow.warp import (
+    parts_about,
+    read_at_pixels,
+    read_between,
+    read_parts,
+    smooth,
+    smoothed_patches,
+    smoothing_taps,
+    taps_at_pixels,
+)
 
 HEIGHT, WIDTH = 90, 120
 RNG = np.random.default_rng(3)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fedora_qa.estimators.flow.mask import edges, flow_conflicts, inverse_depth, seen_in_both, seen_in_few_tiles
+from fedora_qa.estimators.flow.mask import edges, flow_conflicts, inverse_depth
 from fedora_qa.estimators.flow.tiles import TileGrid
+from fedora_qa.estimators.flow.visibility import seen_in_both, seen_in_few_tiles
 from fedora_qa.geometry.camera import RigidMotion
 
 HEIGHT, WIDTH = 60, 80

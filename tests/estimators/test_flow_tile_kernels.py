@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from fedora_qa.estimators.flow.tile_kernels import known_patches, mean_derivatives, means_slopes_sines, places_of
-from fedora_qa.estimators.flow.tiles import patches_of, pixels_of
+from fedora_qa.estimators.flow.tiles import (
+    known_patches,
+    mean_derivatives,
+    means_slopes_sines,
+    patches_of,
+    pixels_of,
+    places_of,
+)
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.geometry.rigid_flow import rigid_flow
 from fedora_qa.geometry.so3 import exp

@@ -27,6 +27,8 @@ from numpy.typing import NDArray
 
 from fedora_qa.estimators.flow.contrast_kernels import (
     PARTS,
+    EventsInFlow,
+    FoldedFlow,
     flow_as_seen,
     flows_of,
     meetings_with_oneself,
@@ -51,11 +53,11 @@ MARGIN_PX: Final = 12.0
 """Events farther from the border than this count however large the flow is."""
 
 _MEMORY: Final = 16
-"""Events of a pixel that later ones are held against; only pixels without cause fire more often."""
+"""Events of a pixel that later ones are compared with; only pixels without cause fire more often."""
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class SensorView:
     """Where pixels of the event camera lie on the grid (height, width) of a flow.
 
     Columns at ``across`` times theirs and ``left``, rows at ``down`` times theirs and ``top``; a pixel of the flow is
@@ -69,20 +71,20 @@ class View:
     wide: float = 1.0
     high: float = 1.0
 
-    def of(self, flow_px: Float32, wanted: NDArray[np.bool_], width: int) -> "SeenFlow":
+    def of(self, flow_px: Float32, wanted: NDArray[np.bool_], width: int) -> "SensorFlow":
         """Return a flow (H, W, 2), px of its grid, as an event camera of some width sees it in its wanted rows (h,)."""
         view = np.array([self.across, self.left, self.down, self.top, self.wide, self.high])
-        return SeenFlow(flow_as_seen(np.ascontiguousarray(flow_px, dtype=np.float32), view, wanted, width))
+        return SensorFlow(flow_as_seen(np.ascontiguousarray(flow_px, dtype=np.float32), view, wanted, width))
 
-    def mirrored(self, seen: "SeenFlow", axis: int, shape: tuple[int, ...]) -> "SeenFlow":
+    def mirrored(self, flow: "SensorFlow", axis: int, shape: tuple[int, ...]) -> "SensorFlow":
         """Return a flow that ``of`` gave, its grid of a shape (H, W) turned over: 0 left to right, 1 top to bottom."""
         if axis:
-            return replace(seen, down=-1.0, top=(shape[0] - 1 - 2 * self.top) / self.down)
-        return replace(seen, across=-1.0, left=(shape[1] - 1 - 2 * self.left) / self.across)
+            return replace(flow, down=-1.0, top=(shape[0] - 1 - 2 * self.top) / self.down)
+        return replace(flow, across=-1.0, left=(shape[1] - 1 - 2 * self.left) / self.across)
 
 
 @dataclass(frozen=True, slots=True)
-class SeenFlow:
+class SensorFlow:
     """A flow (h, w, 2) as an event camera sees it, in its px, NaN where there is none.
 
     The flow of a pixel stands at ``across`` times its column and ``left``, ``down`` times its row and ``top``.
@@ -95,17 +97,17 @@ class SeenFlow:
     top: float = 0.0
 
     @property
-    def fold(self) -> Float32:
-        """The four numbers that say where the flow of a pixel stands."""
-        return np.array([self.across, self.left, self.down, self.top], dtype=np.float32)
+    def folded(self) -> FoldedFlow:
+        """The flow, and the four numbers that say where the flow of a pixel stands."""
+        return FoldedFlow(self.flow_px, np.array([self.across, self.left, self.down, self.top], dtype=np.float32))
 
-    def at(self, events: "PlacedEvents") -> "FlowOfEvents":
+    def at(self, events: "PixelEvents") -> "EventFlow":
         """Return the flow at the events' own pixels."""
-        return FlowOfEvents(self, *flows_of(events.x, events.y, self.flow_px, self.fold))
+        return EventFlow(self, *flows_of(events.x, events.y, self.folded))
 
 
 @dataclass(frozen=True, slots=True)
-class PlacedEvents:
+class PixelEvents:
     """Columns, rows (n,) and instants, in intervals of the flow after its start, of events, pixel by pixel."""
 
     x: Float32
@@ -113,28 +115,29 @@ class PlacedEvents:
     tau: Float32
 
     @classmethod
-    def pixel_by_pixel(cls, x: Columns, y: Columns, tau: Float64) -> "PlacedEvents":
+    def pixel_by_pixel(cls, x: Columns, y: Columns, tau: Float64) -> "PixelEvents":
         """Order events by rows, by columns, and leave those of one pixel as they came."""
-        places = ((y.astype(np.int64) << 16) + x << 32) + np.arange(len(x))
-        order = np.sort(places) & 0xFFFFFFFF
+        # One sort of integers: row, column and index of each event.
+        keys = ((y.astype(np.int64) << 16) + x << 32) + np.arange(len(x))
+        order = np.sort(keys) & 0xFFFFFFFF
         return cls(*(values.astype(np.float32)[order] for values in (x, y, tau)))
 
-    def chosen(self, which: NDArray[np.int64]) -> "PlacedEvents":
+    def chosen(self, which: NDArray[np.int64]) -> "PixelEvents":
         """Return some of the events, by index."""
-        return PlacedEvents(self.x[which], self.y[which], self.tau[which])
+        return PixelEvents(self.x[which], self.y[which], self.tau[which])
 
 
 @dataclass(frozen=True, slots=True)
-class FlowOfEvents:
-    """The flow (2, n) at the pixels of events, NaN where none is known, and where it stands in the one seen, (n,)."""
+class EventFlow:
+    """The flow (2, n) at the pixels of events, NaN where none is known, and its index (n,) in the sensor's flow."""
 
-    seen: SeenFlow
+    sensor: SensorFlow
     flows_px: Float32
-    places: NDArray[np.int32]
+    indices: NDArray[np.int32]
 
-    def chosen(self, which: NDArray[np.int64]) -> "FlowOfEvents":
+    def chosen(self, which: NDArray[np.int64]) -> "EventFlow":
         """Return the flow of some of the events, by index."""
-        return FlowOfEvents(self.seen, self.flows_px.take(which, axis=1), self.places[which])
+        return EventFlow(self.sensor, self.flows_px.take(which, axis=1), self.indices[which])
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,23 +152,23 @@ class WarpedEvents:
     way_px: float
 
 
-def sharpness_under(events: PlacedEvents, candidates: Sequence[tuple[FlowOfEvents, Sequence[Float64]]]) -> WarpedEvents:
+def sharpness_under(events: PixelEvents, candidates: Sequence[tuple[EventFlow, Sequence[Float64]]]) -> WarpedEvents:
     """Carry the same events by every candidate: a flow, and the matrices (2, 2) that it is multiplied by.
 
     An event counts for all candidates or none: it must have a flow in every field, and lie farther from the border than
     one and a half times its way, or than ``MARGIN_PX``. Flows as seen are of one shape.
     """
-    height, width = candidates[0][0].seen.flow_px.shape[:2]
+    height, width = candidates[0][0].sensor.flow_px.shape[:2]
     flows = np.stack([flow.flows_px for flow, _ in candidates])
     margin_px = min(MARGIN_PX, min(height, width) / 4)
     usable, square_px2 = with_room(events.x, events.y, events.tau, flows, height, width, margin_px)
     events, squares = events.chosen(usable), []
     for flow, matrices in candidates:
-        one, turns = flow.chosen(usable), np.array(matrices, dtype=np.float32)
-        of_events = events.x, events.y, events.tau, one.flows_px
-        met = meetings_with_oneself(*of_events, turns, _SHARED, NODE_PX, _MEMORY)
-        fold, seen_px = one.seen.fold, one.seen.flow_px
-        squares.append(squares_under(*of_events, one.places, seen_px, fold, turns, _SIDE, NODE_PX) - met)
+        usable_flow, stacked = flow.chosen(usable), np.array(matrices, dtype=np.float32)
+        in_flow = EventsInFlow(events.x, events.y, events.tau, usable_flow.flows_px, usable_flow.indices)
+        # Events of one pixel are never of one place on a moving edge: what they contribute is taken off.
+        met = meetings_with_oneself(in_flow, stacked, _SHARED, NODE_PX, _MEMORY)
+        squares.append(squares_under(in_flow, flow.sensor.folded, stacked, _SIDE, NODE_PX) - met)
     return WarpedEvents(np.concatenate(squares) / max(len(usable), 1), usable, float(np.sqrt(square_px2)))
 
 
@@ -175,14 +178,15 @@ def _share_of_neighbours() -> float:
     The square of a vote is, on the average over places, the sum of the autocorrelations of the quadratic B-spline,
     11/20, 13/60, 1/120 at distances of 0, 1, 2 nodes, times those of the shares (side, 1 - 2 side, side).
     """
+    # The sum over distances is 95/60 s^2 - 80/60 s + 11/20, s being the share.
     a, b, c = 95 / 60, -80 / 60, 11 / 20 - NODE_PX / (2 * np.sqrt(np.pi) * SIGMA_PX)
     return float((-b - np.sqrt(b * b - 4 * a * c)) / (2 * a))
 
 
 def _shared_by_votes() -> Float64:
     """Return what two votes on a line share at distances of 0, 1, ... parts of a node, until they share nothing."""
-    place = (np.arange(3 * PARTS) + 0.5) / PARTS - 1.5
-    spline = np.where(np.abs(place) < 0.5, 0.75 - place**2, 0.5 * (1.5 - np.abs(place)) ** 2)
+    nodes = (np.arange(3 * PARTS) + 0.5) / PARTS - 1.5
+    spline = np.where(np.abs(nodes) < 0.5, 0.75 - nodes**2, 0.5 * (1.5 - np.abs(nodes)) ** 2)
     spline = np.pad(spline, PARTS)
     vote = (1 - 2 * _SIDE) * spline + _SIDE * (np.roll(spline, PARTS) + np.roll(spline, -PARTS))
     return np.asarray(np.correlate(vote, vote, "full")[len(vote) - 1 :] / PARTS)
@@ -195,13 +199,13 @@ _SHARED: Final = _shared_by_votes()
 def best_gain(sharpness: Float64) -> float:
     """Return the gain of the flow at which the sharpness (k,) under ``GAINS`` is largest.
 
-    Between the gains, the parabola through the largest value and its neighbours in the logarithm of the gain tells. At
-    the first and the last one the peak may lie beyond.
+    Between the gains, the parabola through the largest value and its neighbours in the logarithm of the gain decides.
+    At the first and the last one the peak may lie beyond.
     """
-    top = int(np.argmax(sharpness))
-    if top in (0, len(GAINS) - 1):
-        return GAINS[top]
-    logs = np.log(GAINS)[top - 1 : top + 2]
-    bend, slope, _ = np.polyfit(logs - logs[1], sharpness[top - 1 : top + 2], 2)
+    sharpest = int(np.argmax(sharpness))
+    if sharpest in (0, len(GAINS) - 1):
+        return GAINS[sharpest]
+    logs = np.log(GAINS)[sharpest - 1 : sharpest + 2]
+    bend, slope, _ = np.polyfit(logs - logs[1], sharpness[sharpest - 1 : sharpest + 2], 2)
     step = -0.5 * slope / bend if bend < 0 else 0.0
     return float(np.exp(logs[1] + np.clip(step, logs[0] - logs[1], logs[2] - logs[1])))

@@ -1,5 +1,7 @@
 """Compiled loops over events that a flow carries: where each is carried to, and how densely they lie there."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ Int64 = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 PARTS = 128
-"""Distances of votes that are told apart, to a node."""
+"""Distances of votes that are distinguished, to a node."""
 
 _STEPS = 2
 """Steps towards the pixel at which an event's point was at the start."""
@@ -23,15 +25,45 @@ _BEYOND = np.float32(-1)
 """Where events are that leave the image."""
 
 
+class EventsInFlow(NamedTuple):
+    """Events and their flow.
+
+    Attributes
+    ----------
+    x, y, tau
+        (n,) columns and rows, px, and instants, in intervals of the flow after its start.
+    flows_px
+        (2, n) flow at the events' own pixels, NaN where none is known.
+    indices
+        (n,) the pixel that this is read at, counted row by row.
+    """
+
+    x: Float32
+    y: Float32
+    tau: Float32
+    flows_px: Float32
+    indices: Int32
+
+
+class FoldedFlow(NamedTuple):
+    """A flow (h, w, 2), px of the event camera.
+
+    The flow of pixel (x, y) stands in column ``fold[0] x + fold[1]`` and row ``fold[2] y + fold[3]``.
+    """
+
+    flow_px: Float32
+    fold: Float32
+
+
 @njit(cache=True)
 def on_rows(
-    x: NDArray[np.integer], y: NDArray[np.integer], taken: tuple[int, int, int], width: int, rows: Bools
+    x: NDArray[np.integer], y: NDArray[np.integer], span: tuple[int, int, int], width: int, rows: Bools
 ) -> Int64:
     """Return which of every so many-th event lie within a width and in some rows (h,), by index.
 
-    ``taken`` are the first event, the one after the last, and the step.
+    ``span`` is the first event, the one after the last, and the step.
     """
-    first, stop, step = taken
+    first, stop, step = span
     chosen, count = np.empty((stop - first + step - 1) // step, np.int64), 0
     for i in range(first, stop, step):
         chosen[count] = i
@@ -47,39 +79,39 @@ def flow_as_seen(flow_px: Float32, view: Float64, wanted: Bools, width: int) -> 
     and how many pixels of the event camera are one of its own, along columns and rows. NaN beyond the grid, and in rows
     that are not ``wanted`` (height,).
     """
-    seen = np.full((len(wanted), width, 2), np.nan, np.float32)
+    sensor_px = np.full((len(wanted), width, 2), np.nan, np.float32)
     first, stop, nearest = width, 0, np.empty(width, np.int64)
     for column in range(width):
-        at = np.rint(view[0] * column + view[1])
-        if 0 <= at < flow_px.shape[1]:
-            first, stop, nearest[column] = min(first, column), column + 1, int(at)
+        flow_column = np.rint(view[0] * column + view[1])
+        if 0 <= flow_column < flow_px.shape[1]:
+            first, stop, nearest[column] = min(first, column), column + 1, int(flow_column)
     across, down = np.float32(view[4]), np.float32(view[5])
     for row in range(len(wanted)):
-        at = np.rint(view[2] * row + view[3])
-        if wanted[row] and 0 <= at < flow_px.shape[0]:
-            line, of_row = seen[row], flow_px[int(at)]
+        flow_row = np.rint(view[2] * row + view[3])
+        if wanted[row] and 0 <= flow_row < flow_px.shape[0]:
+            line, of_row = sensor_px[row], flow_px[int(flow_row)]
             for column in range(first, stop):
-                place = np.uint64(nearest[column])  # unsigned: an index that may be negative costs a comparison
-                line[column, 0], line[column, 1] = across * of_row[place, 0], down * of_row[place, 1]
-    return seen
+                index = np.uint64(nearest[column])  # unsigned: an index that may be negative costs a comparison
+                line[column, 0], line[column, 1] = across * of_row[index, 0], down * of_row[index, 1]
+    return sensor_px
 
 
 @njit(cache=True)
-def flows_of(x: Float32, y: Float32, seen: Float32, fold: Float32) -> tuple[Float32, Int32]:
-    """Return the flow (2, n) at pixels of the event camera, NaN where none is known, and the places (n,) it is read at.
+def flows_of(x: Float32, y: Float32, flow: FoldedFlow) -> tuple[Float32, Int32]:
+    """Return the flow (2, n) at pixels of the event camera, NaN where there is none, and where it is read, (n,).
 
-    Of a flow as seen (h, w, 2), at columns ``fold[0] x + fold[1]`` and rows ``fold[2] y + fold[3]``; places count its
-    pixels row by row.
+    Indices count the pixels of the flow row by row.
     """
-    height, width = seen.shape[:2]
-    flows, places = np.full((2, len(x)), np.nan, np.float32), np.zeros(len(x), np.int32)
+    fold, flow_px = flow.fold, flow.flow_px
+    height, width = flow_px.shape[:2]
+    flows, indices = np.full((2, len(x)), np.nan, np.float32), np.zeros(len(x), np.int32)
     for i in range(len(x)):
         column, row = np.rint(fold[0] * x[i] + fold[1]), np.rint(fold[2] * y[i] + fold[3])
         if 0 <= column < width and 0 <= row < height:
-            u, v = seen[int(row), int(column)]
+            u, v = flow_px[int(row), int(column)]
             if abs(u + v) < np.inf:
-                flows[0, i], flows[1, i], places[i] = u, v, int(row) * width + int(column)
-    return flows, places
+                flows[0, i], flows[1, i], indices[i] = u, v, int(row) * width + int(column)
+    return flows, indices
 
 
 @njit(cache=True)
@@ -92,7 +124,7 @@ def with_room(
     a margin. The second: the mean square, px^2, of the way along the first field of all events that have a flow in it.
     """
     chosen, count = np.empty(len(x), np.int64), 0
-    total, known = 0.0, 0
+    total, flow_count = 0.0, 0
     for i in range(len(x)):
         away, longest = abs(tau[i] - np.float32(0.5)), np.float32(0)
         for k in range(len(flows)):
@@ -100,41 +132,29 @@ def with_room(
             longest = max(longest, u, v) if u + v < np.inf else np.float32(np.inf)
         u, v = flows[0, 0, i], flows[0, 1, i]
         if abs(u + v) < np.inf:
-            total, known = total + away * away * (u * u + v * v), known + 1
+            total, flow_count = total + away * away * (u * u + v * v), flow_count + 1
         clear = min(1.5 * away * longest + 2.0, margin_px)
         chosen[count] = i
         inside = clear <= x[i] <= width - 1 - clear and clear <= y[i] <= height - 1 - clear
         count += int(inside and longest < np.inf)
-    return chosen[:count], total / max(known, 1)
+    return chosen[:count], total / max(flow_count, 1)
 
 
 @njit(cache=True)
-def squares_under(
-    x: Float32,
-    y: Float32,
-    tau: Float32,
-    flows: Float32,
-    places: Int32,
-    seen: Float32,
-    fold: Float32,
-    turns: Float32,
-    side: float,
-    node_px: float,
-) -> Float64:
-    """Return the sum of squares (k,), per px^2, of the image of votes under a flow times each turn (k, 2, 2).
+def squares_under(events: EventsInFlow, flow: FoldedFlow, matrices: Float32, side: float, node_px: float) -> Float64:
+    """Return the sum of squares (k,), per px^2, of the image of votes under a flow times each matrix (k, 2, 2).
 
     A vote is a quadratic B-spline on nodes ``node_px`` apart. Of all votes each node then gives a share ``side`` to
-    either neighbour, along both axes. Events that are carried beyond the image have no vote. The flow is that of
-    `flows_of`, of which ``flows`` and ``places`` are.
+    either neighbour, along both axes. Events that are carried beyond the image have no vote.
     """
-    height, width = seen.shape[:2]
+    height, width = flow.flow_px.shape[:2]
     per_px = np.float32(1.0 / node_px)
     image = np.zeros((int((height - 1) * per_px) + 8, int((width - 1) * per_px) + 8), np.float32)
     voted = np.zeros(len(image), np.bool_)
-    columns, rows = np.empty(len(x), np.float32), np.empty(len(x), np.float32)
-    squares = np.empty(len(turns))
-    for k in range(len(turns)):
-        carry(x, y, tau, flows, places, seen, fold, turns[k], columns, rows)
+    columns, rows = np.empty(len(events.x), np.float32), np.empty(len(events.x), np.float32)
+    squares = np.empty(len(matrices))
+    for k in range(len(matrices)):
+        carry(events, flow, matrices[k], columns, rows)
         _vote(image, voted, columns, rows, per_px)
         image[:3, :3] = 0  # of events that were carried beyond
         squares[k] = _sum_of_squares(image, voted, np.float32(side)) * per_px * per_px
@@ -145,44 +165,34 @@ def squares_under(
 
 
 @njit(cache=True)
-def carry(
-    x: Float32,
-    y: Float32,
-    tau: Float32,
-    flows: Float32,
-    places: Int32,
-    seen: Float32,
-    fold: Float32,
-    turn: Float32,
-    columns: Float32,
-    rows: Float32,
-) -> None:
+def carry(events: EventsInFlow, flow: FoldedFlow, matrix: Float32, columns: Float32, rows: Float32) -> None:
     """Write where events are at the middle of the interval; before the first column where they leave the image.
 
     Along the flow, times a matrix (2, 2), at the pixel that a point gets to the event from; where none is known there,
     at the event's own. Loops are cut so that all but the one that reads the flow handle many events at once.
     """
-    a, b, c, d = turn[0, 0], turn[0, 1], turn[1, 0], turn[1, 1]
-    wide = np.int32(seen.shape[1])
-    right, bottom = np.float32(seen.shape[1] - 1), np.float32(seen.shape[0] - 1)
-    zero, half, lines = np.float32(0), np.float32(0.5), seen.reshape(-1)
-    own_u, own_v = flows[0], flows[1]
+    x, y, tau, indices = events.x, events.y, events.tau, events.indices
+    a, b, c, d = matrix[0, 0], matrix[0, 1], matrix[1, 0], matrix[1, 1]
+    fold, height, wide = flow.fold, flow.flow_px.shape[0], np.int32(flow.flow_px.shape[1])
+    right, bottom = np.float32(flow.flow_px.shape[1] - 1), np.float32(height - 1)
+    zero, half, values = np.float32(0), np.float32(0.5), flow.flow_px.reshape(-1)
+    own_u, own_v = events.flows_px[0], events.flows_px[1]
     columns[:], rows[:] = own_u, own_v
-    at = np.empty(len(x), np.int32)
+    origins = np.empty(len(x), np.int32)
     for _ in range(_STEPS):
         for i in range(len(x)):
             u, v = columns[i], rows[i]
             column = fold[0] * (x[i] - tau[i] * (a * u + b * v)) + fold[1]
             row = fold[2] * (y[i] - tau[i] * (c * u + d * v)) + fold[3]
             inside = (column >= zero) & (column <= right) & (row >= zero) & (row <= bottom)
-            place = np.int32(row + half) * wide + np.int32(column + half)
-            at[i] = place if inside else places[i]
+            index = np.int32(row + half) * wide + np.int32(column + half)
+            origins[i] = index if inside else indices[i]
         for i in range(len(x)):
-            pixel = np.uint64(2) * np.uint64(at[i])
-            columns[i], rows[i] = lines[pixel], lines[pixel + np.uint64(1)]
+            first = np.uint64(2) * np.uint64(origins[i])
+            columns[i], rows[i] = values[first], values[first + np.uint64(1)]
         for i in range(len(x)):
-            known = abs(columns[i] + rows[i]) < np.float32(np.inf)
-            columns[i], rows[i] = (columns[i] if known else own_u[i]), (rows[i] if known else own_v[i])
+            is_finite = abs(columns[i] + rows[i]) < np.float32(np.inf)
+            columns[i], rows[i] = (columns[i] if is_finite else own_u[i]), (rows[i] if is_finite else own_v[i])
     for i in range(len(x)):
         u, v = columns[i], rows[i]
         column, row = x[i] + (half - tau[i]) * (a * u + b * v), y[i] + (half - tau[i]) * (c * u + d * v)
@@ -192,22 +202,26 @@ def carry(
 
 @njit(cache=True)
 def _vote(image: Float32, voted: Bools, columns: Float32, rows: Float32, per_px: np.float32) -> None:
-    """Add the votes of events at places, those beyond the image to its corner, and mark the rows that have any."""
-    zero, one, half = np.float32(0), np.float32(1), np.float32(0.5)
+    """Add the votes of events at positions, those beyond the image to its corner, and mark the rows that have any."""
+    zero, unity, half = np.float32(0), np.float32(1), np.float32(0.5)
     for i in range(len(columns)):
         stays = columns[i] >= zero
         column, row = (columns[i] * per_px + _BEFORE, rows[i] * per_px + _BEFORE) if stays else (zero, zero)
         left, top = np.int32(column), np.int32(row)
         right, below = column - np.float32(left), row - np.float32(top)
-        first, last = half * (one - right) * (one - right), half * right * right
-        upper, lower = half * (one - below) * (one - below), half * below * below
-        second, shares, at = one - first - last, (upper, one - upper - lower, lower), np.uint64(left)
+        first, last = half * (unity - right) * (unity - right), half * right * right
+        upper, lower = half * (unity - below) * (unity - below), half * below * below
+        second, shares, index = unity - first - last, (upper, unity - upper - lower, lower), np.uint64(left)
         for k in range(3):
             line, share = image[np.uint64(top + k)], shares[k]
             voted[np.uint64(top + k)] = True
-            before = line[at], line[at + np.uint64(1)], line[at + np.uint64(2)]  # so that none waits for another
-            line[at], line[at + np.uint64(1)] = before[0] + share * first, before[1] + share * second
-            line[at + np.uint64(2)] = before[2] + share * last
+            before = (
+                line[index],
+                line[index + np.uint64(1)],
+                line[index + np.uint64(2)],
+            )  # so that none waits for another
+            line[index], line[index + np.uint64(1)] = before[0] + share * first, before[1] + share * second
+            line[index + np.uint64(2)] = before[2] + share * last
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
@@ -234,23 +248,25 @@ def _sum_of_squares(image: Float32, voted: Bools, side: np.float32) -> float:
 
 @njit(cache=True)
 def meetings_with_oneself(
-    x: Float32, y: Float32, tau: Float32, flows: Float32, turns: Float32, shared: Float64, node_px: float, memory: int
+    events: EventsInFlow, matrices: Float32, shared: Float64, node_px: float, memory: int
 ) -> Float64:
-    """Return for each turn (k,) the density that events of one pixel leave where others of it are carried to.
+    """Return for each matrix (k,) the density that events of one pixel leave where others of it are carried to.
 
-    By the flow (2, n) at the pixel itself, times the turn. ``shared`` is what two votes on a line share, by their
+    By the flow at the pixel itself, times the matrix (2, 2). ``shared`` is what two votes on a line share, by their
     distance in parts of a node; nothing beyond. Events come by pixel, those of one in order of time; each is held
     against the ``memory`` before it.
     """
-    met = np.zeros(len(turns))
+    x, y, tau, flows = events.x, events.y, events.tau, events.flows_px
+    met = np.zeros(len(matrices))
     for i in range(1, len(x)):
         for j in range(i - 1, max(i - 1 - memory, -1), -1):
             if x[j] != x[i] or y[j] != y[i]:
                 break
             parts = abs(tau[i] - tau[j]) * PARTS / node_px
             u, v = flows[0, i], flows[1, i]
-            for k in range(len(turns)):
-                du, dv = turns[k, 0, 0] * u + turns[k, 0, 1] * v, turns[k, 1, 0] * u + turns[k, 1, 1] * v
+            for k in range(len(matrices)):
+                matrix = matrices[k]
+                du, dv = matrix[0, 0] * u + matrix[0, 1] * v, matrix[1, 0] * u + matrix[1, 1] * v
                 across, down = parts * abs(du) + 0.5, parts * abs(dv) + 0.5
                 if across < len(shared) and down < len(shared):
                     met[k] += 2.0 * shared[int(across)] * shared[int(down)] / (node_px * node_px)

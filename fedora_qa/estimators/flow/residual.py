@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-
-from fedora_qa.estimators.flow.residual_kernels import solved, sums_of_tiles
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 TILE_PX: Final = 32
 HALO_PX: Final = 2
@@ -77,3 +77,129 @@ def tile_residuals(
         unexplained=left / contrast,
         valid_share=sums[:, 2, 2] / TILE_PX**2,
     )
+
+
+@njit(cache=True)
+def sums_of_tiles(before: Float32, warped: Float32, valid: Mask, halo: int) -> Float64:
+    """Return the sums (n, 5, 5) of products of five quantities over the valid pixels (n, s, s) of each tile.
+
+    The slopes of the mean of two patches along columns and rows; 1; that mean, less its own mean; the second patch less
+    the first. Patches (n, s + 2 halo, s + 2 halo) come with a halo of at least two pixels, the reach of the slopes.
+    """
+    count, size = valid.shape[:2]
+    side = size + 2 * halo
+    sums = np.zeros((count, 5, 5))
+    mean, weights = np.empty(side * side, np.float32), np.zeros(side * side, np.float32)
+    for i in range(count):
+        one, other = before[i].reshape(-1), warped[i].reshape(-1)
+        for at in range(len(mean)):
+            mean[at] = np.float32(0.5) * (one[at] + other[at])
+        for row in range(size):
+            line, of_row = weights[(row + halo) * side + halo :], valid[i, row]
+            for column in range(size):
+                line[column] = of_row[column]
+        products = _products(mean, one, other, weights, side, halo)
+        at = 0
+        for a in range(5):
+            for b in range(a, 5):
+                sums[i, a, b] = sums[i, b, a] = products[at]
+                at += 1
+    return sums
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _products(
+    mean: Float32, before: Float32, warped: Float32, weights: Float32, side: int, halo: int
+) -> tuple[np.float32, ...]:
+    """Return the sums of the fifteen products of a tile, whose rows with their halo follow one another.
+
+    In one loop over all rows: the weights of the halo are 0. Slopes are of five taps, exact for quartics, 3% small at
+    1 rad/px.
+    """
+    near, far = np.float32(8 / 12), np.float32(1 / 12)
+    pixels = total = np.float32(0)
+    for at in range(len(mean)):
+        pixels += weights[at]
+        total += weights[at] * mean[at]
+    level = total / max(pixels, np.float32(1))
+    aa = ab = ac = ad = ae = bb = bc = bd = be = cd = ce = dd = de = ee = np.float32(0)
+    first, stop = halo * side, len(mean) - halo * side
+    here, one, other, there = mean[first:stop], before[first:stop], warped[first:stop], weights[first:stop]
+    above, below = mean[first - side : stop - side], mean[first + side : stop + side]
+    highest, lowest = mean[first - 2 * side : stop - 2 * side], mean[first + 2 * side : stop + 2 * side]
+    left, right = mean[first - 1 : stop - 1], mean[first + 1 : stop + 1]
+    leftmost, rightmost = mean[first - 2 : stop - 2], mean[first + 2 : stop + 2]
+    for at in range(len(here)):
+        c = there[at]
+        a = c * (near * (right[at] - left[at]) - far * (rightmost[at] - leftmost[at]))
+        b = c * (near * (below[at] - above[at]) - far * (lowest[at] - highest[at]))
+        d, e = c * (here[at] - level), c * (other[at] - one[at])
+        aa += a * a
+        ab += a * b
+        ac += a
+        ad += a * d
+        ae += a * e
+        bb += b * b
+        bc += b
+        bd += b * d
+        be += b * e
+        cd += d
+        ce += e
+        dd += d * d
+        de += d * e
+        ee += e * e
+    return aa, ab, ac, ad, ae, bb, bc, bd, be, pixels, cd, ce, dd, de, ee
+
+
+@njit(cache=True)
+def solved(sums: Float64, floor: float, correlated: float) -> tuple[Float64, Float64, Float64, Float64]:
+    """Solve the normal equations of tiles, whose sums (n, 5, 5) are those of ``sums_of_tiles``.
+
+    Returns the flow's error (n, 2), the part (n, 2, 2) of the inverse of the matrix that belongs to it, what is left of
+    the squares (n,), and the variance (n,) of a pixel: at least ``floor``, or what is left to each of the pixels, of
+    which so many (``correlated``) count as one. A ridge keeps tiles without texture invertible.
+    """
+    count = len(sums)
+    errors, inverses = np.empty((count, 2)), np.empty((count, 2, 2))
+    left, variances = np.empty(count), np.empty(count)
+    work, inverse = np.empty((4, 4)), np.empty((4, 4))
+    for i in range(count):
+        trace = sums[i, 0, 0] + sums[i, 1, 1] + sums[i, 2, 2] + sums[i, 3, 3]
+        for a in range(4):
+            for b in range(4):
+                work[a, b], inverse[a, b] = sums[i, a, b], 1.0 if a == b else 0.0
+            work[a, a] += 1e-9 * trace + 1e-9
+        _invert(work, inverse)
+        explained = 0.0
+        for a in range(4):
+            size = 0.0
+            for b in range(4):
+                size += inverse[a, b] * sums[i, b, 4]
+            explained += size * sums[i, a, 4]
+            if a < 2:
+                errors[i, a], inverses[i, a, 0], inverses[i, a, 1] = size, inverse[a, 0], inverse[a, 1]
+        left[i] = max(sums[i, 4, 4] - explained, 0.0)
+        variances[i] = max(correlated * left[i] / max(sums[i, 2, 2] - 4, 1.0), floor)
+    return errors, inverses, left, variances
+
+
+@njit(cache=True)
+def _invert(work: Float64, inverse: Float64) -> None:
+    """Invert a regular matrix (4, 4), which is lost, into another that comes as the identity: Gauss and Jordan."""
+    for a in range(4):
+        pivot = a
+        for b in range(a + 1, 4):
+            pivot = b if abs(work[b, a]) > abs(work[pivot, a]) else pivot
+        for c in range(4):
+            work[a, c], work[pivot, c] = work[pivot, c], work[a, c]
+            inverse[a, c], inverse[pivot, c] = inverse[pivot, c], inverse[a, c]
+        scale = 1.0 / work[a, a]
+        for c in range(4):
+            work[a, c] *= scale
+            inverse[a, c] *= scale
+        for b in range(4):
+            if b != a:
+                share = work[b, a]
+                for c in range(4):
+                    work[b, c] -= share * work[a, c]
+                    inverse[b, c] -= share * inverse[a, c]
