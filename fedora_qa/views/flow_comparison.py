@@ -48,7 +48,7 @@ class FieldError:
     worst_px, worst_bound_px, worst_pixel
         Endpoint error, bound, and (column, row) where the error exceeds its bound most.
     twist_chi2, twist_dof
-        The correction against the declared noise; 0 where no noise is declared or stamps fall between poses.
+        The correction against the declared noise; 0 without declared noise, or between poses.
     free_squares
         As ``squares``, over the pixels of the fit only, after the best correction whatever the noise; NaN if not asked.
     free_twist

@@ -63,7 +63,7 @@ def try_inverse_transforms(window: Window, segment: Segment) -> list[ConventionT
     """
     columns, rows = _pixels_off(window, segment)
     slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
-    # The flow itself bounds the error that a transform can remove, so that dividing garbage explains nothing.
+    # The flow itself bounds the error that a transform can remove, so that dividing arbitrary values explains nothing.
     moved_px = np.linalg.norm(slow.displacement_px[slow.clear], axis=-1)
     reference_px = min(median_error_px(slow, fast), float(np.median(moved_px)) if len(moved_px) else np.inf)
     best: dict[tuple[str, str], ConventionTrial] = {}
