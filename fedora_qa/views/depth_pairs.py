@@ -23,7 +23,7 @@ from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import USUAL_PIXELS, Window
 from fedora_qa.views.flow_intervals import PoseTrack, motion_between, pose_track
 from fedora_qa.views.frame_poses import pose_of_frame
-from fedora_qa.views.static_depth import is_told_apart, standing_depth_m, why_not_told_apart
+from fedora_qa.views.static_depth import has_static_depth, static_depth_m, why_no_static_depth
 
 Float64 = NDArray[np.float64]
 
@@ -139,7 +139,7 @@ def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
     track = pose_track(window, facts.declared.cameras["depth"])
     for first, second in pairwise(rows[before:stop].tolist()):
         wanted = first % window.sampling.field_stride == 0
-        if wanted and all(is_told_apart(window, frame) for frame in (first, second)):
+        if wanted and all(has_static_depth(window, frame) for frame in (first, second)):
             pair = pair_between(window, track, first, second)
             yield pair
             if pair is not None:
@@ -204,7 +204,7 @@ def _every_px(window: Window) -> int:
 
 def static_depth_of_frame_m(window: Window, frame: int) -> NDArray[np.float32]:
     """Return what of a depth frame stands, NaN elsewhere: everywhere, where the file does not tell."""
-    depth_m = standing_depth_m(window, frame)
+    depth_m = static_depth_m(window, frame)
     return np.full_like(window.depth_m(frame), np.nan) if depth_m is None else depth_m
 
 
@@ -227,7 +227,7 @@ def why_no_geometry(facts: Facts) -> str:
         return "the depth camera's intrinsics and mounting are not declared"
     if camera.model != "pinhole":
         return f"the depth camera is declared as {camera.model}, and only a pinhole is modelled"
-    return why_not_told_apart(facts)
+    return why_no_static_depth(facts)
 
 
 def where_of_frames(facts: Facts, first: int, last: int, pixel: tuple[int, int] | None = None,

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.flow.path_kernels import errors_of_reading, spans_at_targets, step
-from fedora_qa.sequence.facts import Clock, Facts
+from fedora_qa.estimators.flow.path_kernels import PathStates, interpolation_errors, spans_at_targets, step
+from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import frame_at
 
@@ -22,7 +22,7 @@ _MOST_FIELDS: Final = 12
 """Fields that may make up a common interval: five of 50 Hz, or five of 25 Hz against two of 10 Hz, with room."""
 
 _MANY: Final = 1 / 16
-"""Paths a pixel from which on it costs less to look about all pixels of a field than about each path."""
+"""Paths a pixel from which on it costs less to evaluate all pixels of a field than those about each path."""
 
 _ROUNDING_PX: Final = 18 * 2.0**-24
 """Single-precision rounding of a flow, for each pixel of width and height; ``geometry.rigid_flow`` derives it in full.
@@ -79,35 +79,27 @@ class ComposedPaths:
 def segments(window: Window, slow: str, fast: str) -> Iterator[Segment]:
     """Yield the shortest common intervals that begin with a field of the slower rate that the window owns."""
     slow_clock, fast_clock = window.facts.clocks[slow], window.facts.clocks[fast]
+    if slow_clock.ends_ns is None or fast_clock.ends_ns is None:
+        return
     for row in window.owned(slow):
-        segment = _common(slow, slow_clock, row, fast, fast_clock)
-        if segment is not None:
-            yield segment
-
-
-def _common(slow: str, slow_clock: Clock, row: int, fast: str, fast_clock: Clock) -> Segment | None:
-    start_ns = int(slow_clock.times_ns[row])
-    fast_row = row_at(fast_clock, start_ns)
-    if fast_row is None or not slow_clock.advancing[row] or slow_clock.ends_ns is None or fast_clock.ends_ns is None:
-        return None
-    slow_rows, fast_rows = [row], [fast_row]
-    while len(slow_rows) + len(fast_rows) <= _MOST_FIELDS:
-        slow_end, fast_end = int(slow_clock.ends_ns[slow_rows[-1]]), int(fast_clock.ends_ns[fast_rows[-1]])
-        if slow_end == fast_end:
-            return Segment(Chain(slow, tuple(slow_rows)), Chain(fast, tuple(fast_rows)), start_ns, slow_end)
-        clock, rows, end_ns = (
-            (fast_clock, fast_rows, fast_end) if fast_end < slow_end else (slow_clock, slow_rows, slow_end)
-        )
-        following = row_at(clock, end_ns)
-        if following is None or following == rows[-1]:
-            return None
-        rows.append(following)
-    return None
-
-
-def row_at(clock: Clock, start_ns: int) -> int | None:
-    """Return the row of the field that begins at an instant; None where there is none."""
-    return frame_at(clock, start_ns)
+        start_ns = int(slow_clock.times_ns[row])
+        fast_row = frame_at(fast_clock, start_ns)
+        if fast_row is None or not slow_clock.advancing[row]:
+            continue
+        slow_rows, fast_rows = [row], [fast_row]
+        # The rate that ends earlier takes its next field, until both end together.
+        while len(slow_rows) + len(fast_rows) <= _MOST_FIELDS:
+            slow_end, fast_end = int(slow_clock.ends_ns[slow_rows[-1]]), int(fast_clock.ends_ns[fast_rows[-1]])
+            if slow_end == fast_end:
+                yield Segment(Chain(slow, tuple(slow_rows)), Chain(fast, tuple(fast_rows)), start_ns, slow_end)
+                break
+            clock, rows, end_ns = (
+                (fast_clock, fast_rows, fast_end) if fast_end < slow_end else (slow_clock, slow_rows, slow_end)
+            )
+            following = frame_at(clock, end_ns)
+            if following is None or following == rows[-1]:
+                break
+            rows.append(following)
 
 
 def exists(facts: Facts, chain: Chain) -> bool:
@@ -116,38 +108,43 @@ def exists(facts: Facts, chain: Chain) -> bool:
 
 
 def compose(
-    window: Window, chain: Chain, columns: Float64, rows: Float64, change: FieldTransform | None = None
+    window: Window, chain: Chain, columns: Float64, rows: Float64, transform: FieldTransform | None = None
 ) -> ComposedPaths:
-    """Follow pixels (n,) of integer coordinates along a chain, each field changed as asked."""
-    x, y = columns.copy(), rows.copy()
-    bound_px = np.zeros(len(x))
-    clear, stays = np.ones(len(x), dtype=np.bool_), np.ones(len(x), dtype=np.bool_)
+    """Follow pixels along a chain.
+
+    Parameters
+    ----------
+    columns, rows
+        (n,) integer coordinates, px.
+    transform
+        Of each stored field (H, W, 2), before it is composed; none if None.
+    """
+    n = len(columns)
+    paths = PathStates(columns.copy(), rows.copy(), np.zeros(n), np.ones(n, np.bool_), np.ones(n, np.bool_))
     last = len(chain.rows) - 1
-    for place, row in enumerate(chain.rows):
-        lines = _lines(window, chain.stream, row, change)
-        stored = None if change is not None else (chain.stream, row)
-        spans = _kept(window, "flows to cells", stored, spans_at_targets, lines) if place < last else _ASKS_NOTHING
-        are_many = last > 0 and _MANY * lines.size < 2 * len(x)
-        errors_px = _kept(window, "errors of reading", stored, errors_of_reading, lines) if are_many else _UNKNOWN
+    for number, row in enumerate(chain.rows):
+        flow_px = window.flow_px(chain.stream, row)
+        if transform is not None:
+            flow_px = transform(flow_px)
+        lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
+        stored = None if transform is not None else (chain.stream, row)
+        spans, errors_px = _NOT_TESTED, _NOT_COMPUTED
+        if number < last:
+            spans = _of_field(window, "flows to cells", stored, spans_at_targets, lines)
+        if last > 0 and _MANY * lines.size < 2 * n:
+            errors_px = _of_field(window, "errors of reading", stored, interpolation_errors, lines)
         rounding_px = _ROUNDING_PX * (lines.shape[0] + lines.shape[1] // 2)
-        step(lines, spans, errors_px, rounding_px, place == 0, last > 0, x, y, bound_px, clear, stays)
-    return ComposedPaths(np.stack((x - columns, y - rows), axis=-1), bound_px, clear, stays)
+        step(lines, spans, errors_px, rounding_px, number == 0, last > 0, paths)
+    displacement_px = np.stack((paths.x - columns, paths.y - rows), axis=-1)
+    return ComposedPaths(displacement_px, paths.bound_px, paths.clear, paths.stays)
 
 
-def _lines(window: Window, stream: str, row: int, change: FieldTransform | None) -> Float32:
-    """Return a field as lines (H, 2 W) of u and v."""
-    flow_px = window.flow_px(stream, row)
-    if change is not None:
-        flow_px = change(flow_px)
-    return np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
-
-
-def _kept(
+def _of_field(
     window: Window, name: str, field: tuple[str, int] | None, compute: Callable[[Float32], Float32], lines: Float32
 ) -> Float32:
     """Return what is computed of a field, kept for the window if it is one as stored."""
     return compute(lines) if field is None else window.once((name, *field), lambda: compute(lines))
 
 
-_ASKS_NOTHING: Final = np.empty((0, 0, 4), dtype=np.float32)
-_UNKNOWN: Final = np.empty((0, 0), dtype=np.float32)
+_NOT_TESTED: Final = np.empty((0, 0, 4), dtype=np.float32)
+_NOT_COMPUTED: Final = np.empty((0, 0), dtype=np.float32)

@@ -25,16 +25,16 @@ from fedora_qa.geometry.so3 import exp
 from fedora_qa.sequence.declared import PoseModel
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import Interval, PoseTrack, motion_between
-from fedora_qa.views.pixel_lattice import FEWEST_PIXELS, Lattice, Region, lattice_of, region_of, thinned
+from fedora_qa.views.pixel_lattice import FEWEST_PIXELS, FlowLattice, Region, lattice_of, region_of, thinned
 
 Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_COARSE_PX: Final = 1.0
+_LARGEST_BOUND_PX: Final = 1.0
 """Pixels whose rounding bound is larger end so near the camera's plane that their flow is not compared."""
 
-_ORDINARY: Final = 2.0
-"""Corrections of up to this multiple of the expected square are not examined further: 93% of honest ones."""
+_USUAL_RATIO: Final = 2.0
+"""Corrections of up to this multiple of the expected square are not fitted further: 93% of those by noise alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class FieldError:
     worst_px, worst_bound_px, worst_pixel
         Endpoint error, bound, and (column, row) where the error exceeds its bound most.
     twist_chi2, twist_dof
-        The correction against the declared noise; 0 where no noise is declared or stamps fall between poses.
+        The correction against the declared noise; 0 without declared noise, or between poses.
     free_squares
         As ``squares``, over the pixels of the fit only, after the best correction whatever the noise; NaN if not asked.
     free_twist
@@ -60,7 +60,7 @@ class FieldError:
         ``flow`` or ``depth`` where what is off of a field, or of the depth at its start, equals the one before it bit
         for bit.
     evidence
-        Normal equations of the small faults; None where nothing called for them.
+        Normal equations of the parameter templates; None where the field lies within its bounds.
     """
 
     interval: Interval
@@ -82,7 +82,7 @@ class FieldError:
 
     @property
     def suspicion(self) -> float:
-        """Above 1 where the field lies further off than rounding, or than ten times the variance of the noise."""
+        """Above 1 where the error exceeds the rounding bound, or the correction ten times the variance of the noise."""
         by_noise = self.twist_chi2 / (10 * self.twist_dof) if self.twist_dof > 0 else 0.0
         return max(self.worst_px / self.worst_bound_px, by_noise)
 
@@ -95,7 +95,21 @@ def is_noisy(noise: PoseModel | None) -> bool:
 def compare_field(
     window: Window, track: PoseTrack, interval: Interval, frame: int, motion: RigidMotion
 ) -> FieldError | None:
-    """Compare a field on a lattice of pixels; None where too few pixels are valid or the shapes differ."""
+    """Compare a field with the one recomputed from depth and pose, on a lattice of pixels.
+
+    Parameters
+    ----------
+    track
+        Poses of the depth camera.
+    frame
+        Depth frame at the start of the interval.
+    motion
+        Of points in the depth camera's frame, from the start of the interval to its end, as declared.
+
+    Returns
+    -------
+    None where too few pixels are valid or the shapes differ.
+    """
     K, noise = track.camera.K, window.facts.declared.pose
     lattice = lattice_of(window, interval, frame)
     sample = None if lattice is None else thinned(lattice)
@@ -103,47 +117,55 @@ def compare_field(
         return None
     columns, rows = lattice.columns, lattice.rows
     bound = rounding_px(K, motion, columns, rows, lattice.depths_m, lattice.flow_px)
-    if not is_noisy(noise):
-        bound = bound + _interpolation_px(K, track, interval, motion, sample)
+    twist = track.interpolation_twist(interval.start_ns, interval.end_ns) if not is_noisy(noise) else np.zeros(6)
+    if twist.any():  # interpolating the pose between its samples moves pixels by up to |J| |twist|
+        points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
+        before_camera_m = points1_m[points1_m[:, 2] > 0]
+        bound = bound + float(np.max(np.abs(twist_jacobian(K, before_camera_m)) @ twist, initial=0.0))
     sample = replace(sample, sigma_px=median_of(bound[~np.isnan(bound)]))
     bound = _lengths(bound)
     fit = fit_motion(K, motion, sample) if is_noisy(noise) else None
-    error, known = _errors(K, fit.motion if fit else motion, lattice, bound)
-    if np.count_nonzero(known) < FEWEST_PIXELS:
+    error, compared = _errors(K, fit.motion if fit else motion, lattice, bound)
+    if np.count_nonzero(compared) < FEWEST_PIXELS:
         return None
-    if fit and np.any(error[known] > bound[known]):
+    if fit and np.any(error[compared] > bound[compared]):
+        # What a part of the image is off by must not enter the correction of the rest.
         of_most = fit_most(K, motion, sample, fit)
         error_of_most, _ = _errors(K, of_most.motion, lattice, bound)
-        if 2 * np.count_nonzero(error_of_most[known] <= bound[known]) > np.count_nonzero(known):
+        if 2 * np.count_nonzero(error_of_most[compared] <= bound[compared]) > np.count_nonzero(compared):
             fit, error = of_most, error_of_most
-    worst = np.unravel_index(np.argmax(np.where(known, error / bound, -1.0)), error.shape)
+    worst = np.unravel_index(np.argmax(np.where(compared, error / bound, -1.0)), error.shape)
     result = FieldError(
         interval=interval,
         frame=frame,
-        pixels=int(np.count_nonzero(known)),
-        squares=float(np.sum(error[known] ** 2)),
-        bound_squares=float(np.sum(bound[known] ** 2)),
+        pixels=int(np.count_nonzero(compared)),
+        squares=float(np.sum(error[compared] ** 2)),
+        bound_squares=float(np.sum(bound[compared] ** 2)),
         worst_px=float(error[worst]),
         worst_bound_px=float(bound[worst]),
         worst_pixel=(int(columns[0, worst[1]]), int(rows[worst[0], 0])),
     )
-    if fit and noise:
-        result = _held_to_noise(result, track, fit, noise)
-    if result.suspicion <= 1 and result.twist_chi2 <= _ORDINARY * result.twist_dof:
+    # Between pose samples interpolation makes the noise smaller: there the correction is not held to it.
+    if fit and noise and track.on_samples(interval.start_ns, interval.end_ns):
+        covariance = field_covariance(track, interval, noise)
+        if covariance is not None:
+            chi2, dof = twist_statistic(fit, covariance)
+            result = replace(result, twist_chi2=chi2, twist_dof=dof)
+    if result.suspicion <= 1 and result.twist_chi2 <= _USUAL_RATIO * result.twist_dof:
         return result
-    region = region_of(lattice, np.where(known, error / bound, np.nan))
+    region = region_of(lattice, np.where(compared, error / bound, np.nan))
     if region is not None:  # the motion that the rest of the image gives is good enough to be exact
         sample = replace(thinned(lattice.within(region)) or sample, sigma_px=sample.sigma_px)
         motion, fit = (fit.motion, None) if fit else (motion, None)
     result = replace(result, region=region, repeats=_repeats(window, interval, frame, region))
-    return _examined(result, track, motion, sample, fit, noise)
+    return _with_fits(result, track, motion, sample, fit, noise)
 
 
-def _errors(K: Float64, motion: RigidMotion, lattice: Lattice, bound_px: Float64) -> tuple[Float64, Mask]:
-    """Return the endpoint error (h, w) of a lattice, px, and where it is known."""
+def _errors(K: Float64, motion: RigidMotion, lattice: FlowLattice, bound_px: Float64) -> tuple[Float64, Mask]:
+    """Return the endpoint error (h, w) of a lattice, px, and where it can be compared."""
     predicted = rigid_flow(K, motion, lattice.columns, lattice.rows, lattice.depths_m)
     error = _lengths(lattice.flow_px - predicted)
-    return error, np.isfinite(error) & (bound_px < _COARSE_PX)
+    return error, np.isfinite(error) & (bound_px < _LARGEST_BOUND_PX)
 
 
 def _lengths(vectors: Float64) -> Float64:
@@ -165,7 +187,7 @@ def field_covariance(track: PoseTrack, interval: Interval, noise: PoseModel | No
 def templates_of(
     track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample, correction: Float64
 ) -> Float64:
-    """Return the templates of the small faults for one field, about a corrected motion."""
+    """Return the templates (n, 2, m) of small errors of the parameters for one field, about a corrected motion."""
     ends = track.ends(interval.start_ns, interval.end_ns)
 
     def corrected(declared: RigidMotion) -> RigidMotion:
@@ -193,32 +215,23 @@ def _turned_back(x_rad: float, y_rad: float, z_rad: float) -> Float64:
 
 
 def _repeats(window: Window, interval: Interval, frame: int, region: Region | None) -> Literal["", "flow", "depth"]:
-    """Say which equals the one before it, bit for bit, without being empty or zero throughout."""
+    """Return which equals the one before it, bit for bit, without being empty or zero throughout."""
     left, top, right, bottom = region or (0, 0, None, None)
     part = (slice(top, bottom), slice(left, right))
     stream, row = interval.stream, interval.row
-    if row and _same(window.flow_px(stream, row)[part], window.flow_px(stream, row - 1)[part]):
+    if row and equal_bits(window.flow_px(stream, row)[part], window.flow_px(stream, row - 1)[part]):
         return "flow"
-    if frame and _same(window.depth_m(frame)[part], window.depth_m(frame - 1)[part]):
+    if frame and equal_bits(window.depth_m(frame)[part], window.depth_m(frame - 1)[part]):
         return "depth"
     return ""
 
 
-def _same(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
-    return np.array_equal(one, other, equal_nan=True) and bool(np.any(np.nan_to_num(one)))
+def equal_bits(image: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+    """Whether two images are equal bit for bit, without being empty or zero throughout."""
+    return np.array_equal(image, other, equal_nan=True) and bool(np.any(np.nan_to_num(image)))
 
 
-def _held_to_noise(result: FieldError, track: PoseTrack, fit: MotionFit, noise: PoseModel) -> FieldError:
-    """Add the correction's statistic; not between poses, where interpolation makes the noise smaller."""
-    interval = result.interval
-    covariance = field_covariance(track, interval, noise)
-    if covariance is None or not track.on_samples(interval.start_ns, interval.end_ns):
-        return result
-    chi2, dof = twist_statistic(fit, covariance)
-    return replace(result, twist_chi2=chi2, twist_dof=dof)
-
-
-def _examined(
+def _with_fits(
     result: FieldError,
     track: PoseTrack,
     motion: RigidMotion,
@@ -226,11 +239,11 @@ def _examined(
     fit: MotionFit | None,
     noise: PoseModel | None,
 ) -> FieldError:
-    """Add what diagnosis needs: the small faults' evidence, and the best correction whatever the noise."""
+    """Add the evidence of the parameter templates, and the best correction of the motion whatever the noise."""
     covariance = None if result.region else field_covariance(track, result.interval, noise)
     templates = templates_of(track, result.interval, motion, sample, fit.twist if fit else np.zeros(6))
     evidence = weigh_templates(track.camera.K, motion, sample, templates, fit, covariance)
-    # From poses that are far from the truth the fit leads nowhere; what a field shows of its motion is small.
+    # From poses that are far from the truth the fit does not converge; the motion over a field is small.
     starts = (motion, RigidMotion(np.eye(3), np.zeros(3)))
     free = fit or next(filter(None, (fit_motion(track.camera.K, start, sample) for start in starts)), None)
     if free is None:
@@ -242,15 +255,3 @@ def _examined(
         free_pixels=len(sample.columns),
         free_twist=tuple(free.motion.twist_from(motion).tolist()),
     )
-
-
-def _interpolation_px(
-    K: Float64, track: PoseTrack, interval: Interval, motion: RigidMotion, sample: FlowSample
-) -> float:
-    """Return how far interpolating the pose between its samples can move a pixel; 0 where nothing is interpolated."""
-    twist = track.interpolation_twist(interval.start_ns, interval.end_ns)
-    if not twist.any():
-        return 0.0
-    points1_m = np.stack(moved_points(K, motion, sample.columns, sample.rows, sample.depths_m), axis=-1)
-    before = points1_m[points1_m[:, 2] > 0]
-    return float(np.max(np.abs(twist_jacobian(K, before)) @ twist, initial=0.0))

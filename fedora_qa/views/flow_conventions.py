@@ -75,7 +75,7 @@ def try_inverse_transforms(
     """Try every inverse transform on one field, or on the part of it that is off.
 
     The deviation that remains is compared with the one as stored, or with either flow itself where that is smaller,
-    so that dividing a field of garbage, or recomputing it from other garbage, explains nothing.
+    so that dividing a field of arbitrary values, or recomputing it from such, explains nothing.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def _of_the_pose(
         return track.transformed(lambda poses: replace(poses, positions_world_m=poses.positions_world_m @ change))
 
     mountings = [track.mounted(T_body_camera) for T_body_camera in other_mountings(track.camera.T_body_camera)]
-    # depths of the scene tell metres from millimetres of the pose only where they are plausible themselves
+    # Flow fixes the ratio of depths and positions: only plausible depths leave the unit to the positions.
     for name, stream, corrected, magnitude in (
         ("conjugated_quaternion", "pose", reordered((0, 1, 2, 3), (-1, -1, -1, 1)), None),
         ("reordered_quaternion", "pose", reordered((1, 2, 3, 0), (1, 1, 1, 1)), None),

@@ -17,7 +17,7 @@ from fedora_qa.sequence.window import PoseSamples, Window
 
 Float64 = NDArray[np.float64]
 Pose = tuple[Float64, Float64]
-"""R_world_body (3, 3) and position in the world (3,) m; NaN where it is not known."""
+"""R_world_body (3, 3) and position in the world (3,) m; NaN where no pose covers the instant."""
 
 _DEPTH_RANGE_M: Final = (0.05, 1000.0)
 """Where depths lie in metres when nothing is declared."""
@@ -68,25 +68,25 @@ def interval_at(facts: Facts, stream: str, row: int) -> Interval:
 
 
 def frame_at(clock: Clock, time_ns: int) -> int | None:
-    """Return the frame with exactly this stamp; None where there is none."""
+    """Return the frame with exactly this timestamp; None where there is none."""
     near = int(np.searchsorted(clock.times_ns, time_ns))
     if near < len(clock.times_ns) and clock.times_ns[near] == time_ns and clock.advancing[near]:
-        return near  # of stamps that advance no two are equal; only among others the search may have gone astray
+        return near  # timestamps that advance are unique; among others the search may miss
     rows = np.flatnonzero(clock.advancing)
-    place = int(np.searchsorted(clock.times_ns[rows], time_ns))
-    if place == len(rows) or clock.times_ns[rows[place]] != time_ns:
+    first = int(np.searchsorted(clock.times_ns[rows], time_ns))
+    if first == len(rows) or clock.times_ns[rows[first]] != time_ns:
         return None
-    return int(rows[place])
+    return int(rows[first])
 
 
 def depths_plausible(facts: Facts, depths_m: NDArray[np.floating]) -> bool:
-    """Whether depths lie about where they are declared: flow alone cannot tell small depths from large positions."""
+    """Whether depths lie about where they are declared: flow alone leaves their scale to the positions'."""
     nearest_m, farthest_m = facts.declared.depth_range_m or _DEPTH_RANGE_M
     return 0.5 * nearest_m <= float(np.median(depths_m)) <= 2 * farthest_m
 
 
 def ends_on_frame(facts: Facts, interval: Interval) -> bool:
-    """Whether an interval ends on the stamp of a depth or colour frame, as it must."""
+    """Whether an interval ends on the timestamp of a depth or colour frame, as it must."""
     return any(
         stream in facts.clocks and frame_at(facts.clocks[stream], interval.end_ns) is not None
         for stream in ("depth", "rgb")
@@ -95,7 +95,7 @@ def ends_on_frame(facts: Facts, interval: Interval) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class PoseTrack:
-    """The poses around a window and the camera that rides on them."""
+    """The poses around a window and the camera that is mounted on the body."""
 
     poses: PoseSamples
     camera: Camera
@@ -159,7 +159,7 @@ class PoseTrack:
         return np.max(changes, axis=0) / 16 if changes else np.full(6, np.inf)
 
     def on_samples(self, start_ns: int, end_ns: int) -> bool:
-        """Whether both instants are stamps of poses, so that nothing is interpolated."""
+        """Whether both instants are timestamps of poses, so that nothing is interpolated."""
         times_ns = self.poses.times_ns
         near = np.searchsorted(times_ns, (start_ns, end_ns))
         return int(near.max()) < len(times_ns) and bool(times_ns[near[0]] == start_ns and times_ns[near[1]] == end_ns)
@@ -175,16 +175,20 @@ class PoseTrack:
 
 def pose_track(window: Window, camera: Camera) -> PoseTrack:
     """Return the poses around the window, far enough for every interval it owns and the one before and after."""
-    return PoseTrack(window.once("poses for flow", lambda: _poses_for_flow(window)), camera)
 
+    def finite_poses() -> PoseSamples:
+        longest_ns = max((longest_interval_ns(window.facts, stream) for stream in window.facts.flow_streams), default=0)
+        poses = window.pose(2 * min(longest_ns, NS_PER_S) + _POSE_MARGIN_NS)
+        finite = np.isfinite(poses.positions_world_m).all(axis=1) & np.isfinite(poses.orientations_xyzw).all(axis=1)
+        if finite.all():
+            return poses
+        return PoseSamples(poses.times_ns[finite], poses.positions_world_m[finite], poses.orientations_xyzw[finite])
 
-def _poses_for_flow(window: Window) -> PoseSamples:
-    longest_ns = max((longest_interval_ns(window.facts, stream) for stream in window.facts.flow_streams), default=0)
-    return _finite(window.pose(2 * min(longest_ns, NS_PER_S) + _POSE_MARGIN_NS))
+    return PoseTrack(window.once("poses for flow", finite_poses), camera)
 
 
 def motion_between(before: Pose, after: Pose, camera: Camera) -> RigidMotion | None:
-    """Return how points move in a camera between two poses of the body; None where either is not known."""
+    """Return how points move in a camera between two poses of the body; None where either is NaN."""
     if not all(np.all(np.isfinite(values)) for values in (*before, *after)):
         return None
     return camera_motion(*before, *after, camera.T_body_camera)
@@ -212,10 +216,3 @@ def place(facts: Facts, intervals: tuple[Interval, Interval], frame: int | None 
         pixel=pixel,
         tile=tile,
     )
-
-
-def _finite(poses: PoseSamples) -> PoseSamples:
-    whole = np.isfinite(poses.positions_world_m).all(axis=1) & np.isfinite(poses.orientations_xyzw).all(axis=1)
-    if whole.all():
-        return poses
-    return PoseSamples(poses.times_ns[whole], poses.positions_world_m[whole], poses.orientations_xyzw[whole])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fedora_qa.estimators.flow.motion_fit import FlowSample
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_intervals import Interval
-from fedora_qa.views.static_depth import standing_depth_m
+from fedora_qa.views.static_depth import static_depth_m
 
 Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -19,8 +19,8 @@ Region = tuple[int, int, int, int]
 FIT_PIXELS: Final = 800
 """Pixels that a motion is fitted to: plenty for six numbers, since what remains is rounding."""
 
-_GROSS_PX: Final = 0.01
-"""Weight of residuals where no rounding bound is known: fine against any gross fault."""
+_DEFAULT_SIGMA_PX: Final = 0.01
+"""Weight of residuals where no rounding bound is computed: small against any transform of the data."""
 
 FEWEST_PIXELS: Final = 20
 """Pixels below which a field is not compared."""
@@ -28,8 +28,8 @@ FEWEST_PIXELS: Final = 20
 _FILLED: Final = 0.5
 """Share of a region's pixels that must be off: faults of a part of the image leave few of them as they were."""
 
-_UNTOUCHED: Final = 0.1
-"""Share of the error within a region up to which what lies around it is not touched."""
+_UNAFFECTED: Final = 0.1
+"""Share of the error within a region up to which what lies around it is not affected."""
 
 _PART: Final = 0.9
 """Share of the image's pixels from which on a region is no part of it but all."""
@@ -45,7 +45,7 @@ def sample_field(window: Window, interval: Interval, frame: int, region: Region 
 
 
 @dataclass(frozen=True, slots=True)
-class Lattice:
+class FlowLattice:
     """Regular pixels: columns (1, w), rows (h, 1), depths (h, w) with NaN where a value is missing, flow (h, w, 2)."""
 
     columns: Float64
@@ -53,39 +53,39 @@ class Lattice:
     depths_m: Float64
     flow_px: Float64
 
-    def within(self, region: Region) -> "Lattice":
+    def within(self, region: Region) -> "FlowLattice":
         """Return the lattice without depths outside of a region."""
         left, top, right, bottom = region
         inside = (self.columns >= left) & (self.columns < right) & (self.rows >= top) & (self.rows < bottom)
         return replace(self, depths_m=np.where(inside, self.depths_m, np.nan))
 
 
-def region_of(lattice: Lattice, excess: Float64) -> Region | None:
-    """Return the rectangle about the pixels that are off, where it is a part of the image and only there is it off.
+def region_of(lattice: FlowLattice, excess: Float64) -> Region | None:
+    """Return the rectangle about the pixels that are off, where these are off alone and are a part of the image.
 
-    ``excess`` (h, w) is the error over its bound, NaN where not known: off from 1 on. A small fault of the whole image
+    ``excess`` (h, w) is the error over its bound, NaN where not compared; off above 1. A small fault of the whole image
     exceeds its bound in a part only, but lies not far below it elsewhere.
     """
-    known = np.isfinite(excess)
-    rows, columns = np.nonzero(known & (excess > 1))
+    compared = np.isfinite(excess)
+    rows, columns = np.nonzero(compared & (excess > 1))
     if len(rows) < FEWEST_PIXELS:
         return None
     part = (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1))
-    inside = np.zeros_like(known)
-    inside[part] = known[part]
+    inside = np.zeros_like(compared)
+    inside[part] = compared[part]
     count = np.count_nonzero(inside)
-    if len(rows) < _FILLED * count or count > _PART * np.count_nonzero(known):
+    if len(rows) < _FILLED * count or count > _PART * np.count_nonzero(compared):
         return None
-    if np.median(excess[known & ~inside]) > _UNTOUCHED * np.median(excess[inside]):
+    if np.median(excess[compared & ~inside]) > _UNAFFECTED * np.median(excess[inside]):
         return None
     left, right = (int(lattice.columns[0, column]) for column in (columns.min(), columns.max()))
     top, bottom = (int(lattice.rows[row, 0]) for row in (rows.min(), rows.max()))
     return left, top, right + 1, bottom + 1
 
 
-def lattice_of(window: Window, interval: Interval, frame: int) -> Lattice | None:
-    """Return the lattice that the effort asks for; its phase steps from field to field until every pixel was seen."""
-    depth_m, flow_px = standing_depth_m(window, frame), window.flow_px(interval.stream, interval.row)
+def lattice_of(window: Window, interval: Interval, frame: int) -> FlowLattice | None:
+    """Return the lattice that the effort asks for; its phase steps from field to field, over every pixel."""
+    depth_m, flow_px = static_depth_m(window, frame), window.flow_px(interval.stream, interval.row)
     if depth_m is None or depth_m.shape != flow_px.shape[:2]:
         return None
     stride = max(1, round(1 / window.sampling.tile_share))
@@ -93,7 +93,7 @@ def lattice_of(window: Window, interval: Interval, frame: int) -> Lattice | None
     pixels = (slice(first_row, None, stride), slice(first_column, None, stride))
     depths_m, flow = depth_m[pixels].astype(np.float64), flow_px[pixels].astype(np.float64)
     valid = (depths_m > 0) & np.isfinite(depths_m) & np.isfinite(flow[..., 0]) & np.isfinite(flow[..., 1])
-    return Lattice(
+    return FlowLattice(
         np.arange(first_column, depth_m.shape[1], stride, dtype=np.float64)[None, :],
         np.arange(first_row, depth_m.shape[0], stride, dtype=np.float64)[:, None],
         np.where(valid, depths_m, np.nan),
@@ -101,11 +101,11 @@ def lattice_of(window: Window, interval: Interval, frame: int) -> Lattice | None
     )
 
 
-def thinned(lattice: Lattice) -> FlowSample | None:
+def thinned(lattice: FlowLattice) -> FlowSample | None:
     """Return some ``FIT_PIXELS`` valid pixels of a lattice, evenly spread; None where too few are valid."""
     valid = np.flatnonzero(np.isfinite(lattice.depths_m))
     if len(valid) < FEWEST_PIXELS:
         return None
     row, column = np.unravel_index(valid[:: max(1, len(valid) // FIT_PIXELS)], lattice.depths_m.shape)
     depths_m, flow_px = lattice.depths_m[row, column], lattice.flow_px[row, column]
-    return FlowSample(lattice.columns[0, column], lattice.rows[row, 0], depths_m, flow_px, _GROSS_PX)
+    return FlowSample(lattice.columns[0, column], lattice.rows[row, 0], depths_m, flow_px, _DEFAULT_SIGMA_PX)

@@ -19,7 +19,7 @@ from fedora_qa.views.camera_motion import motion_over
 from fedora_qa.views.flow_comparison import FieldError, compare_field, is_noisy
 from fedora_qa.views.flow_conventions import ConventionTrial, try_inverse_transforms
 from fedora_qa.views.flow_intervals import PoseTrack, ends_on_frame, frame_at, owned_intervals, place, pose_track
-from fedora_qa.views.static_depth import why_not_told_apart
+from fedora_qa.views.static_depth import why_no_static_depth
 
 _MOST_FOLLOW_UPS: Final = 8
 
@@ -199,7 +199,7 @@ class FlowGeometryEndpoint(WindowCheck[WindowErrors]):
             return "the depth camera's intrinsics and mounting are not declared"
         if camera.model != "pinhole":
             return f"the depth camera is declared as {camera.model}, and only a pinhole is modelled"
-        return why_not_told_apart(facts)
+        return why_no_static_depth(facts)
 
     def measure(self, window: Window) -> WindowErrors | None:
         """Compare every field that the window owns."""

@@ -122,7 +122,7 @@ def _of_one_rate(facts: Facts, stream: str) -> list[Statistic]:
     of_frames = _features_off_frames(facts, stream, clock, clock.ends_ns, off_frames)
     of_gaps = of_frames
     # Steps of less than half an interval are timestamps that left their frames; larger ones are missing intervals,
-    # doubled ones, or another order, which sorting tells apart.
+    # doubled ones, or another order, which sorting separates.
     if len(gaps) and 2 * np.abs(clock.times_ns[gaps] - clock.ends_ns[gaps - 1]).max() >= np.median(lengths_ns):
         order = np.argsort(clock.times_ns, kind="stable")
         steps_ns = clock.times_ns[order][1:] - clock.ends_ns[order][:-1]
@@ -208,7 +208,7 @@ def _patterns_of(stream: str, instants_ns: Int64, frames_ns: Int64) -> tuple[Fea
 def timestamp_patterns(instants_ns: Int64, frames_ns: Int64) -> tuple[TimestampPattern, ...]:
     """Fit each pattern to the offsets of instants from their frames.
 
-    Offsets are seen modulo the frame step. Where several patterns remove all but the rounding of timestamps, the one
+    Offsets are modulo the frame step. Where several patterns remove all but the rounding of timestamps, the one
     with the fewest numbers comes first.
 
     Parameters

@@ -27,7 +27,7 @@ from fedora_qa.views.flow_intervals import (
     place,
     pose_track,
 )
-from fedora_qa.views.static_depth import standing_depth_m
+from fedora_qa.views.static_depth import static_depth_m
 
 Mask = NDArray[np.bool_]
 
@@ -153,25 +153,25 @@ def _compare(window: Window, track: PoseTrack | None, interval: Interval, frame:
     depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
     if depth_m.shape != flow_px.shape[:2]:
         return None
-    standing_m = standing_depth_m(window, frame)
+    static_m = static_depth_m(window, frame)
     may_pass = False
-    if track is not None and standing_m is not None:
+    if track is not None and static_m is not None:
         # Whether any static point may end behind the camera's plane, or too near to it to be sure.
         motion = motion_over(window, track, interval)
-        range_m = window.once(("range of depth", frame), lambda: depth_range_m(depth_m, standing_m))
+        range_m = window.once(("range of depth", frame), lambda: depth_range_m(depth_m, static_m))
         may_pass = motion is None or (
             range_m is not None and not _all_before(track, motion, depth_m.shape, range_m, window)
         )
     lines = np.ascontiguousarray(flow_px, dtype=np.float32).reshape(len(flow_px), -1)
-    unfounded, missing, infinite = compare_patterns(lines, depth_m, depth_m if standing_m is None else standing_m)
-    are_missing = missing and track is not None and standing_m is not None
+    unfounded, missing, infinite = compare_patterns(lines, depth_m, depth_m if static_m is None else static_m)
+    are_missing = missing and track is not None and static_m is not None
     if not may_pass and not unfounded and not infinite and not are_missing:
         return FieldPattern(interval, frame, 0, 0, 0, 0, deep=True, infinite=0, missing=0, pixel=None)
-    return _count_wrong_pixels(window, track, interval, frame, standing_m)
+    return _count_wrong_pixels(window, track, interval, frame, static_m)
 
 
 def _count_wrong_pixels(
-    window: Window, track: PoseTrack | None, interval: Interval, frame: int, standing_m: NDArray[np.float32] | None
+    window: Window, track: PoseTrack | None, interval: Interval, frame: int, static_m: NDArray[np.float32] | None
 ) -> FieldPattern:
     """Count the wrong pixels of a field by their kind."""
     depth_m, flow_px = window.depth_m(frame), window.flow_px(interval.stream, interval.row)
@@ -180,8 +180,8 @@ def _count_wrong_pixels(
     valid = np.isfinite(depth_m) & (depth_m > 0)
     unfounded, missing = present & ~valid, valid & ~present
     behind = np.zeros_like(valid)
-    if track is not None and standing_m is not None:
-        still = valid & np.isfinite(standing_m)
+    if track is not None and static_m is not None:
+        still = valid & np.isfinite(static_m)
         before, behind = _before_and_behind(window, track, interval, depth_m, still)
         unfounded |= present & behind
         missing &= before

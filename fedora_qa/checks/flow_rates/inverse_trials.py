@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.sequence.window import Window
 from fedora_qa.views.flow_chains import Chain, ComposedPaths, FieldTransform, Segment, compose, exists
+from fedora_qa.views.flow_comparison import equal_bits
 from fedora_qa.views.flow_conventions import ConventionTrial
 from fedora_qa.views.flow_rate_agreement import FEWEST_PIXELS, compared_pixels, median_error_px, path_starts
 
@@ -62,7 +63,7 @@ def try_inverse_transforms(window: Window, segment: Segment) -> list[ConventionT
     """
     columns, rows = _pixels_off(window, segment)
     slow, fast = (compose(window, chain, columns, rows) for chain in (segment.slow, segment.fast))
-    # The flow itself bounds the error that a transform can remove, so that dividing garbage explains nothing.
+    # The flow itself bounds the error that a transform can remove, so that dividing arbitrary values explains nothing.
     moved_px = np.linalg.norm(slow.displacement_px[slow.clear], axis=-1)
     reference_px = min(median_error_px(slow, fast), float(np.median(moved_px)) if len(moved_px) else np.inf)
     best: dict[tuple[str, str], ConventionTrial] = {}
@@ -150,7 +151,7 @@ def _holds_field_of_another_rate(window: Window, chain: Chain) -> bool:
             continue
         latest = max(int(np.searchsorted(starts_ns, start_ns, "right")) - 1, 0)
         candidates = (window.flow_px(stream, candidate) for candidate in {latest, min(row, len(starts_ns) - 1)})
-        if any(_equal_bits(own, candidate) for candidate in candidates):
+        if any(equal_bits(own, candidate) for candidate in candidates):
             return True
     return False
 
@@ -164,7 +165,7 @@ def _count_repetitions(window: Window, chain: Chain) -> int:
     def repeats(row: int) -> bool:
         if not first < row <= last:
             return False
-        return _equal_bits(window.flow_px(chain.stream, row), window.flow_px(chain.stream, row - 1))
+        return equal_bits(window.flow_px(chain.stream, row), window.flow_px(chain.stream, row - 1))
 
     longest = 0
     for row in chain.rows:
@@ -173,8 +174,3 @@ def _count_repetitions(window: Window, chain: Chain) -> int:
             before = next(earlier for earlier in range(row - 1, first - 1, -1) if not repeats(earlier))
             longest = max(longest, after - before - 1)
     return longest
-
-
-def _equal_bits(field_px: NDArray[np.float32], other_px: NDArray[np.float32]) -> bool:
-    """Whether two fields are equal bit for bit, without being empty or zero throughout."""
-    return np.array_equal(field_px, other_px, equal_nan=True) and bool(np.any(np.nan_to_num(field_px)))

@@ -1,8 +1,8 @@
 """Whether a declared camera has numbers that somebody chose: a declaration that went wrong by any amount has none.
 
-A designer's camera sees a round angle, has its principal point in the middle, and looks along an axis or at a round
-angle to it. A declaration that is wrong by some amount is round with probability 0, an honest one often: where it is
-round, what disagrees with it is wrong (Bayes, whatever the prior).
+A designed camera has a round field of view, its principal point in the middle, and an optical axis along an axis of
+the body or at a round angle to it. A declaration that is wrong by some amount is round with probability 0, a correct
+one often: where it is round, what disagrees with it is wrong (Bayes, whatever the prior).
 """
 
 from typing import Final
@@ -28,14 +28,14 @@ def is_chosen(camera: Camera, cause: str) -> bool:
 
 
 def _focal_chosen(camera: Camera) -> bool:
-    """Say whether pixels are square and the field of view, or the focal length itself, is round."""
+    """Whether pixels are square and the field of view, or the focal length itself, is round."""
     fx, fy = camera.K[0, 0], camera.K[1, 1]
     view_deg = np.degrees(2 * np.arctan(camera.width / (2 * fx)))
     return bool(abs(fx - fy) < _SAME * fx and (_round(view_deg, _ROUND_DEG) or _round(fx, _ROUND_DEG)))
 
 
 def _centre_chosen(camera: Camera) -> bool:
-    """Say whether the principal point lies in the middle, by any of the three conventions."""
+    """Whether the principal point lies in the middle, by any of the three conventions."""
     return all(
         any(abs(centre - (size + by) / 2) < _SAME * size for by in (-1, 0, 1))
         for centre, size in ((camera.K[0, 2], camera.width), (camera.K[1, 2], camera.height))
@@ -43,7 +43,7 @@ def _centre_chosen(camera: Camera) -> bool:
 
 
 def _mount_chosen(camera: Camera) -> bool:
-    """Say whether the camera is turned about each axis by a round angle."""
+    """Whether the camera is turned about each axis by a round angle."""
     R_body_camera = camera.T_body_camera[:3, :3]
     straight = bool(np.all(np.abs(R_body_camera - np.rint(R_body_camera)) < _SAME))
     forward = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])

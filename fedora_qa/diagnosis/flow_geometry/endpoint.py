@@ -58,7 +58,7 @@ _STREAMS_OF_PARAMETER: Final = MappingProxyType({
     "clock_rate": _OF_TIME,
 })  # fmt: skip
 """Streams in which an error of a parameter has the same effect here, and the sign of the fault: what is declared too
-large is too small in the flow. Where nothing else tells them apart the first is meant."""
+large is too small in the flow. Where nothing else separates them the first is meant."""
 
 
 def propose_endpoint(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
@@ -131,7 +131,7 @@ def _of_the_poses(correction: FreeMotionCorrection, fields_off: int, flow: str, 
     """Name what would explain that a rigid correction makes the fields agree, with ``ANY_CAUSE`` of the pose last.
 
     Of few fields single poses are wrong; of most, noise that is not declared, or the poses or the flow of another
-    sequence: the growth of the corrections tells these apart.
+    sequence: the growth of the corrections separates these.
     """
     share, noise = correction.removed_share, noise_likeness(correction.growth)
     if local:

@@ -108,7 +108,7 @@ def _of_the_intervals(stream: str, features: Sequence[Feature], facts: Facts) ->
 
 
 def _of_the_timestamps(stream: str, features: Sequence[Feature]) -> tuple[Hypothesis, ...]:
-    """Name the pattern by which timestamps left the frames; colour frames tell whose timestamps these are."""
+    """Name the pattern by which timestamps left the frames; colour frames decide whose timestamps these are."""
     relation = next((feature for feature in features if isinstance(feature, IntervalsOffFrames)), None)
     if relation is None:
         return ()
@@ -118,7 +118,7 @@ def _of_the_timestamps(stream: str, features: Sequence[Feature]) -> tuple[Hypoth
             Hypothesis("time_offset", stream, support("flow_geometry.offset_beyond_frames")),
         )
     suspected, other = (support(f"flow_geometry.pattern_of_{which}_stream") for which in ("suspected", "other"))
-    # Flow on colour frames is where it should be; without them nothing tells, and flow has fewer timestamps.
+    # Flow on colour frames is where it should be; without them flow is suspected first: it has fewer timestamps.
     flow_is_suspected = not relation.at_missing_frame and not relation.on_colour_frames
     hypotheses = []
     for pattern in features:

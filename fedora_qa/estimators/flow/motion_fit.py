@@ -23,7 +23,7 @@ _CONVERGED_PX: Final = 1e-6
 """A step that moves all pixels together by less than this is the last: quadratic convergence leaves nothing."""
 
 _LARGEST_TURN_RAD: Final = 0.3
-"""Beyond it the linearisation is worthless: the field is grossly wrong, which other hypotheses explain."""
+"""Beyond it the linearisation does not hold: such a field is not off by an error of the motion."""
 
 
 @dataclass(frozen=True, slots=True)

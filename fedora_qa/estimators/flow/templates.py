@@ -67,7 +67,7 @@ def parameter_templates(
         The motion when the camera is really mounted with ``R_body_camera Exp(-rotation)`` and its centre ``shift``
         metres less along the body's axes, for a rotation vector (3,) and a shift (3,).
     delayed
-        The motion when the poses' stamps are too late by so many seconds; None where no pose covers it.
+        The motion when the poses' timestamps are too late by so many seconds; None where no pose covers it.
     """
 
     def flow(changed_K: Float64, changed_motion: RigidMotion) -> Float64:

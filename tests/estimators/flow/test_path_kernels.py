@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from fedora_qa.estimators.flow.path_kernels import errors_of_reading, medians_of_parts, spans_at_targets, step
+from fedora_qa.estimators.flow.path_kernels import (
+    PathStates,
+    interpolation_errors,
+    medians_of_parts,
+    spans_at_targets,
+    step,
+)
 
 HEIGHT, WIDTH = 60, 90
 COLUMNS, ROWS = np.meshgrid(np.arange(float(WIDTH)), np.arange(float(HEIGHT)))
@@ -31,8 +37,9 @@ class Stepped:
         self.bound_px = np.zeros(len(self.x))
         self.clear, self.stays = np.ones(len(self.x), np.bool_), np.ones(len(self.x), np.bool_)
         spans = spans_at_targets(lines) if crowds else NOTHING
-        errors_px = errors_of_reading(lines) if many else UNKNOWN
-        step(lines, spans, errors_px, 0.001, first, True, self.x, self.y, self.bound_px, self.clear, self.stays)
+        errors_px = interpolation_errors(lines) if many else UNKNOWN
+        paths = PathStates(self.x, self.y, self.bound_px, self.clear, self.stays)
+        step(lines, spans, errors_px, 0.001, first, True, paths)
 
 
 def flow_of(u: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
