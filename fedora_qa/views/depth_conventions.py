@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import MM_PER_M, NS_PER_S
 from fedora_qa.estimators.depth.inverse_depth import DepthImage, depth_image
 from fedora_qa.estimators.depth.pair_fit import Family, fit_depth, noise_directions
-from fedora_qa.estimators.depth.warp import DepthModel, Lattice, lattice_of, ray_lengths
+from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, lattice_of, ray_lengths
 from fedora_qa.features import Feature
 from fedora_qa.geometry.so3 import compose
 from fedora_qa.views.depth_pairs import DepthPair, static_depth_of_frame_m, step_share
@@ -133,7 +133,7 @@ def try_conventions(pair: DepthPair, residual_as_stored: float, tile: Tile | Non
     return PairTrials(pair.first, tuple(trials))
 
 
-def _lattice(image: DepthImage, tile: Tile | None) -> Lattice:
+def _lattice(image: DepthImage, tile: Tile | None) -> DepthLattice:
     if tile is None:
         return lattice_of(image, 1, _PIXELS)
     # Pixels outside of the tile count as near an edge, which lattices leave out.

@@ -5,8 +5,8 @@ import pytest
 from scipy.ndimage import distance_transform_edt
 
 from fedora_qa.estimators.depth.inverse_depth import depth_image
-from fedora_qa.estimators.depth.pair_fit_kernels import medians_by_group
 from fedora_qa.estimators.flow.mask import edges, inverse_depth
+from fedora_qa.views.depth_agreement import medians_by_group
 
 HEIGHT, WIDTH = 61, 83
 
@@ -42,7 +42,7 @@ def test_errors_are_shares_of_the_largest_bend_around(seed: int) -> None:
     image = depth_image(depth_m, relative_step=1e-3)
     # Differences in single precision err by 2e-7 of themselves: here by a thousandth of what rounding may do.
     np.testing.assert_allclose(image.error_per_m, 0.25 * around + 8 * 2.0**-24 * inverse, rtol=1e-3)
-    assert image.of_step == 5e-4
+    assert image.quantisation_error == 5e-4
     assert image.nearest_per_m == pytest.approx(inverse.max())
 
 
