@@ -95,6 +95,7 @@ def _measure(window: Window) -> DepthEdges | None:
         evenly = np.unique(np.linspace(0, len(frame_pairs) - 1, FRAMES).round().astype(int)) if frame_pairs else ()
         chosen = [frame_pairs[int(i)] for i in evenly]
     else:
+        # Short windows take the frames of a grid in time, which does not depend on how the file is cut.
         every_ns = 2 * _EVERY_NS if _is_large(window) else _EVERY_NS
         chosen = [pair for pair in frame_pairs if _is_due(window.facts, pair[0], every_ns)]
     profiles = [of_frame for pair in chosen if (of_frame := _frame_profiles(window, *pair)) is not None]
@@ -133,7 +134,12 @@ def _frame_profiles(window: Window, row: int, rgb_row: int) -> tuple[Float64, Fl
     except UnreadableRowsError:
         return None
     facts, cameras = window.facts, window.facts.declared.cameras
-    far_m = _farthest_m(facts, depth_m)
+    # Beyond this distance depth is missing: as declared, or else the farthest in the frame.
+    if facts.declared.depth_range_m is not None:
+        far_m = facts.declared.depth_range_m[1]
+    else:
+        finite_m = depth_m[np.isfinite(depth_m)]
+        far_m = float(finite_m.max()) if len(finite_m) and finite_m.max() > 0 else 1.0
     lines = LINES // 2 if _is_large(window) else LINES
     # The logarithm is taken in place: frames are large.
     log_luma = luma + np.float32(DARK_DN)
@@ -151,14 +157,6 @@ def _frame_profiles(window: Window, row: int, rgb_row: int) -> tuple[Float64, Fl
             positions = outlines_in_camera(cameras["depth"], cameras["events"], steps)
             events.append(tile_profiles(counts, steps, axis, positions, first_px=0.0))
     return np.swapaxes(np.array(colour), 0, 1), np.array(events)
-
-
-def _farthest_m(facts: Facts, depth_m: Float32) -> float:
-    """Return the distance beyond which depth is missing: as declared, or else the farthest in the frame."""
-    if facts.declared.depth_range_m is not None:
-        return facts.declared.depth_range_m[1]
-    finite_m = depth_m[np.isfinite(depth_m)]
-    return float(finite_m.max()) if len(finite_m) and finite_m.max() > 0 else 1.0
 
 
 def _event_counts(window: Window, time_ns: int) -> Float32 | None:

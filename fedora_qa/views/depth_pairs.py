@@ -170,6 +170,7 @@ def _motion(window: Window, track: PoseTrack, first: int, second: int) -> tuple[
         (noise.position_sigma_m, noise.rotation_sigma_rad) if noise else (_FREE_MOTION_M, _FREE_MOTION_RAD)
     )
     exact = sigma_m == sigma_rad == 0.0
+    # Exact poses leave the motion no freedom at all.
     covariance = np.zeros((6, 6)) if exact else track.covariance(start_ns, end_ns, sigma_m, sigma_rad)
     return motion, track.interpolation_twist(start_ns, end_ns), noise_directions(covariance)
 

@@ -6,7 +6,6 @@ from scipy.ndimage import distance_transform_edt
 
 from fedora_qa.estimators.depth.inverse_depth import depth_image
 from fedora_qa.estimators.flow.mask import edges, inverse_depth
-from fedora_qa.views.depth_agreement import medians_by_group
 
 HEIGHT, WIDTH = 61, 83
 
@@ -73,14 +72,3 @@ def test_what_a_moved_image_lets_in_is_near_an_edge(axis: int, shift_px: int) ->
     exact = distance_transform_edt(moved.near_edge == 0)[::2, ::2]
     assert np.all(moved.clearance_px <= 1.09 * exact)
     assert moved.clearance_px.max() > 300
-
-
-def test_medians_by_group() -> None:
-    """Against masks; groups that are too small have none."""
-    rng = np.random.default_rng(1)
-    first, second, groups = rng.random(500), rng.random(500), rng.integers(0, 7, 500).astype(np.uint8)
-    groups[:3] = 7
-    medians = medians_by_group(first, second, groups, 9, 4)
-    for values, found in zip((first, second), medians, strict=True):
-        np.testing.assert_array_equal(found[:7], [np.median(values[groups == group]) for group in range(7)])
-        assert np.isnan(found[7:]).all()
