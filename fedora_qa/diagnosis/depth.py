@@ -69,17 +69,13 @@ def _no_size(_: float) -> None:
     return None
 
 
-def _reciprocal(factor: float) -> float | None:
-    return 1 / factor if factor else None
-
-
 _ALL_OF_IT: Final = 1.0
 """The one cause that has the effect of the transform explains all that undoing it removes."""
 
 _CAUSES_OF_TRANSFORM: Final[Mapping[Transform, tuple[tuple[str, str, float, Size], ...]]] = MappingProxyType({
     "depth_scale": (
         ("unit_mm_m", "depth", _ALL_OF_IT, float),
-        ("unit_mm_m", "pose", support("depth.seen_by_other_streams"), _reciprocal),
+        ("unit_mm_m", "pose", support("depth.seen_by_other_streams"), lambda factor: 1 / factor if factor else None),
     ),
     "ray_length": (("depth_ray_not_z", "depth", _ALL_OF_IT, _no_size),),
     "mirrored": (("mirrored", "depth", _ALL_OF_IT, _no_size),),
@@ -170,10 +166,13 @@ def _of_pairs(alarm: Alarm) -> tuple[Hypothesis, ...]:
         return ()
     trials = [feature for feature in alarm.statistic.features if isinstance(feature, PairTrials)]
     # What begins between the frames of the worst pair spoils that pair alone, whatever part of the file it has.
-    hypotheses = _best_of_each((
+    averages = (
         *_by_trials(trials, "all", share_off=pairs.off / pairs.compared),
         *_by_trials(trials, "part", share_off=1.0),
-    ))  # fmt: skip
+    )
+    # The better supported of both, of each cause and stream.
+    ascending = sorted(averages, key=lambda hypothesis: hypothesis.support)
+    hypotheses = list({(hypothesis.cause, hypothesis.stream): hypothesis for hypothesis in ascending}.values())
     if pairs.repeated:
         # Frames that are equal bit for bit are counted, not fitted.
         hypotheses.append(Hypothesis("frozen_frames", "depth", _ALL_OF_IT, float(pairs.repeated), "samples", 0.0))
@@ -228,14 +227,6 @@ def _best_by_cause(trials: Iterable[DepthTrial], extent: Extent) -> dict[tuple[s
             if (cause, stream) not in best or best[cause, stream][0] < explained:
                 best[cause, stream] = explained, size(trial.parameter)
     return best
-
-
-def _best_of_each(hypotheses: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Keep the best supported hypothesis of each cause and stream."""
-    best: dict[tuple[str, str], Hypothesis] = {}
-    for hypothesis in sorted(hypotheses, key=lambda hypothesis: hypothesis.support):
-        best[hypothesis.cause, hypothesis.stream] = hypothesis
-    return list(best.values())
 
 
 def _feature(alarm: Alarm, kind: type[AnyFeature]) -> AnyFeature:

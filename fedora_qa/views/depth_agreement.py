@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.depth.pair_fit_kernels import medians_by_group
 from fedora_qa.estimators.depth.warp import warp
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.views.depth_pairs import DepthPair
@@ -108,7 +108,7 @@ def compare(pair: DepthPair) -> PairAgreement | None:
         whole,
         worst,
         tile_px,
-        pixels=warped.seen,
+        pixels=warped.compared,
         noise_square=fit.noise_square,
         noise_dof=fit.noise_dof,
         repeats=repeats,
@@ -129,3 +129,27 @@ def _worst_tile(
     edges = (column * width // across, row * height // down, (column + 1) * width // across, (row + 1) * height // down)
     left_px, top_px, right_px, bottom_px = (every_px * edge for edge in edges)
     return DepthDeviation(float(typical[tile]), float(limits[tile])), (left_px, top_px, right_px, bottom_px)
+
+
+@njit(cache=True)
+def medians_by_group(
+    first: Float64, second: Float64, groups: NDArray[np.uint8], count: int, fewest: int
+) -> tuple[Float64, Float64]:
+    """Return the medians (count,) of two columns (n,) by group; NaN in groups of fewer than ``fewest``."""
+    ends = np.zeros(count + 1, np.int64)
+    for group in groups:
+        ends[group + 1] += 1
+    ends = np.cumsum(ends)
+    # Counting sort: values of one group lie together.
+    next_index, first_sorted, second_sorted = ends[:-1].copy(), np.empty(len(first)), np.empty(len(first))
+    for i in range(len(groups)):
+        index = next_index[groups[i]]
+        first_sorted[index], second_sorted[index] = first[i], second[i]
+        next_index[groups[i]] = index + 1
+    first_medians, second_medians = np.full(count, np.nan), np.full(count, np.nan)
+    for group in range(count):
+        start, stop = ends[group], ends[group + 1]
+        if stop - start >= max(fewest, 1):
+            first_medians[group] = median_of(first_sorted[start:stop])
+            second_medians[group] = median_of(second_sorted[start:stop])
+    return first_medians, second_medians

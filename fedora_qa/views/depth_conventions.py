@@ -5,7 +5,7 @@ Each trial applies one transform to the pair and measures how much of the typica
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import chain, product
 from typing import Final, Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fedora_qa.conventions import MM_PER_M, NS_PER_S
 from fedora_qa.estimators.depth.inverse_depth import DepthImage, depth_image
 from fedora_qa.estimators.depth.pair_fit import Family, fit_depth, noise_directions
-from fedora_qa.estimators.depth.warp import DepthModel, Lattice, lattice_of, ray_lengths
+from fedora_qa.estimators.depth.warp import DepthModel, lattice_of, ray_lengths
 from fedora_qa.features import Feature
 from fedora_qa.geometry.so3 import compose
 from fedora_qa.views.depth_pairs import DepthPair, static_depth_of_frame_m, step_share
@@ -115,15 +115,27 @@ def try_conventions(pair: DepthPair, residual_as_stored: float, tile: Tile | Non
     PairTrials
         Trials without a fit, or with an impossible parameter, are left out.
     """
+    depth = (_with_other_values(pair), _with_another_grid(pair))
+    if tile is None:
+        focal_length = _Candidate("focal_length", pair.images, _focal_length_family(pair), step=1e-3)
+        poses = (_with_a_clock_offset(pair), _with_other_poses(pair))
+        candidates = chain(*depth, (focal_length,), _with_other_frames(pair), *poses)
+    else:
+        # A part of the image is one in both frames: what begins between the frames is left out.
+        of_both_frames = (c for c in chain(*depth, _with_other_frames(pair)) if c.extent == "all")
+        candidates = chain(replace(c, extent="part") for c in of_both_frames)
     trials = []
-    for candidate in _candidates(pair) if tile is None else _candidates_of_depth(pair):
+    for candidate in candidates:
+        first, second = candidate.images
+        if tile is not None:
+            # Pixels outside of the tile count as near an edge, which lattices leave out.
+            left, top, right, bottom = tile
+            near_edge = np.ones_like(first.near_edge)
+            near_edge[top:bottom, left:right] = first.near_edge[top:bottom, left:right]
+            first = replace(first, near_edge=near_edge)
+        noise = pair.noise if candidate.noise is None else candidate.noise
         fit = fit_depth(
-            candidate.family,
-            _lattice(candidate.images[0], tile),
-            candidate.images[1],
-            pair.noise if candidate.noise is None else candidate.noise,
-            start=candidate.start,
-            step=candidate.step,
+            candidate.family, lattice_of(first, 1, _PIXELS), second, noise, start=candidate.start, step=candidate.step
         )
         if fit is None or not candidate.possible(fit.value):
             continue
@@ -131,32 +143,6 @@ def try_conventions(pair: DepthPair, residual_as_stored: float, tile: Tile | Non
         parameter = candidate.parameter if candidate.step is None else float(fit.value)
         trials.append(DepthTrial(candidate.transform, candidate.extent, reduction, parameter))
     return PairTrials(pair.first, tuple(trials))
-
-
-def _lattice(image: DepthImage, tile: Tile | None) -> Lattice:
-    if tile is None:
-        return lattice_of(image, 1, _PIXELS)
-    # Pixels outside of the tile count as near an edge, which lattices leave out.
-    left, top, right, bottom = tile
-    near_edge = np.ones_like(image.near_edge)
-    near_edge[top:bottom, left:right] = image.near_edge[top:bottom, left:right]
-    return lattice_of(replace(image, near_edge=near_edge), 1, _PIXELS)
-
-
-def _candidates(pair: DepthPair) -> Iterator[_Candidate]:
-    yield from _with_other_values(pair)
-    yield from _with_another_grid(pair)
-    yield _Candidate("focal_length", pair.images, _focal_length_family(pair), step=1e-3)
-    yield from _with_other_frames(pair)
-    yield from _with_a_clock_offset(pair)
-    yield from _with_other_poses(pair)
-
-
-def _candidates_of_depth(pair: DepthPair) -> Iterator[_Candidate]:
-    """Yield transforms of both frames: what can befall a part of the image."""
-    for candidate in (*_with_other_values(pair), *_with_another_grid(pair), *_with_other_frames(pair)):
-        if candidate.extent == "all":
-            yield replace(candidate, extent="part")
 
 
 def _only(model: DepthModel) -> Family:
@@ -167,17 +153,17 @@ def _with_other_values(pair: DepthPair) -> Iterator[_Candidate]:
     """Suppose another unit, or lengths of rays."""
     yield _Candidate("depth_scale", pair.images, pair.scaled, step=1e-3, possible=lambda factor: factor >= 0)
     for factor in (1 / MM_PER_M, MM_PER_M):
-        for images in _either(pair, _transformed(pair, _divided_by(factor))):
+        for images in _either(pair, _images(pair, _divided_by(factor))):
             yield _Candidate("depth_scale", images, _only(pair.model()), "part", parameter=factor)
     yield _Candidate("ray_length", pair.images, _only(pair.as_rays(1.0)))
-    for images in _either(pair, _transformed(pair, lambda d: d / ray_lengths(pair.model().K, d.shape))):
+    for images in _either(pair, _images(pair, lambda d: d / ray_lengths(pair.model().K, d.shape))):
         yield _Candidate("ray_length", images, _only(pair.model()), "part")
 
 
 def _with_another_grid(pair: DepthPair) -> Iterator[_Candidate]:
     """Turn the images over, or move them: what moves all images alike is a principal point."""
     for flip in (lambda d: d[:, ::-1], lambda d: d[::-1]):
-        flipped = _transformed(pair, flip)
+        flipped = _images(pair, flip)
         yield _Candidate("mirrored", flipped, _only(pair.model()))
         for images in _either(pair, flipped):
             yield _Candidate("mirrored", images, _only(pair.model()), "part")
@@ -202,7 +188,7 @@ def _with_other_frames(pair: DepthPair) -> Iterator[_Candidate]:
     orders += [((first, second + distance), abs(distance)) for distance in _NEIGHBOURS]
     for rows, distance in orders:
         if min(rows) >= 0 and max(rows) <= last and rows[0] != rows[1]:
-            images = _images(pair, rows)
+            images = _images(pair, rows=rows)
             yield _Candidate("frame_order", images, _only(pair.model()), parameter=float(distance))
 
 
@@ -214,6 +200,7 @@ def _with_a_clock_offset(pair: DepthPair) -> Iterator[_Candidate]:
         motion = pair.track.motion(pair.start_ns - offset_ns, pair.end_ns - offset_ns)
         return None if motion is None else replace(pair.model(), motion=motion)
 
+    # Each start converges only from where the motion is still about the same.
     for start_ms in _OFFSETS_MS:
         yield _Candidate("clock_offset", pair.images, family, start=start_ms, step=0.1)
 
@@ -228,6 +215,7 @@ def _with_other_poses(pair: DepthPair) -> Iterator[_Candidate]:
     )
     for transform, change in conventions:
         track = change(pair.track)
+        # Both poses of the pair, or one where the convention changes between them.
         for first, last in ((track, track), (pair.track, track), (track, pair.track)):
             motion = first.motion_into(last, pair.start_ns, pair.end_ns)
             if motion is not None:
@@ -256,29 +244,26 @@ def _focal_length_family(pair: DepthPair) -> Family:
     return family
 
 
-def _transformed(pair: DepthPair, change: Callable[[Depth], Depth]) -> Images:
-    """Return both frames with changed depths."""
+def _images(
+    pair: DepthPair, change: Callable[[Depth], Depth] = lambda d: d, rows: tuple[int, int] | None = None
+) -> Images:
+    """Return both frames, or those of other rows, with changed depths."""
     quantum = step_share(pair.window)
     first, second = (
-        depth_image(change(static_depth_of_frame_m(pair.window, row)), quantum) for row in (pair.first, pair.second)
+        depth_image(change(static_depth_of_frame_m(pair.window, row)), quantum)
+        for row in rows or (pair.first, pair.second)
     )
     return first, second
-
-
-def _either(pair: DepthPair, changed: Images) -> tuple[Images, ...]:
-    """Return the pair with one frame or the other changed: where a fault begins, or ends, between them."""
-    first, second = pair.images
-    return (changed[0], second), (first, changed[1])
 
 
 def _divided_by(factor: float) -> Callable[[Depth], Depth]:
     return lambda depths_m: depths_m / np.float32(factor)
 
 
-def _images(pair: DepthPair, rows: tuple[int, int]) -> Images:
-    quantum = step_share(pair.window)
-    first, second = (depth_image(static_depth_of_frame_m(pair.window, row), quantum) for row in rows)
-    return first, second
+def _either(pair: DepthPair, changed: Images) -> tuple[Images, ...]:
+    """Return the pair with one frame or the other changed: where a fault begins, or ends, between them."""
+    first, second = pair.images
+    return (changed[0], second), (first, changed[1])
 
 
 def _reordered_quaternions(order: tuple[int, ...], signs: tuple[int, ...]) -> Callable[[PoseTrack], PoseTrack]:

@@ -1,4 +1,4 @@
-"""Edges of colour frames, and of events, around the steps of depth: what one window shows of them."""
+"""Edges of colour frames, and of events, around the steps of depth in one window."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.errors import UnreadableRowsError
-from fedora_qa.estimators.depth.edge_kernels import root_counts
-from fedora_qa.estimators.depth.edge_profiles import difference_profiles, tile_profiles
+from fedora_qa.estimators.depth.edge_profiles import difference_profiles, root_counts, tile_profiles
 from fedora_qa.estimators.depth.edge_steps import depth_steps
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.camera_mapping import seen_from, why_not_comparable
+from fedora_qa.views.camera_mapping import outlines_in_camera, why_not_comparable
 from fedora_qa.views.event_camera import sensor_shape
 from fedora_qa.views.flow_intervals import frame_at
 from fedora_qa.views.large_frames import is_large
@@ -23,12 +22,12 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
 FRAMES: Final = 2
-"""Depth frames of a window that are looked at, evenly spread: edges move little meanwhile."""
+"""Depth frames of a window that are used, evenly spread: edges move little meanwhile."""
 
 _SHORT_NS: Final = NS_PER_S // 10
 
 _EVERY_NS: Final = NS_PER_S // 20
-"""Of windows shorter than that a frame is looked at for each point of this grid in time.
+"""Of windows shorter than that a frame is used for each point of this grid in time.
 
 Standard errors are of texture, which differs from place to place and hardly over time: over 1 s at 1440x1080 those of
 20 frames are those of 41 to 1%; of 10 frames, as of windows of the usual length, they are 9 to 15% larger. So it is of
@@ -36,7 +35,7 @@ large frames: with half the lines as well, the limit to the right is 9% larger, 
 """
 
 LINES: Final = 270
-"""At least so many lines of pixels are looked at along each axis of a frame, evenly spread.
+"""At least so many lines of pixels are searched along each axis of a frame, evenly spread.
 
 Of large frames half as many. An outline, and the texture beside it, is much the same a few pixels on: at 1440x1080
 every fourth line gives the same standard error as all of them, to 1%.
@@ -72,12 +71,15 @@ class DepthEdges:
 
 
 def why_depth_and_colour_do_not_meet(facts: Facts) -> str:
-    """Say why depth and colour frames cannot be compared; empty where they can."""
+    """Return why depth and colour frames cannot be compared; empty where they can."""
     return why_not_comparable(facts, "depth", "rgb")
 
 
 def depth_edges(window: Window) -> DepthEdges | None:
-    """Return what the window shows, computed once for all checks; None where no frame of depth and colour meet."""
+    """Return the sums of edge profiles of a window, computed once for all checks.
+
+    None where no depth frame has the timestamp of a colour frame.
+    """
     return window.once("depth edges against colour", lambda: _measure(window))
 
 
@@ -85,22 +87,26 @@ def _measure(window: Window) -> DepthEdges | None:
     clocks = window.facts.clocks
     if not {"depth", "rgb"} <= clocks.keys() or why_depth_and_colour_do_not_meet(window.facts):
         return None
-    meeting = [(row, frame) for row in window.owned("depth") if (frame := _met(window.facts, row)) is not None]
+    # Rows of depth and colour frames with one timestamp.
+    frame_pairs = [
+        (row, rgb_row) for row in window.owned("depth") if (rgb_row := _colour_row(window.facts, row)) is not None
+    ]
     if window.span.stop_ns - window.span.start_ns >= _SHORT_NS:
-        evenly = np.unique(np.linspace(0, len(meeting) - 1, FRAMES).round().astype(int)) if meeting else ()
-        chosen = [meeting[int(i)] for i in evenly]
+        evenly = np.unique(np.linspace(0, len(frame_pairs) - 1, FRAMES).round().astype(int)) if frame_pairs else ()
+        chosen = [frame_pairs[int(i)] for i in evenly]
     else:
+        # Short windows take the frames of a grid in time, which does not depend on how the file is cut.
         every_ns = 2 * _EVERY_NS if _is_large(window) else _EVERY_NS
-        chosen = [pair for pair in meeting if _due(window.facts, pair[0], every_ns)]
-    measured = [one for pair in chosen if (one := _of_frame(window, *pair)) is not None]
-    if not measured:
+        chosen = [pair for pair in frame_pairs if _is_due(window.facts, pair[0], every_ns)]
+    profiles = [of_frame for pair in chosen if (of_frame := _frame_profiles(window, *pair)) is not None]
+    if not profiles:
         return None
-    colour, events = (np.sum(part, axis=0) for part in zip(*measured, strict=True))
-    return DepthEdges(colour, events, len(measured))
+    colour, events = (np.sum(of_frames, axis=0) for of_frames in zip(*profiles, strict=True))
+    return DepthEdges(colour, events, len(profiles))
 
 
-def _met(facts: Facts, row: int) -> int | None:
-    """Return the colour frame with the stamp of a depth frame."""
+def _colour_row(facts: Facts, row: int) -> int | None:
+    """Return the row of the colour frame with the timestamp of a depth frame."""
     return frame_at(facts.clocks["rgb"], int(facts.clocks["depth"].times_ns[row]))
 
 
@@ -109,55 +115,51 @@ def _is_large(window: Window) -> bool:
     return is_large(camera.width * camera.height, window)
 
 
-def _due(facts: Facts, row: int, every_ns: int) -> bool:
-    """Whether a depth frame that meets a colour frame is the first such one of its part of the grid in time."""
+def _is_due(facts: Facts, row: int, every_ns: int) -> bool:
+    """Whether a depth frame with a colour frame is the first such one of its cell of the grid in time."""
     times_ns = facts.clocks["depth"].times_ns
-    part = times_ns[row] // every_ns
+    cell = times_ns[row] // every_ns
     for earlier in range(row - 1, -1, -1):
-        if times_ns[earlier] // every_ns != part:
+        if times_ns[earlier] // every_ns != cell:
             return True
-        if _met(facts, earlier) is not None:
+        if _colour_row(facts, earlier) is not None:
             return False
     return True
 
 
-def _of_frame(window: Window, row: int, frame: int) -> tuple[Float64, Float64] | None:
+def _frame_profiles(window: Window, row: int, rgb_row: int) -> tuple[Float64, Float64] | None:
+    """Return the edge profiles of one depth frame against colour and events, as in ``DepthEdges``."""
     try:
-        depth_m, luma = window.depth_m(row), luma_dn(window, frame)
+        depth_m, luma = window.depth_m(row), luma_dn(window, rgb_row)
     except UnreadableRowsError:
         return None
     facts, cameras = window.facts, window.facts.declared.cameras
-    far_m = _farthest_m(facts, depth_m)
+    # Beyond this distance depth is missing: as declared, or else the farthest in the frame.
+    if facts.declared.depth_range_m is not None:
+        far_m = facts.declared.depth_range_m[1]
+    else:
+        finite_m = depth_m[np.isfinite(depth_m)]
+        far_m = float(finite_m.max()) if len(finite_m) and finite_m.max() > 0 else 1.0
     lines = LINES // 2 if _is_large(window) else LINES
-    picture, every = _log(luma), max(1, min(depth_m.shape) // lines)
-    counts = _counts_around(window, int(facts.clocks["depth"].times_ns[row]))
+    # The logarithm is taken in place: frames are large.
+    log_luma = luma + np.float32(DARK_DN)
+    np.log(log_luma, out=log_luma)
+    every = max(1, min(depth_m.shape) // lines)
+    counts = _event_counts(window, int(facts.clocks["depth"].times_ns[row]))
     colour, events = [], []
     for axis in (0, 1):
         steps = depth_steps(depth_m, axis, farthest_m=far_m, every=every)
-        places = seen_from(cameras["depth"], cameras["rgb"], steps)
-        colour.append([difference_profiles(picture, steps, axis, places, how) for how in _MIRRORED])
+        positions = outlines_in_camera(cameras["depth"], cameras["rgb"], steps)
+        colour.append([difference_profiles(log_luma, steps, axis, positions, mirrored) for mirrored in _MIRRORED])
         if counts is None:
             events.append(np.zeros_like(colour[-1][0]))
         else:
-            places = seen_from(cameras["depth"], cameras["events"], steps)
-            events.append(tile_profiles(counts, steps, axis, places, first_px=0.0))
+            positions = outlines_in_camera(cameras["depth"], cameras["events"], steps)
+            events.append(tile_profiles(counts, steps, axis, positions, first_px=0.0))
     return np.swapaxes(np.array(colour), 0, 1), np.array(events)
 
 
-def _log(luma: Float32) -> Float32:
-    raised = luma + np.float32(DARK_DN)
-    return np.asarray(np.log(raised, out=raised))
-
-
-def _farthest_m(facts: Facts, depth_m: Float32) -> float:
-    """Return the distance beyond which depth is missing: as declared, or else the farthest in the frame."""
-    if facts.declared.depth_range_m is not None:
-        return facts.declared.depth_range_m[1]
-    known = depth_m[np.isfinite(depth_m)]
-    return float(known.max()) if len(known) and known.max() > 0 else 1.0
-
-
-def _counts_around(window: Window, time_ns: int) -> Float32 | None:
+def _event_counts(window: Window, time_ns: int) -> Float32 | None:
     """Return how many events each pixel has around an instant, as the square root, (h, w); None without the camera."""
     facts = window.facts
     if "events" not in facts.streams or why_not_comparable(facts, "depth", "events"):
@@ -165,5 +167,5 @@ def _counts_around(window: Window, time_ns: int) -> Float32 | None:
     height, width = sensor_shape(facts.declared)
     events = window.events(_EVENTS_AROUND_NS, _EVENTS_AROUND_NS)
     start, stop = np.searchsorted(events.times_ns, [time_ns - _EVENTS_AROUND_NS, time_ns + _EVENTS_AROUND_NS])
-    x, y = (column[start:stop].astype(np.int64) for column in (events.x, events.y))
-    return root_counts(x, y, height, width)
+    x, y = (coordinates[start:stop].astype(np.int64) for coordinates in (events.x, events.y))
+    return np.asarray(root_counts(x, y, height, width))

@@ -1,7 +1,7 @@
 """Neighbouring depth frames and the camera's motion between them.
 
 A pair belongs to the window of its second frame. Of the first one only some pixels are needed, which the window before
-has left behind: each frame is made ready to be read once.
+has computed: each frame is prepared once.
 """
 
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fedora_qa.estimators.depth.inverse_depth import DepthImage, depth_image
 from fedora_qa.estimators.depth.pair_fit import DepthFit, fit_depth, noise_directions
 from fedora_qa.estimators.depth.stored_step import DepthStep, depth_step
-from fedora_qa.estimators.depth.warp import DepthModel, Lattice, lattice_stride, lattice_values
+from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, lattice_stride, lattice_values
 from fedora_qa.geometry.camera import RigidMotion
 from fedora_qa.record.types import Where
 from fedora_qa.sequence.facts import Facts
@@ -31,21 +31,21 @@ FIT_PIXELS: Final = 2000
 """Pixels that a parameter is fitted to: plenty for seven numbers, since what remains is rounding."""
 
 FIT_PIXELS_OF_LARGE: Final = FIT_PIXELS // 2
-"""Of frames not all of whose pixels are looked at. Limits are those of what all pixels may err by together: at
+"""Of frames that are sampled at some rows and columns. Limits are those of what all pixels may err by together: at
 1440x1080 standard errors grow by 41%, the limits of scale and ray by 1.6% and 0.9%."""
 
 _PIXELS: Final = USUAL_PIXELS
-"""Pixels of a frame that are looked at, about: of larger ones every second, third ... row and column.
+"""Pixels of a frame that are sampled, about: of larger ones every second, third ... row and column.
 
-The same view in 540x405 px is seen no worse: what lies between two pixels is read from both, and its error is bounded
-by second differences of the pixels that are looked at. Distances from edges are told by blocks of two of these, as they
-are in 540x405. At 1440x1080, every third pixel both ways, frames take a seventh of the time; in park-day the limit of
-the whole frame grows by 1%, that of the worst tile by 11%, of the scale by 9%, of the ray's exponent by 4%.
-``exhaustive`` looks at all.
+The same view in 540x405 px constrains no less: values between two pixels are read from both, and their error is bounded
+by second differences of the sampled pixels. Distances from edges are measured by blocks of two of these, as they are in
+540x405. At 1440x1080, every third pixel both ways, frames take a seventh of the time; in park-day the limit of the
+whole frame grows by 1%, that of the worst tile by 11%, of the scale by 9%, of the ray's exponent by 4%.
+``exhaustive`` samples all.
 """
 
-_ANYTHING_M, _ANYTHING_RAD = 1.0, 1.0
-"""Noise that stands for any, where nothing is declared about the pose."""
+_FREE_MOTION_M, _FREE_MOTION_RAD = 1.0, 1.0
+"""Standard deviations that leave the motion free, where nothing is declared about the pose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class DepthPair:
     noise
         (6, k) independent directions of the motion's noise, one standard deviation long; k = 0 where it is exact.
     every_px
-        Every how many-th row and column of the frames is looked at: pixels of images and lattices are so far apart.
+        Every how many-th row and column of the frames is sampled: pixels of images and lattices are so far apart.
     """
 
     window: Window
@@ -81,12 +81,12 @@ class DepthPair:
 
     @property
     def images(self) -> tuple[DepthImage, DepthImage]:
-        """Both frames, ready to be read."""
+        """Both frames, prepared for reading between pixels."""
         return image_of(self.window, self.first, self.every_px), self.image1
 
     @property
     def image1(self) -> DepthImage:
-        """The second frame, ready to be read."""
+        """The second frame, prepared for reading between pixels."""
         return image_of(self.window, self.second, self.every_px)
 
     def whole(self) -> "DepthPair":
@@ -94,9 +94,9 @@ class DepthPair:
         return replace(self, every_px=1)
 
     def model(self) -> DepthModel:
-        """Return how the frames hang together as the file declares."""
-        to_looked_at = np.array([[1 / self.every_px], [1 / self.every_px], [1.0]])
-        return DepthModel(to_looked_at * self.track.camera.K, self.motion, motion_error=self.motion_error)
+        """Return camera and motion as the file declares them."""
+        to_sampled = np.array([[1 / self.every_px], [1 / self.every_px], [1.0]])
+        return DepthModel(to_sampled * self.track.camera.K, self.motion, motion_error=self.motion_error)
 
     def scaled(self, factor: float) -> DepthModel:
         """Return the same with depths that are too large by a factor."""
@@ -112,21 +112,22 @@ class DepthPair:
         motion = track.motion(self.start_ns, self.end_ns)
         return None if motion is None else replace(self.model(), motion=motion)
 
-    def lattice(self) -> Lattice:
+    def lattice(self) -> DepthLattice:
         """Return pixels of the first frame, as dense as the effort asks for."""
         return lattice_of_frame(self.window, self.first)
 
-    def lattice_to_fit(self) -> Lattice:
-        """Return some of these, evenly spread, as many as it takes to fit a parameter."""
+    def lattice_to_fit(self) -> DepthLattice:
+        """Return some of these, evenly spread, as many as a parameter is fitted to."""
         return self.lattice().thinned(FIT_PIXELS if self.every_px == 1 else FIT_PIXELS_OF_LARGE)
 
     def fit_as_declared(self) -> DepthFit | None:
         """Return the fit of the motion within its noise, all else being as declared; made once a window."""
-        return self.window.once(("depth as declared", self.first), self._fit_as_declared)
 
-    def _fit_as_declared(self) -> DepthFit | None:
-        model = self.model()
-        return fit_depth(lambda _: model, self.lattice_to_fit(), self.image1, self.noise, start=0.0, step=None)
+        def fit() -> DepthFit | None:
+            model = self.model()
+            return fit_depth(lambda _: model, self.lattice_to_fit(), self.image1, self.noise, start=0.0, step=None)
+
+        return self.window.once(("depth as declared", self.first), fit)
 
 
 def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
@@ -143,7 +144,7 @@ def owned_pairs(window: Window) -> Iterator[DepthPair | None]:
             pair = pair_between(window, track, first, second)
             yield pair
             if pair is not None:
-                lattice_of_frame(window, second)  # for the window to come
+                lattice_of_frame(window, second)  # the next window's first frame
 
 
 def pair_between(window: Window, track: PoseTrack, first: int, second: int) -> DepthPair | None:
@@ -151,10 +152,10 @@ def pair_between(window: Window, track: PoseTrack, first: int, second: int) -> D
     times_ns = window.facts.clocks["depth"].times_ns
     start_ns, end_ns = int(times_ns[first]), int(times_ns[second])
     # Kept is the motion alone: a pair that the window kept would keep the window in turn, and all its images.
-    known = window.once(("depth motion", first, second), lambda: _motion(window, track, first, second))
-    if known is None:
+    motion = window.once(("depth motion", first, second), lambda: _motion(window, track, first, second))
+    if motion is None:
         return None
-    return DepthPair(window, track, first, second, start_ns, end_ns, *known, every_px=_every_px(window))
+    return DepthPair(window, track, first, second, start_ns, end_ns, *motion, every_px=_every_px(window))
 
 
 def _motion(window: Window, track: PoseTrack, first: int, second: int) -> tuple[RigidMotion, Float64, Float64] | None:
@@ -165,37 +166,41 @@ def _motion(window: Window, track: PoseTrack, first: int, second: int) -> tuple[
         return None
     start_ns, end_ns = window.facts.clocks["depth"].times_ns[[first, second]].tolist()
     noise = window.facts.declared.pose
-    sigma_m, sigma_rad = (noise.position_sigma_m, noise.rotation_sigma_rad) if noise else (_ANYTHING_M, _ANYTHING_RAD)
+    sigma_m, sigma_rad = (
+        (noise.position_sigma_m, noise.rotation_sigma_rad) if noise else (_FREE_MOTION_M, _FREE_MOTION_RAD)
+    )
     exact = sigma_m == sigma_rad == 0.0
+    # Exact poses leave the motion no freedom at all.
     covariance = np.zeros((6, 6)) if exact else track.covariance(start_ns, end_ns, sigma_m, sigma_rad)
     return motion, track.interpolation_twist(start_ns, end_ns), noise_directions(covariance)
 
 
-def lattice_of_frame(window: Window, frame: int) -> Lattice:
+def lattice_of_frame(window: Window, frame: int) -> DepthLattice:
     """Return the pixels of a frame that are carried to the next one, made once for neighbouring windows."""
     share, every_px = window.sampling.tile_share, _every_px(window)
 
-    def made() -> Float64:
+    def make() -> Float64:
         image = image_of(window, frame, every_px)
         height, width = image.depths_m.shape
         return lattice_values(image, lattice_stride(height, width, min(share * every_px, 1.0)))
 
-    values = window.of_image(f"depth lattice of {share:g}", frame, made)
-    return Lattice(*values).with_steps(step_share(window) / 2)
+    values = window.of_image(f"depth lattice of {share:g}", frame, make)
+    # Rounding to steps errs by half a step at most.
+    return DepthLattice(*values).with_relative_error(step_share(window) / 2)
 
 
 def image_of(window: Window, frame: int, every_px: int) -> DepthImage:
-    """Return every so many-th row and column of a depth frame ready to be read, made once a window."""
+    """Return every so many-th row and column of a depth frame prepared for reading, made once a window."""
 
-    def made() -> DepthImage:
-        looked_at_m = static_depth_of_frame_m(window, frame)[::every_px, ::every_px]
-        return depth_image(looked_at_m, step_share(window), least_block_px=min(every_px, 2))
+    def make() -> DepthImage:
+        sampled_m = static_depth_of_frame_m(window, frame)[::every_px, ::every_px]
+        return depth_image(sampled_m, step_share(window), least_block_px=min(every_px, 2))
 
-    return window.once(("depth image", frame, every_px), made)
+    return window.once(("depth image", frame, every_px), make)
 
 
 def _every_px(window: Window) -> int:
-    """Return every how many-th row and column of depth frames is looked at."""
+    """Return every how many-th row and column of depth frames is sampled."""
     if window.sampling.tile_share >= 1.0:
         return 1
     camera = window.facts.declared.cameras["depth"]
@@ -203,7 +208,7 @@ def _every_px(window: Window) -> int:
 
 
 def static_depth_of_frame_m(window: Window, frame: int) -> NDArray[np.float32]:
-    """Return what of a depth frame stands, NaN elsewhere: everywhere, where the file does not tell."""
+    """Return the depth of static surfaces (H, W), m; NaN elsewhere, and everywhere if motion is not declared."""
     depth_m = static_depth_m(window, frame)
     return np.full_like(window.depth_m(frame), np.nan) if depth_m is None else depth_m
 
@@ -221,7 +226,7 @@ def step_of(window: Window) -> DepthStep | None:
 
 
 def why_no_geometry(facts: Facts) -> str:
-    """Say what of the model does not hold: intrinsics, a pinhole, a world of which it is known what stands."""
+    """Return what of the model does not hold: intrinsics, a pinhole, a world whose static surfaces are declared."""
     camera = facts.declared.cameras.get("depth")
     if camera is None:
         return "the depth camera's intrinsics and mounting are not declared"

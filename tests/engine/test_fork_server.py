@@ -110,7 +110,7 @@ def test_loops_that_serve_others_are_left() -> None:
     luma_of(np.full((2, 2, 3), 7, np.uint8), np.ones((3, 256), np.float32))  # compiled and kept
     code = (
         "import fedora_qa.engine.preloaded; "
-        "from fedora_qa.estimators.depth.inverse_depth_kernels import inverse_at; "
+        "from fedora_qa.estimators.depth.inverse_depth import inverse_at; "
         "from fedora_qa.estimators.images.luma import luma_of; "
         "print(len(inverse_at.signatures), len(luma_of.signatures) > 0)"
     )

@@ -52,12 +52,12 @@ class EdgeShifts:
     @property
     def peak_fraction(self) -> float:
         """Fraction of the edge strength that lies at the steps of depth, summed over both axes."""
-        return sum(shift.share for shift in (self.right, self.down) if shift is not None)
+        return sum(shift.peak_fraction for shift in (self.right, self.down) if shift is not None)
 
     @property
     def peak_fraction_error(self) -> float:
         """Standard error of ``peak_fraction``."""
-        errors = (shift.share_error for shift in (self.right, self.down) if shift is not None)
+        errors = (shift.peak_fraction_error for shift in (self.right, self.down) if shift is not None)
         return float(np.sqrt(sum(error**2 for error in errors)))
 
     @property

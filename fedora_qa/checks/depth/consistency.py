@@ -123,6 +123,7 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
         chosen = off[(len(off) - 1) // 2]
         for pair in owned_pairs(window):
             if pair is not None and pair.first == chosen.first:
+                # One tile that is off, in frames that agree otherwise, is tried by itself.
                 local = chosen.whole.excess <= 1 and chosen.noise_square <= 0
                 residual, tile = (chosen.worst_tile.typical, chosen.tile) if local else (chosen.whole.typical, None)
                 trials = try_conventions(pair.whole(), residual, tile)
@@ -134,7 +135,15 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
         total = max(int(np.count_nonzero(facts.clocks["depth"].advancing)) - 1, 0)
         coverage = Coverage(len(pairs), total, "pairs of depth frames")
         if not pairs:
-            return Observation(coverage, unobservable=_why_none(state))
+            pairs_by_reason = {
+                "are not covered by poses": sum(window.without_pose for window in state),
+                "share too few pixels clear of edges": sum(window.too_few_pixels for window in state),
+            }
+            reasons = [f"{count} {reason}" for reason, count in pairs_by_reason.items() if count]
+            why = "there are no two depth frames, or it is not known what stands in them"
+            if reasons:
+                why = "of the pairs of depth frames " + ", ".join(reasons)
+            return Observation(coverage, unobservable=why)
         off = [pair for pair in pairs if pair.excess > 1]
         features = (
             PairsOff(len(off), len(pairs), sum(pair.repeats for pair in off)),
@@ -143,7 +152,12 @@ class DepthConsistency(WindowCheck[WindowAgreement]):
         statistics = [_whole(pairs, facts, features), _tile(pairs, facts, features)]
         if facts.declared.pose is not None and is_noisy(facts.declared.pose):
             statistics += _corrections(pairs, facts, features)
-        notices = () if facts.declared.pose else (_noise_not_declared(),)
+        undeclared = Notice(
+            "depth.consistency.undeclared",
+            "The pose's noise is not declared, so that each pair of depth frames was allowed any correction of its "
+            "motion.",
+        )
+        notices = () if facts.declared.pose else (undeclared,)
         return Observation(coverage, tuple(statistics), notices)
 
 
@@ -191,9 +205,11 @@ def _corrections(pairs: Sequence[PairAgreement], facts: Facts, features: tuple[F
     With Q chi-square of n degrees of freedom, (Q/n)^(1/3) is normal about 1 - 2/(9n) with variance 2/(9n) (Wilson and
     Hilferty, PNAS 17 (1931) 684; at n = 6 its five-sigma tails are right within a factor of three).
     """
+    # Pairs that constrain less than one direction of the noise have no chi-square to speak of.
     corrected = [pair for pair in pairs if pair.noise_dof >= 1]
     if not corrected:
         return []
+    # Neighbouring pairs share a pose, and with it its noise.
     independent = corrected[::2]
     dof = sum(pair.noise_dof for pair in independent)
     ratio = sum(pair.noise_square for pair in independent) / dof
@@ -237,21 +253,3 @@ def _where(pairs: Sequence[PairAgreement], facts: Facts) -> Where:
 def _deviation_text(deviation: DepthDeviation) -> str:
     typical, bound = (_PERCENT * share for share in (deviation.typical, deviation.bound))
     return f"{typical:.3g}% at the median pixel, where rounding explains {bound:.1g}%"
-
-
-def _why_none(state: Sequence[WindowAgreement]) -> str:
-    pairs_by_reason = {
-        "are not covered by poses": sum(window.without_pose for window in state),
-        "share too few pixels clear of edges": sum(window.too_few_pixels for window in state),
-    }
-    reasons = [f"{count} {reason}" for reason, count in pairs_by_reason.items() if count]
-    if reasons:
-        return "of the pairs of depth frames " + ", ".join(reasons)
-    return "there are no two depth frames, or it is not known what stands in them"
-
-
-def _noise_not_declared() -> Notice:
-    return Notice(
-        "depth.consistency.undeclared",
-        "The pose's noise is not declared, so that each pair of depth frames was allowed any correction of its motion.",
-    )

@@ -128,9 +128,9 @@ class FittedParameter(WindowCheck[tuple[PairParameter, ...]]):
         # Frames that agree as declared start from the declared value and the motion fitted with it.
         start, coefficients = self.from_value, None
         if as_declared is not None and as_declared.agrees:
-            start, coefficients = self.declared_value, as_declared.parts
+            start, coefficients = self.declared_value, as_declared.coefficients
         fit = fit_depth(
-            self.family(pair), lattice, image1, pair.noise, start=start, step=self.number, parts=coefficients
+            self.family(pair), lattice, image1, pair.noise, start=start, step=self.number, coefficients=coefficients
         )
         if fit is None or not np.isfinite(fit.standard_error):
             return None

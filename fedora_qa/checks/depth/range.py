@@ -119,7 +119,13 @@ class DepthRange(WindowCheck[WindowExtents]):
             return Observation(coverage, unobservable="no depth frame has a valid pixel")
         steps = [window.step for window in state if window.step]
         step = max(steps, key=lambda step: step.relative) if steps else None
-        notices = (_coarse_steps(step),) if step and step.relative >= _COARSE else ()
+        notices: tuple[Notice, ...] = ()
+        if step and step.relative >= _COARSE:
+            message = (
+                f"Depths come in steps of {MM_PER_M * step.size_m:.3g} mm at {step.depth_m:.3g} m, "
+                f"{100 * step.relative:.2g}% of the depth."
+            )
+            notices = (Notice("depth.range.steps", message, Where(stream="depth")),)
         inferred = {"depth_step_mm": MM_PER_M * step.size_m} if step else {}
         if range_m is None:
             why = "the file declares no depth range"
@@ -193,8 +199,10 @@ def _pixels_on_end(frames: Sequence[FrameExtent], facts: Facts, end: int, end_m:
         name=f"on_{name}_end",
         value=float(on_end),
         unit="pixels",
+        # A Poisson count; plus one, for an expected number of zero.
         standard_error=float(np.sqrt(expected + 1.0)),
         expected=expected,
+        # A surface may have a line of just this depth in one frame.
         model_error_bound=float(max(frame.contour for frame in frames)),
         side="upper",
         resolution=1.0,
@@ -202,13 +210,4 @@ def _pixels_on_end(frames: Sequence[FrameExtent], facts: Facts, end: int, end_m:
         "instead of being NaN.",
         code=f"depth.range.{name}_end",
         where=where_of_frames(facts, worst.frame, worst.frame),
-    )
-
-
-def _coarse_steps(step: DepthStep) -> Notice:
-    return Notice(
-        "depth.range.steps",
-        f"Depths come in steps of {MM_PER_M * step.size_m:.3g} mm at {step.depth_m:.3g} m, "
-        f"{100 * step.relative:.2g}% of the depth.",
-        Where(stream="depth"),
     )

@@ -99,6 +99,7 @@ class DepthScale(FittedParameter):
         """
         if not fit.value or abs(fit.value - 1) <= _SIGNIFICANT * (fit.standard_error + fit.bound):
             return float("nan")
+        # Depths that are too large by a factor look like positions that are too small by it.
         path_fit = fit_depth(
             pair.with_path, pair.lattice_to_fit(), pair.image1, pair.noise,
             start=fit.value, step=_RELATIVE_STEP * abs(fit.value),

@@ -7,15 +7,17 @@ reproduce straight lines (I. J. Schoenberg, Quart. Appl. Math. 4 (1946)).
 """
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.depth.edge_kernels import add_profiles
 from fedora_qa.estimators.depth.edge_steps import DepthSteps
 
+Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
 
 RADIUS_PX: Final = 12
 """Farthest shift along an axis that is looked for."""
@@ -24,57 +26,120 @@ TILES: Final = 4
 """Tiles of the image in each direction over which profiles are kept apart, for the spread between them."""
 
 _EDGE: Final = np.array([1 / 8, 3 / 4, 1 / 8])
-"""What an edge looks like: the filter that finds it best."""
+"""Profile of an edge: the filter that finds it best."""
 
 REACH: Final = 1
 """Samples on either side of the peak that belong to it."""
 
 _SURROUNDINGS: Final = 4
-"""Samples on either side of the peak that are looked at: those beyond the reach tell the background there."""
+"""Samples on either side of the peak that are used: those beyond the reach give the background there."""
 
 FARTHEST_PX: Final = RADIUS_PX - _SURROUNDINGS
-"""Farthest shift that is found: peak and background must lie in the profile."""
+"""Farthest shift that is measured: peak and background must lie in the profile."""
 
 
 @dataclass(frozen=True, slots=True)
 class EdgePeaks:
-    """Where profiles peak, px, and how much of the edge strength lies in each peak beyond the background, 0 to 1."""
+    """Where profiles peak, px, and the fraction (0 to 1) of edge strength in each peak beyond the background."""
 
-    places_px: Float64
-    shares: Float64
+    positions_px: Float64
+    fractions: Float64
 
 
 def tile_profiles(
-    strength: NDArray[Any], steps: DepthSteps, axis: int, at: tuple[Float64, Float64], *, first_px: float
+    strength: NDArray[Any], steps: DepthSteps, axis: int, positions: tuple[Float64, Float64], *, first_px: float
 ) -> Float64:
-    """Return sums of edge profiles along an axis, (2, tiles, 2 R + 1): far side first, then near side first.
-
-    Each step of depth has one voice: its profile is divided by its sum.
+    """Sum edge profiles along an axis by side and tile.
 
     Parameters
     ----------
     strength
         (h, w) edge strength; along the axis its first value lies at ``first_px`` (1/2 for differences of neighbours).
-    at
+    steps
+        Steps of depth; each counts alike: its profile is divided by its sum.
+    axis
+        0 to the right, 1 down.
+    positions
         Columns and rows (n,) of the steps in that image, px.
+
+    Returns
+    -------
+    NDArray
+        (2, tiles, 2 R + 1): far side first, then near side first.
     """
-    return _tile_profiles(strength, (False, False), steps, axis, at, first_px, differences=False)
+    return _tile_profiles(strength, (False, False), steps, axis, positions, first_px, differences=False)
 
 
 def difference_profiles(
-    picture: NDArray[Any], steps: DepthSteps, axis: int, at: tuple[Float64, Float64],
+    picture: NDArray[Any], steps: DepthSteps, axis: int, positions: tuple[Float64, Float64],
     mirrored: tuple[bool, bool] = (False, False),
 ) -> Float64:  # fmt: skip
     """Return ``tile_profiles`` of the absolute differences of a picture's (h, w) neighbours along the axis.
 
-    ``mirrored`` says whether the picture is looked at left to right, and top to bottom.
+    ``mirrored`` says whether the picture is mirrored left to right, and top to bottom.
     """
-    return _tile_profiles(picture, mirrored, steps, axis, at, 0.5, differences=True)
+    return _tile_profiles(picture, mirrored, steps, axis, positions, 0.5, differences=True)
+
+
+def find_peaks(profiles: Float64) -> NDArray[np.intp]:
+    """Return the sample at which each profile (..., 2 R + 1) peaks, among those whose surroundings lie in it."""
+    first, last = RADIUS_PX - FARTHEST_PX, profiles.shape[-1] - (RADIUS_PX - FARTHEST_PX)
+    before, centre, after = (profiles[..., first + i : last + i] for i in (-1, 0, 1))
+    edges = _EDGE[0] * before + _EDGE[1] * centre + _EDGE[2] * after
+    peaks: NDArray[np.intp] = first + np.argmax(edges, axis=-1)
+    return peaks
+
+
+def peaks_near(profiles: Float64, samples: NDArray[np.intp], reach: int = REACH) -> EdgePeaks:
+    """Return the centroids around some samples, after taking off a background that may step there.
+
+    Parameters
+    ----------
+    profiles
+        (..., 2 R + 1) of edge strength.
+    samples
+        (...) about where each profile peaks, as from ``find_peaks``.
+    reach
+        Samples on either side that belong to the peak.
+    """
+    offsets, surroundings = np.arange(-reach, reach + 1), np.arange(-_SURROUNDINGS, _SURROUNDINGS + 1)
+    near = np.take_along_axis(profiles, samples[..., np.newaxis] + surroundings, axis=-1)
+    first, stop = _SURROUNDINGS - reach, _SURROUNDINGS + reach + 1
+    # The background steps at the peak: surfaces on both sides of an outline have textures of their own.
+    before, after = near[..., :first].mean(axis=-1, keepdims=True), near[..., stop:].mean(axis=-1, keepdims=True)
+    background = np.where(offsets < 0, before, np.where(offsets > 0, after, 0.5 * (before + after)))
+    excess = near[..., first:stop] - background
+    strengths = excess.sum(axis=-1)
+    centroids = np.divide(excess @ offsets, strengths, out=np.zeros_like(strengths), where=strengths > 0)
+    positions_px = samples - RADIUS_PX + np.clip(centroids, -reach, reach)
+    return EdgePeaks(positions_px, strengths / profiles.sum(axis=-1))
+
+
+class _Axes(NamedTuple):
+    """How samples of an image lie in one row of all of them.
+
+    ``origin`` is the first one's index, ``along`` and ``across`` are the ways to the next along and across the axis,
+    ``length`` and ``lines`` how many there are each way.
+    """
+
+    origin: int
+    along: int
+    across: int
+    length: int
+    lines: int
+
+
+class _Centres(NamedTuple):
+    """Positions (n,) around which profiles are read, px of the samples, and their sides."""
+
+    along: Float64
+    across: Float64
+    near_first: NDArray[np.bool_]
 
 
 def _tile_profiles(
-    picture: NDArray[Any], mirrored: tuple[bool, bool], steps: DepthSteps, axis: int, at: tuple[Float64, Float64],
-    first_px: float, *, differences: bool,
+    picture: NDArray[Any], mirrored: tuple[bool, bool], steps: DepthSteps, axis: int,
+    positions: tuple[Float64, Float64], first_px: float, *, differences: bool,
 ) -> Float64:  # fmt: skip
     values = np.ascontiguousarray(picture, dtype=np.float32)
     height, width = values.shape
@@ -84,31 +149,76 @@ def _tile_profiles(
         rows = ((height - 1) * width, -width, height)
     along, across = (columns, rows) if axis == 0 else (rows, columns)
     sums = np.zeros((2, TILES, TILES, 2 * RADIUS_PX + 1))
-    add_profiles(
-        values.ravel(), along[0] + across[0], along[1], across[1], (along[2], across[2]), differences, first_px,
-        at[axis], at[1 - axis], steps.near_first, TILES, sums,
-    )  # fmt: skip
+    axes = _Axes(along[0] + across[0], along[1], across[1], along[2], across[2])
+    centres = _Centres(positions[axis], positions[1 - axis], steps.near_first)
+    _add_profiles(values.ravel(), axes, differences, first_px, centres, TILES, sums)
     return sums.reshape(2, TILES * TILES, -1)
 
 
-def find_places(profiles: Float64) -> NDArray[np.intp]:
-    """Return the sample at which each profile (..., 2 R + 1) peaks, among those whose surroundings lie in it."""
-    first, last = RADIUS_PX - FARTHEST_PX, profiles.shape[-1] - (RADIUS_PX - FARTHEST_PX)
-    before, at, after = (profiles[..., first + i : last + i] for i in (-1, 0, 1))
-    edges = _EDGE[0] * before + _EDGE[1] * at + _EDGE[2] * after
-    places: NDArray[np.intp] = first + np.argmax(edges, axis=-1)
-    return places
+@njit(cache=True)
+def _add_profiles(
+    values: Float32, axes: _Axes, differences: bool, first_px: float, centres: _Centres, tiles: int, sums: Float64
+) -> None:
+    """Add profiles of an image along one axis, each divided by its sum, to those of its side and tile, (2, t, t, m).
+
+    Parameters
+    ----------
+    values, axes
+        An image, all in one row (h * w,), and how its samples lie there.
+    differences
+        Whether the absolute differences of neighbours along the axis are meant, and not the image itself.
+    first_px
+        Where the first sample lies along the axis.
+    centres
+        Positions around which profiles of m samples are read, between samples linearly. Those whose profile would
+        leave the image are left out. Tiles are counted across first.
+    """
+    m = sums.shape[3]
+    length, lines = axes.length - differences, axes.lines
+    samples, next_line, profile = np.empty(m + 1), np.empty(m + 1), np.empty(m)
+    for i in range(len(centres.along)):
+        start, line = centres.along[i] - first_px - (m // 2), centres.across[i]
+        if not (start >= 0 and start + m - 1 <= length - 1 and 0 <= line <= lines - 1):
+            continue
+        # Bilinear: between two lines first, then between two samples of the line.
+        first, upper = int(start), int(line)
+        part_along, part_across = start - first, line - upper
+        origin = axes.origin + upper * axes.across + first * axes.along
+        _read_line(values, origin, axes.along, length - first, differences, samples)
+        if part_across > 0:
+            _read_line(values, origin + axes.across, axes.along, length - first, differences, next_line)
+            for k in range(m + 1):
+                samples[k] += part_across * (next_line[k] - samples[k])
+        total = 0.0
+        for k in range(m):
+            profile[k] = samples[k] + part_along * (samples[k + 1] - samples[k])
+            total += profile[k]
+        if total > 0.0:
+            side, column = int(centres.near_first[i]), min(int(centres.along[i] * tiles / length), tiles - 1)
+            tile_sums = sums[side, min(int(line * tiles / lines), tiles - 1), column]
+            for k in range(m):
+                tile_sums[k] += profile[k] / total
 
 
-def peaks_near(profiles: Float64, middles: NDArray[np.intp], reach: int = REACH) -> EdgePeaks:
-    """Return the centroids around the samples ``middles`` (...), after taking off a background that may step there."""
-    offsets, surroundings = np.arange(-reach, reach + 1), np.arange(-_SURROUNDINGS, _SURROUNDINGS + 1)
-    near = np.take_along_axis(profiles, middles[..., np.newaxis] + surroundings, axis=-1)
-    first, stop = _SURROUNDINGS - reach, _SURROUNDINGS + reach + 1
-    before, after = near[..., :first].mean(axis=-1, keepdims=True), near[..., stop:].mean(axis=-1, keepdims=True)
-    background = np.where(offsets < 0, before, np.where(offsets > 0, after, 0.5 * (before + after)))
-    beyond = near[..., first:stop] - background
-    strengths = beyond.sum(axis=-1)
-    centroids = np.divide(beyond @ offsets, strengths, out=np.zeros_like(strengths), where=strengths > 0)
-    places_px = middles - RADIUS_PX + np.clip(centroids, -reach, reach)
-    return EdgePeaks(places_px, strengths / profiles.sum(axis=-1))
+@njit(cache=True)
+def _read_line(values: Float32, start: int, along: int, count: int, differences: bool, samples: Float64) -> None:
+    """Write samples from an index on; beyond ``count`` of them the last one is repeated."""
+    for k in range(len(samples)):
+        index = start + min(k, count - 1) * along
+        value = np.float64(values[index])
+        samples[k] = abs(np.float64(values[index + along]) - value) if differences else value
+
+
+@njit(cache=True)
+def root_counts(columns: Int64, rows: Int64, height: int, width: int) -> Float32:
+    """Return the square root of how many of some points (n,) lie in each pixel, (H, W); others do not count."""
+    counts = np.zeros((height, width), np.float32)
+    # Counts are negative until their root has been taken: one pass over the points, none over the pixels.
+    for i in range(len(rows)):
+        if 0 <= columns[i] < width and 0 <= rows[i] < height:
+            counts[rows[i], columns[i]] -= 1
+    for i in range(len(rows)):
+        if 0 <= columns[i] < width and 0 <= rows[i] < height:
+            count = counts[rows[i], columns[i]]
+            counts[rows[i], columns[i]] = np.sqrt(-count) if count < 0 else count
+    return counts

@@ -8,7 +8,7 @@ to the nearer and the other away, as under light from one side, both peaks are s
 pixel on either side then moves the mean.
 
 Each side is looked for by itself: a line beside an outline (a kerb, a shadow, a row of windows) may outshine it on one
-side of things, and is not to be found again, as far off the same way, on the other. Where the two sides are found
+side of things, and does not stand as far off the same way on the other. Where the two sides lie
 apart, one of them may be in place and the other not, and the lean says by how much the mean then errs.
 """
 
@@ -19,12 +19,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.depth.edge_profiles import REACH, find_places, peaks_near
+from fedora_qa.estimators.depth.edge_profiles import REACH, find_peaks, peaks_near
 
 Float64 = NDArray[np.float64]
 
 FEWEST_TILES: Final = 5
-"""Tiles with steps of depth below which their spread says nothing."""
+"""Tiles with steps of depth below which their spread is no estimate."""
 
 _MOST_GROUPS: Final = 12
 """Groups of successive windows that are left out in turn."""
@@ -37,76 +37,92 @@ class EdgeShift:
     Attributes
     ----------
     shift_px, standard_error_px
-        To the right (down), px of the picture; the error from leaving out tiles, and stretches of time, in turn.
+        To the right (down), px of the picture; the error from leaving out tiles, and segments of time, in turn.
     lean_px
         How far textures draw the peak towards the nearer side.
     skew_px
-        By how much the shift is another when one more pixel on either side belongs to the peaks.
-    share, share_error
-        Share of all edge strength within the radius that lies in the peak, beyond the background.
+        By how much the shift changes when one more pixel on either side belongs to the peaks.
+    peak_fraction, peak_fraction_error
+        Fraction of all edge strength within the radius that lies in the peak, beyond the background.
     """
 
     shift_px: float
     standard_error_px: float
     lean_px: float
     skew_px: float
-    share: float
-    share_error: float
+    peak_fraction: float
+    peak_fraction_error: float
 
     @property
     def model_error_bound_px(self) -> float:
-        """How far texture may move the shift: lean and skew show different parts of that.
+        """How far texture may move the shift: lean and skew each measure a part of that.
 
         Of sides further apart than one edge reaches, only one is in place, and may lean by itself.
         """
-        own_px = REACH if abs(self.lean_px) > REACH else 0
-        return math.hypot(self.lean_px, self.skew_px) + own_px
+        single_lean_px = REACH if abs(self.lean_px) > REACH else 0
+        return math.hypot(self.lean_px, self.skew_px) + single_lean_px
 
 
 def edge_shift(sums: Float64) -> EdgeShift | None:
-    """Estimate the shift from sums of profiles (windows, 2, tiles, 2 R + 1), far side first.
+    """Estimate the shift of image edges against steps of depth along one axis.
 
-    None where there are too few steps of depth.
+    Parameters
+    ----------
+    sums
+        (windows, 2, tiles, 2 R + 1) sums of profiles, far side first.
+
+    Returns
+    -------
+    EdgeShift | None
+        None where there are too few steps of depth.
     """
     total = sums.sum(axis=0)
     occupied = np.flatnonzero(total.sum(axis=(0, 2)))
     if len(occupied) < FEWEST_TILES or not np.all(total.sum(axis=(1, 2)) > 0):
         return None
-    whole = total.sum(axis=1)
-    shift_px, lean_px = (float(one) for one in _places(whole, REACH))
-    wider_px = float(_places(whole, REACH + 1)[0])
-    by_tile = _spread(whole - np.moveaxis(total[:, occupied], 1, 0))
-    by_time = _spread(whole - _groups(sums.sum(axis=2)))
+    sides = total.sum(axis=1)
+    shift_px, lean_px = (float(value) for value in _shifts_and_leans(sides, REACH))
+    wider_px = float(_shifts_and_leans(sides, REACH + 1)[0])
+
     # Texture differs from tile to tile, and what noise and motion make of it from time to time.
-    shift_error, share_error = np.hypot(by_tile, by_time)
-    share = float(_shares(whole))
-    return EdgeShift(shift_px, float(shift_error), lean_px, wider_px - shift_px, share, float(share_error))
+    by_window = sums.sum(axis=2)
+    groups = np.array_split(by_window, min(len(by_window), _MOST_GROUPS))
+    by_tile = _jackknife(sides - np.moveaxis(total[:, occupied], 1, 0))
+    by_time = _jackknife(sides - np.array([group.sum(axis=0) for group in groups]))
+    shift_error, fraction_error = np.hypot(by_tile, by_time)
+    return EdgeShift(
+        shift_px,
+        float(shift_error),
+        lean_px,
+        wider_px - shift_px,
+        float(_peak_fractions(sides)),
+        float(fraction_error),
+    )
 
 
-def _places(sides: Float64, reach: int) -> tuple[Float64, Float64]:
+def _shifts_and_leans(sides: Float64, reach: int) -> tuple[Float64, Float64]:
     """Return shifts and leans (...) from one profile a side, (..., 2, 2 R + 1)."""
-    peaks = peaks_near(sides, find_places(sides), reach)
-    far_px, near_px = peaks.places_px[..., 0], peaks.places_px[..., 1]
+    peaks = peaks_near(sides, find_peaks(sides), reach)
+    far_px, near_px = peaks.positions_px[..., 0], peaks.positions_px[..., 1]
     return 0.5 * (far_px + near_px), 0.5 * (far_px - near_px)
 
 
-def _shares(sides: Float64) -> Float64:
-    """Return the shares (...) of edge strength where both sides together peak."""
-    middles = find_places(sides.sum(axis=-2))
-    shares: Float64 = peaks_near(sides, np.stack([middles, middles], axis=-1)).shares.mean(axis=-1)
-    return shares
+def _peak_fractions(sides: Float64) -> Float64:
+    """Return the fractions (...) of edge strength where both sides together peak."""
+    samples = find_peaks(sides.sum(axis=-2))
+    fractions: Float64 = peaks_near(sides, np.stack([samples, samples], axis=-1)).fractions.mean(axis=-1)
+    return fractions
 
 
-def _spread(left_out: Float64) -> Float64:
-    """Return the jackknife's standard errors of shift and share, of sums (k, 2, 2 R + 1) with one part left out each.
+def _jackknife(left_out: Float64) -> Float64:
+    """Return the standard errors of shift and fraction, of sums (k, 2, 2 R + 1) with one part left out each.
 
     They are 0 where nothing could be left out.
     """
-    rest = left_out[np.all(left_out.sum(axis=2) > 0, axis=1)]
-    n = len(rest)
-    return np.sqrt((n - 1) * np.var([_places(rest, REACH)[0], _shares(rest)], axis=1)) if n > 1 else np.zeros(2)
-
-
-def _groups(by_window: Float64) -> Float64:
-    """Return the sums of successive groups of windows, as many as there are windows but not too many."""
-    return np.array([group.sum(axis=0) for group in np.array_split(by_window, min(len(by_window), _MOST_GROUPS))])
+    usable = left_out[np.all(left_out.sum(axis=2) > 0, axis=1)]
+    n = len(usable)
+    if n <= 1:
+        return np.zeros(2)
+    # (n - 1) / n times the sum of squares (B. Efron, C. Stein, Annals of Statistics 9 (1981)).
+    estimates = [_shifts_and_leans(usable, REACH)[0], _peak_fractions(usable)]
+    return np.asarray(np.sqrt((n - 1) * np.var(estimates, axis=1)))

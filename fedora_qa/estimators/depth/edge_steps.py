@@ -4,18 +4,24 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.depth.edge_kernels import find_steps
 from fedora_qa.estimators.depth.inverse_depth import SINGLE_PRECISION
 
+Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
 
 LEAST_STEP: Final = 0.1
 """Least step of inverse depth, relative to the nearer surface, beyond what the slope of a surface makes of it.
 
 Surfaces a tenth of their distance apart are two things, or two sides of one: less may be a fold of one surface.
 """
+
+_TOO_SMALL: Final = 0.45
+"""Share of the least step below which neither a step nor the slopes beside it can make one together: a half, less what
+the nearer side of another pair may differ by, and rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,28 +48,146 @@ class DepthSteps:
 
 
 def depth_steps(depth_m: NDArray[Any], axis: int, *, farthest_m: float, every: int = 1) -> DepthSteps:
-    """Find the steps of depth (H, W), in metres, NaN where it is farther than ``farthest_m``.
+    """Find the steps of a depth frame along one axis.
 
-    ``axis`` 0 is to the right, 1 is down; looked at is every so many-th line of pixels along it. Inverse depth is
-    affine on a plane, so a step is what exceeds the gentler of the slopes on both sides. Where neighbouring steps
-    compete the largest is taken. What is farther may be missing or stand at ``farthest_m``: a surface that runs out of
-    range there by its own slope has no outline.
+    Inverse depth is affine on a plane, so a step is what exceeds the gentler of the slopes on both sides. Where
+    neighbouring steps compete the largest is taken. Depths beyond the range may be missing or stand at its end: a
+    surface that runs out of range there by its own slope has no outline.
+
+    Parameters
+    ----------
+    depth_m
+        (H, W) m, NaN where it is farther than ``farthest_m``.
+    axis
+        0 to the right, 1 down.
+    every
+        Every so many-th line of pixels along the axis is searched.
+
+    Returns
+    -------
+    DepthSteps
+        Empty where the frame is shorter than four pixels along the axis.
     """
     depth = np.asarray(depth_m)
     if depth.shape[1 - axis] < 4:
-        return _nowhere()
-    rows, columns = find_steps(depth, axis == 1, every, farthest_m, SINGLE_PRECISION, LEAST_STEP)
-    first, second = (_inverse(depth[rows + i * axis, columns + i * (1 - axis)], farthest_m) for i in (0, 1))
+        return DepthSteps(np.empty(0), np.empty(0), np.empty(0), np.empty(0, dtype=np.bool_))
+    rows, columns = _find_steps(depth, axis == 1, every, farthest_m, SINGLE_PRECISION, LEAST_STEP)
+    first_per_m, second_per_m = (
+        _inverse_depths(depth[rows + i * axis, columns + i * (1 - axis)], farthest_m) for i in (0, 1)
+    )
     return DepthSteps(
-        columns + 0.5 * (1 - axis), rows + 0.5 * axis, 1.0 / np.maximum(first, second), np.asarray(first > second)
+        columns + 0.5 * (1 - axis),
+        rows + 0.5 * axis,
+        1.0 / np.maximum(first_per_m, second_per_m),
+        np.asarray(first_per_m > second_per_m),
     )
 
 
-def _inverse(depth_m: NDArray[Any], farthest_m: float) -> Float64:
+def _inverse_depths(depth_m: NDArray[Any], farthest_m: float) -> Float64:
+    """Return inverse depths (n,); that of the farthest where none is valid."""
     depth = depth_m.astype(np.float64)
-    known = (depth > 0) & (depth < farthest_m * (1 - SINGLE_PRECISION))
-    return np.asarray(np.divide(1.0, depth, out=np.full(depth.shape, 1.0 / farthest_m), where=known))
+    valid = (depth > 0) & (depth < farthest_m * (1 - SINGLE_PRECISION))
+    return np.asarray(np.divide(1.0, depth, out=np.full(depth.shape, 1.0 / farthest_m), where=valid))
 
 
-def _nowhere() -> DepthSteps:
-    return DepthSteps(np.empty(0), np.empty(0), np.empty(0), np.empty(0, dtype=np.bool_))
+@njit(cache=True)
+def _find_steps(
+    depth_m: NDArray[Any], down: bool, every: int, farthest_m: float, rounding: float, least: float
+) -> Int64:
+    """Return rows and columns (2, n) of pixels after which inverse depth (H, W) steps to the right, or down.
+
+    Searched is every so many-th line of pixels along that way.
+
+    A step is more than ``least`` of the nearer side, beyond the slope beside it, and larger than those next to it.
+    Depths are valid where they are nearer than ``farthest_m`` by more than ``rounding``.
+    """
+    height, width = depth_m.shape
+    nearer_m, far_m, share = farthest_m * (1.0 - rounding), np.float32(farthest_m), np.float32(_TOO_SMALL * least)
+    stride = every if down else 1  # between the columns that are searched
+    line_length = (width + stride - 1) // stride
+    line_m, next_m = np.empty(line_length, np.float32), np.empty(line_length, np.float32)
+    large = np.zeros((3, line_length), np.bool_)
+    positions, count = np.empty((2, 1024), np.int64), 0
+    _fill_line(depth_m[0], stride, far_m, next_m)
+    for line in range(0, height, 1 if down else every):
+        if not down:
+            _fill_line(depth_m[line], stride, far_m, line_m)
+        else:
+            line_m, next_m = next_m, line_m
+            if line + 1 < height:
+                _fill_line(depth_m[line + 1], stride, far_m, next_m)
+        # A cheap test in single precision leaves few pixels for the exact one: a step or a slope beside it is large.
+        # Of the steps to the right, those beside belong to the same line; of those downward, to the lines around.
+        if down:
+            _write_large(line_m, next_m, share, large[line % 3])
+            if line + 1 == height:
+                large[line % 3] = False
+            row, around = line - 1, (large[(line - 2) % 3], large[(line - 1) % 3], large[line % 3])
+        else:
+            _write_large(line_m[:-1], line_m[1:], share, large[0][1:])
+            row, around = line, (large[0], large[0][1:], large[0][2:])
+        for i in range(0 if down else 1, line_length if down else width - 2):
+            if not (around[0][i] | around[1][i] | around[2][i]):
+                continue
+            column = i * stride
+            size = _step_size(depth_m, row, column, down, farthest_m, nearer_m)
+            if not size > least:
+                continue
+            before = _step_size(depth_m, row - down, column - (not down), down, farthest_m, nearer_m)
+            after = _step_size(depth_m, row + down, column + (not down), down, farthest_m, nearer_m)
+            if size >= before and size > after:
+                if count == positions.shape[1]:
+                    positions = np.concatenate((positions, np.empty_like(positions)), axis=1)
+                positions[0, count], positions[1, count] = row, column
+                count += 1
+    return positions[:, :count]
+
+
+@njit(cache=True)
+def _fill_line(depth_m: NDArray[Any], stride: int, far_m: np.float32, filled_m: Float32) -> None:
+    """Write every so many-th depth (W,), the farthest where none is valid."""
+    for i in range(len(filled_m)):
+        depth = np.float32(depth_m[i * stride])
+        filled_m[i] = depth if (depth > 0) & (depth < far_m) else far_m
+
+
+@njit(cache=True)
+def _write_large(first_m: Float32, second_m: Float32, share: np.float32, large: NDArray[np.bool_]) -> None:
+    """Write whether depths differ by more than a share: (1/a - 1/b) / (1/a) is (b - a) / b."""
+    for i in range(len(first_m)):
+        a, b = first_m[i], second_m[i]
+        large[i] = abs(b - a) > share * max(a, b)
+
+
+@njit(cache=True)
+def _inverse_depth(
+    depth_m: NDArray[Any], row: int, column: int, farthest_m: float, nearer_m: float
+) -> tuple[float, bool]:
+    """Return inverse depth, and whether it is valid."""
+    depth = np.float64(depth_m[row, column])
+    valid = bool((depth > 0.0) & (depth < nearer_m))
+    return 1.0 / depth if valid else 1.0 / farthest_m, valid
+
+
+@njit(cache=True)
+def _step_size(depth_m: NDArray[Any], row: int, column: int, down: bool, farthest_m: float, nearer_m: float) -> float:
+    """Return the relative step from a pixel to the next, less the slope of the surface beside it; 0 at the border."""
+    index, size = (row, depth_m.shape[0]) if down else (column, depth_m.shape[1])
+    if not 0 < index < size - 2:
+        return 0.0
+    by_row, by_column = (1, 0) if down else (0, 1)
+    # Inverse depths of four pixels in a row: the step lies between b and c.
+    a, valid_a = _inverse_depth(depth_m, row - by_row, column - by_column, farthest_m, nearer_m)
+    b, valid_b = _inverse_depth(depth_m, row, column, farthest_m, nearer_m)
+    c, valid_c = _inverse_depth(depth_m, row + by_row, column + by_column, farthest_m, nearer_m)
+    d, valid_d = _inverse_depth(depth_m, row + 2 * by_row, column + 2 * by_column, farthest_m, nearer_m)
+    between = c - b
+    slope_before = b - a if valid_a & valid_b else np.inf
+    slope_after = d - c if valid_c & valid_d else np.inf
+    gentler = slope_before if abs(slope_before) < abs(slope_after) else slope_after
+    if abs(gentler) == np.inf:
+        gentler = 0.0
+    if not valid_b & valid_c:
+        # Out of range inverse depth is constant: of a slope towards it, no more than the visible part counts.
+        gentler = min(max(gentler, min(between, 0.0)), max(between, 0.0))
+    return abs(between - gentler) / max(b, c)

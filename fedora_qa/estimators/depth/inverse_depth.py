@@ -1,7 +1,12 @@
 """A depth frame made ready to be read between its pixels: inverse depth, how well it is known, and where edges are.
 
 Inverse depth is affine in the pixel on every plane, so that reading it bilinearly is exact there and its second
-differences tell how far it may err elsewhere.
+differences bound its error elsewhere.
+
+The compiled loops go through a frame once, row by row, in single precision: inverse depths differ by the difference of
+the depths, which is exact, over their product, so that nothing cancels, and second differences come out to a hundredth
+of what the rounding of the depths makes of them. Depths (H, W) are in metres; not positive, infinite or NaN where
+invalid.
 """
 
 from dataclasses import dataclass, replace
@@ -10,9 +15,9 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.depth.inverse_depth_kernels import edges_and_errors
 from fedora_qa.estimators.flow.mask import EDGE
 
 Depths = NDArray[np.floating[Any]]
@@ -39,8 +44,8 @@ that the two frames' shares add up to about 3 sigma, where their difference has 
 _WIDENED_PX: Final = 9
 """Edges are widened by 4 px on either side, as ``flow_mask`` widens them."""
 
-_PLACES: Final = 180_000
-"""Pixels from which on distances from edges are told by blocks, at least so many of them in an image.
+_FEWEST_BLOCKS: Final = 180_000
+"""Pixels from which on distances from edges are measured by blocks, at least so many of them in an image.
 
 At 1440x1080 blocks of 3 px take an eighth of the time, and at most 6 px off the distance, 3 px as a rule: the limit of
 ``depth.consistency`` in its worst tile is 1.7% larger than with blocks of 2 px, of 4 px it were 3.3%.
@@ -49,15 +54,15 @@ At 1440x1080 blocks of 3 px take an eighth of the time, and at most 6 px off the
 
 @dataclass(frozen=True, slots=True)
 class DepthImage:
-    """What is read of a depth frame.
+    """A depth frame with the errors and edges that reading between its pixels needs.
 
     Attributes
     ----------
     depths_m
         (H, W) z-depth, m; not positive, infinite or NaN where invalid.
     error_per_m
-        (H, W) how far a value of inverse depth read near each pixel may err, 1/m, besides by ``of_step``.
-    of_step
+        (H, W) how far a value of inverse depth read near each pixel may err, 1/m, besides by ``quantisation_error``.
+    quantisation_error
         Share of itself by which every value may err as well: half of the largest step of quantised depths.
     near_edge
         (H, W) 1 within 4 px of an edge, of an invalid pixel or of the border, else 0.
@@ -71,37 +76,51 @@ class DepthImage:
 
     depths_m: Depths
     error_per_m: Float32
-    of_step: float
+    quantisation_error: float
     near_edge: Marks
     clearance_px: Float32
     nearest_per_m: float
     block_px: int
 
     def moved(self, axis: int, shift_px: int) -> "DepthImage":
-        """Return the image moved by whole pixels to the right (axis 0) or down (1); what comes in is no clear place."""
+        """Return the image moved by whole pixels to the right (axis 0) or down (1).
+
+        Pixels that come in count as near an edge.
+        """
         along = 1 - axis
         entered = slice(0, shift_px) if shift_px > 0 else slice(shift_px, None)
-        at = (slice(None), entered) if axis == 0 else (entered,)
+        border = (slice(None), entered) if axis == 0 else (entered,)
         near_edge = np.roll(self.near_edge, shift_px, along)
-        near_edge[at] = 1
+        near_edge[border] = 1
         clearance_px = _clearance_px(near_edge, self.block_px)
         depths_m, error_per_m = (np.roll(image, shift_px, along) for image in (self.depths_m, self.error_per_m))
         return replace(self, depths_m=depths_m, error_per_m=error_per_m, near_edge=near_edge, clearance_px=clearance_px)
 
 
 def depth_image(depths_m: Depths, relative_step: float = 0.0, least_block_px: int = 1) -> DepthImage:
-    """Prepare depths (H, W) in metres, NaN or not positive where invalid.
+    """Prepare a depth frame for reading between its pixels.
 
-    ``relative_step`` is the largest step of quantised depths as a share of the depth; distances from edges are told by
-    blocks of ``least_block_px`` at least.
+    Parameters
+    ----------
+    depths_m
+        (H, W) z-depth, m; NaN or not positive where invalid.
+    relative_step
+        Largest step of quantised depths as a share of the depth.
+    least_block_px
+        Side of the blocks, at least, by which distances from edges are measured.
+
+    Returns
+    -------
+    DepthImage
+        Of the same depths; its arrays are new but for ``depths_m``.
     """
     depths_m = np.ascontiguousarray(depths_m)
     single_m = np.asarray(depths_m, dtype=np.float32)
     marks, error_per_m = np.empty(depths_m.shape, np.uint8), np.empty(depths_m.shape, np.float32)
     floor = _ROUNDINGS * SINGLE_PRECISION
-    nearest_per_m = edges_and_errors(single_m, EDGE, _OF_SECOND_DIFFERENCE, floor, marks, error_per_m)
+    nearest_per_m = _edges_and_errors(single_m, EDGE, _OF_SECOND_DIFFERENCE, floor, marks, error_per_m)
     near_edge = np.asarray(cv2.dilate(marks, np.ones((_WIDENED_PX, _WIDENED_PX), np.uint8)), dtype=np.uint8)
-    block_px = max(least_block_px, ceil(sqrt(depths_m.size / _PLACES)))
+    block_px = max(least_block_px, ceil(sqrt(depths_m.size / _FEWEST_BLOCKS)))
     clearance_px = _clearance_px(near_edge, block_px)
     return DepthImage(depths_m, error_per_m, relative_step / 2, near_edge, clearance_px, float(nearest_per_m), block_px)
 
@@ -116,3 +135,122 @@ def _clearance_px(near_edge: Marks, block_px: int) -> Float32:
     distances = np.asarray(cv2.distanceTransform(np.ascontiguousarray(blocks), cv2.DIST_L2, 3), dtype=np.float32)
     farther_px = np.float32(sqrt(2.0) * (block_px - 1))
     return np.asarray(np.maximum(np.float32(block_px) * distances - farther_px, np.float32(0)))
+
+
+@njit(cache=True, error_model="numpy")
+def inverse_at(depths: Depths, row: np.uint64, column: np.uint64) -> float:
+    """Return the inverse depth of a pixel, 1/m; 0 where it is invalid."""
+    depth = np.float64(depths[row, column])
+    return 1.0 / depth if depth > 0.0 else 0.0
+
+
+@njit(cache=True)
+def _edges_and_errors(
+    depths: Float32, edge: float, of_bend: float, floor: float, marks: Marks, errors_per_m: Float32
+) -> float:
+    """Write where edges are and how far values may err; return the inverse depth of the nearest surface.
+
+    Parameters
+    ----------
+    edge
+        An edge is where the Laplacian of the inverse depth is more than this share of it.
+    of_bend, floor
+        A value errs by the one share of the largest second difference around it, and by the other share of itself.
+    marks
+        (H, W) 1 at edges, invalid pixels and the border, else 0.
+    errors_per_m
+        (H, W) 1/m.
+    """
+    height, width = depths.shape
+    inverse, widest = np.zeros((3, width), np.float32), np.zeros((3, width), np.float32)
+    down, right, bends = np.zeros((2, width), np.float32), np.zeros(width, np.float32), np.zeros(width, np.float32)
+    nearest = np.zeros(width, np.float32)
+    _invert(depths[0], inverse[0], nearest)
+    # Rows of inverse depths and of bends are kept in rings: errors of a row need the bends of the rows around it.
+    for row in range(height + 1):
+        here, below = inverse[row % 3], inverse[(row + 1) % 3]
+        if row + 1 < height:
+            _invert(depths[row + 1], below, nearest)
+            _differ_from_next(depths[row], depths[row + 1], here, below, down[row % 2])
+        if row < height:
+            _differ_from_next(depths[row, :-1], depths[row, 1:], here[:-1], here[1:], right)
+            above, under = down[(row - 1) % 2], down[row % 2]
+            # The first and last row are border.
+            if 0 < row < height - 1:
+                _mark_edges(above, under, right, here, edge, marks[row])
+            else:
+                marks[row], above = 1, under
+            _write_bends(above, under, right, bends)
+            _widen(bends, widest[row % 3])
+        else:
+            widest[row % 3] = 0
+        if row > 0:
+            before, middle, after = widest[(row - 2) % 3], widest[(row - 1) % 3], widest[row % 3]
+            _write_errors(before, middle, after, inverse[(row - 1) % 3], of_bend, floor, errors_per_m[row - 1])
+    return float(nearest.max())
+
+
+@njit(cache=True, error_model="numpy")
+def _invert(depths: Float32, inverse: Float32, nearest: Float32) -> None:
+    """Write the inverse depths (W,) of a row of pixels, and the largest of each column so far."""
+    for column in range(len(inverse)):
+        value = np.float32(1) / depths[column] if depths[column] > 0 else np.float32(0)
+        inverse[column] = value
+        nearest[column] = _larger(value, nearest[column])
+
+
+@njit(cache=True)
+def _differ_from_next(
+    depths: Float32, next_depths: Float32, inverse: Float32, next_inverse: Float32, differences: Float32
+) -> None:
+    """Write by how much inverse depths are larger than those of the next pixels."""
+    for column in range(len(inverse)):
+        # 1/a - 1/b = (b - a) / (a b): the difference of the depths is exact in single precision.
+        product = inverse[column] * next_inverse[column]
+        difference = (next_depths[column] - depths[column]) * product
+        differences[column] = difference if product > 0 else inverse[column] - next_inverse[column]
+
+
+@njit(cache=True)
+def _mark_edges(above: Float32, below: Float32, right: Float32, inverse: Float32, edge: float, marks: Marks) -> None:
+    """Write where edges are: arguments are differences from above, to below and to the right."""
+    last, least = len(inverse) - 1, np.float32(edge)
+    marks[0] = marks[last] = 1
+    for column in range(1, last):
+        laplacian = above[column] - below[column] + right[column - 1] - right[column]
+        marks[column] = (abs(laplacian) > least * inverse[column]) | (inverse[column] <= 0)
+
+
+@njit(cache=True)
+def _write_bends(above: Float32, below: Float32, right: Float32, bends: Float32) -> None:
+    """Write the absolute second differences along both axes together; those beyond the border count as 0."""
+    last = len(bends) - 1
+    bends[0], bends[last] = abs(above[0] - below[0]), abs(above[last] - below[last])
+    for column in range(1, last):
+        bends[column] = abs(above[column] - below[column]) + abs(right[column - 1] - right[column])
+
+
+@njit(cache=True)
+def _widen(bends: Float32, widest: Float32) -> None:
+    """Write the largest of each three neighbours."""
+    last = len(bends) - 1
+    widest[0], widest[last] = bends[: min(2, last + 1)].max(), bends[max(last - 1, 0) :].max()
+    for column in range(1, last):
+        widest[column] = _larger(_larger(bends[column - 1], bends[column]), bends[column + 1])
+
+
+@njit(cache=True)
+def _write_errors(
+    before: Float32, middle: Float32, after: Float32, inverse: Float32, of_bend: float, floor: float, errors: Float32
+) -> None:
+    """Write the errors of a row of pixels from the largest bends of the rows before, at and after it."""
+    bend_share, value_share = np.float32(of_bend), np.float32(floor)
+    for column in range(len(errors)):
+        largest = _larger(_larger(before[column], middle[column]), after[column])
+        errors[column] = bend_share * largest + value_share * inverse[column]
+
+
+@njit(cache=True)
+def _larger(a: np.float32, b: np.float32) -> np.float32:
+    """Return the larger of two numbers, none of which is NaN: a single instruction."""
+    return a if a > b else b

@@ -1,4 +1,4 @@
-"""Fit one parameter of how two depth frames hang together, the camera's motion being known up to its noise.
+"""Fit one parameter of two depth frames, the camera's motion between them being known up to its noise.
 
 The residual of each pixel is linear in the parameter and in the error of the motion's twist to good accuracy
 (point-to-plane registration: Y. Chen, G. Medioni, "Object modelling by registration of multiple range images", Image
@@ -11,11 +11,18 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from fedora_qa.estimators.depth.inverse_depth import DepthImage
-from fedora_qa.estimators.depth.pair_fit_kernels import known_rows, weighted_step
-from fedora_qa.estimators.depth.warp import DepthModel, Lattice, ModelNumber, Warped, residuals_after, warp
+from fedora_qa.estimators.depth.warp import (
+    DepthLattice,
+    DepthModel,
+    ModelNumber,
+    WarpedLattice,
+    residuals_after,
+    warp,
+)
 from fedora_qa.estimators.fitting.quantile_kernels import median_of
 from fedora_qa.estimators.fitting.robust import MAD_TO_SIGMA
 from fedora_qa.geometry import so3
@@ -34,7 +41,7 @@ _CONVERGED: Final = 1e-3
 """A step of less than this share of its standard error, and of what residuals scatter by, is the last.
 
 Each is a hundredth to a thousandth of the one before, so that no more than 1e-5 of the error is left; what the last one
-changes in the residuals is not looked at. (Where nothing holds a direction its error is large, and tells little.)
+changes in the residuals is not computed. (Where nothing holds a direction its error is large, and means little.)
 """
 
 
@@ -47,22 +54,22 @@ class DepthFit:
     value, standard_error, bound
         The parameter; its error where every pixel errs on its own; how far it may err where all err to their bounds
         in the worst direction. 0, infinite and 0 where no parameter was asked for.
-    twist, parts
-        (6,) correction of the motion, and (k,) how much of each direction of its noise it has.
+    twist, coefficients
+        (6,) correction of the motion, and (k,) its coefficients along the directions of the noise, in sigmas.
     warped
         The lattice after the correction.
     typical, typical_bound
-        Median absolute residual, and the median of what it may honestly be.
+        Median absolute residual, and the median of the residuals' bounds.
     noise_square, noise_dof
-        The twist against its declared covariance (chi-square), and how many of its directions the depth tells of.
+        The twist against its declared covariance (chi-square), and how many of its directions the depth constrains.
     """
 
     value: float
     standard_error: float
     bound: float
     twist: Float64
-    parts: Float64
-    warped: Warped
+    coefficients: Float64
+    warped: WarpedLattice
     typical: float
     typical_bound: float
     noise_square: float
@@ -75,37 +82,45 @@ class DepthFit:
 
 
 def noise_directions(covariance: Float64) -> Float64:
-    """Return the twist (6, k) of each independent direction of the noise, one standard deviation long."""
+    """Return the twist (6, k) of each independent direction of the noise, one standard deviation long.
+
+    Parameters
+    ----------
+    covariance
+        (6, 6) of the twist: rad, then m. Directions without variance, to 1e-12 of the largest, are left out.
+    """
     if not covariance.any():
         return np.empty((len(covariance), 0))
     variances, directions = np.linalg.eigh(covariance)
-    real = variances > 1e-12 * max(float(variances.max(initial=0.0)), 1e-300)
-    return np.asarray(directions[:, real] * np.sqrt(variances[real]))
+    positive = variances > 1e-12 * max(float(variances.max(initial=0.0)), 1e-300)
+    return np.asarray(directions[:, positive] * np.sqrt(variances[positive]))
 
 
 def fit_depth(
     family: Family,
-    lattice: Lattice,
+    lattice: DepthLattice,
     image1: DepthImage,
     noise: Float64,
     *,
     start: float,
     step: float | ModelNumber | None,
-    parts: Float64 | None = None,
+    coefficients: Float64 | None = None,
 ) -> DepthFit | None:
-    """Fit a parameter from ``start`` on, and the twist within its noise.
+    """Fit a parameter from ``start`` on, and the twist within its noise, by Gauss-Newton steps.
 
     Parameters
     ----------
     family
-        What the parameter does.
+        The models of the frames by the parameter.
+    lattice, image1
+        Pixels of the first frame, and the second frame.
     noise
         (6, k) as ``noise_directions`` gives them; (6, 0) where the motion is exact.
     step
-        By which the parameter is changed to see its effect, or the number of the model that it is; None where only the
-        twist is to be fitted.
-    parts
-        (k,) how much of each direction of the noise the twist begins with; none of any where None.
+        By which the parameter is changed to differentiate by it, or the number of the model that it is; None where
+        only the twist is to be fitted.
+    coefficients
+        (k,) of the twist at the beginning, along the directions of the noise; 0 where None.
 
     Returns
     -------
@@ -117,37 +132,39 @@ def fit_depth(
     Where little holds some directions of the twist (one plane, no noise declared) the steps along them need not end:
     so far off, the twist is less linear than the depths are rounded. Then the best of all twists is taken.
     """
-    problem = _Problem(family, lattice, image1, noise, step)
-    value, z, convex = start, np.zeros(noise.shape[1]) if parts is None else parts, True
+    problem = _FitProblem(family, lattice, image1, noise, step)
+    value, z = start, np.zeros(noise.shape[1]) if coefficients is None else coefficients
+    # Far from the solution a convex loss has one minimum only; Cauchy's is robust near it.
+    convex = True
     visited: list[tuple[float, float, Float64]] = []
     for _ in range(_ITERATIONS if step is not None or len(z) else 0):
-        solved = problem.solved(value, z, convex=convex)
-        if solved is None:
+        solution = problem.step_from(value, z, convex=convex)
+        if solution is None:
             return None
         if not convex:
-            visited.append((solved.typical, value, z))
-        change = np.abs(solved.change)
-        value, z = value + solved.change[0] * (step is not None), z + solved.change[1:]
-        if not convex and solved.moved <= _CONVERGED and np.all(change <= _CONVERGED * solved.errors):
-            return _concluded(solved, value, z, noise, step)
-        convex = convex and bool(np.any(change > solved.errors))
-    last = problem.solved(value, z)
-    best = min(visited, key=lambda one: one[0], default=None)
+            visited.append((solution.typical, value, z))
+        change = np.abs(solution.change)
+        value, z = value + solution.change[0] * (step is not None), z + solution.change[1:]
+        if not convex and solution.moved <= _CONVERGED and np.all(change <= _CONVERGED * solution.errors):
+            return _fit_from(solution, value, z, noise, step)
+        convex = convex and bool(np.any(change > solution.errors))
+    last = problem.step_from(value, z)
+    best = min(visited, key=lambda visit: visit[0], default=None)
     if best is not None and last is not None and best[0] < last.typical:
         _, value, z = best
-        last = problem.solved(value, z)
-    return None if last is None else _concluded(last, value, z, noise, step)
+        last = problem.step_from(value, z)
+    return None if last is None else _fit_from(last, value, z, noise, step)
 
 
 @dataclass(frozen=True, slots=True)
-class _Solved:
+class _FitStep:
     """A step of (parameter, z), their standard errors, and the bound of the parameter's systematic error.
 
     ``typical`` is the median absolute residual before the step, ``moved`` by how many sigmas of theirs it moves
     residuals on average.
     """
 
-    warped: Warped
+    warped: WarpedLattice
     change: Float64
     errors: Float64
     bound: float
@@ -156,69 +173,79 @@ class _Solved:
 
 
 @dataclass(frozen=True, slots=True)
-class _Problem:
-    """What ``fit_depth`` is asked for."""
+class _FitProblem:
+    """The arguments of ``fit_depth``."""
 
     family: Family
-    lattice: Lattice
+    lattice: DepthLattice
     image1: DepthImage
     noise: Float64
     step: float | ModelNumber | None
 
-    def solved(self, value: float, z: Float64, *, convex: bool = False) -> _Solved | None:
-        """Return the step from a parameter and a twist; None where there is none."""
-        linear = _linearised(self.family, value, self.step, self.noise @ z, self.lattice, self.image1)
-        return None if linear is None else _solve(*linear, self.noise, z, convex=convex)
+    def step_from(self, value: float, z: Float64, *, convex: bool = False) -> _FitStep | None:
+        """Return the step from a parameter and a twist; None where there is none.
+
+        Residuals far beyond the typical one weigh less (Cauchy's weights), so that single places do not lead. Far from
+        the solution these may hold on to a part of the image; Huber's (``convex``) have one minimum only.
+        """
+        linear = self._linearised(value, self.noise @ z)
+        if linear is None:
+            return None
+        warped, value_derivatives = linear
+        residuals, bounds, columns = _compared_rows(
+            warped.residuals, warped.bounds, value_derivatives, warped.twist_derivatives, self.noise
+        )
+        if len(residuals) < FEWEST_PIXELS:
+            return None
+        # z has unit variance before the fit; the parameter is free, or fixed where nothing depends on it.
+        prior = np.ones(columns.shape[1])
+        prior[0] = 0.0 if np.any(columns[:, 0]) else 1.0
+        prior_gradient = np.concatenate(([0.0], z))
+        step = _weighted_step(residuals, bounds, columns, prior, prior_gradient, MAD_TO_SIGMA, convex)
+        return _FitStep(warped, *step[1:]) if step[0] else None
+
+    def _linearised(self, value: float, twist: Float64) -> tuple[WarpedLattice, Float64] | None:
+        """Return the warped lattice, and the residual's derivative by the parameter (n,): 0 where none is fitted."""
+        if not np.all(np.isfinite(twist)):
+            return None
+        correct = _correction(twist)
+        model = self.family(value)
+        if model is None or not model.conceivable:
+            return None
+        number = self.step if isinstance(self.step, str) else None
+        warped = warp(correct(model), self.lattice, self.image1, number)
+        if warped.compared < FEWEST_PIXELS:
+            return None
+        if self.step is None or isinstance(self.step, str):
+            return warped, warped.number_derivatives
+        # Central differences.
+        ahead, behind = (
+            residuals_after(correct(side), self.lattice, self.image1) if side is not None and side.conceivable else None
+            for side in (self.family(value + sign * self.step) for sign in (1, -1))
+        )
+        if ahead is None or behind is None:
+            return None
+        return warped, (ahead - behind) / (2 * self.step)
 
 
-def _concluded(last: _Solved, value: float, z: Float64, noise: Float64, step: float | ModelNumber | None) -> DepthFit:
+def _fit_from(last: _FitStep, value: float, z: Float64, noise: Float64, step: float | ModelNumber | None) -> DepthFit:
     return DepthFit(
         value=value,
         standard_error=float(last.errors[0]) if step is not None else np.inf,
         bound=last.bound if step is not None else 0.0,
         twist=noise @ z,
-        parts=z,
+        coefficients=z,
         warped=last.warped,
         typical=last.typical,
         typical_bound=median_of(last.warped.bounds[np.isfinite(last.warped.bounds)]),
         noise_square=float(z @ z),
+        # Of each direction the depth constrains what it takes off the unit variance before the fit.
         noise_dof=float(np.sum(1.0 - last.errors[1:] ** 2)),
     )
 
 
-def _linearised(
-    family: Family,
-    value: float,
-    step: float | ModelNumber | None,
-    twist: Float64,
-    lattice: Lattice,
-    image1: DepthImage,
-) -> tuple[Warped, Float64] | None:
-    """Return the warped lattice, and the residual's derivative by the parameter (n,): 0 where none is to be fitted."""
-    if not np.all(np.isfinite(twist)):
-        return None
-    correct = _correction(twist)
-    model = family(value)
-    if model is None or not model.conceivable:
-        return None
-    known = step if isinstance(step, str) else None
-    warped = warp(correct(model), lattice, image1, known)
-    if warped.seen < FEWEST_PIXELS:
-        return None
-    if step is None or isinstance(step, str):
-        return warped, warped.by_number
-    sides = [family(value + side * step) for side in (1, -1)]
-    ahead, behind = (
-        residuals_after(correct(side), lattice, image1) if side is not None and side.conceivable else None
-        for side in sides
-    )
-    if ahead is None or behind is None:
-        return None
-    return warped, (ahead - behind) / (2 * step)
-
-
 def _correction(twist: Float64) -> Callable[[DepthModel], DepthModel]:
-    """Return how a model is corrected by a twist (6,): ``RigidMotion.corrected``, its rotation reckoned once."""
+    """Return how a model is corrected by a twist (6,): ``RigidMotion.corrected``, its rotation computed once."""
     if not twist.any():
         return lambda model: model
     dR, shift_m = so3.exp(twist[:3]), twist[3:]
@@ -230,17 +257,125 @@ def _correction(twist: Float64) -> Callable[[DepthModel], DepthModel]:
     return corrected
 
 
-def _solve(warped: Warped, by_value: Float64, noise: Float64, z: Float64, *, convex: bool = False) -> _Solved | None:
-    """Return the step of (parameter, z) with its errors.
+@njit(cache=True)
+def _weighted_step(
+    residuals: Float64,
+    bounds: Float64,
+    columns: Float64,
+    prior: Float64,
+    prior_gradient: Float64,
+    to_sigma: float,
+    convex: bool,
+) -> tuple[bool, Float64, Float64, float, float, float]:
+    """Return whether there is a step, the step (k,), its standard errors (k,) and the bound of the first number.
 
-    Residuals far beyond the typical one weigh less (Cauchy's weights), so that single places do not lead. Far from the
-    solution these may hold on to a part of the image; Huber's (``convex``) have one minimum only.
+    Then come the median absolute residual, and by how much the step moves residuals, in their sigmas, on average.
+    A loop of its own: robust normal equations of a few numbers, from thousands of pixels.
+
+    Parameters
+    ----------
+    residuals, bounds
+        (n,) of the pixels.
+    columns
+        (n, k) derivatives of the residuals.
+    prior
+        (k,) reciprocal of each number's variance before the fit; 0 where it is free.
+    prior_gradient
+        (k,) gradient of the prior at the present numbers.
+    to_sigma
+        From the median absolute residual to a standard deviation.
+    convex
+        Whether residuals far out weigh less by Huber's weights instead of Cauchy's.
     """
-    residuals, bounds, columns = known_rows(warped.residuals, warped.bounds, by_value, warped.by_twist, noise)
-    if len(residuals) < FEWEST_PIXELS:
-        return None
-    held = np.ones(columns.shape[1])
-    held[0] = 0.0 if np.any(columns[:, 0]) else 1.0
-    pull = np.concatenate(([0.0], z))
-    step = weighted_step(residuals, bounds, columns, held, pull, MAD_TO_SIGMA, convex)
-    return _Solved(warped, *step[1:]) if step[0] else None
+    n, k = columns.shape
+    median = median_of(np.abs(residuals))
+    typical = to_sigma * median
+    weights = np.empty(n)
+    matrix, gradient = np.diag(prior), prior_gradient.copy()
+    # Normal equations (J^T W J + prior) step = -(J^T W r + gradient of the prior); the lower triangle only.
+    for i in range(n):
+        sigma, size = max(bounds[i], typical), abs(residuals[i])
+        weight = 1.0 / (sigma * max(sigma, size) if convex else sigma * sigma + size * size)
+        weights[i] = weight
+        row = columns[i]
+        for a in range(k):
+            weighted = weight * row[a]
+            gradient[a] += weighted * residuals[i]
+            for b in range(a + 1):
+                matrix[a, b] += weighted * row[b]
+    for a in range(k):
+        for b in range(a):
+            matrix[b, a] = matrix[a, b]
+    if not inverted(matrix):
+        return False, gradient, gradient, 0.0, median, 0.0
+    inverse, errors, change = matrix, np.empty(k), np.zeros(k)
+    for a in range(k):
+        errors[a] = np.sqrt(max(inverse[a, a], 0.0))
+        for b in range(k):
+            change[a] -= inverse[a, b] * gradient[b]
+    # Row 0 of (J^T W J)^-1 J^T W gives the first number from the residuals: all of them at their bounds is the worst.
+    bound, moved = 0.0, 0.0
+    for i in range(n):
+        slope, move = 0.0, 0.0
+        for a in range(k):
+            slope += columns[i, a] * inverse[0, a]
+            move += columns[i, a] * change[a]
+        bound += abs(slope) * weights[i] * bounds[i]
+        moved += abs(move) / max(bounds[i], typical)
+    return True, change, errors, bound, median, moved / n
+
+
+@njit(cache=True)
+def inverted(matrix: Float64) -> bool:
+    """Invert a symmetric matrix (k, k) in place; return whether it is positive definite, to rounding.
+
+    It is scaled to a diagonal of ones first. Gauss and Jordan's steps by the diagonal, which such matrices need no
+    exchange of rows for; numba's own inverse takes five seconds to compile.
+    """
+    k = len(matrix)
+    scale = np.empty(k)
+    for a in range(k):
+        if not 0.0 < matrix[a, a] < np.inf:
+            return False
+        scale[a] = np.sqrt(matrix[a, a])
+    for a in range(k):
+        for b in range(k):
+            matrix[a, b] /= scale[a] * scale[b]
+    for step in range(k):
+        pivot = matrix[step, step]
+        if not pivot > 0.0:  # also where it is NaN
+            return False
+        matrix[step, step] = 1.0
+        for b in range(k):
+            matrix[step, b] /= pivot
+        for a in range(k):
+            if a != step:
+                factor = matrix[a, step]
+                matrix[a, step] = 0.0
+                for b in range(k):
+                    matrix[a, b] -= factor * matrix[step, b]
+    for a in range(k):
+        for b in range(k):
+            matrix[a, b] /= scale[a] * scale[b]
+    return True
+
+
+@njit(cache=True)
+def _compared_rows(
+    residuals: Float64, bounds: Float64, by_value: Float64, by_twist: Float64, noise: Float64
+) -> tuple[Float64, Float64, Float64]:
+    """Return residuals (m,), bounds (m,) and derivatives by value and noise (m, 1 + k) of the compared pixels."""
+    n, k = len(residuals), noise.shape[1]
+    kept, limits, columns = np.empty(n), np.empty(n), np.empty((n, 1 + k))
+    m = 0
+    for i in range(n):
+        if not (np.isfinite(residuals[i]) and np.isfinite(by_value[i])):
+            continue
+        kept[m], limits[m], columns[m, 0] = residuals[i], bounds[i], by_value[i]
+        for a in range(k):
+            along = 0.0
+            for axis in range(6):
+                along += by_twist[i, axis] * noise[axis, a]
+            columns[m, 1 + a] = along
+        m += 1
+    return kept[:m], limits[:m], columns[:m]

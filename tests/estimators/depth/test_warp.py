@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.depth.inverse_depth import depth_image
-from fedora_qa.estimators.depth.warp import DepthModel, Lattice, lattice_of, lattice_stride, warp
+from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, lattice_of, lattice_stride, warp
 from fedora_qa.geometry.camera import RigidMotion
 
 Float64 = NDArray[np.float64]
@@ -97,7 +97,7 @@ def test_what_is_hidden_is_not_compared() -> None:
 def test_derivative_by_the_twist() -> None:
     """The derivative is that of the residual when the motion is corrected, by central differences."""
     lattice, image1 = lattice_of(depth_image(plane_before()), 5), depth_image(plane_after())
-    analytic = warp(DepthModel(K, MOTION), lattice, image1).by_twist
+    analytic = warp(DepthModel(K, MOTION), lattice, image1).twist_derivatives
     for axis, step in enumerate(np.eye(6) * 1e-5):
         ahead, behind = (
             warp(DepthModel(K, MOTION.corrected(sign * step)), lattice, image1).residuals for sign in (1, -1)
@@ -137,7 +137,7 @@ def test_lattice_keeps_enough_of_small_images() -> None:
 def test_lattice_thins_evenly() -> None:
     """At most so many pixels are kept, all of them clear of the border."""
     lattice = lattice_of(depth_image(plane_before()), 1, most=500)
-    assert isinstance(lattice, Lattice)
+    assert isinstance(lattice, DepthLattice)
     assert len(lattice.columns) == 500
     assert lattice.columns.min() >= 5
     assert lattice.columns.max() <= WIDTH - 6

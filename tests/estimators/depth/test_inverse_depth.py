@@ -5,7 +5,6 @@ import pytest
 from scipy.ndimage import distance_transform_edt
 
 from fedora_qa.estimators.depth.inverse_depth import depth_image
-from fedora_qa.estimators.depth.pair_fit_kernels import medians_by_group
 from fedora_qa.estimators.flow.mask import edges, inverse_depth
 
 HEIGHT, WIDTH = 61, 83
@@ -42,7 +41,7 @@ def test_errors_are_shares_of_the_largest_bend_around(seed: int) -> None:
     image = depth_image(depth_m, relative_step=1e-3)
     # Differences in single precision err by 2e-7 of themselves: here by a thousandth of what rounding may do.
     np.testing.assert_allclose(image.error_per_m, 0.25 * around + 8 * 2.0**-24 * inverse, rtol=1e-3)
-    assert image.of_step == 5e-4
+    assert image.quantisation_error == 5e-4
     assert image.nearest_per_m == pytest.approx(inverse.max())
 
 
@@ -73,14 +72,3 @@ def test_what_a_moved_image_lets_in_is_near_an_edge(axis: int, shift_px: int) ->
     exact = distance_transform_edt(moved.near_edge == 0)[::2, ::2]
     assert np.all(moved.clearance_px <= 1.09 * exact)
     assert moved.clearance_px.max() > 300
-
-
-def test_medians_by_group() -> None:
-    """Against masks; groups that are too small have none."""
-    rng = np.random.default_rng(1)
-    first, second, groups = rng.random(500), rng.random(500), rng.integers(0, 7, 500).astype(np.uint8)
-    groups[:3] = 7
-    medians = medians_by_group(first, second, groups, 9, 4)
-    for values, found in zip((first, second), medians, strict=True):
-        np.testing.assert_array_equal(found[:7], [np.median(values[groups == group]) for group in range(7)])
-        assert np.isnan(found[7:]).all()

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from fedora_qa.estimators.depth.edge_profiles import FARTHEST_PX, RADIUS_PX, find_places, peaks_near, tile_profiles
+from fedora_qa.estimators.depth.edge_profiles import FARTHEST_PX, RADIUS_PX, find_peaks, peaks_near, tile_profiles
 from fedora_qa.estimators.depth.edge_steps import DepthSteps, depth_steps
 
 OFFSETS = np.arange(-RADIUS_PX, RADIUS_PX + 1)
@@ -25,8 +25,8 @@ def test_place_of_a_spline_is_exact(shift_px: float, before: float, after: float
     background[middle] = 0.5 * (before + after)
     profile = quadratic(OFFSETS - shift_px) + background
     found = peaks_near(profile, np.array(middle))
-    assert find_places(profile) in (middle - 1, middle, middle + 1)
-    assert float(found.places_px) == pytest.approx(shift_px, abs=1e-9)
+    assert find_peaks(profile) in (middle - 1, middle, middle + 1)
+    assert float(found.positions_px) == pytest.approx(shift_px, abs=1e-9)
 
 
 def test_profile_of_averaged_steps_is_the_spline() -> None:

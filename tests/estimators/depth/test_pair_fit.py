@@ -9,9 +9,8 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from fedora_qa.estimators.depth.inverse_depth import DepthImage, depth_image
-from fedora_qa.estimators.depth.pair_fit import FEWEST_PIXELS, fit_depth, noise_directions
-from fedora_qa.estimators.depth.pair_fit_kernels import inverted
-from fedora_qa.estimators.depth.warp import DepthModel, Lattice, ModelNumber, lattice_of, residuals_after, warp
+from fedora_qa.estimators.depth.pair_fit import FEWEST_PIXELS, fit_depth, inverted, noise_directions
+from fedora_qa.estimators.depth.warp import DepthLattice, DepthModel, ModelNumber, lattice_of, residuals_after, warp
 from fedora_qa.geometry.camera import RigidMotion
 
 Float64 = NDArray[np.float64]
@@ -36,7 +35,7 @@ def corner(motion: RigidMotion | None) -> Float64:
     return 1.0 / nearest
 
 
-def frames(motion: RigidMotion = MOTION, factor: float = 1.0, ray: float = 0.0) -> tuple[Lattice, DepthImage]:
+def frames(motion: RigidMotion = MOTION, factor: float = 1.0, ray: float = 0.0) -> tuple[DepthLattice, DepthImage]:
     lengths = np.linalg.norm(RAYS, axis=-1) ** ray
     before, after = (factor * corner(seen) * lengths for seen in (None, motion))
     return lattice_of(depth_image(before), 2), depth_image(after)
@@ -87,8 +86,8 @@ def test_known_effects_are_those_that_are_seen(number: ModelNumber) -> None:
     seen = (ahead - behind) / (2 * change)
     both = np.isfinite(seen) & np.isfinite(known.residuals)
     assert np.count_nonzero(both) > 1000
-    np.testing.assert_allclose(known.by_number[both], seen[both], atol=1e-6)
-    assert not known.by_number[~np.isfinite(known.residuals)].any()
+    np.testing.assert_allclose(known.number_derivatives[both], seen[both], atol=1e-6)
+    assert not known.number_derivatives[~np.isfinite(known.residuals)].any()
 
 
 def test_one_plane_leaves_no_more_than_rounding() -> None:
@@ -148,7 +147,7 @@ def test_directions_of_noise() -> None:
 def test_too_few_pixels_are_no_fit() -> None:
     """Frames that hardly overlap, models that do not exist and empty lattices give no number."""
     lattice, image1 = frames()
-    few = Lattice(*(values[: FEWEST_PIXELS - 1] for values in (
+    few = DepthLattice(*(values[: FEWEST_PIXELS - 1] for values in (
         lattice.columns, lattice.rows, lattice.depths_m, lattice.relative_errors)))  # fmt: skip
     away = RigidMotion(Rotation.from_rotvec([0.0, 2.0, 0.0]).as_matrix(), MOTION.t_m)
     assert fit_depth(lambda _: DepthModel(K, MOTION), few, image1, EXACT, start=0.0, step=None) is None
