@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from fedora_qa.estimators.imu.spline_integrals import integrated_twice
+from fedora_qa.estimators.imu.specific_force import integrated_twice
 
 
 @pytest.mark.parametrize("knots", [2, 3, 4, 5, 9, 400])
