@@ -15,7 +15,7 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RigidMotion:
-    """How points move as seen from a camera: ``X1 = R @ X0 + t_m``, optical frames, metres.
+    """How points move in the frame of a camera: ``X1 = R @ X0 + t_m``, optical frames, metres.
 
     ``R`` is (3, 3) and ``t_m`` (3,): together ``T_world_camera(t1)^-1 T_world_camera(t0)``.
     """
@@ -37,7 +37,16 @@ class RigidMotion:
 def camera_motion(
     R_world_body0: Float64, position0_m: Float64, R_world_body1: Float64, position1_m: Float64, T_body_camera: Float64
 ) -> RigidMotion:
-    """Return how points move between two poses of the body, seen from a camera mounted by ``T_body_camera`` (4, 4)."""
+    """Return how points move between two poses of the body, in the frame of a camera.
+
+    Parameters
+    ----------
+    R_world_body0, position0_m, R_world_body1, position1_m
+        (3, 3) and (3,) in the world, of the first and the second pose.
+    T_body_camera
+        (4, 4) mounting of the camera.
+    """
+    # X_camera = R_bc^T (R_wb^T (X_world - p) - l), written for both poses and X_world eliminated.
     R_body_camera, lever_m = T_body_camera[:3, :3], T_body_camera[:3, 3]
     R_body1_body0 = R_world_body1.T @ R_world_body0
     at_body1_m = R_world_body1.T @ (position0_m - position1_m) + R_body1_body0 @ lever_m - lever_m
@@ -57,7 +66,7 @@ def motion_covariance(
     """Return the covariance (6, 6) of the twist of ``camera_motion`` when both poses carry white noise.
 
     Position noise is per axis of the world, rotation noise ``R_world_body Exp(n)`` per axis of the body. To first
-    order the point X1 moves by ``omega x X1 + tau``. With l the lever arm, o the first body's origin seen from the
+    order the point X1 moves by ``omega x X1 + tau``. With l the lever arm, o the first body's origin relative to the
     second and D = R_world_body1^T R_world_body0, a turn d of one body about its own origin gives (C = R_camera_body)
 
         first body:   omega =  C D d,   tau =  C (D d x (l - o))

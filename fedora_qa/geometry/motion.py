@@ -24,7 +24,7 @@ def interpolate_poses(
     """Interpolate poses by a local polynomial of degree 5, on positions and on rotation vectors.
 
     Through the three samples on either side runs the polynomial of their positions, and that of the rotation vectors
-    ``Log(R_k^-1 R_j)`` seen from the sample k before the instant. Sample stamps give the samples themselves.
+    ``Log(R_k^-1 R_j)`` relative to the sample k before the instant. At a sample's timestamp the result is the sample.
 
     Parameters
     ----------
@@ -50,36 +50,35 @@ def interpolate_poses(
     R_world_body = np.full((len(at_ns), 3, 3), np.nan)
     positions_m = np.full((len(at_ns), 3), np.nan)
     inside = np.flatnonzero(_bridged(times_ns, at_ns))
-    if len(inside):
-        q, positions_m[inside] = _at(times_ns, positions_world_m, orientations_xyzw, at_ns[inside])
-        R_world_body[inside] = so3.matrices_from_quaternions(q)
+    if not len(inside):
+        return R_world_body, positions_m
+    inside_ns = at_ns[inside]
+    before = np.maximum(np.searchsorted(times_ns, inside_ns, side="right") - 1, 0)
+    # What the instants of a step share is computed once for all samples where there are more instants than samples.
+    once_a_sample = len(inside_ns) > len(times_ns)
+    samples = np.arange(len(times_ns)) if once_a_sample else before
+    size = min(STENCIL, len(times_ns))
+    nodes = np.clip(samples + 1 - size // 2, 0, len(times_ns) - size)[:, None] + np.arange(size)
+    unit_xyzw = so3.normalise(orientations_xyzw)
+    q_k = unit_xyzw[samples]
+    relative = np.empty((*nodes.shape, 6))  # rotation vectors Log(q_k^-1 q_j) and displacements p_j - p_k
+    relative[..., :3] = so3.log_quaternion(so3.compose(so3.inverse(q_k)[:, None], unit_xyzw[nodes]))
+    origin_m = positions_world_m[samples]  # the weights add up to 1, but only to rounding
+    np.subtract(positions_world_m[nodes], origin_m[:, None], out=relative[..., 3:])
+    if once_a_sample:
+        nodes, relative, q_k, origin_m = nodes[before], relative[before], q_k[before], origin_m[before]
+    weights = lagrange_weights((times_ns[nodes] - inside_ns[:, None]) / NS_PER_S)
+    sums = np.einsum("nm,nmi->ni", weights, relative)
+    R_world_body[inside] = so3.matrices_from_quaternions(so3.compose(q_k, so3.exp_quaternion(sums[:, :3])))
+    positions_m[inside] = origin_m + sums[:, 3:]
     return R_world_body, positions_m
 
 
-def _at(
-    times_ns: Int64, positions_world_m: Float64, orientations_xyzw: Float64, at_ns: Int64
-) -> tuple[Float64, Float64]:
-    """Return the orientation (n, 4) and position (n, 3) at each instant."""
-    before = np.maximum(np.searchsorted(times_ns, at_ns, side="right") - 1, 0)
-    samples = before  # what the instants of a step share is computed once for all where there are many
-    if len(at_ns) > len(times_ns):
-        samples = np.arange(len(times_ns))
-    nodes = _stencils(samples, len(times_ns))
-    unit_xyzw = so3.normalise(orientations_xyzw)
-    q_k = unit_xyzw[samples]
-    seen = np.empty((*nodes.shape, 6))
-    seen[..., :3] = so3.log_quaternion(so3.compose(so3.inverse(q_k)[:, None], unit_xyzw[nodes]))
-    origin_m = positions_world_m[samples]  # the weights add up to 1, but only to rounding
-    np.subtract(positions_world_m[nodes], origin_m[:, None], out=seen[..., 3:])
-    if samples is not before:
-        nodes, seen, q_k, origin_m = nodes[before], seen[before], q_k[before], origin_m[before]
-    weights = lagrange_weights((times_ns[nodes] - at_ns[:, None]) / NS_PER_S)
-    sums = np.einsum("nm,nmi->ni", weights, seen)
-    return so3.compose(q_k, so3.exp_quaternion(sums[:, :3])), origin_m + sums[:, 3:]
-
-
 def lagrange_weights(offsets: Float64) -> Float64:
-    """Return the weights (..., m) that give a polynomial's value at 0 from its values at ``offsets`` (..., m)."""
+    """Return the weights (..., m) that give a polynomial's value at 0 from its values at ``offsets`` (..., m).
+
+    ``w_i = prod_{j != i} x_j / (x_j - x_i)``, Lagrange's basis at 0.
+    """
     own = np.arange(offsets.shape[-1])
     gaps = offsets[..., None, :] - offsets[..., :, None]
     gaps[..., own, own] = 1.0
@@ -87,12 +86,6 @@ def lagrange_weights(offsets: Float64) -> Float64:
     factors[..., own, own] = 1.0
     weights: Float64 = factors.prod(axis=-1)
     return weights
-
-
-def _stencils(before: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    size = min(STENCIL, count)
-    first = np.clip(before + 1 - size // 2, 0, count - size)
-    return first[:, None] + np.arange(size)
 
 
 def _bridged(times_ns: Int64, at_ns: Int64) -> NDArray[np.bool_]:
@@ -105,13 +98,9 @@ def _bridged(times_ns: Int64, at_ns: Int64) -> NDArray[np.bool_]:
     if not len(steps_ns):
         return exact
     gap_ns = steps_ns[np.maximum(after - 1, 0)]
-    narrow = gap_ns <= WIDEST_GAP_STEPS * _median(steps_ns)
-    bridged: NDArray[np.bool_] = exact | (narrow & (at_ns > times_ns[0]) & (at_ns < times_ns[-1]))
-    return bridged
-
-
-def _median(steps_ns: Int64) -> float:
-    """Return the median: of few numbers np.median takes longer than the interpolation."""
+    # The median by partition: of few numbers np.median takes longer than the interpolation.
     below, above = (len(steps_ns) - 1) // 2, len(steps_ns) // 2
     ordered = np.partition(steps_ns, (below, above))
-    return float(ordered[below] + ordered[above]) / 2
+    narrow = gap_ns <= WIDEST_GAP_STEPS * (float(ordered[below] + ordered[above]) / 2)
+    bridged: NDArray[np.bool_] = exact | (narrow & (at_ns > times_ns[0]) & (at_ns < times_ns[-1]))
+    return bridged

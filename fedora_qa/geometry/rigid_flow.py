@@ -25,6 +25,7 @@ def moved_points(
     K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64
 ) -> tuple[Float64, Float64, Float64]:
     """Return X1, Y1, Z1 in metres of pixels at a depth; arguments broadcast, NaN depth gives NaN."""
+    # The ray K^-1 (column, row, 1), K with skew K01; then X1 = Z0 R ray + t.
     y = (rows - K[1, 2]) / K[1, 1]
     x = (columns - K[0, 2] - K[0, 1] * y) / K[0, 0]
     R, t = motion.R, motion.t_m
@@ -68,6 +69,7 @@ def depths_by_flow(K: Float64, motion: RigidMotion, columns: Float64, rows: Floa
         K, RigidMotion(np.eye(3), np.zeros(3)), columns + flow_px[:, 0], rows + flow_px[:, 1], ones
     )
     end = np.stack((x1, y1), axis=-1)
+    # (t_xy - x1 t_z) / Z = x1 r_z - r_xy: two equations in 1/Z.
     slopes = motion.t_m[:2] - end * motion.t_m[2]
     with np.errstate(divide="ignore", invalid="ignore"):
         depths_m: Float64 = np.sum(slopes**2, axis=-1) / np.sum(slopes * (end * rays[:, 2:] - rays[:, :2]), axis=-1)
@@ -78,6 +80,7 @@ def twist_jacobian(K: Float64, points1_m: Float64) -> Float64:
     """Return d flow / d twist, (n, 2, 6), at points X1 (n, 3): px per rad and px per metre."""
     X1, Y1, Z1 = points1_m.T
     by_point = np.zeros((len(Z1), 2, 3))
+    # d (u, v) / d X1 of the perspective projection; a twist moves X1 by omega x X1 + tau.
     by_point[:, 0, 0], by_point[:, 0, 1] = K[0, 0] / Z1, K[0, 1] / Z1
     by_point[:, 1, 1] = K[1, 1] / Z1
     by_point[:, 0, 2] = -(K[0, 0] * X1 + K[0, 1] * Y1) / Z1**2
@@ -88,7 +91,7 @@ def twist_jacobian(K: Float64, points1_m: Float64) -> Float64:
 def rounding_px(
     K: Float64, motion: RigidMotion, columns: Float64, rows: Float64, depths_m: Float64, flow_px: Float64
 ) -> Float64:
-    """Bound how far an honest stored flow lies from the one recomputed, by component, px, for flow (..., 2).
+    """Bound how far a correct stored flow lies from the one recomputed, by component, px, for flow (..., 2).
 
     Three sources, each a bound and not a spread, u being the unit roundoff of float32:
 

@@ -45,7 +45,9 @@ def exp_quaternion(rotation_vectors_rad: Float64) -> Float64:
     """Return the unit quaternions (..., 4) of rotation vectors (..., 3)."""
     angle_rad = np.linalg.norm(rotation_vectors_rad, axis=-1, keepdims=True)
     half = 0.5 * angle_rad
-    ratio = np.where(angle_rad < _SMALL_ANGLE_RAD, 0.5 - angle_rad**2 / 48, np.sin(half) / _nonzero(angle_rad))
+    # sin(a/2) / a, by its series 1/2 - a^2/48 near 0.
+    quotient = np.sin(half) / np.where(angle_rad == 0, 1.0, angle_rad)
+    ratio = np.where(angle_rad < _SMALL_ANGLE_RAD, 0.5 - angle_rad**2 / 48, quotient)
     return np.concatenate((ratio * rotation_vectors_rad, np.cos(half)), axis=-1)
 
 
@@ -62,8 +64,10 @@ def log_quaternion(orientations_xyzw: Float64) -> Float64:
     if np.any(small):
         safe_w = np.where(small, cosine, 1.0)
         tangent_squared = (np.where(small, sine, 0.0) / safe_w) ** 2
+        # 2 atan(t) / s with t = s/w: 2/w (1 - t^2/3 + t^4/5).
         series = 2.0 / safe_w * (1.0 - tangent_squared / 3 + tangent_squared**2 / 5)
         ratio = np.where(small, series, ratio)
+    # q and -q are the same rotation: the one with w >= 0 turns by at most pi.
     vectors: Float64 = np.where(w < 0, -ratio, ratio)[..., None] * orientations_xyzw[..., :3]
     return vectors
 
@@ -118,7 +122,3 @@ def cross_matrices(vectors: Float64) -> Float64:
     crosses[..., 0, 1], crosses[..., 0, 2], crosses[..., 1, 2] = -z, y, -x
     crosses[..., 1, 0], crosses[..., 2, 0], crosses[..., 2, 1] = z, -y, x
     return crosses
-
-
-def _nonzero(values: Float64) -> Float64:
-    return np.where(values == 0, 1.0, values)

@@ -1,4 +1,4 @@
-"""Where the body was at the frames of a window: interpolated at once, and shared by streams whose stamps agree."""
+"""Poses of the body at the frames of a window: interpolated at once, and shared by streams with equal timestamps."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,22 @@ Float64 = NDArray[np.float64]
 
 
 def pose_of_frame(window: Window, track: PoseTrack, stream: str, frame: int) -> Pose:
-    """Return the pose of the body at a frame of a stream; NaN where none covers it.
+    """Return the pose of the body at a frame of a stream.
 
-    Those of the frames that a window owns, and of the one before, are interpolated together: one by one takes many
-    times as long. What a track gives of the body is the same for all cameras.
+    Parameters
+    ----------
+    window, track
+        A window of the sequence, and the poses of the body.
+    stream, frame
+        Stream of the frame, and its index in the file.
+
+    Returns
+    -------
+    R_world_body, position_world_m
+        (3, 3) and (3,); NaN where no poses cover the frame.
     """
+    # Poses of all frames of the window, and of the one before, are interpolated together: each by itself takes many
+    # times as long. They are of the body, and so the same for all cameras.
     owned, times_ns = window.owned(stream), window.facts.clocks[stream].times_ns
     first = max(owned.start - 1, 0)
     if not first <= frame < owned.stop:

@@ -1,7 +1,7 @@
 """Poses and IMU samples as the checks of motion gather them: each window's own, joined at the end.
 
-Some ten kilobytes a window are kept as they are. A fit over the whole sequence, iterated where stamps have to move,
-then sees exactly what the file holds, and cuts between windows change nothing.
+Some ten kilobytes a window are kept as they are. A fit over the whole sequence, iterated where timestamps have to move,
+then rests on exactly what the file holds, and cuts between windows change nothing.
 """
 
 from collections.abc import Sequence
@@ -22,15 +22,15 @@ from fedora_qa.sequence.window import ImuSamples, PoseSamples, Window
 Float64 = NDArray[np.float64]
 
 NOISE_ORDER: Final = 8
-"""Order of differences that tell noise from motion: a motion of 3 Hz and 1 rad leaves 5e-11 rad at 200 samples/s."""
+"""Order of differences that separate noise from motion: a motion of 3 Hz and 1 rad leaves 5e-11 rad at 200 Hz."""
 
 _LEAST_ROUNDING_NOISE: Final = 0.1
 """Of a step: a third of what uniform rounding leaves."""
 _ROUNDED_UNITS: Final = 4.0
 """Units in the last place by which a decimal number and its multiple may differ: two products and what was read."""
 
-_A_FEW: Final = 64
-"""Samples that are looked at first: they mostly tell that numbers were not rounded."""
+_FIRST_SAMPLES: Final = 64
+"""Samples that are tested first: they mostly suffice to exclude that numbers were rounded."""
 
 _RADIANS_PER_COMPONENT: Final = 2.0
 """A quaternion holds half angles: an error of a component turns by twice as much."""
@@ -38,12 +38,28 @@ _RADIANS_PER_COMPONENT: Final = 2.0
 
 def owned_poses(window: Window) -> PoseSamples | None:
     """Return the window's own poses, None where it has none."""
-    return window.once("owned_poses", lambda: _owned_poses(window))
+
+    def owned() -> PoseSamples | None:
+        if not len(window.owned("pose")):
+            return None
+        poses = window.pose()
+        own = poses.times_ns < window.span.stop_ns
+        return PoseSamples(poses.times_ns[own], poses.positions_world_m[own], poses.orientations_xyzw[own])
+
+    return window.once("owned_poses", owned)
 
 
 def owned_imu(window: Window) -> ImuSamples | None:
     """Return the window's own IMU samples, None where it has none."""
-    return window.once("owned_imu", lambda: _owned_imu(window))
+
+    def owned() -> ImuSamples | None:
+        if not len(window.owned("imu")):
+            return None
+        imu = window.imu()
+        own = imu.times_ns < window.span.stop_ns
+        return ImuSamples(imu.times_ns[own], imu.angular_velocities_body_rad_s[own], imu.specific_forces_body_m_s2[own])
+
+    return window.once("owned_imu", owned)
 
 
 def join_poses(parts: Sequence[PoseSamples]) -> PoseSamples:
@@ -52,8 +68,8 @@ def join_poses(parts: Sequence[PoseSamples]) -> PoseSamples:
         return PoseSamples(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 4)))
     positions_m = np.concatenate([part.positions_world_m for part in parts])
     q = np.concatenate([part.orientations_xyzw for part in parts])
-    good = np.isfinite(positions_m).all(axis=1) & np.isfinite(so3.normalise(q)).all(axis=1)
-    return PoseSamples(np.concatenate([part.times_ns for part in parts])[good], positions_m[good], q[good])
+    finite = np.isfinite(positions_m).all(axis=1) & np.isfinite(so3.normalise(q)).all(axis=1)
+    return PoseSamples(np.concatenate([part.times_ns for part in parts])[finite], positions_m[finite], q[finite])
 
 
 def join_imu(parts: Sequence[ImuSamples]) -> ImuSamples:
@@ -62,15 +78,19 @@ def join_imu(parts: Sequence[ImuSamples]) -> ImuSamples:
         return ImuSamples(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)))
     rates = np.concatenate([part.angular_velocities_body_rad_s for part in parts])
     forces = np.concatenate([part.specific_forces_body_m_s2 for part in parts])
-    good = np.isfinite(rates).all(axis=1) & np.isfinite(forces).all(axis=1)
-    return ImuSamples(np.concatenate([part.times_ns for part in parts])[good], rates[good], forces[good])
+    finite = np.isfinite(rates).all(axis=1) & np.isfinite(forces).all(axis=1)
+    return ImuSamples(np.concatenate([part.times_ns for part in parts])[finite], rates[finite], forces[finite])
 
 
 def inertial_samples(imu: ImuSamples, poses: PoseSamples, model: ImuModel) -> InertialSamples:
     """Put both streams on one axis of time, seconds from the IMU's first sample.
 
-    Samples declared to be means over the interval before them are moved to its middle and sharpened: the mean of a
-    curve over h exceeds its value in the middle by ``h^2/24`` of its second derivative.
+    Parameters
+    ----------
+    imu, poses
+        All finite samples; at least one of the IMU.
+    model
+        As declared. Samples declared to be means over the interval before them are moved to its middle and sharpened.
     """
     origin_ns = imu.times_ns[0]
     times_s = (imu.times_ns - origin_ns) / NS_PER_S
@@ -130,7 +150,14 @@ def rounding_step(times_ns: NDArray[np.int64], values: Float64, curve: SampledCu
     """Return the step of stored numbers: that of their type, or the decimal one to which they were rounded before.
 
     Numbers of a few decimals need not be rounded, as those of a flight at one speed are not: rounding to a step leaves
-    noise of ``step / sqrt(12)``, and only where that is there it is recognised.
+    noise of ``step / sqrt(12)``, and only where that is measured it is recognised.
+
+    Parameters
+    ----------
+    times_ns, values
+        (N,) and (N, k) as stored.
+    curve
+        The same samples, for their noise.
     """
     stored = stored_resolution(values)
     step = _decimal_step(values)
@@ -153,13 +180,10 @@ def _decimal_step(values: Float64) -> float:
     largest = float(np.abs(values).max(initial=0.0))
     for decimals in range(10 if values.size else 0):
         slack = _ROUNDED_UNITS * float(np.spacing(largest * 10.0**decimals))
-        if all(_are_whole(part * 10.0**decimals, slack) for part in (values[:_A_FEW], values)):
+        scaled = (part * 10.0**decimals for part in (values[:_FIRST_SAMPLES], values))
+        if all(bool(np.all(np.abs(multiples - np.rint(multiples)) <= slack)) for multiples in scaled):
             return float(10.0**-decimals)
     return 0.0
-
-
-def _are_whole(multiples: Float64, slack: float) -> bool:
-    return bool(np.all(np.abs(multiples - np.rint(multiples)) <= slack))
 
 
 def imu_roundings(imu: ImuSamples) -> tuple[float, float]:
@@ -174,10 +198,10 @@ def imu_roundings(imu: ImuSamples) -> tuple[float, float]:
 
 
 def position_floor_m(poses: PoseSamples) -> float:
-    """Return the scatter of exact positions: stored digits, and stamps rounded to a microsecond."""
+    """Return the scatter of exact positions: stored digits, and timestamps rounded to a microsecond."""
     steps_s = np.diff(poses.times_ns) / NS_PER_S
     speeds_m_s = np.linalg.norm(np.diff(poses.positions_world_m, axis=0), axis=1) / steps_s
-    return _scatter(speeds_m_s, _position_step_m(poses))
+    return _rounding_scatter(speeds_m_s, _position_step_m(poses))
 
 
 def rotation_floor_rad(poses: PoseSamples) -> float:
@@ -185,7 +209,7 @@ def rotation_floor_rad(poses: PoseSamples) -> float:
     steps_s = np.diff(poses.times_ns) / NS_PER_S
     pairs = np.arange(len(steps_s))[:, None] + np.arange(2)
     turns_rad = np.linalg.norm(OrientationSamples(poses.orientations_xyzw).relative_vectors(pairs, 0)[:, 1], axis=1)
-    return _scatter(turns_rad / steps_s, _rotation_step_rad(poses))
+    return _rounding_scatter(turns_rad / steps_s, _rotation_step_rad(poses))
 
 
 def _position_step_m(poses: PoseSamples) -> float:
@@ -197,13 +221,14 @@ def _rotation_step_rad(poses: PoseSamples) -> float:
     return _RADIANS_PER_COMPONENT * step
 
 
-def _scatter(speeds: Float64, resolution: float) -> float:
+def _rounding_scatter(speeds: Float64, resolution: float) -> float:
+    """Return by how much samples scatter whose timestamps are rounded, at the rms of their speeds (n,), and digits."""
     speed = float(np.sqrt(np.mean(np.square(speeds)))) if len(speeds) else 0.0
     return float(np.hypot(speed * TIMESTAMP_SIGMA_S, resolution))
 
 
-def place(facts: Facts, stream: str, start_ns: int, stop_ns: int | None = None) -> Where:
-    """Return the place of the samples from ``start_ns`` to before ``stop_ns`` (that one sample where None)."""
+def location_of(facts: Facts, stream: str, start_ns: int, stop_ns: int | None = None) -> Where:
+    """Return where samples from ``start_ns`` to before ``stop_ns`` are (the one sample where None)."""
     times_ns = facts.clocks[stream].times_ns
     row = int(np.argmin(np.abs(times_ns - start_ns)))
     last = row + 1 if stop_ns is None else max(row + 1, int(np.argmin(np.abs(times_ns - stop_ns))))
@@ -217,28 +242,16 @@ def place(facts: Facts, stream: str, start_ns: int, stop_ns: int | None = None) 
 
 
 def why_unusable(facts: Facts, *streams: str) -> str:
-    """Say which of the streams cannot be placed in time; empty where all can."""
-    broken = [stream for stream in streams if not facts.clocks[stream].usable]
-    return f"most stamps of {' and '.join(broken)} do not advance" if broken else ""
-
-
-def _owned_poses(window: Window) -> PoseSamples | None:
-    if not len(window.owned("pose")):
-        return None
-    poses = window.pose()
-    own = poses.times_ns < window.span.stop_ns
-    return PoseSamples(poses.times_ns[own], poses.positions_world_m[own], poses.orientations_xyzw[own])
-
-
-def _owned_imu(window: Window) -> ImuSamples | None:
-    if not len(window.owned("imu")):
-        return None
-    imu = window.imu()
-    own = imu.times_ns < window.span.stop_ns
-    return ImuSamples(imu.times_ns[own], imu.angular_velocities_body_rad_s[own], imu.specific_forces_body_m_s2[own])
+    """Return a sentence that names the streams without a usable clock; empty where all have one."""
+    unusable = [stream for stream in streams if not facts.clocks[stream].usable]
+    return f"most stamps of {' and '.join(unusable)} do not advance" if unusable else ""
 
 
 def _sharpened(values: Float64) -> Float64:
-    bend = np.zeros_like(values)
-    bend[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
-    return values - bend / 24
+    """Return the values in the middle of intervals of which these are the means.
+
+    The mean of a curve over h exceeds its value in the middle by ``h^2/24`` of its second derivative (Taylor).
+    """
+    second_differences = np.zeros_like(values)
+    second_differences[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
+    return values - second_differences / 24

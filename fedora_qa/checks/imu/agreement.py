@@ -26,7 +26,7 @@ from fedora_qa.views.inertial_agreement import (
     is_implausible,
     streams_of,
 )
-from fedora_qa.views.motion_samples import place
+from fedora_qa.views.motion_samples import location_of
 from fedora_qa.views.sample_defects import frozen_imu, frozen_poses, pose_defects, timestamp_defects
 
 _DEGREES: Final = float(np.degrees(1.0))
@@ -192,7 +192,7 @@ def agreement_observation(
         statement=f"At {facts.to_file_us(worst_ns):.0f} us IMU and pose differ in {kind} by "
         f"{factor * fit.worst.value:.4g} {unit}; noise is {factor * fit.worst.sigma:.2g}.",
         code=f"imu.{kind}.worst",
-        where=place(facts, "pose", worst_ns),
+        where=location_of(facts, "pose", worst_ns),
         features=(*defects, smoothness, *_repeats_near(streams, worst_ns)),
     )
 
@@ -216,7 +216,7 @@ def _disagreement(
     where, when = Where(stream="imu"), ""
     value, error = trial.convention.disagreement
     if trial.interval_s is not None:
-        where = place(facts, "imu", *(streams.time_ns(time_s) for time_s in trial.interval_s))
+        where = location_of(facts, "imu", *(streams.time_ns(time_s) for time_s in trial.interval_s))
         when = f" from {where.start_us:.0f} to {where.stop_us:.0f} us"
     return Statistic(
         name="disagreement",
@@ -335,7 +335,7 @@ def local_statistics(
     local = fit.local_deviations
     name = max(names, key=lambda candidate: abs(local[candidate].deviation) / local[candidate].standard_error)
     worst = local[name]
-    where = place(facts, "imu", streams.time_ns(worst.start_s), streams.time_ns(worst.stop_s))
+    where = location_of(facts, "imu", streams.time_ns(worst.start_s), streams.time_ns(worst.stop_s))
     size = f"{text.factor * worst.value:.4g} {text.unit}"
     return (
         Statistic(

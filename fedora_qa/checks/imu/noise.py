@@ -15,7 +15,7 @@ from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.declared import ImuModel
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import ImuSamples, Window
-from fedora_qa.views.motion_samples import NOISE_ORDER, imu_roundings, join_imu, owned_imu, place, why_unusable
+from fedora_qa.views.motion_samples import NOISE_ORDER, imu_roundings, join_imu, location_of, owned_imu, why_unusable
 from fedora_qa.views.sample_defects import frozen_imu, timestamp_defects
 
 Float64 = NDArray[np.float64]
@@ -100,7 +100,9 @@ class ImuNoise(WindowCheck[ImuSamples]):
                     "samples",
                     statement=f"{len(frozen)} IMU samples repeat the one before exactly while the body moves.",
                     code="imu.noise.frozen",
-                    where=place(facts, "imu", int(imu.times_ns[frozen[0]])) if len(frozen) else Where(stream="imu"),
+                    where=location_of(facts, "imu", int(imu.times_ns[frozen[0]]))
+                    if len(frozen)
+                    else Where(stream="imu"),
                 ),
             ),
         )  # fmt: skip

@@ -27,8 +27,8 @@ from fedora_qa.sequence.window import PoseSamples, Window
 from fedora_qa.views.motion_samples import (
     NOISE_ORDER,
     join_poses,
+    location_of,
     owned_poses,
-    place,
     position_floor_m,
     rotation_floor_rad,
     why_unusable,
@@ -169,7 +169,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                     tests=steps.sizes.size,
                     statement=f"The {name} jumps by {abs(size):.4g} {unit} within one step.",
                     code=f"pose.continuity.{name}",
-                    where=place(facts, "pose", int(poses.times_ns[before]), int(poses.times_ns[before + 1])),
+                    where=location_of(facts, "pose", int(poses.times_ns[before]), int(poses.times_ns[before + 1])),
                     features=(*of_timestamps, *transforms, PoseJump(beside_repeats)),
                 )
             )
@@ -181,7 +181,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                 "poses",
                 statement=f"{len(frozen_rows)} poses repeat the one before exactly while the body moves.",
                 code="pose.continuity.frozen",
-                where=place(facts, "pose", int(poses.times_ns[frozen_rows[0]]))
+                where=location_of(facts, "pose", int(poses.times_ns[frozen_rows[0]]))
                 if len(frozen_rows)
                 else Where(stream="pose"),
             )
@@ -203,7 +203,7 @@ class PoseContinuity(WindowCheck[PoseSamples]):
                     statement=f"Positions lie on straight lines between poses {interpolation.stride} apart: they are "
                     f"interpolated from {knots_hz:.4g} to {own_hz:.4g} Hz.",
                     code="pose.continuity.interpolated",
-                    where=place(facts, "pose", int(poses.times_ns[0]), int(poses.times_ns[-1])),
+                    where=location_of(facts, "pose", int(poses.times_ns[0]), int(poses.times_ns[-1])),
                     features=(*of_timestamps, LinearInterpolation("pose", knots_hz)),
                 )
             )

@@ -10,11 +10,11 @@ from fedora_qa.checks.protocol import Observation, Statistic, WindowCheck
 from fedora_qa.record.types import Coverage, Where
 from fedora_qa.sequence.facts import Facts
 from fedora_qa.sequence.window import Window
-from fedora_qa.views.motion_samples import place, stored_resolution
+from fedora_qa.views.motion_samples import location_of, stored_resolution
 
 
 @dataclass(frozen=True, slots=True)
-class NormTally:
+class QuaternionNorms:
     """Lengths of the quaternions of one window."""
 
     count: int
@@ -25,7 +25,7 @@ class NormTally:
     resolution: float
 
 
-class PoseOrientation(WindowCheck[NormTally]):
+class PoseOrientation(WindowCheck[QuaternionNorms]):
     """Are all orientations unit quaternions?
 
     The length of every quaternion against 1, and how many are no numbers.
@@ -59,41 +59,41 @@ class PoseOrientation(WindowCheck[NormTally]):
     name = "pose.orientation"
     needs = ("pose",)
 
-    def measure(self, window: Window) -> NormTally | None:
-        """Tally the window's own rows, whatever their stamps."""
+    def measure(self, window: Window) -> QuaternionNorms | None:
+        """Measure the window's own rows, whatever their stamps."""
         rows = window.owned("pose")
         if not len(rows):
             return None
         q = window.rows("path/pose/orientation", rows.start, rows.stop).astype(np.float64)
         excess = np.linalg.norm(q, axis=1) - 1.0
-        bad = ~np.isfinite(excess)
-        worst = int(np.argmax(np.where(bad, -1.0, np.abs(excess))))
-        return NormTally(
+        not_finite = ~np.isfinite(excess)
+        worst = int(np.argmax(np.where(not_finite, -1.0, np.abs(excess))))
+        return QuaternionNorms(
             count=len(rows),
-            not_finite=int(np.count_nonzero(bad)),
-            first_not_finite=rows.start + int(np.argmax(bad)),
-            worst=0.0 if bad.all() else float(excess[worst]),
+            not_finite=int(np.count_nonzero(not_finite)),
+            first_not_finite=rows.start + int(np.argmax(not_finite)),
+            worst=0.0 if not_finite.all() else float(excess[worst]),
             worst_row=rows.start + worst,
-            resolution=stored_resolution(q[~bad]),
+            resolution=stored_resolution(q[~not_finite]),
         )
 
-    def conclude(self, state: Sequence[NormTally], facts: Facts) -> Observation:
+    def conclude(self, state: Sequence[QuaternionNorms], facts: Facts) -> Observation:
         """State the worst length and count what is no number."""
-        seen = Coverage(sum(tally.count for tally in state), len(facts.clocks["pose"].times_ns), "poses")
+        coverage = Coverage(sum(norms.count for norms in state), len(facts.clocks["pose"].times_ns), "poses")
         if not state:
-            return Observation(seen, unobservable="the stream is empty")
-        worst = max(state, key=lambda tally: abs(tally.worst))
-        spoilt = [tally for tally in state if tally.not_finite]
-        count = sum(tally.not_finite for tally in spoilt)
+            return Observation(coverage, unobservable="the stream is empty")
+        worst = max(state, key=lambda norms: abs(norms.worst))
+        with_not_finite = [norms for norms in state if norms.not_finite]
+        count = sum(norms.not_finite for norms in with_not_finite)
         return Observation(
-            seen,
+            coverage,
             (
                 Statistic(
                     name="length_error",
                     value=worst.worst,
                     unit="1",
                     standard_error=0.0,
-                    model_error_bound=4.0 * max(tally.resolution for tally in state),
+                    model_error_bound=4.0 * max(norms.resolution for norms in state),
                     statement=f"A quaternion has the length {1 + worst.worst:.9g} (row {worst.worst_row}); normalise.",
                     code="pose.orientation.length",
                     where=_row(facts, worst.worst_row),
@@ -104,11 +104,11 @@ class PoseOrientation(WindowCheck[NormTally]):
                     "poses",
                     statement=f"{count} orientations are not finite.",
                     code="pose.orientation.finite",
-                    where=_row(facts, spoilt[0].first_not_finite) if spoilt else Where(stream="pose"),
+                    where=_row(facts, with_not_finite[0].first_not_finite) if with_not_finite else Where(stream="pose"),
                 ),
             ),
         )
 
 
 def _row(facts: Facts, row: int) -> Where:
-    return place(facts, "pose", int(facts.clocks["pose"].times_ns[row]))
+    return location_of(facts, "pose", int(facts.clocks["pose"].times_ns[row]))

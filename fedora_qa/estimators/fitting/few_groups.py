@@ -1,4 +1,4 @@
-"""Standard errors that few groups tell: how uncertain they are themselves.
+"""Standard errors estimated from few groups: how uncertain they are themselves.
 
 An error estimated from the scatter of nu + 1 groups is itself known to a share of 1 / sqrt(2 nu). Far out in the tail,
 where alarms are raised, that matters: of values over such errors Student's distribution holds, not the normal one.
@@ -14,25 +14,38 @@ from fedora_qa.estimators.fitting.tails import fisher_beyond, normal_beyond, stu
 Float64 = NDArray[np.float64]
 
 TAIL: Final = 1e-6
-"""Where Student's distribution is held against the normal one: a file's 1e-4 over a hundred comparisons."""
+"""Where Student's distribution is compared with the normal one: a file's 1e-4 over a hundred comparisons."""
 
 BEYOND_CHANCE: Final = 0.05
-"""Probability at which groups scatter by chance as much more than their parts say that they are taken to share errors:
-to overlook it costs more than to widen an error without need."""
+"""Probability at which groups scatter by chance as much more than their parts imply that they are taken to share
+errors: to overlook it costs more than to widen an error without need."""
 
 
 def student_factor(freedom: float) -> float:
-    """Return by how much an error with so many degrees of freedom is to be widened, to be judged as a known one."""
+    """Return the factor by which an error with so many degrees of freedom is widened, to be judged as an exact one.
+
+    Parameters
+    ----------
+    freedom
+        Degrees of freedom of the error; below 1 it counts as 1.
+    """
     return student_beyond(TAIL, max(freedom, 1.0)) / normal_beyond(TAIL)
 
 
 def shared_errors(by_part: Float64 | float, parts: float, by_group: Float64 | float, groups: float) -> Float64:
-    """Return standard errors (any shape) by the scatter of few groups of the many parts, where groups share errors.
+    """Return standard errors by the scatter of few groups of the many parts, where groups share errors.
 
-    Where groups scatter beyond what parts say by more than chance (Fisher's F), theirs are the errors, by Student's
+    Where groups scatter beyond what parts imply by more than chance (Fisher's F), theirs are the errors, by Student's
     distribution; elsewhere they are the larger of both.
+
+    Parameters
+    ----------
+    by_part, by_group
+        Standard errors, of any shape, by the scatter of the parts and of the groups.
+    parts, groups
+        How many there are of each.
     """
     ratio = (by_group / np.maximum(by_part, 1e-300)) ** 2
     shared = ratio > fisher_beyond(BEYOND_CHANCE, max(groups - 1, 1), max(parts - 1, 1))
-    found: Float64 = np.maximum(by_part, np.where(shared, student_factor(groups - 1), 1.0) * by_group)
-    return found
+    errors: Float64 = np.maximum(by_part, np.where(shared, student_factor(groups - 1), 1.0) * by_group)
+    return errors

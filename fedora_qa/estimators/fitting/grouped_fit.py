@@ -2,7 +2,7 @@
 
 Few parameters are free at a time: a group (a bias, a time offset) is freed only where it explains the residuals far
 beyond chance (forward selection). Every other parameter is tested alone beside those. So a clean recording gives the
-smallest errors, nothing is diluted by parameters that the motion cannot tell apart, and one fault moves one group.
+smallest errors, parameters that the motion cannot separate dilute nothing, and one fault moves one group.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,8 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fedora_qa.estimators.fitting.normal_equations import BlockEquations, inverse_of
-from fedora_qa.estimators.fitting.summed_equations import SummedEquations
+from fedora_qa.estimators.fitting.normal_equations import BlockEquations, SummedEquations, inverse_of
 from fedora_qa.estimators.fitting.tails import chi_squared_beyond
 
 Float64 = NDArray[np.float64]
@@ -21,13 +20,12 @@ Float64 = NDArray[np.float64]
 SELECTION_TAIL: Final = 1e-9
 """Probability that chance alone frees a group: that of six standard errors, below a file's false-alarm rate."""
 
-
 FEWEST_SEGMENTS: Final = 4
-"""Fewer blocks say nothing about their spread."""
+"""Fewer segments do not determine their spread."""
 
 SPREAD_TAIL: Final = 0.01
-"""Probability that chance alone widens an error. Of few stretches the spread is itself uncertain: to count all of it
-that exceeds the formal error would make honest errors a quarter too large with four stretches, a tenth with eight."""
+"""Probability that chance alone widens an error. Of few segments the spread is itself uncertain: to count all of it
+that exceeds the formal error would make correct errors a quarter too large with four segments, a tenth with eight."""
 
 _SCATTER_IN_SCORE: Final = 3.0
 """Variance of a score beyond the information, in units of the information N that noise in the regressors feigns. The
@@ -39,7 +37,7 @@ most 2 N of what was measured to take its mean off; information has S + N."""
 class FitParameters:
     """Names of the P parameters, their groups, and the largest value that is conceivable.
 
-    The largest value enters as a weak prior: where the data say nothing, the error is as large as it.
+    The largest value enters as a weak prior: where the data do not determine a parameter, its error is that large.
     """
 
     names: tuple[str, ...]
@@ -49,12 +47,12 @@ class FitParameters:
 
 @dataclass(frozen=True, slots=True)
 class FittedParameter:
-    """One parameter as fitted.
+    """One parameter of a fit.
 
     Attributes
     ----------
     standard_error
-        The formal error, scaled by a misfit above 1, and widened where the spread over stretches exceeds it beyond
+        The formal error, scaled by a misfit above 1, and widened where the spread over segments exceeds it beyond
         chance.
     model_error
         What the known error of the model can have added.
@@ -62,7 +60,7 @@ class FittedParameter:
         Whether its group was freed: it explains the residuals far beyond chance.
     explained
         For groups that rival this one, which share (0 to 1) of what can be explained each explains on its own: of
-        everything those that were freed before it, of what they have left those that were not, where it is free itself.
+        everything those that were freed before it, of what these do not explain all others, where it is free itself.
     """
 
     value: float
@@ -74,12 +72,12 @@ class FittedParameter:
 
 @dataclass(frozen=True, slots=True)
 class SegmentDeviations:
-    """What single stretches say of one parameter, alone, beside the fit of all.
+    """Deviations of one parameter in single segments, alone, beside the fit of all.
 
     Attributes
     ----------
     deviations, standard_errors, model_errors
-        (B,) by how much it is off its fitted value in each stretch.
+        (B,) from its fitted value, in each segment.
     """
 
     deviations: Float64
@@ -93,20 +91,20 @@ def group_of(name: str) -> str:
 
 
 class GroupedFit:
-    """A fit of grouped parameters to many stretches.
+    """A fit of grouped parameters to many segments.
 
     Parameters
     ----------
     blocks
-        The stretches.
+        The segments.
     linearised_at
-        (P,) what has already been taken out of the samples; values count from 0 all the same.
+        (P,) what has already been taken out of the samples; values count from 0 nevertheless.
     nuisance_covariance
-        (B, B) prior covariance of a nuisance between the B stretches, the Q nuisances alike and independent. Without
+        (B, B) prior covariance of a nuisance between the B segments, the Q nuisances alike and independent. Without
         it there are none.
     scatters
-        The stretches again, with what noise alone makes of residuals and jacobians (``split_samples``). Its scores are
-        taken off, and its information is not counted as knowledge.
+        The same segments with residuals and jacobians as noise alone makes them (``sequence_fit.with_scatter``). Their
+        scores are subtracted, and their information is not counted.
     """
 
     def __init__(
@@ -121,37 +119,39 @@ class GroupedFit:
         count = len(parameters.names)
         self._prior = np.diag(1.0 / np.square(parameters.largest))
         shifted = [block.linearised_at(linearised_at) for block in blocks]
-        self._at = linearised_at
-        self._whole = SummedEquations(shifted, count, nuisance_covariance)
-        self._scatter = None if scatters is None else SummedEquations(scatters, count, nuisance_covariance)
-        self._normal = self._whole.normal + self._prior
-        self._right = self._whole.right - (0.0 if self._scatter is None else self._scatter.right)
+        self._linearised_at = linearised_at
+        self._sums = SummedEquations(shifted, count, nuisance_covariance)
+        self._scatter_sums = None if scatters is None else SummedEquations(scatters, count, nuisance_covariance)
+        self._normal = self._sums.normal + self._prior
+        self._right = self._sums.right - (0.0 if self._scatter_sums is None else self._scatter_sums.right)
         self._score_covariance = self._normal + _SCATTER_IN_SCORE * self._scatter_normal
-        explained = float(self._whole.right @ inverse_of(self._normal) @ self._whole.right)
+        explained = float(self._sums.right @ inverse_of(self._normal) @ self._sums.right)
         rows = sum(block.count for block in shifted)
-        self.misfit = float(np.sqrt(max(self._whole.squares - explained, 0.0) / max(rows - count, 1)))
+        self.misfit = float(np.sqrt(max(self._sums.squares - explained, 0.0) / max(rows - count, 1)))
         """Root mean square of whitened residuals after all parameters are fitted; 1 where the noise model is right."""
         self.free, self._explained = self._select()
 
     def fitted(self) -> dict[str, FittedParameter]:
         """Return every parameter by name: freed groups fitted together, every other group alone beside them."""
-        found: dict[str, FittedParameter] = {}
+        fitted: dict[str, FittedParameter] = {}
         for group in self.parameters.groups:
             columns = self._columns((*self.free, group) if group not in self.free else self.free)
             inverse = inverse_of(self._normal[np.ix_(columns, columns)])
             values = inverse @ self._right[columns]
             errors = self._standard_errors(columns, inverse, values)
-            shares = self._shares_of_motion(columns, inverse, errors)
-            values = self._at[columns] + (values - self._at[columns]) / shares
-            model_errors = np.abs(inverse @ self._whole.model_right[columns]) / shares
-            errors = errors / shares
+            # The variance of each by noise in the regressors, over that of all: the share of information of noise.
+            noise = np.diag(inverse @ self._scatter_normal[np.ix_(columns, columns)] @ inverse) / np.diag(inverse)
+            attenuation = _attenuation(noise, errors / np.array(self.parameters.largest)[columns])
+            values = self._linearised_at[columns] + (values - self._linearised_at[columns]) / attenuation
+            model_errors = np.abs(inverse @ self._sums.model_right[columns]) / attenuation
+            errors = errors / attenuation
             for column in self.parameters.groups[group]:
-                place = columns.index(column)
-                found[self.parameters.names[column]] = FittedParameter(
-                    float(values[place]), float(errors[place]), float(model_errors[place]),
+                row = columns.index(column)
+                fitted[self.parameters.names[column]] = FittedParameter(
+                    float(values[row]), float(errors[row]), float(model_errors[row]),
                     group in self.free, self._explained[group],
                 )  # fmt: skip
-        return found
+        return fitted
 
     def values_of_free(self) -> Float64:
         """Return (P,) the values of the freed parameters fitted together, 0 for all others."""
@@ -167,35 +167,28 @@ class GroupedFit:
         return values
 
     def local(self, name: str) -> SegmentDeviations:
-        """Return by how much a parameter deviates in each stretch from the freed parameters' fit.
-
-        Stretches are whitened alone, so that a stretch's score ``J^T C^-1 r`` has the variance ``J^T C^-1 J``.
-        """
+        """Return by how much a parameter deviates in each segment from the freed parameters' fit."""
         column, values = self.parameters.names.index(name), self.values_of_free()
+        # Segments are whitened alone, so that a segment's score J^T C^-1 r has the variance J^T C^-1 J.
         scores = self._scores(values)[:, column]
-        information = self._whole.normals[:, column, column] + self._prior[column, column]
-        noise = np.zeros(len(scores)) if self._scatter is None else self._scatter.normals[:, column, column]
+        information = self._sums.normals[:, column, column] + self._prior[column, column]
+        noise = np.zeros(len(scores)) if self._scatter_sums is None else self._scatter_sums.normals[:, column, column]
         errors = max(1.0, self.misfit) * np.sqrt(information + _SCATTER_IN_SCORE * noise) / information
-        shares = _shares_of_motion(noise / information, errors / self.parameters.largest[column])
+        attenuation = _attenuation(noise / information, errors / self.parameters.largest[column])
         return SegmentDeviations(
-            deviations=scores / information / shares,
-            standard_errors=errors / shares,
-            model_errors=np.abs(self._whole.model_rights[:, column]) / information / shares,
+            deviations=scores / information / attenuation,
+            standard_errors=errors / attenuation,
+            model_errors=np.abs(self._sums.model_rights[:, column]) / information / attenuation,
         )
 
     @property
     def _scatter_normal(self) -> Float64:
-        return np.zeros_like(self._normal) if self._scatter is None else self._scatter.normal
+        return np.zeros_like(self._normal) if self._scatter_sums is None else self._scatter_sums.normal
 
     def _scores(self, values: Float64) -> Float64:
-        """Return (B, P) the stretches' scores beside ``values``, without those of noise alone."""
-        scores = self._whole.scores(values)
-        return scores if self._scatter is None else scores - self._scatter.scores(np.zeros_like(values))
-
-    def _shares_of_motion(self, columns: list[int], inverse: Float64, errors: Float64) -> Float64:
-        """Return which share of the information about each of some parameters, fitted together, is of motion."""
-        noise = np.diag(inverse @ self._scatter_normal[np.ix_(columns, columns)] @ inverse) / np.diag(inverse)
-        return _shares_of_motion(noise, errors / np.array(self.parameters.largest)[columns])
+        """Return (B, P) the segments' scores beside ``values``, without those of noise alone."""
+        scores = self._sums.scores(values)
+        return scores if self._scatter_sums is None else scores - self._scatter_sums.scores(np.zeros_like(values))
 
     def _columns(self, groups: Sequence[str]) -> list[int]:
         return [column for group in groups for column in self.parameters.groups[group]]
@@ -231,28 +224,29 @@ class GroupedFit:
             if max(excess.values()) < 1.0:
                 break
             best = max(gains, key=lambda g: gains[g] - 2.0 * len(self.parameters.groups[g]))  # Akaike's penalty
-            left = max((everything - base) / unit, gains[best])
-            explained[best] = {g: float(np.clip(gain / left, 0.0, 1.0)) for g, gain in gains.items()}
+            unexplained = max((everything - base) / unit, gains[best])
+            explained[best] = {g: float(np.clip(gain / unexplained, 0.0, 1.0)) for g, gain in gains.items()}
             explained[best] |= {g: alone[g] for g in free}
             free = (*free, best)
-        return free, {g: explained.get(g, {one: alone[one] for one in free}) for g in self.parameters.groups}
+        return free, {g: explained.get(g, {rival: alone[rival] for rival in free}) for g in self.parameters.groups}
 
     def _standard_errors(self, columns: list[int], inverse: Float64, values: Float64) -> Float64:
-        """Return the formal error scaled by the misfit, and the spread over stretches where that is beyond chance.
+        """Return the formal error scaled by the misfit, and the spread over segments where that is beyond chance.
 
         The spread is that about the nuisances as fitted: their own uncertainty is in the formal error alone.
         """
         root = _root(self._score_covariance[np.ix_(columns, columns)])
         formal = np.sum((inverse @ root) ** 2, axis=1) * max(1.0, self.misfit) ** 2
-        segments = len(self._whole.normals)
+        segments = len(self._sums.normals)
         if segments < FEWEST_SEGMENTS:
             return np.asarray(np.sqrt(formal))
-        every = np.zeros(len(self.parameters.names))
-        every[columns] = values
-        scores = self._scores(every)
+        all_values = np.zeros(len(self.parameters.names))
+        all_values[columns] = values
+        scores = self._scores(all_values)
         scores = (scores - scores.mean(axis=0))[:, columns]
-        own_normal = (self._whole.normals.sum(axis=0) + self._prior)[np.ix_(columns, columns)]
+        own_normal = (self._sums.normals.sum(axis=0) + self._prior)[np.ix_(columns, columns)]
         own, noise = inverse_of(own_normal), _SCATTER_IN_SCORE * self._scatter_normal[np.ix_(columns, columns)]
+        # Sandwich estimate N^-1 (sum_b s_b s_b^T) N^-1 of the covariance, with the correction B / (B - 1).
         spread = np.sum((own @ scores.T) ** 2, axis=1) * segments / (segments - 1)
         expected = np.sum((own @ _root(own_normal + noise)) ** 2, axis=1) * max(1.0, self.misfit) ** 2
         by_chance = chi_squared_beyond(SPREAD_TAIL, segments - 1) / (segments - 1)
@@ -260,17 +254,18 @@ class GroupedFit:
         return errors
 
 
-def _shares_of_motion(noise_shares: Float64, relative_errors: Float64) -> Float64:
-    """Return which share of information is of motion, no less than leaves the error at the largest conceivable value.
+def _attenuation(noise_shares: Float64, relative_errors: Float64) -> Float64:
+    """Return the share of information that is of motion, no less than keeps the error at the largest conceivable value.
 
-    Noise in a regressor draws what is fitted towards 0 by that share (attenuation), and its error with it.
+    Noise in a regressor draws a fitted value towards 0 by that share, and its error with it (W. Fuller, Measurement
+    Error Models, Wiley 1987, section 1.1).
     """
     shares: Float64 = np.maximum(1.0 - noise_shares, np.minimum(relative_errors, 1.0))
     return shares
 
 
 def _root(covariance: Float64) -> Float64:
-    """Return R (n, n) with R R^T the covariance (n, n): no sum over it is negative, however alike parameters are."""
+    """Return R (n, n) with R R^T the covariance (n, n): no sum over it is negative, if parameters are collinear."""
     scales = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
     values, vectors = np.linalg.eigh(covariance / np.outer(scales, scales))
     root: Float64 = scales[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))

@@ -19,22 +19,23 @@ def percentile_of(values: Float64, percent: float) -> float:
     count = len(values)
     if count == 0:
         return np.nan
-    kept = values.copy()
-    for value in kept:
+    ranked = values.copy()
+    for value in ranked:
         if np.isnan(value):
             return np.nan
-    place = percent / 100.0 * (count - 1)
-    rank = int(place)
-    low = _select(kept, rank)
-    share = place - rank
-    if share == 0.0 or rank + 1 >= count:
+    position = percent / 100.0 * (count - 1)
+    rank = int(position)
+    low = _select(ranked, rank)
+    fraction = position - rank
+    if fraction == 0.0 or rank + 1 >= count:
         return float(low)
-    high = kept[rank + 1]  # selection has left everything larger behind the rank
+    high = ranked[rank + 1]  # selection has left everything larger behind the rank
     for i in range(rank + 2, count):
-        high = min(high, kept[i])
+        high = min(high, ranked[i])
     if high == low:
         return float(low)  # also of infinities, whose difference is none
-    return float(low + share * (high - low) if share < 0.5 else high - (1.0 - share) * (high - low))
+    # As numpy.percentile: from the nearer end, so that both ends are met exactly.
+    return float(low + fraction * (high - low) if fraction < 0.5 else high - (1.0 - fraction) * (high - low))
 
 
 @njit(cache=True)

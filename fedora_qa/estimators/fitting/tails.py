@@ -40,9 +40,10 @@ def log_chance_of_hits(hits: ArrayLike, trials: ArrayLike, share: float) -> NDAr
     By the incomplete beta function (Abramowitz and Stegun, 26.5.24); minus infinity where the probability is 0.
     """
     hits, trials = np.asarray(hits, dtype=np.float64), np.asarray(trials, dtype=np.float64)
-    some = hits > 0
+    any_hit = hits > 0
+    # P(X >= k) = I_p(k, n - k + 1); of no hits at all it is 1.
     chances = np.where(
-        some, betainc(np.where(some, hits, 1.0), np.where(some, trials - hits, trials) + 1.0, share), 1.0
+        any_hit, betainc(np.where(any_hit, hits, 1.0), np.where(any_hit, trials - hits, trials) + 1.0, share), 1.0
     )
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(chances), dtype=np.float64)

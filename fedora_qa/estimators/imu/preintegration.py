@@ -1,4 +1,4 @@
-"""Rotation between poses from the gyro, and what its disagreement with the poses says.
+"""Rotation between poses from the gyro, and its residuals against the poses.
 
 Increments are the integral of a cubic spline through the samples plus the coning term of each substep,
 ``h^2/12 w0 x w1``, fourth order (J. Bortz, IEEE Trans. AES 7 (1971) 61; P. Savage, J. Guidance 21 (1998) 19). At
@@ -40,10 +40,10 @@ ROTATION_PARAMETERS: Final = FitParameters(
             "scale": (9,)},
     largest=(1.0, 0.1, 0.1, 10.0, 10.0, 10.0, 1.0, 1.0, 1.0, 1.0),
 )  # fmt: skip
-"""What is fitted: seconds the IMU's stamps are late, seconds a second by which its clock and that of the poses run
-fast, rad/s, rad by which the gyro's axes are turned against the body, and gain - 1.
+"""What is fitted: offset of the IMU's timestamps, s; rates by which its clock and that of the poses run fast, s/s;
+bias, rad/s; rotation of the gyro's axes against the body, rad; gain - 1.
 
-A fast clock of the poses also makes the body seem to turn slower: that tells the two clocks apart."""
+A fast clock of the poses also makes the body seem to turn slower: that separates the two clocks."""
 
 
 def rotation_increments(
@@ -68,7 +68,12 @@ def _increments(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: 
     edges_s = starts_s[:, None] + (stops_s - starts_s)[:, None] * np.arange(substeps + 1) / substeps
     rates, integrals = rate(edges_s), integral(edges_s)
     steps_s = np.diff(edges_s, axis=1)[..., None]
-    coning = steps_s**2 / 12 * _cross(rates[:, :-1], rates[:, 1:])
+    before, after = rates[:, :-1], rates[:, 1:]
+    cross = np.empty_like(before)  # by components: np.cross takes several times as long
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        cross[..., i] = before[..., j] * after[..., k] - before[..., k] * after[..., j]
+    # Rotation vector of a substep: integral of w + h^2/12 w0 x w1 (Savage 1998, coning of two samples).
+    coning = steps_s**2 / 12 * cross
     parts = so3.exp_quaternion(np.diff(integrals, axis=1) + coning)
     total = parts[:, 0]
     for step in range(1, substeps):
@@ -76,23 +81,27 @@ def _increments(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: 
     return total
 
 
-def _cross(left: Float64, right: Float64) -> Float64:
-    """Return the cross products (..., 3): np.cross takes several times as long."""
-    product = np.empty_like(left)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        product[..., i] = left[..., j] * right[..., k] - left[..., k] * right[..., j]
-    return product
-
-
-def without_rotation_faults(samples: InertialSamples, at: Float64) -> InertialSamples:
-    """Return the samples without the faults ``at`` (P,) of ROTATION_PARAMETERS; the bias stays, being linear."""
-    mapping = so3.exp(-at[6:9]) / (1.0 + at[9])
-    return samples.with_imu_earlier(*at[:2]).with_poses_earlier(at[2]).with_rates_mapped(mapping)
+def without_rotation_faults(samples: InertialSamples, values: Float64) -> InertialSamples:
+    """Return the samples without faults (P,) of the sizes of ROTATION_PARAMETERS; the bias stays, being linear."""
+    mapping = so3.exp(-values[6:9]) / (1.0 + values[9])
+    return samples.with_imu_earlier(*values[:2]).with_poses_earlier(values[2]).with_rates_mapped(mapping)
 
 
 def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonRows:
     """Compare the gyro with consecutive poses.
 
+    Parameters
+    ----------
+    samples, noise
+        Samples of both streams; noise as declared.
+
+    Returns
+    -------
+    ComparisonRows
+        One row an interval between poses that the IMU covers; residuals in rad.
+
+    Notes
+    -----
     The residual of an interval is ``R_k+1 Log(increment^-1 q_k^-1 q_k+1)``, rad, in the world. There it is the
     difference ``R_k+1 n_k+1 - R_k n_k`` of the poses' own errors n, whatever the body turned between: neighbours share
     one with opposite sign, and over a long time all but the first and last cancel. In the body's frame they would not.
@@ -101,6 +110,7 @@ def rotation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonR
     compared = _compare(samples, noise)
     imu_times_s, poses = samples.imu_times_s, compared.effects.poses
     starts_s, stops_s = samples.pose_times_s[poses], samples.pose_times_s[poses + 1]
+    # The error of fourth order, from every second sample and half the substeps (Richardson).
     sparse = every_second(len(imu_times_s))
     gyro, substeps = samples.angular_velocities_body_rad_s[sparse], _substeps(imu_times_s, stops_s - starts_s)
     coarse = rotation_increments(imu_times_s[sparse], gyro, starts_s, stops_s, substeps=substeps // 2)
@@ -124,7 +134,7 @@ def rotation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEffec
 
 @dataclass(frozen=True, slots=True)
 class _GyroComparison:
-    """The gyro held against poses: increments (n, 4) by the gyro, of all steps by the poses (P - 1, 4), and R after."""
+    """Increments (n, 4) by the gyro, those of all steps by the poses (P - 1, 4), and R (n, 3, 3) after each."""
 
     effects: RowEffects
     increments: Float64
@@ -136,7 +146,9 @@ def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
     imu_times_s, gyro = samples.imu_times_s, samples.angular_velocities_body_rad_s
     starts_s, stops_s = samples.pose_times_s[:-1], samples.pose_times_s[1:]
     steps_s = stops_s - starts_s
-    poses = np.flatnonzero(covered(imu_times_s, starts_s, stops_s) & (steps_s <= _widest_s(steps_s)))
+    # Across wider gaps between poses a few substeps are too coarse.
+    widest_s = WIDEST_GAP_STEPS * float(np.median(steps_s)) if len(steps_s) else 0.0
+    poses = np.flatnonzero(covered(imu_times_s, starts_s, stops_s) & (steps_s <= widest_s))
     starts_s, stops_s = starts_s[poses], stops_s[poses]
     rate = CubicSpline(imu_times_s, gyro)
     integral = rate.antiderivative()
@@ -153,28 +165,30 @@ def _compare(samples: InertialSamples, noise: InertialNoise) -> _GyroComparison:
 
 
 def _jacobians(rate: CubicSpline, integral: PPoly, starts_s: Float64, stops_s: Float64) -> Float64:
-    """Differentiate the residuals by ROTATION_PARAMETERS.
+    """Differentiate the residuals (n, 3) by ROTATION_PARAMETERS: (n, 3, P), in the body at the end of the interval.
 
-    A measured rate ``(1 + scale) Exp(tilt) w(t - late - drift t) + bias`` changes an increment by the integral of
-    its change; the residual moves against it, seen from the end of the interval.
+    A measured rate ``(1 + scale) Exp(tilt) w(t - offset - drift t) + bias`` changes an increment by the integral of
+    its change; the residual moves against it.
     """
     w0, w1 = rate(starts_s), rate(stops_s)
-    turned = integral(stops_s) - integral(starts_s)
-    drifted = stops_s[:, None] * w1 - starts_s[:, None] * w0 - turned
+    turn = integral(stops_s) - integral(starts_s)
+    # The integral of t w'(t), by parts.
+    drift = stops_s[:, None] * w1 - starts_s[:, None] * w0 - turn
     unit = np.broadcast_to(np.eye(3), (len(w0), 3, 3))
     changes = np.concatenate(
         (
             -(w1 - w0)[..., None],
-            -drifted[..., None],
-            (drifted + turned)[..., None],
+            -drift[..., None],
+            (drift + turn)[..., None],
             (stops_s - starts_s)[:, None, None] * unit,
-            -so3.cross_matrices(turned),
-            turned[..., None],
+            -so3.cross_matrices(turn),
+            turn[..., None],
         ),
         axis=-1,
     )
-    seen_from_end = unit - 0.5 * so3.cross_matrices(turned)
-    derivatives: Float64 = -seen_from_end @ changes
+    # Changes lie along the interval; the mean rotation from there to its end is half a turn, to first order.
+    R_end_mean = unit - 0.5 * so3.cross_matrices(turn)
+    derivatives: Float64 = -R_end_mean @ changes
     return derivatives
 
 
@@ -182,19 +196,16 @@ def _covariance(times_s: Float64, by_pose: Float64, noise: InertialNoise, poses:
     """Return the bands (3, 2, n), alike on each axis: every source of noise here is isotropic."""
     steps_s = np.diff(times_s)
     rates = np.linalg.norm(so3.log_quaternion(by_pose), axis=-1) / steps_s
+    # Of each pose the larger rate of the two steps beside it.
     rates = np.maximum(np.append(rates, 0.0), np.insert(rates, 0, 0.0))
     variances = (
         noise.rotation_sigma_rad**2 + timestamp_scatter(rates) ** 2 + noise.rotation_rounding_rad**2 + _ROUNDING_RAD**2
     )
+    # The residual is n_k+1 - n_k and white noise of the gyro: neighbours share -var(n).
     own = variances[poses] + variances[poses + 1] + noise.gyro_density**2 * steps_s[poses]
     shared = np.zeros(len(poses))
     shared[1:] = np.where(np.diff(poses) == 1, -variances[poses[1:]], 0.0)
     return np.tile(np.array([shared, own]), (3, 1, 1))
-
-
-def _widest_s(steps_s: Float64) -> float:
-    """Across wider gaps between poses a few substeps are too coarse."""
-    return WIDEST_GAP_STEPS * float(np.median(steps_s)) if len(steps_s) else 0.0
 
 
 def _substeps(imu_times_s: Float64, steps_s: Float64) -> int:

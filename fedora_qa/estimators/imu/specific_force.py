@@ -1,4 +1,4 @@
-"""Second differences of position against specific force and gravity, and what their disagreement says.
+"""Second differences of position against specific force and gravity, and their residuals.
 
 ``p'' = R f + g``: specific force is turned into the world by the poses' own orientation, interpolated, so that the
 gyro has no part in it. A cubic spline through it is integrated twice; the second differences of that curve are compared
@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_banded
 
 from fedora_qa.conventions import NS_PER_S
 from fedora_qa.estimators.fitting.grouped_fit import FitParameters
@@ -25,7 +26,6 @@ from fedora_qa.estimators.imu.samples import (
     smoothed,
     timestamp_scatter,
 )
-from fedora_qa.estimators.imu.spline_integrals import integrated_twice
 from fedora_qa.geometry import so3
 from fedora_qa.geometry.motion import interpolate_poses
 
@@ -34,6 +34,9 @@ Float64 = NDArray[np.float64]
 _ROUNDING: Final = 4.0
 """Units in the last place that a position may be off."""
 
+_FEWEST_KNOTS: Final = 4
+"""Fewer determine a parabola or a line, and no cubic spline."""
+
 TRANSLATION_PARAMETERS: Final = FitParameters(
     names=("time_offset", "clock_rate", "pose_clock_rate", "bias_x", "bias_y", "bias_z", "gravity", "slope_x",
            "slope_y", "lever_x", "lever_y", "lever_z"),
@@ -41,18 +44,18 @@ TRANSLATION_PARAMETERS: Final = FitParameters(
             "slope": (7, 8), "lever": (9, 10, 11)},
     largest=(1.0, 0.1, 0.1, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0, 100.0),
 )  # fmt: skip
-"""What is fitted: seconds the IMU's stamps are late, seconds a second by which its clock and that of the poses run
-fast, m/s^2 of bias in the body, m/s^2 by which gravity
-exceeds its declaration, its horizontal part in the world, and where the IMU sits in the body, metres."""
-
-
-def without_translation_faults(samples: InertialSamples, at: Float64) -> InertialSamples:
-    """Return the samples with the stamps' offset and drift out; all else of TRANSLATION_PARAMETERS is linear."""
-    return samples.with_imu_earlier(*at[:2]).with_poses_earlier(at[2])
+"""What is fitted: offset of the IMU's timestamps, s; rates by which its clock and that of the poses run fast, s/s; bias
+in the body, m/s^2; excess of gravity over its declaration, and its horizontal part in the world, m/s^2; position of the
+IMU in the body, m."""
 
 
 _DOWN_AND_LEVEL: Final = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 """Accelerations in the world, columns, by gravity and by its horizontal part."""
+
+
+def without_translation_faults(samples: InertialSamples, values: Float64) -> InertialSamples:
+    """Return the samples without offset and drift of timestamps; all else of TRANSLATION_PARAMETERS is linear."""
+    return samples.with_imu_earlier(*values[:2]).with_poses_earlier(values[2])
 
 
 def with_orientations(samples: InertialSamples) -> InertialSamples:
@@ -63,17 +66,32 @@ def with_orientations(samples: InertialSamples) -> InertialSamples:
 def translation_rows(samples: InertialSamples, noise: InertialNoise) -> ComparisonRows:
     """Compare specific force with the second differences of consecutive positions.
 
-    The residual at a pose is the change of mean velocity from the interval before it to the one after it, m/s in the
-    world: by position less by force. Its covariance holds position noise (1, -2, 1), the white noise of the
-    accelerometer, force turned by noisy orientations, and rounded stamps.
+    Parameters
+    ----------
+    samples, noise
+        Samples of both streams; noise and gravity as declared.
+
+    Returns
+    -------
+    ComparisonRows
+        One row a pose that the IMU covers from the pose before to the one after; residuals in m/s in the world.
+
+    Notes
+    -----
+    The residual at a pose is the change of mean velocity from the interval before it to the one after it: by position
+    less by force. Its covariance holds position noise (1, -2, 1), the white noise of the accelerometer, force turned by
+    noisy orientations, and rounded timestamps.
     """
     samples = with_orientations(samples)
-    times_s = samples.pose_times_s
+    times_s, columns = samples.pose_times_s, len(TRANSLATION_PARAMETERS.names)
     effects = translation_effects(samples, noise)
     poses = effects.poses
     if not len(poses):
-        return _no_rows()
-    accelerations, known = _in_world(samples, noise.gravity_m_s2)
+        return ComparisonRows(
+            np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((0, 3)), np.empty((0, 3)),
+            np.empty((0, 3, columns)), np.empty((0, 3, 3)), np.empty((3, 3, 0)),
+        )  # fmt: skip
+    accelerations, finite = _in_world(samples, noise.gravity_m_s2)
     by_position = _second_differences(times_s, samples.positions_world_m.T, poses)
     return ComparisonRows(
         poses=poses,
@@ -83,7 +101,7 @@ def translation_rows(samples: InertialSamples, noise: InertialNoise) -> Comparis
         model_errors=_model_errors(samples, noise.gravity_m_s2, by_position - effects.residuals, poses),
         jacobians=effects.jacobians,
         bias_jacobians=effects.jacobians[..., 3:6],
-        covariance_bands=_covariance(samples, noise, poses, _turned_squared(accelerations[known], noise)),
+        covariance_bands=_covariance(samples, noise, poses, accelerations[finite]),
     )
 
 
@@ -91,18 +109,18 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEf
     """Return what the samples alone make of the rows: residuals and jacobians."""
     samples = with_orientations(samples)
     times_s, columns = samples.pose_times_s, len(TRANSLATION_PARAMETERS.names)
-    accelerations, known = _in_world(samples, noise.gravity_m_s2)
-    imu_times_s = samples.imu_times_s[known]
+    accelerations, finite = _in_world(samples, noise.gravity_m_s2)
+    imu_times_s = samples.imu_times_s[finite]
     poses = np.empty(0, np.intp)
     if len(imu_times_s) > 1 and len(times_s) > 2:
         poses = 1 + np.flatnonzero(covered(imu_times_s, times_s[:-2], times_s[2:]))
     if not len(poses):
         return RowEffects(poses, np.empty((0, 3)), np.empty((0, 3, columns)))
-    curves = _curves(samples, accelerations, noise.smoothing_s)[:, known]
+    curves = _curves(samples, accelerations, noise.smoothing_s)[:, finite]
     changes = _second_differences(times_s, integrated_twice(imu_times_s, curves, times_s), poses)
-    by_force, jerk, drifting = changes[:, 0:3], changes[:, 3:6], changes[:, 6:9]
+    by_force, jerk, jerk_times_t = changes[:, 0:3], changes[:, 3:6], changes[:, 6:9]
     jacobians = np.empty((len(poses), 3, columns))
-    jacobians[..., 0], jacobians[..., 1], jacobians[..., 2] = jerk, drifting, -drifting - 2 * by_force
+    jacobians[..., 0], jacobians[..., 1], jacobians[..., 2] = jerk, jerk_times_t, -jerk_times_t - 2 * by_force
     jacobians[..., 3:6] = -changes[:, 9:18].reshape(-1, 3, 3)
     jacobians[..., 6:9] = _DOWN_AND_LEVEL * ((times_s[poses + 1] - times_s[poses - 1]) / 2)[:, None, None]
     jacobians[..., 9:12] = -changes[:, 18:27].reshape(-1, 3, 3)
@@ -111,7 +129,7 @@ def translation_effects(samples: InertialSamples, noise: InertialNoise) -> RowEf
 
 
 def _in_world(samples: InertialSamples, gravity_m_s2: float) -> tuple[Float64, NDArray[np.bool_]]:
-    """Return ``R f + g`` (M, 3) at the IMU's instants, and where the orientation is known."""
+    """Return ``R f + g`` (M, 3) at the IMU's instants, and where it is finite (M,): outside gaps of the poses."""
     R = _orientations(samples)
     accelerations = np.einsum("nij,nj->ni", R, samples.specific_forces_body_m_s2)
     accelerations[:, 2] -= gravity_m_s2
@@ -133,10 +151,10 @@ def _orientations(samples: InertialSamples) -> Float64:
 def _curves(samples: InertialSamples, accelerations: Float64, smoothing_s: float) -> Float64:
     """Return (27, M) what is integrated twice: acceleration, its derivatives by TRANSLATION_PARAMETERS or their parts.
 
-    With measured force ``f(t - late - drift t) + bias`` and true gravity ``g + gravity`` the curve of the positions
+    With measured force ``f(t - offset - drift t) + bias`` and true gravity ``g + gravity`` the curve of the positions
     differs from that of the force by the double integral of the jerk, of the jerk times t, of -R, and of a constant. A
-    sensor at ``lever`` feels ``alpha x lever + w x (w x lever)`` besides. Poses whose clock runs fast by d seem slower:
-    p'' by 2 d.
+    sensor at ``lever`` measures ``alpha x lever + w x (w x lever)`` besides. Poses whose clock runs fast by d are
+    slower: p'' by 2 d.
     """
     times_s, R = samples.imu_times_s, _orientations(samples)
     both = np.concatenate((samples.specific_forces_body_m_s2, samples.angular_velocities_body_rad_s), axis=1)
@@ -170,32 +188,17 @@ def _model_errors(samples: InertialSamples, gravity_m_s2: float, fine: Float64, 
         samples.positions_world_m[pose],
         samples.orientations_xyzw[pose],
     )
-    accelerations, known = _in_world(sparse, gravity_m_s2)
-    if np.count_nonzero(known) < 2:
+    accelerations, finite = _in_world(sparse, gravity_m_s2)
+    if np.count_nonzero(finite) < 2:
         return np.zeros_like(fine)
-    coarse = integrated_twice(sparse.imu_times_s[known], accelerations[known].T, samples.pose_times_s)
+    coarse = integrated_twice(sparse.imu_times_s[finite], accelerations[finite].T, samples.pose_times_s)
     return (_second_differences(samples.pose_times_s, coarse, poses) - fine) / RICHARDSON
 
 
-def _turned_squared(accelerations: Float64, noise: InertialNoise) -> Float64:
-    """Return (3,) mean squares of the acceleration, on each axis of the world, that noisy orientations make of force.
-
-    An orientation off by e turns the force f by ``e x f``: with e of sigma on each axis the variance along i is
-    ``sigma^2 (|f|^2 - f_i^2)``. So gravity, being vertical, disturbs the level axes only.
-    """
-    upward = np.array([0.0, 0.0, noise.gravity_m_s2])
-    squares = np.mean(np.square(accelerations + upward), axis=0)
-    turned: Float64 = noise.rotation_sigma_rad**2 * (squares.sum() - squares)
-    return turned
-
-
 def _covariance(
-    samples: InertialSamples, noise: InertialNoise, poses: NDArray[np.intp], turned_squared: Float64
+    samples: InertialSamples, noise: InertialNoise, poses: NDArray[np.intp], accelerations: Float64
 ) -> Float64:
-    """Return the bands (3, 3, n): position noise through 1/T, -2/T, 1/T, and white acceleration through a triangle.
-
-    Errors of orientations are constant over a step of the poses, so their density is their mean square times the step.
-    """
+    """Return the bands (3, 3, n): position noise through 1/T, -2/T, 1/T, and white acceleration through a triangle."""
     times_s, positions_m = samples.pose_times_s, samples.positions_world_m
     steps_s = np.diff(times_s)
     speeds = np.linalg.norm(np.gradient(positions_m, times_s, axis=0), axis=-1)
@@ -203,11 +206,19 @@ def _covariance(
     variances = (
         noise.position_sigma_m**2 + timestamp_scatter(speeds) ** 2 + rounding_m**2 + noise.position_rounding_m**2
     )
+    # An orientation off by e turns the force f by e x f: with e of sigma on each axis the variance along i is
+    # sigma^2 (|f|^2 - f_i^2), on average over the samples. So gravity, being vertical, disturbs the level axes only.
+    upward = np.array([0.0, 0.0, noise.gravity_m_s2])
+    squares = np.mean(np.square(accelerations + upward), axis=0)
+    turned_squared = noise.rotation_sigma_rad**2 * (squares.sum() - squares)
+    # These errors are constant over a step of the poses: their density is their mean square times the step.
     density_squared = (noise.accel_density**2 + turned_squared * float(np.median(steps_s)))[:, None]
     before, after = 1 / steps_s[poses - 1], 1 / steps_s[poses]
     middle = -(before + after)
     bands = np.zeros((3, 3, len(poses)))
     bands[:, 2] = before**2 * variances[poses - 1] + middle**2 * variances[poses] + after**2 * variances[poses + 1]
+    # A second difference weighs acceleration by a triangle of height 1: its square integrates to a third of the base,
+    # the product of two that are a step apart to a sixth of the step.
     bands[:, 2] += density_squared * (steps_s[poses - 1] + steps_s[poses]) / 3
     left, right = poses[:-1], poses[1:]
     neighbours = middle[:-1] * before[1:] * variances[left] + after[:-1] * middle[1:] * variances[right]
@@ -216,9 +227,70 @@ def _covariance(
     return bands
 
 
-def _no_rows() -> ComparisonRows:
-    columns = len(TRANSLATION_PARAMETERS.names)
-    return ComparisonRows(
-        np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((0, 3)), np.empty((0, 3)),
-        np.empty((0, 3, columns)), np.empty((0, 3, 3)), np.empty((3, 3, 0)),
-    )  # fmt: skip
+def integrated_twice(times_s: Float64, values: Float64, at_s: Float64) -> Float64:
+    """Integrate twice many cubic splines with the same knots.
+
+    As ``scipy.interpolate.CubicSpline(...).antiderivative(2)``, without the polynomials between: an interval's
+    integrals are closed forms of its two values and slopes (cubic Hermite interpolation).
+
+    Parameters
+    ----------
+    times_s
+        (M,) knots, strictly increasing, at least two. Beyond them the outermost cubics go on.
+    values
+        (k, M) of the k curves at the knots.
+    at_s
+        (n,) instants.
+
+    Returns
+    -------
+    ndarray
+        (k, n) double integrals from the first knot.
+
+    Sources
+    -------
+    C. de Boor, A Practical Guide to Splines, Springer 2001, chapter IV (slopes; the not-a-knot condition).
+    """
+    if len(times_s) < _FEWEST_KNOTS:
+        twice: Float64 = CubicSpline(times_s, values, axis=1).antiderivative(2)(at_s)
+        return twice
+    steps_s = np.diff(times_s)
+    slopes = _spline_slopes(steps_s, values)
+    # An interval of length h with values p0, p1 and slopes m0, m1 has the single integral
+    # h (p0 + p1)/2 + h^2 (m0 - m1)/12 and the double one h^2 (7 p0 + 3 p1)/20 + h^3 (m0/20 - m1/30).
+    left, right, left_slopes, right_slopes = values[:, :-1], values[:, 1:], slopes[:, :-1], slopes[:, 1:]
+    once, twice = np.zeros_like(values), np.zeros_like(values)
+    np.cumsum(steps_s * ((left + right) / 2 + steps_s / 12 * (left_slopes - right_slopes)), axis=1, out=once[:, 1:])
+    within = steps_s * (7 / 20 * left + 3 / 20 * right + steps_s * (left_slopes / 20 - right_slopes / 30))
+    np.cumsum(steps_s * (once[:, :-1] + within), axis=1, out=twice[:, 1:])
+    knot = np.clip(np.searchsorted(times_s, at_s, side="right") - 1, 0, len(times_s) - 2)
+    beyond_s, step_s = at_s - times_s[knot], steps_s[knot]
+    # The double integrals of Hermite's four basis polynomials up to the share w of the interval.
+    w = beyond_s / step_s
+    of_right, of_right_slope = w**4 / 4 - w**5 / 10, w**5 / 20 - w**4 / 12
+    of_left, of_left_slope = w**2 / 2 - of_right, w**3 / 6 - w**4 / 6 + w**5 / 20
+    partial = (of_left * left[:, knot] + of_right * right[:, knot]) + step_s * (
+        of_left_slope * left_slopes[:, knot] + of_right_slope * right_slopes[:, knot]
+    )
+    integrals: Float64 = twice[:, knot] + once[:, knot] * beyond_s + step_s**2 * partial
+    return integrals
+
+
+def _spline_slopes(steps_s: Float64, values: Float64) -> Float64:
+    """Return the slopes (k, M) at knots: second derivatives are continuous, and third ones at the outermost but one."""
+    chords = np.diff(values, axis=1) / steps_s
+    before, after = steps_s[:-1], steps_s[1:]
+    bands = np.empty((3, len(steps_s) + 1))
+    bands[1, 1:-1] = 2 * (before + after)
+    bands[0, 2:], bands[2, :-2] = before, after
+    right = np.empty_like(values)
+    right[:, 1:-1] = 3 * (after * chords[:, :-1] + before * chords[:, 1:])
+    first, last = steps_s[0] + steps_s[1], steps_s[-1] + steps_s[-2]
+    bands[1, 0], bands[0, 1] = steps_s[1], first
+    bands[1, -1], bands[2, -2] = steps_s[-2], last
+    right[:, 0] = (steps_s[0] + 2 * first) * steps_s[1] * chords[:, 0] + steps_s[0] ** 2 * chords[:, 1]
+    right[:, 0] /= first
+    right[:, -1] = steps_s[-1] ** 2 * chords[:, -2] + (2 * last + steps_s[-1]) * steps_s[-2] * chords[:, -1]
+    right[:, -1] /= last
+    slopes: Float64 = solve_banded((1, 1), bands, right.T, overwrite_ab=True, overwrite_b=True, check_finite=False).T
+    return slopes

@@ -1,11 +1,10 @@
-"""Orientation, continuity and noise of poses, on files of a motion in closed form."""
+"""Continuity of poses, and clean poses under every check, on files of a motion in closed form."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from fedora_qa.engine.run import CheckOptions, check_file
 from fedora_qa.record.types import Measurement, Result
@@ -57,36 +56,6 @@ def test_single_precision_is_no_fault(path: Path) -> None:
         orientations_xyzw=samples.orientations_xyzw.astype(np.float32),
     )
     assert outcomes(coarse.write(path)) == dict.fromkeys(CHECKS, "passed")
-
-
-def test_signs_of_quaternions_mean_nothing(path: Path) -> None:
-    """Signs that flip at random change no outcome."""
-    signs = np.where(np.random.default_rng(2).random(401) < 0.5, -1.0, 1.0)
-    q = sample_motion().orientations_xyzw * signs[:, None]
-    assert outcomes(MotionFile().altered(orientations_xyzw=q).write(path)) == dict.fromkeys(CHECKS, "passed")
-
-
-@pytest.mark.parametrize("excess", [1e-3, -1e-3, 1e-9, 3e-15])
-def test_quaternions_that_are_too_long_are_found_to_size(path: Path, excess: float) -> None:
-    """One quaternion whose length is off by far more than rounding, or by little more, is named with row and size."""
-    q = sample_motion().orientations_xyzw.copy()
-    q[123] *= 1 + excess
-    result = run_check(MotionFile().altered(orientations_xyzw=q).write(path), "pose.orientation")
-    assert rules(result) == ["length"]
-    assert result.findings[0].where.index_start == 123
-    (diagnosis,) = diagnoses_of(path, "pose")
-    assert (diagnosis.cause, diagnosis.stream) == ("quaternion_not_unit", "pose")
-    assert diagnosis.magnitude == pytest.approx(excess, rel=0.2)
-
-
-def test_orientations_that_are_no_numbers_are_counted(path: Path) -> None:
-    """NaN is counted and located, and the other checks go on without these rows."""
-    q = sample_motion().orientations_xyzw.copy()
-    q[40:43] = np.nan
-    result = run_check(MotionFile().altered(orientations_xyzw=q).write(path), "pose.orientation")
-    assert rules(result) == ["finite"]
-    assert result.findings[0].where.index_start == 40
-    assert run_check(path, "pose.continuity").outcome == "passed"
 
 
 @pytest.mark.parametrize(
@@ -143,52 +112,6 @@ def test_interpolated_poses_are_named_with_their_rate(path: Path, rate_hz: int) 
     assert "interpolated" in rules(run_check(file.write(path), "pose.continuity"))
     diagnosis = diagnoses_of(path, "pose")[0]
     assert (diagnosis.cause, diagnosis.magnitude) == ("interpolated_pose", pytest.approx(rate_hz))
-
-
-def test_noise_that_is_not_declared_is_found(path: Path) -> None:
-    """A tenth of a millimetre of noise where none is declared fails; the value is the noise."""
-    samples = sample_motion(noise=replace(EXACT, position_sigma_m=1e-4))
-    result = run_check(MotionFile(samples).write(path), "pose.noise")
-    assert rules(result) == ["position"]
-    assert measured(result, "position_noise").value == pytest.approx(1e-4, rel=0.2)
-
-
-@pytest.mark.parametrize("excess", [0.5, -0.3])
-def test_noise_that_is_declared_wrongly_is_found_to_size(path: Path, excess: float) -> None:
-    """Declared sigmas that are too large or small by a share are found, with that share."""
-    declared = replace(
-        NOISY,
-        position_sigma_m=NOISY.position_sigma_m * (1 + excess),
-        rotation_sigma_rad=NOISY.rotation_sigma_rad * (1 + excess),
-    )
-    file = MotionFile(sample_motion(noise=NOISY, duration_s=4.0), declared)
-    assert rules(run_check(file.write(path), "pose.noise")) == ["position", "rotation"]
-    (diagnosis,) = diagnoses_of(path, "pose")
-    assert (diagnosis.cause, diagnosis.stream) == ("noise_misdeclared", "pose")
-    assert diagnosis.magnitude is not None
-    assert diagnosis.standard_error is not None
-    assert abs(diagnosis.magnitude - 100 * excess) < 4 * diagnosis.standard_error
-
-
-def test_noise_that_an_arm_swings_is_the_arm(path: Path) -> None:
-    """A point 5 m from the origin for most of the time jumps there and back, and shakes with the body's orientation."""
-    samples = sample_motion(noise=NOISY)
-    part = (samples.pose_times_s >= 0.2) & (samples.pose_times_s < 1.8)
-    arm_world_m = Rotation.from_quat(samples.orientations_xyzw).apply([0.0, 5.0, 0.0]) * part[:, None]
-    file = MotionFile(samples, NOISY).altered(positions_world_m=samples.positions_world_m + arm_world_m)
-    assert rules(run_check(file.write(path), "pose.noise")) == ["position"]
-    of_noise, whole = diagnoses_of(path, "pose.noise")[0], diagnoses_of(path, "pose")
-    assert of_noise.cause == "noise_misdeclared"
-    assert (whole[0].cause, whole[0].magnitude) == ("lever_arm", pytest.approx(5.0, rel=0.05))
-    assert len(whole[0].explains) == 2
-
-
-def test_noise_a_thousandfold_is_a_unit(path: Path) -> None:
-    """Noisy positions in millimetres are named as that, not as noise."""
-    samples = sample_motion(noise=NOISY)
-    file = MotionFile(samples, NOISY).altered(positions_world_m=1000 * samples.positions_world_m)
-    run_check(file.write(path), "pose.noise")
-    assert diagnoses_of(path, "pose.noise")[0].cause == "unit_mm_m"
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 10])
