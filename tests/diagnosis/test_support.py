@@ -20,8 +20,9 @@ def test_a_number_is_a_support_and_has_a_reason(name: str) -> None:
 
 @pytest.mark.parametrize("name", SUPPORT)
 def test_a_number_is_used(name: str) -> None:
-    """Code of diagnosis names it."""
-    assert re.search(rf"""["']{re.escape(name)}["']""", CODE)
+    """Code of diagnosis names it, whole or behind the name of its subject."""
+    _, _, row = name.partition(".")
+    assert re.search(rf"""["'](.*\\.)?({re.escape(name)}|{re.escape(row)})["']""", CODE)
 
 
 def test_an_unknown_name_is_an_error() -> None:
