@@ -1,6 +1,6 @@
 """Measurements without noise: counts and declared numbers, which are right or wrong."""
 
-from fedora_qa.checks.protocol import Statistic, Suspect
+from fedora_qa.checks.protocol import Statistic
 from fedora_qa.features import Feature
 from fedora_qa.record.types import Severity, Where
 
@@ -15,7 +15,6 @@ def count_of_faults(
     where: Where | None = None,
     severity: Severity = "error",
     features: tuple[Feature, ...] = (),
-    suspects: tuple[Suspect, ...] = (),
 ) -> Statistic:
     """State a count that must be zero, and that was counted exactly."""
     return Statistic(
@@ -29,7 +28,6 @@ def count_of_faults(
         where=where or Where(),
         severity=severity,
         features=features,
-        suspects=suspects,
     )
 
 

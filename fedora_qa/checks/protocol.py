@@ -7,7 +7,7 @@ be cut in time over workers and the outcome does not depend on the cut.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 from numpy.typing import NDArray
 
@@ -18,25 +18,6 @@ from fedora_qa.sequence.window import Window
 
 State = TypeVar("State")
 Summary = TypeVar("Summary")
-
-ANY_CAUSE: Final = "any"
-"""In place of a suspect's cause: whatever else is found to be wrong with its stream would explain this as well."""
-
-
-@dataclass(frozen=True, slots=True)
-class Suspect:
-    """A cause that would explain a deviation, with its fitted size.
-
-    ``weight`` says how well it explains the deviation, 0 (not at all) to 1 (entirely). The cause may be ``ANY_CAUSE``.
-    """
-
-    cause: str
-    stream: str
-    weight: float
-    magnitude: float | None = None
-    unit: str = ""
-    standard_error: float | None = None
-
 
 @dataclass(frozen=True, slots=True)
 class Statistic:
@@ -67,8 +48,6 @@ class Statistic:
         How many independent comparisons the value is the worst of.
     features
         What the deviation looks like, for diagnosis.
-    suspects
-        Causes that would explain a deviation, most probable first.
     """
 
     name: str
@@ -86,7 +65,6 @@ class Statistic:
     tests: int = 1
     severity: Severity = "error"
     features: tuple[Feature, ...] = ()
-    suspects: tuple[Suspect, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

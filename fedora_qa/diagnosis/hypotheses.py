@@ -96,10 +96,5 @@ def propose(alarms: Sequence[Alarm], facts: Facts) -> dict[str, tuple[Hypothesis
 
 
 def hypotheses_of(alarm: Alarm, facts: Facts) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses for an alarm, best supported first; none where its check proposes none."""
-    check = alarm.finding.code.rpartition(".")[0]
-    if check in PROPOSALS:
-        return PROPOSALS[check](alarm, facts)
-    return tuple(
-        Hypothesis(s.cause, s.stream, s.weight, s.magnitude, s.unit, s.standard_error) for s in alarm.statistic.suspects
-    )
+    """Return the hypotheses for an alarm, best supported first; its check has a row in ``PROPOSALS``."""
+    return PROPOSALS[alarm.finding.code.rpartition(".")[0]](alarm, facts)
